@@ -15,9 +15,9 @@
  * taxel_force_follow does the same, and looks for a new page, at most every 50 ms, while the daemon does not live.
  * A reader belongs to one thread at a time.
  *
- * A page that another account can have put there is none: from / on, what lies where others write has to belong to root or
- * to this account, or to the one that taxel_force_trust names. A program in C11 defines
- * _POSIX_C_SOURCE as 200809L before it includes anything.
+ * A page that another account can have made is none: it has to belong to root or to this account, or to the one that
+ * taxel_force_trust names, or lie where nobody else can write in any folder of its path, which begins with /. A program in
+ * C11 defines _POSIX_C_SOURCE as 200809L before it includes anything.
  */
 #ifndef TAXEL_FORCE_H
 #define TAXEL_FORCE_H
@@ -134,60 +134,20 @@ static inline int taxel_force_init(taxel_force_reader *reader, const char *path)
 /* Believes pages of this account, too. */
 static inline void taxel_force_trust(taxel_force_reader *reader, uid_t owner) { reader->owner = owner; }
 
-/* Whether nobody but root, this account and `owner` can have put the open file under this path: from / on, along all
-   symbolic links, what lies where others write has to belong to one of them. */
-static inline int taxel_trusted_(const char *path, const struct stat *opened, uid_t owner) {
-    char left[2048], at[1024] = "/", target[1024];
-    struct stat about, found;
-    size_t used = 1;
-    int links = 0;
-    if (path[0] == '/') left[0] = '\0';
-    else if (getcwd(left, 1024) == NULL) return 0;
-    if (strlen(left) + strlen(path) + 2 > sizeof left) return 0;
-    strcat(strcat(left, "/"), path);
-    if (lstat(at, &about) != 0) return 0;
-    while (left[0] != '\0') {
-        char *step = left + strspn(left, "/");
-        size_t length = strcspn(step, "/");
-        const size_t before = used;
-        if (length == 0) break;
-        if (length == 1 && step[0] == '.') {
-            memmove(left, step + length, strlen(step + length) + 1);
-            continue;
-        }
-        if (length == 2 && step[0] == '.' && step[1] == '.') {
-            while (used > 1 && at[used - 1] != '/') used--;
-            if (used > 1) used--;
-            at[used] = '\0';
-            memmove(left, step + length, strlen(step + length) + 1);
-            if (lstat(at, &about) != 0) return 0;
-            continue;
-        }
-        if (used + length + 2 > sizeof at) return 0;
-        if (used > 1) at[used++] = '/';
-        memcpy(at + used, step, length);
-        used += length;
-        at[used] = '\0';
-        memmove(left, step + length, strlen(step + length) + 1);
-        if (lstat(at, &found) != 0) return 0;
-        if ((about.st_mode & (S_IWGRP | S_IWOTH)) != 0 && found.st_uid != 0 && found.st_uid != geteuid() &&
-            found.st_uid != owner)
-            return 0;
-        if (S_ISLNK(found.st_mode)) {
-            const ssize_t got = readlink(at, target, sizeof target - 1);
-            if (got <= 0 || ++links > 40 || (size_t)got + strlen(left) + 2 > sizeof left) return 0;
-            target[got] = '\0';
-            memmove(left + got + 1, left, strlen(left) + 1);
-            memcpy(left, target, (size_t)got);
-            left[got] = '/';
-            used = target[0] == '/' ? 1 : before;
-            at[used] = '\0';
-            if (lstat(at, &about) != 0) return 0;
-        } else {
-            about = found;
-        }
+/* Whether the open page is of root, of this account or of `owner`, or of any account where none of the folders that its path
+   names can be written by others. */
+static inline int taxel_trusted_(const char *path, const struct stat *page, uid_t owner) {
+    struct stat about;
+    char folder[512], *end;
+    if ((page->st_mode & (S_IWGRP | S_IWOTH)) != 0) return 0;
+    if (page->st_uid == 0 || page->st_uid == geteuid() || page->st_uid == owner) return 1;
+    if (path[0] != '/' || strlen(path) >= sizeof folder) return 0;
+    strcpy(folder, path);
+    while ((end = strrchr(folder, '/')) != folder) {
+        *end = '\0';
+        if (stat(folder, &about) != 0 || (about.st_mode & (S_IWGRP | S_IWOTH)) != 0) return 0;
     }
-    return (about.st_mode & (S_IWGRP | S_IWOTH)) == 0 && about.st_dev == opened->st_dev && about.st_ino == opened->st_ino;
+    return stat("/", &about) == 0 && (about.st_mode & (S_IWGRP | S_IWOTH)) == 0;
 }
 
 /* Lets the page go. */

@@ -21,7 +21,6 @@ mod layout;
 mod lock;
 #[allow(unsafe_code)]
 mod map;
-mod permissions;
 mod reader;
 mod sample;
 mod text;
@@ -33,8 +32,7 @@ pub use error::PageError;
 pub use folder::Folder;
 pub use force::{Force, Limits, NoForce};
 pub use layout::{PAGE_BYTES, VERSION};
-pub use permissions::Permissions;
 pub use reader::{Page, Reader};
 pub use sample::{Sample, State};
 pub use text::Text;
-pub use writer::{Named, PageName, PageWriter};
+pub use writer::{PageWriter, Permissions};

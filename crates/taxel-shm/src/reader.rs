@@ -1,8 +1,8 @@
 //! A controller's side: the newest force of a page, judged now.
 
-use std::fs::File;
+use std::fs::OpenOptions;
 use std::io;
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -18,7 +18,7 @@ use crate::layout::{
 use crate::map::Map;
 use crate::sample::Sample;
 use crate::text::Text;
-use crate::trust::way_to;
+use crate::trust::believe;
 
 /// How often a [`Reader`] without a living page looks for a new one.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -46,14 +46,13 @@ impl Page {
     /// # Errors
     /// As of [`Page::open`].
     pub fn open_of(path: &Path, owner: Option<u32>) -> Result<Self, PageError> {
-        let (real, expected) = way_to(path, owner)?;
-        let file = File::open(&real).map_err(PageError::of(path, "opening the page"))?;
+        // What is no file must not hold a control loop up, as a pipe would.
+        let mut options = OpenOptions::new();
+        let file = options.read(true).custom_flags(nix::libc::O_NONBLOCK).open(path);
+        let file = file.map_err(PageError::of(path, "opening the page"))?;
         let about = file.metadata().map_err(PageError::of(path, "looking at the page"))?;
-        if (about.dev(), about.ino()) != (expected.dev(), expected.ino()) {
-            let problem = "it was replaced while it was being opened".to_owned();
-            return Err(PageError::Untrusted { path: path.to_owned(), problem });
-        }
-        let wrong = |problem: String| PageError::NotAPage { path: path.to_owned(), problem };
+        believe(path, &about, owner)?;
+        let wrong = |problem: String| PageError::Refused { path: path.to_owned(), problem };
         if !about.is_file() || about.len() < PAGE_BYTES as u64 {
             return Err(wrong(format!("{} bytes, expected a file of {PAGE_BYTES}", about.len())));
         }

@@ -2,7 +2,7 @@
 
 use std::fs::OpenOptions;
 use std::io::Write;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -18,9 +18,17 @@ use crate::layout::{
 };
 use crate::lock::Lock;
 use crate::map::Map;
-use crate::permissions::Permissions;
 use crate::sample::Sample;
 use crate::text::Text;
+
+/// Who may read pages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Permissions {
+    /// Mode of the pages; nobody but their owner may write.
+    pub mode: u32,
+    /// Number of their group; else that of the process.
+    pub group: Option<u32>,
+}
 
 /// Writes a page: some hundred bytes of memory a sample, no system call but that of the clock, no waiting.
 ///
@@ -28,46 +36,9 @@ use crate::text::Text;
 #[derive(Debug)]
 pub struct PageWriter {
     map: Map,
-    name: PageName,
+    path: PathBuf,
     /// Held for as long as there is a page.
     _lock: Arc<Lock>,
-}
-
-/// The name of a page and the file that is the page.
-#[derive(Clone, Debug)]
-pub struct PageName {
-    path: PathBuf,
-    /// Device and inode.
-    file: (u64, u64),
-}
-
-/// What is found under the name of a page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Named {
-    /// The page.
-    ThePage,
-    /// Nothing: somebody removed it. Whoever has it open still reads it, and nobody else finds it.
-    Nothing,
-    /// Something else, or it cannot be looked at.
-    Other,
-}
-
-impl PageName {
-    /// Where the page is.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Looks what is there now.
-    #[must_use]
-    pub fn look(&self) -> Named {
-        match std::fs::symlink_metadata(&self.path) {
-            Ok(about) if (about.dev(), about.ino()) == self.file => Named::ThePage,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Named::Nothing,
-            Ok(_) | Err(_) => Named::Other,
-        }
-    }
 }
 
 impl PageWriter {
@@ -86,20 +57,14 @@ impl PageWriter {
             std::fs::rename(&new, &path).map_err(PageError::of(&path, "naming the page"))?;
             Ok(made)
         });
-        let (map, file) = made.inspect_err(|_| _ = std::fs::remove_file(&new))?; // the first error is what is told
-        Ok(Self { map, name: PageName { path, file }, _lock: lock })
+        let map = made.inspect_err(|_| _ = std::fs::remove_file(&new))?; // the first error is what is told
+        Ok(Self { map, path, _lock: lock })
     }
 
     /// Where the page is.
     #[must_use]
     pub fn path(&self) -> &Path {
-        self.name.path()
-    }
-
-    /// Its name, by which anybody can look whether it still has it.
-    #[must_use]
-    pub const fn name(&self) -> &PageName {
-        &self.name
+        &self.path
     }
 
     /// Writes the next sample.
@@ -115,8 +80,8 @@ impl PageWriter {
     }
 }
 
-/// Makes the file of a page, complete but for its name. Gives it with its device and inode.
-fn make(new: &Path, header: [u64; PAGE_WORDS], permissions: Permissions) -> Result<(Map, (u64, u64)), PageError> {
+/// Makes the file of a page, complete but for its name.
+fn make(new: &Path, header: [u64; PAGE_WORDS], permissions: Permissions) -> Result<Map, PageError> {
     let mut options = OpenOptions::new();
     options.read(true).write(true).create_new(true).mode(0o600);
     let mut file = options.open(new).map_err(PageError::of(new, "making the page"))?;
@@ -132,8 +97,7 @@ fn make(new: &Path, header: [u64; PAGE_WORDS], permissions: Permissions) -> Resu
     }
     file.set_permissions(std::fs::Permissions::from_mode(permissions.mode))
         .map_err(PageError::of(new, "setting the page's mode"))?;
-    let about = file.metadata().map_err(PageError::of(new, "looking at the page"))?;
-    Ok((map, (about.dev(), about.ino())))
+    Ok(map)
 }
 
 /// What is in a page before its first sample.
@@ -155,8 +119,6 @@ fn header(patch: &str, limits: Limits) -> [u64; PAGE_WORDS] {
 impl Drop for PageWriter {
     fn drop(&mut self) {
         self.map.words()[AT_CLOSED].store(1, Ordering::Release);
-        if self.name.look() == Named::ThePage {
-            let _ = std::fs::remove_file(&self.name.path); // the page itself says that it is over
-        }
+        let _ = std::fs::remove_file(&self.path); // the page itself says that it is over
     }
 }

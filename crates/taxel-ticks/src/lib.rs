@@ -1,5 +1,4 @@
-//! Timers that are exact to some ten microseconds: ticks at a fixed rate, up to thousands a second, each at its own
-//! deadline, and [`Alarm`], a single time to be woken at.
+//! Ticks at a fixed rate, up to thousands a second, each at its own deadline and exact to some ten microseconds.
 //!
 //! 1. Deadlines are multiples of the period and not "so long after the last one", so that no lateness adds up: the rate is
 //!    met in the mean.
@@ -7,7 +6,6 @@
 //!    up when it sleeps: at 1 kHz each tick came 0.08 ms later than the one before, until two came at once.
 //! 3. What was missed is told and not made up for: the value of a tick that is long past is an old one.
 
-mod alarm;
 mod deadlines;
 
 use std::io;
@@ -22,8 +20,6 @@ use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
 use crate::deadlines::Deadlines;
-
-pub use crate::alarm::Alarm;
 
 /// Where all deadlines of the process are counted from. So equal rates tick together, and one wake-up of a runtime does for
 /// all of them.

@@ -13,7 +13,6 @@ use crate::files;
 use crate::fit::{parse_seconds, scans_of};
 use crate::output;
 use crate::recording::Recording;
-use crate::same_file::refuse_overwriting;
 use crate::say;
 use crate::soundness::{Wanted, check};
 
@@ -94,9 +93,7 @@ pub fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
 /// # Errors
 /// A file that cannot be read or written, or models of another number of taxels.
 pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
-    let outputs: Vec<&PathBuf> = [&args.out].into_iter().chain(&args.sigma).collect();
-    refuse_overwriting(&outputs, &[&args.models, &args.data])?;
-    if outputs.iter().any(|output| files::is_standard(output)) {
+    if [&args.out].into_iter().chain(&args.sigma).any(|output| files::is_standard(output)) {
         say::step_aside();
     }
     let set = read_models(&args.models)?;

@@ -8,28 +8,6 @@ use taxel_store::AuditFile;
 
 use crate::store_at::tell;
 
-/// `taxeld audit` in a build that cannot ask a daemon.
-#[cfg(not(feature = "client"))]
-#[derive(Debug, clap::Args)]
-pub struct AuditArgs {
-    /// The store; its daemon must not run.
-    #[arg(long, value_name = "STORE.db")]
-    store: std::path::PathBuf,
-    /// At most so many entries, the newest.
-    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
-    last: u32,
-}
-
-/// Prints the newest entries of a store, oldest of them first.
-///
-/// # Errors
-/// If there is no such store, or it cannot be read.
-#[cfg(not(feature = "client"))]
-pub fn audit(args: &AuditArgs) -> anyhow::Result<()> {
-    print(of_store(&args.store, args.last, None)?);
-    Ok(())
-}
-
 /// Prints these lines, of which the newest is the first, oldest first.
 pub fn print(mut lines: Vec<String>) {
     lines.reverse();

@@ -10,12 +10,6 @@ use tokio_util::sync::CancellationToken;
 use crate::queues::BusBatch;
 use crate::record::Tap;
 
-mod rest;
-mod rhythm;
-
-pub use rest::Rest;
-pub use rhythm::Rhythm;
-
 /// Batches that may wait for the engine: a batch is at least one frame, so that at the 9,009 frames/s of a full bus the
 /// engine may be 7 ms behind before a bus waits, and then the kernel's buffer holds another half second and counts.
 pub const BATCHES_WAITING_MAX: usize = 64;
@@ -44,12 +38,11 @@ pub struct Ends {
     pub tap: Tap,
 }
 
-/// Runs a source until it ends or is cancelled. With a rhythm it rests between the bursts of the boards.
+/// Runs a source until it ends or is cancelled. Each frame wakes the task.
 pub async fn run(
     bus: BusIndex,
     mut source: impl FrameSource,
     Ends { to_engine, mut to_send, mut tap }: Ends,
-    mut rest: Rest,
     cancel: CancellationToken,
 ) -> BusEnd {
     let mut batch = Batch::default();
@@ -57,20 +50,17 @@ pub async fn run(
         tokio::select! {
             () = cancel.cancelled() => return BusEnd::Cancelled,
             Some(frame) = to_send.recv() => {
-                rest.forget();
                 if let Err(error) = source.send(&frame).await {
                     tracing::warn!(bus = bus.0, %error, "a command to a board was not sent");
                 }
             }
-            () = rest.over(), if rest.is_on() => {}
-            next = source.next(&mut batch), if !rest.is_on() => {
+            next = source.next(&mut batch) => {
                 if let Err(error) = next {
                     tracing::error!(bus = bus.0, %error, "the bus cannot be read any more");
                     let notices = vec![BusNotice::Down(error.to_string())];
                     let _ = to_engine.send(BusBatch { bus, frames: Vec::new(), notices }).await;
                     return BusEnd::Failed;
                 }
-                rest.after(&batch);
                 let notices: Vec<_> = batch.events.drain(..).filter_map(|event| notice(bus, event)).collect();
                 let frames = std::mem::take(&mut batch.frames);
                 tap.look(&frames, &batch.errors, &notices);

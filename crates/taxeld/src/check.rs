@@ -9,7 +9,7 @@ use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
 use crate::config::bus_load;
 use crate::config::{
-    BusSource, Config, Door, Doors, Problems, Scene, examine_with, modules_written, read_text, record_written,
+    BusSource, Config, Doors, Problems, Scene, examine_with, modules_written, read_text, record_written,
     shared_memory_written,
 };
 use crate::missing::missing;
@@ -57,10 +57,6 @@ fn print(config: &Config, scene: &Scene) {
     tell!("service: gRPC, at most {} streams on {} connections", service.streams(), service.connections_max);
     scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
     access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
-    if service.low_latency {
-        tell!("low latency: processors are kept awake, buses never rest, the service shares the engine's thread");
-        crate::low_latency::obstacle().iter().for_each(|why| tell!("  as this account: {why}"));
-    }
     if let Some(page) = &config.page {
         tell!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
     }
@@ -76,7 +72,7 @@ fn print(config: &Config, scene: &Scene) {
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
     tell!("threads:");
-    threads(config, &scene.doors).iter().for_each(|line| tell!("  {line}"));
+    threads(config).iter().for_each(|line| tell!("  {line}"));
     let built = left_out_of_the_build();
     tell!("left out:");
     left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| tell!("  {line}"));
@@ -211,29 +207,16 @@ fn listed(parts: &[(&str, bool)]) -> String {
 }
 
 /// The threads of `taxeld run` by their names, and what each is for.
-fn threads(config: &Config, doors: &Doors) -> Vec<String> {
+fn threads(config: &Config) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
-    let shared = if config.service.low_latency { "the service, " } else { "" };
-    let mut threads =
-        vec![format!("main: bus {}, the engine, {shared}the signal that ends the daemon", buses.join(", "))];
-    if !config.service.low_latency {
-        threads.push("service: subscribers must not hold the engine up".to_owned());
-    }
+    let mut threads = vec![format!("main: bus {}, the engine, the signal that ends the daemon", buses.join(", "))];
+    threads.push("service: subscribers must not hold the engine up".to_owned());
     threads.push("store: a slow disk must not hold the engine up".to_owned());
     threads.push("log: whoever reads the log must not hold the engine up".to_owned());
-    threads.push("reload: a configuration on a slow disk must not hold the engine up".to_owned());
-    threads.push("credentials: tokens and certificates are read again also while the configuration is not".to_owned());
     let own_metrics = config.metrics.as_ref().is_some_and(|metrics| metrics.listen.is_some());
     let sites = listed(&[("page", config.page.is_some()), ("metrics", own_metrics)]);
     if config.page.is_some() || own_metrics {
         threads.push(format!("{sites}: what they cost must not delay a controller's sample"));
-    }
-    let kept = [
-        ("sockets", doors.doors.iter().any(|door| matches!(door, Door::Unix { .. }))),
-        ("pages", config.shared_memory.is_some()),
-    ];
-    if kept.iter().any(|(_, kept)| *kept) {
-        threads.push(format!("{}: whether they still have their names", listed(&kept)));
     }
     if config.record.is_some() {
         threads.push("record, recorder: a slow disk must not hold the engine up".to_owned());
@@ -241,8 +224,9 @@ fn threads(config: &Config, doors: &Doors) -> Vec<String> {
     if config.bus.iter().any(|section| section.source == BusSource::Sim) {
         threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
     }
-    let beside = "models are fitted, sets of them read, accounts looked up; one for each such thing at a time";
-    threads.push(format!("tokio-rt-worker: {beside}, of which engine, service, page and record each keep one"));
+    let beside =
+        "models are fitted, sets of them and files read again, accounts looked up; one for each such thing at a time";
+    threads.push(format!("tokio-rt-worker: {beside}"));
     threads
 }
 
@@ -259,9 +243,6 @@ fn left_out_of_the_build() -> Vec<String> {
     let features = [
         (cfg!(feature = "sim"), "sim", "the simulated bus and `taxeld demo`"),
         (cfg!(feature = "report"), "report", "`taxeld report`"),
-        (cfg!(feature = "page"), "page", "the operator's page"),
-        (cfg!(feature = "tls"), "tls", "TLS"),
-        (cfg!(feature = "record"), "record", "recordings"),
     ];
     let absent = features.iter().filter(|(built, ..)| !built);
     absent.map(|(_, feature, what)| format!("build: {what}: cargo feature `{feature}` is not built in")).collect()

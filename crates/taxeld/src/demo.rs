@@ -92,8 +92,8 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(plan: Arc<Plan>, seed: u64, effects: &[Effect]) -> anyhow::Result<Self> {
-        let (skin, config) = Effect::forearm(effects, seed)?;
+    fn new(plan: Arc<Plan>, seed: u64) -> anyhow::Result<Self> {
+        let (skin, config) = skin(seed)?;
         let world = World::new(skin, config)?;
         let mut offline = Offline::new(plan);
         offline.advance(Time::default());
@@ -205,9 +205,9 @@ impl Bench {
     }
 }
 
-/// The whole procedure on the skin of one seed, with some of what makes a real skin worse than an ideal one.
-pub fn procedure(plan: &Arc<Plan>, seed: u64, effects: &[Effect], progress: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
-    let mut bench = Bench::new(Arc::clone(plan), seed, effects)?;
+/// The whole procedure on the skin of one seed.
+pub fn procedure(plan: &Arc<Plan>, seed: u64, progress: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
+    let mut bench = Bench::new(Arc::clone(plan), seed)?;
     progress("calibrating: ramp from 0 to 70 kPa");
     let id = bench.calibrate()?;
     let session = SessionView::clone(&*bench.session()?);

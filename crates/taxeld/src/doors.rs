@@ -1,5 +1,4 @@
-//! Opens the doors of the service: binds what the configuration names, reads certificates and tokens, and reads them
-//! again when the files change or somebody asks for it.
+//! Opens the doors of the service: binds what the configuration names.
 
 use std::fs::Metadata;
 use std::io::ErrorKind;
@@ -9,23 +8,17 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use taxel_rpc::{Access, Listener, Rules, Tokens};
-#[cfg(feature = "tls")]
-use taxel_rpc::{Tls, TlsFiles};
+use taxel_rpc::{Listener, Tls, TlsFiles};
 
 use crate::config::{Door, Doors};
-use crate::sockets::Sockets;
+use crate::credentials::Credentials;
 
 /// The open doors, and who may come in.
 pub struct Open {
     /// What the service accepts connections from.
     pub listeners: Vec<Listener>,
-    /// Looks after the names of those that are Unix sockets.
-    pub sockets: Sockets,
-    /// Who may do what.
-    pub access: Access,
-    /// Reads certificates and tokens again.
-    pub reloader: Reloader,
+    /// By which it is known who may do what.
+    pub credentials: Credentials,
 }
 
 /// Binds every door and reads what they need.
@@ -33,27 +26,12 @@ pub struct Open {
 /// # Errors
 /// The door or the file, and what is wrong with it.
 pub fn open(doors: &Doors) -> anyhow::Result<Open> {
-    let files: Vec<PathBuf> = doors.credentials().collect();
-    let stamps = stamps(&files); // before they are read: what changes meanwhile is read once more
-    let access = Access::new(Rules { tokens: tokens(doors.tokens.as_deref())?, ..doors.rules.clone() });
-    #[cfg_attr(not(feature = "tls"), allow(unused_mut))] // it has no certificates then
-    let mut reloader = Reloader {
-        access: access.clone(),
-        tokens: doors.tokens.clone(),
-        #[cfg(feature = "tls")]
-        tls: Vec::new(),
-        files,
-        opened: stamps,
-    };
+    let mut credentials = Credentials::read(doors)?;
     doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
-    let (mut listeners, mut sockets) = (Vec::new(), Sockets::default());
+    let mut listeners = Vec::new();
     for door in &doors.doors {
         listeners.push(match door {
-            Door::Unix { path, mode, group } => {
-                let listener = bind_unix(path, *mode, group.as_deref())?;
-                sockets.add(path).with_context(|| format!("{}", path.display()))?;
-                Listener::Unix(listener)
-            }
+            Door::Unix { path, mode, group } => Listener::Unix(bind_unix(path, *mode, group.as_deref())?),
             Door::Tcp(address) => {
                 if !address.ip().is_loopback() {
                     tracing::warn!(
@@ -63,21 +41,18 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
                 }
                 Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)
             }
-            #[cfg(feature = "tls")]
             Door::Tls { address, files } => {
                 let tls = Tls::load(tls_files(files))?;
-                reloader.tls.push(tls.clone());
+                credentials.add(tls.clone());
                 let listener = TcpListener::bind(address).with_context(|| format!("listening on {address}"))?;
                 Listener::Tls(listener, tls)
             }
-            #[cfg(not(feature = "tls"))]
-            Door::Tls { address, .. } => bail!("{address}: this build has no TLS (cargo feature `tls`)"),
         });
     }
     if let Some(path) = &doors.tokens {
         tracing::info!(tokens = %path.display(), "tokens are read");
     }
-    Ok(Open { listeners, sockets, access, reloader })
+    Ok(Open { listeners, credentials })
 }
 
 /// What would keep a door shut, as far as can be told without opening it, and for a daemon that may have another account.
@@ -89,29 +64,10 @@ pub fn obstacle(door: &Door) -> Option<String> {
             Err(error) if error.kind() == ErrorKind::NotADirectory => Some(format!("{}: {error}", path.display())),
             Err(_) => None, // there is none yet, or this account may not look
         },
-        #[cfg(feature = "tls")]
         Door::Tls { files, .. } => Tls::check(&tls_files(files)).err().map(|error| error.to_string()),
-        #[cfg(not(feature = "tls"))]
-        Door::Tls { .. } => None, // the configuration is refused
     }
 }
 
-/// What is wrong with a token file, for a daemon that may have another account.
-pub fn obstacle_of_tokens(path: &Path) -> Option<String> {
-    Tokens::check(path).err().map(of_tokens)
-}
-
-/// The tokens of a file; none without one.
-fn tokens(path: Option<&Path>) -> anyhow::Result<Tokens> {
-    let Some(path) = path else { return Ok(Tokens::default()) };
-    Tokens::load(path).map_err(|problem| anyhow::Error::msg(of_tokens(problem)))
-}
-
-fn of_tokens(problem: String) -> String {
-    format!("access.tokens: {problem}")
-}
-
-#[cfg(feature = "tls")]
 fn tls_files([certificate, key, client_ca]: &[PathBuf; 3]) -> TlsFiles {
     TlsFiles { certificate: certificate.clone(), key: key.clone(), client_ca: client_ca.clone() }
 }
@@ -166,61 +122,6 @@ fn give_to(path: &Path, group: &str) -> anyhow::Result<()> {
     })
 }
 
-/// Reads certificates and tokens again. Cheap to clone.
-#[derive(Clone, Debug)]
-pub struct Reloader {
-    access: Access,
-    tokens: Option<PathBuf>,
-    #[cfg(feature = "tls")]
-    tls: Vec<Tls>,
-    files: Vec<PathBuf>,
-    opened: Vec<Stamp>,
-}
-
-impl Reloader {
-    /// Other grants from the configuration; what comes of a file stays.
-    pub fn regrant(&self, rules: Rules) {
-        self.access.replace_grants(rules);
-    }
-
-    /// Reads all files again. What is wrong stays as it was; a line for each, and none if all is well.
-    pub fn reload(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        match tokens(self.tokens.as_deref()) {
-            Ok(tokens) => self.access.replace_tokens(tokens),
-            Err(error) => problems.push(format!("{error:#}; the tokens stay as they were")),
-        }
-        #[cfg(feature = "tls")]
-        for tls in &self.tls {
-            if let Err(error) = tls.reload() {
-                problems.push(format!("{error}; the certificates stay as they were"));
-            }
-        }
-        problems
-    }
-
-    /// What changes when one of the files does.
-    pub fn stamps(&self) -> Vec<Stamp> {
-        stamps(&self.files)
-    }
-
-    /// The same as it was when the doors were opened.
-    pub fn opened(&self) -> &[Stamp] {
-        &self.opened
-    }
-}
-
-/// What changes when a file is written or replaced: device, inode, length, time of the last change of anything about it.
-pub type Stamp = Option<(u64, u64, u64, i64, i64)>;
-
-fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
-    let stamp = |file: &PathBuf| {
-        let about = std::fs::metadata(file).ok()?;
-        Some((about.dev(), about.ino(), about.len(), about.ctime(), about.ctime_nsec()))
-    };
-    files.iter().map(stamp).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -253,25 +154,5 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let problem = bind_unix(&folder.path().join("s"), 0o660, Some("no-such-group")).unwrap_err().to_string();
         assert!(problem.contains("there is no group `no-such-group`"), "{problem}");
-    }
-
-    #[test]
-    fn tokens_are_read_again_and_bad_ones_change_nothing() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("tokens");
-        let write = |text: &str| {
-            std::fs::write(&path, text).unwrap();
-            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
-        };
-        write("");
-        let doors = Doors { doors: vec![], rules: Rules::default(), tokens: Some(path.clone()), ruled: true };
-        let open = open(&doors).unwrap();
-        write("operator bench ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-        assert_eq!(open.reloader.reload(), Vec::<String>::new());
-        write("operator bench nonsense");
-        let problems = open.reloader.reload();
-        assert!(problems[0].contains("line 1") && problems[0].contains("stay as they were"), "{problems:?}");
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o644)).unwrap();
-        assert!(open.reloader.reload()[0].contains("its mode is 644"));
     }
 }

@@ -23,13 +23,11 @@ mod summary;
 use crate::files;
 use crate::output;
 use crate::recording::{Column, Recording};
-use crate::same_file::refuse_overwriting;
 use crate::say;
 use crate::soundness::{Wanted, check};
 use crate::threads::Threads;
 
 pub use summary::print_summary;
-#[cfg(feature = "client")]
 pub use summary::spread;
 
 /// A bar is shown for what takes longer.
@@ -160,7 +158,6 @@ pub fn parse_positive(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A file that cannot be read or written, or has no pressure; or not one usable taxel.
 pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
-    refuse_overwriting(&[&args.out], &[&args.data])?;
     if files::is_standard(&args.out) {
         say::step_aside();
     }

@@ -1,18 +1,11 @@
 //! Where the log goes and what it looks like. On a terminal it has colours; under the journal it has no time of its own,
 //! because the journal notes one.
 
-mod lines;
-mod queue;
-
-use std::backtrace::{Backtrace, BacktraceStatus};
-use std::io::IsTerminal;
+use std::io::{self, IsTerminal, Stderr, Write};
 use std::os::unix::fs::MetadataExt;
-use std::panic::PanicHookInfo;
 use std::sync::OnceLock;
-use std::time::Duration;
 
-use lines::Waiting;
-use queue::{LogQueue, Lost};
+use tracing_appender::non_blocking::{ErrorCounter, NonBlocking, NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::fmt::writer::BoxMakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -32,6 +25,9 @@ const VARIABLE: &str = "RUST_LOG";
 /// So much of a filter that is not used is shown.
 const FILTER_CHARS_MAX: usize = 100;
 
+/// Lines of the daemon that may wait for the reader of standard error: as many as a start and an hour of faults make.
+const WAITING_LINES_MAX: usize = 4_096;
+
 /// What a line of the log looks like.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
@@ -45,11 +41,8 @@ pub enum LogFormat {
 /// The way to the filter of the running process.
 static FILTERING: OnceLock<reload::Handle<EnvFilter, Registry>> = OnceLock::new();
 
-/// What waits for the reader of standard error, where nobody may be held up by it.
-static QUEUE: OnceLock<LogQueue> = OnceLock::new();
-
-/// At its end a process waits so long for the reader of its log.
-const FLUSH_WITHIN: Duration = Duration::from_secs(1);
+/// Counts the lines for which there was no room.
+static DROPPED: OnceLock<ErrorCounter> = OnceLock::new();
 
 /// Who writes the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,39 +53,38 @@ pub enum Writes {
     Thread,
 }
 
-/// The log of this process. Dropped, also by a panic, it waits a moment for what is not written yet.
+/// The log of this process. Dropped, also by a panic, it waits a second for what is not written yet.
 #[must_use]
-pub struct Log(());
+pub struct Log(Option<(NonBlocking, WorkerGuard)>);
 
-impl Drop for Log {
-    fn drop(&mut self) {
-        if let Some(queue) = QUEUE.get() {
-            queue.flush(FLUSH_WITHIN); // a reader that has not read by then does not hold up the end either
-        }
+impl Log {
+    /// Says why the programme fails, behind what was logged.
+    pub fn failure(&mut self, why: &str) {
+        let line = format!("taxeld: {}\n", say::short(why, say::FAILURE_CHARS_MAX));
+        let _ = match &mut self.0 {
+            Some((queue, _)) => queue.write_all(line.as_bytes()), // what has no room is counted
+            None => io::stderr().lock().write_all(line.as_bytes()), // whether anybody reads it changes nothing
+        };
     }
 }
 
 /// Starts the log on standard error; `RUST_LOG` says what is logged.
 pub fn start(format: LogFormat, writes: Writes) -> Log {
-    if writes == Writes::Thread {
-        match LogQueue::start(Waiting(std::io::stderr()), tell_lost) {
-            Ok(queue) => {
-                let _ = QUEUE.set(queue); // called once
-                crate::say::lead_errors_to(queued);
-                std::panic::set_hook(Box::new(tell_panic));
-            }
-            Err(error) => crate::say::failure(&format!("no thread for the log, which may hold the daemon up: {error}")),
-        }
-    }
+    let queue = (writes == Writes::Thread).then(|| {
+        let queue = NonBlockingBuilder::default().lossy(true).buffered_lines_limit(WAITING_LINES_MAX);
+        let (queue, guard) = queue.thread_name("log").finish(Lines::to(io::stderr()));
+        let _ = DROPPED.set(queue.error_counter()); // called once
+        (queue, guard)
+    });
     let decided = decided();
     let filter = decided.as_ref().ok().cloned().flatten().and_then(|text| log_filter(&text).ok());
     let filter = filter.or_else(|| log_filter(FILTER).ok()).unwrap_or_default();
     let (filter, handle) = reload::Layer::new(filter);
-    let writer = match QUEUE.get() {
-        Some(queue) => BoxMakeWriter::new(|| queue.clone()),
-        None => BoxMakeWriter::new(std::io::stderr),
+    let writer = match &queue {
+        Some((queue, _)) => BoxMakeWriter::new(queue.clone()),
+        None => BoxMakeWriter::new(io::stderr),
     };
-    let lines = fmt::layer().with_writer(writer).with_ansi(std::io::stderr().is_terminal());
+    let lines = fmt::layer().with_writer(writer).with_ansi(io::stderr().is_terminal());
     let lines = match (format, is_the_journal()) {
         (LogFormat::Text, false) => lines.boxed(),
         (LogFormat::Text, true) => lines.without_time().boxed(),
@@ -104,25 +96,44 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
     if let Err(why) = decided {
         tracing::warn!("{why}");
     }
-    Log(())
+    Log(queue)
 }
 
-/// Puts a line of text for standard error behind what is logged, where that has a queue. Whether it has.
-fn queued(text: std::fmt::Arguments<'_>) -> bool {
-    QUEUE.get().inspect(|queue| queue.put(format!("{text}\n").as_bytes())).is_some()
+/// Writes the lines of the queue, and tells how many were dropped once no more are.
+struct Lines<W> {
+    to: W,
+    /// Dropped when a line was last written.
+    seen: usize,
+    /// Dropped when it was last told.
+    told: usize,
 }
 
-fn tell_lost(lost: &Lost) {
-    lost.words().iter().for_each(|words| tracing::warn!("{words}"));
+impl Lines<Stderr> {
+    fn to(to: Stderr) -> Self {
+        Self { to, seen: 0, told: 0 }
+    }
 }
 
-/// As the standard library tells of a panic, but without waiting for the reader.
-fn tell_panic(panic: &PanicHookInfo<'_>) {
-    let thread = std::thread::current();
-    let name = thread.name().unwrap_or("without a name");
-    let trace = Backtrace::capture();
-    let trace = if trace.status() == BacktraceStatus::Captured { format!("\n{trace}") } else { String::new() };
-    queued(format_args!("thread '{name}' {panic}{trace}"));
+impl<W> Lines<W> {
+    /// How many were dropped since it was told last, where there are any and no more came since the last line.
+    fn new_loss(&mut self, dropped: usize) -> Option<usize> {
+        let settled = std::mem::replace(&mut self.seen, dropped) == dropped && dropped > self.told;
+        settled.then(|| dropped - std::mem::replace(&mut self.told, dropped))
+    }
+}
+
+impl<W: Write> Write for Lines<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let dropped = DROPPED.get().map_or(0, ErrorCounter::dropped_lines);
+        if let Some(lines) = self.new_loss(dropped) {
+            tracing::warn!("{lines} lines of the log were dropped, since nobody read them"); // comes last in the queue
+        }
+        self.to.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
 }
 
 /// The filter of the variable; nothing where it is not set, or empty.
@@ -165,4 +176,16 @@ fn is_the_journal() -> bool {
     let named = stream.split_once(':').and_then(|(device, inode)| Some((device.parse().ok()?, inode.parse().ok()?)));
     let own = std::fs::metadata("/proc/self/fd/2").ok().map(|file| (file.dev(), file.ino()));
     named.is_some() && own == named
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_that_were_dropped_are_told_once_no_more_are() {
+        let mut lines = Lines { to: io::sink(), seen: 0, told: 0 };
+        let told = [0, 3, 7, 7, 7, 9, 9].map(|dropped| lines.new_loss(dropped));
+        assert_eq!(told, [None, None, None, Some(7), None, None, Some(2)]);
+    }
 }

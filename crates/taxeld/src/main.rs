@@ -10,14 +10,12 @@ mod bus;
 #[cfg(feature = "certificate")]
 mod certificate;
 mod check;
-#[cfg(feature = "client")]
 mod client;
 mod clock;
 mod config;
+mod credentials;
 #[cfg(feature = "sim")]
 mod demo;
-#[cfg(feature = "sim")]
-mod demo_effects;
 mod doors;
 mod driver;
 mod files;
@@ -26,17 +24,12 @@ mod force_file;
 mod judge;
 mod log_words;
 mod logs;
-mod looking;
-mod low_latency;
 mod missing;
-mod named_files;
 mod obstacles;
 mod offline;
 mod open_log;
 mod output;
-#[cfg(feature = "page")]
 mod page;
-#[cfg(feature = "client")]
 mod pages;
 #[cfg(feature = "report")]
 mod paper;
@@ -47,13 +40,11 @@ mod queues;
 mod record;
 mod recording;
 mod reload;
-mod reloading;
 mod replay;
 #[cfg(feature = "report")]
 mod report;
 mod run;
 mod runtime;
-mod same_file;
 mod scan;
 mod serving;
 mod set_loads;
@@ -63,7 +54,6 @@ mod shared_memory;
 mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
-mod sockets;
 mod soundness;
 mod store_at;
 mod store_command;
@@ -75,7 +65,6 @@ mod upkeep;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-#[cfg(feature = "client")]
 use clap::CommandFactory;
 use clap::{Parser, Subcommand};
 use config::{Config, Scene};
@@ -127,9 +116,6 @@ enum Subcommands {
     Setup(setup::SetupArgs),
     /// Listens to a bus, or reads a log, and says what is there: boards, modules, faults, what could be the gauge.
     Scan(scan::ScanArgs),
-    /// Who changed what: the audit log of a store.
-    #[cfg(not(feature = "client"))]
-    Audit(audit_log::AuditArgs),
     /// Fits models to a recording and writes MODELS.json.
     Fit(fit::FitArgs),
     /// Turns the counts of a recording into pressures.
@@ -140,20 +126,17 @@ enum Subcommands {
     /// Every figure and table of the paper that data can draw: of the simulator, a recording, a log or a session.
     #[cfg(feature = "report")]
     Paper(paper::PaperArgs),
-    #[cfg(feature = "client")]
     #[command(flatten)]
     Client(client::ClientCommand),
     /// Compares a recording's pressure with what models say of its counts.
     Judge(judge::JudgeArgs),
     /// Completions of this command line for a shell, on the standard output.
-    #[cfg(feature = "client")]
     #[command(hide = true)]
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
     },
     /// Manual pages of this command line, a file a command.
-    #[cfg(feature = "client")]
     #[command(hide = true)]
     Man {
         /// The folder that they are written to.
@@ -200,9 +183,8 @@ fn parse_speed(text: &str) -> Result<f64, String> {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let is_daemon = matches!(cli.command, Subcommands::Run { .. });
-    let _log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
+    let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {
-        #[cfg(feature = "client")]
         Subcommands::Client(command) => return client::run(command),
         command => dispatch(command),
     };
@@ -214,7 +196,7 @@ fn main() -> ExitCode {
             if cli.log_format == logs::LogFormat::Json && tracing::enabled!(tracing::Level::ERROR) {
                 tracing::error!("{}", say::short(&why, say::FAILURE_CHARS_MAX));
             } else {
-                say::failure(&why);
+                log.failure(&why);
             }
             ExitCode::FAILURE
         }
@@ -223,11 +205,8 @@ fn main() -> ExitCode {
 
 fn dispatch(command: Subcommands) -> anyhow::Result<()> {
     match command {
-        #[cfg(feature = "client")]
         Subcommands::Completions { shell } => pages::completions(Cli::command(), shell),
-        #[cfg(feature = "client")]
         Subcommands::Man { out } => pages::man(Cli::command(), &out),
-        #[cfg(feature = "client")]
         Subcommands::Client(_) => Ok(()), // has an exit code of its own and went another way
         #[cfg(feature = "sim")]
         Subcommands::Demo(args) => show_demo::demo(&args),
@@ -244,17 +223,11 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Store(args) => store_command::store(&args),
         Subcommands::Replay(args) => {
             let (config, scene) = load(&args.config)?;
-            let ReplayArgs { log, config: file, speed, calibrate, out, models, force } = args;
-            let outputs: Vec<&PathBuf> = out.iter().chain(&force).collect();
-            let mut inputs = crate::named_files::named_files(&config, &scene.doors, &file);
-            inputs.extend(open_log::files_of(&log).into_iter().chain(models.clone()));
-            same_file::refuse_overwriting(&outputs, &inputs)?;
+            let ReplayArgs { log, speed, calibrate, out, models, force, .. } = args;
             replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)
         }
         Subcommands::Setup(args) => setup::setup(&args),
         Subcommands::Scan(args) => scan::scan(&args),
-        #[cfg(not(feature = "client"))]
-        Subcommands::Audit(args) => audit_log::audit(&args),
         Subcommands::Fit(args) => fit::fit(&args),
         Subcommands::Apply(args) => apply::apply(&args),
         #[cfg(feature = "report")]

@@ -2,18 +2,16 @@
 //! change and no other account: what the machine lacks may come until then (`missing.rs`), and what this account may not look at
 //! passes.
 
-use taxel_shm::{Folder, PageError};
-
-use crate::config::{Config, Door, Doors, Fault, RecordSection, Scene, SharedMemorySection};
+use crate::config::{Config, Door, Doors, Fault, RecordSection, Scene};
+use crate::credentials::obstacle_of_tokens;
 use crate::doors;
 use crate::files;
 
 /// Each obstacle, with the key that it is about.
 pub fn obstacles(config: &Config, scene: &Scene) -> Vec<Fault> {
-    let tokens = scene.doors.tokens.as_deref().and_then(doors::obstacle_of_tokens);
+    let tokens = scene.doors.tokens.as_deref().and_then(obstacle_of_tokens);
     let mut found: Vec<Fault> = tokens.into_iter().map(|words| Fault::of("access.tokens", words)).collect();
     found.extend(listeners(config, &scene.doors));
-    found.extend(config.shared_memory.as_ref().and_then(pages));
     found.extend(config.record.as_ref().and_then(recordings));
     found
 }
@@ -30,16 +28,6 @@ fn listeners(config: &Config, doors: &Doors) -> Vec<Fault> {
         })
     };
     doors.doors.iter().enumerate().filter_map(of).collect()
-}
-
-/// What somebody else has put in the folder's place ends no daemon, and another account may do what this one may not.
-fn pages(section: &SharedMemorySection) -> Option<Fault> {
-    match Folder::check(&section.path) {
-        Err(error @ PageError::Folder { .. }) => {
-            Some(Fault::of("shared_memory.path", format!("shared_memory.path: {error}")))
-        }
-        Ok(()) | Err(_) => None,
-    }
 }
 
 /// A folder of recordings that is there need not be one to write in: the daemon then runs without, and tells.

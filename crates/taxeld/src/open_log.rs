@@ -3,7 +3,7 @@
 
 use std::fs::File;
 use std::io::{Cursor, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context;
 use taxel_can::LogReader;
@@ -17,7 +17,6 @@ pub struct Wanted {
     /// By the network interface; without it all frames of a candump log are.
     pub interface: Option<String>,
     /// By its name where it has no interface, which only recordings know; without either all frames are.
-    #[cfg_attr(not(feature = "record"), allow(dead_code))]
     pub bus: Option<String>,
 }
 
@@ -49,29 +48,11 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<LogReader> {
     }
 }
 
-/// The files of a log: itself, or the recordings of a folder.
-pub fn files_of(log: &Path) -> Vec<PathBuf> {
-    if log.is_dir() { files_of_folder(log) } else { vec![log.to_owned()] }
-}
-
-#[cfg(feature = "record")]
-fn files_of_folder(folder: &Path) -> Vec<PathBuf> {
-    let files = taxel_mcap::Folder::list(folder).unwrap_or_default();
-    files.iter().map(|(file, _)| folder.join(file.to_string())).collect()
-}
-
-#[cfg(not(feature = "record"))]
-fn files_of_folder(_: &Path) -> Vec<PathBuf> {
-    Vec::new()
-}
-
-#[cfg(feature = "record")]
 fn recording(name: String, file: impl Read + Send + 'static, wanted: Wanted) -> anyhow::Result<LogReader> {
     of_inputs(name.clone(), vec![taxel_mcap::Input::Open(name, Box::new(file))], wanted)
 }
 
 /// The files of a folder, in the order in which they were recorded.
-#[cfg(feature = "record")]
 fn recordings(folder: &Path, wanted: Wanted) -> anyhow::Result<LogReader> {
     let name = folder.display().to_string();
     let files = taxel_mcap::Folder::list(folder).with_context(|| name.clone())?;
@@ -80,7 +61,6 @@ fn recordings(folder: &Path, wanted: Wanted) -> anyhow::Result<LogReader> {
     of_inputs(name, inputs.collect(), wanted)
 }
 
-#[cfg(feature = "record")]
 fn of_inputs(name: String, inputs: Vec<taxel_mcap::Input>, wanted: Wanted) -> anyhow::Result<LogReader> {
     let told = |ending: &taxel_mcap::Ending| {
         ending.words().iter().for_each(|line| crate::say::error_line(format_args!("{line}")));
@@ -93,17 +73,7 @@ fn of_inputs(name: String, inputs: Vec<taxel_mcap::Input>, wanted: Wanted) -> an
     Ok(LogReader::from_reader(name, text, None)?)
 }
 
-#[cfg(not(feature = "record"))]
-fn recording(name: String, _: impl Read, _: Wanted) -> anyhow::Result<LogReader> {
-    anyhow::bail!("{name}: this build reads no recordings (cargo feature `record`)")
-}
-
-#[cfg(not(feature = "record"))]
-fn recordings(folder: &Path, _: Wanted) -> anyhow::Result<LogReader> {
-    anyhow::bail!("{}: a folder; this build reads no recordings (cargo feature `record`)", folder.display())
-}
-
-#[cfg(all(test, feature = "record"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 

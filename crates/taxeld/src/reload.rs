@@ -1,118 +1,130 @@
-//! SIGHUP: the configuration is read again. What can change while the force goes on does; what cannot is named in the log
-//! with the reason, and waits for a restart.
+//! What changes while the daemon runs: on SIGHUP the configuration is read again, and with it certificates and tokens, which
+//! are also looked at every five seconds. Who may do what and the log's filter change; all else waits for a restart, and the
+//! log names it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::future::pending;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use anyhow::Context;
 use taxel_rpc::Rules;
+use tokio::signal::unix::Signal;
+use tokio_util::sync::CancellationToken;
 use toml::Value;
 
 use crate::config::{self, Problems, Scene};
+use crate::credentials::Credentials;
 use crate::files::read_utf8;
 use crate::logs;
+use crate::systemd;
 
-/// What the log prints, which changes without a restart.
+/// Files of certificates and tokens are looked at so often.
+const LOOK_EVERY: Duration = Duration::from_secs(5);
+
+/// Keys that change without a restart: the log's filter, and who may do what, but not where the tokens are.
 const LOG_FILTER: &str = "log.filter";
-
-/// Who may do what changes without a restart, too: all keys below this but one.
 const ACCESS: &str = "access.";
 const TOKENS: &str = "access.tokens";
 
-/// Why the others wait, by the first word of a key.
-const REASONS: [(&str, &str); 5] = [
-    ("access", "where the tokens are, and whether there are rules at all, is settled at the start"),
-    ("store", "the store is open"),
-    ("service", "clients are connected to it as it is"),
-    ("bus", "a bus that is opened anew loses frames, and with them the force"),
-    ("patch", "another patch needs another zero, and has no force until it is taken"),
-];
+/// Reads files again until the daemon ends, with the configuration where there is one to read. Each time a thread for what
+/// blocks does it, so that a disk that hangs holds up nobody else.
+pub async fn keep(
+    mut credentials: Credentials,
+    mut reload: Option<(Signal, Reload)>,
+    cancel: CancellationToken,
+) -> anyhow::Result<()> {
+    loop {
+        let asked = tokio::select! {
+            () = cancel.cancelled() => return Ok(()),
+            () = hung_up(reload.as_mut().map(|(hangup, _)| hangup)) => true,
+            () = tokio::time::sleep(LOOK_EVERY) => false,
+        };
+        if asked {
+            systemd::reloading();
+        }
+        let file = reload.as_ref().filter(|_| asked).map(|(_, reload)| reload.clone());
+        let read = tokio::task::spawn_blocking(move || {
+            credentials.look(asked); // before the configuration, of which a disk that hangs may be in the way
+            if let Some(rules) = file.and_then(|file| file.again()) {
+                credentials.regrant(rules);
+            }
+            credentials
+        });
+        let Some(read) = cancel.run_until_cancelled(read).await else { return Ok(()) };
+        // Without it a token that is taken back would stay: the daemon ends, and the service manager starts all anew.
+        credentials = read.context("certificates and tokens are not read any more, by a fault of this program")?;
+        if asked {
+            systemd::reloaded();
+        }
+    }
+}
 
-/// The configuration as it was when the daemon started, and as it is applied.
+/// Waits for SIGHUP, where that reloads.
+async fn hung_up(hangup: Option<&mut Signal>) {
+    let Some(signal) = hangup else { return pending().await };
+    if signal.recv().await.is_none() {
+        pending().await // there are no more
+    }
+}
+
+/// The configuration that the daemon was started with.
+#[derive(Clone, Debug)]
 pub struct Reload {
     path: PathBuf,
-    applied: BTreeMap<String, Value>,
+    started: BTreeMap<String, Value>,
     /// Whether the configuration has rules of who may do what.
     ruled: bool,
 }
 
 impl Reload {
-    /// Remembers what the daemon starts with: the text that its configuration was read from. By the time that it serves the
-    /// file may say something else, which is not applied yet.
+    /// Remembers what the daemon starts with: the text that its configuration was read from.
     pub fn new(path: &Path, text: &str, ruled: bool) -> Self {
-        let applied = keys(text).unwrap_or_default(); // what was read as a configuration is TOML
-        Self { path: path.to_path_buf(), applied, ruled }
+        let started = keys(text).unwrap_or_default(); // what was read as a configuration is TOML
+        Self { path: path.to_path_buf(), started, ruled }
     }
 
     /// Reads the file again and applies what can be. Gives the rules of who may do what, which are to be in force now;
     /// nothing if they need a restart or the file cannot be used.
-    pub fn again(&mut self) -> Option<Rules> {
+    fn again(&self) -> Option<Rules> {
         let text = read_utf8(&self.path).map_err(|error| format!("{}: {error}", self.path.display()));
-        text.and_then(|text| self.apply(&text)).unwrap_or_else(|error| {
-            tracing::error!("nothing is reloaded: {error}");
-            None
-        })
+        let (rules, waiting) = match text.and_then(|text| self.apply(&text)) {
+            Ok(applied) => applied,
+            Err(error) => {
+                tracing::error!("nothing is reloaded: {error}");
+                return None;
+            }
+        };
+        if !waiting.is_empty() {
+            tracing::warn!("not reloaded, as it needs a restart: {}", waiting.join(", "));
+        }
+        rules
     }
 
-    /// Applies what can be of a text with which the daemon could be started, as far as can be told beforehand. Keys and rules
-    /// are of this one: what is written meanwhile is for the next reload.
-    fn apply(&mut self, text: &str) -> Result<Option<Rules>, String> {
+    /// Applies what can be of a text with which the daemon could be started. Gives the rules, and the keys that wait.
+    fn apply(&self, text: &str) -> Result<(Option<Rules>, Vec<String>), String> {
         let in_a_line = |problems: Problems| {
             let each: Vec<String> = problems.all().iter().map(ToString::to_string).collect();
             each.join("; ")
         };
-        let (_, Scene { doors, .. }) = config::examine_text(&self.path, text).map_err(in_a_line)?;
-        let found = keys(text)?;
+        let (config, Scene { doors, .. }) = config::examine_text(&self.path, text).map_err(in_a_line)?;
+        let filter = logs::filter(config.log.filter.as_deref())?;
+        tracing::info!("reloaded; the log's filter is {filter}");
         let regrants = doors.ruled == self.ruled;
-        let changed = self.changed(&found);
-        if !regrants && !changed.iter().any(|name| name.starts_with(ACCESS)) {
-            refuse("access"); // a section without keys has come or gone
-        } else if changed.is_empty() {
-            tracing::info!("reloaded: nothing has changed");
+        let mut waiting = self.waiting(&keys(text)?, regrants);
+        if !regrants && !waiting.iter().any(|name| name.starts_with(ACCESS)) {
+            waiting.push("access".to_owned()); // a section without keys has come or gone
         }
-        for name in changed {
-            if name == LOG_FILTER {
-                self.filter(name, &found);
-            } else if name.starts_with(ACCESS) && name != TOKENS && regrants {
-                tracing::info!("{name} is reloaded");
-                self.note(name, &found);
-            } else {
-                refuse(&name);
-            }
-        }
-        // Also if no key has changed: who may do what is what the file says, not what a comparison says of it.
-        Ok(regrants.then_some(doors.rules))
+        Ok((regrants.then_some(doors.rules), waiting))
     }
 
-    /// The keys that have another value than the one applied, or are here or there alone.
-    fn changed(&self, found: &BTreeMap<String, Value>) -> Vec<String> {
-        let names: BTreeSet<&String> = self.applied.keys().chain(found.keys()).collect();
-        names.into_iter().filter(|name| self.applied.get(*name) != found.get(*name)).cloned().collect()
+    /// The keys that have another value than at the start, or are here or there alone, and need a restart.
+    fn waiting(&self, found: &BTreeMap<String, Value>, regrants: bool) -> Vec<String> {
+        let names: BTreeSet<&String> = self.started.keys().chain(found.keys()).collect();
+        let applied = |name: &str| name == LOG_FILTER || (regrants && name.starts_with(ACCESS) && name != TOKENS);
+        let changed = names.into_iter().filter(|name| self.started.get(*name) != found.get(*name));
+        changed.filter(|name| !applied(name)).cloned().collect()
     }
-
-    fn filter(&mut self, name: String, found: &BTreeMap<String, Value>) {
-        match logs::filter(found.get(&name).and_then(Value::as_str)) {
-            Ok(now) => {
-                tracing::info!("{name} is reloaded: {now}");
-                self.note(name, found);
-            }
-            Err(error) => tracing::error!("{name} is not reloaded: {error}"),
-        }
-    }
-
-    /// This key is applied as it was found.
-    fn note(&mut self, name: String, found: &BTreeMap<String, Value>) {
-        match found.get(&name) {
-            Some(value) => self.applied.insert(name, value.clone()),
-            None => self.applied.remove(&name),
-        };
-    }
-}
-
-/// Tells that a key waits for a restart, and why.
-fn refuse(name: &str) {
-    let section = name.split(['.', '[']).next().unwrap_or_default();
-    let reason = REASONS.iter().find(|(first, _)| *first == section).map_or("it is in use", |(_, why)| why);
-    tracing::warn!("{name} is not reloaded: {reason}; it needs a restart");
 }
 
 /// Every value of a text by its key, such as `service.listen` and `patch[0].period_ms`.
@@ -143,58 +155,42 @@ mod tests {
     const SCENE: &str = "[store]\npath = \"t.db\"\n[[bus]]\nname = \"b\"\ninterface = \"can0\"\n[[patch]]\nname = \"p\"\n\
                          bus = \"b\"\n[[patch.board]]\naddress = 13\nmodules = \"0-3\"\n";
 
-    fn granting(users: &[&str]) -> String {
-        let grant = |user: &&str| format!("[[access.grant]]\nrole = \"operator\"\nuser = \"{user}\"\n");
-        format!("{SCENE}[access]\n{}", users.iter().map(grant).collect::<String>())
+    fn granting(user: &str) -> String {
+        format!("{SCENE}[access]\n[[access.grant]]\nrole = \"operator\"\nuser = \"{user}\"\n")
     }
 
-    fn grants(users: &[&str]) -> Vec<Grant> {
-        let grant = |user: &&str| Grant { subject: Subject::User((*user).to_owned()), role: Role::Operator };
-        users.iter().map(grant).collect()
-    }
-
-    /// The daemon reads its configuration, then its store, for seconds: a grant may go meanwhile.
-    #[test]
-    fn what_the_file_says_since_the_start_is_applied_by_the_first_reload_and_told_once() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("taxeld.toml");
-        std::fs::write(&path, granting(&["ann"])).unwrap();
-        let mut reload = Reload::new(&path, &granting(&["ann", "bob"]), true);
-        let now = keys(&granting(&["ann"])).unwrap();
-        assert_eq!(reload.changed(&now), ["access.grant[1].role", "access.grant[1].user"]);
-        assert_eq!(reload.again().unwrap().grants, grants(&["ann"]));
-        assert_eq!(reload.changed(&now), Vec::<String>::new());
+    fn grants(user: &str) -> Vec<Grant> {
+        vec![Grant { subject: Subject::User(user.to_owned()), role: Role::Operator }]
     }
 
     #[test]
-    fn the_rules_of_the_file_are_given_whatever_has_changed_and_not_where_they_need_a_restart() {
+    fn grants_are_applied_and_other_keys_wait_for_a_restart() {
+        let reload = Reload::new(Path::new("taxeld.toml"), &granting("ann"), true);
+        let (rules, waiting) = reload.apply(&granting("bob")).unwrap();
+        assert_eq!((rules.unwrap().grants, waiting), (grants("bob"), vec![]));
+        let other = format!("{}[service]\nsubscribers_max = 3\n", granting("ann"));
+        let (rules, waiting) = reload.apply(&other).unwrap();
+        assert_eq!((rules.unwrap().grants, waiting), (grants("ann"), vec!["service.subscribers_max".to_owned()]));
+    }
+
+    #[test]
+    fn whether_there_are_rules_at_all_waits_for_a_restart() {
         let path = Path::new("taxeld.toml");
-        let text = granting(&["ann"]);
-        let mut reload = Reload::new(path, &text, true);
-        assert_eq!(reload.apply(&text).unwrap().unwrap().grants, grants(&["ann"]));
-        let other = format!("{text}[service]\nsubscribers_max = 3\n");
-        assert_eq!(reload.apply(&other).unwrap().unwrap().grants, grants(&["ann"]));
-        assert_eq!(reload.changed(&keys(&other).unwrap()), ["service.subscribers_max"], "it waits for a restart");
-        assert_eq!(reload.apply(SCENE), Ok(None), "without [access] there are no rules");
-        assert_eq!(Reload::new(path, SCENE, false).apply(&text), Ok(None), "there were none before");
-        assert_eq!(Reload::new(path, SCENE, false).apply(SCENE), Ok(Some(Rules::open())));
+        let (rules, waiting) = Reload::new(path, &granting("ann"), true).apply(SCENE).unwrap();
+        assert_eq!((rules, waiting.len()), (None, 2), "without [access] there are no rules");
+        let bare = format!("{SCENE}[access]\n");
+        let (rules, waiting) = Reload::new(path, SCENE, false).apply(&bare).unwrap();
+        assert_eq!((rules, waiting), (None, vec!["access".to_owned()]));
+        assert_eq!(Reload::new(path, SCENE, false).apply(SCENE), Ok((Some(Rules::open()), vec![])));
     }
 
-    /// There is no file at all: were a part of a reload read from it a second time, another text could come.
     #[test]
-    fn keys_and_rules_of_a_reload_are_of_one_text() {
+    fn a_file_that_the_daemon_could_not_be_started_with_changes_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let mut reload = Reload::new(&folder.path().join("taxeld.toml"), &granting(&["ann"]), true);
-        let text = granting(&["bob"]);
-        assert_eq!(reload.apply(&text).unwrap().unwrap().grants, grants(&["bob"]));
-        assert_eq!(reload.applied, keys(&text).unwrap());
-        assert_eq!(reload.again(), None, "a file that cannot be read changes nothing");
-        assert_eq!(reload.applied, keys(&text).unwrap());
-        assert!(reload.apply(&text.replace("operator", "none")).unwrap_err().contains("grants nothing"));
-        assert!(
-            reload.apply(&text.replace("t.db", "/")).unwrap_err().contains("store.path"),
-            "it could not be started with"
-        );
-        assert_eq!(reload.applied, keys(&text).unwrap());
+        let reload = Reload::new(&folder.path().join("taxeld.toml"), &granting("ann"), true);
+        assert_eq!(reload.again(), None, "it is not there");
+        let refused = |text: &str| reload.apply(text).unwrap_err();
+        assert!(refused(&granting("ann").replace("operator", "none")).contains("grants nothing"));
+        assert!(refused(&granting("ann").replace("t.db", "/")).contains("store.path"));
     }
 }

@@ -1,6 +1,5 @@
 //! `taxeld run`: buses, engine, store and service, wired together until a signal ends them.
 
-use std::future::pending;
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -18,24 +17,19 @@ use taxel_store::{Retention, models_json};
 use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
-use tokio_util::sync::CancellationToken;
 
-use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX, Rest, Rhythm};
+use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX};
 use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
-use crate::doors::{self, Open, Reloader};
+use crate::credentials::Credentials;
+use crate::doors::{self, Open};
 use crate::driver::{Driver, Stage};
 use crate::logs;
-use crate::looking::Problems;
-use crate::low_latency::{self, Awake};
-use crate::parts::Parts;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
-use crate::reload::Reload;
-use crate::reloading::Reloading;
+use crate::reload::{self, Reload};
 use crate::serving::{limits, on_a_thread, service, share_with_pages};
-use crate::shared_memory::{Keeper, Pages};
-use crate::sockets::Sockets;
+use crate::shared_memory::Pages;
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
 use crate::tasks::Tasks;
@@ -51,28 +45,22 @@ pub const CODEC: ModelCodec = ModelCodec {
 /// Everything of a daemon but its buses.
 pub struct Daemon {
     plan: Arc<Plan>,
-    /// Whether buses rest between the bursts of their boards: where time is the machine's, and nobody reads the force
-    /// through shared memory, where a caller counts tens of microseconds and the first frames of a burst warm the caches.
-    rests: bool,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
     handle: Handle,
     to_engine: mpsc::Sender<BusBatch>,
     to_buses: Vec<Option<(mpsc::Receiver<Frame>, Tap)>>,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     session: watch::Receiver<Option<Stage>>,
-    reloader: Reloader,
+    credentials: Credentials,
     tasks: Tasks,
     /// Listened to since before anybody could see that it serves: until then SIGTERM ends the process as it is.
     terminate: Signal,
-    /// Held where latency has to be low.
-    _awake: Option<Awake>,
     /// What SIGHUP reloads; without it SIGHUP ends the process, as it does by itself.
     reload: Option<(Signal, Reload)>,
 }
 
 impl Daemon {
-    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own, but the
-    /// service beside the engine where latency has to be low.
+    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own.
     ///
     /// # Errors
     /// If the store cannot be opened or the address cannot be bound; what was started is closed then.
@@ -99,13 +87,12 @@ impl Daemon {
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
         let room = room_of(&store, config.store.budget_mb);
-        let (pages, keeper) = pages(config, &plan, &clock)?;
+        let (pages, no_pages) = pages(config, &plan, &clock)?;
         let kept = match &store {
             StoreAt::File(_, kept) => *kept,
             StoreAt::Memory => Retention::default(),
         };
         let (store, restored) = open_store(store, &tell_done)?;
-        let low_latency = config.service.low_latency && matches!(clock, RunClock::Live);
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
@@ -128,31 +115,24 @@ impl Daemon {
         parts.spawn(driver.run(queues, cancel.clone()));
         parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
         let share = share_with_pages(config, cancel, parts)?;
-        let Open { listeners, sockets, access, reloader } = doors::open(&scene.doors)?;
-        let handle = looked_after((keeper, sockets), handle, (parts, cancel))?;
+        let Open { listeners, credentials } = doors::open(&scene.doors)?;
+        let handle = handle.lacking(no_pages);
         let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
-        let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
         let terminate = signal(SignalKind::terminate())?;
-        let service = service(handle.clone(), listeners, access, limits(config), share);
-        if low_latency {
-            parts.spawn_fallible(service);
-        } else {
-            parts.spawn_fallible(on_a_thread(service)?);
-        }
+        let service = service(handle.clone(), listeners, credentials.access(), limits(config), share);
+        parts.spawn_fallible(on_a_thread(service)?);
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
         let to_buses = taps.beside(receivers);
-        let rests = live && config.shared_memory.is_none() && !low_latency;
-        let (tasks, reload, _awake) = (std::mem::take(started), None, awake);
-        Ok(Self { plan, rests, handle, to_engine, to_buses, session, reloader, tasks, terminate, reload, _awake })
+        let (tasks, reload) = (std::mem::take(started), None);
+        Ok(Self { plan, handle, to_engine, to_buses, session, credentials, tasks, terminate, reload })
     }
 
     /// Adds the source of a bus.
     pub fn add_bus(&mut self, bus: BusIndex, source: impl FrameSource + 'static) {
         let Some((to_send, tap)) = self.to_buses.get_mut(bus.0 as usize).and_then(Option::take) else { return };
         let ends = Ends { to_engine: self.to_engine.clone(), to_send, tap };
-        let rest = if self.rests { Rest::by(Rhythm::new(&self.plan, &self.routes(), bus)) } else { Rest::never() };
-        self.tasks.buses.spawn(bus::run(bus, source, ends, rest, self.tasks.cancel.clone()));
+        self.tasks.buses.spawn(bus::run(bus, source, ends, self.tasks.cancel.clone()));
     }
 
     /// Adds a bus whose scans are pushed: there is nothing to read, and nobody has pushed any yet.
@@ -248,42 +228,41 @@ impl Daemon {
     ///
     /// # Errors
     /// If signals cannot be waited for, or if not all closes in time.
-    pub async fn until_the_end(mut self) -> anyhow::Result<()> {
-        let ended = self.end().await;
-        let closed = self.close().await;
+    pub async fn until_the_end(self) -> anyhow::Result<()> {
+        let Self { credentials, reload, mut tasks, mut terminate, .. } = self;
+        tasks.parts.spawn_fallible(reload::keep(credentials, reload, tasks.cancel.clone()));
+        let ended = end(&mut tasks, &mut terminate).await;
+        let closed = close(tasks).await;
         if let (Err(_), Err(late)) = (&ended, &closed) {
             tracing::error!("{late:#}"); // the other one is told at the end
         }
         ended.and(closed)
     }
+}
 
-    /// Waits for what ends it.
-    async fn end(&mut self) -> anyhow::Result<()> {
-        let (mut hangup, reload) = self.reload.take().unzip();
-        let reloading = Reloading::begin(self.reloader.clone(), reload)?;
-        loop {
-            tokio::select! {
-                interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
-                _ = self.terminate.recv() => break,
-                () = hung_up(hangup.as_mut()) => reloading.ask(),
-                ended = self.tasks.buses.join_next() => match ended {
-                    Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
-                    Some(Ok(BusEnd::LogOver)) if !self.tasks.buses.is_empty() => {}
-                    Some(Ok(_)) | None => break,
-                    // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
-                    Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
-                },
-                Some(ended) = self.tasks.parts.next_end() => return ended,
-            }
+/// Waits for what ends the daemon.
+async fn end(tasks: &mut Tasks, terminate: &mut Signal) -> anyhow::Result<()> {
+    loop {
+        tokio::select! {
+            interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
+            _ = terminate.recv() => break,
+            ended = tasks.buses.join_next() => match ended {
+                Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
+                Some(Ok(BusEnd::LogOver)) if !tasks.buses.is_empty() => {}
+                Some(Ok(_)) | None => break,
+                // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
+                Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
+            },
+            Some(ended) = tasks.parts.next_end() => return ended,
         }
-        Ok(())
     }
+    Ok(())
+}
 
-    async fn close(self) -> anyhow::Result<()> {
-        systemd::stopping();
-        tracing::info!("taxeld stops");
-        self.tasks.close().await
-    }
+async fn close(tasks: Tasks) -> anyhow::Result<()> {
+    systemd::stopping();
+    tracing::info!("taxeld stops");
+    tasks.close().await
 }
 
 /// Both ends of the way of pushed scans, where there is a patch that has any.
@@ -297,53 +276,16 @@ fn push_ways(plan: &Plan) -> (Option<PushLine>, Option<mpsc::Receiver<Pushed>>) 
 
 /// The pages in shared memory, where they are configured. Readers judge ages by the machine's clock, so that a log, which
 /// has its own, has none.
-fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Pages, Option<Keeper>)> {
+fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Pages, Vec<String>)> {
     let section = config.shared_memory.as_ref();
     if section.is_some() && !matches!(clock, RunClock::Live) {
         tracing::info!("no pages in shared memory: a log has a clock of its own");
-        return Ok((Pages::default(), None));
+        return Ok((Pages::default(), Vec::new()));
     }
-    let (pages, keeper) = Pages::make(section, plan)?;
+    let (pages, problems) = Pages::make(section, plan)?;
     pages.paths().for_each(|page| tracing::info!(page = %page.display(), "in shared memory"));
-    Ok((pages, keeper))
-}
-
-/// Starts those who look after the pages and the sockets; the health tells what is wrong with them.
-fn looked_after(
-    (keeper, sockets): (Option<Keeper>, Sockets),
-    handle: Handle,
-    (parts, cancel): (&mut Parts, &CancellationToken),
-) -> anyhow::Result<Handle> {
-    let problems: Vec<Problems> = keeper.iter().map(Keeper::problems).chain([sockets.problems()]).collect();
-    if let Some(keeper) = keeper {
-        parts.spawn(keeper.keep(cancel.clone())?);
-    }
-    if let Some(end) = sockets.keep(cancel.clone())? {
-        parts.spawn(end);
-    }
-    Ok(handle.lacking_now(Arc::new(move || problems.iter().flat_map(Problems::get).collect())))
-}
-
-/// Keeps the machine's processors awake where that can be had; where not, the health says why.
-fn awake(handle: Handle) -> (Handle, Option<Awake>) {
-    match low_latency::keep_awake() {
-        Ok(awake) => {
-            tracing::info!("low latency: the processors of this machine are kept awake");
-            (handle, Some(awake))
-        }
-        Err(why) => {
-            tracing::warn!("{why}");
-            (handle.lacking([why]), None)
-        }
-    }
-}
-
-/// Waits for SIGHUP, where that reloads.
-async fn hung_up(hangup: Option<&mut Signal>) {
-    let Some(signal) = hangup else { return pending().await };
-    if signal.recv().await.is_none() {
-        pending().await // there are no more
-    }
+    problems.iter().for_each(|problem| tracing::error!("{problem}"));
+    Ok((pages, problems))
 }
 
 /// The daemon on the buses of its configuration, of which `reload` knows the text.
@@ -368,7 +310,7 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     match daemon.add_buses(&config) {
         Ok(()) => daemon.until_the_end().await,
         Err(error) => {
-            daemon.close().await.unwrap_or_else(|late| tracing::error!("{late:#}"));
+            close(daemon.tasks).await.unwrap_or_else(|late| tracing::error!("{late:#}"));
             Err(error)
         }
     }

@@ -5,7 +5,6 @@
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Prints a line, like `println!`.
@@ -18,8 +17,6 @@ macro_rules! say {
 static GONE: AtomicBool = AtomicBool::new(false);
 /// Standard output carries data: text for people goes to standard error.
 static ASIDE: AtomicBool = AtomicBool::new(false);
-/// What takes lines for standard error, where nobody may wait for its reader; says whether it took one.
-static ERRORS: OnceLock<fn(Arguments<'_>) -> bool> = OnceLock::new();
 
 /// Longest message of a failure, in characters: what a file holds may be in it.
 pub const FAILURE_CHARS_MAX: usize = 4_000;
@@ -29,13 +26,7 @@ pub fn step_aside() {
     ASIDE.store(true, Ordering::Relaxed);
 }
 
-/// From now on lines for standard error go there first.
-pub fn lead_errors_to(taker: fn(Arguments<'_>) -> bool) {
-    let _ = ERRORS.set(taker); // called once
-}
-
 /// Whether the reader of the text has gone: who only prints may end.
-#[cfg_attr(not(feature = "client"), allow(dead_code))] // asked by what prints for ever
 pub fn reader_has_gone() -> bool {
     GONE.load(Ordering::Relaxed)
 }
@@ -58,9 +49,6 @@ pub fn line(text: Arguments<'_>) {
 
 /// Writes a line to standard error; whether anybody reads it changes nothing.
 pub fn error_line(text: Arguments<'_>) {
-    if ERRORS.get().is_some_and(|take| take(text)) {
-        return;
-    }
     let mut out = std::io::stderr().lock();
     let _ = out.write_fmt(text).and_then(|()| out.write_all(b"\n"));
 }

@@ -22,23 +22,17 @@ pub fn limits(config: &Config) -> Limits {
 }
 
 /// Where the services go besides: to the page and to the metrics, where they are configured.
-#[cfg_attr(not(feature = "page"), allow(unused_variables, clippy::unnecessary_wraps))]
 pub fn share_with_pages(
     config: &Config,
     cancel: &CancellationToken,
     parts: &mut Parts,
 ) -> anyhow::Result<Vec<oneshot::Sender<SharedServices>>> {
-    #[cfg(feature = "page")]
-    {
-        let start = |site: crate::page::Site| {
-            let (share, end) = site.start(cancel.clone())?;
-            parts.spawn(end);
-            Ok(share)
-        };
-        crate::page::sites(config).into_iter().map(start).collect()
-    }
-    #[cfg(not(feature = "page"))]
-    Ok(Vec::new())
+    let start = |site: crate::page::Site| {
+        let (share, end) = site.start(cancel.clone())?;
+        parts.spawn(end);
+        Ok(share)
+    };
+    crate::page::sites(config).into_iter().map(start).collect()
 }
 
 /// Serves to the end, on the runtime that it is called on.

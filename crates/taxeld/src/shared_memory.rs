@@ -1,40 +1,46 @@
 //! The newest force of each patch in shared memory: written by the engine's own task as it publishes, before
 //! the service hears of it.
 
-mod keeper;
-
 use std::path::Path;
 use std::sync::Arc;
 
-pub use keeper::Keeper;
-use taxel_engine::plan::Plan;
+use anyhow::Context;
+use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
-use taxel_shm::{PageWriter, Sample, State, Text};
-use tokio::sync::mpsc;
+use taxel_rpc::STALLED_AFTER;
+use taxel_shm::{Folder, Limits, PageWriter, Permissions, Sample, State, Text};
 
 use crate::config::SharedMemorySection;
 
 /// The pages of a daemon. Dropped, each says that nobody is behind it any more.
 #[derive(Debug, Default)]
 pub struct Pages {
-    /// By the patch's position in the plan; none where a page could not be made yet.
+    /// By the patch's position in the plan; none where a page could not be made.
     pages: Vec<Option<PageWriter>>,
-    /// Pages that were made since, with the patch's position.
-    made: Option<mpsc::Receiver<(usize, PageWriter)>>,
 }
 
 impl Pages {
-    /// Makes the pages that the section wants, one for each patch of the plan, with the one who keeps them; none without a
-    /// section. What the machine is short of ends nothing: a page is made once it can be had.
+    /// Makes the pages that the section wants, one for each patch of the plan; none without a section. Gives also, in words,
+    /// which could not be made: the daemon runs without those.
     ///
     /// # Errors
-    /// What is wrong with the folder or the group.
-    pub fn make(section: Option<&SharedMemorySection>, plan: &Plan) -> anyhow::Result<(Self, Option<Keeper>)> {
-        let Some(section) = section else { return Ok((Self::default(), None)) };
-        let (keeper, made) = Keeper::begin(section, plan)?;
-        let mut pages = Self { pages: plan.patches.iter().map(|_| None).collect(), made: Some(made) };
-        pages.take_made();
-        Ok((pages, Some(keeper)))
+    /// If there is no such group.
+    pub fn make(section: Option<&SharedMemorySection>, plan: &Plan) -> anyhow::Result<(Self, Vec<String>)> {
+        let Some(section) = section else { return Ok((Self::default(), Vec::new())) };
+        let folder = Folder::open(&section.path, permissions(section)?);
+        let mut problems = Vec::new();
+        let mut page = |patch: &PatchPlan| {
+            let (name, limits) = (patch.patch.name(), Limits { age: patch.live.stale_after, beat: STALLED_AFTER });
+            let why = match folder.as_ref().map(|folder| folder.page(name, limits)) {
+                Ok(Ok(page)) => return Some(page),
+                Ok(Err(error)) => error.to_string(),
+                Err(error) => error.to_string(),
+            };
+            problems.push(format!("no force of {name} in shared memory: {why}; a restart tries it again"));
+            None
+        };
+        let pages = plan.patches.iter().map(&mut page).collect();
+        Ok((Self { pages }, problems))
     }
 
     /// Where they are.
@@ -43,16 +49,8 @@ impl Pages {
     }
 
     /// The engine's task has its turn now: readers judge by this whether the engine runs.
-    pub fn beat(&mut self) {
-        self.take_made();
+    pub fn beat(&self) {
         self.pages.iter().flatten().for_each(PageWriter::beat);
-    }
-
-    /// A page that takes the place of another has a force with the next scan. The other one says that it is over.
-    fn take_made(&mut self) {
-        while let Some((position, page)) = self.made.as_mut().and_then(|made| made.try_recv().ok()) {
-            self.pages[position] = Some(page);
-        }
     }
 
     /// New state of the patch at this position of the plan.
@@ -61,6 +59,23 @@ impl Pages {
             page.write(&sample(snapshot));
         }
     }
+}
+
+fn permissions(section: &SharedMemorySection) -> anyhow::Result<Permissions> {
+    let SharedMemorySection { mode, group, .. } = section;
+    let group = group.as_ref().map(|name| {
+        taxel_rpc::group_id(name).with_context(|| format!("shared_memory.group: there is no group `{name}`"))
+    });
+    Ok(Permissions { mode: *mode, group: group.transpose()? })
+}
+
+/// Takes the folder of the section, and gives it back at once.
+///
+/// # Errors
+/// Why it cannot be had.
+#[cfg(feature = "sim")]
+pub fn try_folder(section: &SharedMemorySection) -> anyhow::Result<()> {
+    Folder::open(&section.path, permissions(section)?).map(drop).context("shared_memory.path")
 }
 
 /// The snapshot as a page has it.

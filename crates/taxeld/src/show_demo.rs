@@ -11,18 +11,17 @@ use indicatif::ProgressBar;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Outputs, Plan};
 use taxel_rpc::Rules;
-use taxel_sim::{Effect, STANDARD_GRAVITY};
+use taxel_sim::STANDARD_GRAVITY;
 use taxel_skin::{BusIndex, Geometry};
 use taxel_store::models_json;
 
 use crate::clock::RunClock;
 use crate::config::{self, Config, Door, Doors, Scene, SharedMemorySection};
-#[cfg(feature = "page")]
 use crate::config::{MetricsSection, PageSection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::picture;
 use crate::run::Daemon;
-use crate::shared_memory::Pages;
+use crate::shared_memory::try_folder;
 use crate::store_at::StoreAt;
 
 /// What can be asked of the demo.
@@ -52,10 +51,6 @@ pub struct DemoArgs {
     /// Leave the area of excluded taxels out of the force, as the paper does.
     #[arg(long)]
     no_fill: bool,
-    /// Only say what the force error is made of: a table over what makes a real skin worse than an ideal one, each by
-    /// itself and all together, beside the paper's recipe. Takes a minute for ten skins.
-    #[arg(long, conflicts_with_all = ["svg", "bare", "listen", "shared_memory"])]
-    effects: bool,
     /// Draw measured against true force as a picture.
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
@@ -68,11 +63,8 @@ pub struct DemoArgs {
 pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     let (config, scene) = scene(!args.no_fill)?;
     let plan = Arc::new(scene.plan.clone());
-    if args.effects {
-        return crate::demo_effects::print(&plan, args.seed..args.seed + args.skins);
-    }
     if args.shared_memory.is_some() {
-        Pages::make(Some(&pages_section(args)?), &plan)?; // what cannot be had is told before the work, and not after it
+        try_folder(&pages_section(args)?)?; // what cannot be had is told before the work, and not after it
     }
     say!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
     let outcomes = if args.bare { Vec::new() } else { procedures(args, &plan)? };
@@ -119,7 +111,7 @@ fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>>
     let mut outcomes = Vec::new();
     for seed in args.seed..args.seed + args.skins {
         let begun = Instant::now();
-        let outcome = procedure(plan, seed, &Effect::ALL, &|what| {
+        let outcome = procedure(plan, seed, &|what| {
             if begun.elapsed() > Duration::from_secs(1) {
                 bar.set_message(what.to_owned());
             }
@@ -179,7 +171,6 @@ fn print_table(args: &DemoArgs, outcomes: &[Outcome]) {
 /// Gives the demo its page, on another port if the usual one is taken. Its address.
 ///
 /// The port is kept from here on: of several demos that start at one moment each has its own.
-#[cfg(feature = "page")]
 fn with_page(config: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
     let bound = crate::page::bind_some(PageSection::default().listen).context("a port for the page")?;
     let listen = bound.local_addr()?;
@@ -188,19 +179,12 @@ fn with_page(config: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
     Ok(Some(listen))
 }
 
-/// This build has no page.
-#[cfg(not(feature = "page"))]
-#[allow(clippy::unnecessary_wraps)] // as with a page
-const fn with_page(_: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
-    Ok(None)
-}
-
 /// Gives the demo its page in shared memory, in the folder that was asked for, or in the usual one if it can be had. The
 /// folder, if there is one.
-fn with_shared_memory(args: &DemoArgs, config: &mut Config, plan: &Plan) -> anyhow::Result<Option<PathBuf>> {
+fn with_shared_memory(args: &DemoArgs, config: &mut Config) -> anyhow::Result<Option<PathBuf>> {
     let section = pages_section(args)?;
-    match Pages::make(Some(&section), plan) {
-        Ok(_) => {} // the daemon makes its own
+    match try_folder(&section) {
+        Ok(()) => {} // the daemon takes it
         Err(error) if args.shared_memory.is_some() => return Err(error),
         Err(error) => {
             say!("*** No force in shared memory: {error:#}");
@@ -231,7 +215,7 @@ async fn serve_live(
     let usual = SocketAddr::from((Ipv4Addr::LOCALHOST, 50_051));
     let listen = address(args.listen, usual)?;
     let page = with_page(&mut config)?;
-    let memory = with_shared_memory(args, &mut config, &scene.plan)?;
+    let memory = with_shared_memory(args, &mut config)?;
     // Whoever plays with a simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::Live).await?;

@@ -7,8 +7,8 @@
     else:
         do_without(force.why)
 
-A page that another account can have put there is none: from / on, what lies where others write has to belong to root, to
-this account, or to `owner`.
+A page that another account can have made is none: it has to belong to root, to this account or to `owner`, or lie where
+nobody else can write in any folder of its path.
 
 The layout of a page is in deploy/shared-memory.md. Python has no memory barriers, so a sample is also checked by its CRC.
 """
@@ -18,11 +18,11 @@ from __future__ import annotations
 import math
 import mmap
 import os
-import stat
+import pathlib
 import struct
 import time
 import zlib
-from typing import Optional, Tuple, Union
+from typing import Optional, Union
 
 from .force import Force, NoForce, Why, judge, state_name
 
@@ -47,46 +47,25 @@ def _text(raw: bytes) -> str:
     return raw.split(b"\0", 1)[0].decode("utf-8", "ignore")
 
 
-def _way_to(path: str, owner: Optional[int]) -> Tuple[str, os.stat_result]:
-    """Where a page really is, and what is known of it, if nobody but root, this account and `owner` can have put it there."""
-    left, at, about, links = os.path.abspath(path).split("/"), "/", os.lstat("/"), 0
-    while left:
-        step = left.pop(0)
-        if step in ("", "."):
-            continue
-        if step == "..":
-            at = os.path.dirname(at)
-            about = os.lstat(at)
-            continue
-        following = os.path.join(at, step)
-        found = os.lstat(following)
-        if about.st_mode & 0o022 and found.st_uid not in (0, os.geteuid(), owner):
-            raise ValueError(f"{following}: it belongs to user {found.st_uid}, who can have made it to deceive")
-        if not stat.S_ISLNK(found.st_mode):
-            at, about = following, found
-            continue
-        links += 1
-        if links > 40:
-            raise ValueError(f"{path}: too many symbolic links lead to it")
-        target = os.readlink(following)
-        if target.startswith("/"):
-            at, about = "/", os.lstat("/")
-        left = target.split("/") + left
-    if about.st_mode & 0o022:
-        raise ValueError(f"{at}: others may write in it")
-    return at, about
+def _believe(path: str, page: os.stat_result, owner: Optional[int]) -> None:
+    """Refuses a page that somebody else than root, this account and `owner` can have made."""
+    if page.st_mode & 0o022:
+        raise ValueError(f"{path}: others may write in it")
+    if page.st_uid in (0, os.geteuid(), owner):
+        return
+    for folder in pathlib.Path(os.path.abspath(path)).parents:
+        if os.stat(folder).st_mode & 0o022:
+            raise ValueError(f"{path}: it belongs to user {page.st_uid}, and others may write in {folder}")
 
 
 class _Page:
     """One page of one run of a daemon."""
 
     def __init__(self, path: str, owner: Optional[int] = None):
-        real, expected = _way_to(path, owner)
-        descriptor = os.open(real, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         try:
             about = os.fstat(descriptor)
-            if (about.st_dev, about.st_ino) != (expected.st_dev, expected.st_ino):
-                raise ValueError(f"{path}: it was replaced while it was being opened")
+            _believe(path, about, owner)
             if about.st_size < PAGE_BYTES:
                 raise ValueError(f"{path}: {about.st_size} bytes, expected {PAGE_BYTES}")
             self._memory = mmap.mmap(descriptor, PAGE_BYTES, mmap.MAP_SHARED, mmap.PROT_READ)

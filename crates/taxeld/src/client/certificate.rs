@@ -9,7 +9,6 @@ use super::failure::Outcome;
 use super::use_set::full_id;
 use crate::files;
 use crate::output;
-use crate::same_file::refuse_overwriting;
 
 /// The calibration certificate of a model set: of a running daemon, or of a store.
 #[derive(Debug, clap::Args)]
@@ -39,7 +38,6 @@ pub struct CertificateArgs {
 /// # Errors
 /// Refused with the daemon's reason, no daemon, a store that cannot be read, or a file that cannot be written.
 pub async fn certificate(args: CertificateArgs) -> Outcome {
-    refuse_overwriting(&args.out, &args.server.files())?;
     let made = match &args.config {
         Some(config) => offline(config, &args)?,
         None => {
@@ -68,7 +66,6 @@ pub async fn certificate(args: CertificateArgs) -> Outcome {
 #[cfg(feature = "certificate")]
 fn offline(config: &Path, args: &CertificateArgs) -> Outcome<Certificate> {
     let (file, scene) = crate::config::examine(config).map_err(anyhow::Error::from)?;
-    refuse_overwriting(&args.out, &crate::named_files::named_files(&file, &scene.doors, config))?;
     let wanted = (args.model_set.as_deref(), args.server.patch());
     let (model_set, made) = crate::certificate::of_store(&file, &scene, wanted)?;
     let taxel_rpc::MadeCertificate { number, json, html } = made;

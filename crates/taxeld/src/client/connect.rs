@@ -2,9 +2,7 @@
 
 use std::path::PathBuf;
 
-#[cfg(feature = "tls")]
 use anyhow::Context;
-#[cfg(feature = "tls")]
 use taxel_client::TlsOptions;
 use taxel_client::{Address, ConnectError, Line, Options};
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
@@ -30,7 +28,6 @@ pub struct Server {
     /// File whose first line is the token to show.
     #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE")]
     token: Option<PathBuf>,
-    #[cfg(feature = "tls")]
     #[command(flatten)]
     certificates: Certificates,
     /// The patch, needed only if the daemon has several.
@@ -39,7 +36,6 @@ pub struct Server {
 }
 
 /// What an address that begins with https:// needs. PEM files.
-#[cfg(feature = "tls")]
 #[derive(Clone, Debug, clap::Args)]
 pub struct Certificates {
     /// The authority that signed the daemon's certificate, for https://.
@@ -65,18 +61,8 @@ pub struct Daemon {
 
 impl Server {
     /// The patch that was named, if one was.
-    #[cfg(feature = "certificate")]
     pub fn patch(&self) -> Option<&str> {
         Some(self.patch.as_str()).filter(|patch| !patch.is_empty())
-    }
-
-    /// The files that the connection is made with: no output may overwrite one.
-    pub fn files(&self) -> Vec<PathBuf> {
-        #[cfg(feature = "tls")]
-        let Certificates { ca, certificate, key, .. } = &self.certificates;
-        #[cfg(not(feature = "tls"))]
-        let [ca, certificate, key] = [const { &None }; 3];
-        [&self.token, ca, certificate, key].into_iter().flatten().cloned().collect()
     }
 
     /// Opens the connection.
@@ -87,7 +73,6 @@ impl Server {
         let address = self.server.clone().unwrap_or_else(Address::local);
         let options = Options {
             token: self.token.clone(),
-            #[cfg(feature = "tls")]
             tls: self.certificates.read().context("certificates")?,
             ..Options::new(address)
         };
@@ -100,7 +85,6 @@ impl Server {
     }
 }
 
-#[cfg(feature = "tls")]
 impl Certificates {
     fn read(&self) -> anyhow::Result<Option<TlsOptions>> {
         let (Some(ca), Some(certificate), Some(key)) = (&self.ca, &self.certificate, &self.key) else {

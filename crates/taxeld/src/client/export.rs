@@ -13,7 +13,6 @@ use super::exported::Exported;
 use super::failure::{Failure, Outcome};
 use crate::files;
 use crate::output::{Output, quiet_end};
-use crate::same_file::refuse_overwriting;
 
 /// Which session, and where it goes.
 #[derive(Debug, clap::Args)]
@@ -37,13 +36,11 @@ enum Format {
     /// A table: figures of the session and its zeros, then seconds since the first scan, kPa, and a count a taxel.
     Csv,
     /// A container of messages: the session, the zeros of its ramps, its samples.
-    #[cfg(feature = "record")]
     Mcap,
 }
 
 impl ExportArgs {
     fn format(&self) -> Format {
-        #[cfg(feature = "record")]
         if self.format.is_none() && self.out.extension().is_some_and(|end| end == "mcap") {
             return Format::Mcap;
         }
@@ -56,13 +53,11 @@ impl ExportArgs {
 /// # Errors
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
-    refuse_overwriting(&[&args.out], &args.server.files()).map_err(|why| Failure::refused(why.to_string()))?;
     let daemon = args.server.connect().await?;
     let request = ExportSamplesRequest { session: args.session };
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();
     let Exported { written, in_all } = match args.format() {
         Format::Csv => csv(&args.out, blocks).await?,
-        #[cfg(feature = "record")]
         Format::Mcap => super::export_mcap::mcap(&daemon, args.session, &args.out, blocks).await?,
     };
     if in_all == 0 && written == 0 {

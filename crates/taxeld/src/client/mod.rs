@@ -13,7 +13,6 @@ mod compare;
 mod connect;
 mod events;
 mod export;
-#[cfg(feature = "record")]
 mod export_mcap;
 mod exported;
 mod failure;
@@ -23,7 +22,6 @@ mod load;
 mod models;
 mod places;
 mod recalibrate;
-#[cfg(feature = "record")]
 mod record;
 mod refit;
 mod sessions;
@@ -65,7 +63,6 @@ pub enum ClientCommand {
     /// What happened since the daemon's start: zeros, faults, activations, sessions, buses.
     Events(events::EventsArgs),
     /// Force and events as MCAP files in a folder.
-    #[cfg(feature = "record")]
     Record(record::RecordArgs),
 }
 
@@ -98,7 +95,6 @@ async fn one(command: ClientCommand) -> failure::Outcome {
         ClientCommand::Certificate(args) => certificate::certificate(args).await,
         ClientCommand::Audit(args) => audit::audit(args).await,
         ClientCommand::Events(args) => events::events(args).await,
-        #[cfg(feature = "record")]
         ClientCommand::Record(args) => record::record(args).await,
     }
 }

@@ -17,7 +17,6 @@ use super::use_set::{SetInWords, UseArgs, full_id, use_set};
 use super::{ask, json, table};
 use crate::files;
 use crate::output;
-use crate::same_file::refuse_overwriting;
 
 /// Model sets: what sessions produced.
 #[derive(Debug, clap::Args)]
@@ -111,7 +110,6 @@ pub async fn models(args: ModelsArgs) -> Outcome {
         ModelsCommand::Show { of, model_set, taxel } => show(&of, model_set.as_deref(), taxel).await,
         ModelsCommand::Use(args) => use_set(args).await,
         ModelsCommand::Export { of, model_set, out } => {
-            refuse_overwriting(&[&out], &of.server.files())?;
             let daemon = of.server.connect().await?;
             let model_set = wanted(&daemon, model_set.as_deref()).await?;
             let request = ExportModelSetRequest { model_set, patch: daemon.patch() };

@@ -39,15 +39,6 @@ pub struct Doors {
 }
 
 impl Doors {
-    /// Sockets, certificates and keys, and the tokens.
-    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
-        let socket = |door: &Door| match door {
-            Door::Unix { path, .. } => Some(path.clone()),
-            Door::Tcp(_) | Door::Tls { .. } => None,
-        };
-        self.doors.iter().filter_map(socket).chain(self.credentials())
-    }
-
     /// Certificates and keys, and the tokens.
     pub fn credentials(&self) -> impl Iterator<Item = PathBuf> {
         let of_door = |door: &Door| match door {
@@ -177,7 +168,6 @@ fn door(section: &ListenSection, beside: &impl Fn(&Path) -> PathBuf) -> Result<D
         }
         (None, Some(_)) if of_unix => Err("`mode` and `group` are for `unix`, not for `tcp`".to_owned()),
         (None, Some(address)) => match &section.tls {
-            Some(_) if !cfg!(feature = "tls") => Err("this build has no TLS (cargo feature `tls`)".to_owned()),
             Some(tls) => {
                 let files = [&tls.certificate, &tls.key, &tls.client_ca].map(|file| beside(file));
                 Ok(Door::Tls { address, files })
@@ -276,10 +266,6 @@ mod tests {
             "[[listen]]\nunix = \"/run/taxeld/s\"\nmode = 0o600\n[[listen]]\ntcp = \"0.0.0.0:50052\"\n{tls}\n[access]"
         );
         let found = resolved(&more);
-        if !cfg!(feature = "tls") {
-            assert!(found.unwrap_err().contains("cargo feature `tls`"));
-            return;
-        }
         let files = ["/etc/taxeld/s.pem", "/run/k.pem", "/etc/taxeld/ca.pem"].map(PathBuf::from);
         let unix = Door::Unix { path: "/run/taxeld/s".into(), mode: 0o600, group: None };
         assert_eq!(found.unwrap().doors, [unix, Door::Tls { address: "0.0.0.0:50052".parse().unwrap(), files }]);

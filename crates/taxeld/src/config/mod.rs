@@ -37,15 +37,12 @@ pub use examine::{Problems, examine, examine_text, examine_with, read_text};
 pub use fault::Fault;
 pub use file::Config;
 pub use listen::Doors;
-#[cfg(all(test, feature = "tls", feature = "record"))]
-pub use listen::doors;
-pub use load::{beside, parse};
+pub use load::parse;
 pub use log_filter::log_filter;
 pub use modules::KindWord;
 pub use modules::written as modules_written;
-#[cfg(all(feature = "sim", feature = "page"))]
+#[cfg(feature = "sim")]
 pub use page_section::{MetricsSection, PageSection};
-#[cfg(feature = "record")]
 pub use parts::BusSection;
 pub use parts::BusSource;
 pub use record_section::RecordSection;

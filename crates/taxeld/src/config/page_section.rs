@@ -38,10 +38,6 @@ pub struct MetricsSection {
 
 /// What is wrong with the sections, if anything is.
 pub fn problem(page: Option<&PageSection>, metrics: Option<&MetricsSection>) -> Option<Fault> {
-    if cfg!(not(feature = "page")) && (page.is_some() || metrics.is_some()) {
-        let key = if page.is_some() { "page" } else { "metrics" };
-        return Some(Fault::of(key, "[page], [metrics]: this build has neither (cargo feature `page`)"));
-    }
     if metrics.is_some_and(|metrics| metrics.listen.is_none()) && page.is_none() {
         return Some(Fault::of("metrics", "[metrics]: without a [page] beside which to serve them, listen is needed"));
     }
@@ -82,7 +78,7 @@ fn strange_host(section: &PageSection) -> Option<Fault> {
     Some(Fault::of("page.hosts", words))
 }
 
-#[cfg(all(test, feature = "page"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -7,10 +7,6 @@ use taxel_rpc::Limits;
 
 use super::fault::Fault;
 
-/// With `low_latency` a message to one subscriber, 3 to 5 us, is time in which no frame is taken: all of them at 1 kHz take a
-/// sixth of the thread, and delay a frame by 0.16 ms at most.
-const LOW_LATENCY_STREAMS_MAX: usize = 32;
-
 /// More connections or streams than any machine serves.
 const COUNT_MAX: usize = 100_000;
 
@@ -20,9 +16,6 @@ const COUNT_MAX: usize = 100_000;
 pub struct ServiceSection {
     /// Where gRPC is served; loopback only. Absent, 127.0.0.1:50051, unless there is a `[[listen]]`.
     pub listen: Option<SocketAddr>,
-    /// Whether all is done for the time from a frame to its reader: the service shares the engine's thread, and the machine's
-    /// processors are kept awake.
-    pub low_latency: bool,
     /// Most streams at a time; absent, [`ServiceSection::streams`] says how many.
     pub subscribers_max: Option<usize>,
     /// Of one peer: an account on the Unix socket, a certificate, or an address; absent, [`ServiceSection::streams_of_one`]
@@ -34,20 +27,14 @@ pub struct ServiceSection {
 
 impl Default for ServiceSection {
     fn default() -> Self {
-        Self {
-            listen: None,
-            low_latency: false,
-            subscribers_max: None,
-            subscribers_per_peer_max: None,
-            connections_max: 128,
-        }
+        Self { listen: None, subscribers_max: None, subscribers_per_peer_max: None, connections_max: 128 }
     }
 }
 
 impl ServiceSection {
     /// Most streams at a time.
     pub fn streams(&self) -> usize {
-        self.subscribers_max.unwrap_or(if self.low_latency { LOW_LATENCY_STREAMS_MAX } else { 128 })
+        self.subscribers_max.unwrap_or(128)
     }
 
     /// Most streams of one peer at a time.
@@ -70,15 +57,8 @@ impl ServiceSection {
             ("service.subscribers_per_peer_max", self.streams_of_one()),
             ("service.connections_max", self.connections_max),
         ];
-        if let Some((key, count)) = counts.into_iter().find(|(_, count)| !(1..=COUNT_MAX).contains(count)) {
-            return Some(Fault::of(key, format!("{key} = {count}: expected 1 to {COUNT_MAX}")));
-        }
-        let streams = self.subscribers_max.filter(|most| self.low_latency && *most > LOW_LATENCY_STREAMS_MAX)?;
-        let words = format!(
-            "service.subscribers_max = {streams}: expected at most {LOW_LATENCY_STREAMS_MAX} with low_latency = true, where \
-             subscribers share a thread with the engine"
-        );
-        Some(Fault::of("service.subscribers_max", words))
+        let (key, count) = counts.into_iter().find(|(_, count)| !(1..=COUNT_MAX).contains(count))?;
+        Some(Fault::of(key, format!("{key} = {count}: expected 1 to {COUNT_MAX}")))
     }
 }
 
@@ -96,21 +76,15 @@ mod tests {
         let read = |text: &str| toml::from_str::<ServiceSection>(text).unwrap();
         let of_one = |text: &str| (read(text).streams_of_one(), read(text).connections_of_one());
         assert_eq!(of_one(""), (100, 96));
-        assert_eq!(of_one("low_latency = true").0, 21);
         assert_eq!(of_one("subscribers_max = 2\nconnections_max = 20"), (1, 10));
         assert_eq!(of_one("subscribers_max = 2\nsubscribers_per_peer_max = 2").0, 2, "as it says");
     }
 
     #[test]
-    fn with_low_latency_few_subscribe() {
+    fn a_count_of_nothing_or_beyond_any_machine_is_refused() {
         let read = |text: &str| toml::from_str::<ServiceSection>(text).unwrap();
         assert_eq!((read("").streams(), read("").problem()), (128, None));
-        assert_eq!(read("low_latency = true").streams(), LOW_LATENCY_STREAMS_MAX);
         assert_eq!((read("subscribers_max = 1000").streams(), read("subscribers_max = 1000").problem()), (1000, None));
-        let few = read("low_latency = true\nsubscribers_max = 4");
-        assert_eq!((few.streams(), few.problem()), (4, None));
-        let said = read("low_latency = true\nsubscribers_max = 33").problem().unwrap();
-        assert!(said.words().contains("subscribers_max = 33: expected at most 32"), "{said:?}");
         assert!(
             read("subscribers_max = 9223372036854775807").problem().unwrap().words().contains("expected 1 to 100000")
         );

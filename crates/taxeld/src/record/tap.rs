@@ -1,40 +1,33 @@
 //! Where a bus's task gives what it received, on its way to the engine.
 
-#[cfg(feature = "record")]
 use taxel_can::ClockReading;
 use taxel_engine::BusNotice;
 use taxel_wire::TimedFrame;
 
 /// The taps of all buses; of those that are not recorded there is none.
 #[derive(Default)]
-pub struct Taps(#[cfg(feature = "record")] Vec<Option<taxel_mcap::FrameTap>>);
+pub struct Taps(Vec<Option<taxel_mcap::FrameTap>>);
 
 impl Taps {
     /// A tap for each bus.
-    #[cfg(feature = "record")]
     pub fn new(taps: Vec<Option<taxel_mcap::FrameTap>>) -> Self {
         Self(taps)
     }
 
     /// Each bus's own beside its tap.
     pub fn beside<T>(self, buses: Vec<T>) -> Vec<Option<(T, Tap)>> {
-        #[cfg(feature = "record")]
-        let mut taps = self.0.into_iter().map(|tap| Tap(tap));
-        #[cfg(not(feature = "record"))]
-        let mut taps = std::iter::empty();
+        let mut taps = self.0.into_iter().map(Tap);
         buses.into_iter().map(|bus| Some((bus, taps.next().unwrap_or_default()))).collect()
     }
 }
 
 /// The tap of one bus.
 #[derive(Default)]
-pub struct Tap(#[cfg(feature = "record")] Option<taxel_mcap::FrameTap>);
+pub struct Tap(Option<taxel_mcap::FrameTap>);
 
 impl Tap {
     /// Copies what a bus gave, and what its controller told. Never waits.
-    #[cfg_attr(not(feature = "record"), allow(unused_variables, clippy::unused_self))]
     pub fn look(&mut self, frames: &[TimedFrame], errors: &[TimedFrame], notices: &[BusNotice]) {
-        #[cfg(feature = "record")]
         if let Some(tap) = &mut self.0 {
             for notice in notices {
                 if let BusNotice::Dropped(frames) = notice {
@@ -48,7 +41,7 @@ impl Tap {
     }
 }
 
-#[cfg(all(test, feature = "record"))]
+#[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
     use std::io::Read;
@@ -62,7 +55,7 @@ mod tests {
     use tokio_util::sync::CancellationToken;
 
     use super::*;
-    use crate::bus::{self, BusEnd, Ends, Rest};
+    use crate::bus::{self, BusEnd, Ends};
 
     /// A bus of which the controller goes off, and nothing more comes.
     struct GoesOff(bool);
@@ -105,7 +98,7 @@ mod tests {
         let taps = Taps::new(vec![Some(FrameTap::new(queue, 0, "skin".to_owned(), "can7".to_owned()))]);
         let (to_send, tap) = taps.beside(vec![to_send]).pop().flatten().unwrap();
         let ends = Ends { to_engine, to_send, tap };
-        let end = bus::run(BusIndex(0), GoesOff(false), ends, Rest::never(), CancellationToken::new()).await;
+        let end = bus::run(BusIndex(0), GoesOff(false), ends, CancellationToken::new()).await;
         assert_eq!((end, engine.recv().await.unwrap().notices), (BusEnd::LogOver, vec![BusNotice::BusOff]));
         recorder.finish();
         let files = Folder::list(scratch.path()).unwrap();

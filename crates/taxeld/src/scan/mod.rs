@@ -22,7 +22,6 @@ use crate::files;
 use crate::log_words::{cut_off, expect_frames, tell};
 use crate::open_log::{Wanted, open_log};
 use crate::output;
-use crate::same_file::refuse_overwriting;
 use crate::say;
 use findings::Findings;
 use survey::Survey;
@@ -78,9 +77,6 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         say::step_aside();
     }
     let scene = args.config.as_deref().map(read).transpose()?;
-    if let (Some(out), Some(file), Some((config, scene))) = (&args.out, &args.config, &scene) {
-        refuse_overwriting(&[out], &crate::named_files::named_files(config, &scene.doors, file))?;
-    }
     let bus = scene.as_ref().map(|(config, _)| bus_of(config, args.interface.as_deref())).transpose()?;
     let runtime = crate::runtime::runtime()?;
     let Heard { mut findings, interface, .. } = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;

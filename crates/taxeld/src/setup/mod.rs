@@ -22,7 +22,6 @@ use taxel_skin::PositionFile;
 use crate::config;
 use crate::files::{self, read_any_text};
 use crate::output;
-use crate::same_file::refuse_overwriting;
 use crate::say;
 use compose::{PatchDraft, Sources, compose};
 use drawing::Drawing;
@@ -64,9 +63,6 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     if args.out.exists() && !standard && !args.force {
         bail!("{}: is there already; --force writes over it", args.out.display());
     }
-    let inputs = args.positions.iter().chain(&args.layout).map(|argument| named(argument).1).chain(args.xml.clone());
-    let inputs: Vec<PathBuf> = inputs.collect();
-    refuse_overwriting(&[&args.out], &inputs)?;
     if standard {
         say::step_aside();
     }
@@ -125,7 +121,7 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
             bail!("{}: a drawing of {} was given before: one is expected", path.display(), part.name());
         }
     }
-    let robot = Robot::read(&args.xml, &args.out)?;
+    let robot = Robot::read(&args.xml)?;
     let (mut drafts, mut found): (Vec<PatchDraft>, Vec<Option<Source>>) = (Vec::new(), Vec::new());
     for sources in &sources {
         let part = sources.part.name();

@@ -12,7 +12,6 @@ use super::part::Part;
 use super::robot_xml::{Port, RobotXml, SkinDevice, Wrapper};
 use super::settings::Settings;
 use crate::files::read_any_text;
-use crate::same_file::refuse_overwriting;
 
 /// Values of a board on a port.
 const BOARD_VALUES: usize = 16 * 12;
@@ -49,14 +48,14 @@ pub struct Source {
 }
 
 impl Robot {
-    /// Reads the files and what they include, as far as that is there. None of them is `out`.
+    /// Reads the files and what they include, as far as that is there.
     ///
     /// # Errors
     /// The file that cannot be read, and why.
-    pub fn read(given: &[PathBuf], out: &Path) -> anyhow::Result<Self> {
+    pub fn read(given: &[PathBuf]) -> anyhow::Result<Self> {
         let mut robot = Self::default();
         for path in given {
-            robot.take(path, true, out)?;
+            robot.take(path, true)?;
         }
         let mut next = 0;
         while next < robot.files.len() {
@@ -64,14 +63,14 @@ impl Robot {
             let own = file.read.includes.iter().chain(file.read.devices.iter().flat_map(|device| &device.includes));
             let found: Vec<PathBuf> = own.filter_map(|href| robot.find(next, href)).collect();
             for path in found {
-                robot.take(&path, false, out)?;
+                robot.take(&path, false)?;
             }
             next += 1;
         }
         Ok(robot)
     }
 
-    fn take(&mut self, path: &Path, given: bool, out: &Path) -> anyhow::Result<()> {
+    fn take(&mut self, path: &Path, given: bool) -> anyhow::Result<()> {
         let real = real(path);
         if self.files.iter().any(|file| file.real == real) {
             return Ok(());
@@ -79,7 +78,6 @@ impl Robot {
         if self.files.len() >= FILES_MAX {
             bail!("the files include more than {FILES_MAX} others: give those of the skin alone");
         }
-        refuse_overwriting(&[out], &[path])?;
         let text = read_any_text(path).with_context(|| path.display().to_string())?;
         let read = RobotXml::parse(&text);
         let read = match read {

@@ -25,7 +25,8 @@ pub struct Screen {
     /// By the names of the patches.
     places: BTreeMap<String, Places>,
     guide: Guide,
-    living: Option<Living>,
+    /// On a terminal.
+    living: Option<(MultiProgress, ProgressBar)>,
     json: bool,
     last: Option<Shown>,
 }
@@ -40,20 +41,14 @@ struct Shown {
     silent: String,
 }
 
-/// The lines of a terminal.
-struct Living {
-    all: MultiProgress,
-    head: ProgressBar,
-    pressure: ProgressBar,
-    coverage: ProgressBar,
-    taxels: ProgressBar,
-    scans: ProgressBar,
-}
-
 impl Screen {
     /// A screen for patches with taxels at these places; `json` for a line of JSON a message instead.
     pub fn new(places: BTreeMap<String, Places>, json: bool) -> Self {
-        let living = (!json && std::io::stderr().is_terminal()).then(Living::new);
+        let living = (!json && std::io::stderr().is_terminal()).then(|| {
+            let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
+            let lines = all.add(ProgressBar::new_spinner().with_style(style("{msg}")));
+            (all, lines)
+        });
         Self { places, guide: Guide::default(), living, json, last: None }
     }
 
@@ -87,7 +82,7 @@ impl Screen {
         let changed =
             last.as_ref().is_none_or(|last| (last.state, last.falling) != (state, falling) || last.advice != advice);
         match &self.living {
-            Some(living) => living.show(session, &advice, &self.silent(session)),
+            Some((_, lines)) => lines.set_message(picture(session, &advice, &self.silent(session))),
             None => {
                 let due = last.as_ref().is_none_or(|last| at - last.at >= LINE_EVERY);
                 if !changed && !due {
@@ -114,7 +109,7 @@ impl Screen {
         self.last = None; // what comes next is told anew
         match &self.living {
             _ if self.json => return json::print("Session", &unknown),
-            Some(living) => living.show(&unknown, &advice, ""),
+            Some((_, lines)) => lines.set_message(picture(&unknown, &advice, "")),
             None => self.tell(&format!("{}: {}", session.patch, advice.words())),
         }
         bell();
@@ -124,8 +119,8 @@ impl Screen {
     /// Says something beside the picture.
     pub fn tell(&self, text: &str) {
         match &self.living {
-            Some(living) => {
-                let _ = living.all.println(text); // a terminal that has gone is noticed elsewhere
+            Some((all, _)) => {
+                let _ = all.println(text); // a terminal that has gone is noticed elsewhere
             }
             None if self.json => {}
             None => say!("{text}"),
@@ -134,17 +129,15 @@ impl Screen {
 
     /// Takes the picture away for good; what is told from now on are plain lines.
     pub fn end(&mut self) {
-        if let Some(living) = self.living.take() {
-            for bar in [&living.head, &living.pressure, &living.coverage, &living.taxels, &living.scans] {
-                bar.finish_and_clear();
-            }
+        if let Some((_, lines)) = self.living.take() {
+            lines.finish_and_clear();
         }
     }
 
     /// Takes the picture away for a question.
     pub fn clear(&self) {
-        if let Some(living) = &self.living {
-            let _ = living.all.clear();
+        if let Some((all, _)) = &self.living {
+            let _ = all.clear();
         }
     }
 
@@ -166,39 +159,17 @@ pub fn bell() {
     }
 }
 
-impl Living {
-    fn new() -> Self {
-        let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
-        let text = |all: &MultiProgress| all.add(ProgressBar::new(1).with_style(style("{msg}")));
-        let bar =
-            |all: &MultiProgress| all.add(ProgressBar::new(1_000).with_style(style("{prefix:10} [{bar:30}] {msg}")));
-        let head = text(&all);
-        let pressure = bar(&all).with_prefix("pressure");
-        let coverage = bar(&all).with_prefix("coverage");
-        let (taxels, scans) = (text(&all), text(&all));
-        Self { all, head, pressure, coverage, taxels, scans }
-    }
-
-    fn show(&self, session: &Session, advice: &Advice, silent: &str) {
-        self.head.set_message(format!(
-            "session {} of {}, ramp {}: {}  {}",
-            session.session,
-            session.patch,
-            session.ramps.max(1),
-            session_word(session.state()),
-            advice.words(),
-        ));
-        let share = session.pressure_kpa.unwrap_or(0.0) / session.target_kpa.max(f64::MIN_POSITIVE);
-        self.pressure.set_position((1e3 * share.clamp(0.0, 1.0)) as u64);
-        self.pressure.set_message(pressure(session));
-        self.coverage.set_position((1e3 * session.coverage.clamp(0.0, 1.0)) as u64);
-        self.coverage.set_message(coverage(session));
-        self.taxels.set_message(taxels(session, silent));
-        self.scans.set_message(scans(session));
-        for bar in [&self.head, &self.taxels, &self.scans] {
-            bar.tick();
-        }
-    }
+/// The picture of a terminal: some lines that are drawn anew.
+fn picture(session: &Session, advice: &Advice, silent: &str) -> String {
+    let (number, patch, ramp) = (session.session, &session.patch, session.ramps.max(1));
+    [
+        format!("session {number} of {patch}, ramp {ramp}: {}  {}", session_word(session.state()), advice.words()),
+        format!("pressure  {}", pressure(session)),
+        format!("coverage  {}", coverage(session)),
+        taxels(session, silent),
+        scans(session),
+    ]
+    .join("\n")
 }
 
 fn pressure(session: &Session) -> String {

@@ -3,7 +3,7 @@
 use taxel_wire::signal::PressureUnit;
 
 /// Keys and what they expect. Sections of lists have no numbers here. The ranges are those that `resolve` checks.
-const EXPECTED: [(&str, &str); 64] = [
+const EXPECTED: [(&str, &str); 63] = [
     ("store.path", "the path of a file, as in \"/var/lib/taxeld/taxeld.db\""),
     ("store.budget_mb", "a whole number of megabytes"),
     ("store.keep_model_sets", "a whole number of model sets"),
@@ -11,7 +11,6 @@ const EXPECTED: [(&str, &str); 64] = [
     ("store.keep_samples", "a whole number of samples"),
     ("store.keep_mb", "a whole number of megabytes"),
     ("service.listen", "an address and a port, as in \"127.0.0.1:50051\""),
-    ("service.low_latency", "true or false"),
     ("service.subscribers_max", "a whole number of streams"),
     ("service.subscribers_per_peer_max", "a whole number of streams"),
     ("service.connections_max", "a whole number of connections"),

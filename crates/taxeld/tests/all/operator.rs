@@ -1,9 +1,5 @@
 //! An operator at the terminal: a whole calibration, a known load and the force, against `taxeld demo` as a process of
 //! its own, through the commands alone.
-#![cfg(all(feature = "sim", feature = "client"))]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
-
-mod demo;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -11,7 +7,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use demo::{Demo, text};
+use crate::common::text;
+use crate::demo::Demo;
 
 #[test]
 fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
@@ -39,7 +36,6 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     demo.leaves(&["sessions", "export", number, "--out", &at("full.csv")]);
     demo.leaves(&["models", "export", "--out", &at("full.json")]);
-    #[cfg(feature = "record")]
     demo.leaves(&["sessions", "export", number, "--out", &at("full.mcap")]);
     #[cfg(feature = "certificate")]
     demo.leaves(&["certificate", "--out", &at("full.html")]);

@@ -1,8 +1,9 @@
 //! `taxeld demo` as a process of its own, and commands against it.
-#![allow(dead_code)] // not each file of tests needs all of it
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Output, Stdio};
+
+use crate::common::text;
 
 /// A demo that ends with its test.
 pub struct Demo {
@@ -91,8 +92,4 @@ impl Drop for Demo {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
-}
-
-pub fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }

@@ -1,32 +1,16 @@
 //! Logs of a bus as they are found: of several interfaces, of a screen, joined, cut off, of a clock that was set.
-#![allow(clippy::unwrap_used, clippy::expect_used)] // a test's helpers fail as the test does
 
 use std::fmt::Write as _;
-use std::path::Path;
-use std::process::{Command, Output, Stdio};
 
 use flate2::{Compression, write::GzEncoder};
 
-fn taxeld(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).stdin(Stdio::piped()).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
+use crate::common::{fails, path, scratch, taxeld, text};
 
 /// What a command that must succeed prints, and what it says beside that.
 fn succeeds(arguments: &[&str]) -> (String, String) {
     let output = taxeld(arguments);
     assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
     (text(&output.stdout), text(&output.stderr))
-}
-
-/// What a command that must fail says.
-fn fails(arguments: &[&str]) -> String {
-    let output = taxeld(arguments);
-    assert!(!output.status.success(), "{arguments:?} succeeded: {}", text(&output.stdout));
-    text(&output.stderr)
 }
 
 const CONFIG: &str = r#"
@@ -100,18 +84,6 @@ fn on_a_screen(log: &str) -> String {
         writeln!(text, " {time}  {interface}  {id}   [{}] {bytes}   '........'", data.len() / 2).unwrap();
     }
     text
-}
-
-fn scratch(files: &[(&str, &str)]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, content) in files {
-        std::fs::write(folder.path().join(name), content).unwrap();
-    }
-    folder
-}
-
-fn path(folder: &Path, name: &str) -> String {
-    folder.join(name).to_str().unwrap().to_owned()
 }
 
 #[test]

@@ -1,6 +1,4 @@
 //! `taxeld fit --paper` and `taxeld paper` as shipped.
-#![allow(clippy::unwrap_used)] // Tests; the exemption knows only functions marked as such.
-#![cfg(feature = "report")]
 
 use std::fmt::Write as _;
 use std::path::Path;

@@ -1,15 +1,12 @@
 //! What a command line owes its users: no input overwritten, pipes, failures that scripts see, messages of a bearable
 //! length, completions and manual pages.
-#![allow(clippy::unwrap_used, clippy::expect_used)] // a test's helpers fail as the test does
 
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
-fn taxeld(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).stdin(Stdio::null()).output().unwrap()
-}
+use crate::common::{taxeld, text};
 
 /// The same with something on its standard input.
 fn piped(arguments: &[&str], input: &str) -> Output {
@@ -22,10 +19,6 @@ fn piped(arguments: &[&str], input: &str) -> Output {
     let output = child.wait_with_output().unwrap();
     writer.join().unwrap();
     output
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// What a command that must fail with code 1 says.
@@ -59,34 +52,6 @@ fn scratch() -> (tempfile::TempDir, [String; 3]) {
     });
     std::fs::write(&names[0], recording(1.0)).unwrap();
     (folder, names)
-}
-
-#[test]
-fn an_output_that_is_an_input_is_refused_and_nothing_is_written() {
-    let (_folder, [data, models, _]) = scratch();
-    let before = std::fs::read(&data).unwrap();
-    let said = fails(&taxeld(&["fit", &data, "--out", &data]));
-    assert!(said.contains("would be overwritten"), "{said}");
-    succeeds(&taxeld(&["fit", &data, "--out", &models]));
-    let set = std::fs::read(&models).unwrap();
-    for arguments in [["apply", &models, &data, "--out", &data], ["apply", &models, &data, "--out", &models]] {
-        assert!(fails(&taxeld(&arguments)).contains("would be overwritten"), "{arguments:?}");
-    }
-    let said = fails(&taxeld(&["apply", &models, &data, "--out", "-", "--sigma", &data]));
-    assert!(said.contains("would be overwritten"), "{said}");
-    assert!(std::fs::read(&data).unwrap() == before && std::fs::read(&models).unwrap() == set);
-}
-
-#[test]
-fn two_outputs_that_are_one_are_refused_and_nothing_is_written() {
-    let (_folder, [data, models, pressure]) = scratch();
-    succeeds(&taxeld(&["fit", &data, "--out", &models]));
-    let again = pressure.replace("pressure.csv", "./pressure.csv");
-    for (out, sigma) in [(&pressure, &pressure), (&pressure, &again), (&"-".to_owned(), &"-".to_owned())] {
-        let said = fails(&taxeld(&["apply", &models, &data, "--out", out, "--sigma", sigma]));
-        assert!(said.contains("two outputs go to "), "{said}");
-    }
-    assert!(!std::path::Path::new(&pressure).exists());
 }
 
 /// Models of a table know no count at rest, and a zero that is asked for by the second has nothing to be compared with.
@@ -167,7 +132,6 @@ fn what_a_file_holds_is_not_echoed_at_length() {
     assert!(said.contains("begins with `column0,column1,") && said.len() < 400, "{} bytes: {said}", said.len());
 }
 
-#[cfg(feature = "client")]
 #[test]
 fn completions_and_manual_pages_come_from_the_command_line_itself() {
     for shell in ["bash", "zsh", "fish"] {

@@ -1,31 +1,10 @@
 //! The programme as its users start it.
-#![allow(clippy::unwrap_used, clippy::expect_used)] // a test's helpers fail as the test does
 
 use std::fmt::Write as _;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
-fn taxeld(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// What a command that must succeed prints.
-fn succeeds(arguments: &[&str]) -> String {
-    let output = taxeld(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-/// What a command that must fail says.
-fn fails(arguments: &[&str]) -> String {
-    let output = taxeld(arguments);
-    assert!(!output.status.success(), "{arguments:?} succeeded: {}", text(&output.stdout));
-    text(&output.stderr)
-}
+use crate::common::{fails, path, scratch, succeeds, text};
 
 const CONFIG: &str = r#"
 [store]
@@ -77,18 +56,6 @@ fn log() -> String {
     }
     log.push_str("(1600000040.000000) can0 4D0#40F0F0\n"); // a head that is too short
     log
-}
-
-fn scratch(files: &[(&str, &str)]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, content) in files {
-        std::fs::write(folder.path().join(name), content).unwrap();
-    }
-    folder
-}
-
-fn path(folder: &Path, name: &str) -> String {
-    folder.join(name).to_str().unwrap().to_owned()
 }
 
 #[test]
@@ -316,14 +283,10 @@ fn check_says_what_would_keep_a_daemon_from_starting_and_changes_nothing() {
         ("[access]\ntokens = \"tokens\"", "access.tokens", "tokens: line 1: 2 words, expected three"),
         ("[[listen]]\nunix = \"there\"", "listen[0].unix", "there: is there already and is not a socket"),
         ("[[listen]]\nunix = \"there/socket\"", "listen[0].unix", "there/socket: Not a directory"),
-        ("[shared_memory]\npath = \"/proc/taxeld\"", "shared_memory.path", "shared_memory.path: /proc/taxeld: "),
         ("[record]\npath = \"there\"", "record.path", "record.path = there: "),
         ("[record]\npath = \"there/below\"", "record.path", "record.path = there/below: "),
     ];
     for (more, key, words) in cases {
-        if key == "record.path" && cfg!(not(feature = "record")) {
-            continue;
-        }
         let config = format!("service.listen = \"127.0.0.1:0\"\n{CONFIG}{more}\n");
         let folder = scratch(&[("t.toml", &config), ("there", ""), ("tokens", "admin root\n")]);
         let private = std::os::unix::fs::PermissionsExt::from_mode(0o600);
@@ -413,15 +376,6 @@ fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
     assert!(printed.contains("session: REVIEW"), "{printed}");
     assert!(printed.contains("20 of 20 usable"), "{printed}");
     assert_eq!(first, run("b.json").1, "two replays of one log differ");
-}
-
-#[test]
-fn a_replay_whose_models_and_force_would_be_one_file_writes_nothing() {
-    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);
-    let [config, log, out, force] = ["t.toml", "t.log", "new", "./new"].map(|name| path(folder.path(), name));
-    let said = fails(&["replay", &log, "--config", &config, "--calibrate", "70", "--out", &out, "--force", &force]);
-    assert!(said.contains("two outputs go to one file"), "{said}");
-    assert!(!Path::new(&out).exists());
 }
 
 #[test]

@@ -1,13 +1,10 @@
 //! The walk-through as it stands: its lines are run by a shell.
-#![cfg(all(feature = "sim", feature = "client"))]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
-
-mod demo;
 
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use demo::{Demo, text};
+use crate::common::text;
+use crate::demo::Demo;
 
 /// Each line of the walk-through that begins with `$`, by a shell, in order and in one folder. A line is repeated as an operator
 /// would: the mass comes and goes, and the skin recovers from it.
@@ -18,7 +15,7 @@ fn the_walk_through_holds_as_it_stands() {
     let programs = Path::new(env!("CARGO_BIN_EXE_taxeld")).parent().unwrap().display();
     let path = format!("{programs}:{}", std::env::var("PATH").unwrap());
     let lines: Vec<&str> =
-        include_str!("../doc/walkthrough.md").lines().filter_map(|line| line.strip_prefix("    $ ")).collect();
+        include_str!("../../doc/walkthrough.md").lines().filter_map(|line| line.strip_prefix("    $ ")).collect();
     assert!(lines.iter().any(|line| line.starts_with("taxeld calibrate")), "{lines:?}");
     for line in lines {
         let run = || {

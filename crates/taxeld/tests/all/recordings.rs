@@ -1,5 +1,4 @@
 //! `taxeld fit` and `taxeld apply` as shipped, on recordings of a real skin, a regression set and odd files.
-#![allow(clippy::unwrap_used)] // Tests; the exemption knows only functions marked as such.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};

@@ -1,6 +1,5 @@
 //! `taxeld fit` on recordings with cells, times or pressures that cannot be right: told with their place, and refused where
 //! no sound answer exists.
-#![allow(clippy::unwrap_used)] // Tests; the exemption knows only functions marked as such.
 
 use std::fmt::Write;
 use std::path::Path;

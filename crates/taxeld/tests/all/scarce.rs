@@ -1,12 +1,11 @@
 //! What a machine may be short of: a disk that takes long for each write, as worn flash does, file descriptors, somebody who
 //! reads the log, memory to share, and the hours for which it slept. The force goes on meanwhile, or is not believed. A write
 //! takes half a second, or as many milliseconds as TAXELD_SLOW_MS says.
-#![cfg(all(feature = "sim", feature = "client"))]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -55,7 +54,7 @@ impl Daemon {
     /// One whose disk is slow while there is a file `slow`.
     fn with_slow_disk() -> Self {
         Self::start(|command, folder| {
-            let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+            let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
             let milliseconds = std::env::var("TAXELD_SLOW_MS").unwrap_or_else(|_| "500".to_owned());
             command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", milliseconds);
             command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("slow"));
@@ -187,7 +186,7 @@ async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
 fn a_start_that_fails_after_the_store_was_opened_closes_it() {
     let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let mut daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+        let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
         command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", "20");
         command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("taxeld.toml"));
         configured(folder, &format!("[metrics]\nlisten = \"{}\"\n", taken.local_addr().unwrap()));
@@ -202,7 +201,7 @@ fn a_start_that_fails_after_the_store_was_opened_closes_it() {
 #[tokio::test]
 async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so() {
     let mut daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+        let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
         command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", "3600000");
         command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("hangs"));
     });
@@ -211,60 +210,6 @@ async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so()
     assert!(Command::new("kill").arg(daemon.child.id().to_string()).status().unwrap().success());
     assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{}", daemon.log());
     assert!(daemon.log().contains("some parts did not close in time"), "{}", daemon.log());
-}
-
-/// The threads of a start in their order, behind that of the log, without which it starts all the same.
-#[test]
-fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
-    let of = |thread| format!("starting the thread `{thread}`: ");
-    let with_runtime = |thread| [of(thread), format!("a runtime for the thread `{thread}`: ")];
-    let store = "the store failed: cannot start its thread: ".to_owned();
-    let mut said = vec![String::new(), store];
-    said.extend(with_runtime("page"));
-    said.extend(["sockets", "recorder"].map(of));
-    said.extend(["record", "service"].into_iter().flat_map(with_runtime));
-    said.extend(["sim-bus", "reload", "credentials"].map(of));
-    let mut number = 2;
-    for said in said {
-        let mut daemon = Daemon::start(|command, folder| {
-            let library = compiled(folder, include_str!("thread_faults.c"));
-            command.env("LD_PRELOAD", library).env("THREAD_AT", number.to_string());
-            let recordings = folder.join("recordings");
-            let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[[listen]]\nunix = \"socket\"\n[record]\npath = ";
-            configured(folder, &format!("{sections}\"{}\"\n", recordings.display()));
-        });
-        assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{said}{}", daemon.log());
-        let log = daemon.log();
-        let told = format!("{said}Resource temporarily unavailable");
-        assert!(log.contains(&told) && !log.contains("panicked"), "thread {number}, {told}: {log}");
-        let mark = daemon.folder.path().join("disk/store.db-open");
-        assert!(number < 5 || !mark.exists(), "{told}: the store is not closed");
-        // Where there is a thread for a runtime, there is one for its other.
-        number += if said.is_empty() || said.contains("runtime") { 2 } else { 1 };
-    }
-}
-
-/// As under a limit of the unit that others have used up.
-#[tokio::test]
-async fn a_daemon_that_gets_no_further_thread_does_all_it_is_asked_for_and_closes_its_store() {
-    let mut daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("thread_faults.c"));
-        command.env("LD_PRELOAD", library).env("THREAD_WHEN", folder.join("spent"));
-        configured(folder, "[[listen]]\nunix = \"socket\"\n");
-    });
-    let mut stream = daemon.stream().await;
-    daemon.tared(&mut stream).await; // by now all has been started
-    std::fs::write(daemon.folder.path().join("spent"), "").unwrap();
-    daemon.tare().await.unwrap();
-    // Whose account it is, the system is asked beside the streams.
-    let socket = format!("unix:{}", daemon.folder.path().join("socket").display());
-    let audit = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["audit", "--server", &socket]).output().unwrap();
-    assert!(audit.status.success(), "{}", String::from_utf8_lossy(&audit.stderr));
-    assert!(Command::new("kill").arg(daemon.child.id().to_string()).status().unwrap().success());
-    assert_eq!(daemon.child.wait().unwrap().code(), Some(0), "{}", daemon.log());
-    let log = daemon.log();
-    assert!(!log.contains("panicked") && !log.contains("ERROR"), "{log}");
-    assert!(!daemon.folder.path().join("disk/store.db-open").exists(), "the store is not closed");
 }
 
 #[tokio::test]
@@ -304,21 +249,29 @@ async fn a_log_that_nobody_reads_holds_nothing_up_and_says_later_how_much_it_lac
     assert!(lines.any(|line| line.contains("lines of the log were dropped, since nobody read them")));
 }
 
+/// The tmpfs is full, or any account of the machine has put something in the place of a page or of its folder.
 #[tokio::test]
-async fn without_room_for_pages_the_daemon_serves_all_the_same_and_its_health_says_so() {
-    let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
-    let daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
-        command.env("LD_PRELOAD", library).env("FAULT", "enospc").env("FAULT_DIR", memory.path());
-        publishing(folder, memory.path());
-    });
-    daemon.stream().await.message().await.unwrap().unwrap();
-    let problems = daemon.problems().await;
-    let said = |problem: &String| {
-        problem.starts_with("no force of forearm in shared memory: ") && problem.contains("No space left on device")
-    };
-    assert_eq!(problems.iter().filter(|problem| said(problem)).count(), 1, "{problems:?}");
-    daemon.until_logged("No space left on device");
+async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
+    for (why, in_the_way) in [("No space left", ""), ("Is a directory", "forearm"), ("others could put pages", ".")] {
+        let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
+        let daemon = Daemon::start(|command, folder| {
+            publishing(folder, memory.path());
+            match in_the_way {
+                "" => {
+                    let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
+                    command.env("LD_PRELOAD", library).env("FAULT", "enospc").env("FAULT_DIR", memory.path());
+                }
+                "." => std::fs::set_permissions(memory.path(), PermissionsExt::from_mode(0o777)).unwrap(),
+                name => std::fs::create_dir(memory.path().join(name)).unwrap(),
+            }
+        });
+        daemon.stream().await.message().await.unwrap().unwrap();
+        let problems = daemon.problems().await;
+        let said =
+            |problem: &&String| problem.starts_with("no force of forearm in shared memory: ") && problem.contains(why);
+        assert_eq!(problems.iter().filter(said).count(), 1, "{why}: {problems:?}");
+        daemon.until_logged(why);
+    }
 }
 
 /// Where the configuration wants warnings alone, and the variable is empty or cannot be used.
@@ -377,47 +330,12 @@ async fn files_that_may_not_grow_are_a_full_disk_and_no_end() {
     assert_eq!(daemon.child.try_wait().unwrap(), None);
 }
 
-/// Whoever cleans up in /dev/shm takes the name along, and readers that come later find nothing.
-#[tokio::test]
-async fn a_page_that_somebody_removed_is_made_again() {
-    let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
-    let daemon = Daemon::start(|_, folder| publishing(folder, memory.path()));
-    let mut stream = daemon.stream().await;
-    let path = memory.path().join("forearm");
-    std::fs::remove_file(&path).unwrap();
-    let (begun, mut reader) = (Instant::now(), taxel_shm::Reader::new(&path, None));
-    while !matches!(reader.force(), Err(taxel_shm::NoForce::State(..))) {
-        stream.message().await.unwrap().unwrap();
-        assert!(begun.elapsed() < PATIENCE, "{:?}\n{}", reader.force(), daemon.log());
-    }
-    daemon.until_logged("its page in shared memory was removed: made again");
-    assert!(!daemon.problems().await.iter().any(|problem| problem.contains("shared memory")));
-}
-
-/// Whoever cleans up takes the socket's name along, and a socket cannot be given it again.
-#[tokio::test]
-async fn a_socket_that_somebody_removed_is_told() {
-    let daemon = Daemon::start(|_, folder| {
-        configured(folder, &format!("[[listen]]\nunix = \"{}\"\n", folder.join("socket").display()));
-    });
-    let mut stream = daemon.stream().await;
-    let socket = daemon.folder.path().join("socket");
-    std::fs::remove_file(&socket).unwrap();
-    let said = format!("nobody can connect to the socket {} any more: it was removed", socket.display());
-    let begun = Instant::now();
-    while !daemon.problems().await.iter().any(|problem| problem.starts_with(&said)) {
-        stream.message().await.unwrap().unwrap();
-        assert!(begun.elapsed() < PATIENCE, "{}", daemon.log());
-    }
-    daemon.until_logged(&said);
-}
-
 /// The machine is suspended for an hour: by `CLOCK_BOOTTIME` the engine has not run for as long, and what the boards did
 /// meanwhile nobody knows.
 #[tokio::test]
 async fn after_a_suspend_the_force_is_old_and_the_zero_is_in_doubt() {
     let daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("suspend.c"));
+        let library = compiled(folder, include_str!("../suspend.c"));
         command.env("LD_PRELOAD", library).env("SUSPENDED_AN_HOUR", folder.join("suspended"));
     });
     let mut stream = daemon.stream().await;

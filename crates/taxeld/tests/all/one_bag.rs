@@ -1,10 +1,10 @@
 //! Two patches in one bag: one command, one ramp, a session and a model set for each.
-#![cfg(all(feature = "sim", feature = "client"))]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
+
+use crate::common::text;
 
 /// The simulated forearm as two patches, a board each, and one gauge.
 const CONFIG: &str = r#"
@@ -58,10 +58,6 @@ fn start(folder: &Path, config: &str) -> Daemon {
         std::thread::yield_now();
     }
     daemon
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 #[test]

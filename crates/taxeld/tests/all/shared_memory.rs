@@ -1,6 +1,4 @@
 //! The force in shared memory of a daemon that lives, hangs, is killed and comes back.
-#![cfg(feature = "sim")]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
