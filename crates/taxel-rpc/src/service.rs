@@ -10,47 +10,45 @@ use taxel_engine::snapshot::PatchSnapshot;
 use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
-use tokio::sync::Semaphore;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot, watch};
 use tonic::{Code, Response, Status};
 
 use crate::access::caller::Caller;
-use crate::answers::with_place;
-use crate::aside::aside;
 use crate::audit_words;
+use crate::backend::Backend;
 use crate::convert::Sending;
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
 use crate::page::is_long;
-use crate::refusals::Refusals;
-use crate::shares::{Place, Shares, What};
+use crate::shares::{Place, Shares};
 use crate::status::{SHUTTING_DOWN, STOPPED, engine_stopped, invalid, left_open, of_rejection};
-use crate::turns::Turns;
+use crate::stored_sets::StoredSets;
 
 /// Longest text that a client may have written down, in bytes.
 const NAME_BYTES_MAX: usize = 256;
 
 /// The implementation behind all services. Cheap to clone.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct Service {
     pub(crate) handle: Handle,
-    pub(crate) turns: Turns,
+    pub(crate) backend: Arc<dyn Backend>,
+    stored_sets: StoredSets,
+    /// Changes when subscribers have to judge anew what they were sent last.
+    pub(crate) wake: watch::Receiver<()>,
     pub(crate) limits: Arc<Limits>,
     shares: Arc<Shares>,
-    pub(crate) refusals: Arc<Refusals>,
-    /// Held while the store reads a page of the audit log.
-    pub(crate) audit_reading: Arc<Semaphore>,
 }
 
 impl Service {
     pub(crate) fn new(
         handle: Handle,
-        turns: Turns,
+        backend: Arc<dyn Backend>,
+        wake: watch::Receiver<()>,
         limits: Limits,
         shares: Arc<Shares>,
-        refusals: Arc<Refusals>,
     ) -> Self {
-        Self { handle, turns, limits: Arc::new(limits), shares, refusals, audit_reading: Arc::new(Semaphore::new(1)) }
+        let stored_sets = StoredSets::new(Arc::clone(&backend));
+        Self { handle, backend, stored_sets, wake, limits: Arc::new(limits), shares }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.
@@ -112,11 +110,7 @@ impl Service {
         if let Some(set) = known.at_hand {
             return Ok(set);
         }
-        let not_kept = || {
-            let why = format!("model set `{}` is not in memory", short());
-            Refusal::failed_precondition(ErrorReason::NotOffered, why).about("model_set", short())
-        };
-        self.handle.stored_sets.as_ref().ok_or_else(not_kept)?.get(known.summary()).await
+        self.stored_sets.get(known.summary()).await
     }
 
     /// What lists show of the model set of this id.
@@ -149,31 +143,6 @@ impl Service {
         })?)
     }
 
-    /// A place for one more stream of this caller. The place moves into the stream and is free again when that is dropped.
-    pub(crate) fn stream_place(&self, caller: &Caller) -> Result<Place, Status> {
-        self.place(What::Stream, caller)
-    }
-
-    /// A place for what a call needs beside its own.
-    pub(crate) fn place(&self, what: What, caller: &Caller) -> Result<Place, Status> {
-        self.shares.place(what, caller)
-    }
-
-    /// A place for an answer of so many items, if these take long to make.
-    pub(crate) fn place_of_list(&self, caller: &Caller, items: u32) -> Result<Option<Place>, Status> {
-        is_long(items).then(|| self.place(What::LargeAnswer, caller)).transpose()
-    }
-
-    /// A list, of which `make` makes the page: a long one beside the streams, and with a place of its own.
-    pub(crate) async fn list<M: Send + 'static>(
-        &self,
-        caller: &Caller,
-        page_size: u32,
-        make: impl FnOnce() -> Result<M, Status> + Send + 'static,
-    ) -> Result<Response<M>, Status> {
-        made(self.place_of_list(caller, page_size)?, make).await
-    }
-
     /// Streams that are being served now.
     pub(crate) fn streams_open(&self) -> usize {
         self.shares.streams_open()
@@ -188,8 +157,8 @@ impl Service {
                 | Command::KeepRefit { .. }
                 | Command::KeepRecalibration { .. }
         );
-        if keeps && let Some(room) = &self.handle.room {
-            room().map_err(|why| Refusal::exhausted(ErrorReason::DiskFull, why))?;
+        if keeps {
+            self.backend.room().map_err(|why| Refusal::exhausted(ErrorReason::DiskFull, why))?;
         }
         let (reply, answer) = oneshot::channel();
         let asked = audit_words::asked(caller, name, self.patch_of(&command), &command);
@@ -293,14 +262,40 @@ impl Drop for Line<'_> {
     }
 }
 
-/// What `make` makes: beside the streams if there is a place for it, which the answer then holds until it is out.
-pub(crate) async fn made<M: Send + 'static>(
-    place: Option<Place>,
+/// A list of so many items, which `make` makes: a long one beside the streams.
+pub(crate) async fn list<M: Send + 'static>(
+    held: Held,
+    items: u32,
     make: impl FnOnce() -> Result<M, Status> + Send + 'static,
 ) -> Result<Response<M>, Status> {
-    let Some(place) = place else { return make().map(Response::new) };
-    let (message, place) = aside(place, make).await?;
-    Ok(with_place(message?, place))
+    let message = if is_long(items) { aside(held, make).await? } else { make() };
+    message.map(Response::new)
+}
+
+/// Does work of tens of milliseconds, beside the thread on which all streams are served. What is held goes along: where the
+/// caller has gone meanwhile, it is dropped when the work is done and not before, so that calls which are given up do not
+/// pile up there.
+///
+/// # Errors
+/// INTERNAL if the work panicked.
+pub(crate) async fn aside<T: Send + 'static, H: Send + 'static>(
+    held: H,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Status> {
+    let done = tokio::task::spawn_blocking(move || {
+        let done = work();
+        drop(held);
+        done
+    });
+    Ok(done.await.map_err(|lost| Refusal::fault(format!("the work for this call was lost: {lost}")))?)
+}
+
+/// The place of a call, for work that outlives it.
+pub(crate) type Held = Option<Arc<Place>>;
+
+/// The place that the gate has taken for a call.
+pub(crate) fn held<T>(request: &tonic::Request<T>) -> Held {
+    request.extensions().get::<Arc<Place>>().cloned()
 }
 
 /// Who makes a call: the gate has noted it.

@@ -1,12 +1,10 @@
 //! The services without a socket, for whoever speaks for clients within the process: the page.
 
 use std::convert::Infallible;
-use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
-use tonic::Status;
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
 use tonic::service::Routes;
@@ -14,7 +12,7 @@ use tonic::transport::server::TcpConnectInfo;
 
 use crate::access::layer::Guarded;
 use crate::access::origin::Origin;
-use crate::guard::Peer;
+use crate::connection::Peer;
 
 /// All services behind the gate. A request carries the client's address as [`TcpConnectInfo`] and its `authorization`, and
 /// is judged as if the client had come over TCP without TLS.
@@ -27,19 +25,6 @@ impl SharedServices {
     pub(crate) const fn new(guarded: Guarded<Routes>) -> Self {
         Self { guarded }
     }
-
-    /// Whether a client at this address may make the call with this path, `/taxel.v1.Service/Method`, before anything of its
-    /// request is read. The call itself is judged once more.
-    ///
-    /// # Errors
-    /// What the call would be refused with: `PERMISSION_DENIED`, `UNAUTHENTICATED` or `UNIMPLEMENTED`.
-    pub fn permits(&self, address: SocketAddr, path: &str, headers: &http::HeaderMap) -> Result<(), Status> {
-        self.guarded.gate().permits(&peer(address), path, headers)
-    }
-}
-
-fn peer(address: SocketAddr) -> Peer {
-    Peer { origin: Arc::new(Origin::of_tcp(address)), ward: None }
 }
 
 impl Service<http::Request<Body>> for SharedServices {
@@ -54,7 +39,7 @@ impl Service<http::Request<Body>> for SharedServices {
     fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
         let address = request.extensions().get::<TcpConnectInfo>().and_then(TcpConnectInfo::remote_addr);
         if let Some(address) = address {
-            request.extensions_mut().insert(peer(address));
+            request.extensions_mut().insert(Peer { origin: Arc::new(Origin::of_tcp(address)), seat: None });
         }
         self.guarded.call(request)
     }

@@ -8,9 +8,8 @@ use taxel_proto::v1::validation_service_server::ValidationService;
 use taxel_skin::Newton;
 use tonic::{Request, Response, Status};
 
-use crate::answers::with_place;
 use crate::convert::{known, timestamp};
-use crate::service::{Service, caller, line, name, strange_answer};
+use crate::service::{Service, caller, held, line, list, name, strange_answer};
 use crate::status::invalid;
 
 /// A load whose uncertainty is not given: a kitchen scale, or a mass that stands 8 degrees off the vertical.
@@ -47,31 +46,29 @@ impl ValidationService for Service {
         &self,
         request: Request<v1::GetValidationRequest>,
     ) -> Result<Response<v1::Validation>, Status> {
-        let caller = caller(&request)?;
         let patch = self.patch(&request.get_ref().patch)?;
         let Some(view) = self.handle.catalogue.borrow().validations.get(patch).cloned() else {
             let patch = self.plan(patch).patch.name().to_owned();
             return Ok(Response::new(v1::Validation { patch, ..v1::Validation::default() }));
         };
         let loads = view.loads.len().min(LOADS_MAX) as u32;
-        self.list(&caller, loads, move || Ok(validation(&view))).await
+        list(held(&request), loads, move || Ok(validation(&view))).await
     }
 
     async fn propose_recalibration(
         &self,
         request: Request<v1::ProposeRecalibrationRequest>,
     ) -> Result<Response<v1::RecalibrationProposal>, Status> {
-        let caller = caller(&request)?;
-        let (proposed, place) = self.recalibration(&caller, request.get_ref()).await?;
-        Ok(with_place(proposed.message, place))
+        let proposed = self.recalibration(held(&request), request.get_ref()).await?;
+        Ok(Response::new(proposed.message))
     }
 
     async fn accept_recalibration(
         &self,
         request: Request<v1::AcceptRecalibrationRequest>,
     ) -> Result<Response<v1::AcceptRecalibrationResponse>, Status> {
-        let caller = caller(&request)?;
-        self.keep_recalibration(&caller, request.get_ref()).await.map(Response::new)
+        let (caller, held) = (caller(&request)?, held(&request));
+        self.keep_recalibration(&caller, held, request.get_ref()).await.map(Response::new)
     }
 }
 

@@ -12,14 +12,15 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::Health;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
-use taxel_rpc::{Clocks, Handle, ModelCodec, handle::channel};
+use taxel_rpc::{Clocks, Handle, Server, handle::channel};
 use taxel_skin::BusIndex;
-use taxel_store::{Retention, models_json};
+use taxel_store::Retention;
 use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
+use crate::backend::{Budget, DaemonBackend};
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX, Rest, Rhythm};
 use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
@@ -33,20 +34,13 @@ use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::Reload;
 use crate::reloading::Reloading;
-use crate::serving::{limits, on_a_thread, service, share_with_pages};
+use crate::serving::{limits, on_a_thread, serve_pages, service};
 use crate::shared_memory::{Keeper, Pages};
 use crate::sockets::Sockets;
-use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
+use crate::store_at::{StoreAt, open_store};
 use crate::systemd;
 use crate::tasks::Tasks;
 use crate::upkeep;
-
-/// How model sets become text, for the service.
-pub const CODEC: ModelCodec = ModelCodec {
-    to_json: |set| models_json::to_json(set).map_err(|error| error.to_string()),
-    from_json: |text| models_json::from_json(text).map_err(|error| error.to_string()),
-    from_elsewhere: |text| models_json::from_elsewhere(text).map_err(|error| error.to_string()),
-};
 
 /// Everything of a daemon but its buses.
 pub struct Daemon {
@@ -98,7 +92,7 @@ impl Daemon {
         let certificates = crate::certificate::maker(config, &scene);
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
-        let room = room_of(&store, config.store.budget_mb);
+        let budget = Budget::of(&store, config.store.budget_mb);
         let (pages, keeper) = pages(config, &plan, &clock)?;
         let kept = match &store {
             StoreAt::File(_, kept) => *kept,
@@ -108,31 +102,33 @@ impl Daemon {
         let low_latency = config.service.low_latency && matches!(clock, RunClock::Live);
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
-        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
-        let handle = handle.with_samples(samples_of(store.reader())).with_refits(models_json::content_id);
-        let handle = handle.with_model_sets(model_sets_of(store.set_reader()));
-        let handle = handle.with_audit(audit_source(store.audit_reader())).with_room(room);
+        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
+        let mut backend = DaemonBackend::new(&store, budget);
         let size = store.size_reader();
         #[cfg(feature = "certificate")]
-        let handle = handle.with_certificates(certificates);
+        {
+            backend.certificates = Some(certificates);
+        }
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
         let (session_state, session) = watch::channel(None);
         let (push, pushed) = push_ways(&plan);
-        let handle = if let Some(line) = push { handle.with_push(line) } else { handle };
+        backend.push = push;
         let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders)
             .telling(session_state)
             .writing(pages);
         let queues = Queues::new(batches, commands, done).with_pushed(pushed);
         parts.spawn(driver.run(queues, cancel.clone()));
         parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
-        let share = share_with_pages(config, cancel, parts)?;
         let Open { listeners, sockets, access, reloader } = doors::open(&scene.doors)?;
-        let handle = looked_after((keeper, sockets), handle, (parts, cancel))?;
-        let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
-        let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
+        backend.problems = looked_after((keeper, sockets), (parts, cancel))?;
+        let (recording, taps) = record::begin((config, live), &plan, &handle, (parts, cancel))?;
+        backend.recording = recording;
+        let awake = if low_latency { awake(&mut backend.lacks) } else { None };
         let terminate = signal(SignalKind::terminate())?;
-        let service = service(handle.clone(), listeners, access, limits(config), share);
+        let server = Server::new(handle.clone(), Arc::new(backend), access, limits(config))?;
+        serve_pages(config, &server, (parts, cancel))?;
+        let service = service(handle.clone(), server, listeners);
         if low_latency {
             parts.spawn_fallible(service);
         } else {
@@ -310,9 +306,8 @@ fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Page
 /// Starts those who look after the pages and the sockets; the health tells what is wrong with them.
 fn looked_after(
     (keeper, sockets): (Option<Keeper>, Sockets),
-    handle: Handle,
     (parts, cancel): (&mut Parts, &CancellationToken),
-) -> anyhow::Result<Handle> {
+) -> anyhow::Result<Vec<Problems>> {
     let problems: Vec<Problems> = keeper.iter().map(Keeper::problems).chain([sockets.problems()]).collect();
     if let Some(keeper) = keeper {
         parts.spawn(keeper.keep(cancel.clone())?);
@@ -320,19 +315,20 @@ fn looked_after(
     if let Some(end) = sockets.keep(cancel.clone())? {
         parts.spawn(end);
     }
-    Ok(handle.lacking_now(Arc::new(move || problems.iter().flat_map(Problems::get).collect())))
+    Ok(problems)
 }
 
 /// Keeps the machine's processors awake where that can be had; where not, the health says why.
-fn awake(handle: Handle) -> (Handle, Option<Awake>) {
+fn awake(lacks: &mut Vec<String>) -> Option<Awake> {
     match low_latency::keep_awake() {
         Ok(awake) => {
             tracing::info!("low latency: the processors of this machine are kept awake");
-            (handle, Some(awake))
+            Some(awake)
         }
         Err(why) => {
             tracing::warn!("{why}");
-            (handle.lacking([why]), None)
+            lacks.push(why);
+            None
         }
     }
 }

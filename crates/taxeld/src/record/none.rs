@@ -4,6 +4,7 @@ use taxel_engine::plan::Plan;
 use taxel_rpc::Handle;
 use tokio_util::sync::CancellationToken;
 
+use crate::backend::Recording;
 use crate::config::Config;
 use crate::parts::Parts;
 use crate::record::tap::Taps;
@@ -16,8 +17,8 @@ use crate::record::tap::Taps;
 pub fn begin(
     _: (&Config, bool),
     _: &Plan,
-    handle: Handle,
+    _: &Handle,
     _: (&mut Parts, &CancellationToken),
-) -> anyhow::Result<(Handle, Taps)> {
-    Ok((handle, Taps::default()))
+) -> anyhow::Result<(Option<Recording>, Taps)> {
+    Ok((None, Taps::default()))
 }
