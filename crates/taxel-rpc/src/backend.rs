@@ -60,16 +60,16 @@ pub trait Backend: Send + Sync {
     ///
     /// # Errors
     /// Where the text is wrong, what was found and what was expected.
-    fn from_json(&self, _text: &str) -> Result<ModelSet, String> {
+    fn read_json(&self, _text: &str) -> Result<ModelSet, String> {
         Err(NOT_KEPT.to_owned())
     }
 
     /// The same of a text from elsewhere, whose set is of no session of this daemon.
     ///
     /// # Errors
-    /// As [`Backend::from_json`].
-    fn from_elsewhere(&self, text: &str) -> Result<ModelSet, String> {
-        self.from_json(text)
+    /// As [`Backend::read_json`].
+    fn read_foreign_json(&self, text: &str) -> Result<ModelSet, String> {
+        self.read_json(text)
     }
 
     /// The way of pushed scans, where a patch has any.

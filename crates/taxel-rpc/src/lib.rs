@@ -9,7 +9,6 @@ mod access;
 mod answer;
 mod arrivals;
 mod audit;
-mod audit_words;
 mod backend;
 mod calibration;
 mod certificate;

@@ -114,7 +114,7 @@ impl ModelService for Service {
         let (caller, held) = (caller(&request)?, held(&request));
         let v1::ImportModelSetRequest { json, insist } = request.into_inner();
         let backend = Arc::clone(&self.backend);
-        let set = aside(held, move || backend.from_elsewhere(&json)).await?;
+        let set = aside(held, move || backend.read_foreign_json(&json)).await?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
         printable(&model_set)?;
         match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {

@@ -1,6 +1,7 @@
 //! What the services share: looking things up, sending commands, counting streams.
 
 use std::sync::Arc;
+use taxel_engine::audit::Asked;
 use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::known_set::KnownSet;
@@ -14,7 +15,6 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tonic::{Code, Response, Status};
 
 use crate::access::caller::Caller;
-use crate::audit_words;
 use crate::backend::Backend;
 use crate::convert::Sending;
 use crate::handle::{Handle, Request};
@@ -161,20 +161,22 @@ impl Service {
             self.backend.room().map_err(|why| Refusal::exhausted(ErrorReason::DiskFull, why))?;
         }
         let (reply, answer) = oneshot::channel();
-        let asked = audit_words::asked(caller, name, self.patch_of(&command), &command);
-        let things = self.things_of(&command);
-        let (request, claimed) = (asked.what.clone(), asked.claimed.clone());
+        let about = self.about(&command);
+        let things: Vec<_> = about.things().collect();
+        let asked = about.asked(caller, name);
+        let mut line = Line { asked: asked.clone(), told: None };
         self.handle.commands.try_send(Request { command, reply, asked: Some(Box::new(asked)) }).map_err(|refused| {
-            match refused {
+            let waiting = self.handle.commands.max_capacity();
+            let status = match refused {
                 mpsc::error::TrySendError::Full(_) => {
-                    let waiting = self.handle.commands.max_capacity();
                     let why = format!("{waiting} commands wait for the engine already: try again later");
                     Refusal::exhausted(ErrorReason::NoPlace, why).into()
                 }
                 mpsc::error::TrySendError::Closed(_) => engine_stopped(),
-            }
+            };
+            line.told = Some(("refused", Err(Status::clone(&status))));
+            status
         })?;
-        let mut line = Line { caller, name, request, claimed, told: false };
         let limit = self.limits.command;
         let answer = tokio::select! {
             answer = tokio::time::timeout(limit, answer) => match answer {
@@ -189,76 +191,34 @@ impl Service {
                 Err(left_open(Code::Unavailable, ErrorReason::ShuttingDown, SHUTTING_DOWN))
             }
         };
-        match answer {
-            Ok(Ok(done)) => {
-                line.tell(Told::Done);
-                Ok(done)
-            }
-            Ok(Err(rejection)) => {
-                let refused = Status::from(of_rejection(&rejection).about_all(things));
-                line.tell(Told::Refused(&refused));
-                Err(refused)
-            }
-            Err(open) => {
-                line.tell(Told::Open(&open));
-                Err(open)
-            }
-        }
+        let (told, answer) = match answer {
+            Ok(Ok(done)) => ("done", Ok(done)),
+            Ok(Err(rejection)) => ("refused", Err(Status::from(of_rejection(&rejection).about_all(things)))),
+            Err(open) => ("not answered", Err(open)),
+        };
+        line.told = Some((told, answer.as_ref().map(drop).map_err(Status::clone)));
+        answer
     }
 }
 
-/// The line of a command in the daemon's log. Whoever gave it may go away before the answer: most are done all the same.
-struct Line<'a> {
-    caller: &'a Caller,
-    name: &'static str,
-    request: String,
-    claimed: String,
-    told: bool,
+/// The line of a command in the daemon's log, written when this is dropped. Whoever gave the command may go away before the
+/// answer: most are done all the same.
+struct Line {
+    asked: Asked,
+    /// What came of it; absent where whoever asked has gone.
+    told: Option<(&'static str, Result<(), Status>)>,
 }
 
-/// What came of a command, as far as whoever asked is told.
-enum Told<'a> {
-    Done,
-    Refused(&'a Status),
-    /// It was given to the engine, and not answered.
-    Open(&'a Status),
-    /// Whoever asked has gone.
-    Gone,
-}
-
-impl Line<'_> {
-    fn tell(&mut self, told: Told<'_>) {
-        let Self { caller, name: command, request, claimed, .. } = &*self;
-        let (who, role, from) = (caller.who(), caller.role.map_or("none", |role| role.name()), caller.origin.place());
-        match told {
-            Told::Done => tracing::info!(command, request, who, role, from, claimed, "done"),
-            Told::Refused(status) => {
-                let (code, why) = (code_name(status.code()), status.message());
-                tracing::info!(command, request, who, role, from, claimed, code, why, "refused");
-            }
-            Told::Open(status) => {
-                let (code, why) = (code_name(status.code()), status.message());
-                tracing::info!(command, request, who, role, from, claimed, code, why, "not answered");
-            }
-            Told::Gone => tracing::info!(
-                command,
-                request,
-                who,
-                role,
-                from,
-                claimed,
-                "asked for, and whoever asked went away before the answer: `taxeld audit` says what came of it"
-            ),
-        }
-        self.told = true;
-    }
-}
-
-impl Drop for Line<'_> {
+impl Drop for Line {
     fn drop(&mut self) {
-        if !self.told {
-            self.tell(Told::Gone);
-        }
+        let Asked { who, role, place: from, method: command, what: request, claimed, .. } = &self.asked;
+        let gone = "asked for, and whoever asked went away before the answer: `taxeld audit` says what came of it";
+        let (told, refused) = match &self.told {
+            Some((told, answer)) => (*told, answer.as_ref().err()),
+            None => (gone, None),
+        };
+        let (code, why) = (refused.map(|status| code_name(status.code())), refused.map(Status::message));
+        tracing::info!(command, request, who, role, from, claimed, code, why, "{told}");
     }
 }
 

@@ -41,7 +41,7 @@ impl StoredSets {
         let (text, kept) = ask(kept, |told| self.backend.model_set(summary.id.clone(), told)).await?;
         let (text, backend) = (text.map_err(damaged)?, Arc::clone(&self.backend));
         // Reading takes ten milliseconds, for which no stream should wait.
-        let read = tokio::task::spawn_blocking(move || (backend.from_json(&text), kept)).await;
+        let read = tokio::task::spawn_blocking(move || (backend.read_json(&text), kept)).await;
         let (read, mut kept) =
             read.map_err(|failed| Refusal::fault(format!("the model set was not read: {failed}")))?;
         let set = Arc::new(read.map_err(|why| damaged(format!("{}: {why}", summary.id)))?);

@@ -103,11 +103,11 @@ impl Backend for DaemonBackend {
         models_json::to_json(set).map_err(|error| error.to_string())
     }
 
-    fn from_json(&self, text: &str) -> Result<ModelSet, String> {
+    fn read_json(&self, text: &str) -> Result<ModelSet, String> {
         models_json::from_json(text).map_err(|error| error.to_string())
     }
 
-    fn from_elsewhere(&self, text: &str) -> Result<ModelSet, String> {
+    fn read_foreign_json(&self, text: &str) -> Result<ModelSet, String> {
         models_json::from_elsewhere(text).map_err(|error| error.to_string())
     }
 

@@ -53,7 +53,7 @@ impl Backend for NoStore {
         Ok("x".repeat(EXPORTED_BYTES))
     }
 
-    fn from_json(&self, text: &str) -> Result<ModelSet, String> {
+    fn read_json(&self, text: &str) -> Result<ModelSet, String> {
         Err(format!("{} bytes", text.len()))
     }
 }

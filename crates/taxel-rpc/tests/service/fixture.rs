@@ -119,7 +119,7 @@ impl Backend for Store {
         Ok(format!("set {}", set.id))
     }
 
-    fn from_json(&self, text: &str) -> Result<ModelSet, String> {
+    fn read_json(&self, text: &str) -> Result<ModelSet, String> {
         let id = text.strip_prefix("set ").ok_or_else(|| format!("line 1: `{text}`: expected `set ID`"))?;
         Ok(ModelSet::clone(&model_set(id, FOREARM)))
     }

@@ -105,11 +105,11 @@ impl Backend for Store {
         to_json(set).map_err(|error| error.to_string())
     }
 
-    fn from_json(&self, text: &str) -> Result<ModelSet, String> {
+    fn read_json(&self, text: &str) -> Result<ModelSet, String> {
         from_json(text).map_err(|error| error.to_string())
     }
 
-    fn from_elsewhere(&self, text: &str) -> Result<ModelSet, String> {
+    fn read_foreign_json(&self, text: &str) -> Result<ModelSet, String> {
         from_elsewhere(text).map_err(|error| error.to_string())
     }
 
