@@ -9,7 +9,7 @@ use http_body::{Body, Frame, SizeHint};
 use taxel_proto::refusal::complete;
 use tonic::codegen::Bytes;
 
-use crate::connections::{Call, Offer};
+use crate::connections::{Call, Waiting};
 use crate::shares::Place;
 
 /// A larger frame goes out in pieces of this size, so that a slow reader is seen to take something.
@@ -34,7 +34,7 @@ pub struct Answer<B> {
 /// Bytes of an answer: the peer has taken them when they are dropped.
 struct Piece {
     bytes: Bytes,
-    _offer: Option<Offer>,
+    _waiting: Option<Waiting>,
     _held: Arc<Held>,
 }
 
@@ -57,8 +57,8 @@ impl<B> Answer<B> {
     fn piece(&mut self, data: Bytes) -> Frame<Bytes> {
         self.rest = data;
         let bytes = self.rest.split_to(self.rest.len().min(PIECE_BYTES));
-        let offer = self.held.call.as_ref().map(Call::offer);
-        Frame::data(Bytes::from_owner(Piece { bytes, _offer: offer, _held: Arc::clone(&self.held) }))
+        let waiting = self.held.call.as_ref().map(Call::wait);
+        Frame::data(Bytes::from_owner(Piece { bytes, _waiting: waiting, _held: Arc::clone(&self.held) }))
     }
 }
 

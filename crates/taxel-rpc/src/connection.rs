@@ -1,6 +1,7 @@
 //! One connection of a client, with what is known of its other end.
 
 use std::io;
+use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
@@ -27,6 +28,13 @@ impl<T: AsyncRead + AsyncWrite + Send + Unpin> Io for T {}
 pub(crate) struct Peer {
     pub(crate) origin: Arc<Origin>,
     pub(crate) seat: Option<Arc<Seat>>,
+}
+
+impl Peer {
+    /// Somebody at this address, over no connection of ours.
+    pub(crate) fn of_tcp(address: SocketAddr) -> Self {
+        Self { origin: Arc::new(Origin::of_tcp(address)), seat: None }
+    }
 }
 
 /// One connection.

@@ -60,7 +60,7 @@ struct Activity {
     proven: bool,
     /// Calls under way, until the last byte of their answers is out.
     calls: usize,
-    /// Pieces of answers that wait for the peer to take them.
+    /// Requests of which more has to come, and pieces of answers that are to be taken.
     waiting: usize,
     /// Grows with each sign of life.
     progress: u64,
@@ -152,7 +152,7 @@ impl Connections {
         for (key, proven, expired) in ended {
             let why = match (proven, expired) {
                 (_, true) => "its certificate has expired",
-                (true, _) => "it took nothing of an answer for too long",
+                (true, _) => "for too long it took nothing of an answer, or sent nothing more of a request",
                 (false, _) => "it sent no request in time",
             };
             refusals.tell(("ended", &key), || format!("a connection of {key} was closed: {why}"));
@@ -233,10 +233,10 @@ impl Seat {
 pub struct Call(Arc<Seat>);
 
 impl Call {
-    /// A piece of its answer waits for the peer until this is dropped.
-    pub(crate) fn offer(&self) -> Offer {
+    /// It is the peer's turn until this is dropped.
+    pub(crate) fn wait(&self) -> Waiting {
         self.0.activity().waiting += 1;
-        Offer(Arc::clone(&self.0))
+        Waiting(Arc::clone(&self.0))
     }
 }
 
@@ -249,11 +249,18 @@ impl Drop for Call {
     }
 }
 
-/// A piece of an answer on its way.
+/// It is the peer's turn to send more of a request, or to take a piece of an answer.
 #[derive(Debug)]
-pub(crate) struct Offer(Arc<Seat>);
+pub(crate) struct Waiting(Arc<Seat>);
 
-impl Drop for Offer {
+impl Waiting {
+    /// The peer has done something.
+    pub(crate) fn renew(&self) {
+        self.0.sign(|_| {});
+    }
+}
+
+impl Drop for Waiting {
     fn drop(&mut self) {
         self.0.sign(|activity| activity.waiting -= 1);
     }

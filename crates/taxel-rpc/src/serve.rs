@@ -20,7 +20,7 @@ use tonic::service::Routes;
 use tonic_health::server::HealthReporter;
 use tower_layer::Layer;
 
-use crate::access::layer::Gate;
+use crate::access::layer::{Gate, Guarded};
 use crate::access::rules::Access;
 use crate::access::table::IMPORT;
 use crate::backend::Backend;
@@ -31,7 +31,6 @@ use crate::limits::Limits;
 use crate::listener::{Listener, accept};
 use crate::refusals::Refusals;
 use crate::service::Service;
-use crate::shared::SharedServices;
 use crate::shares::Shares;
 use crate::watchdog::Watchdog;
 
@@ -83,6 +82,9 @@ const ERROR_RESETS_MAX: usize = 1024;
 /// A cut connection ends as soon as its task runs; a server that takes longer is left behind.
 const CUT_MAX: Duration = Duration::from_secs(1);
 
+/// The services for whoever calls them without a socket: the page.
+pub type SharedServices = Guarded<Routes>;
+
 /// All services, before they are served.
 pub struct Server {
     handle: Handle,
@@ -113,7 +115,7 @@ impl Server {
     /// The services for whoever calls them without a socket, from any runtime, let through by the same rules and limits.
     #[must_use]
     pub fn shared(&self) -> SharedServices {
-        SharedServices::new(self.gate.layer(self.routes.clone()))
+        self.gate.layer(self.routes.clone())
     }
 
     /// Serves everything on all `listeners` until the shutdown of the handle, then at most [`Limits::drain`] longer.

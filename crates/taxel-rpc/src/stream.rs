@@ -137,7 +137,7 @@ impl<M> Subscription<M> {
 /// The next tick; never without ticks.
 async fn tick(ticks: Option<&mut Ticks>) -> std::io::Result<()> {
     match ticks {
-        Some(ticks) => ticks.tick().await.map(drop),
+        Some(ticks) => ticks.tick().await,
         None => std::future::pending().await,
     }
 }

@@ -9,6 +9,7 @@ use taxel_proto::refusal::{Refusal, complete};
 use taxel_proto::v1::ErrorReason;
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
+use tonic::transport::server::TcpConnectInfo;
 use tonic::{Code, Request, Status};
 use tower_layer::Layer;
 
@@ -19,6 +20,7 @@ use crate::access::table::{Method, PUSH, method};
 use crate::answer::Answer;
 use crate::connection::Peer;
 use crate::refusals::Refusals;
+use crate::request::RequestBody;
 use crate::shares::{Place, Shares};
 
 /// Longest method name that an answer repeats, in characters.
@@ -46,10 +48,13 @@ impl Gate {
     }
 
     fn admit(&self, request: &http::Request<Body>) -> Result<Admitted, Status> {
+        let extensions = request.extensions();
+        // Who calls within this process says for whom; a connection of ours always says itself who it is.
+        let for_whom = || Some(Peer::of_tcp(extensions.get::<TcpConnectInfo>()?.remote_addr()?));
         let no_origin = || Refusal::fault("the connection has no origin, which is a fault of this program");
-        let peer = request.extensions().get::<Peer>().ok_or_else(no_origin)?;
+        let peer = extensions.get::<Peer>().cloned().or_else(for_whom).ok_or_else(no_origin)?;
         let path = request.uri().path();
-        let admitted = self.permitted(peer, path, request.headers()).and_then(|(caller, method)| {
+        let admitted = self.permitted(&peer, path, request.headers()).and_then(|(caller, method)| {
             let place = Arc::new(self.shares.place(method.takes, &caller)?);
             Ok(Admitted { caller, peer: peer.clone(), method, place })
         });
@@ -147,9 +152,10 @@ impl<S> Layer<S> for Gate {
     }
 }
 
-/// The services behind the gate.
+/// The services behind the gate. Who calls them without a socket gives the client's address as [`TcpConnectInfo`] and its
+/// `authorization`, and is judged as if the client had come over TCP without TLS.
 #[derive(Clone)]
-pub(crate) struct Guarded<S> {
+pub struct Guarded<S> {
     inner: S,
     gate: Gate,
 }
@@ -176,6 +182,10 @@ where
             Err(status) => return Box::pin(std::future::ready(Ok(status.into_http()))),
         };
         let call = peer.seat.as_ref().map(|seat| seat.begin());
+        if let Some(call) = call.as_ref().filter(|_| !method.asks_by_stream()) {
+            let waiting = call.wait();
+            request = request.map(|body| Body::new(RequestBody::new(body, waiting)));
+        }
         if method.name == PUSH {
             let (gate, path, headers) = (self.gate.clone(), request.uri().path().to_owned(), request.headers().clone());
             request.extensions_mut().insert(Standing { gate, peer, path, headers, rules: None });
@@ -227,8 +237,7 @@ mod tests {
     fn refused(refusals: &Arc<Refusals>, credentials: &[&str]) -> Status {
         let gate = Gate::new(Access::new(Rules::default()), Shares::new(&Limits::default()), Arc::clone(refusals));
         let mut request = http::Request::builder().uri("/taxel.v1.SkinService/Tare").body(Body::empty()).unwrap();
-        let origin = Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into()));
-        request.extensions_mut().insert(Peer { origin, seat: None });
+        request.extensions_mut().insert(Peer::of_tcp(([127, 0, 0, 1], 4000).into()));
         for token in credentials {
             request.headers_mut().append(http::header::AUTHORIZATION, token.parse().unwrap());
         }

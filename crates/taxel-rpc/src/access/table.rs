@@ -14,6 +14,13 @@ pub(crate) struct Method {
     pub(crate) takes: What,
 }
 
+impl Method {
+    /// Whether its request is a stream, in which a client may pause for as long as it likes.
+    pub(crate) fn asks_by_stream(&self) -> bool {
+        self.name == PUSH || self.name.ends_with("/ServerReflectionInfo")
+    }
+}
+
 const fn read(name: &'static str) -> Method {
     Method { name, role: Role::Observer, takes: What::Call }
 }

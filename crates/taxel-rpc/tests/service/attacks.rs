@@ -69,11 +69,33 @@ async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
     let wide = [frame(4, 0, 0, &[0, 4, 0x7f, 0xff, 0xff, 0xff]), frame(8, 0, 0, &[0x7f, 0, 0, 0])].concat();
     let call = [frame(1, 4, 1, &headers), frame(0, 1, 1, &[0; 5])].concat();
     mute.write_all(&[BEGIN, &wide, &call].concat()).await.unwrap();
-    let mut sequence = 0;
-    while stream(daemon.connect().await).await.is_err() || sequence == 0 {
-        sequence += 1;
+    let mut refused = false;
+    for sequence in 1.. {
         daemon.engine().patch(0, snapshot(sequence, Time::default()));
+        match stream(daemon.connect().await).await {
+            Err(_) => refused = true,
+            Ok(_) if refused => break,
+            Ok(_) => {} // it has not subscribed yet
+        }
     }
+}
+
+/// All calls that one peer may have.
+#[tokio::test]
+async fn requests_that_do_not_come_on_are_ended_and_their_places_are_free() {
+    let limits = Limits { look: SHORT, preface_looks: 1_000, calls_per_peer: 3, ..patient() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    let mut half = TcpStream::connect(daemon.address).await.unwrap();
+    let path = b"/taxel.v1.ForceService/GetForce";
+    let headers = [&[0x83, 0x86, 0x04, path.len() as u8][..], path].concat();
+    half.write_all(BEGIN).await.unwrap();
+    for call in 0..3 {
+        // A message of a hundred bytes, of which one comes.
+        let begun = [frame(1, 4, 2 * call + 1, &headers), frame(0, 0, 2 * call + 1, &[0, 0, 0, 0, 100, 1])];
+        half.write_all(&begun.concat()).await.unwrap();
+    }
+    read_to_end(&mut half).await;
+    while get_force(daemon.connect().await).await.is_err() {}
 }
 
 /// The connections answer pings and make no call: they are let live until somebody else needs their places.
