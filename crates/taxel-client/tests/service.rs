@@ -16,7 +16,7 @@ use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot};
 use taxel_proto::judge;
 use taxel_rpc::handle::channel;
 use taxel_rpc::{
-    Access, Clocks, Drain, Limits, Listener, ModelCodec, Publisher, Role, Rules, ServeError, Tls, TlsFiles, serve,
+    Access, Backend, Clocks, Drain, Limits, Listener, Publisher, Role, Rules, ServeError, Server, Tls, TlsFiles,
 };
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
 use tokio::task::JoinHandle;
@@ -26,6 +26,11 @@ use tokio_util::sync::CancellationToken;
 const PATIENCE: Duration = Duration::from_secs(120);
 /// What the service itself calls too old: far beyond what any test publishes.
 const NEVER_STALE: Duration = Duration::from_secs(1_000_000);
+
+/// A daemon without a store.
+struct NoStore;
+
+impl Backend for NoStore {}
 
 /// A service whose engine is the test.
 struct Daemon {
@@ -45,14 +50,13 @@ impl Daemon {
         let live = LiveLimits { stale_after: NEVER_STALE, ..LiveLimits::default() };
         let patch = PatchPlan { live, ..PatchPlan::new(Patch::new("palm", vec![board]).unwrap()) };
         let plan = Arc::new(Plan { buses: 1, patches: vec![patch] });
-        let from_json = |_: &str| Err("not here".to_owned());
-        let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json, from_elsewhere: from_json };
         let (origin, shutdown) = (Instant::now(), CancellationToken::new());
         // A clock of its own, and an engine that is never taken for stalled.
         let run = move || daemon_time(origin);
         let clocks = Clocks { run: Arc::new(run), process: Arc::new(Time::default) };
-        let (handle, publisher, _requests) = channel(plan, clocks, codec, shutdown.clone());
-        let server = tokio::spawn(serve(handle, vec![listener], Access::new(rules), Limits::default()));
+        let (handle, publisher, _requests) = channel(plan, clocks, shutdown.clone());
+        let server = Server::new(handle, Arc::new(NoStore), Access::new(rules), Limits::default()).unwrap();
+        let server = tokio::spawn(server.serve(vec![listener]));
         Self { publisher, origin, shutdown, server }
     }
 

@@ -6,19 +6,22 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use std::net::TcpListener;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
-use taxel_page::{Caller, Limits, Options, Services, Shows, bind, serve};
+use taxel_page::{Limits, Options, Shows, bind, serve};
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Clock, Clocks, Listener, ModelCodec, Publisher, Rules, serve_and_share};
+use taxel_rpc::{Access, Backend, Clock, Clocks, Publisher, Rules, Server};
 use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time};
-use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
 const BOARDS: u8 = 7;
 const RATE: Duration = Duration::from_millis(10);
 const RADIUS_M: f64 = 0.06;
+
+/// A daemon without a store.
+struct NoStore;
+
+impl Backend for NoStore {}
 
 /// Triangles around a cylinder, 16 to the turn.
 fn plan() -> Result<Plan, Box<dyn std::error::Error>> {
@@ -76,24 +79,16 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let begun = Instant::now();
     let clock: Clock = Arc::new(move || Time::from_nanos(begun.elapsed().as_nanos() as i64));
     let clocks = Clocks { run: Arc::clone(&clock), process: Arc::clone(&clock) };
-    let from_json = |_: &str| Err("not here".to_owned());
-    let codec = ModelCodec { to_json: |_| Err("none here".to_owned()), from_json, from_elsewhere: from_json };
     let plan = Arc::new(plan()?);
     let taxels = plan.patches[0].patch.taxels().len();
     let shutdown = CancellationToken::new();
-    let (handle, engine, _requests) = channel(plan, clocks, codec, shutdown.clone());
-    let (share, shared) = oneshot::channel();
-    let listeners = vec![Listener::Tcp(TcpListener::bind("127.0.0.1:0")?)];
-    let give = |services| drop(share.send(services));
-    let access = Access::new(Rules::open());
-    tokio::spawn(serve_and_share(handle, listeners, access, taxel_rpc::Limits::default(), give));
+    let (handle, engine, _requests) = channel(plan, clocks, shutdown.clone());
+    let server = Server::new(handle, Arc::new(NoStore), Access::new(Rules::open()), taxel_rpc::Limits::default())?;
+    let services = server.shared();
+    tokio::spawn(server.serve(Vec::new()));
     tokio::spawn(publish(engine, clock, taxels));
-    let limits = Limits::default();
-    let listener = bind(address, &limits)?;
-    let services = shared.await?;
-    let judge = services.clone();
-    let permits = Arc::new(move |caller: &Caller, path: &str| judge.permits(caller.address, path, &caller.headers()));
-    let services = Services::new(services);
+    let listener = bind(address)?;
+    let options = Options { services, shows: Shows::Page, names: Vec::new(), limits: Limits::default() };
     println!("{taxels} taxels on http://{}/", listener.local_addr()?);
-    Ok(serve(listener, Options { services, permits, shows: Shows::Page, names: Vec::new(), limits }, shutdown).await?)
+    Ok(serve(listener, options, shutdown).await?)
 }

@@ -1,23 +1,15 @@
 //! Answers over HTTP: JSON, refusals, and the headers that every answer has.
 
-use http_body_util::combinators::UnsyncBoxBody;
-use http_body_util::{BodyExt, Full};
-use hyper::body::Bytes;
-use hyper::header::{ALLOW, CACHE_CONTROL, CONNECTION, CONTENT_TYPE, HeaderName, HeaderValue, REFERRER_POLICY};
-use hyper::header::{CONTENT_SECURITY_POLICY, X_CONTENT_TYPE_OPTIONS};
-use hyper::{Response, StatusCode};
+use axum::http::StatusCode;
+use axum::http::header::{ALLOW, CACHE_CONTROL, CONTENT_TYPE, HeaderName, HeaderValue, REFERRER_POLICY};
+use axum::http::header::{CONTENT_SECURITY_POLICY, X_CONTENT_TYPE_OPTIONS};
+use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::json;
-use std::convert::Infallible;
 use taxel_proto::code_name;
 use taxel_proto::refusal::{Refusal, info_of};
 use taxel_proto::v1::ErrorReason;
 use tonic::{Code, Status};
-
-use crate::large_answers::LargeAnswer;
-
-/// The body of every answer.
-pub(crate) type Body = UnsyncBoxBody<Bytes, Infallible>;
 
 /// What the JSON of an answer is sent as.
 pub(crate) const JSON: &str = "application/json";
@@ -37,73 +29,37 @@ const ON_EVERY_ANSWER: [(HeaderName, &str); 6] = [
 ];
 
 /// Adds the headers that every answer has.
-pub(crate) fn hardened(mut response: Response<Body>) -> Response<Body> {
+pub(crate) fn hardened(mut response: Response) -> Response {
     for (name, value) in ON_EVERY_ANSWER {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     response
 }
 
-/// An answer with a body that is there.
-pub(crate) fn whole(status: StatusCode, content_type: &'static str, bytes: impl Into<Bytes>) -> Response<Body> {
-    let mut response = Response::new(Full::new(bytes.into()).boxed_unsync());
-    *response.status_mut() = status;
-    response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(content_type));
-    response
-}
-
 /// An answer that is JSON.
-pub(crate) fn json_of(value: &impl Serialize) -> Response<Body> {
-    json_bytes(value).map_or_else(|status| refusal(&status), |bytes| whole(StatusCode::OK, JSON, bytes))
-}
-
-/// The JSON of an answer, in no more memory than it takes: a slow reader holds it for long.
-pub(crate) fn json_bytes(value: &impl Serialize) -> Result<Vec<u8>, Status> {
-    let written = serde_json::to_vec(value);
-    let mut json = written.map_err(|error| Refusal::fault(format!("the answer is no JSON: {error}")))?;
-    json.shrink_to_fit();
-    Ok(json)
-}
-
-/// Bytes that hold a place for as long as anybody has them. The body of an answer does not last so long: the server takes
-/// all of it at once and then writes what the peer has room for.
-pub(crate) fn with_place(bytes: Vec<u8>, place: LargeAnswer) -> Bytes {
-    Bytes::from_owner(Placed { bytes, _place: place })
-}
-
-struct Placed {
-    bytes: Vec<u8>,
-    _place: LargeAnswer,
-}
-
-impl AsRef<[u8]> for Placed {
-    fn as_ref(&self) -> &[u8] {
-        &self.bytes
+pub(crate) fn json_of(value: &impl Serialize) -> Response {
+    match serde_json::to_vec(value) {
+        Ok(json) => ([(CONTENT_TYPE, JSON)], json).into_response(),
+        Err(error) => refusal(&Refusal::fault(format!("the answer is no JSON: {error}")).into()),
     }
 }
 
 /// Refuses a method that the path does not have.
-pub(crate) fn wrong_method(allowed: &'static str, why: &str) -> Response<Body> {
+pub(crate) fn wrong_method(allowed: &'static str, why: &str) -> Response {
     let refused = Refusal::new(Code::Unimplemented, ErrorReason::MethodUnknown, why).into();
     let mut response = refusal_as(StatusCode::METHOD_NOT_ALLOWED, &refused);
     response.headers_mut().insert(ALLOW, HeaderValue::from_static(allowed));
     response
 }
 
-/// The same as the last of its connection, on which the rest of a body may still come.
-pub(crate) fn closing(mut response: Response<Body>) -> Response<Body> {
-    response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
-    response
-}
-
 /// A gRPC status as an answer.
-pub(crate) fn refusal(status: &Status) -> Response<Body> {
+pub(crate) fn refusal(status: &Status) -> Response {
     refusal_as(http_status(status.code()), status)
 }
 
 /// The same under another HTTP status.
-pub(crate) fn refusal_as(http: StatusCode, status: &Status) -> Response<Body> {
-    whole(http, JSON, status_json(status).to_string())
+pub(crate) fn refusal_as(http: StatusCode, status: &Status) -> Response {
+    (http, [(CONTENT_TYPE, JSON)], status_json(status).to_string()).into_response()
 }
 
 /// `{"code": "NOT_FOUND", "message": "...", "reason": "PATCH_UNKNOWN", "metadata": {"patch": "..."}}`; the last two are as

@@ -1,9 +1,5 @@
 //! The page's own files, compiled in. There is nothing else to be had by a path.
 
-use hyper::{Response, StatusCode};
-
-use crate::answer::{Body, whole};
-
 const HTML: &str = "text/html; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
@@ -16,7 +12,7 @@ macro_rules! files {
 }
 
 /// Path, content type, content.
-const FILES: &[(&str, &str, &[u8])] = files! {
+pub(crate) const FILES: &[(&str, &str, &[u8])] = files! {
     "/", "index.html", HTML;
     "/page.css", "page.css", CSS;
     "/icon.svg", "icon.svg", SVG;
@@ -38,12 +34,6 @@ const FILES: &[(&str, &str, &[u8])] = files! {
     "/health.js", "health.js", SCRIPT;
 };
 
-/// The file of this path, if there is one.
-pub(crate) fn find(path: &str) -> Option<Response<Body>> {
-    let (_, kind, content) = FILES.iter().find(|(known, ..)| *known == path)?;
-    Some(whole(StatusCode::OK, kind, *content))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -54,7 +44,7 @@ mod tests {
         for file in std::fs::read_dir(folder).unwrap() {
             let name = file.unwrap().file_name().into_string().unwrap();
             let path = if name == "index.html" { "/".to_owned() } else { format!("/{name}") };
-            assert!(find(&path).is_some(), "{name}");
+            assert!(FILES.iter().any(|(known, ..)| *known == path), "{name}");
         }
     }
 

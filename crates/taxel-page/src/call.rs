@@ -1,36 +1,31 @@
 //! A call inside the process: through the same services, checks and limits as any that comes over gRPC.
 
 use std::net::SocketAddr;
-use std::pin::Pin;
-use std::sync::Arc;
 
-use futures_util::future::poll_fn;
-use futures_util::stream::{self, Stream};
-use http_body_util::Full;
-use hyper::HeaderMap;
-use hyper::body::Body as _;
-use hyper::header::{AUTHORIZATION, CONTENT_TYPE, HeaderValue, TE};
+use axum::http::header::AUTHORIZATION;
+use axum::http::uri::PathAndQuery;
+use axum::http::{HeaderMap, HeaderValue};
+use prost::Message;
 use prost_reflect::{DynamicMessage, MessageDescriptor};
 use taxel_proto::refusal::Refusal;
-use tonic::body::Body;
+use taxel_rpc::SharedServices;
+use tonic::client::Grpc;
+use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
+use tonic::metadata::MetadataMap;
 use tonic::transport::server::TcpConnectInfo;
-use tonic::{Code, Status};
-use tower::ServiceExt;
-use tower::util::BoxCloneSyncService;
+use tonic::{Request, Status, Streaming};
 
-use crate::frames::{Unframed, framed};
 use crate::methods::Method;
 
-/// The daemon's gRPC services with all the layers that lie around them, called without a socket.
-pub type Services = BoxCloneSyncService<hyper::Request<Body>, hyper::Response<Body>, std::convert::Infallible>;
+/// No message of the daemon is longer; its own limit is 16 MiB.
+const MESSAGE_BYTES_MAX: usize = 32 << 20;
 
 /// Who calls: what the layers around the services may judge it by.
 #[derive(Clone, Debug)]
-pub struct Caller {
-    /// The address it calls from.
-    pub address: SocketAddr,
+pub(crate) struct Caller {
+    address: SocketAddr,
     /// Its `authorization` headers. It may send one; what is to be said of more the services know.
-    pub authorization: Vec<HeaderValue>,
+    authorization: Vec<HeaderValue>,
 }
 
 impl Caller {
@@ -38,103 +33,82 @@ impl Caller {
         Self { address, authorization: headers.get_all(AUTHORIZATION).iter().cloned().collect() }
     }
 
-    /// What of its headers its call carries.
-    #[must_use]
-    pub fn headers(&self) -> HeaderMap {
-        self.authorization.iter().map(|authorization| (AUTHORIZATION, authorization.clone())).collect()
+    /// A request of this caller.
+    pub(crate) fn request<M>(&self, message: M) -> Request<M> {
+        let mut request = Request::new(message);
+        let headers = self.authorization.iter().map(|authorization| (AUTHORIZATION, authorization.clone()));
+        *request.metadata_mut() = MetadataMap::from_headers(headers.collect());
+        request.extensions_mut().insert(TcpConnectInfo { local_addr: None, remote_addr: Some(self.address) });
+        request
     }
 }
 
-/// Whether a caller may make the call with this path, `/taxel.v1.Service/Method`, as the services themselves judge it; asked
-/// before the body of a request is read, so that whoever may not make a call takes no place from those who may.
-pub type Permits = Arc<dyn Fn(&Caller, &str) -> Result<(), Status> + Send + Sync>;
+/// Messages that are known by their descriptors alone; of those that come, this one.
+#[derive(Clone, Debug)]
+struct Dynamic(MessageDescriptor);
 
-/// The services as this caller calls them: with its address and its `authorization`.
-pub(crate) fn as_of(services: &Services, caller: &Caller) -> Services {
-    let caller = caller.clone();
-    Services::new(services.clone().map_request(move |mut call: hyper::Request<Body>| {
-        call.headers_mut().extend(caller.headers());
-        call.extensions_mut().insert(TcpConnectInfo { local_addr: None, remote_addr: Some(caller.address) });
-        call
-    }))
+impl Codec for Dynamic {
+    type Encode = DynamicMessage;
+    type Decode = DynamicMessage;
+    type Encoder = Self;
+    type Decoder = Self;
+
+    fn encoder(&mut self) -> Self {
+        self.clone()
+    }
+
+    fn decoder(&mut self) -> Self {
+        self.clone()
+    }
 }
 
-/// Makes the call. Gives its answer once the head of it is there.
-pub(crate) async fn begin(
-    services: Services,
+impl Encoder for Dynamic {
+    type Item = DynamicMessage;
+    type Error = Status;
+
+    fn encode(&mut self, message: DynamicMessage, bytes: &mut EncodeBuf<'_>) -> Result<(), Status> {
+        Ok(message.encode(bytes).map_err(|error| Refusal::fault(format!("a request: {error}")))?)
+    }
+}
+
+impl Decoder for Dynamic {
+    type Item = DynamicMessage;
+    type Error = Status;
+
+    fn decode(&mut self, bytes: &mut DecodeBuf<'_>) -> Result<Option<DynamicMessage>, Status> {
+        let message = DynamicMessage::decode(self.0.clone(), bytes);
+        Ok(Some(message.map_err(|error| Refusal::fault(format!("an answer: {error}")))?))
+    }
+}
+
+/// The way of a call of this method.
+async fn way(
+    services: &SharedServices,
     method: &Method,
-    request: &DynamicMessage,
-    caller: &Caller,
-) -> Result<Answer, Status> {
-    let path = method.path();
-    let mut call = hyper::Request::new(Body::new(Full::new(framed(request))));
-    *call.method_mut() = hyper::Method::POST;
-    *call.uri_mut() = format!("/{path}").parse().map_err(|_| Refusal::fault("the path of a method"))?;
-    call.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("application/grpc"));
-    call.headers_mut().insert(TE, HeaderValue::from_static("trailers"));
-    let response = match as_of(&services, caller).oneshot(call).await {
-        Ok(response) => response,
-        Err(never) => match never {},
-    };
-    ended(response.headers())?;
-    let (output, body) = (method.output(), response.into_body());
-    Ok(Answer { body, output, unframed: Unframed::default(), over: false })
+) -> Result<(Grpc<SharedServices>, PathAndQuery, Dynamic), Status> {
+    let path = format!("/{}", method.path()).parse().map_err(|_| Refusal::fault("the path of a method"))?;
+    let mut grpc = Grpc::new(services.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX);
+    grpc.ready().await.unwrap_or_else(|never| match never {});
+    Ok((grpc, path, Dynamic(method.output())))
 }
 
-/// The status in a head or in trailers; `Ok` if it is OK or there is none.
-fn ended(headers: &HeaderMap) -> Result<(), Status> {
-    match Status::from_header_map(headers) {
-        Some(status) if status.code() != Code::Ok => Err(status),
-        _ => Ok(()),
-    }
+/// Calls a method that answers with one message.
+pub(crate) async fn unary(
+    services: &SharedServices,
+    method: &Method,
+    request: Request<DynamicMessage>,
+) -> Result<DynamicMessage, Status> {
+    let (mut grpc, path, codec) = way(services, method).await?;
+    grpc.unary(request, path, codec).await.map(tonic::Response::into_inner)
 }
 
-/// An answer on its way: one message or many.
-pub(crate) struct Answer {
-    body: Body,
-    output: MessageDescriptor,
-    unframed: Unframed,
-    over: bool,
-}
-
-impl Answer {
-    /// The next message; nothing once the answer has ended well.
-    pub(crate) async fn next(&mut self) -> Result<Option<DynamicMessage>, Status> {
-        loop {
-            if let Some(message) = self.unframed.next(&self.output)? {
-                return Ok(Some(message));
-            }
-            if self.over {
-                return Ok(None);
-            }
-            match poll_fn(|cx| Pin::new(&mut self.body).poll_frame(cx)).await {
-                None => self.over = true,
-                Some(Err(status)) => return Err(status),
-                Some(Ok(frame)) => match frame.into_data() {
-                    Ok(data) => self.unframed.push(&data),
-                    Err(frame) => frame.trailers_ref().map_or(Ok(()), ended)?,
-                },
-            }
-        }
-    }
-
-    /// The one message of a call that does not stream.
-    pub(crate) async fn only(mut self) -> Result<DynamicMessage, Status> {
-        let message = self.next().await?.ok_or_else(|| Refusal::fault("the call was answered without a message"))?;
-        while self.next().await?.is_some() {} // the status comes after the message
-        Ok(message)
-    }
-
-    /// Its messages, and at the end how it ended if that was not well. Nothing is taken from the service before it is
-    /// asked for here, so that a slow reader gets the newest value next.
-    pub(crate) fn messages(self) -> impl Stream<Item = Result<DynamicMessage, Status>> + Send {
-        stream::unfold(Some(self), |answer| async {
-            let mut answer = answer?;
-            match answer.next().await {
-                Ok(Some(message)) => Some((Ok(message), Some(answer))),
-                Ok(None) => None,
-                Err(status) => Some((Err(status), None)),
-            }
-        })
-    }
+/// Calls a method that answers with a stream. Nothing is taken from the service before it is asked for here, so that a slow
+/// reader gets the newest value next.
+pub(crate) async fn streaming(
+    services: &SharedServices,
+    method: &Method,
+    request: Request<DynamicMessage>,
+) -> Result<Streaming<DynamicMessage>, Status> {
+    let (mut grpc, path, codec) = way(services, method).await?;
+    grpc.server_streaming(request, path, codec).await.map(tonic::Response::into_inner)
 }

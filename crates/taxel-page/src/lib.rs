@@ -1,7 +1,7 @@
 //! The service over HTTP for curl and browsers, and the operator's page. README.md beside this crate says how to call it.
 //!
 //! JSON and server-sent events are made from the same protobuf messages by their descriptors, and every call goes
-//! through the same services, checks and limits as one that comes over gRPC ([`Services`]). So a call that is added to
+//! through the same services, checks and limits as one that comes over gRPC ([`taxel_rpc::SharedServices`]). So a call that is added to
 //! the service is here as well, without a line of code.
 //!
 //! A browser lends its reach to every site that it shows. So the server answers to its own names alone (`Host`), takes no
@@ -11,19 +11,14 @@
 mod answer;
 mod assets;
 mod call;
-mod connection;
 mod events;
-mod frames;
-mod large_answers;
 mod limits;
 mod methods;
 mod metrics;
 mod origin;
-mod places;
 mod serve;
 mod site;
 
-pub use call::{Caller, Permits, Services};
 pub use limits::Limits;
 pub use serve::{Options, bind, serve};
 pub use site::Shows;

@@ -17,9 +17,10 @@ use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_rpc::SharedServices;
 use tonic::Status;
 
-use crate::call::{Caller, Services, as_of};
+use crate::call::Caller;
 
 /// The content type of what [`Metrics::text`] gives.
 pub(crate) const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -59,10 +60,9 @@ impl Metrics {
     }
 
     /// Everything now, as far as `caller` may read it.
-    pub(crate) async fn text(&self, services: &Services, caller: &Caller) -> Result<String, Status> {
-        let services = as_of(services, caller);
+    pub(crate) async fn text(&self, services: &SharedServices, caller: &Caller) -> Result<String, Status> {
         let mut skin = SkinServiceClient::new(services.clone());
-        let health = skin.get_health(v1::GetHealthRequest {}).await?.into_inner();
+        let health = skin.get_health(caller.request(v1::GetHealthRequest {})).await?.into_inner();
         let mut sheet = Sheet::new();
         sheet.registry.register_with_unit(
             "http_call_duration",
@@ -77,18 +77,15 @@ impl Metrics {
         boards(&mut sheet, &health.boards, runs);
         patches(&mut sheet, &health.patches, runs);
         let mut force = ForceServiceClient::new(services.clone());
-        let mut samples = Vec::new();
-        for patch in &health.patches {
-            let request = v1::GetForceRequest { patch: patch.patch.clone() };
+        let mut calibration = CalibrationServiceClient::new(services.clone());
+        let (mut samples, mut newest) = (Vec::new(), Vec::new());
+        for v1::PatchHealth { patch, .. } in &health.patches {
+            let request = caller.request(v1::GetForceRequest { patch: patch.clone() });
             samples.push(force.get_force(request).await?.into_inner());
+            let request = v1::ListSessionsRequest { patch: patch.clone(), page_size: 1, ..Default::default() };
+            newest.extend(calibration.list_sessions(caller.request(request)).await?.into_inner().sessions);
         }
         forces(&mut sheet, &samples);
-        let mut calibration = CalibrationServiceClient::new(services.clone());
-        let mut newest = Vec::new();
-        for patch in &health.patches {
-            let request = v1::ListSessionsRequest { patch: patch.patch.clone(), page_size: 1, ..Default::default() };
-            newest.extend(calibration.list_sessions(request).await?.into_inner().sessions);
-        }
         sessions(&mut sheet, &newest, runs);
         sheet.text()
     }

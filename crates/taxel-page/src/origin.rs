@@ -1,9 +1,8 @@
 //! Whether a request comes from where it may: a browser lends its reach to every page that it shows, so a page from
 //! elsewhere must get nothing, whatever name it gives to this address.
 
-use hyper::HeaderMap;
-use hyper::Uri;
-use hyper::header::{HOST, HeaderName, ORIGIN};
+use axum::http::header::{HOST, HeaderName, ORIGIN};
+use axum::http::{HeaderMap, Uri};
 use std::net::IpAddr;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;

@@ -1,31 +1,43 @@
 //! What each path answers.
 
-use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
+use axum::Router;
+use axum::body::{Body, Bytes};
+use axum::extract::{Extension, Request, State};
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{HeaderMap, Method as Verb, StatusCode, Uri};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{MethodRouter, get};
 use http_body_util::{BodyExt, LengthLimitError, Limited};
-use hyper::body::{Body as _, Bytes, Incoming};
-use hyper::header::CONTENT_TYPE;
-use hyper::{Method as Verb, Request, Response, StatusCode};
-use prost_reflect::DynamicMessage;
+use hyper::body::Body as _;
 use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
+use taxel_rpc::{Answer, SharedServices};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::{Code, Status};
 
-use crate::answer::{Body, JSON, closing, hardened, json_bytes, json_of, refusal, refusal_as};
-use crate::answer::{whole, with_place, wrong_method};
+use crate::answer::{JSON, hardened, json_of, refusal, refusal_as, wrong_method};
 use crate::assets;
-use crate::call::{Caller, Permits, Services, begin};
+use crate::call::{Caller, streaming, unary};
 use crate::events::{Source, events};
-use crate::large_answers::LargeAnswers;
 use crate::limits::Limits;
 use crate::methods::{Method, Methods};
 use crate::metrics::{Metrics, OPEN_METRICS};
 use crate::origin::{check_host, check_origin};
-use crate::places::{Place, Served};
+use crate::serve::Client;
+
+/// Streams that one answer may carry.
+const STREAMS_PER_ANSWER: usize = 8;
+
+/// Largest request body, in bytes: a request is a few names and numbers.
+const BODY_BYTES_MAX: usize = 64 << 10;
+
+/// Largest body of a request that carries a model set: 16 MiB of MODELS.json, its quotes and line ends escaped.
+const MODELS_BYTES_MAX: usize = 17 << 20;
 
 /// What a site serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,215 +52,189 @@ pub enum Shows {
 
 /// One page, shared by all its connections.
 pub(crate) struct Site {
-    services: Services,
-    permits: Permits,
-    shows: Shows,
+    services: SharedServices,
     metrics: Metrics,
     methods: Methods,
     /// Names beside localhost that it answers to.
     names: Vec<String>,
     limits: Limits,
     streams: Arc<Semaphore>,
-    large_bodies: Arc<Semaphore>,
-    large_answers: LargeAnswers,
+    /// Held while a body above [`BODY_BYTES_MAX`] is read.
+    large_body: Arc<Semaphore>,
+}
+
+type Shared = State<Arc<Site>>;
+
+/// What a site answers by path. Whatever is no path of its own is a call.
+pub(crate) fn router(site: Site, shows: Shows) -> Router {
+    let site = Arc::new(site);
+    let mut router = Router::new();
+    if shows != Shows::Page {
+        router = router.route("/metrics", only_read(get(metrics)));
+    }
+    if shows == Shows::Metrics {
+        let elsewhere =
+            || async { refusal(&Refusal::not_found(ErrorReason::PathUnknown, "the metrics are at /metrics").into()) };
+        router = router.fallback(elsewhere);
+    } else {
+        for &(path, kind, content) in assets::FILES {
+            let file = get(move || async move { ([(CONTENT_TYPE, kind)], content) });
+            router = router.route(path, only_read(file));
+        }
+        router =
+            router.route("/methods", only_read(get(methods))).route("/streams", only_read(get(streams))).fallback(call);
+    }
+    router.layer(from_fn_with_state(Arc::clone(&site), guard)).with_state(site)
+}
+
+fn only_read(get: MethodRouter<Arc<Site>>) -> MethodRouter<Arc<Site>> {
+    get.fallback(|| async { wrong_method("GET, HEAD", "this is only read") })
+}
+
+/// Before all paths: who may ask, and what every answer has. The connection is busy until the answer is out.
+async fn guard(State(site): Shared, Extension(client): Extension<Client>, request: Request, next: Next) -> Response {
+    let busy = client.seat.begin();
+    let (uri, headers) = (request.uri(), request.headers());
+    // A link from elsewhere may open the page itself: it shows nothing before its own scripts ask.
+    let is_file = assets::FILES.iter().any(|(path, ..)| *path == uri.path());
+    let allowed =
+        check_host(uri, headers, &site.names).and_then(|()| if is_file { Ok(()) } else { check_origin(headers) });
+    let response = match allowed {
+        Ok(()) => next.run(request).await,
+        Err(status) => refusal(&status),
+    };
+    hardened(response).map(|body| Body::new(Answer::of(busy, body)))
+}
+
+async fn metrics(State(site): Shared, Extension(client): Extension<Client>, headers: HeaderMap) -> Response {
+    match site.metrics.text(&site.services, &Caller::new(client.address, &headers)).await {
+        Ok(text) => ([(CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
+        Err(status) => refusal(&status),
+    }
+}
+
+async fn methods(State(site): Shared) -> Response {
+    json_of(&site.methods.list())
+}
+
+async fn streams(State(site): Shared, Extension(client): Extension<Client>, uri: Uri, headers: HeaderMap) -> Response {
+    let caller = Caller::new(client.address, &headers);
+    let answer = match calls_of(uri.query().unwrap_or_default()) {
+        Ok(calls) => site.streams(calls, &caller).await,
+        Err(status) => Err(status),
+    };
+    answer.unwrap_or_else(|status| refusal(&status))
+}
+
+/// A call by its path.
+async fn call(State(site): Shared, Extension(client): Extension<Client>, request: Request) -> Response {
+    let caller = Caller::new(client.address, request.headers());
+    site.call(request, &caller).await.unwrap_or_else(|status| refusal(&status))
 }
 
 impl Site {
     /// The site over these services.
     pub(crate) fn new(
-        (services, permits): (Services, Permits),
-        shows: Shows,
+        services: SharedServices,
         names: Vec<String>,
         limits: Limits,
     ) -> Result<Self, prost_reflect::DescriptorError> {
-        let streams = Arc::new(Semaphore::new(limits.streams));
-        let large_bodies = Arc::new(Semaphore::new(limits.large_bodies));
-        let large_answers = LargeAnswers::new(limits.large_answers, limits.large_answer);
+        let (streams, large_body) = (Arc::new(Semaphore::new(limits.streams)), Arc::new(Semaphore::new(1)));
         let (metrics, methods) = (Metrics::new(), Methods::new()?);
-        Ok(Self { services, permits, shows, metrics, methods, names, limits, streams, large_bodies, large_answers })
+        Ok(Self { services, metrics, methods, names, limits, streams, large_body })
     }
 
-    /// Answers one request.
-    pub(crate) async fn answer(
-        &self,
-        mut request: Request<Incoming>,
-        address: SocketAddr,
-        place: Arc<Place>,
-    ) -> Response<Body> {
-        let head = *request.method() == Verb::HEAD;
-        if request.body().is_end_stream() {
-            place.serve();
-        }
-        request.extensions_mut().insert(Arc::clone(&place)); // whoever reads the body knows when it is there
-        let mut response = hardened(self.route(request, address).await.unwrap_or_else(|status| refusal(&status)));
-        if head {
-            *response.body_mut() = http_body_util::Empty::new().boxed_unsync();
-        }
-        response.map(|body| Served { body, place }.boxed_unsync())
-    }
-
-    async fn route(&self, request: Request<Incoming>, address: SocketAddr) -> Result<Response<Body>, Status> {
-        check_host(request.uri(), request.headers(), &self.names)?;
-        let reads = matches!(*request.method(), Verb::GET | Verb::HEAD);
-        let path = request.uri().path();
-        if path == "/metrics" && self.shows != Shows::Page {
-            check_origin(request.headers())?;
-            let caller = Caller::new(address, request.headers());
-            let text = self.metrics.text(&self.services, &caller);
-            return if reads {
-                Ok(whole(StatusCode::OK, OPEN_METRICS, text.await?))
-            } else {
-                Ok(wrong_method("GET", "the metrics are only read"))
-            };
-        }
-        if self.shows == Shows::Metrics {
-            return Err(Refusal::not_found(ErrorReason::PathUnknown, "the metrics are at /metrics").into());
-        }
-        // A link from elsewhere may open the page itself: it shows nothing before its own scripts ask.
-        if let Some(file) = assets::find(path) {
-            return Ok(if reads { file } else { wrong_method("GET, HEAD", "a file is only read") });
-        }
-        check_origin(request.headers())?;
-        let caller = Caller::new(address, request.headers());
-        match path {
-            "/methods" if reads => Ok(json_of(&self.methods.list())),
-            "/streams" if *request.method() == Verb::GET => {
-                self.streams(calls_of(request.uri().query().unwrap_or_default())?, &caller).await
-            }
-            "/methods" | "/streams" => Ok(wrong_method("GET", "this is only read")),
-            _ => self.call(request, &caller).await,
-        }
-    }
-
-    /// A call by its path.
-    async fn call(&self, request: Request<Incoming>, caller: &Caller) -> Result<Response<Body>, Status> {
+    async fn call(&self, request: Request, caller: &Caller) -> Result<Response, Status> {
         let method = self.methods.find(request.uri().path().strip_prefix('/').unwrap_or_default())?;
-        let wanted = if method.streams() { Verb::GET } else { Verb::POST };
-        match *request.method() {
-            Verb::GET if method.streams() => {
+        match (request.method(), method.streams()) {
+            (&Verb::GET, true) => {
                 let query = request.uri().query().unwrap_or_default();
                 let fields = form_urlencoded::parse(query.as_bytes()).into_owned().collect();
                 self.streams(vec![(method.path(), fields)], caller).await
             }
-            Verb::POST if !method.streams() => self.unary(&method, request, caller).await,
-            _ if wanted == Verb::GET => {
-                Ok(wrong_method("GET", "this call streams: its fields go into the query of a GET"))
-            }
-            _ => Ok(wrong_method("POST", "this call takes the JSON of its request by POST")),
+            (_, true) => Ok(wrong_method("GET", "this call streams: its fields go into the query of a GET")),
+            (&Verb::POST, false) => self.unary(&method, request, caller).await,
+            (_, false) => Ok(wrong_method("POST", "this call takes the JSON of its request by POST")),
         }
     }
 
-    async fn unary(
-        &self,
-        method: &Method,
-        request: Request<Incoming>,
-        caller: &Caller,
-    ) -> Result<Response<Body>, Status> {
+    async fn unary(&self, method: &Method, request: Request, caller: &Caller) -> Result<Response, Status> {
         // A form of another site cannot send this type without asking first.
         let kind = request.headers().get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
         if !kind.split(';').next().is_some_and(|kind| kind.trim().eq_ignore_ascii_case(JSON)) {
             let wrong = Refusal::unreadable("expected the header Content-Type: application/json").into();
             return Ok(refusal_as(StatusCode::UNSUPPORTED_MEDIA_TYPE, &wrong));
         }
-        if let Err(status) = (self.permits)(caller, &format!("/{}", method.path())) {
-            self.metrics.called(method.path(), code_name(status.code()), Duration::ZERO);
-            return Ok(closing(refusal(&status))); // the body may be on its way
+        let (limit, place) = self.body_limit(method, request.body())?;
+        let body = match self.body(request.into_body(), limit).await {
+            Ok(body) => body,
+            Err(refused) => return Ok(refused),
+        };
+        let message = method.request(&body)?;
+        drop((body, place));
+        let begun = Instant::now();
+        let answer = unary(&self.services, method, caller.request(message)).await;
+        let code = answer.as_ref().map_or_else(Status::code, |_| Code::Ok);
+        self.metrics.called(method.path(), code_name(code), begun.elapsed());
+        Ok(json_of(&answer?))
+    }
+
+    /// The body of a request, or why there is none.
+    async fn body(&self, body: Body, limit: usize) -> Result<Bytes, Response> {
+        let too_large = || {
+            let why = format!("the body is longer than {limit} bytes");
+            let long = Refusal::new(Code::OutOfRange, ErrorReason::BodyRefused, why).into();
+            refusal_as(StatusCode::PAYLOAD_TOO_LARGE, &long)
+        };
+        if body.size_hint().lower() > limit as u64 {
+            return Err(too_large()); // at once: the rest may never come
         }
-        let (limit, _place) = self.body_limit(method, &request)?;
-        if request.body().size_hint().lower() > limit as u64 {
-            return Ok(too_large(limit)); // at once: the rest may never come
-        }
-        let connection = request.extensions().get::<Arc<Place>>().cloned();
-        let body = Limited::new(request.into_body(), limit).collect();
-        let body: Bytes = match tokio::time::timeout(self.limits.body, body).await {
-            Ok(Ok(body)) => body.to_bytes(),
-            Ok(Err(error)) if error.is::<LengthLimitError>() => return Ok(too_large(limit)),
-            Ok(Err(error)) => return Err(Refusal::unreadable(format!("the body did not come: {error}")).into()),
+        match tokio::time::timeout(self.limits.body, Limited::new(body, limit).collect()).await {
+            Ok(Ok(body)) => Ok(body.to_bytes()),
+            Ok(Err(error)) if error.is::<LengthLimitError>() => Err(too_large()),
+            Ok(Err(error)) => Err(refusal(&Refusal::unreadable(format!("the body did not come: {error}")).into())),
             Err(_) => {
                 let why = format!("the body took longer than {:?}", self.limits.body);
                 let slow = Refusal::new(Code::DeadlineExceeded, ErrorReason::BodyRefused, why).into();
-                return Ok(closing(refusal_as(StatusCode::REQUEST_TIMEOUT, &slow)));
+                Err(refusal_as(StatusCode::REQUEST_TIMEOUT, &slow))
             }
-        };
-        connection.iter().for_each(|place| place.serve());
-        let message = method.request(&body)?;
-        drop(body);
-        let begun = Instant::now();
-        let answer = match begin(self.services.clone(), method, &message, caller).await {
-            Ok(answer) => answer.only().await.and_then(|message| self.answered(&message, connection.as_deref())),
-            Err(status) => Err(status),
-        };
-        let code = answer.as_ref().map_or_else(tonic::Status::code, |_| Code::Ok);
-        self.metrics.called(method.path(), code_name(code), begun.elapsed());
-        answer
-    }
-
-    /// The answer with this message over this connection. A large one needs a place until it is out: what the services held
-    /// for it they have given back, and a reader takes as long over it as it likes, until another one needs its place. Only
-    /// calls that read have large answers, so that none is refused whose work is done.
-    fn answered(&self, message: &DynamicMessage, connection: Option<&Place>) -> Result<Response<Body>, Status> {
-        let json = json_bytes(message)?;
-        let Limits { large_answer_bytes: small, large_answers: most, .. } = self.limits;
-        if json.len() <= small {
-            return Ok(whole(StatusCode::OK, JSON, json));
         }
-        let cut = connection.map(Place::cut).unwrap_or_default();
-        let place = self.large_answers.begin(Instant::now(), cut).ok_or_else(|| {
-            let why =
-                format!("{most} answers of more than {small} bytes are on their way over HTTP, which is the limit");
-            Refusal::exhausted(ErrorReason::NoPlace, why + ": read them to their ends, or try again later")
-        })?;
-        Ok(whole(StatusCode::OK, JSON, with_place(json, place)))
     }
 
     /// How long the body may be, with the place that a large one takes.
-    fn body_limit(
-        &self,
-        method: &Method,
-        request: &Request<Incoming>,
-    ) -> Result<(usize, Option<OwnedSemaphorePermit>), Status> {
-        let small = self.limits.body_bytes;
-        let told = request.body().size_hint().exact();
-        if !method.takes_models() || told.is_some_and(|bytes| bytes <= small as u64) {
-            return Ok((small, None));
+    fn body_limit(&self, method: &Method, body: &Body) -> Result<(usize, Option<OwnedSemaphorePermit>), Status> {
+        let is_small = body.size_hint().exact().is_some_and(|bytes| bytes <= BODY_BYTES_MAX as u64);
+        if is_small || !method.takes_models() {
+            return Ok((BODY_BYTES_MAX, None));
         }
-        let place = Arc::clone(&self.large_bodies).try_acquire_owned();
-        let place = place.map_err(|_| {
-            Refusal::exhausted(ErrorReason::NoPlace, "another model set is being sent: try again later")
-        })?;
-        Ok((self.limits.models_bytes, Some(place)))
+        let place = Arc::clone(&self.large_body).try_acquire_owned();
+        let busy = |_| Refusal::exhausted(ErrorReason::NoPlace, "another model set is being sent: try again later");
+        Ok((MODELS_BYTES_MAX, Some(place.map_err(busy)?)))
     }
 
     /// The answer that carries the streams of these calls. All are begun before it is sent, so that a refusal of any is
     /// the answer.
-    async fn streams(&self, calls: Vec<Call>, caller: &Caller) -> Result<Response<Body>, Status> {
-        let most = self.limits.streams_per_answer;
-        if calls.is_empty() || calls.len() > most {
-            return Err(Refusal::unreadable(format!("{} calls: expected 1 to {most}", calls.len())).into());
+    async fn streams(&self, calls: Vec<Call>, caller: &Caller) -> Result<Response, Status> {
+        if calls.is_empty() || calls.len() > STREAMS_PER_ANSWER {
+            let why = format!("{} calls: expected 1 to {STREAMS_PER_ANSWER}", calls.len());
+            return Err(Refusal::unreadable(why).into());
         }
         let mut sources = Vec::new();
-        for (path, fields) in calls {
-            let method = self.methods.find(&path)?;
+        for (call, fields) in calls {
+            let method = self.methods.find(&call)?;
             if !method.streams() {
-                return Err(Refusal::unreadable(format!("`{path}` does not stream: POST to it")).into());
+                return Err(Refusal::unreadable(format!("`{call}` does not stream: POST to it")).into());
             }
             let message = method.request_of(&fields)?;
             let place = Arc::clone(&self.streams).try_acquire_owned().map_err(|_| {
-                let limit = self.limits.streams;
-                let why = format!("{limit} streams are open over HTTP, which is the limit");
+                let why = format!("{} streams are open over HTTP, which is the limit", self.limits.streams);
                 Refusal::exhausted(ErrorReason::NoPlace, why)
             })?;
-            let answer = begin(self.services.clone(), &method, &message, caller).await?;
-            sources.push(Source { call: path, answer, place });
+            let messages = streaming(&self.services, &method, caller.request(message)).await?;
+            sources.push(Source { call, messages, _place: place });
         }
         Ok(events(sources, self.limits.comment))
     }
-}
-
-fn too_large(limit: usize) -> Response<Body> {
-    let why = format!("the body is longer than {limit} bytes");
-    let long = Refusal::new(Code::OutOfRange, ErrorReason::BodyRefused, why).into();
-    closing(refusal_as(StatusCode::PAYLOAD_TOO_LARGE, &long))
 }
 
 /// A call and the fields of its request.

@@ -1,19 +1,17 @@
 //! `AuditService`: the audit log in pages.
 
-use std::sync::Arc;
 use taxel_engine::audit::AuditEntry;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::audit_service_server::AuditService;
-use tokio::sync::{OwnedSemaphorePermit, oneshot};
 use tonic::{Request, Response, Status};
 
+use crate::backend::ask;
 use crate::convert::timestamp;
-use crate::handle::AuditSource;
 use crate::page::page_size;
-use crate::service::{Service, caller, made};
-use crate::status::{engine_stopped, invalid};
+use crate::service::{Service, held, list};
+use crate::status::invalid;
 
 #[tonic::async_trait]
 impl AuditService for Service {
@@ -21,7 +19,7 @@ impl AuditService for Service {
         &self,
         request: Request<v1::ListAuditRequest>,
     ) -> Result<Response<v1::ListAuditResponse>, Status> {
-        let caller = caller(&request)?;
+        let held = held(&request);
         let v1::ListAuditRequest { page_size: asked, page_token } = request.into_inner();
         let size = page_size(asked)?;
         let before = match page_token.as_str() {
@@ -30,11 +28,12 @@ impl AuditService for Service {
                 token.parse().map_err(|_| invalid("page_token", "is not a token that this call gave: begin anew"))?
             }
         };
-        let place = self.place_of_list(&caller, asked)?;
         // One more than is shown tells whether there is another page.
-        let turn = Arc::clone(&self.audit_reading).acquire_owned().await.map_err(|_| engine_stopped())?;
-        let entries = read(self.handle.audit.as_ref(), before, size as u32 + 1, turn).await?;
-        made(place, move || Ok(page(entries, size))).await
+        let (entries, held) = ask(held, |told| self.backend.audit(before, size as u32 + 1, told)).await?;
+        let entries = entries.map_err(|why| {
+            Refusal::unavailable(ErrorReason::StoreUnavailable, format!("the audit log cannot be read: {why}"))
+        })?;
+        list(held, asked, move || Ok(page(entries, size))).await
     }
 }
 
@@ -44,28 +43,6 @@ fn page(mut entries: Vec<AuditEntry>, size: usize) -> v1::ListAuditResponse {
     entries.truncate(size);
     let next_page_token = entries.last().filter(|_| more).map(|last| last.number.to_string()).unwrap_or_default();
     v1::ListAuditResponse { entries: entries.into_iter().map(message).collect(), next_page_token }
-}
-
-/// Reads them. The turn goes the way of the question and is free again when the store has answered: questions stand in the
-/// same queue as what is to be written down, which calls that are made and given up must not fill.
-async fn read(
-    source: Option<&AuditSource>,
-    before: u64,
-    most: u32,
-    turn: OwnedSemaphorePermit,
-) -> Result<Vec<AuditEntry>, Status> {
-    let source =
-        source.ok_or_else(|| Refusal::unavailable(ErrorReason::NotOffered, "this daemon keeps no audit log"))?;
-    let (tell, told) = oneshot::channel();
-    let tell = move |entries| {
-        drop(turn);
-        let _ = tell.send(entries); // the client has gone
-    };
-    source(before, most, Box::new(tell));
-    let read = told.await.map_err(|_| engine_stopped())?;
-    Ok(read.map_err(|why| {
-        Refusal::unavailable(ErrorReason::StoreUnavailable, format!("the audit log cannot be read: {why}"))
-    })?)
 }
 
 fn message(entry: AuditEntry) -> v1::AuditEntry {

@@ -16,8 +16,7 @@ use tonic::{Request, Response, Status};
 use crate::access::caller::Caller;
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, caller, check_session, confirmed_by, strange_answer};
-use crate::shares::Place;
+use crate::service::{Service, caller, check_session, confirmed_by, held, list, strange_answer};
 use crate::status::{engine_stopped, invalid, shutting_down};
 use crate::stream::MessageStream;
 
@@ -86,10 +85,8 @@ impl CalibrationService for Service {
         &self,
         request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
-        let caller = caller(&request)?;
-        let request = request.into_inner();
-        let (size, service) = (request.page_size, self.clone());
-        self.list(&caller, size, move || service.page_of_sessions(&request)).await
+        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
+        list(held, request.page_size, move || service.page_of_sessions(&request)).await
     }
 
     type ExportSamplesStream = MessageStream<v1::SampleBlock>;
@@ -99,7 +96,7 @@ impl CalibrationService for Service {
         request: Request<v1::ExportSamplesRequest>,
     ) -> Result<Response<Self::ExportSamplesStream>, Status> {
         let session = self.session(request.get_ref().session)?.number;
-        Ok(Response::new(self.export(&caller(&request)?, session).await?))
+        Ok(Response::new(self.export(held(&request), session).await?))
     }
 
     async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Result<Response<v1::Refit>, Status> {
@@ -119,8 +116,7 @@ impl CalibrationService for Service {
         let patch = self.patch(&view.patch)?;
         let live = self.handle.patches[patch].session.clone();
         let catalogue = self.handle.catalogue.clone();
-        let (service, _place) = (self.clone(), self.stream_place(&caller(&request)?)?);
-        let watch = Watch { service, number, live, catalogue, last: None, ended: false, _place };
+        let watch = Watch { service: self.clone(), number, live, catalogue, last: None, ended: false };
         Ok(Response::new(Box::pin(stream::unfold(watch, |mut watch| async {
             let item = watch.next().await?;
             Some((item, watch))
@@ -179,7 +175,6 @@ struct Watch {
     catalogue: watch::Receiver<Arc<Catalogue>>,
     last: Option<Arc<SessionView>>,
     ended: bool,
-    _place: Place,
 }
 
 impl Watch {

@@ -8,29 +8,21 @@ use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
-use crate::access::caller::Caller;
-use crate::aside::aside;
+use crate::backend::ask;
 use crate::certificate_maker::{CertificateOf, MadeCertificate};
-use crate::samples::read;
-use crate::service::Service;
-use crate::shares::{Place, What};
-use crate::status::samples_not_kept;
+use crate::service::{Held, Service, aside};
+use crate::status::samples_of;
 
 impl Service {
-    /// The certificate of a model set, with a place that is to be held until it is out.
-    pub(crate) async fn certificate(
-        &self,
-        caller: &Caller,
-        set: Arc<ModelSet>,
-    ) -> Result<(v1::Certificate, Place), Status> {
+    /// The certificate of a model set.
+    pub(crate) async fn certificate(&self, held: Held, set: Arc<ModelSet>) -> Result<v1::Certificate, Status> {
         let missing = || {
             Refusal::failed_precondition(
                 ErrorReason::NotOffered,
                 "this build makes no certificates (cargo feature `certificate`)",
             )
         };
-        let maker = self.handle.certificates.clone().ok_or_else(missing)?;
-        let source = self.handle.samples.clone().ok_or_else(samples_not_kept)?;
+        let maker = self.backend.certificates().ok_or_else(missing)?;
         let refused = |why| Refusal::failed_precondition(ErrorReason::SamplesMissing, why).about("model_set", &set.id);
         let number = set.certifying_session().map_err(refused)?;
         let session = self.sessions().into_iter().find(|view| view.number == number && view.patch == set.patch);
@@ -41,17 +33,16 @@ impl Service {
         let patch = self.patch(&set.patch)?;
         let loads = self.handle.catalogue.borrow().validations.get(patch).map(Arc::clone);
         let loads = loads.iter().flat_map(|view| view.loads.iter().map(|judged| Arc::clone(&judged.load))).collect();
-        let place = self.place(What::Export, caller)?;
-        let (samples, place) = read(&source, number, place).await?;
-        let (model_set, to_json) = (set.id.clone(), self.handle.codec.to_json);
+        let (samples, held) = ask(held, |told| self.backend.samples(number, told)).await?;
+        let samples = samples_of(number, samples)?;
+        let (model_set, backend) = (set.id.clone(), Arc::clone(&self.backend));
         // A whole session is gone through several times: no stream should wait for that.
         let make = move || -> Result<MadeCertificate, Refusal> {
-            let models_json = to_json(&set).map_err(Refusal::fault)?;
+            let models_json = backend.to_json(&set).map_err(Refusal::fault)?;
             let made = maker(&CertificateOf { set, models_json, patch, session, samples, loads });
             made.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why).about("session", number))
         };
-        let (made, place) = aside(place, make).await?;
-        let MadeCertificate { number, json, html } = made?;
-        Ok((v1::Certificate { model_set, number, json, html }, place))
+        let MadeCertificate { number, json, html } = aside(held, make).await??;
+        Ok(v1::Certificate { model_set, number, json, html })
     }
 }

@@ -7,23 +7,17 @@ use taxel_engine::statistics::median;
 use taxel_proto::v1;
 use tonic::{Response, Status};
 
-use crate::access::caller::Caller;
-use crate::answers::with_place;
-use crate::aside::aside;
 use crate::convert::known;
 use crate::model::summary;
-use crate::service::Service;
-use crate::shares::What;
+use crate::service::{Held, Service, aside};
 use crate::status::invalid;
 
 impl Service {
     pub(crate) async fn compare(
         &self,
-        caller: &Caller,
+        held: Held,
         request: &v1::CompareModelSetsRequest,
     ) -> Result<Response<v1::ModelSetComparison>, Status> {
-        // Before the sets are read: whoever waits for the second holds the first.
-        let place = self.place(What::LargeAnswer, caller)?;
         let earlier = self.model_set(&request.earlier, &request.patch).await?;
         let later = self.model_set(&request.later, &request.patch).await?;
         if earlier.patch != later.patch {
@@ -34,11 +28,11 @@ impl Service {
             ));
         }
         let active = self.active(&earlier.patch);
-        let (mut compared, place) = aside(place, move || comparison(&earlier, &later)).await?;
+        let mut compared = aside(held, move || comparison(&earlier, &later)).await?;
         for set in [&mut compared.earlier, &mut compared.later].into_iter().flatten() {
             set.active = active.as_ref() == Some(&set.model_set);
         }
-        Ok(with_place(compared, place))
+        Ok(Response::new(compared))
     }
 }
 

@@ -8,12 +8,10 @@ use taxel_proto::v1;
 use tokio::sync::watch;
 use tonic::Status;
 
-use crate::access::caller::Caller;
 use crate::convert::timestamp;
 use crate::event_log::{EventLog, Numbered};
 use crate::page::page_size;
 use crate::service::Service;
-use crate::shares::Place;
 use crate::status::{engine_stopped, invalid, shutting_down};
 use crate::stream::MessageStream;
 
@@ -37,11 +35,7 @@ impl Service {
     }
 
     /// Events after a number, and those to come.
-    pub(crate) fn watch_events_of(
-        &self,
-        caller: &Caller,
-        request: &v1::WatchEventsRequest,
-    ) -> Result<MessageStream<v1::Event>, Status> {
+    pub(crate) fn watch_events_of(&self, request: &v1::WatchEventsRequest) -> Result<MessageStream<v1::Event>, Status> {
         let wanted = self.wanted(&request.patch)?;
         let log = Arc::clone(&self.handle.events);
         let newest = log.watch();
@@ -51,8 +45,7 @@ impl Service {
             let problem = "of the newest event is less: the daemon was started anew, and numbers too";
             return Err(invalid("after", format_args!("is {last}, and the number {present} {problem}")));
         }
-        let place = self.stream_place(caller)?;
-        let watch = Watch { service: self.clone(), log, newest, last, wanted, ended: false, _place: place };
+        let watch = Watch { service: self.clone(), log, newest, last, wanted, ended: false };
         let next = |mut watch: Watch<_>| async { Some((watch.next().await?, watch)) };
         Ok(stream::unfold(watch, next).boxed())
     }
@@ -76,7 +69,6 @@ struct Watch<F> {
     last: u64,
     wanted: F,
     ended: bool,
-    _place: Place,
 }
 
 impl<F: Fn(&Event) -> bool> Watch<F> {

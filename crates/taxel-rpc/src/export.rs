@@ -7,12 +7,10 @@ use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples};
 use taxel_proto::v1;
 use tonic::Status;
 
-use crate::access::caller::Caller;
+use crate::backend::ask;
 use crate::convert::known;
-use crate::samples::read;
-use crate::service::Service;
-use crate::shares::What;
-use crate::status::samples_not_kept;
+use crate::service::{Held, Service};
+use crate::status::samples_of;
 use crate::stream::MessageStream;
 
 /// Samples of one message: of 230 taxels 125 kB.
@@ -20,10 +18,9 @@ const BLOCK_SAMPLES: usize = 500;
 
 impl Service {
     /// The samples of a session that exists, as a stream of blocks, at least one.
-    pub(crate) async fn export(&self, caller: &Caller, session: u64) -> Result<MessageStream<v1::SampleBlock>, Status> {
-        let source = self.handle.samples.clone().ok_or_else(samples_not_kept)?;
-        let places = (self.stream_place(caller)?, self.place(What::Export, caller)?);
-        let (samples, places) = read(&source, session, places).await?;
+    pub(crate) async fn export(&self, held: Held, session: u64) -> Result<MessageStream<v1::SampleBlock>, Status> {
+        let (samples, _) = ask(held, |told| self.backend.samples(session, told)).await?;
+        let samples = samples_of(session, samples)?;
         let view = self.sessions().into_iter().find(|view| view.number == session);
         let plan =
             view.as_ref().and_then(|view| self.handle.plan.patches.iter().find(|p| p.patch.name() == view.patch));
@@ -31,7 +28,6 @@ impl Service {
         let head = head.unwrap_or_default();
         let blocks = samples.samples.len().div_ceil(BLOCK_SAMPLES).max(1);
         let message = move |number| {
-            let _held = &places; // else they would not move in here
             let table_head = if number == 0 { head.clone() } else { String::new() };
             Ok(v1::SampleBlock { table_head, ..block(&samples, number) })
         };

@@ -5,7 +5,7 @@ use taxel_proto::v1::force_service_server::ForceService;
 use tonic::{Request, Response, Status};
 
 use crate::convert;
-use crate::service::{Service, caller};
+use crate::service::Service;
 use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
@@ -23,9 +23,8 @@ impl ForceService for Service {
         &self,
         request: Request<v1::StreamForceRequest>,
     ) -> Result<Response<Self::StreamForceStream>, Status> {
-        let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.patch(&request.patch)?;
-        subscribe(self, &caller, patch, request.rate_hz, convert::force).map(Response::new)
+        subscribe(self, patch, request.rate_hz, convert::force).map(Response::new)
     }
 }

@@ -20,16 +20,12 @@ const NEVER: i64 = i64::MIN;
 pub(crate) struct Heartbeat {
     clock: Clock,
     last_ns: AtomicI64,
-    /// When the last stall ended, and how long it had lasted.
-    stall_ended_ns: AtomicI64,
-    stall_ns: AtomicI64,
 }
 
 impl Heartbeat {
     /// None yet.
     pub(crate) fn new(clock: Clock) -> Self {
-        let (last_ns, stall_ended_ns, stall_ns) = (AtomicI64::new(NEVER), AtomicI64::new(NEVER), AtomicI64::new(0));
-        Self { clock, last_ns, stall_ended_ns, stall_ns }
+        Self { clock, last_ns: AtomicI64::new(NEVER) }
     }
 
     /// The engine has its turn now. Gives for how long it had none, if it was stalled.
@@ -37,22 +33,7 @@ impl Heartbeat {
         let now = (self.clock)();
         let last_ns = self.last_ns.swap(now.as_nanos(), Ordering::Relaxed);
         let gap = silence(last_ns, now);
-        if gap <= STALLED_AFTER {
-            return None;
-        }
-        self.stall_ns.store(i64::try_from(gap.as_nanos()).unwrap_or(i64::MAX), Ordering::Relaxed);
-        self.stall_ended_ns.store(now.as_nanos(), Ordering::Relaxed);
-        Some(gap)
-    }
-
-    /// For how long of the last `back` the engine did not run, counting the stall that lasts and the one before: nobody is to
-    /// blame for what he did not do in that time, since a process that stood still has stopped its service, too.
-    pub(crate) fn stalled_within(&self, back: Duration) -> Duration {
-        let (now, ended_ns) = ((self.clock)(), self.stall_ended_ns.load(Ordering::Relaxed));
-        let lasted = Duration::from_nanos(u64::try_from(self.stall_ns.load(Ordering::Relaxed)).unwrap_or(0));
-        let before =
-            if ended_ns == NEVER { Duration::ZERO } else { back.saturating_sub(silence(ended_ns, now)).min(lasted) };
-        self.stalled_for().unwrap_or_default().saturating_add(before).min(back)
+        (gap > STALLED_AFTER).then_some(gap)
     }
 
     /// For how long the engine has not run, if it is stalled.
@@ -113,22 +94,5 @@ mod tests {
         }
         assert_eq!(heart.beat(), Some(Duration::from_secs(6)), "the one that runs again learns how long it was away");
         assert_eq!((heart.beat(), heart.stalled_for()), (None, None));
-    }
-
-    #[test]
-    fn of_the_time_before_a_stall_and_after_it_nothing_counts_as_stalled() {
-        let (now_ms, heart) = at();
-        let ms = Duration::from_millis;
-        let at = |ms: i64| now_ms.store(ms, Ordering::Relaxed);
-        at(1_000);
-        assert_eq!((heart.beat(), heart.stalled_within(ms(5_000))), (None, ms(0)));
-        at(4_000);
-        assert_eq!([1_000, 3_000, 5_000].map(|back| heart.stalled_within(ms(back))), [1_000, 3_000, 3_000].map(ms));
-        assert_eq!(heart.beat(), Some(ms(3_000)));
-        at(4_050);
-        assert_eq!([50, 1_050, 9_000].map(|back| heart.stalled_within(ms(back))), [0, 1_000, 3_000].map(ms));
-        assert_eq!(heart.beat(), None);
-        at(6_050);
-        assert_eq!(heart.stalled_within(ms(2_500)), ms(2_450), "2 s that last, and the end of the stall before");
     }
 }

@@ -1,25 +1,35 @@
 //! Where connections come from: loopback TCP, a Unix socket, TLS.
 
 use std::io;
-use std::pin::Pin;
+use std::net::SocketAddr;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::sync::Arc;
 use std::time::Duration;
 
-use futures_util::StreamExt;
-use futures_util::stream::{self, Stream};
-use tokio::net::{TcpListener, UnixListener};
+use futures_util::stream::{self, Stream, StreamExt};
+use nix::sys::socket::{setsockopt, sockopt};
+use tokio::net::unix::UCred;
+use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 
+use crate::access::accounts::look_up;
 use crate::access::origin::{Account, Origin, PeerKey};
-use crate::guard::{Connection, Guard};
-#[cfg(feature = "tls")]
-use crate::shares::{NoPlace, What};
+use crate::connection::{Connection, Io};
+use crate::connections::Connections;
+use crate::refusals::Refusals;
 #[cfg(feature = "tls")]
 use crate::tls::Tls;
 
 /// A failed accept mostly means that file descriptors ran out; it is tried again after this pause.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
-/// Accounts that the system is asked for at the same time.
-const LOOKED_UP_AT_ONCE: usize = 8;
+/// The kernel closes a TCP connection whose peer has acknowledged nothing of what was sent for so long.
+const TCP_USER_TIMEOUT_MS: u32 = 10_000;
+
+/// The system says within this time who an account is, for which it may have to ask a server.
+const LOOK_UP_MAX: Duration = Duration::from_secs(5);
+
+/// Handshakes and look-ups that go on side by side. Each holds the place of its connection, so that these end it first.
+const SIDE_BY_SIDE: usize = 1024;
 
 /// Where connections come from. The caller binds it, so that a taken address is reported at start.
 #[derive(Debug)]
@@ -33,7 +43,21 @@ pub enum Listener {
     Tls(std::net::TcpListener, Tls),
 }
 
-type Incoming = Pin<Box<dyn Stream<Item = io::Result<Connection>> + Send>>;
+/// The same on a runtime.
+enum Bound {
+    Tcp(TcpListener),
+    Unix(UnixListener),
+    #[cfg(feature = "tls")]
+    Tls(TcpListener, Tls),
+}
+
+/// A connection of which only its other end's address or account is known.
+enum Arrival {
+    Tcp(TcpStream, SocketAddr),
+    Unix(UnixStream, UCred),
+    #[cfg(feature = "tls")]
+    Tls(TcpStream, SocketAddr, Tls),
+}
 
 /// Accepts connections for ever on all listeners; no error of a connection ends it.
 ///
@@ -41,134 +65,137 @@ type Incoming = Pin<Box<dyn Stream<Item = io::Result<Connection>> + Send>>;
 /// If the runtime does not take a listener.
 pub(crate) fn accept(
     listeners: Vec<Listener>,
-    guard: &Guard,
+    connections: &Connections,
+    refusals: &Arc<Refusals>,
 ) -> io::Result<impl Stream<Item = io::Result<Connection>> + use<>> {
-    let streams = listeners.into_iter().map(|listener| incoming(listener, guard.clone()));
-    Ok(stream::select_all(streams.collect::<io::Result<Vec<_>>>()?))
+    let bound = listeners.into_iter().map(Bound::new).collect::<io::Result<Vec<_>>>()?;
+    let incoming = |bound| incoming(bound, connections.clone(), Arc::clone(refusals)).boxed();
+    Ok(stream::select_all(bound.into_iter().map(incoming)))
 }
 
-fn incoming(listener: Listener, guard: Guard) -> io::Result<Incoming> {
-    Ok(match listener {
-        Listener::Tcp(listener) => {
-            listener.set_nonblocking(true)?;
-            let listener = TcpListener::from_std(listener)?;
-            Box::pin(stream::unfold((listener, guard), |(listener, guard)| async {
-                let connection = next_tcp(&listener, &guard).await;
-                Some((Ok(connection), (listener, guard)))
-            }))
+fn incoming(
+    bound: Bound,
+    connections: Connections,
+    refusals: Arc<Refusals>,
+) -> impl Stream<Item = io::Result<Connection>> {
+    let arrivals = stream::unfold((bound, connections), |(bound, connections)| async {
+        loop {
+            match bound.accept().await {
+                Ok(arrival) => {
+                    if let Some(ticket) = connections.arrive(&arrival, arrival.key()) {
+                        return Some(((arrival, ticket), (bound, connections)));
+                    }
+                }
+                Err(error) => {
+                    tracing::warn!(%error, "a connection was not accepted");
+                    tokio::time::sleep(ACCEPT_PAUSE).await;
+                }
+            }
         }
-        Listener::Unix(listener) => {
-            listener.set_nonblocking(true)?;
-            Box::pin(with_accounts(UnixListener::from_std(listener)?, guard))
+    });
+    let known = arrivals.map(move |(arrival, ticket)| {
+        let refusals = Arc::clone(&refusals);
+        async move {
+            let key = arrival.key();
+            let known = arrival.known(&refusals).await;
+            let told =
+                known.inspect_err(|why| refusals.tell(("handshake", &key), || format!("no TLS with {key}: {why}")));
+            let (io, origin) = told.ok()?;
+            Some(Ok(Connection::new(io, origin, ticket)))
         }
-        #[cfg(feature = "tls")]
-        Listener::Tls(listener, tls) => {
-            listener.set_nonblocking(true)?;
-            Box::pin(with_tls(TcpListener::from_std(listener)?, tls, guard))
-        }
-    })
+    });
+    known.buffer_unordered(SIDE_BY_SIDE).filter_map(std::future::ready)
 }
 
-/// What came of an accept; after an error nothing, and a pause.
-async fn accepted<T>(accepted: io::Result<T>) -> Option<T> {
-    match accepted {
-        Ok(accepted) => Some(accepted),
-        Err(error) => {
-            tracing::warn!(%error, "a connection was not accepted");
-            tokio::time::sleep(ACCEPT_PAUSE).await;
-            None
+impl Bound {
+    fn new(listener: Listener) -> io::Result<Self> {
+        let tcp = |listener: std::net::TcpListener| {
+            listener.set_nonblocking(true)?;
+            TcpListener::from_std(listener)
+        };
+        Ok(match listener {
+            Listener::Tcp(listener) => Self::Tcp(tcp(listener)?),
+            Listener::Unix(listener) => {
+                listener.set_nonblocking(true)?;
+                Self::Unix(UnixListener::from_std(listener)?)
+            }
+            #[cfg(feature = "tls")]
+            Listener::Tls(listener, tls) => Self::Tls(tcp(listener)?, tls),
+        })
+    }
+
+    async fn accept(&self) -> io::Result<Arrival> {
+        Ok(match self {
+            Self::Tcp(listener) => {
+                let (stream, address) = tcp(listener).await?;
+                Arrival::Tcp(stream, address)
+            }
+            Self::Unix(listener) => {
+                let (stream, _) = listener.accept().await?;
+                let peer = stream.peer_cred()?;
+                Arrival::Unix(stream, peer)
+            }
+            #[cfg(feature = "tls")]
+            Self::Tls(listener, tls) => {
+                let (stream, address) = tcp(listener).await?;
+                Arrival::Tls(stream, address, tls.clone())
+            }
+        })
+    }
+}
+
+async fn tcp(listener: &TcpListener) -> io::Result<(TcpStream, SocketAddr)> {
+    let (stream, address) = listener.accept().await?;
+    // A force sample is small and must not wait for the next.
+    stream.set_nodelay(true)?;
+    setsockopt(&stream, sockopt::TcpUserTimeout, &TCP_USER_TIMEOUT_MS)?;
+    Ok((stream, address))
+}
+
+impl AsFd for Arrival {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Tcp(stream, _) => stream.as_fd(),
+            Self::Unix(stream, _) => stream.as_fd(),
+            #[cfg(feature = "tls")]
+            Self::Tls(stream, ..) => stream.as_fd(),
         }
     }
 }
 
-async fn next_tcp(listener: &TcpListener, guard: &Guard) -> Connection {
-    loop {
-        let Some((stream, address)) = accepted(listener.accept().await).await else { continue };
-        // A force sample is small and must not wait for the next.
-        if accepted(stream.set_nodelay(true)).await.is_none() {
-            continue;
-        }
-        if let Some(connection) = guard.let_in(Box::new(stream), Origin::of_tcp(address)) {
-            return connection;
+impl Arrival {
+    fn key(&self) -> PeerKey {
+        match self {
+            Self::Tcp(_, address) => PeerKey::of(address.ip()),
+            Self::Unix(_, peer) => PeerKey::User(peer.uid()),
+            #[cfg(feature = "tls")]
+            Self::Tls(_, address, _) => PeerKey::of(address.ip()),
         }
     }
-}
 
-/// Accounts are looked up side by side: the system may ask a server for one, and the others must not wait for that.
-fn with_accounts(listener: UnixListener, guard: Guard) -> impl Stream<Item = io::Result<Connection>> {
-    let arrivals = stream::unfold(listener, |listener| async {
-        loop {
-            let Some((stream, _)) = accepted(listener.accept().await).await else { continue };
-            if let Some(peer) = accepted(stream.peer_cred()).await {
-                return Some(((stream, peer), listener));
+    /// Who it is, or why that cannot be told. The watch over connections ends a handshake that takes too long.
+    async fn known(self, refusals: &Refusals) -> Result<(Box<dyn Io>, Origin), String> {
+        Ok(match self {
+            Self::Tcp(stream, address) => (Box::new(stream), Origin::of_tcp(address)),
+            Self::Unix(stream, peer) => {
+                let (uid, gid) = (peer.uid(), peer.gid());
+                let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid));
+                let account = match tokio::time::timeout(LOOK_UP_MAX, looked_up).await {
+                    Ok(Ok(account)) => account,
+                    _ => {
+                        refusals.tell(("account", &PeerKey::User(uid)), || {
+                            format!("user id {uid}: the system does not say who that is: no grant counts for it")
+                        });
+                        Account::nameless(uid)
+                    }
+                };
+                (Box::new(stream), Origin::Unix(account.into(), peer.pid()))
             }
-        }
-    });
-    let looked_up = arrivals.map(move |(stream, peer)| {
-        let guard = guard.clone();
-        async move {
-            let account = guard.access.accounts().of(peer.uid(), peer.gid());
-            let account = match tokio::time::timeout(guard.limits.preface, account).await {
-                Ok(account) => account,
-                Err(_) => {
-                    let key = PeerKey::User(peer.uid());
-                    guard.refusals.tell(("account", &key), || {
-                        format!("{key}: the system does not say who that is: taken for one without name and groups")
-                    });
-                    Account::nameless(peer.uid()).into()
-                }
-            };
-            guard.let_in(Box::new(stream), Origin::Unix(account, peer.pid()))
-        }
-    });
-    looked_up.buffer_unordered(LOOKED_UP_AT_ONCE).filter_map(|connection| std::future::ready(connection.map(Ok)))
-}
-
-/// Handshakes side by side: how many there are is bounded by the guard, which evicts.
-#[cfg(feature = "tls")]
-fn with_tls(listener: TcpListener, tls: Tls, guard: Guard) -> impl Stream<Item = io::Result<Connection>> {
-    let most = 2 * guard.limits.unproven.max(1);
-    let arrivals = stream::unfold(listener, |listener| async {
-        loop {
-            let Some((stream, address)) = accepted(listener.accept().await).await else { continue };
-            if accepted(stream.set_nodelay(true)).await.is_some() {
-                return Some(((stream, address), listener));
+            #[cfg(feature = "tls")]
+            Self::Tls(stream, address, tls) => {
+                let (stream, certificate) = tls.handshake(stream).await?;
+                (Box::new(stream), Origin::Tls(address, certificate.into()))
             }
-        }
-    });
-    let handshakes = arrivals.map(move |(stream, address)| {
-        let (tls, guard) = (tls.clone(), guard.clone());
-        async move {
-            let key = PeerKey::of(address.ip());
-            // Whose share it will take is known only with the certificate.
-            if guard.shares.is_full(What::Connection) {
-                guard.refusals.tell(("connection", &key), || {
-                    format!(
-                        "a connection from {address} was refused: {}",
-                        NoPlace::All(guard.limits.connections).text(What::Connection, &key)
-                    )
-                });
-                return None;
-            }
-            let mut ticket = guard.unproven.arrive(key.clone());
-            let shaken = tokio::select! {
-                shaken = tls.handshake(stream) => shaken,
-                () = ticket.evicted() => Err("too many others wait".to_owned()),
-                () = tokio::time::sleep(guard.limits.preface) => Err("it took too long".to_owned()),
-                () = guard.cut.cancelled() => Err("the daemon stops".to_owned()),
-            };
-            match shaken {
-                Ok((stream, certificate)) => {
-                    let origin = Origin::Tls(address, certificate.into());
-                    drop(ticket);
-                    guard.let_in(Box::new(stream), origin)
-                }
-                Err(why) => {
-                    guard.refusals.tell(("handshake", &key), || format!("no TLS with {address}: {why}"));
-                    None
-                }
-            }
-        }
-    });
-    handshakes.buffer_unordered(most).filter_map(|connection| std::future::ready(connection.map(Ok)))
+        })
+    }
 }

@@ -10,13 +10,9 @@ use taxel_proto::v1;
 use taxel_proto::v1::model_service_server::ModelService;
 use tonic::{Request, Response, Status};
 
-use crate::access::layer::ImportTurn;
-use crate::answers::with_place;
-use crate::aside::aside;
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, caller, line, strange_answer};
-use crate::shares::What;
+use crate::service::{Service, aside, caller, held, line, list, strange_answer};
 use crate::status::invalid;
 
 /// Models in full that one answer may have: each has the curve at every count.
@@ -42,10 +38,8 @@ impl ModelService for Service {
         &self,
         request: Request<v1::ListModelSetsRequest>,
     ) -> Result<Response<v1::ListModelSetsResponse>, Status> {
-        let caller = caller(&request)?;
-        let request = request.into_inner();
-        let (size, service) = (request.page_size, self.clone());
-        self.list(&caller, size, move || service.page_of_sets(&request)).await
+        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
+        list(held, request.page_size, move || service.page_of_sets(&request)).await
     }
 
     async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Result<Response<v1::ModelSet>, Status> {
@@ -88,37 +82,30 @@ impl ModelService for Service {
         &self,
         request: Request<v1::ExportModelSetRequest>,
     ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
-        let place = self.place(What::LargeAnswer, &caller(&request)?)?;
-        let request = request.into_inner();
+        let (held, request) = (held(&request), request.into_inner());
         let set = self.model_set(&request.model_set, &request.patch).await?;
-        let (model_set, to_json) = (set.id.clone(), self.handle.codec.to_json);
-        let (json, place) = aside(place, move || to_json(&set)).await?;
-        let json = json.map_err(Refusal::fault)?;
-        Ok(with_place(v1::ExportModelSetResponse { model_set, json }, place))
+        let (model_set, backend) = (set.id.clone(), Arc::clone(&self.backend));
+        let json = aside(held, move || backend.to_json(&set)).await?.map_err(Refusal::fault)?;
+        Ok(Response::new(v1::ExportModelSetResponse { model_set, json }))
     }
 
     async fn get_certificate(
         &self,
         request: Request<v1::GetCertificateRequest>,
     ) -> Result<Response<v1::Certificate>, Status> {
-        let caller = caller(&request)?;
-        let request = request.into_inner();
+        let (held, request) = (held(&request), request.into_inner());
         let set = self.model_set(&request.model_set, &request.patch).await?;
-        let (certificate, place) = self.certificate(&caller, set).await?;
-        Ok(with_place(certificate, place))
+        self.certificate(held, set).await.map(Response::new)
     }
 
     async fn import_model_set(
         &self,
-        mut request: Request<v1::ImportModelSetRequest>,
+        request: Request<v1::ImportModelSetRequest>,
     ) -> Result<Response<v1::ImportModelSetResponse>, Status> {
-        let caller = caller(&request)?;
-        // What reading takes is taken once, however many ask for it: the turn is held until the file is read.
-        let turn = request.extensions_mut().remove::<ImportTurn>();
+        let (caller, held) = (caller(&request)?, held(&request));
         let v1::ImportModelSetRequest { json, insist } = request.into_inner();
-        let from_elsewhere = self.handle.codec.from_elsewhere;
-        let (set, turn) = aside(turn, move || from_elsewhere(&json)).await?;
-        drop(turn);
+        let backend = Arc::clone(&self.backend);
+        let set = aside(held, move || backend.read_foreign_json(&json)).await?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
         printable(&model_set)?;
         match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {
@@ -131,7 +118,7 @@ impl ModelService for Service {
         &self,
         request: Request<v1::CompareModelSetsRequest>,
     ) -> Result<Response<v1::ModelSetComparison>, Status> {
-        self.compare(&caller(&request)?, request.get_ref()).await
+        self.compare(held(&request), request.get_ref()).await
     }
 
     async fn delete_model_set(

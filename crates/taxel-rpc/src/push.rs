@@ -15,11 +15,10 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tonic::{Code, Request, Response, Status, Streaming};
 
-use crate::access::standing::Standing;
+use crate::access::layer::Standing;
 use crate::arrivals::{Arrivals, LOOK_EVERY};
 use crate::push_line::Pusher;
 use crate::service::{Service, caller, strange_answer};
-use crate::shares::Place;
 use crate::status::{engine_stopped, invalid, shutting_down};
 use crate::stream::MessageStream;
 
@@ -41,7 +40,6 @@ impl IngestService for Service {
         mut request: Request<Streaming<v1::PushScansRequest>>,
     ) -> Result<Response<Self::PushScansStream>, Status> {
         let (caller, mut standing) = (caller(&request)?, Standing::take(&mut request)?);
-        let place = self.stream_place(&caller)?;
         let mut messages = request.into_inner();
         let first = self.next_of(&mut messages).await?;
         let arrivals = Arrivals::begin((self.handle.clock)()); // what comes from here on waits for the engine's answer
@@ -50,7 +48,7 @@ impl IngestService for Service {
         let patch = self.patch(&first.patch)?;
         let plan = self.plan(patch);
         let (name, bus) = (plan.patch.name().to_owned(), plan.patch.boards().first().map(|board| board.bus));
-        let (Some(_), Some(line), Some(bus)) = (plan.pushed, &self.handle.push, bus) else {
+        let (Some(_), Some(line), Some(bus)) = (plan.pushed, self.backend.push_line(), bus) else {
             let why = format!("the scans of patch `{name}` come over its bus: nobody can push any");
             return Err(Refusal::failed_precondition(ErrorReason::NotPushed, why).about("patch", name).into());
         };
@@ -65,8 +63,8 @@ impl IngestService for Service {
             other => return Err(strange_answer(&other)),
         }
         let (answers, told) = mpsc::channel(ANSWERS_MAX);
-        let (service, scans, _place) = (self.clone(), 0, place);
-        let stream = PushStream { service, standing, patch, pusher, messages, arrivals, answers, scans, _place };
+        let (service, scans) = (self.clone(), 0);
+        let stream = PushStream { service, standing, patch, pusher, messages, arrivals, answers, scans };
         tokio::spawn(stream.run(first)); // ends with the stream, the pause or the shutdown
         Ok(Response::new(Box::pin(tokio_stream::wrappers::ReceiverStream::new(told))))
     }
@@ -104,8 +102,6 @@ struct PushStream {
     answers: mpsc::Sender<Result<v1::PushScansResponse, Status>>,
     /// Messages that should have held a scan.
     scans: u64,
-    /// Among all streams; free again when this one has ended.
-    _place: Place,
 }
 
 impl PushStream {

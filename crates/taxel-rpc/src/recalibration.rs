@@ -15,9 +15,8 @@ use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
 use crate::access::caller::Caller;
-use crate::aside::aside;
-use crate::service::{Service, strange_answer};
-use crate::shares::{Place, What};
+use crate::backend::Backend;
+use crate::service::{Held, Service, aside, strange_answer};
 use crate::status::invalid;
 
 /// A proposal as it is told, and the set with its id.
@@ -28,8 +27,8 @@ struct Proposed {
 }
 
 impl Service {
-    /// What the known loads of a patch propose for its active set, with the place of a large answer.
-    async fn proposal(&self, caller: &Caller, request: &v1::RecalibrateRequest) -> Result<(Proposed, Place), Status> {
+    /// What the known loads of a patch propose for its active set.
+    async fn proposal(&self, held: Held, request: &v1::RecalibrateRequest) -> Result<Proposed, Status> {
         let patch = self.patch(&request.patch)?;
         let name = self.plan(patch).patch.name();
         let (chosen, assumptions) = asked(request)?;
@@ -41,29 +40,26 @@ impl Service {
             catalogue.validations.get(patch).filter(|view| view.model_set.as_deref() == Some(source.id.as_str()));
         let no_loads = || refuse(ErrorReason::NotFitted, format!("no loads of patch `{name}` are known"));
         let view = Arc::clone(view.ok_or_else(no_loads)?);
-        let id_of =
-            self.handle.id_of.ok_or_else(|| refuse(ErrorReason::NotOffered, "model sets are not kept".to_owned()))?;
         // Every model of the set is made anew and hashed, for which no stream should wait.
-        let place = self.place(What::LargeAnswer, caller)?;
-        let work = move || proposed(&view, &source, &chosen, assumptions, id_of);
-        let (proposed, place) = aside(place, work).await?;
-        Ok((proposed.map_err(|why| refuse(ErrorReason::NotFitted, why))?, place))
+        let backend = Arc::clone(&self.backend);
+        let work = move || proposed(&view, &source, &chosen, assumptions, &*backend);
+        Ok(aside(held, work).await?.map_err(|why| refuse(ErrorReason::NotFitted, why))?)
     }
 
-    /// What the known loads of a patch say of its active set, and the corrected set kept unless it is a dry run. With the
-    /// place of a large answer.
+    /// What the known loads of a patch say of its active set, and the corrected set kept unless it is a dry run.
     pub(crate) async fn recalibration(
         &self,
         caller: &Caller,
+        held: Held,
         request: &v1::RecalibrateRequest,
-    ) -> Result<(v1::Recalibration, Place), Status> {
+    ) -> Result<v1::Recalibration, Status> {
         let wanted = request.model_set.as_str();
         if !request.dry_run && wanted.is_empty() {
             return Err(invalid("model_set", "must name the one that a `dry_run` told"));
         }
-        let (Proposed { message, set }, place) = self.proposal(caller, request).await?;
+        let Proposed { message, set } = self.proposal(held, request).await?;
         if request.dry_run {
-            return Ok((message, place));
+            return Ok(message);
         }
         let model_set = set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         if model_set.id != wanted {
@@ -76,23 +72,23 @@ impl Service {
                 .into());
         }
         match self.command(caller, "Recalibrate", Command::KeepRecalibration { model_set }).await? {
-            Done::RefitKept { .. } => Ok((v1::Recalibration { kept: true, ..message }, place)),
+            Done::RefitKept { .. } => Ok(v1::Recalibration { kept: true, ..message }),
             other => Err(strange_answer(&other)),
         }
     }
 }
 
-/// What the loads propose for a set, named by `id_of`; or why nothing.
+/// What the loads propose for a set; or why nothing.
 fn proposed(
     view: &Validation,
     source: &ModelSet,
     chosen: &Chosen,
     assumptions: Assumptions,
-    id_of: fn(&ModelSet) -> String,
+    backend: &dyn Backend,
 ) -> Result<Proposed, String> {
     let proposal = propose(view, source, chosen, assumptions, wall_ns())?;
     let set = proposal.set.clone().map(|set| {
-        let id = id_of(&set);
+        let id = backend.content_id(&set);
         Arc::new(ModelSet { id, ..set })
     });
     let id = set.as_ref().map(|set| set.id.clone()).unwrap_or_default();

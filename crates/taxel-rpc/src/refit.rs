@@ -13,10 +13,10 @@ use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
 use crate::access::caller::Caller;
+use crate::backend::ask;
 use crate::calibration::asked_branches;
-use crate::samples::read;
-use crate::service::{Service, strange_answer};
-use crate::status::{invalid, of_rejection, samples_not_kept};
+use crate::service::{Service, aside, strange_answer};
+use crate::status::{invalid, of_rejection, samples_of};
 
 impl Service {
     /// Fits what these sessions gathered, and has the set kept.
@@ -40,7 +40,6 @@ impl Service {
             return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, words).into());
         }
         let refit = self.plan_refit(views, &options).await?;
-        let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(samples_not_kept)?;
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
         let mut turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
             Refusal::exhausted(
@@ -51,20 +50,16 @@ impl Service {
         let sessions = refit.numbers();
         let mut samples = Vec::with_capacity(sessions.len());
         for number in &sessions {
-            let (of_session, still) = read(&source, *number, turn).await?;
-            samples.push(of_session);
+            let (of_session, still) = ask(turn, |told| self.backend.samples(*number, told)).await?;
+            samples.push(samples_of(*number, of_session)?);
             turn = still;
         }
         let scans = samples.iter().map(|samples| samples.samples.len() as u64).sum();
         let began = Instant::now();
         // The turn goes along: a fit whose client is gone ends by itself.
-        let fit = move || {
-            let _turn = turn;
-            refit.job(samples, wall_ns()).map(|job| job.run(id_of).result)
-        };
-        let fitted = tokio::task::spawn_blocking(fit).await;
-        let fitted = fitted.map_err(|lost| Refusal::fault(format!("the fit was lost: {lost}")))?;
-        let model_set = fitted.map_err(|why| of_rejection(&why))?;
+        let backend = Arc::clone(&self.backend);
+        let fit = move || refit.job(samples, wall_ns()).map(|job| job.run(|set| backend.content_id(set)).result);
+        let model_set = aside(turn, fit).await?.map_err(|why| of_rejection(&why))?;
         let model_set = model_set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         let fit_s = began.elapsed().as_secs_f64();
         match self.command(caller, "RefitSessions", Command::KeepRefit { model_set, sessions }).await? {

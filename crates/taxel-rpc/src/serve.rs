@@ -13,30 +13,25 @@ use taxel_proto::v1::skin_service_server::SkinServiceServer;
 use taxel_proto::v1::validation_service_server::ValidationServiceServer;
 use thiserror::Error;
 use tokio::sync::watch;
-use tokio_util::sync::CancellationToken;
 use tonic::body::Body;
 use tonic::codegen::{Service as Serves, http};
 use tonic::server::NamedService;
 use tonic::service::Routes;
-use tonic::transport::Server;
 use tonic_health::server::HealthReporter;
 use tower_layer::Layer;
 
-use crate::access::layer::Gate;
+use crate::access::layer::{Gate, Guarded};
 use crate::access::rules::Access;
 use crate::access::table::IMPORT;
-use crate::answers::Answers;
-use crate::guard::Guard;
+use crate::backend::Backend;
+use crate::connections::Connections;
 use crate::handle::Handle;
 use crate::health::Report;
 use crate::limits::Limits;
 use crate::listener::{Listener, accept};
 use crate::refusals::Refusals;
 use crate::service::Service;
-use crate::shared::SharedServices;
 use crate::shares::Shares;
-use crate::turns::Turns;
-use crate::unproven::Unproven;
 use crate::watchdog::Watchdog;
 
 /// How a server ended.
@@ -65,7 +60,21 @@ pub enum ServeError {
 /// Pending resets that a peer may pile up before its connection is closed (the "rapid reset" attack).
 const PENDING_RESETS_MAX: usize = 20;
 
-/// Requests that are none, or are beyond [`Limits::calls_per_connection`], before their connection is closed. Each is answered
+/// Calls at once on one connection; the client queues further ones. Well above the streams of one peer, so that one stream
+/// too many is refused with its reason and calls beside the streams go on.
+const CALLS_PER_CONNECTION: u32 = 256;
+
+/// What a client may send ahead of what is read, on one stream and on one connection, in bytes.
+const STREAM_AHEAD_BYTES: u32 = 64 << 10;
+const CONNECTION_AHEAD_BYTES: u32 = 256 << 10;
+
+/// Largest block of request headers, in bytes.
+const HEADER_BYTES: u32 = 8 << 10;
+
+/// A request has to come whole within this time, beside what a command may take.
+const REQUEST_MAX: Duration = Duration::from_secs(5);
+
+/// Requests that are none, or are beyond [`CALLS_PER_CONNECTION`], before their connection is closed. Each is answered
 /// by a reset, which waits in memory for a peer that reads nothing. hyper's own bound is the same; tonic takes it away unless
 /// it is given one.
 const ERROR_RESETS_MAX: usize = 1024;
@@ -73,86 +82,84 @@ const ERROR_RESETS_MAX: usize = 1024;
 /// A cut connection ends as soon as its task runs; a server that takes longer is left behind.
 const CUT_MAX: Duration = Duration::from_secs(1);
 
-/// Serves everything on all `listeners` until the shutdown of `handle`, then at most [`Limits::drain`] longer. Each call is
-/// let through by `access`.
-///
-/// # Errors
-/// [`ServeError`] if the server cannot be set up or fails; a failing connection or call is not an error of the server.
-pub async fn serve(
+/// The services for whoever calls them without a socket: the page.
+pub type SharedServices = Guarded<Routes>;
+
+/// All services, before they are served.
+pub struct Server {
     handle: Handle,
-    listeners: Vec<Listener>,
-    access: Access,
     limits: Limits,
-) -> Result<Drain, ServeError> {
-    serve_and_share(handle, listeners, access, limits, |_| {}).await
+    refusals: Arc<Refusals>,
+    gate: Gate,
+    reporter: HealthReporter,
+    routes: Routes,
+    /// Wakes subscribers.
+    wake: watch::Sender<()>,
 }
 
-/// The same, and hands the services to `share` once they are there: whoever has them calls them without a socket, let
-/// through by the same rules, checks and limits, from any runtime.
-///
-/// # Errors
-/// As [`serve`].
-pub async fn serve_and_share(
-    handle: Handle,
-    listeners: Vec<Listener>,
-    access: Access,
-    limits: Limits,
-    share: impl FnOnce(SharedServices),
-) -> Result<Drain, ServeError> {
-    let (wake, woken) = watch::channel(());
-    let turns = Turns::begin(handle.patches.iter().map(|feed| (feed.snapshot.clone(), feed.soon.clone())), &woken);
-    let shutdown = handle.shutdown.clone();
-    let (drain, cut) = (limits.drain, CancellationToken::new());
-    let (shares, refusals) = (Shares::new(&limits), Arc::new(Refusals::default()));
-    let answers = Answers::new(limits.unread, Arc::clone(&refusals));
-    let ledgers = (Arc::clone(&shares), Arc::clone(&refusals));
-    let gate = Gate::new(access.clone(), ledgers, Arc::clone(&answers), &limits);
-    let guard = Guard {
-        access,
-        shares: Arc::clone(&shares),
-        refusals: Arc::clone(&refusals),
-        unproven: Unproven::new(limits.unproven),
-        limits: Arc::new(limits.clone()),
-        cut: cut.clone(),
-    };
-    let incoming = accept(listeners, &guard)?;
-    let reporter = HealthReporter::new();
-    let service = Service::new(handle.clone(), turns, limits.clone(), shares, Arc::clone(&refusals));
-    let routes = routes(service, &reporter)?;
-    share(SharedServices::new(gate.layer(routes.clone())));
-    let server = server(&limits).layer(gate).add_routes(routes);
-    let server = server.serve_with_incoming_shutdown(incoming, shutdown.clone().cancelled_owned());
-    let overdue = async {
-        shutdown.cancelled().await;
-        tokio::time::sleep(drain).await;
-    };
-    let report = Report::begin(handle.clone(), reporter).await;
-    let watchdog = Watchdog::new(handle, report, wake);
-    tokio::pin!(server);
-    tokio::select! {
-        served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
-        never = watchdog.keep() => match never {},
-        never = refusals.keep() => match never {},
-        never = answers.keep() => match never {},
-        () = overdue => {}
+impl Server {
+    /// The services over this engine and backend. Each call is let through by `access`.
+    ///
+    /// # Errors
+    /// [`ServeError`] if the compiled-in description of the service is broken.
+    pub fn new(handle: Handle, backend: Arc<dyn Backend>, access: Access, limits: Limits) -> Result<Self, ServeError> {
+        let (wake, woken) = watch::channel(());
+        let (shares, refusals) = (Shares::new(&limits), Arc::new(Refusals::default()));
+        let gate = Gate::new(access, Arc::clone(&shares), Arc::clone(&refusals));
+        let reporter = HealthReporter::new();
+        let service = Service::new(handle.clone(), backend, woken, limits.clone(), shares);
+        let routes = routes(service, &reporter)?;
+        Ok(Self { handle, limits, refusals, gate, reporter, routes, wake })
     }
-    tracing::warn!("connections were still open {} s after the shutdown began: cut", drain.as_secs_f64());
-    cut.cancel();
-    tokio::time::timeout(CUT_MAX, server).await.unwrap_or(Ok(()))?;
-    Ok(Drain::Cut)
+
+    /// The services for whoever calls them without a socket, from any runtime, let through by the same rules and limits.
+    #[must_use]
+    pub fn shared(&self) -> SharedServices {
+        self.gate.layer(self.routes.clone())
+    }
+
+    /// Serves everything on all `listeners` until the shutdown of the handle, then at most [`Limits::drain`] longer.
+    ///
+    /// # Errors
+    /// [`ServeError`] if the server fails; a failing connection or call is not an error of the server.
+    pub async fn serve(self, listeners: Vec<Listener>) -> Result<Drain, ServeError> {
+        let Self { handle, limits, refusals, gate, reporter, routes, wake } = self;
+        let shutdown = handle.shutdown.clone();
+        let connections = Connections::new(limits.clone(), Arc::clone(&refusals));
+        let incoming = accept(listeners, &connections, &refusals)?;
+        let server = tonic_server(&limits).layer(gate).add_routes(routes);
+        let server = server.serve_with_incoming_shutdown(incoming, shutdown.clone().cancelled_owned());
+        let overdue = async {
+            shutdown.cancelled().await;
+            tokio::time::sleep(limits.drain).await;
+        };
+        let report = Report::begin(handle.clone(), reporter).await;
+        let watchdog = Watchdog::new(handle, report, wake);
+        tokio::pin!(server);
+        tokio::select! {
+            served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
+            never = watchdog.keep() => match never {},
+            never = refusals.keep() => match never {},
+            never = connections.keep() => match never {},
+            () = overdue => {}
+        }
+        tracing::warn!("connections were still open {} s after the shutdown began: cut", limits.drain.as_secs_f64());
+        connections.end_all();
+        tokio::time::timeout(CUT_MAX, server).await.unwrap_or(Ok(()))?;
+        Ok(Drain::Cut)
+    }
 }
 
-fn server(limits: &Limits) -> Server {
-    let [of_stream, of_connection] = limits.ahead_bytes;
-    Server::builder()
-        .initial_stream_window_size(of_stream)
-        .initial_connection_window_size(of_connection)
-        // Covers a call up to the head of its answer, so that a request that never ends is no place to hide.
-        .timeout(limits.command + limits.preface)
-        .max_concurrent_streams(limits.calls_per_connection)
+fn tonic_server(limits: &Limits) -> tonic::transport::Server {
+    tonic::transport::Server::builder()
+        .initial_stream_window_size(STREAM_AHEAD_BYTES)
+        .initial_connection_window_size(CONNECTION_AHEAD_BYTES)
+        // Covers a call up to the head of its answer, so that a request that never ends holds nothing for ever.
+        .timeout(limits.command + REQUEST_MAX)
+        .max_concurrent_streams(CALLS_PER_CONNECTION)
         .http2_keepalive_interval(Some(limits.keepalive_interval))
         .http2_keepalive_timeout(Some(limits.keepalive_timeout))
-        .http2_max_header_list_size(limits.header_bytes)
+        .http2_max_header_list_size(HEADER_BYTES)
         .http2_max_pending_accept_reset_streams(Some(PENDING_RESETS_MAX))
         .http2_max_local_error_reset_streams(Some(ERROR_RESETS_MAX))
 }

@@ -1,6 +1,7 @@
 //! What the services share: looking things up, sending commands, counting streams.
 
 use std::sync::Arc;
+use taxel_engine::audit::Asked;
 use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::known_set::KnownSet;
@@ -10,47 +11,44 @@ use taxel_engine::snapshot::PatchSnapshot;
 use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
-use tokio::sync::Semaphore;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot, watch};
 use tonic::{Code, Response, Status};
 
 use crate::access::caller::Caller;
-use crate::answers::with_place;
-use crate::aside::aside;
-use crate::audit_words;
+use crate::backend::Backend;
 use crate::convert::Sending;
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
 use crate::page::is_long;
-use crate::refusals::Refusals;
-use crate::shares::{Place, Shares, What};
+use crate::shares::{Place, Shares};
 use crate::status::{SHUTTING_DOWN, STOPPED, engine_stopped, invalid, left_open, of_rejection};
-use crate::turns::Turns;
+use crate::stored_sets::StoredSets;
 
 /// Longest text that a client may have written down, in bytes.
 const NAME_BYTES_MAX: usize = 256;
 
 /// The implementation behind all services. Cheap to clone.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct Service {
     pub(crate) handle: Handle,
-    pub(crate) turns: Turns,
+    pub(crate) backend: Arc<dyn Backend>,
+    stored_sets: StoredSets,
+    /// Changes when subscribers have to judge anew what they were sent last.
+    pub(crate) wake: watch::Receiver<()>,
     pub(crate) limits: Arc<Limits>,
     shares: Arc<Shares>,
-    pub(crate) refusals: Arc<Refusals>,
-    /// Held while the store reads a page of the audit log.
-    pub(crate) audit_reading: Arc<Semaphore>,
 }
 
 impl Service {
     pub(crate) fn new(
         handle: Handle,
-        turns: Turns,
+        backend: Arc<dyn Backend>,
+        wake: watch::Receiver<()>,
         limits: Limits,
         shares: Arc<Shares>,
-        refusals: Arc<Refusals>,
     ) -> Self {
-        Self { handle, turns, limits: Arc::new(limits), shares, refusals, audit_reading: Arc::new(Semaphore::new(1)) }
+        let stored_sets = StoredSets::new(Arc::clone(&backend));
+        Self { handle, backend, stored_sets, wake, limits: Arc::new(limits), shares }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.
@@ -112,11 +110,7 @@ impl Service {
         if let Some(set) = known.at_hand {
             return Ok(set);
         }
-        let not_kept = || {
-            let why = format!("model set `{}` is not in memory", short());
-            Refusal::failed_precondition(ErrorReason::NotOffered, why).about("model_set", short())
-        };
-        self.handle.stored_sets.as_ref().ok_or_else(not_kept)?.get(known.summary()).await
+        self.stored_sets.get(known.summary()).await
     }
 
     /// What lists show of the model set of this id.
@@ -149,31 +143,6 @@ impl Service {
         })?)
     }
 
-    /// A place for one more stream of this caller. The place moves into the stream and is free again when that is dropped.
-    pub(crate) fn stream_place(&self, caller: &Caller) -> Result<Place, Status> {
-        self.place(What::Stream, caller)
-    }
-
-    /// A place for what a call needs beside its own.
-    pub(crate) fn place(&self, what: What, caller: &Caller) -> Result<Place, Status> {
-        self.shares.place(what, caller)
-    }
-
-    /// A place for an answer of so many items, if these take long to make.
-    pub(crate) fn place_of_list(&self, caller: &Caller, items: u32) -> Result<Option<Place>, Status> {
-        is_long(items).then(|| self.place(What::LargeAnswer, caller)).transpose()
-    }
-
-    /// A list, of which `make` makes the page: a long one beside the streams, and with a place of its own.
-    pub(crate) async fn list<M: Send + 'static>(
-        &self,
-        caller: &Caller,
-        page_size: u32,
-        make: impl FnOnce() -> Result<M, Status> + Send + 'static,
-    ) -> Result<Response<M>, Status> {
-        made(self.place_of_list(caller, page_size)?, make).await
-    }
-
     /// Streams that are being served now.
     pub(crate) fn streams_open(&self) -> usize {
         self.shares.streams_open()
@@ -188,24 +157,26 @@ impl Service {
                 | Command::KeepRefit { .. }
                 | Command::KeepRecalibration { .. }
         );
-        if keeps && let Some(room) = &self.handle.room {
-            room().map_err(|why| Refusal::exhausted(ErrorReason::DiskFull, why))?;
+        if keeps {
+            self.backend.room().map_err(|why| Refusal::exhausted(ErrorReason::DiskFull, why))?;
         }
         let (reply, answer) = oneshot::channel();
-        let asked = audit_words::asked(caller, name, self.patch_of(&command), &command);
-        let things = self.things_of(&command);
-        let (request, claimed) = (asked.what.clone(), asked.claimed.clone());
+        let about = self.about(&command);
+        let things: Vec<_> = about.things().collect();
+        let asked = about.asked(caller, name);
+        let mut line = Line { asked: asked.clone(), told: None };
         self.handle.commands.try_send(Request { command, reply, asked: Some(Box::new(asked)) }).map_err(|refused| {
-            match refused {
+            let waiting = self.handle.commands.max_capacity();
+            let status = match refused {
                 mpsc::error::TrySendError::Full(_) => {
-                    let waiting = self.handle.commands.max_capacity();
                     let why = format!("{waiting} commands wait for the engine already: try again later");
                     Refusal::exhausted(ErrorReason::NoPlace, why).into()
                 }
                 mpsc::error::TrySendError::Closed(_) => engine_stopped(),
-            }
+            };
+            line.told = Some(("refused", Err(Status::clone(&status))));
+            status
         })?;
-        let mut line = Line { caller, name, request, claimed, told: false };
         let limit = self.limits.command;
         let answer = tokio::select! {
             answer = tokio::time::timeout(limit, answer) => match answer {
@@ -220,87 +191,71 @@ impl Service {
                 Err(left_open(Code::Unavailable, ErrorReason::ShuttingDown, SHUTTING_DOWN))
             }
         };
-        match answer {
-            Ok(Ok(done)) => {
-                line.tell(Told::Done);
-                Ok(done)
-            }
-            Ok(Err(rejection)) => {
-                let refused = Status::from(of_rejection(&rejection).about_all(things));
-                line.tell(Told::Refused(&refused));
-                Err(refused)
-            }
-            Err(open) => {
-                line.tell(Told::Open(&open));
-                Err(open)
-            }
-        }
+        let (told, answer) = match answer {
+            Ok(Ok(done)) => ("done", Ok(done)),
+            Ok(Err(rejection)) => ("refused", Err(Status::from(of_rejection(&rejection).about_all(things)))),
+            Err(open) => ("not answered", Err(open)),
+        };
+        line.told = Some((told, answer.as_ref().map(drop).map_err(Status::clone)));
+        answer
     }
 }
 
-/// The line of a command in the daemon's log. Whoever gave it may go away before the answer: most are done all the same.
-struct Line<'a> {
-    caller: &'a Caller,
-    name: &'static str,
-    request: String,
-    claimed: String,
-    told: bool,
+/// The line of a command in the daemon's log, written when this is dropped. Whoever gave the command may go away before the
+/// answer: most are done all the same.
+struct Line {
+    asked: Asked,
+    /// What came of it; absent where whoever asked has gone.
+    told: Option<(&'static str, Result<(), Status>)>,
 }
 
-/// What came of a command, as far as whoever asked is told.
-enum Told<'a> {
-    Done,
-    Refused(&'a Status),
-    /// It was given to the engine, and not answered.
-    Open(&'a Status),
-    /// Whoever asked has gone.
-    Gone,
-}
-
-impl Line<'_> {
-    fn tell(&mut self, told: Told<'_>) {
-        let Self { caller, name: command, request, claimed, .. } = &*self;
-        let (who, role, from) = (caller.who(), caller.role.map_or("none", |role| role.name()), caller.origin.place());
-        match told {
-            Told::Done => tracing::info!(command, request, who, role, from, claimed, "done"),
-            Told::Refused(status) => {
-                let (code, why) = (code_name(status.code()), status.message());
-                tracing::info!(command, request, who, role, from, claimed, code, why, "refused");
-            }
-            Told::Open(status) => {
-                let (code, why) = (code_name(status.code()), status.message());
-                tracing::info!(command, request, who, role, from, claimed, code, why, "not answered");
-            }
-            Told::Gone => tracing::info!(
-                command,
-                request,
-                who,
-                role,
-                from,
-                claimed,
-                "asked for, and whoever asked went away before the answer: `taxeld audit` says what came of it"
-            ),
-        }
-        self.told = true;
-    }
-}
-
-impl Drop for Line<'_> {
+impl Drop for Line {
     fn drop(&mut self) {
-        if !self.told {
-            self.tell(Told::Gone);
-        }
+        let Asked { who, role, place: from, method: command, what: request, claimed, .. } = &self.asked;
+        let gone = "asked for, and whoever asked went away before the answer: `taxeld audit` says what came of it";
+        let (told, refused) = match &self.told {
+            Some((told, answer)) => (*told, answer.as_ref().err()),
+            None => (gone, None),
+        };
+        let (code, why) = (refused.map(|status| code_name(status.code())), refused.map(Status::message));
+        tracing::info!(command, request, who, role, from, claimed, code, why, "{told}");
     }
 }
 
-/// What `make` makes: beside the streams if there is a place for it, which the answer then holds until it is out.
-pub(crate) async fn made<M: Send + 'static>(
-    place: Option<Place>,
+/// A list of so many items, which `make` makes: a long one beside the streams.
+pub(crate) async fn list<M: Send + 'static>(
+    held: Held,
+    items: u32,
     make: impl FnOnce() -> Result<M, Status> + Send + 'static,
 ) -> Result<Response<M>, Status> {
-    let Some(place) = place else { return make().map(Response::new) };
-    let (message, place) = aside(place, make).await?;
-    Ok(with_place(message?, place))
+    let message = if is_long(items) { aside(held, make).await? } else { make() };
+    message.map(Response::new)
+}
+
+/// Does work of tens of milliseconds, beside the thread on which all streams are served. What is held goes along: where the
+/// caller has gone meanwhile, it is dropped when the work is done and not before, so that calls which are given up do not
+/// pile up there.
+///
+/// # Errors
+/// INTERNAL if the work panicked.
+pub(crate) async fn aside<T: Send + 'static, H: Send + 'static>(
+    held: H,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Status> {
+    let done = tokio::task::spawn_blocking(move || {
+        let done = work();
+        drop(held);
+        done
+    });
+    Ok(done.await.map_err(|lost| Refusal::fault(format!("the work for this call was lost: {lost}")))?)
+}
+
+/// The place of a call, for work that outlives it.
+pub(crate) type Held = Option<Arc<Place>>;
+
+/// The place that the gate has taken for a call.
+pub(crate) fn held<T>(request: &tonic::Request<T>) -> Held {
+    request.extensions().get::<Arc<Place>>().cloned()
 }
 
 /// Who makes a call: the gate has noted it.

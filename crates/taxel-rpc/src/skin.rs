@@ -11,7 +11,7 @@ use tonic::{Request, Response, Status};
 
 use crate::convert::{self, vector};
 use crate::freshness::not_run_for;
-use crate::service::{Service, caller, confirmed_by, strange_answer};
+use crate::service::{Service, caller, confirmed_by, held, list, strange_answer};
 use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
@@ -40,10 +40,9 @@ impl SkinService for Service {
         &self,
         request: Request<v1::StreamTaxelsRequest>,
     ) -> Result<Response<Self::StreamTaxelsStream>, Status> {
-        let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.patch(&request.patch)?;
-        subscribe(self, &caller, patch, request.rate_hz, convert::taxels).map(Response::new)
+        subscribe(self, patch, request.rate_hz, convert::taxels).map(Response::new)
     }
 
     async fn tare(&self, request: Request<v1::TareRequest>) -> Result<Response<v1::TareStatus>, Status> {
@@ -72,10 +71,8 @@ impl SkinService for Service {
         &self,
         request: Request<v1::ListEventsRequest>,
     ) -> Result<Response<v1::ListEventsResponse>, Status> {
-        let caller = caller(&request)?;
-        let request = request.into_inner();
-        let (size, service) = (request.page_size, self.clone());
-        self.list(&caller, size, move || service.page_of_events(&request)).await
+        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
+        list(held, request.page_size, move || service.page_of_events(&request)).await
     }
 
     type WatchEventsStream = MessageStream<v1::Event>;
@@ -84,8 +81,7 @@ impl SkinService for Service {
         &self,
         request: Request<v1::WatchEventsRequest>,
     ) -> Result<Response<Self::WatchEventsStream>, Status> {
-        let caller = caller(&request)?;
-        self.watch_events_of(&caller, request.get_ref()).map(Response::new)
+        self.watch_events_of(request.get_ref()).map(Response::new)
     }
 
     async fn get_health(&self, _: Request<v1::GetHealthRequest>) -> Result<Response<v1::Health>, Status> {
@@ -94,7 +90,7 @@ impl SkinService for Service {
         let stalled = self.handle.heartbeat.stalled_for();
         let never_ran = health.buses.is_empty() && !self.handle.heartbeat.has_begun();
         let unknown = never_ran.then(|| "the engine has not run yet: nothing is known of buses and boards".to_owned());
-        let recording = self.handle.recording.as_ref().map(|state| state());
+        let recording = self.backend.recording();
         let unrecorded = recording.iter().map(|state| &state.problem).filter(|problem| !problem.is_empty());
         let unrecorded = unrecorded.map(|problem| format!("nothing is recorded: {problem}"));
         let own = [stalled.map(not_run_for), unknown].into_iter().flatten();
@@ -102,7 +98,11 @@ impl SkinService for Service {
             buses: health.buses.iter().enumerate().map(|(bus, health)| bus_health(bus, health)).collect(),
             boards: health.boards.iter().map(board_health).collect(),
             patches: (0..self.handle.plan.patches.len()).map(|patch| self.patch_health(patch)).collect(),
-            problems: own.chain(health.problems.iter().cloned()).chain(unrecorded).chain(self.handle.lacks()).collect(),
+            problems: own
+                .chain(health.problems.iter().cloned())
+                .chain(unrecorded)
+                .chain(self.backend.lacks())
+                .collect(),
             streams: self.streams_open() as u32,
             streams_max: self.limits.streams as u32,
             store: Some(v1::StoreHealth {

@@ -24,9 +24,12 @@ pub(crate) fn invalid(field: &str, problem: impl std::fmt::Display) -> Status {
     Refusal::invalid(field, problem).into()
 }
 
-/// What needs the samples of sessions cannot be done by a daemon without a store.
-pub(crate) fn samples_not_kept() -> Refusal {
-    Refusal::failed_precondition(v1::ErrorReason::NotOffered, "samples are not kept")
+/// The samples of a stored session, as the store has answered.
+pub(crate) fn samples_of<T>(session: u64, read: Result<T, String>) -> Result<T, Status> {
+    Ok(read.map_err(|why| {
+        let why = format!("the samples of session {session}: {why}");
+        Refusal::failed_precondition(v1::ErrorReason::DataDamaged, why).about("session", session)
+    })?)
 }
 
 pub(crate) const SHUTTING_DOWN: &str = "the daemon is shutting down";

@@ -2,8 +2,9 @@
 //!
 //! A value is taken from the engine's `watch` only when HTTP/2 asks for a message, so nothing queues here and the newest
 //! value always wins. hyper asks for one before it knows that there is room (since 1.10): one message may wait there, and
-//! what waits in HTTP/2 windows beyond is the client's; sequence and time in every message let it see that. Whether a value may still be believed is judged at that moment, too; the watchdog wakes subscribers when
-//! that changes without a new value.
+//! what waits in HTTP/2 windows beyond is the client's; sequence and time in every message let it see that. Whether a value
+//! may still be believed is judged at that moment, too; the watchdog wakes subscribers when that changes without a new
+//! value. A reader that takes nothing for too long is ended by the watch over connections.
 
 use futures_util::stream::{self, Stream};
 use std::pin::Pin;
@@ -11,20 +12,14 @@ use std::sync::Arc;
 use std::time::Duration;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
-use taxel_proto::refusal::Refusal;
-use taxel_proto::v1::ErrorReason;
 use taxel_ticks::Ticks;
 use tokio::sync::watch;
-use tokio::time::Instant;
 use tokio_util::sync::WaitForCancellationFutureOwned;
-use tonic::{Code, Status};
+use tonic::Status;
 
-use crate::access::caller::Caller;
-use crate::access::origin::PeerKey;
 use crate::convert::Sending;
 use crate::freshness::Freshness;
 use crate::service::Service;
-use crate::shares::Place;
 use crate::status::{engine_stopped, invalid, no_timer, shutting_down};
 
 /// A stream of messages that ends with a status.
@@ -41,16 +36,6 @@ pub(crate) type Encode<M> = fn(&PatchPlan, &PatchSnapshot, Sending) -> M;
 struct Told {
     sequence: u64,
     freshness: Freshness,
-    /// When the reader took it.
-    taken: Instant,
-}
-
-/// When a message is due.
-enum Pace {
-    /// At a rate of the subscriber's own; the last value is held.
-    Ticks(Ticks),
-    /// With each new value, and once more when it is too old to be believed.
-    Turns(watch::Receiver<()>),
 }
 
 /// One subscriber of one patch.
@@ -58,42 +43,33 @@ struct Subscription<M> {
     service: Service,
     patch: usize,
     snapshots: watch::Receiver<Arc<PatchSnapshot>>,
-    pace: Pace,
+    /// At a rate of the subscriber's own, at which the last value is held. Without one a message is due with each new value,
+    /// and once more when it is too old to be believed.
+    ticks: Option<Ticks>,
+    wake: watch::Receiver<()>,
     encode: Encode<M>,
     /// Registered once, not for every message.
     shutdown: Pin<Box<WaitForCancellationFutureOwned>>,
-    unread_limit: Duration,
     last: Option<Told>,
     ended: bool,
-    /// Whose it is.
-    peer: PeerKey,
-    /// Free again when the subscriber is gone.
-    _place: Place,
 }
 
 /// A subscription to `patch`: `rate_hz` absent gives each new value, else the last one is held.
 pub(crate) fn subscribe<M: Send + 'static>(
     service: &Service,
-    caller: &Caller,
     patch: usize,
     rate_hz: Option<f64>,
     encode: Encode<M>,
 ) -> Result<MessageStream<M>, Status> {
-    let pace = match rate_hz {
-        Some(rate_hz) => Pace::Ticks(ticks(rate_hz)?),
-        None => Pace::Turns(service.turns.join(patch)),
-    };
     let subscription = Subscription {
         patch,
         snapshots: service.handle.patches[patch].snapshot.clone(),
-        pace,
+        ticks: rate_hz.map(ticks).transpose()?,
+        wake: service.wake.clone(),
         encode,
         shutdown: Box::pin(service.handle.shutdown.clone().cancelled_owned()),
-        unread_limit: service.limits.unread,
         last: None,
         ended: false,
-        _place: service.stream_place(caller)?,
-        peer: caller.key(),
         service: service.clone(),
     };
     Ok(Box::pin(stream::unfold(subscription, |mut subscription| async {
@@ -113,76 +89,55 @@ fn ticks(rate_hz: f64) -> Result<Ticks, Status> {
     Ticks::every(Duration::from_secs_f64(1.0 / rate_hz)).map_err(|error| no_timer(&error))
 }
 
-/// Waits until a message is due. Gives how long it has been due if that is known, which is long only when the reader made
-/// no room for it.
-async fn due(
-    first: bool,
-    pace: &mut Pace,
-    snapshots: &watch::Receiver<Arc<PatchSnapshot>>,
-) -> Result<Option<Duration>, Status> {
-    match pace {
-        _ if first => Ok(None), // at once
-        Pace::Ticks(ticks) => {
-            let tick = ticks.tick().await.map_err(|error| no_timer(&error))?;
-            snapshots.has_changed().map_err(|_| engine_stopped())?;
-            Ok(Some(tick.late))
-        }
-        Pace::Turns(turn) => {
-            turn.changed().await.map_err(|_| engine_stopped())?;
-            Ok(None)
-        }
-    }
-}
-
 impl<M> Subscription<M> {
     async fn next(&mut self) -> Option<Result<M, Status>> {
-        if self.ended {
-            return None;
-        }
-        loop {
-            let waited = tokio::select! {
-                biased;
-                () = &mut self.shutdown => Err(shutting_down()),
-                unread = due(self.last.is_none(), &mut self.pace, &self.snapshots) => unread,
-            };
-            if let Some(message) = waited.and_then(|unread| self.take(unread)).transpose() {
-                return Some(message);
+        while !self.ended {
+            if self.last.is_some()
+                && let Err(ends) = self.due().await
+            {
+                return Some(Err(ends));
             }
+            if let Some(message) = self.take() {
+                return Some(Ok(message));
+            }
+        }
+        None
+    }
+
+    /// Waits until a message is due.
+    async fn due(&mut self) -> Result<(), Status> {
+        let (snapshots, wake) = (&mut self.snapshots, &mut self.wake);
+        tokio::select! {
+            biased;
+            () = &mut self.shutdown => Err(shutting_down()),
+            tick = tick(self.ticks.as_mut()) => {
+                tick.map_err(|error| no_timer(&error))?;
+                snapshots.has_changed().map(drop).map_err(|_| engine_stopped())
+            }
+            changed = snapshots.changed(), if self.ticks.is_none() => changed.map_err(|_| engine_stopped()),
+            Ok(()) = wake.changed(), if self.ticks.is_none() => Ok(()),
         }
     }
 
     /// The message of the newest value; nothing if the reader was told all that it says.
-    fn take(&mut self, due_for: Option<Duration>) -> Result<Option<M>, Status> {
-        let snapshot = Arc::clone(&self.snapshots.borrow());
+    fn take(&mut self) -> Option<M> {
+        let snapshot = Arc::clone(&self.snapshots.borrow_and_update());
         let skipped = self.last.map_or(0, |last| snapshot.sequence.saturating_sub(last.sequence + 1));
-        let unread = due_for.unwrap_or_else(|| self.unread(skipped));
-        let waited = |unread: Duration| unread - self.service.handle.heartbeat.stalled_within(unread);
-        if unread > self.unread_limit && waited(unread) > self.unread_limit {
-            let (unread, limit) = (unread.as_secs_f64(), self.unread_limit.as_secs_f64());
-            let text = format!("a value was left unread for {unread:.1} s, the limit is {limit} s; subscribe again");
-            let patch = self.service.plan(self.patch).patch.name();
-            self.service
-                .refusals
-                .tell(("cut off", &self.peer), || format!("{}: subscriber to {patch} cut off: {text}", self.peer));
-            return Err(Refusal::new(Code::Aborted, ErrorReason::ReaderTooSlow, text).into());
-        }
         let sending = self.service.sending(self.patch, &snapshot, skipped);
-        // Also where it is not sent: a turn without a new value is there to have all in the processor's caches for the next.
-        let message = std::hint::black_box((self.encode)(self.service.plan(self.patch), &snapshot, sending));
-        let (sequence, freshness) = (snapshot.sequence, sending.freshness);
-        let same = |last: Told| last.sequence == sequence && last.freshness.is_like(freshness);
-        if matches!(self.pace, Pace::Turns(_)) && self.last.is_some_and(same) {
-            return Ok(None);
+        let told = Told { sequence: snapshot.sequence, freshness: sending.freshness };
+        let same = |last: Told| last.sequence == told.sequence && last.freshness.is_like(told.freshness);
+        if self.ticks.is_none() && self.last.is_some_and(same) {
+            return None;
         }
-        self.last = Some(Told { sequence, freshness, taken: Instant::now() });
-        Ok(Some(message))
+        self.last = Some(told);
+        Some((self.encode)(self.service.plan(self.patch), &snapshot, sending))
     }
+}
 
-    /// How long the oldest of `skipped` values and the present one has waited, when they came evenly since the last
-    /// message was taken. Exact times would cost the engine a log of them; this is right for boards that send
-    /// periodically, and 0 for a reader that skips nothing.
-    fn unread(&self, skipped: u64) -> Duration {
-        let since_last = self.last.map_or(Duration::ZERO, |last| last.taken.elapsed());
-        since_last.mul_f64(skipped as f64 / (skipped as f64 + 1.0))
+/// The next tick; never without ticks.
+async fn tick(ticks: Option<&mut Ticks>) -> std::io::Result<()> {
+    match ticks {
+        Some(ticks) => ticks.tick().await,
+        None => std::future::pending().await,
     }
 }

@@ -8,9 +8,8 @@ use taxel_proto::v1::validation_service_server::ValidationService;
 use taxel_skin::Newton;
 use tonic::{Request, Response, Status};
 
-use crate::answers::with_place;
 use crate::convert::{known, timestamp};
-use crate::service::{Service, caller, line, name, strange_answer};
+use crate::service::{Service, caller, held, line, list, name, strange_answer};
 use crate::status::invalid;
 
 /// A load whose uncertainty is not given: a kitchen scale, or a mass that stands 8 degrees off the vertical.
@@ -47,23 +46,21 @@ impl ValidationService for Service {
         &self,
         request: Request<v1::GetValidationRequest>,
     ) -> Result<Response<v1::Validation>, Status> {
-        let caller = caller(&request)?;
         let patch = self.patch(&request.get_ref().patch)?;
         let Some(view) = self.handle.catalogue.borrow().validations.get(patch).cloned() else {
             let patch = self.plan(patch).patch.name().to_owned();
             return Ok(Response::new(v1::Validation { patch, ..v1::Validation::default() }));
         };
         let loads = view.loads.len().min(LOADS_MAX) as u32;
-        self.list(&caller, loads, move || Ok(validation(&view))).await
+        list(held(&request), loads, move || Ok(validation(&view))).await
     }
 
     async fn recalibrate(
         &self,
         request: Request<v1::RecalibrateRequest>,
     ) -> Result<Response<v1::Recalibration>, Status> {
-        let caller = caller(&request)?;
-        let (answer, place) = self.recalibration(&caller, request.get_ref()).await?;
-        Ok(with_place(answer, place))
+        let (caller, held) = (caller(&request)?, held(&request));
+        self.recalibration(&caller, held, request.get_ref()).await.map(Response::new)
     }
 }
 

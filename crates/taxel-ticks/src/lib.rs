@@ -4,22 +4,19 @@
 //!    met in the mean.
 //! 2. The kernel's own timer counts them, in nanoseconds. The runtime's timers count whole milliseconds and are rounded
 //!    up when it sleeps: at 1 kHz each tick came 0.08 ms later than the one before, until two came at once.
-//! 3. What was missed is told and not made up for: the value of a tick that is long past is an old one.
-
-mod deadlines;
+//! 3. What was missed is not made up for: the value of a tick that is long past is an old one.
 
 use std::io;
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::OwnedFd;
 use std::sync::LazyLock;
 use std::time::Duration;
 
+use nix::errno::Errno;
 use nix::sys::time::TimeSpec;
 use nix::sys::timerfd::{ClockId, Expiration, TimerFd, TimerFlags, TimerSetTimeFlags};
 use nix::time::clock_gettime;
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
-
-use crate::deadlines::Deadlines;
 
 /// Where all deadlines of the process are counted from. So equal rates tick together, and one wake-up of a runtime does for
 /// all of them.
@@ -27,21 +24,7 @@ static ORIGIN: LazyLock<Duration> = LazyLock::new(|| now().unwrap_or_default());
 
 /// Ticks, without end.
 #[derive(Debug)]
-pub struct Ticks {
-    timer: AsyncFd<OwnedFd>,
-    deadlines: Deadlines,
-}
-
-/// One or more deadlines that have passed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tick {
-    /// The time of `CLOCK_BOOTTIME` at which it was due, or the first of those that passed since the last tick.
-    pub due: Duration,
-    /// How long ago that was.
-    pub late: Duration,
-    /// How many more deadlines have passed since.
-    pub missed: u64,
-}
+pub struct Ticks(AsyncFd<OwnedFd>);
 
 impl Ticks {
     /// Ticks with this period, of at least a nanosecond. The first comes within one period, together with those of
@@ -50,45 +33,40 @@ impl Ticks {
     /// # Errors
     /// If the system has no timer left.
     pub fn every(period: Duration) -> io::Result<Self> {
-        let deadlines = Deadlines::after(now()?, *ORIGIN, period);
+        let period = period.max(Duration::from_nanos(1));
+        let timer = TimerFd::new(ClockId::CLOCK_MONOTONIC, TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC)?;
+        let deadlines = Expiration::IntervalDelayed(first(*ORIGIN, now()?, period).into(), TimeSpec::from(period));
+        timer.set(deadlines, TimerSetTimeFlags::TFD_TIMER_ABSTIME)?;
         // Its successor is `unsafe`, for the sake of descriptors that change under it. A descriptor that is owned does not.
         #[expect(deprecated, reason = "safe for an `OwnedFd`")]
-        let timer = AsyncFd::with_interest(OwnedFd::from(timer(&deadlines)?), Interest::READABLE)?;
-        Ok(Self { timer, deadlines })
+        let timer = AsyncFd::with_interest(OwnedFd::from(timer), Interest::READABLE)?;
+        Ok(Self(timer))
     }
 
-    /// Waits for the next deadline. Nothing is lost if this is dropped before.
+    /// Waits for the next deadline; if some have passed since the last tick, it is one tick. Nothing is lost if this is
+    /// dropped before.
     ///
     /// # Errors
     /// If the system takes the timer away.
-    pub async fn tick(&mut self) -> io::Result<Tick> {
+    pub async fn tick(&mut self) -> io::Result<()> {
         loop {
-            let mut ready = self.timer.readable().await?;
-            let passed = passed(ready.get_inner())?;
+            let mut ready = self.0.readable().await?;
+            let passed = nix::unistd::read(ready.get_inner(), &mut [0; size_of::<u64>()]);
             ready.clear_ready();
-            if let Some((due, missed)) = self.deadlines.pass(passed) {
-                return Ok(Tick { due, late: now()?.saturating_sub(due), missed });
+            match passed {
+                Ok(_) => return Ok(()),
+                Err(Errno::EAGAIN | Errno::EINTR) => {}
+                Err(error) => return Err(error.into()),
             }
         }
     }
 }
 
-/// A timer that goes off at each of them.
-fn timer(deadlines: &Deadlines) -> io::Result<TimerFd> {
-    let timer = TimerFd::new(ClockId::CLOCK_BOOTTIME, TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC)?;
-    let (first, period) = (TimeSpec::from(deadlines.next()), TimeSpec::from(deadlines.period()));
-    timer.set(Expiration::IntervalDelayed(first, period), TimerSetTimeFlags::TFD_TIMER_ABSTIME)?;
-    Ok(timer)
-}
-
-/// How many deadlines have passed since it was asked last.
-fn passed(timer: impl AsFd) -> io::Result<u64> {
-    let mut count = [0; size_of::<u64>()];
-    match nix::unistd::read(timer, &mut count) {
-        Ok(_) => Ok(u64::from_ne_bytes(count)),
-        Err(nix::errno::Errno::EAGAIN | nix::errno::Errno::EINTR) => Ok(0),
-        Err(error) => Err(error.into()),
-    }
+/// The first multiple of a period after `origin` that is after `now`.
+fn first(origin: Duration, now: Duration, period: Duration) -> Duration {
+    let since_last_ns = now.saturating_sub(origin).as_nanos() % period.as_nanos();
+    // Less than a period, which is nanoseconds of a few hundred years at most.
+    now + period - Duration::from_nanos(u64::try_from(since_last_ns).unwrap_or_default())
 }
 
 /// The time of `CLOCK_BOOTTIME`.
@@ -103,57 +81,55 @@ mod tests {
     const PERIOD: Duration = Duration::from_millis(1);
 
     #[test]
-    fn the_kernel_has_each_deadline_to_the_nanosecond() {
-        // So long a period that no deadline passes while this looks; so odd ones that no whole millisecond hides in them.
-        let hour = Duration::from_secs(3_600);
-        for odd in (0..50).map(|n| n * Duration::from_nanos(123_457)) {
-            let deadlines = Deadlines::after(now().unwrap(), now().unwrap() - hour / 2 - odd, hour);
-            let timer = timer(&deadlines).unwrap();
-            let before = now().unwrap();
-            let set = timer.get().unwrap();
-            let after = now().unwrap();
-            let Some(Expiration::IntervalDelayed(left, period)) = set else { panic!("{set:?}") };
-            let expected = deadlines.next() - after..=deadlines.next() - before;
-            assert!(expected.contains(&left.into()), "{left:?} left, expected {expected:?}");
-            assert_eq!(Duration::from(period), hour);
+    fn equal_rates_tick_together_whenever_they_began() {
+        let origin = Duration::from_nanos(1_234_567_891);
+        for rate_hz in [1.0, 3.0, 50.0, 333.0, 1_000.0] {
+            let period = Duration::from_secs_f64(1.0 / rate_hz);
+            for late in [7.2, 7.8] {
+                assert_eq!(first(origin, origin + period.mul_f64(late), period), origin + 8 * period, "{rate_hz} Hz");
+            }
+            assert_eq!(first(origin, origin + 8 * period, period), origin + 9 * period, "{rate_hz} Hz");
         }
     }
 
     #[tokio::test]
-    async fn each_deadline_is_told_once_and_not_before_it_has_passed() {
+    async fn no_tick_comes_before_its_deadline_and_what_passed_meanwhile_is_one() {
+        let begun = now().unwrap();
         let mut ticks = Ticks::every(PERIOD).unwrap();
-        let mut due = ticks.deadlines.next();
-        for _ in 0..50 {
-            let tick = ticks.tick().await.unwrap();
-            assert!(tick.due == due && tick.due <= now().unwrap(), "{tick:?}, expected {due:?}");
-            due += PERIOD * (1 + u32::try_from(tick.missed).unwrap());
+        for ticked in 0..50 {
+            ticks.tick().await.unwrap();
+            assert!(now().unwrap() >= begun + PERIOD * ticked, "{ticked}");
         }
-    }
-
-    #[tokio::test]
-    async fn what_passed_while_nobody_looked_is_one_tick() {
-        let mut ticks = Ticks::every(PERIOD).unwrap();
-        let due = ticks.deadlines.next();
-        while now().unwrap() < due + 3 * PERIOD {
+        let begun = now().unwrap();
+        while now().unwrap() < begun + 5 * PERIOD {
             std::hint::spin_loop();
         }
-        let tick = ticks.tick().await.unwrap();
-        assert!(tick.due == due && tick.missed >= 3 && tick.late >= 3 * PERIOD, "{tick:?}");
-        let next = ticks.tick().await.unwrap();
-        assert_eq!(next.due, due + PERIOD * (1 + u32::try_from(tick.missed).unwrap()), "{tick:?}, {next:?}");
+        ticks.tick().await.unwrap();
+        assert!(futures_are_pending(&mut ticks).await, "they are one");
+    }
+
+    /// Whether no tick is there yet; one may have come if the machine was busy.
+    async fn futures_are_pending(ticks: &mut Ticks) -> bool {
+        let next = first(*ORIGIN, now().unwrap(), PERIOD);
+        tokio::select! {
+            biased;
+            _ = ticks.tick() => now().unwrap() >= next,
+            () = tokio::task::yield_now() => true,
+        }
     }
 
     #[tokio::test]
     async fn a_wait_that_is_given_up_loses_no_tick() {
         let mut ticks = Ticks::every(PERIOD).unwrap();
-        let mut due = ticks.deadlines.next();
-        for _ in 0..20 {
+        let begun = now().unwrap();
+        let mut came = 0;
+        while came < 20 {
             tokio::select! {
                 biased;
-                tick = ticks.tick() => due += PERIOD * (1 + u32::try_from(tick.unwrap().missed).unwrap()),
+                tick = ticks.tick() => { tick.unwrap(); came += 1; }
                 () = tokio::task::yield_now() => {}
             }
         }
-        assert_eq!(ticks.tick().await.unwrap().due, due);
+        assert!(now().unwrap() >= begun + 19 * PERIOD);
     }
 }

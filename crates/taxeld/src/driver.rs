@@ -256,9 +256,6 @@ impl Driver {
         if let Some(first) = batch.frames.first() {
             self.clock.start(first.time);
             self.step(Input::Frames(batch.bus, &batch.frames));
-            if matches!(self.clock, RunClock::Live) {
-                self.engine.warm_up(batch.bus).for_each(|patch| self.publisher.warm_up(patch));
-            }
         }
     }
 

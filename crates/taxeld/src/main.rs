@@ -6,6 +6,7 @@ mod say;
 mod apply;
 mod audit;
 mod audit_log;
+mod backend;
 mod bus;
 #[cfg(feature = "certificate")]
 mod certificate;

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 
 use anyhow::Context;
-use taxel_page::{Limits, Options, Permits, Services, Shows, bind, serve};
+use taxel_page::{Limits, Options, Shows, bind, serve};
 use taxel_rpc::SharedServices;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
@@ -46,39 +46,26 @@ pub fn sites(config: &Config) -> Vec<Site> {
 /// If there is no port to be had.
 #[cfg(feature = "sim")]
 pub fn bind_some(usual: SocketAddr) -> std::io::Result<TcpListener> {
-    let limits = Limits::default();
-    bind(usual, &limits).or_else(|_| bind(SocketAddr::new(usual.ip(), 0), &limits))
-}
-
-/// The services' own judgement, for the page.
-fn permits(services: SharedServices) -> Permits {
-    Arc::new(move |caller, path| services.permits(caller.address, path, &caller.headers()))
+    bind(usual).or_else(|_| bind(SocketAddr::new(usual.ip(), 0)))
 }
 
 impl Site {
-    /// Binds the address and starts the thread. Gives where the services go once they are there, and the site's end. One
-    /// that fails is told in the log and leaves the daemon as it is.
+    /// Binds the address and starts the thread. Gives the site's end. One that fails is told in the log and leaves the
+    /// daemon as it is.
     ///
     /// # Errors
     /// If the address is taken, or there is no thread to be had.
     pub fn start(
         self,
+        services: SharedServices,
         shutdown: CancellationToken,
-    ) -> anyhow::Result<(oneshot::Sender<SharedServices>, impl Future<Output = ()> + use<>)> {
+    ) -> anyhow::Result<impl Future<Output = ()> + use<>> {
         let Self { name, listen, bound, shows, hosts: names } = self;
-        let limits = Limits::default();
-        let listener = bound.map_or_else(|| bind(listen, &limits), |bound| bound.try_clone());
+        let listener = bound.map_or_else(|| bind(listen), |bound| bound.try_clone());
         let listener = listener.with_context(|| format!("{name}.listen = {listen}"))?;
         let address = listener.local_addr()?;
-        let (share, shared) = oneshot::channel::<SharedServices>();
         let (ended, end) = oneshot::channel::<()>();
-        let cancel = shutdown.clone();
-        let serving = async move {
-            let Ok(services) = shared.await else { return Ok(()) }; // there is no service: its own error says why
-            let permits = permits(services.clone());
-            let services = Services::new(services);
-            serve(listener, Options { services, permits, shows, names, limits }, cancel).await
-        };
+        let serving = serve(listener, Options { services, shows, names, limits: Limits::default() }, shutdown.clone());
         crate::runtime::on_a_thread(name, move |runtime| {
             if let Err(error) = runtime.block_on(serving) {
                 tracing::error!(%error, "the {name} ended");
@@ -86,9 +73,9 @@ impl Site {
             drop(ended);
         })?;
         tracing::info!("the {name}: http://{address}/");
-        Ok((share, async move {
+        Ok(async move {
             shutdown.cancelled().await;
             let _ = end.await; // dropped at the end, never sent
-        }))
+        })
     }
 }

@@ -11,13 +11,14 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::Health;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
-use taxel_rpc::{Clocks, Handle, ModelCodec, handle::channel};
+use taxel_rpc::{Clocks, Handle, Server, handle::channel};
 use taxel_skin::BusIndex;
-use taxel_store::{Retention, models_json};
+use taxel_store::Retention;
 use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 
+use crate::backend::{Budget, DaemonBackend};
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX};
 use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
@@ -28,19 +29,12 @@ use crate::logs;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::{self, Reload};
-use crate::serving::{limits, on_a_thread, service, share_with_pages};
+use crate::serving::{limits, on_a_thread, serve_pages, service};
 use crate::shared_memory::Pages;
-use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
+use crate::store_at::{StoreAt, open_store};
 use crate::systemd;
 use crate::tasks::Tasks;
 use crate::upkeep;
-
-/// How model sets become text, for the service.
-pub const CODEC: ModelCodec = ModelCodec {
-    to_json: |set| models_json::to_json(set).map_err(|error| error.to_string()),
-    from_json: |text| models_json::from_json(text).map_err(|error| error.to_string()),
-    from_elsewhere: |text| models_json::from_elsewhere(text).map_err(|error| error.to_string()),
-};
 
 /// Everything of a daemon but its buses.
 pub struct Daemon {
@@ -86,7 +80,7 @@ impl Daemon {
         let certificates = crate::certificate::maker(config, &scene);
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
-        let room = room_of(&store, config.store.budget_mb);
+        let budget = Budget::of(&store, config.store.budget_mb);
         let (pages, no_pages) = pages(config, &plan, &clock)?;
         let kept = match &store {
             StoreAt::File(_, kept) => *kept,
@@ -95,18 +89,18 @@ impl Daemon {
         let (store, restored) = open_store(store, &tell_done)?;
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
-        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
-        let handle = handle.with_samples(samples_of(store.reader())).with_refits(models_json::content_id);
-        let handle = handle.with_model_sets(model_sets_of(store.set_reader()));
-        let handle = handle.with_audit(audit_source(store.audit_reader())).with_room(room);
+        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
+        let mut backend = DaemonBackend::new(&store, budget);
         let size = store.size_reader();
         #[cfg(feature = "certificate")]
-        let handle = handle.with_certificates(certificates);
+        {
+            backend.certificates = Some(certificates);
+        }
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
         let (session_state, session) = watch::channel(None);
         let (push, pushed) = push_ways(&plan);
-        let handle = if let Some(line) = push { handle.with_push(line) } else { handle };
+        backend.push = push;
         let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders)
             .telling(session_state)
             .writing(pages)
@@ -114,12 +108,14 @@ impl Daemon {
         let queues = Queues::new(batches, commands, done).with_pushed(pushed);
         parts.spawn(driver.run(queues, cancel.clone()));
         parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
-        let share = share_with_pages(config, cancel, parts)?;
         let Open { listeners, credentials } = doors::open(&scene.doors)?;
-        let handle = handle.lacking(no_pages);
-        let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
+        backend.lacks = no_pages;
+        let (recording, taps) = record::begin((config, live), &plan, &handle, (parts, cancel))?;
+        backend.recording = recording;
         let terminate = signal(SignalKind::terminate())?;
-        let service = service(handle.clone(), listeners, credentials.access(), limits(config), share);
+        let server = Server::new(handle.clone(), Arc::new(backend), credentials.access(), limits(config))?;
+        serve_pages(config, &server, (parts, cancel))?;
+        let service = service(handle.clone(), server, listeners);
         parts.spawn_fallible(on_a_thread(service)?);
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");

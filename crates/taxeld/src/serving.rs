@@ -1,7 +1,7 @@
 //! The service of the daemon: on which thread it runs, within which limits, and what else serves beside it.
 
 use anyhow::Context;
-use taxel_rpc::{Access, Handle, Limits, Listener, SharedServices, serve_and_share};
+use taxel_rpc::{Handle, Limits, Listener, Server};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
@@ -21,36 +21,28 @@ pub fn limits(config: &Config) -> Limits {
     }
 }
 
-/// Where the services go besides: to the page and to the metrics, where they are configured.
-pub fn share_with_pages(
+/// Serves the page and the metrics, where they are configured.
+///
+/// # Errors
+/// An address that cannot be had.
+pub fn serve_pages(
     config: &Config,
-    cancel: &CancellationToken,
-    parts: &mut Parts,
-) -> anyhow::Result<Vec<oneshot::Sender<SharedServices>>> {
-    let start = |site: crate::page::Site| {
-        let (share, end) = site.start(cancel.clone())?;
-        parts.spawn(end);
-        Ok(share)
-    };
-    crate::page::sites(config).into_iter().map(start).collect()
+    server: &Server,
+    (parts, cancel): (&mut Parts, &CancellationToken),
+) -> anyhow::Result<()> {
+    for site in crate::page::sites(config) {
+        parts.spawn(site.start(server.shared(), cancel.clone())?);
+    }
+    Ok(())
 }
 
 /// Serves to the end, on the runtime that it is called on.
 ///
 /// # Errors
 /// What keeps it from serving.
-pub async fn service(
-    handle: Handle,
-    listeners: Vec<Listener>,
-    access: Access,
-    limits: Limits,
-    share: Vec<oneshot::Sender<SharedServices>>,
-) -> anyhow::Result<()> {
-    let give = |services: SharedServices| {
-        share.into_iter().for_each(|to| drop(to.send(services.clone()))); // to a page that may have failed
-    };
+pub async fn service(handle: Handle, server: Server, listeners: Vec<Listener>) -> anyhow::Result<()> {
     tokio::select! {
-        served = serve_and_share(handle.clone(), listeners, access, limits, give) => served.map(drop).context("the service ended"),
+        served = server.serve(listeners) => served.map(drop).context("the service ended"),
         never = systemd::keep(handle) => match never {},
     }
 }

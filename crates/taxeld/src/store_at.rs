@@ -1,12 +1,10 @@
-//! The store of a daemon: opened, and what the service reads of it beside the engine.
+//! The store of a daemon, opened.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::Context;
 use taxel_engine::Restored;
-use taxel_rpc::{AuditSource, ModelSetSource, Room, SamplesSource};
-use taxel_store::{AuditReader, Quarantined, Retention, SamplesReader, SetReader, Store, StoreFile};
+use taxel_store::{Quarantined, Retention, Store, StoreFile};
 
 use crate::queues::TellDone;
 
@@ -49,41 +47,4 @@ pub fn tell(path: &Path, damage: &[Quarantined]) {
     for damage in damage {
         crate::say::error_line(format_args!("taxeld: {}: {damage}", path.display()));
     }
-}
-
-/// How the service reads the audit log.
-pub fn audit_source(reader: AuditReader) -> AuditSource {
-    Arc::new(move |before, most, on_entries| {
-        reader.read(before, most, Box::new(move |read| on_entries(read.map_err(|error| error.to_string()))));
-    })
-}
-
-/// The samples of stored sessions, for the service.
-pub fn samples_of(store: SamplesReader) -> SamplesSource {
-    Arc::new(move |session, told| {
-        store.read(session, Box::new(move |samples| told(samples.map_err(|error| error.to_string()))));
-    })
-}
-
-/// The texts of stored model sets, for the service.
-pub fn model_sets_of(store: SetReader) -> ModelSetSource {
-    Arc::new(move |model_set, told| {
-        store.read(model_set, Box::new(move |text| told(text.map_err(|error| error.to_string()))));
-    })
-}
-
-/// Whether the store's files are within their budget.
-pub fn room_of(store: &StoreAt<'_>, budget_mb: u64) -> Room {
-    let StoreAt::File(path, _) = store else { return Arc::new(|| Ok(())) };
-    let path = path.to_path_buf();
-    Arc::new(move || {
-        let megabytes = taxel_store::size_on_disk(&path).div_ceil(1_000_000);
-        if megabytes <= budget_mb {
-            return Ok(());
-        }
-        Err(format!(
-            "the store has {megabytes} MB, its budget is {budget_mb} MB (store.budget_mb): delete sessions or model sets, \
-             a restart gives their space back"
-        ))
-    })
 }

@@ -82,7 +82,6 @@ mod tests {
 
     use super::*;
     use crate::config;
-    use crate::run::CODEC;
 
     #[tokio::test(start_paused = true)]
     async fn the_watchdog_is_fed_only_while_the_engine_has_its_turns() {
@@ -93,7 +92,7 @@ mod tests {
         let reads = Arc::clone(&now_ms);
         let clock = Arc::new(move || Time::from_nanos(reads.load(Ordering::Relaxed) * 1_000_000));
         let clocks = Clocks { run: clock.clone(), process: clock };
-        let (handle, publisher, _requests) = channel(plan, clocks, CODEC, CancellationToken::new());
+        let (handle, publisher, _requests) = channel(plan, clocks, CancellationToken::new());
         let told = Arc::new(Mutex::new(Vec::new()));
         let hears = Arc::clone(&told);
         let tell = move |states: &[NotifyState<'_>]| {

@@ -112,7 +112,6 @@ mod tests {
     use crate::config;
     use crate::driver::Driver;
     use crate::queues::{Queues, TellDone};
-    use crate::run::CODEC;
 
     const PATCH: &str = "left_forearm";
 
@@ -165,7 +164,7 @@ mod tests {
         let plan = Arc::new(config::resolve(&config, path).unwrap().plan);
         let cancel = CancellationToken::new();
         let clocks = Clocks { run: Arc::new(|| RunClock::Live.now().time), process: RunClock::Live.of_process() };
-        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
+        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
         let (tell_done, done) = TellDone::new();
         let (store, restored, _) = Store::open(database, tell_done.of_store()).unwrap();
         let size = store.size_reader();

@@ -8,13 +8,13 @@ use std::time::Duration;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
-use taxel_page::{Limits, Options, Services, Shows, bind, serve};
+use taxel_page::{Limits, Options, Shows, bind, serve};
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Clocks, Listener, ModelCodec, Publisher, Request, Rules, serve_and_share};
+use taxel_rpc::{Access, Backend, Clocks, Publisher, Request, Rules, Server};
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{mpsc, oneshot};
+use tokio::net::TcpStream;
+use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 pub const TAXELS: usize = 20;
@@ -35,12 +35,27 @@ pub struct Daemon {
 /// Limits of which no clock is one: however slow the machine is, nothing is cut off that a test did not ask for.
 pub fn patient() -> Limits {
     let hour = Duration::from_secs(3600);
-    Limits { head: hour, body: hour, unread: hour, comment: hour, ..Limits::default() }
+    let connections = taxel_rpc::Limits { look: hour, ..Limits::default().connections };
+    Limits { connections, head: hour, body: hour, comment: hour, ..Limits::default() }
 }
 
-fn patient_service() -> taxel_rpc::Limits {
-    let hour = Duration::from_secs(3600);
-    taxel_rpc::Limits { unread: hour, command: hour, ..taxel_rpc::Limits::default() }
+/// The same with so many connections.
+pub fn patient_with(connections: usize) -> Limits {
+    let connections = taxel_rpc::Limits { connections, ..patient().connections };
+    Limits { connections, ..patient() }
+}
+
+/// A daemon without a store, whose model sets have long texts.
+struct NoStore;
+
+impl Backend for NoStore {
+    fn to_json(&self, _: &ModelSet) -> Result<String, String> {
+        Ok("x".repeat(EXPORTED_BYTES))
+    }
+
+    fn read_json(&self, text: &str) -> Result<ModelSet, String> {
+        Err(format!("{} bytes", text.len()))
+    }
 }
 
 pub async fn start() -> Daemon {
@@ -61,29 +76,14 @@ pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
     let process = Arc::clone(&now);
     let process = Arc::new(move || Time::from_nanos(1_000_000 * process.load(Ordering::Relaxed)));
     let clocks = Clocks { run: Arc::new(Time::default), process };
-    let codec = ModelCodec {
-        to_json: |_| Ok("x".repeat(EXPORTED_BYTES)),
-        from_json: |text| Err(format!("{} bytes", text.len())),
-        from_elsewhere: |text| Err(format!("{} bytes", text.len())),
-    };
     let shutdown = CancellationToken::new();
-    let (handle, engine, requests) = channel(plan, clocks, codec, shutdown.clone());
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let (share, shared) = oneshot::channel();
-    let give = |routes| drop(share.send(routes));
-    let listeners = vec![Listener::Tcp(listener.into_std().unwrap())];
-    tokio::spawn(serve_and_share(handle, listeners, Access::new(rules), patient_service(), give));
-    let listener = bind("127.0.0.1:0".parse().unwrap(), &limits).unwrap();
+    let (handle, engine, requests) = channel(plan, clocks, shutdown.clone());
+    let service_limits = taxel_rpc::Limits { command: Duration::from_secs(3600), ..taxel_rpc::Limits::default() };
+    let server = Server::new(handle, Arc::new(NoStore), Access::new(rules), service_limits).unwrap();
+    let listener = bind("127.0.0.1:0".parse().unwrap()).unwrap();
     let address = listener.local_addr().unwrap();
-    let services = shared.await.unwrap();
-    let judge = services.clone();
-    let options = Options {
-        services: Services::new(services),
-        permits: Arc::new(move |caller, path| judge.permits(caller.address, path, &caller.headers())),
-        shows: Shows::All,
-        names: vec!["robot.lab".to_owned()],
-        limits,
-    };
+    let options = Options { services: server.shared(), shows: Shows::All, names: vec!["robot.lab".to_owned()], limits };
+    tokio::spawn(server.serve(Vec::new()));
     tokio::spawn(serve(listener, options, shutdown.clone()));
     Daemon { engine, requests, shutdown, address, now_ms: now }
 }

@@ -4,95 +4,73 @@ use std::mem;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
-use std::time::Duration;
 
 use taxel_proto::refusal::{Refusal, complete};
 use taxel_proto::v1::ErrorReason;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
-use tonic::{Code, Status};
+use tonic::transport::server::TcpConnectInfo;
+use tonic::{Code, Request, Status};
 use tower_layer::Layer;
 
 use crate::access::caller::Caller;
 use crate::access::origin::Origin;
-use crate::access::rules::Access;
-use crate::access::standing::Standing;
-use crate::access::table::{Kind, Method, method};
-use crate::answers::Answers;
-use crate::guard::Peer;
-use crate::limits::Limits;
+use crate::access::rules::{Access, Rules};
+use crate::access::table::{Method, PUSH, method};
+use crate::answer::Answer;
+use crate::connection::Peer;
 use crate::refusals::Refusals;
-use crate::request_body::RequestBody;
-use crate::shares::{Place, Shares, What};
+use crate::request::RequestBody;
+use crate::shares::{Place, Shares};
 
 /// Longest method name that an answer repeats, in characters.
 const NAME_CHARS_MAX: usize = 100;
 
 /// What stands before the services. Cheap to clone.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(crate) struct Gate {
     access: Access,
     shares: Arc<Shares>,
     refusals: Arc<Refusals>,
-    answers: Arc<Answers>,
-    imports: Arc<Semaphore>,
-    body_pause: Duration,
 }
-
-/// The right to have a large request read, by extension from the gate to the service.
-#[derive(Clone)]
-pub(crate) struct ImportTurn(
-    #[expect(dead_code, reason = "free again when this is dropped")] Arc<OwnedSemaphorePermit>,
-);
 
 /// What a call was let through with.
 struct Admitted {
     caller: Caller,
     peer: Peer,
     method: Method,
-    /// Of a call that does not stream, or of a stream whose service takes none itself.
-    place: Option<Place>,
-    /// Of a stream whose service takes its place, until it does.
-    opening: Option<Place>,
+    place: Arc<Place>,
 }
 
 impl Gate {
-    pub(crate) fn new(
-        access: Access,
-        (shares, refusals): (Arc<Shares>, Arc<Refusals>),
-        answers: Arc<Answers>,
-        limits: &Limits,
-    ) -> Self {
-        let imports = Arc::new(Semaphore::new(limits.imports));
-        Self { access, shares, refusals, answers, imports, body_pause: limits.body_pause }
+    pub(crate) const fn new(access: Access, shares: Arc<Shares>, refusals: Arc<Refusals>) -> Self {
+        Self { access, shares, refusals }
     }
 
     fn admit(&self, request: &http::Request<Body>) -> Result<Admitted, Status> {
-        let path = request.uri().path();
+        let extensions = request.extensions();
+        // Who calls within this process says for whom; a connection of ours always says itself who it is.
+        let for_whom = || Some(Peer::of_tcp(extensions.get::<TcpConnectInfo>()?.remote_addr()?));
         let no_origin = || Refusal::fault("the connection has no origin, which is a fault of this program");
-        let peer = request.extensions().get::<Peer>().ok_or_else(no_origin)?;
-        self.judge(peer, path, request.headers()).inspect_err(|status| self.tell(peer, path, status))
-    }
-
-    /// Whether the rules let this peer make this call; nothing is counted yet.
-    pub(crate) fn permits(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<(), Status> {
-        self.permitted(peer, path, headers).map(drop).inspect_err(|status| self.tell(peer, path, status))
-    }
-
-    /// Tells the log of a refusal.
-    fn tell(&self, peer: &Peer, path: &str, status: &Status) {
-        let origin = &peer.origin;
-        self.refusals.tell((&status.code().to_string(), &origin.key()), || {
-            format!("a call was refused: {} from {}: {}", shown(path), origin.place(), status.message())
+        let peer = extensions.get::<Peer>().cloned().or_else(for_whom).ok_or_else(no_origin)?;
+        let path = request.uri().path();
+        let admitted = self.permitted(&peer, path, request.headers()).and_then(|(caller, method)| {
+            let place = Arc::new(self.shares.place(method.takes, &caller)?);
+            Ok(Admitted { caller, peer: peer.clone(), method, place })
         });
+        admitted.inspect_err(|status| {
+            let origin = &peer.origin;
+            self.refusals.tell((&status.code().to_string(), &origin.key()), || {
+                format!("a call was refused: {} from {}: {}", shown(path), origin.place(), status.message())
+            });
+        })
     }
 
     /// Who calls what, if its role is enough for it.
     fn permitted(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<(Caller, Method), Status> {
-        let mut shown_credentials = headers.get_all(http::header::AUTHORIZATION).iter();
-        let credential = shown_credentials.next().map(http::HeaderValue::as_bytes);
-        if shown_credentials.next().is_some() {
+        let mut credentials = headers.get_all(http::header::AUTHORIZATION).iter();
+        let credential = credentials.next().map(http::HeaderValue::as_bytes);
+        if credentials.next().is_some() {
             return Err(Refusal::unauthenticated("the metadata `authorization` is there twice").into());
         }
         let caller = self.access.rules().caller(&peer.origin, credential)?;
@@ -104,48 +82,36 @@ impl Gate {
         }
         Ok((caller, method))
     }
+}
 
-    fn judge(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<Admitted, Status> {
-        let (caller, method) = self.permitted(peer, path, headers)?;
-        let place = match method.kind {
-            Kind::Read | Kind::Command | Kind::SessionStart | Kind::Import => Some(What::Call),
-            Kind::ForeignStream => Some(What::Stream),
-            Kind::Stream | Kind::Push => None,
-        };
-        let place = place.map(|what| self.shares.place(what, &caller)).transpose()?;
-        let opens = method.kind == Kind::Stream;
-        let opening = opens.then(|| self.shares.place(What::Opening, &caller)).transpose()?;
-        match method.kind {
-            Kind::Command | Kind::Import | Kind::Push => self.shares.command(&caller)?,
-            Kind::SessionStart => self.shares.session_start(&caller)?,
-            Kind::Read | Kind::Stream | Kind::ForeignStream => {}
-        }
-        Ok(Admitted { caller, peer: peer.clone(), method, place, opening })
+/// A call that was let through and goes on for long, by extension from the gate to the service. Once the rules are replaced
+/// it is judged anew.
+#[derive(Clone)]
+pub(crate) struct Standing {
+    gate: Gate,
+    peer: Peer,
+    path: String,
+    headers: http::HeaderMap,
+    /// By which it was last let through; absent at first, since the rules may have been replaced after the gate looked.
+    rules: Option<Arc<Rules>>,
+}
+
+impl Standing {
+    /// Takes it from a request that came through the gate.
+    pub(crate) fn take<T>(request: &mut Request<T>) -> Result<Self, Status> {
+        let unknown =
+            || Refusal::fault("nobody has noted how this call was let through, which is a fault of this program");
+        Ok(request.extensions_mut().remove().ok_or_else(unknown)?)
     }
 
-    /// The request as its service gets it. One that may be large waits for its turn before anything of its body is read.
-    async fn prepare(
-        &self,
-        mut request: http::Request<Body>,
-        (caller, peer): (Caller, &Peer),
-        kind: Kind,
-    ) -> http::Request<Body> {
-        request.extensions_mut().insert(caller);
-        if kind == Kind::Push {
-            let (gate, peer) = (self.clone(), peer.clone());
-            let (path, headers) = (request.uri().path().to_owned(), request.headers().clone());
-            let judge = move || gate.permits(&peer, &path, &headers);
-            request.extensions_mut().insert(Standing::new(self.access.clone(), judge));
+    /// What a new call would be refused with by the present rules, which are replaced and never changed.
+    pub(crate) fn check(&mut self) -> Result<(), Status> {
+        let rules = self.gate.access.rules();
+        if !self.rules.as_ref().is_some_and(|last| Arc::ptr_eq(last, &rules)) {
+            self.gate.permitted(&self.peer, &self.path, &self.headers)?;
+            self.rules = Some(rules); // or newer ones, by which it is judged once more
         }
-        if kind == Kind::Import
-            && let Ok(turn) = Arc::clone(&self.imports).acquire_owned().await
-        {
-            request.extensions_mut().insert(ImportTurn(Arc::new(turn)));
-        }
-        if !kind.has_one_request() {
-            return request;
-        }
-        request.map(|body| Body::new(RequestBody::new(body, self.body_pause)))
+        Ok(())
     }
 }
 
@@ -186,20 +152,15 @@ impl<S> Layer<S> for Gate {
     }
 }
 
-/// The services behind the gate.
+/// The services behind the gate. Who calls them without a socket gives the client's address as [`TcpConnectInfo`] and its
+/// `authorization`, and is judged as if the client had come over TCP without TLS.
 #[derive(Clone)]
-pub(crate) struct Guarded<S> {
+pub struct Guarded<S> {
     inner: S,
     gate: Gate,
 }
 
-impl<S> Guarded<S> {
-    pub(crate) const fn gate(&self) -> &Gate {
-        &self.gate
-    }
-}
-
-type Answer<E> = Pin<Box<dyn Future<Output = Result<http::Response<Body>, E>> + Send>>;
+type Answering<E> = Pin<Box<dyn Future<Output = Result<http::Response<Body>, E>> + Send>>;
 
 impl<S> Service<http::Request<Body>> for Guarded<S>
 where
@@ -209,29 +170,36 @@ where
 {
     type Response = http::Response<Body>;
     type Error = S::Error;
-    type Future = Answer<S::Error>;
+    type Future = Answering<S::Error>;
 
     fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
         self.inner.poll_ready(cx)
     }
 
-    fn call(&mut self, request: http::Request<Body>) -> Self::Future {
-        match self.gate.admit(&request) {
-            Ok(Admitted { caller, peer, method, place, opening }) => {
-                let gate = self.gate.clone();
-                // The one that was ready is taken, and a clone of it stays.
-                let waiting = self.inner.clone();
-                let mut inner = mem::replace(&mut self.inner, waiting);
-                Box::pin(async move {
-                    let request = gate.prepare(request, (caller, &peer), method.kind).await;
-                    let mut answer = inner.call(request).await?;
-                    drop(opening);
-                    complete(answer.headers_mut());
-                    Ok(gate.answers.watch((method.name, &peer), answer, place))
-                })
-            }
-            Err(status) => Box::pin(std::future::ready(Ok(status.into_http()))),
+    fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
+        let Admitted { caller, peer, method, place } = match self.gate.admit(&request) {
+            Ok(admitted) => admitted,
+            Err(status) => return Box::pin(std::future::ready(Ok(status.into_http()))),
+        };
+        let call = peer.seat.as_ref().map(|seat| seat.begin());
+        if let Some(call) = call.as_ref().filter(|_| !method.asks_by_stream()) {
+            let waiting = call.wait();
+            request = request.map(|body| Body::new(RequestBody::new(body, waiting)));
         }
+        if method.name == PUSH {
+            let (gate, path, headers) = (self.gate.clone(), request.uri().path().to_owned(), request.headers().clone());
+            request.extensions_mut().insert(Standing { gate, peer, path, headers, rules: None });
+        }
+        request.extensions_mut().insert(caller);
+        request.extensions_mut().insert(Arc::clone(&place));
+        // The one that was ready is taken, and a clone of it stays.
+        let waiting = self.inner.clone();
+        let mut inner = mem::replace(&mut self.inner, waiting);
+        Box::pin(async move {
+            let mut answer = inner.call(request).await?;
+            complete(answer.headers_mut());
+            Ok(answer.map(|body| Body::new(Answer::new(body, call, Some(place)))))
+        })
     }
 }
 
@@ -239,7 +207,7 @@ where
 mod tests {
     use super::*;
     use crate::access::role::Role;
-    use crate::access::rules::Rules;
+    use crate::limits::Limits;
 
     #[test]
     fn a_path_in_a_refusal_is_short_and_has_no_control_characters() {
@@ -265,30 +233,22 @@ mod tests {
         assert!(nobody.message().contains("show a token"), "{nobody:?}");
     }
 
-    /// Lets nobody do anything.
-    fn gate(refusals: &Arc<Refusals>) -> Gate {
-        let limits = Limits::default();
-        let ledgers = (Shares::new(&limits), Arc::clone(refusals));
-        let answers = Answers::new(limits.unread, Arc::clone(refusals));
-        Gate::new(Access::new(Rules::default()), ledgers, answers, &limits)
+    /// Lets nobody do anything, and refuses a call of Tare with these credentials.
+    fn refused(refusals: &Arc<Refusals>, credentials: &[&str]) -> Status {
+        let gate = Gate::new(Access::new(Rules::default()), Shares::new(&Limits::default()), Arc::clone(refusals));
+        let mut request = http::Request::builder().uri("/taxel.v1.SkinService/Tare").body(Body::empty()).unwrap();
+        request.extensions_mut().insert(Peer::of_tcp(([127, 0, 0, 1], 4000).into()));
+        for token in credentials {
+            request.headers_mut().append(http::header::AUTHORIZATION, token.parse().unwrap());
+        }
+        gate.admit(&request).err().unwrap()
     }
 
-    fn peer() -> Peer {
-        Peer { origin: Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into())), ward: None }
-    }
-
-    /// Twice, because the first is a line at once and those that follow are counted.
+    /// Three times, because the first is a line at once and those that follow are counted.
     #[tokio::test]
     async fn the_log_is_told_what_was_refused_to_whom() {
         let refusals = Arc::new(Refusals::default());
-        let (gate, peer) = (gate(&refusals), peer());
-        let (tare, nothing) = ("/taxel.v1.SkinService/Tare", http::HeaderMap::new());
-        for _ in 0..2 {
-            gate.permits(&peer, tare, &nothing).unwrap_err();
-        }
-        let mut request = http::Request::builder().uri(tare).body(Body::empty()).unwrap();
-        request.extensions_mut().insert(peer);
-        assert!(gate.admit(&request).is_err());
+        (0..3).for_each(|_| assert_eq!(refused(&refusals, &[]).code(), Code::Unauthenticated));
         let lines = refusals.take();
         assert_eq!(lines.len(), 1, "{lines:?}");
         assert!(
@@ -299,22 +259,8 @@ mod tests {
 
     #[test]
     fn a_credential_that_is_there_twice_is_none() {
-        let gate = gate(&Arc::default());
-        let mut headers = http::HeaderMap::new();
-        for token in ["Bearer a", "Bearer b"] {
-            headers.append(http::header::AUTHORIZATION, token.parse().unwrap());
-        }
-        let refused = gate.permits(&peer(), "/taxel.v1.SkinService/GetSkin", &headers).unwrap_err();
+        let refused = refused(&Arc::default(), &["Bearer a", "Bearer b"]);
         assert_eq!(refused.code(), Code::Unauthenticated);
         assert!(refused.message().contains("`authorization` is there twice"), "{refused:?}");
-    }
-
-    /// A robot's gateway may push nothing for minutes and go on.
-    #[test]
-    fn streams_of_requests_may_pause() {
-        let may_pause = |path: &str| !method(path).unwrap().kind.has_one_request();
-        assert!(may_pause("/taxel.v1.IngestService/PushScans"));
-        assert!(may_pause("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo"));
-        assert!(!may_pause("/taxel.v1.SkinService/Tare") && !may_pause("/taxel.v1.ForceService/StreamForce"));
     }
 }

@@ -13,6 +13,5 @@ pub(crate) mod origin;
 pub(crate) mod private_file;
 pub(crate) mod role;
 pub(crate) mod rules;
-pub(crate) mod standing;
 pub(crate) mod table;
 pub(crate) mod token;

@@ -5,7 +5,6 @@ use std::time::SystemTime;
 use taxel_proto::refusal::Refusal;
 use tonic::Status;
 
-use crate::access::accounts::Accounts;
 use crate::access::caller::Caller;
 use crate::access::certificate_name::CertificateName;
 use crate::access::origin::Origin;
@@ -115,20 +114,17 @@ fn is_meant(subject: &Subject, origin: &Origin) -> bool {
 
 /// The rules as they are now; they can be replaced while calls are made. Cheap to clone.
 #[derive(Clone, Debug)]
-pub struct Access {
-    rules: Arc<RwLock<Arc<Rules>>>,
-    accounts: Accounts,
-}
+pub struct Access(Arc<RwLock<Arc<Rules>>>);
 
 impl Access {
     /// These rules until they are replaced.
     #[must_use]
     pub fn new(rules: Rules) -> Self {
-        Self { rules: Arc::new(RwLock::new(Arc::new(rules))), accounts: Accounts::default() }
+        Self(Arc::new(RwLock::new(Arc::new(rules))))
     }
 
     /// Other rules from now on. Streams that are being served go on, but for those of scans that are pushed, which are judged
-    /// anew; every new call is judged by them. Accounts are looked up anew for each new connection.
+    /// anew; every new call is judged by them.
     pub fn replace(&self, rules: Rules) {
         self.update(|_| rules);
     }
@@ -145,18 +141,12 @@ impl Access {
 
     /// One look and change at a time: two threads replace different parts, and none may bring back what another took away.
     fn update(&self, change: impl FnOnce(&Rules) -> Rules) {
-        let mut rules = self.rules.write().unwrap_or_else(PoisonError::into_inner);
+        let mut rules = self.0.write().unwrap_or_else(PoisonError::into_inner);
         *rules = Arc::new(change(&rules));
-        drop(rules);
-        self.accounts.forget();
     }
 
     pub(crate) fn rules(&self) -> Arc<Rules> {
-        Arc::clone(&self.rules.read().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    pub(crate) const fn accounts(&self) -> &Accounts {
-        &self.accounts
+        Arc::clone(&self.0.read().unwrap_or_else(PoisonError::into_inner))
     }
 }
 

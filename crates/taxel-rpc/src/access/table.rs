@@ -1,35 +1,7 @@
 //! Which role each method needs: the one place that says so. A method that is not here is not served.
 
 use crate::access::role::Role;
-
-/// What a call costs beside its answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
-    /// Answered from what is known.
-    Read,
-    /// A stream that takes its place itself, once its request has come.
-    Stream,
-    /// A stream of a service that is not ours: its place is taken for it.
-    ForeignStream,
-    /// Goes to the engine and changes something.
-    Command,
-    /// A command that begins a session, which costs room on the disk for ever.
-    SessionStart,
-    /// A command whose request may be large: few are taken in at once.
-    Import,
-    /// A stream of requests that begins with a command and takes its place itself.
-    Push,
-}
-
-impl Kind {
-    /// Whether the request is one message, which has to come on.
-    pub(crate) const fn has_one_request(self) -> bool {
-        match self {
-            Self::Read | Self::Stream | Self::Command | Self::SessionStart | Self::Import => true,
-            Self::ForeignStream | Self::Push => false,
-        }
-    }
-}
+use crate::shares::What;
 
 /// What a method is.
 #[derive(Clone, Copy, Debug)]
@@ -38,31 +10,43 @@ pub(crate) struct Method {
     pub(crate) name: &'static str,
     /// The least role that may call it.
     pub(crate) role: Role,
-    pub(crate) kind: Kind,
+    /// What it takes a place of.
+    pub(crate) takes: What,
+}
+
+impl Method {
+    /// Whether its request is a stream, in which a client may pause for as long as it likes.
+    pub(crate) fn asks_by_stream(&self) -> bool {
+        self.name == PUSH || self.name.ends_with("/ServerReflectionInfo")
+    }
 }
 
 const fn read(name: &'static str) -> Method {
-    Method { name, role: Role::Observer, kind: Kind::Read }
+    Method { name, role: Role::Observer, takes: What::Call }
 }
 
 const fn stream(name: &'static str) -> Method {
-    Method { name, role: Role::Observer, kind: Kind::Stream }
-}
-
-const fn foreign(name: &'static str) -> Method {
-    Method { name, role: Role::Observer, kind: Kind::ForeignStream }
+    Method { takes: What::Stream, ..read(name) }
 }
 
 const fn operate(name: &'static str) -> Method {
-    Method { name, role: Role::Operator, kind: Kind::Command }
+    Method { role: Role::Operator, ..read(name) }
 }
 
 const fn administer(name: &'static str) -> Method {
-    Method { name, role: Role::Admin, kind: Kind::Command }
+    Method { role: Role::Admin, ..read(name) }
+}
+
+/// That takes long, or has a large request or answer.
+const fn long(method: Method) -> Method {
+    Method { takes: What::LongCall, ..method }
 }
 
 /// The one method whose request may be large.
 pub(crate) const IMPORT: &str = "taxel.v1.ModelService/ImportModelSet";
+
+/// The one method that goes on for long and changes something all the while.
+pub(crate) const PUSH: &str = "taxel.v1.IngestService/PushScans";
 
 /// Every method that is served.
 pub(crate) const METHODS: [Method; 35] = [
@@ -79,28 +63,28 @@ pub(crate) const METHODS: [Method; 35] = [
     read("taxel.v1.CalibrationService/GetSession"),
     read("taxel.v1.CalibrationService/ListSessions"),
     stream("taxel.v1.CalibrationService/WatchSession"),
-    stream("taxel.v1.CalibrationService/ExportSamples"),
-    Method { name: "taxel.v1.CalibrationService/StartSession", role: Role::Operator, kind: Kind::SessionStart },
+    long(read("taxel.v1.CalibrationService/ExportSamples")),
+    operate("taxel.v1.CalibrationService/StartSession"),
     operate("taxel.v1.CalibrationService/AdvanceSession"),
-    operate("taxel.v1.CalibrationService/RefitSessions"),
+    long(operate("taxel.v1.CalibrationService/RefitSessions")),
     administer("taxel.v1.CalibrationService/DeleteSession"),
     read("taxel.v1.ModelService/ListModelSets"),
     read("taxel.v1.ModelService/GetModelSet"),
-    read("taxel.v1.ModelService/ExportModelSet"),
-    read("taxel.v1.ModelService/GetCertificate"),
-    read("taxel.v1.ModelService/CompareModelSets"),
+    long(read("taxel.v1.ModelService/ExportModelSet")),
+    long(read("taxel.v1.ModelService/GetCertificate")),
+    long(read("taxel.v1.ModelService/CompareModelSets")),
     operate("taxel.v1.ModelService/ActivateModelSet"),
-    Method { name: IMPORT, role: Role::Admin, kind: Kind::Import },
+    long(administer(IMPORT)),
     administer("taxel.v1.ModelService/DeleteModelSet"),
     read("taxel.v1.ValidationService/GetValidation"),
     operate("taxel.v1.ValidationService/RecordLoad"),
-    operate("taxel.v1.ValidationService/Recalibrate"),
-    Method { name: "taxel.v1.AuditService/ListAudit", role: Role::Operator, kind: Kind::Read },
-    Method { name: "taxel.v1.IngestService/PushScans", role: Role::Operator, kind: Kind::Push },
+    long(operate("taxel.v1.ValidationService/Recalibrate")),
+    long(operate("taxel.v1.AuditService/ListAudit")),
+    Method { takes: What::Stream, ..operate(PUSH) },
     read("grpc.health.v1.Health/Check"),
-    foreign("grpc.health.v1.Health/Watch"),
-    foreign("grpc.reflection.v1.ServerReflection/ServerReflectionInfo"),
-    foreign("grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"),
+    stream("grpc.health.v1.Health/Watch"),
+    stream("grpc.reflection.v1.ServerReflection/ServerReflectionInfo"),
+    stream("grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"),
 ];
 
 /// The method that a request's path names; `None` if it is not served.

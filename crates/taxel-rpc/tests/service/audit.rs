@@ -1,8 +1,5 @@
 //! The audit log: what a command takes along for it, and how it is read.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use taxel_engine::audit::{Answered, Asked, AuditEntry};
 use taxel_engine::command::{ErrorReason, Rejection};
 use taxel_proto::v1;
@@ -10,10 +7,10 @@ use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_rpc::AuditSource;
+use taxel_rpc::Told;
 use tonic::Code;
 
-use crate::fixture::{FOREARM, start, start_audited};
+use crate::fixture::{FOREARM, Store, patient, start, start_backed};
 
 #[tokio::test]
 async fn a_command_takes_along_who_asked_from_where_and_for_what() {
@@ -93,21 +90,22 @@ async fn names_that_are_too_long_or_hold_control_characters_are_refused() {
 }
 
 /// A log of 25 entries, of which the 7th was never answered.
-fn log() -> AuditSource {
-    Arc::new(|before, most, tell| {
+fn log() -> Store {
+    let audit = |(before, most): (u64, u32), told: Told<Vec<AuditEntry>>| {
         let entry = |number: u64| AuditEntry {
             number,
             asked: Some(Asked { who: format!("who {number}"), wall_ns: 1, ..Asked::default() }),
             answered: (number != 7).then(|| Answered { result: "done".to_owned(), wall_ns: 2, ..Answered::default() }),
             damage: String::new(),
         };
-        tell(Ok((1..=25).rev().filter(|number| *number < before).take(most as usize).map(entry).collect()));
-    })
+        told(Ok((1..=25).rev().filter(|number| *number < before).take(most as usize).map(entry).collect()));
+    };
+    Store { audit: Some(Box::new(audit)), ..Store::default() }
 }
 
 #[tokio::test]
 async fn the_log_is_read_in_pages_and_each_entry_comes_once() {
-    let daemon = start_audited(log()).await;
+    let daemon = start_backed(log(), patient()).await;
     let mut client = AuditServiceClient::new(daemon.connect().await);
     let (mut seen, mut page_token) = (Vec::new(), String::new());
     loop {
@@ -132,38 +130,9 @@ async fn the_log_is_read_in_pages_and_each_entry_comes_once() {
 
 #[tokio::test]
 async fn a_log_that_cannot_be_read_says_why() {
-    let daemon = start_audited(Arc::new(|_, _, tell| tell(Err("the disk is gone".to_owned())))).await;
+    let daemon = start_backed(Store::default(), patient()).await;
     let mut client = AuditServiceClient::new(daemon.connect().await);
     let status = client.list_audit(v1::ListAuditRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), Code::Unavailable);
-    assert!(status.message().contains("the disk is gone"), "{status:?}");
-}
-
-#[tokio::test]
-async fn however_many_ask_for_the_log_the_store_is_asked_one_question_at_a_time() {
-    let (open, most) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
-    let (now_open, most_open) = (Arc::clone(&open), Arc::clone(&most));
-    let source: AuditSource = Arc::new(move |_, _, tell| {
-        most_open.fetch_max(now_open.fetch_add(1, Ordering::Relaxed) + 1, Ordering::Relaxed);
-        let open = Arc::clone(&now_open);
-        tokio::spawn(async move {
-            for _ in 0..100 {
-                tokio::task::yield_now().await; // a slow store
-            }
-            open.fetch_sub(1, Ordering::Relaxed);
-            tell(Ok(Vec::new()));
-        });
-    });
-    let daemon = start_audited(source).await;
-    let client = AuditServiceClient::new(daemon.connect().await);
-    let ask = || {
-        let mut client = client.clone();
-        tokio::spawn(async move { client.list_audit(v1::ListAuditRequest::default()).await })
-    };
-    let asked: Vec<_> = (0..16).map(|_| ask()).collect();
-    ask().abort();
-    for answer in asked {
-        answer.await.unwrap().unwrap();
-    }
-    assert_eq!((open.load(Ordering::Relaxed), most.load(Ordering::Relaxed)), (0, 1));
+    assert!(status.message().contains("the audit log cannot be read: there is none"), "{status:?}");
 }

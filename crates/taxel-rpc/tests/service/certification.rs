@@ -9,13 +9,13 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_rpc::{CertificateMaker, CertificateOf, MadeCertificate, SamplesSource};
+use taxel_rpc::{CertificateMaker, CertificateOf, MadeCertificate, Told};
 use tonic::Code;
 
-use crate::fixture::{FOREARM, TAXELS, model_set, start, start_certifying};
+use crate::fixture::{FOREARM, Store, TAXELS, model_set, patient, start, start_backed};
 
-fn source() -> SamplesSource {
-    Arc::new(|session, told| {
+fn certifying(maker: CertificateMaker) -> Store {
+    let samples = |session, told: Told<SessionSamples>| {
         if session != 7 {
             return told(Err(format!("session {session} is damaged")));
         }
@@ -23,7 +23,8 @@ fn source() -> SamplesSource {
         let counts = vec![200; TAXELS].as_slice().into();
         let samples = vec![Sample { ramp: 0, time_ns: 5, pressure_kpa: 1.0, counts }];
         told(Ok(SessionSamples { ramps: vec![RampBaseline { ramp: 0, taxels, gauge_kpa: Some(5.8) }], samples }));
-    })
+    };
+    Store { samples: Some(Box::new(samples)), certificates: Some(maker), ..Store::default() }
 }
 
 fn catalogue() -> Arc<Catalogue> {
@@ -53,7 +54,7 @@ async fn a_certificate_is_made_of_the_set_its_session_its_samples_and_the_loads(
         let [number, json, html] = ["c-1", "{}", "<p>"].map(str::to_owned);
         Ok(MadeCertificate { number, json, html })
     });
-    let daemon = start_certifying(maker, source()).await;
+    let daemon = start_backed(certifying(maker), patient()).await;
     daemon.engine().catalogue(catalogue());
     let mut client = ModelServiceClient::new(daemon.connect().await);
     let made = client.get_certificate(v1::GetCertificateRequest::default()).await.unwrap().into_inner();
@@ -67,7 +68,7 @@ async fn a_certificate_is_made_of_the_set_its_session_its_samples_and_the_loads(
 #[tokio::test]
 async fn what_has_no_samples_here_is_not_certified_and_the_reason_is_told() {
     let maker: CertificateMaker = Arc::new(|of| Err(format!("{} has no usable taxel", of.set.id)));
-    let daemon = start_certifying(maker, source()).await;
+    let daemon = start_backed(certifying(maker), patient()).await;
     daemon.engine().catalogue(catalogue());
     let mut client = ModelServiceClient::new(daemon.connect().await);
     let cases = [

@@ -4,17 +4,19 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
+use taxel_engine::audit::AuditEntry;
 use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::SessionSamples;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{DevicePlan, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
 use taxel_engine::snapshot::{BusHealth, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
 use taxel_rpc::handle::channel;
-use taxel_rpc::push_line::{Pushed, push_line};
+use taxel_rpc::push_line::{PushLine, Pushed, push_line};
 use taxel_rpc::{
-    Access, AuditSource, CertificateMaker, Clock, Clocks, Drain, Handle, Limits, Listener, ModelCodec, ModelSetSource,
-    Publisher, Request, Rules, SamplesSource, ServeError, serve,
+    Access, Backend, CertificateMaker, Clock, Clocks, Drain, Limits, Listener, Publisher, Request, Rules, ServeError,
+    Server, Told,
 };
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
@@ -47,11 +49,9 @@ pub struct Daemon {
 pub fn patient() -> Limits {
     let hour = Duration::from_secs(3600);
     Limits {
-        preface: hour,
-        unread: hour,
+        look: hour,
         command: hour,
         push_pause: hour,
-        body_pause: hour,
         keepalive_interval: hour,
         keepalive_timeout: hour,
         drain: hour,
@@ -69,50 +69,80 @@ pub async fn start_with(patches: &[&str], limits: Limits) -> Daemon {
     serve_on(vec![Listener::Tcp(listener)], Access::new(Rules::open()), (patches, limits), address)
 }
 
-/// A daemon with an audit log to read.
-pub async fn start_audited(audit: AuditSource) -> Daemon {
+/// A daemon with this behind it.
+pub async fn start_backed(store: Store, limits: Limits) -> Daemon {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
-    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
-    serve_all(doors, (&[FOREARM], patient()), address, |handle| handle.with_audit(audit))
+    serve_all((vec![Listener::Tcp(listener)], Access::new(Rules::open())), (&[FOREARM], limits), address, store)
 }
 
-/// A daemon that makes certificates, of samples that `samples` has.
-pub async fn start_certifying(maker: CertificateMaker, samples: SamplesSource) -> Daemon {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
-    let with = |handle: Handle| handle.with_certificates(maker).with_samples(samples);
-    serve_all(doors, (&[FOREARM], patient()), address, with)
+/// Answers a question of the service.
+type Answers<Q, T> = Option<Box<dyn Fn(Q, Told<T>) + Send + Sync>>;
+
+/// What the daemon has beside the engine: what is absent answers that it is not there.
+#[derive(Default)]
+pub struct Store {
+    pub samples: Answers<u64, SessionSamples>,
+    pub model_sets: Answers<String, String>,
+    /// Asked for entries below the first number, at most so many.
+    pub audit: Answers<(u64, u32), Vec<AuditEntry>>,
+    pub certificates: Option<CertificateMaker>,
+    pub push: Option<PushLine>,
 }
 
-/// A daemon that has the samples of its sessions; the id of a set is `m-` and its method.
-pub async fn start_with_samples(samples: SamplesSource) -> Daemon {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
-    let id_of = |set: &ModelSet| format!("m-{}", set.method);
-    serve_all(doors, (&[FOREARM], patient()), address, |handle| handle.with_samples(samples).with_refits(id_of))
+fn answer<Q, T>(answers: &Answers<Q, T>, question: Q, told: Told<T>) {
+    match answers {
+        Some(answer) => answer(question, told),
+        None => told(Err("there is none".to_owned())),
+    }
 }
 
-/// The same that has model sets in its store.
-pub async fn start_with_model_sets(source: ModelSetSource) -> Daemon {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
-    serve_all(doors, (&[FOREARM], patient()), address, |handle| handle.with_model_sets(source))
+impl Backend for Store {
+    fn samples(&self, session: u64, told: Told<SessionSamples>) {
+        answer(&self.samples, session, told);
+    }
+
+    fn model_set(&self, id: String, told: Told<String>) {
+        answer(&self.model_sets, id, told);
+    }
+
+    fn audit(&self, before: u64, most: u32, told: Told<Vec<AuditEntry>>) {
+        answer(&self.audit, (before, most), told);
+    }
+
+    fn content_id(&self, set: &ModelSet) -> String {
+        format!("m-{}", set.method)
+    }
+
+    /// In the tests a set's file is its id.
+    fn to_json(&self, set: &ModelSet) -> Result<String, String> {
+        Ok(format!("set {}", set.id))
+    }
+
+    fn read_json(&self, text: &str) -> Result<ModelSet, String> {
+        let id = text.strip_prefix("set ").ok_or_else(|| format!("line 1: `{text}`: expected `set ID`"))?;
+        Ok(ModelSet::clone(&model_set(id, FOREARM)))
+    }
+
+    fn push_line(&self) -> Option<&PushLine> {
+        self.push.as_ref()
+    }
+
+    fn certificates(&self) -> Option<CertificateMaker> {
+        self.certificates.clone()
+    }
 }
 
 /// A daemon behind these listeners; `address` is where [`Daemon::connect`] goes.
 pub fn serve_on(listeners: Vec<Listener>, access: Access, scene: (&[&str], Limits), address: SocketAddr) -> Daemon {
-    serve_all((listeners, access), scene, address, |handle| handle)
+    serve_all((listeners, access), scene, address, Store::default())
 }
 
 fn serve_all(
     (listeners, access): (Vec<Listener>, Access),
     (patches, limits): (&[&str], Limits),
     address: SocketAddr,
-    with: impl FnOnce(Handle) -> Handle,
+    store: Store,
 ) -> Daemon {
     let plan = Arc::new(Plan { buses: 1, patches: patches.iter().map(|name| patch_plan(name)).collect() });
     let clock = Arc::new(AtomicI64::new(0));
@@ -120,11 +150,11 @@ fn serve_all(
     let now: Clock = Arc::new(move || Time::from_nanos(reads.load(Ordering::SeqCst)));
     let clocks = Clocks { run: Arc::clone(&now), process: now };
     let shutdown = CancellationToken::new();
-    let codec = ModelCodec { to_json, from_json, from_elsewhere: from_json };
     let (line, pushed) = push_line(plan.patches.len());
-    let (handle, publisher, requests) = channel(plan, clocks, codec, shutdown.clone());
-    let handle = handle.with_push(line);
-    let server = tokio::spawn(serve(with(handle), listeners, access, limits));
+    let (handle, publisher, requests) = channel(plan, clocks, shutdown.clone());
+    let store = Store { push: Some(line), ..store };
+    let server = Server::new(handle, Arc::new(store), access, limits).unwrap();
+    let server = tokio::spawn(server.serve(listeners));
     Daemon { publisher: Some(publisher), requests, pushed, shutdown, address, server, clock }
 }
 
@@ -236,14 +266,4 @@ pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
         recalibrated: None,
         maker: taxel_engine::model_set::Maker::default(),
     })
-}
-
-/// In the tests a set's file is its id.
-fn to_json(set: &ModelSet) -> Result<String, String> {
-    Ok(format!("set {}", set.id))
-}
-
-fn from_json(text: &str) -> Result<ModelSet, String> {
-    let id = text.strip_prefix("set ").ok_or_else(|| format!("line 1: `{text}`: expected `set ID`"))?;
-    Ok(ModelSet::clone(&model_set(id, FOREARM)))
 }

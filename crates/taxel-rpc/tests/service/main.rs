@@ -23,6 +23,5 @@ mod sessions;
 mod shares;
 mod stalls;
 mod streams;
-mod untaken;
 mod validations;
 mod walk;

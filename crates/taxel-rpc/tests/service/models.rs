@@ -8,10 +8,10 @@ use taxel_engine::snapshot::Catalogue;
 use taxel_model::{Plays, Sign};
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_rpc::{ModelSetSource, OnModelSet};
+use taxel_rpc::Told;
 use tonic::Code;
 
-use crate::fixture::{FOREARM, TAXELS, model_set, start, start_with_model_sets};
+use crate::fixture::{FOREARM, Store, TAXELS, model_set, patient, start, start_backed};
 
 fn over_both_branches(id: &str) -> ModelSet {
     let set = ModelSet::clone(&model_set(id, FOREARM));
@@ -126,11 +126,11 @@ async fn two_sets_of_a_patch_are_compared_and_others_are_refused() {
 async fn a_set_that_is_not_in_memory_is_listed_as_ever_and_read_when_it_is_asked_for() {
     let asked: Arc<Mutex<Vec<String>>> = Arc::default();
     let note = Arc::clone(&asked);
-    let source: ModelSetSource = Arc::new(move |id: String, told: OnModelSet| {
+    let source = move |id: String, told: Told<String>| {
         note.lock().unwrap().push(id.clone());
         told(if id == "m-1" { Ok(format!("set {id}")) } else { Err(format!("model set {id} is damaged on disk")) });
-    });
-    let daemon = start_with_model_sets(source).await;
+    };
+    let daemon = start_backed(Store { model_sets: Some(Box::new(source)), ..Store::default() }, patient()).await;
     let stored = |id: &str| KnownSet::stored(SetSummary::of(&model_set(id, FOREARM)));
     let active = vec![(FOREARM.to_owned(), Some("m-3".to_owned()))];
     let mut client = ModelServiceClient::new(daemon.connect().await);

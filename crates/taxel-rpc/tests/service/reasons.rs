@@ -1,7 +1,6 @@
 //! What programs read of a refusal: every one says why in the standard details, beside its words.
 
 use std::collections::HashMap;
-use std::time::Duration;
 
 use taxel_engine::command::{ErrorReason as Engine, Rejection};
 use taxel_proto::v1;
@@ -10,7 +9,7 @@ use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::{Limits, Rate};
+use taxel_rpc::Limits;
 use tonic::{Code, Status};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
@@ -96,19 +95,6 @@ async fn what_is_not_there_and_what_cannot_be_is_told_apart_by_name() {
     let request = v1::GetModelSetRequest { model_set: "m-9".to_owned(), ..Default::default() };
     let status = models.get_model_set(request).await.unwrap_err();
     assert_eq!(about(&status), (ErrorReason::ModelSetUnknown, pairs([("model_set", "m-9")])));
-}
-
-#[tokio::test]
-async fn who_asks_too_often_is_told_when_to_ask_again() {
-    let rate = Rate { burst: 1, every: Duration::from_secs(3_600) };
-    let daemon = start_with(&[FOREARM], Limits { commands: rate, ..patient() }).await;
-    let mut client = SkinServiceClient::new(daemon.connect().await);
-    let named = || v1::TareRequest { patch: "nose".to_owned(), ..Default::default() };
-    assert_eq!(client.tare(named()).await.unwrap_err().code(), Code::NotFound, "the first is taken");
-    let status = client.tare(named()).await.unwrap_err();
-    assert_eq!((status.code(), reason(&status)), (Code::ResourceExhausted, ErrorReason::TooOften));
-    let wait = status.get_details_retry_info().unwrap().retry_delay.unwrap();
-    assert!((3_000..=3_600).contains(&wait.as_secs()), "{wait:?}");
 }
 
 #[tokio::test]

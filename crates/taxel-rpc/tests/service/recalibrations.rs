@@ -7,11 +7,9 @@ use taxel_engine::loads::{AreaFactor, JudgedLoad, Load, Reading, Validation};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_rpc::{OnSamples, SamplesSource};
 use tonic::Code;
 
-use crate::fixture::{Daemon, FOREARM, model_set, start_with_samples};
-use crate::untaken::{untaken, without_room};
+use crate::fixture::{Daemon, FOREARM, model_set, start};
 
 type Client = ValidationServiceClient<tonic::transport::Channel>;
 
@@ -36,8 +34,7 @@ fn load(number: u64, noted_times: f64) -> JudgedLoad {
 
 /// A daemon with this set in use and these loads.
 async fn daemon(loads: Vec<JudgedLoad>) -> (Daemon, Client) {
-    let none: SamplesSource = Arc::new(|_, told: OnSamples| told(Err("none".to_owned())));
-    let daemon = start_with_samples(none).await;
+    let daemon = start().await;
     let client = ValidationServiceClient::new(daemon.connect().await);
     publish(&daemon, loads);
     (daemon, client)
@@ -146,18 +143,4 @@ async fn what_cannot_be_proposed_is_refused_with_the_reason() {
     daemon.engine().catalogue(Arc::default());
     let refused = client.recalibrate(dry_run()).await.unwrap_err();
     assert!(refused.code() == Code::FailedPrecondition && refused.message().contains("is active"), "{refused}");
-}
-
-#[tokio::test]
-async fn a_proposal_is_a_large_answer_until_it_is_taken() {
-    let (daemon, mut client) = daemon(sound()).await;
-    let mute = without_room(&daemon).await;
-    let request = dry_run();
-    let mut held = Vec::new();
-    for _ in 0..4 {
-        held.push(untaken(&mute, "/taxel.v1.ValidationService/Recalibrate", &request).await);
-    }
-    let refused = client.recalibrate(request).await.unwrap_err();
-    assert_eq!(refused.code(), Code::ResourceExhausted);
-    assert!(refused.message().contains("4 large answers of loopback TCP are being served"), "{refused}");
 }

@@ -8,16 +8,16 @@ use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
-use taxel_rpc::{OnSamples, SamplesSource};
+use taxel_rpc::{Limits, Told};
 use tonic::{Code, Status};
 
-use crate::fixture::{Daemon, FOREARM, TAXELS, start_with_samples};
+use crate::fixture::{Daemon, FOREARM, Store, TAXELS, patient, start_backed};
 
 type Client = CalibrationServiceClient<tonic::transport::Channel>;
 
 /// A ramp to 70 kPa of taxels that lose counts as they are pressed; session 3 has damaged samples.
-fn samples() -> SamplesSource {
-    Arc::new(|session: u64, told: OnSamples| {
+fn samples() -> Store {
+    let samples = |session: u64, told: Told<SessionSamples>| {
         let count = |kpa: f64| (240.0 - 80.0 * kpa / (kpa + 40.0)).round() as u8;
         let sample = |k: i64| Sample {
             ramp: 0,
@@ -33,11 +33,12 @@ fn samples() -> SamplesSource {
                 samples: (0..=700).map(sample).collect(),
             }),
         });
-    })
+    };
+    Store { samples: Some(Box::new(samples)), ..Store::default() }
 }
 
 async fn daemon() -> (Daemon, Client) {
-    let daemon = start_with_samples(samples()).await;
+    let daemon = start_backed(samples(), patient()).await;
     let view = |number, state| {
         let patch = FOREARM.to_owned();
         Arc::new(SessionView { number, patch, state, accepted: 701, ..SessionView::default() })
@@ -144,30 +145,26 @@ async fn one_fit_runs_at_a_time_and_the_engine_has_the_last_word() {
 #[tokio::test]
 async fn calls_that_are_given_up_do_not_pile_up_in_the_store() {
     let (ask, mut asked) = tokio::sync::mpsc::unbounded_channel();
-    let busy: SamplesSource = Arc::new(move |session: u64, told: OnSamples| drop(ask.send((session, told))));
-    let daemon = start_with_samples(busy).await;
+    let busy = move |session: u64, told: Told<SessionSamples>| drop(ask.send((session, told)));
+    let store = Store { samples: Some(Box::new(busy)), ..Store::default() };
+    let daemon = start_backed(store, Limits { long_calls_per_peer: 1, ..patient() }).await;
     let view = SessionView { number: 1, patch: FOREARM.into(), state: SessionState::Review, ..SessionView::default() };
     daemon.engine().catalogue(Arc::new(Catalogue { sessions: vec![Arc::new(view)], ..Catalogue::default() }));
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
-    let mut waiting = Vec::new();
-    // One export of a peer and one fit may be read at a time. Each is given up when the store has been asked.
-    tokio::select! {
+    // It is given up when the store has been asked.
+    let (_, told) = tokio::select! {
         answer = client.export_samples(v1::ExportSamplesRequest { session: 1 }) => panic!("{answer:?}"),
-        question = asked.recv() => waiting.push(question.unwrap()),
-    }
-    tokio::select! {
-        answer = client.refit_sessions(refit(1, v1::FitOptions::default())) => panic!("{answer:?}"),
-        question = asked.recv() => waiting.push(question.unwrap()),
-    }
+        question = asked.recv() => question.unwrap(),
+    };
     let refused = client.export_samples(v1::ExportSamplesRequest { session: 1 }).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     let refused = client.refit_sessions(refit(1, v1::FitOptions::default())).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     // The store answers whom nobody waits for, and there is room again.
-    waiting.into_iter().for_each(|(_, told)| told(Ok(SessionSamples::default())));
+    told(Ok(SessionSamples::default()));
     let export = client.export_samples(v1::ExportSamplesRequest { session: 1 });
     let answer = async {
-        let (session, told): (u64, OnSamples) = asked.recv().await.unwrap();
+        let (session, told): (u64, Told<SessionSamples>) = asked.recv().await.unwrap();
         assert_eq!(session, 1);
         told(Ok(SessionSamples::default()));
     };

@@ -6,7 +6,7 @@ use taxel_engine::snapshot::{Health, StoreHealth};
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Clocks, Drain, Limits, Listener, ModelCodec, Rules, serve};
+use taxel_rpc::{Access, Clocks, Drain, Limits, Listener, Rules, Server};
 use taxel_skin::Time;
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
@@ -14,7 +14,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{FOREARM, patient, snapshot, start, start_with, with_a_bus};
+use crate::fixture::{FOREARM, Store, patient, snapshot, start, start_with, with_a_bus};
 
 const SERVICES: [&str; 6] = [
     "taxel.v1.ForceService",
@@ -131,13 +131,12 @@ async fn a_unix_socket_serves_the_same() {
     let path = folder.join("socket");
     let _ = std::fs::remove_file(&path);
     let plan = Arc::new(taxel_engine::plan::Plan { buses: 0, patches: Vec::new() });
-    let from_json = |_: &str| Err("not here".to_owned());
-    let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json, from_elsewhere: from_json };
     let shutdown = tokio_util::sync::CancellationToken::new();
     let clocks = Clocks { run: Arc::new(Time::default), process: Arc::new(Time::default) };
-    let (handle, _publisher, _requests) = channel(plan, clocks, codec, shutdown.clone());
+    let (handle, _publisher, _requests) = channel(plan, clocks, shutdown.clone());
     let listener = Listener::Unix(std::os::unix::net::UnixListener::bind(&path).unwrap());
-    let server = tokio::spawn(serve(handle, vec![listener], Access::new(Rules::open()), patient()));
+    let server = Server::new(handle, Arc::new(Store::default()), Access::new(Rules::open()), patient()).unwrap();
+    let server = tokio::spawn(server.serve(vec![listener]));
     let endpoint = tonic::transport::Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();
     let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
     let status = client.get_force(v1::GetForceRequest::default()).await.unwrap_err();

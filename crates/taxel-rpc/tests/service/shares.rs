@@ -1,20 +1,20 @@
 //! What one peer can take, what is left for others, and what is kept for operators.
 
-use std::time::Duration;
+use std::sync::Arc;
 
-use taxel_engine::command::{ErrorReason, Rejection};
+use taxel_engine::snapshot::Catalogue;
+use taxel_proto::refusal::reason_of;
 use taxel_proto::v1;
-use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::{Access, Limits, Listener, Rate, Role, Rules};
-use tokio::net::TcpStream;
+use taxel_rpc::{Access, Limits, Listener, Role, Rules};
 use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status, Streaming};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{Daemon, FOREARM, patient, serve_on, start_with};
+use crate::fixture::{Daemon, FOREARM, model_set, patient, serve_on, start, start_with};
 
 type Force = Streaming<v1::ForceSample>;
 
@@ -82,94 +82,6 @@ async fn observers_leave_streams_for_operators() {
 }
 
 #[tokio::test]
-async fn one_peers_connections_leave_room_for_others() {
-    let limits = Limits { connections: 6, connections_per_peer: 4, connections_reserved: 0, ..patient() };
-    let (daemon, _folder, unix) = on_two_doors(Rules::open(), limits);
-    let mut held = Vec::new();
-    for _ in 0..4 {
-        let channel = daemon.connect().await;
-        ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest::default()).await.unwrap();
-        held.push(channel);
-    }
-    let fifth = daemon.endpoint().connect_lazy();
-    ForceServiceClient::new(fifth).get_force(v1::GetForceRequest::default()).await.unwrap_err();
-    let other = unix.connect().await.unwrap();
-    ForceServiceClient::new(other).get_force(v1::GetForceRequest::default()).await.unwrap();
-}
-
-#[tokio::test]
-async fn a_thousand_idle_sockets_keep_no_client_out() {
-    let daemon = start_with(&[FOREARM], patient()).await;
-    let mut idle = Vec::new();
-    for _ in 0..900 {
-        idle.push(TcpStream::connect(daemon.address).await.unwrap());
-    }
-    for _ in 0..20 {
-        let channel = daemon.connect().await;
-        ForceServiceClient::new(channel).get_force(v1::GetForceRequest::default()).await.unwrap();
-    }
-    // The oldest were closed for the newer ones.
-    crate::server::read_to_end(&mut idle[0]).await;
-}
-
-/// A measurement, not a check: how long a new client waits beside idle sockets.
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-#[ignore = "prints figures; run it alone with --release -- --ignored --nocapture, after ulimit -n 8192"]
-async fn figures_of_a_new_client_beside_two_thousand_idle_sockets() {
-    let daemon = start_with(&[FOREARM], Limits { preface: Duration::from_secs(3), ..patient() }).await;
-    let (address, mut idle) = (daemon.address, Vec::new());
-    for _ in 0..2_000 {
-        idle.push(TcpStream::connect(address).await.unwrap());
-    }
-    let mut waits = Vec::new();
-    for _ in 0..50 {
-        let begun = std::time::Instant::now();
-        let channel = daemon.connect().await;
-        ForceServiceClient::new(channel).get_force(v1::GetForceRequest::default()).await.unwrap();
-        waits.push(begun.elapsed());
-    }
-    waits.sort();
-    println!("a new client waits beside 2000 idle sockets: median {:?}, most {:?}", waits[25], waits[49]);
-}
-
-#[tokio::test]
-async fn a_flood_of_sessions_is_bounded_and_says_when_one_more_may_start() {
-    let session_starts = Rate { burst: 5, every: Duration::from_secs(3600) };
-    let (mut daemon, _folder, unix) = on_two_doors(Rules::open(), Limits { session_starts, ..patient() });
-    let mut requests = daemon.take_requests();
-    let engine = tokio::spawn(async move {
-        let mut reached = 0;
-        while let Some(request) = requests.recv().await {
-            reached += 1;
-            let _ = request.reply.send(Err(Rejection::FailedPrecondition(
-                ErrorReason::SessionWrongState,
-                "not in this test".to_owned(),
-            )));
-            if reached == 6 {
-                break;
-            }
-        }
-        reached
-    });
-    let mut client = CalibrationServiceClient::new(daemon.connect().await);
-    let mut refused = 0;
-    for _ in 0..1_000 {
-        let status = client.start_session(v1::StartSessionRequest::default()).await.unwrap_err();
-        if status.code() == Code::ResourceExhausted {
-            let text = status.message();
-            assert!(text.contains("loopback TCP asked for more than") && text.contains("try again in"), "{text}");
-            refused += 1;
-        }
-    }
-    assert_eq!(refused, 995);
-    // Another peer is not kept out by it.
-    let mut other = CalibrationServiceClient::new(unix.connect().await.unwrap());
-    let status = other.start_session(v1::StartSessionRequest::default()).await.unwrap_err();
-    assert_eq!(status.code(), Code::FailedPrecondition);
-    assert_eq!(engine.await.unwrap(), 6);
-}
-
-#[tokio::test]
 async fn a_watch_of_the_health_takes_a_place_and_gives_it_back() {
     let daemon = start_with(&[FOREARM], Limits { streams: 2, ..patient() }).await;
     let channel = daemon.connect().await;
@@ -181,4 +93,39 @@ async fn a_watch_of_the_health_takes_a_place_and_gives_it_back() {
     health.check(request()).await.unwrap();
     drop(first);
     while health.watch(request()).await.is_err() {}
+}
+
+/// What it takes to make it is held until its reader has it, or has gone.
+#[tokio::test]
+async fn a_large_answer_has_its_place_until_it_is_taken() {
+    let daemon = start_with(&[FOREARM], Limits { long_calls_per_peer: 1, ..patient() }).await;
+    let model_sets = vec![model_set("m-1", FOREARM).into()];
+    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, ..Catalogue::default() }));
+    let request = || v1::ExportModelSetRequest { model_set: "m-1".to_owned(), ..Default::default() };
+    let mute = daemon.endpoint().initial_stream_window_size(0).connect().await.unwrap();
+    let untaken = tokio::spawn(async move { ModelServiceClient::new(mute).export_model_set(request()).await });
+    let mut client = ModelServiceClient::new(daemon.connect().await);
+    let status = loop {
+        if let Err(status) = client.export_model_set(request()).await {
+            break status;
+        }
+    };
+    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::ResourceExhausted, Some("NO_PLACE")));
+    assert!(status.message().contains("1 long calls of loopback TCP are being served"), "{status:?}");
+    ForceServiceClient::new(daemon.connect().await).get_force(v1::GetForceRequest::default()).await.unwrap();
+    untaken.abort();
+    while client.export_model_set(request()).await.is_err() {}
+}
+
+#[tokio::test]
+async fn only_a_model_set_may_be_large() {
+    let daemon = start().await;
+    let mut client = ModelServiceClient::new(daemon.connect().await);
+    let long = "x".repeat(100_000);
+    let request = v1::GetModelSetRequest { model_set: long.clone(), ..Default::default() };
+    let status = client.get_model_set(request).await.unwrap_err();
+    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::OutOfRange, Some("REQUEST_UNREADABLE")));
+    let request = v1::ImportModelSetRequest { json: long, ..Default::default() };
+    let status = client.import_model_set(request).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument, "it is read: {status:?}");
 }

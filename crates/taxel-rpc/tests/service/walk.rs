@@ -3,14 +3,13 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
 
 use prost::Message;
 use prost_types::FileDescriptorSet;
 use rcgen::SanType;
 use taxel_engine::command::Rejection;
 use taxel_proto::v1::ErrorReason;
-use taxel_rpc::{Access, CertificateName, Grant, Limits, Listener, Rate, Role, Rules, Subject, Tls, Tokens};
+use taxel_rpc::{Access, CertificateName, Grant, Listener, Role, Rules, Subject, Tls, Tokens};
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
@@ -159,10 +158,8 @@ async fn house() -> House {
         Listener::Tls(encrypted, tls),
         Listener::Unix(std::os::unix::net::UnixListener::bind(&unix).unwrap()),
     ];
-    let quick = Rate { burst: 100_000, every: Duration::from_nanos(1) };
-    let limits = Limits { commands: quick, session_starts: quick, ..patient() };
     let access = Access::new(rules());
-    let mut daemon = serve_on(listeners, access.clone(), (&[FOREARM], limits), address);
+    let mut daemon = serve_on(listeners, access.clone(), (&[FOREARM], patient()), address);
     let commands = Arc::new(AtomicUsize::new(0));
     let (counted, mut requests) = (Arc::clone(&commands), daemon.take_requests());
     tokio::spawn(async move {

@@ -47,7 +47,7 @@ impl ServiceSection {
     /// Most connections of one peer at a time.
     pub fn connections_of_one(&self) -> usize {
         let limits = Limits::default();
-        of_one(self.connections_max, limits.connections_reserved, limits.connections_per_peer)
+        of_one(self.connections_max, 0, limits.connections_per_peer)
     }
 
     /// What is wrong with the section, if anything is.
@@ -76,7 +76,7 @@ mod tests {
         let read = |text: &str| toml::from_str::<ServiceSection>(text).unwrap();
         let of_one = |text: &str| (read(text).streams_of_one(), read(text).connections_of_one());
         assert_eq!(of_one(""), (100, 96));
-        assert_eq!(of_one("subscribers_max = 2\nconnections_max = 20"), (1, 10));
+        assert_eq!(of_one("subscribers_max = 2\nconnections_max = 20"), (1, 18));
         assert_eq!(of_one("subscribers_max = 2\nsubscribers_per_peer_max = 2").0, 2, "as it says");
     }
 

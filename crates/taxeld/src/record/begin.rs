@@ -1,7 +1,6 @@
 //! Begins a recording: what its topics are, and who fills them.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -11,6 +10,7 @@ use taxel_proto::v1::RecordingHealth;
 use taxel_rpc::Handle;
 use tokio_util::sync::CancellationToken;
 
+use crate::backend::Recording;
 use crate::config::{Config, RecordSection};
 use crate::parts::Parts;
 use crate::record::follow::{Followed, follow};
@@ -51,31 +51,31 @@ impl Topics {
 }
 
 /// Begins the recording that the configuration asks for, if it asks for one and the daemon is `live`: a log is a recording
-/// already. Gives the same handle, whose health tells of it, and the taps of the buses.
+/// already. Gives what the health tells of it, and the taps of the buses.
 ///
 /// # Errors
 /// A folder that cannot be used. A disk that is full is no error: the daemon runs without a recording, and tells.
 pub fn begin(
     (config, live): (&Config, bool),
     plan: &Plan,
-    handle: Handle,
+    handle: &Handle,
     (parts, cancel): (&mut Parts, &CancellationToken),
-) -> anyhow::Result<(Handle, Taps)> {
+) -> anyhow::Result<(Option<Recording>, Taps)> {
     let Some(section) = config.record.as_ref().filter(|_| live) else {
-        return Ok((handle, Taps::default()));
+        return Ok((None, Taps::default()));
     };
     let folder = Folder::open(&section.path).with_context(|| format!("record.path = {}", section.path.display()))?;
     let Topics { all, buses, force, taxels, events } = Topics::new(section, config, plan);
     let recorder = Recorder::start(folder, limits(section), all, about(plan), Box::new(open_file));
     let (recorder, queue) = recorder.context("starting the thread `recorder`")?;
     let status = recorder.status();
-    let handle = handle.with_recording(Arc::new(move || health(status())));
+    let recording: Recording = Box::new(move || health(status()));
     let taps = taps(config, &buses, &queue);
     let patches = force.into_iter().zip(taxels).enumerate();
     let patches = patches.filter(|(_, (force, taxels))| force.is_some() || taxels.is_some());
     let patches = patches.map(|(patch, (force, taxels))| Followed { patch, force, taxels }).collect();
-    parts.spawn(follow((recorder, queue), &handle, patches, events, cancel.clone())?);
-    Ok((handle, taps))
+    parts.spawn(follow((recorder, queue), handle, patches, events, cancel.clone())?);
+    Ok((Some(recording), taps))
 }
 
 fn taps(config: &Config, topics: &[Option<usize>], queue: &Queue) -> Taps {

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use prost::Message as _;
 use prost_types::FileDescriptorSet;
+use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Done, ErrorReason, Rejection, Reply};
 use taxel_engine::known_set::KnownSet;
@@ -13,15 +14,11 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{DevicePlan, PatchPlan, Plan, PushPlan};
 use taxel_engine::snapshot::{Catalogue, PatchSnapshot};
 use taxel_rpc::handle::{Request, channel};
-use taxel_rpc::push_line::{Pushed, push_line};
-use taxel_rpc::{
-    Access, Clock, Clocks, Handle, Limits, Listener, ModelCodec, Publisher, Rate, Rules, SharedServices,
-    serve_and_share,
-};
+use taxel_rpc::push_line::{PushLine, Pushed, push_line};
+use taxel_rpc::{Access, Backend, Clock, Clocks, Limits, Listener, Publisher, Rules, Server, SharedServices, Told};
 use taxel_skin::{Board, BoardAddress, BusIndex, CountRange, Module, ModuleKind, Patch, Time};
 use taxel_store::models_json::{content_id, from_elsewhere, from_json, to_json};
 use tokio::runtime::Runtime;
-use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
 const FOREARM: &str = "left_forearm";
@@ -64,25 +61,18 @@ async fn begin() -> (mpsc::Receiver<Command>, Publisher, SharedServices) {
     let plan = Arc::new(Plan { buses: 1, patches: vec![forearm(), glove()] });
     let clock: Clock = Arc::new(Time::default);
     let clocks = Clocks { run: Arc::clone(&clock), process: clock };
-    let codec = ModelCodec {
-        to_json: |set| to_json(set).map_err(|error| error.to_string()),
-        from_json: |text| from_json(text).map_err(|error| error.to_string()),
-        from_elsewhere: |text| from_elsewhere(text).map_err(|error| error.to_string()),
-    };
     let (line, pushed) = push_line(plan.patches.len());
-    let (handle, publisher, requests) = channel(plan, clocks, codec, CancellationToken::new());
+    let (handle, publisher, requests) = channel(plan, clocks, CancellationToken::new());
     (0..2).for_each(|patch| publisher.patch(patch, Arc::new(PatchSnapshot::default())));
     publisher.catalogue(Arc::new(catalogue()));
-    let handle = with_sources(handle).with_push(line);
     let (note, noted) = mpsc::channel();
     tokio::spawn(answer_all(requests, note));
     tokio::spawn(take_all(pushed));
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
-    let (shared, services) = oneshot::channel();
-    let share = move |services| drop(shared.send(services));
-    let listeners = vec![Listener::Tcp(listener)];
-    tokio::spawn(serve_and_share(handle, listeners, Access::new(Rules::open()), limits(), share));
-    (noted, publisher, services.await.expect("the services"))
+    let server = Server::new(handle, Arc::new(Store(line)), Access::new(Rules::open()), limits()).expect("a server");
+    let services = server.shared();
+    tokio::spawn(server.serve(vec![Listener::Tcp(listener)]));
+    (noted, publisher, services)
 }
 
 /// One session, and one model set, which is in use.
@@ -99,26 +89,39 @@ fn catalogue() -> Catalogue {
     }
 }
 
-/// All that a daemon with an empty store has.
-fn with_sources(handle: Handle) -> Handle {
-    handle
-        .with_audit(Arc::new(|_, _, told| told(Ok(vec![]))))
-        .with_samples(Arc::new(|_, told| told(Err("there are none".to_owned()))))
-        .with_refits(content_id)
+/// An empty store, and the way of pushed scans.
+struct Store(PushLine);
+
+impl Backend for Store {
+    fn audit(&self, _: u64, _: u32, told: Told<Vec<AuditEntry>>) {
+        told(Ok(Vec::new()));
+    }
+
+    fn content_id(&self, set: &ModelSet) -> String {
+        content_id(set)
+    }
+
+    fn to_json(&self, set: &ModelSet) -> Result<String, String> {
+        to_json(set).map_err(|error| error.to_string())
+    }
+
+    fn read_json(&self, text: &str) -> Result<ModelSet, String> {
+        from_json(text).map_err(|error| error.to_string())
+    }
+
+    fn read_foreign_json(&self, text: &str) -> Result<ModelSet, String> {
+        from_elsewhere(text).map_err(|error| error.to_string())
+    }
+
+    fn push_line(&self) -> Option<&PushLine> {
+        Some(&self.0)
+    }
 }
 
-/// No clock and no rate cuts anything off.
+/// No clock cuts anything off.
 fn limits() -> Limits {
     let hour = Duration::from_secs(3600);
-    let always = Rate { burst: u32::MAX, every: Duration::from_nanos(1) };
-    Limits {
-        commands: always,
-        session_starts: always,
-        command: hour,
-        push_pause: hour,
-        unread: hour,
-        ..Limits::default()
-    }
+    Limits { command: hour, push_pause: hour, look: hour, ..Limits::default() }
 }
 
 async fn answer_all(mut requests: tokio::sync::mpsc::Receiver<Request>, note: mpsc::Sender<Command>) {

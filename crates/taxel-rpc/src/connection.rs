@@ -1,0 +1,101 @@
+//! One connection of a client, with what is known of its other end.
+
+use std::io;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+
+use tokio::io::{AsyncRead, AsyncWrite, BufWriter, ReadBuf};
+use tonic::transport::server::Connected;
+
+use crate::access::origin::Origin;
+use crate::connections::{Seat, Ticket};
+
+/// Length of the client's preface, RFC 9113 section 3.4.
+const PREFACE_BYTES: usize = 24;
+
+/// Frames gather here until HTTP/2 flushes. A sample of 230 taxels fits; what is larger passes by.
+const WRITE_BUFFER_BYTES: usize = 8 << 10;
+
+/// A socket of any sort.
+pub(crate) trait Io: AsyncRead + AsyncWrite + Send + Unpin {}
+
+impl<T: AsyncRead + AsyncWrite + Send + Unpin> Io for T {}
+
+/// Who makes a call, and over which connection if over one of ours. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(crate) struct Peer {
+    pub(crate) origin: Arc<Origin>,
+    pub(crate) seat: Option<Arc<Seat>>,
+}
+
+impl Peer {
+    /// Somebody at this address, over no connection of ours.
+    pub(crate) fn of_tcp(address: SocketAddr) -> Self {
+        Self { origin: Arc::new(Origin::of_tcp(address)), seat: None }
+    }
+}
+
+/// One connection.
+pub(crate) struct Connection {
+    /// Buffered, so that a large frame's head and payload are one write.
+    io: BufWriter<Box<dyn Io>>,
+    origin: Arc<Origin>,
+    /// Bytes of the preface still to come.
+    missing: usize,
+    ticket: Ticket,
+}
+
+impl Connection {
+    pub(crate) fn new(io: Box<dyn Io>, origin: Origin, ticket: Ticket) -> Self {
+        if let Origin::Tls(_, certificate) = &origin {
+            ticket.seat().expire_at(certificate.until);
+        }
+        let io = BufWriter::with_capacity(WRITE_BUFFER_BYTES, io);
+        Self { io, origin: Arc::new(origin), missing: PREFACE_BYTES, ticket }
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        let before = buf.filled().len();
+        let read = Pin::new(&mut self.io).poll_read(cx, buf);
+        if self.missing > 0 {
+            self.missing = self.missing.saturating_sub(buf.filled().len() - before);
+            if self.missing == 0 {
+                self.ticket.seat().prove();
+            }
+        }
+        read
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.io).poll_write(cx, buf)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.io).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.io).poll_shutdown(cx)
+    }
+
+    /// h2 gives a vectored writer each frame above 256 bytes by itself, and any other as many frames below 1 KiB as there
+    /// are: what is due at the same tick on the streams of a connection is one write.
+    fn is_write_vectored(&self) -> bool {
+        false
+    }
+}
+
+impl Connected for Connection {
+    /// Every call finds it among its extensions.
+    type ConnectInfo = Peer;
+
+    fn connect_info(&self) -> Peer {
+        Peer { origin: Arc::clone(&self.origin), seat: Some(self.ticket.seat()) }
+    }
+}
