@@ -14,7 +14,6 @@ use taxel_skin::Time;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
-use crate::certificate_maker::CertificateMaker;
 use crate::clock::{Clock, Clocks};
 use crate::codec::ModelCodec;
 use crate::event_log::EventLog;
@@ -82,7 +81,6 @@ pub struct Handle {
     pub(crate) audit: Option<AuditSource>,
     pub(crate) room: Option<Room>,
     pub(crate) push: Option<PushLine>,
-    pub(crate) certificates: Option<CertificateMaker>,
     pub(crate) recording: Option<RecordingSource>,
     /// What the daemon could not have when it started, in words.
     lacks: Arc<[String]>,
@@ -171,7 +169,6 @@ pub fn channel(
             audit,
             room,
             push: None,
-            certificates: None,
             recording: None,
             lacks: Arc::default(),
             lacks_now: None,
@@ -296,13 +293,6 @@ impl Handle {
     #[must_use]
     pub fn with_push(mut self, line: PushLine) -> Self {
         self.push = Some(line);
-        self
-    }
-
-    /// The same handle with someone who makes certificates.
-    #[must_use]
-    pub fn with_certificates(mut self, maker: CertificateMaker) -> Self {
-        self.certificates = Some(maker);
         self
     }
 

@@ -106,17 +106,6 @@ impl ModelService for Service {
         Ok(with_place(v1::ExportModelSetResponse { model_set, json }, place))
     }
 
-    async fn get_certificate(
-        &self,
-        request: Request<v1::GetCertificateRequest>,
-    ) -> Result<Response<v1::Certificate>, Status> {
-        let caller = caller(&request)?;
-        let request = request.into_inner();
-        let set = self.model_set(&request.model_set, &request.patch).await?;
-        let (certificate, place) = self.certificate(&caller, set).await?;
-        Ok(with_place(certificate, place))
-    }
-
     async fn import_model_set(
         &self,
         mut request: Request<v1::ImportModelSetRequest>,
@@ -134,13 +123,6 @@ impl ModelService for Service {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
             other => Err(strange_answer(&other)),
         }
-    }
-
-    async fn compare_model_sets(
-        &self,
-        request: Request<v1::CompareModelSetsRequest>,
-    ) -> Result<Response<v1::ModelSetComparison>, Status> {
-        self.compare(&caller(&request)?, request.get_ref()).await
     }
 
     async fn delete_model_set(

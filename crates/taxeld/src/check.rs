@@ -258,7 +258,6 @@ fn left_out_buses(config: &Config, routes: &Routes) -> Vec<String> {
 fn left_out_of_the_build() -> Vec<String> {
     let features = [
         (cfg!(feature = "sim"), "sim", "the simulated bus and `taxeld demo`"),
-        (cfg!(feature = "report"), "report", "`taxeld report`"),
         (cfg!(feature = "page"), "page", "the operator's page"),
         (cfg!(feature = "tls"), "tls", "TLS"),
         (cfg!(feature = "record"), "record", "recordings"),

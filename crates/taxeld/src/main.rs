@@ -3,12 +3,9 @@
 #[macro_use]
 mod say;
 
-mod apply;
 mod audit;
 mod audit_log;
 mod bus;
-#[cfg(feature = "certificate")]
-mod certificate;
 mod check;
 #[cfg(feature = "client")]
 mod client;
@@ -21,9 +18,7 @@ mod demo_effects;
 mod doors;
 mod driver;
 mod files;
-mod fit;
 mod force_file;
-mod judge;
 mod log_words;
 mod logs;
 mod looking;
@@ -38,19 +33,12 @@ mod output;
 mod page;
 #[cfg(feature = "client")]
 mod pages;
-#[cfg(feature = "report")]
-mod paper;
 mod parts;
-#[cfg(feature = "sim")]
-mod picture;
 mod queues;
 mod record;
-mod recording;
 mod reload;
 mod reloading;
 mod replay;
-#[cfg(feature = "report")]
-mod report;
 mod run;
 mod runtime;
 mod same_file;
@@ -65,13 +53,14 @@ mod show_demo;
 mod sim_bus;
 mod sleep;
 mod sockets;
-mod soundness;
 mod store_at;
 mod store_command;
 mod systemd;
 mod tasks;
 mod threads;
 mod upkeep;
+#[cfg(feature = "client")]
+mod values;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -131,21 +120,9 @@ enum Subcommands {
     /// Who changed what: the audit log of a store.
     #[cfg(not(feature = "client"))]
     Audit(audit_log::AuditArgs),
-    /// Fits models to a recording and writes MODELS.json.
-    Fit(fit::FitArgs),
-    /// Turns the counts of a recording into pressures.
-    Apply(apply::ApplyArgs),
-    /// Error against run time, the stability table and what a scene costs, as one page with its data.
-    #[cfg(feature = "report")]
-    Report(report::ReportArgs),
-    /// Every figure and table of the paper that data can draw: of the simulator, a recording, a log or a session.
-    #[cfg(feature = "report")]
-    Paper(paper::PaperArgs),
     #[cfg(feature = "client")]
     #[command(flatten)]
     Client(client::ClientCommand),
-    /// Compares a recording's pressure with what models say of its counts.
-    Judge(judge::JudgeArgs),
     /// Completions of this command line for a shell, on the standard output.
     #[cfg(feature = "client")]
     #[command(hide = true)]
@@ -256,13 +233,6 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Scan(args) => scan::scan(&args),
         #[cfg(not(feature = "client"))]
         Subcommands::Audit(args) => audit_log::audit(&args),
-        Subcommands::Fit(args) => fit::fit(&args),
-        Subcommands::Apply(args) => apply::apply(&args),
-        #[cfg(feature = "report")]
-        Subcommands::Report(args) => report::report(args),
-        #[cfg(feature = "report")]
-        Subcommands::Paper(args) => paper::paper(&args),
-        Subcommands::Judge(args) => judge::judge(&args),
     }
 }
 

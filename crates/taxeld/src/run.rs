@@ -94,8 +94,6 @@ impl Daemon {
         started: &mut Tasks,
     ) -> anyhow::Result<Self> {
         let Tasks { cancel, parts, .. } = &mut *started;
-        #[cfg(feature = "certificate")]
-        let certificates = crate::certificate::maker(config, &scene);
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
         let room = room_of(&store, config.store.budget_mb);
@@ -113,8 +111,6 @@ impl Daemon {
         let handle = handle.with_model_sets(model_sets_of(store.set_reader()));
         let handle = handle.with_audit(audit_source(store.audit_reader())).with_room(room);
         let size = store.size_reader();
-        #[cfg(feature = "certificate")]
-        let handle = handle.with_certificates(certificates);
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
         let (session_state, session) = watch::channel(None);

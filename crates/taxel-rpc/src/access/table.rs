@@ -65,7 +65,7 @@ const fn administer(name: &'static str) -> Method {
 pub(crate) const IMPORT: &str = "taxel.v1.ModelService/ImportModelSet";
 
 /// Every method that is served.
-pub(crate) const METHODS: [Method; 41] = [
+pub(crate) const METHODS: [Method; 39] = [
     read("taxel.v1.ForceService/GetForce"),
     stream("taxel.v1.ForceService/StreamForce"),
     read("taxel.v1.SkinService/GetSkin"),
@@ -92,8 +92,6 @@ pub(crate) const METHODS: [Method; 41] = [
     read("taxel.v1.ModelService/GetModelSet"),
     read("taxel.v1.ModelService/GetTaxelModel"),
     read("taxel.v1.ModelService/ExportModelSet"),
-    read("taxel.v1.ModelService/GetCertificate"),
-    read("taxel.v1.ModelService/CompareModelSets"),
     operate("taxel.v1.ModelService/ActivateModelSet"),
     Method { name: IMPORT, role: Role::Admin, kind: Kind::Import },
     administer("taxel.v1.ModelService/DeleteModelSet"),

@@ -13,8 +13,8 @@ use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Stat
 use taxel_rpc::handle::channel;
 use taxel_rpc::push_line::{Pushed, push_line};
 use taxel_rpc::{
-    Access, AuditSource, CertificateMaker, Clock, Clocks, Drain, Handle, Limits, Listener, ModelCodec, ModelSetSource,
-    Publisher, Request, Rules, SamplesSource, ServeError, serve,
+    Access, AuditSource, Clock, Clocks, Drain, Handle, Limits, Listener, ModelCodec, ModelSetSource, Publisher,
+    Request, Rules, SamplesSource, ServeError, serve,
 };
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
@@ -75,15 +75,6 @@ pub async fn start_audited(audit: AuditSource) -> Daemon {
     let address = listener.local_addr().unwrap();
     let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
     serve_all(doors, (&[FOREARM], patient()), address, |handle| handle.with_audit(audit))
-}
-
-/// A daemon that makes certificates, of samples that `samples` has.
-pub async fn start_certifying(maker: CertificateMaker, samples: SamplesSource) -> Daemon {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
-    let with = |handle: Handle| handle.with_certificates(maker).with_samples(samples);
-    serve_all(doors, (&[FOREARM], patient()), address, with)
 }
 
 /// A daemon that has the samples of its sessions; the id of a set is `m-` and its method.

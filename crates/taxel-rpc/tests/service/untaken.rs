@@ -227,18 +227,17 @@ async fn with_long_lists() -> Daemon {
 
 /// One peer has four of them, of whichever sort they are.
 #[tokio::test]
-async fn long_pages_of_events_and_of_the_audit_log_many_loads_and_comparisons_are_large_answers() {
+async fn long_pages_of_events_and_of_the_audit_log_many_loads_and_exports_are_large_answers() {
     let daemon = with_long_lists().await;
     let audit = |page_size| v1::ListAuditRequest { page_size, ..Default::default() };
     let events = |page_size| v1::ListEventsRequest { page_size, ..Default::default() };
-    let [earlier, later] = ["m-1", "m-2"].map(str::to_owned);
-    let sets = v1::CompareModelSetsRequest { earlier, later, ..Default::default() };
+    let set = v1::ExportModelSetRequest { model_set: "m-1".to_owned(), ..Default::default() };
     let mute = without_room(&daemon).await;
     let held = [
         untaken(&mute, "/taxel.v1.AuditService/ListAudit", &audit(101)).await,
         untaken(&mute, "/taxel.v1.SkinService/ListEvents", &events(101)).await,
         untaken(&mute, "/taxel.v1.ValidationService/GetValidation", &v1::GetValidationRequest::default()).await,
-        untaken(&mute, "/taxel.v1.ModelService/CompareModelSets", &sets).await,
+        untaken(&mute, "/taxel.v1.ModelService/ExportModelSet", &set).await,
     ];
     let channel = daemon.connect().await;
     let list_audit = async |size| AuditServiceClient::new(channel.clone()).list_audit(audit(size)).await;
@@ -249,7 +248,7 @@ async fn long_pages_of_events_and_of_the_audit_log_many_loads_and_comparisons_ar
         list_audit(101).await.unwrap_err(),
         list_events(101).await.unwrap_err(),
         validation.get_validation(v1::GetValidationRequest::default()).await.unwrap_err(),
-        models.compare_model_sets(sets.clone()).await.unwrap_err(),
+        models.export_model_set(set.clone()).await.unwrap_err(),
     ] {
         assert_eq!((refused.code(), reason_of(&refused).as_deref()), (Code::ResourceExhausted, Some("NO_PLACE")));
         let why = "4 large answers of loopback TCP are being served, which is the limit for one: end another first";
@@ -261,7 +260,7 @@ async fn long_pages_of_events_and_of_the_audit_log_many_loads_and_comparisons_ar
     until(async || list_audit(101).await.is_ok()).await;
     until(async || list_events(101).await.is_ok()).await;
     until(async || validation.get_validation(v1::GetValidationRequest::default()).await.is_ok()).await;
-    until(async || models.compare_model_sets(sets.clone()).await.is_ok()).await;
+    until(async || models.export_model_set(set.clone()).await.is_ok()).await;
 }
 
 #[tokio::test]

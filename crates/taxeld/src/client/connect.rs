@@ -65,7 +65,6 @@ pub struct Daemon {
 
 impl Server {
     /// The patch that was named, if one was.
-    #[cfg(feature = "certificate")]
     pub fn patch(&self) -> Option<&str> {
         Some(self.patch.as_str()).filter(|patch| !patch.is_empty())
     }

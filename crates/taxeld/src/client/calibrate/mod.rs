@@ -16,9 +16,9 @@ use screen::Screen;
 
 use super::activate::SetInWords;
 use super::ask;
-use super::compare::fetch;
 use super::failure::{Failure, Outcome};
 use super::json;
+use super::models::fetch;
 
 /// Runs it.
 ///
