@@ -33,7 +33,7 @@ enum Command {
     },
     /// Shows all robots of a router.
     Fleet(FleetArgs),
-    /// Asks one of them for its events or a certificate, or sends it a model set.
+    /// Asks one of them for its events, or sends it a model set.
     Ask(AskArgs),
 }
 

@@ -113,7 +113,6 @@ impl Bridge {
         tasks.spawn(robot::health(session.clone(), name(), self.health.clone()));
         tasks.spawn(queries::models(session.clone(), name(), self.daemon.clone()));
         tasks.spawn(queries::events(session.clone(), name(), self.daemon.clone()));
-        tasks.spawn(queries::certificate(session.clone(), name(), self.daemon.clone()));
         if fleet.imports {
             tasks.spawn(queries::import(session.clone(), name(), self.daemon.clone()));
         }

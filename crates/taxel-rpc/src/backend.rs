@@ -7,7 +7,6 @@ use taxel_proto::v1::RecordingHealth;
 use tokio::sync::oneshot;
 use tonic::Status;
 
-use crate::certificate_maker::CertificateMaker;
 use crate::push_line::PushLine;
 use crate::status::engine_stopped;
 
@@ -74,11 +73,6 @@ pub trait Backend: Send + Sync {
 
     /// The way of pushed scans, where a patch has any.
     fn push_line(&self) -> Option<&PushLine> {
-        None
-    }
-
-    /// Who makes certificates, if this build does.
-    fn certificates(&self) -> Option<CertificateMaker> {
         None
     }
 

@@ -89,15 +89,6 @@ impl ModelService for Service {
         Ok(Response::new(v1::ExportModelSetResponse { model_set, json }))
     }
 
-    async fn get_certificate(
-        &self,
-        request: Request<v1::GetCertificateRequest>,
-    ) -> Result<Response<v1::Certificate>, Status> {
-        let (held, request) = (held(&request), request.into_inner());
-        let set = self.model_set(&request.model_set, &request.patch).await?;
-        self.certificate(held, set).await.map(Response::new)
-    }
-
     async fn import_model_set(
         &self,
         request: Request<v1::ImportModelSetRequest>,
@@ -112,13 +103,6 @@ impl ModelService for Service {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
             other => Err(strange_answer(&other)),
         }
-    }
-
-    async fn compare_model_sets(
-        &self,
-        request: Request<v1::CompareModelSetsRequest>,
-    ) -> Result<Response<v1::ModelSetComparison>, Status> {
-        self.compare(held(&request), request.get_ref()).await
     }
 
     async fn delete_model_set(

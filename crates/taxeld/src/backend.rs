@@ -7,7 +7,7 @@ use taxel_engine::calibration::SessionSamples;
 use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1::RecordingHealth;
 use taxel_rpc::push_line::PushLine;
-use taxel_rpc::{Backend, CertificateMaker, Told};
+use taxel_rpc::{Backend, Told};
 use taxel_store::{AuditReader, SamplesReader, SetReader, Store, models_json};
 
 use crate::store_at::StoreAt;
@@ -37,8 +37,6 @@ pub struct DaemonBackend {
     budget: Budget,
     /// The way of pushed scans, where a patch has any.
     pub push: Option<PushLine>,
-    /// Who makes certificates.
-    pub certificates: Option<CertificateMaker>,
     /// The recording, if there is one.
     pub recording: Option<Recording>,
     /// What the daemon could not have when it started, in words.
@@ -54,7 +52,6 @@ impl DaemonBackend {
             audit: store.audit_reader(),
             budget,
             push: None,
-            certificates: None,
             recording: None,
             lacks: Vec::new(),
         }
@@ -109,10 +106,6 @@ impl Backend for DaemonBackend {
 
     fn push_line(&self) -> Option<&PushLine> {
         self.push.as_ref()
-    }
-
-    fn certificates(&self) -> Option<CertificateMaker> {
-        self.certificates.clone()
     }
 
     fn recording(&self) -> Option<RecordingHealth> {

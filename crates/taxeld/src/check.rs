@@ -240,10 +240,7 @@ fn left_out_buses(config: &Config, routes: &Routes) -> Vec<String> {
 
 /// What this build does not have.
 fn left_out_of_the_build() -> Vec<String> {
-    let features = [
-        (cfg!(feature = "sim"), "sim", "the simulated bus and `taxeld demo`"),
-        (cfg!(feature = "report"), "report", "`taxeld report`"),
-    ];
+    let features = [(cfg!(feature = "sim"), "sim", "the simulated bus and `taxeld demo`")];
     let absent = features.iter().filter(|(built, ..)| !built);
     absent.map(|(_, feature, what)| format!("build: {what}: cargo feature `{feature}` is not built in")).collect()
 }

@@ -3,13 +3,10 @@
 #[macro_use]
 mod say;
 
-mod apply;
 mod audit;
 mod audit_log;
 mod backend;
 mod bus;
-#[cfg(feature = "certificate")]
-mod certificate;
 mod check;
 mod client;
 mod clock;
@@ -20,9 +17,7 @@ mod demo;
 mod doors;
 mod driver;
 mod files;
-mod fit;
 mod force_file;
-mod judge;
 mod log_words;
 mod logs;
 mod missing;
@@ -32,18 +27,11 @@ mod open_log;
 mod output;
 mod page;
 mod pages;
-#[cfg(feature = "report")]
-mod paper;
 mod parts;
-#[cfg(feature = "sim")]
-mod picture;
 mod queues;
 mod record;
-mod recording;
 mod reload;
 mod replay;
-#[cfg(feature = "report")]
-mod report;
 mod run;
 mod runtime;
 mod scan;
@@ -55,13 +43,13 @@ mod shared_memory;
 mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
-mod soundness;
 mod store_at;
 mod store_command;
 mod systemd;
 mod tasks;
 mod threads;
 mod upkeep;
+mod values;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -117,20 +105,8 @@ enum Subcommands {
     Setup(setup::SetupArgs),
     /// Listens to a bus, or reads a log, and says what is there: boards, modules, faults, what could be the gauge.
     Scan(scan::ScanArgs),
-    /// Fits models to a recording and writes MODELS.json.
-    Fit(fit::FitArgs),
-    /// Turns the counts of a recording into pressures.
-    Apply(apply::ApplyArgs),
-    /// Error against run time, the stability table and what a scene costs, as one page with its data.
-    #[cfg(feature = "report")]
-    Report(report::ReportArgs),
-    /// Every figure and table of the paper that data can draw: of the simulator, a recording, a log or a session.
-    #[cfg(feature = "report")]
-    Paper(paper::PaperArgs),
     #[command(flatten)]
     Client(client::ClientCommand),
-    /// Compares a recording's pressure with what models say of its counts.
-    Judge(judge::JudgeArgs),
     /// Completions of this command line for a shell, on the standard output.
     #[command(hide = true)]
     Completions {
@@ -229,13 +205,6 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         }
         Subcommands::Setup(args) => setup::setup(&args),
         Subcommands::Scan(args) => scan::scan(&args),
-        Subcommands::Fit(args) => fit::fit(&args),
-        Subcommands::Apply(args) => apply::apply(&args),
-        #[cfg(feature = "report")]
-        Subcommands::Report(args) => report::report(args),
-        #[cfg(feature = "report")]
-        Subcommands::Paper(args) => paper::paper(&args),
-        Subcommands::Judge(args) => judge::judge(&args),
     }
 }
 

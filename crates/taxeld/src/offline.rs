@@ -51,9 +51,6 @@ pub struct Offline {
     pub sessions: Vec<Option<Arc<SessionView>>>,
     /// Newest health.
     pub health: Arc<Health>,
-    /// All that was gathered for the last fit.
-    #[cfg(feature = "report")]
-    pub samples: Option<Arc<taxel_engine::calibration::SessionSamples>>,
     /// Model sets made, oldest first.
     pub model_sets: Vec<Arc<ModelSet>>,
     /// Frames that the engine wants sent, for whoever plays the bus.
@@ -80,8 +77,6 @@ impl Offline {
             collected: None,
             sessions: vec![None; patches],
             health: Arc::default(),
-            #[cfg(feature = "report")]
-            samples: None,
             model_sets: Vec::new(),
             to_send: Vec::new(),
         }
@@ -216,8 +211,6 @@ impl Offline {
             Output::Health(health) => self.health = health,
             Output::Send(bus, frame) => self.to_send.push((bus, frame)),
             Output::Fit(job) => {
-                #[cfg(feature = "report")]
-                self.samples.replace(Arc::clone(&job.samples));
                 self.fits.push(job);
             }
             Output::Commit { ticket, records } => {

@@ -170,7 +170,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
         bail!("a replay at full speed takes one bus, the configuration has {}", config.bus.len());
     };
     let mut reader = open_log(&request.log, Wanted::interface(section.interface.clone()))?;
-    let models = request.models.as_deref().map(crate::apply::read_models).transpose()?;
+    let models = request.models.as_deref().map(read_models).transpose()?;
     let mut force = request.force.as_deref().map(|path| ForceFile::create(path, &scene.plan)).transpose()?;
     let mut offline = Offline::new(Arc::new(scene.plan));
     offline.collected = force.is_some().then(Vec::new);
@@ -288,12 +288,17 @@ fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
         let when = if view.state.is_open() { "the log ended while the calibration was" } else { "the calibration" };
         bail!("{when} {}: {}", view.state.name(), if view.reason.is_empty() { "too short" } else { &view.reason });
     };
-    crate::fit::print_summary(set);
+    let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
+    say!("model set {}: {}, {usable} of {} taxels usable", set.id, set.method, set.taxels.len());
     if let Some(out) = &request.out {
         output::write_text(out, &models_json::to_json(set)?)?;
         say!("models: {}", out.display());
     }
     Ok(())
+}
+
+fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
+    models_json::from_json(&files::read_text(path)?).with_context(|| path.display().to_string())
 }
 
 /// Refusals of a session in words.

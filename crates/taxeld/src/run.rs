@@ -76,8 +76,6 @@ impl Daemon {
         started: &mut Tasks,
     ) -> anyhow::Result<Self> {
         let Tasks { cancel, parts, .. } = &mut *started;
-        #[cfg(feature = "certificate")]
-        let certificates = crate::certificate::maker(config, &scene);
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
         let budget = Budget::of(&store, config.store.budget_mb);
@@ -92,10 +90,6 @@ impl Daemon {
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
         let mut backend = DaemonBackend::new(&store, budget);
         let size = store.size_reader();
-        #[cfg(feature = "certificate")]
-        {
-            backend.certificates = Some(certificates);
-        }
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
         let (session_state, session) = watch::channel(None);

@@ -19,7 +19,6 @@ use crate::clock::RunClock;
 use crate::config::{self, Config, Door, Doors, Scene, SharedMemorySection};
 use crate::config::{MetricsSection, PageSection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
-use crate::picture;
 use crate::run::Daemon;
 use crate::shared_memory::try_folder;
 use crate::store_at::StoreAt;
@@ -27,14 +26,14 @@ use crate::store_at::StoreAt;
 /// What can be asked of the demo.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld demo                         # then, in another terminal: taxeld watch\n  taxeld demo --bare --listen 127.0.0.1:50052\n  taxeld demo --once --skins 10 --svg demo.svg"
+    after_help = "Examples:\n  taxeld demo                         # then, in another terminal: taxeld watch\n  taxeld demo --bare --listen 127.0.0.1:50052\n  taxeld demo --once --skins 10"
 )]
 pub struct DemoArgs {
     /// End after the table instead of serving the simulated skin live.
     #[arg(long)]
     once: bool,
     /// Serve the skin at once, without the table and without models: it waits to be calibrated.
-    #[arg(long, conflicts_with_all = ["once", "skins", "svg"])]
+    #[arg(long, conflicts_with_all = ["once", "skins"])]
     bare: bool,
     /// Where the live skin is served; without it another port is taken if the usual one is not free.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "once")]
@@ -51,9 +50,6 @@ pub struct DemoArgs {
     /// Leave the area of excluded taxels out of the force, as the paper does.
     #[arg(long)]
     no_fill: bool,
-    /// Draw measured against true force as a picture.
-    #[arg(long, value_name = "FILE")]
-    svg: Option<PathBuf>,
 }
 
 /// Runs the demo.
@@ -70,12 +66,6 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     let outcomes = if args.bare { Vec::new() } else { procedures(args, &plan)? };
     if !args.bare {
         print_table(args, &outcomes);
-    }
-    if let Some(path) = &args.svg {
-        let masses = |w: &&Weighing| w.contact == Contact::Mass;
-        let weighings: Vec<_> = outcomes.iter().flat_map(|o| &o.weighings).filter(masses).collect();
-        let picture = picture::svg(&weighings, outcomes.len(), !args.no_fill);
-        crate::output::write_text(path, &picture)?;
     }
     if args.once {
         return Ok(());

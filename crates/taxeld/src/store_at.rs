@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use taxel_engine::Restored;
-use taxel_store::{Quarantined, Retention, Store, StoreFile};
+use taxel_store::{Quarantined, Retention, Store};
 
 use crate::queues::TellDone;
 
@@ -29,17 +29,6 @@ pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Stor
             Ok((store, restored))
         }
     }
-}
-
-/// Opens a store that no daemon has, to be read where it lies, and tells on standard error what of it is damaged.
-///
-/// # Errors
-/// As [`StoreFile::open`].
-#[cfg_attr(not(any(feature = "certificate", feature = "report")), allow(dead_code))]
-pub fn read_store(path: &Path) -> anyhow::Result<StoreFile> {
-    let store = StoreFile::open(path)?;
-    tell(path, store.damage());
-    Ok(store)
 }
 
 /// Tells on standard error what of a store is damaged or lost.

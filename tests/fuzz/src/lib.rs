@@ -29,15 +29,9 @@ mod config;
 #[allow(dead_code)]
 #[path = "../../../crates/taxeld/src/files.rs"]
 mod files;
-#[allow(dead_code)]
-#[path = "../../../crates/taxeld/src/recording/mod.rs"]
-mod recording;
 #[allow(dead_code, unused_macros)]
 #[path = "../../../crates/taxeld/src/say.rs"]
 mod say;
-#[allow(dead_code)]
-#[path = "../../../crates/taxeld/src/threads.rs"]
-mod threads;
 
 /// Something that reads input from outside.
 #[derive(Clone, Copy, Debug)]

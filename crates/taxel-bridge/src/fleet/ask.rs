@@ -1,15 +1,12 @@
 //! `taxel-bridge ask`: asks one robot of a router, and sends it a model set.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
 use prost::Message;
-use taxel_proto::v1::{
-    Certificate, Event, GetCertificateRequest, ImportModelSetRequest, ImportModelSetResponse, ListEventsRequest,
-    ListEventsResponse,
-};
+use taxel_proto::v1::{Event, ImportModelSetRequest, ImportModelSetResponse, ListEventsRequest, ListEventsResponse};
 use taxel_skin::printable;
 use zenoh::Session;
 
@@ -51,20 +48,6 @@ enum Question {
         #[arg(long)]
         json: bool,
     },
-    /// The calibration certificate of a model set.
-    Certificate {
-        /// Its name in the fleet.
-        robot: String,
-        /// The patch whose set in use is meant; needed where there are several.
-        #[arg(long, default_value = "")]
-        patch: String,
-        /// The model set, if it is not the one in use.
-        #[arg(long, value_name = "ID", default_value = "")]
-        set: String,
-        /// `.json` for programs, anything else the page for people.
-        #[arg(long, value_name = "FILE")]
-        out: PathBuf,
-    },
     /// Sends a model set into a robot's store. It is not used before somebody at that robot activates it.
     Import {
         /// Its name in the fleet; its bridge has to have `imports = true`.
@@ -90,14 +73,6 @@ pub async fn ask(args: AskArgs) -> anyhow::Result<()> {
             let now_s = wall_ns() / 1_000_000_000;
             let lines = told.events.iter().map(|event| if json { object(event) } else { line(event, now_s) });
             Ok(std::io::stdout().write_all(lines.collect::<String>().as_bytes())?)
-        }
-        Question::Certificate { robot, patch, set, out } => {
-            let request = GetCertificateRequest { model_set: set, patch };
-            let made: Certificate = answer(&session, &robot, keys::certificate(&robot), &request).await?;
-            let program = out.extension().is_some_and(|end| end == "json");
-            write_new(&out, if program { &made.json } else { &made.html })?;
-            eprintln!("certificate {} of {} is in {}", made.number, made.model_set, out.display());
-            Ok(())
         }
         Question::Import { robot, models, insist } => {
             let json = std::fs::read_to_string(&models).with_context(|| format!("reading {}", models.display()))?;
@@ -126,13 +101,6 @@ async fn answer<A: Message + Default>(
         Ok(sample) => A::decode(&*sample.payload().to_bytes()).with_context(|| format!("the answer at {key}")),
         Err(refusal) => bail!("{robot}: {}", printable(&String::from_utf8_lossy(&refusal.payload().to_bytes()))),
     }
-}
-
-/// A file that is there is not overwritten: it may be the certificate of another robot.
-fn write_new(path: &Path, text: &str) -> anyhow::Result<()> {
-    let file = std::fs::File::create_new(path);
-    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
-    written.with_context(|| format!("writing {}", path.display()))
 }
 
 fn time_s(event: &Event) -> i64 {
@@ -178,15 +146,5 @@ mod tests {
             (&object["number"], &object["time_s"], &object["kind"]),
             (&3.into(), &1_000.into(), &"zero_lost".into())
         );
-    }
-
-    #[test]
-    fn a_certificate_that_is_there_is_kept() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("c.html");
-        write_new(&path, "first").unwrap();
-        let refused = format!("{:#}", write_new(&path, "second").unwrap_err());
-        assert!(refused.contains("c.html"), "{refused}");
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "first");
     }
 }

@@ -7,7 +7,6 @@
 //! | `taxel/ROBOT/health` | `taxel.v1.Health` once a second, while the daemon answers | published |
 //! | `taxel/ROBOT/models` | `taxel.v1.ListModelSetsResponse` with the sets in use | asked for |
 //! | `taxel/ROBOT/events` | `taxel.v1.ListEventsResponse` | asked for |
-//! | `taxel/ROBOT/certificate` | `taxel.v1.Certificate` | asked for |
 //! | `taxel/ROBOT/import` | takes `taxel.v1.ImportModelSetRequest`, where the robot's configuration allows it | asked for |
 
 /// Before all keys.
@@ -45,11 +44,6 @@ pub fn events(robot: &str) -> String {
     format!("{ROOT}/{robot}/events")
 }
 
-/// The certificate of a model set.
-pub fn certificate(robot: &str) -> String {
-    format!("{ROOT}/{robot}/certificate")
-}
-
 /// Takes a model set.
 pub fn import(robot: &str) -> String {
     format!("{ROOT}/{robot}/import")
@@ -70,8 +64,8 @@ mod tests {
         assert_eq!(split(&force("icub01", "arm")), Some(("icub01", "force/arm")));
         assert_eq!(split(&health("r")), Some(("r", "health")));
         assert_eq!(split(&models("r")), Some(("r", "models")));
-        let asked = [events("r"), certificate("r"), import("r")];
-        assert_eq!(asked, ["taxel/r/events", "taxel/r/certificate", "taxel/r/import"]);
+        let asked = [events("r"), import("r")];
+        assert_eq!(asked, ["taxel/r/events", "taxel/r/import"]);
         for key in ["", "taxel", "taxel/r", "other/r/alive", "taxels/r/alive"] {
             assert_eq!(split(key), None, "{key}");
         }

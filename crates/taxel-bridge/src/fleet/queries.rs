@@ -1,9 +1,7 @@
 //! What a robot is asked for: each key takes the request of one call of the service and replies with that call's answer.
 
 use prost::Message;
-use taxel_proto::v1::{
-    GetCertificateRequest, ImportModelSetRequest, ListEventsRequest, ListModelSetsRequest, ListModelSetsResponse,
-};
+use taxel_proto::v1::{ImportModelSetRequest, ListEventsRequest, ListModelSetsRequest, ListModelSetsResponse};
 use zenoh::Session;
 use zenoh::handlers::{RingChannel, RingChannelHandler};
 use zenoh::query::{Query, Queryable};
@@ -56,18 +54,6 @@ pub async fn events(session: Session, robot: String, daemon: Daemon) -> anyhow::
     loop {
         let (query, request) = asked.next::<ListEventsRequest>().await?;
         asked.reply(&query, answered(daemon.skin().list_events(request)).await).await;
-    }
-}
-
-/// The calibration certificate of a model set.
-///
-/// # Errors
-/// If the session is closed.
-pub async fn certificate(session: Session, robot: String, daemon: Daemon) -> anyhow::Result<()> {
-    let asked = Asked::at(&session, keys::certificate(&robot), "taxel.v1.Certificate").await?;
-    loop {
-        let (query, request) = asked.next::<GetCertificateRequest>().await?;
-        asked.reply(&query, answered(daemon.models().get_certificate(request)).await).await;
     }
 }
 

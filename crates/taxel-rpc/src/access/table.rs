@@ -49,7 +49,7 @@ pub(crate) const IMPORT: &str = "taxel.v1.ModelService/ImportModelSet";
 pub(crate) const PUSH: &str = "taxel.v1.IngestService/PushScans";
 
 /// Every method that is served.
-pub(crate) const METHODS: [Method; 35] = [
+pub(crate) const METHODS: [Method; 33] = [
     read("taxel.v1.ForceService/GetForce"),
     stream("taxel.v1.ForceService/StreamForce"),
     read("taxel.v1.SkinService/GetSkin"),
@@ -71,8 +71,6 @@ pub(crate) const METHODS: [Method; 35] = [
     read("taxel.v1.ModelService/ListModelSets"),
     read("taxel.v1.ModelService/GetModelSet"),
     long(read("taxel.v1.ModelService/ExportModelSet")),
-    long(read("taxel.v1.ModelService/GetCertificate")),
-    long(read("taxel.v1.ModelService/CompareModelSets")),
     operate("taxel.v1.ModelService/ActivateModelSet"),
     long(administer(IMPORT)),
     administer("taxel.v1.ModelService/DeleteModelSet"),

@@ -15,8 +15,7 @@ use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Stat
 use taxel_rpc::handle::channel;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
 use taxel_rpc::{
-    Access, Backend, CertificateMaker, Clock, Clocks, Drain, Limits, Listener, Publisher, Request, Rules, ServeError,
-    Server, Told,
+    Access, Backend, Clock, Clocks, Drain, Limits, Listener, Publisher, Request, Rules, ServeError, Server, Told,
 };
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
@@ -86,7 +85,6 @@ pub struct Store {
     pub model_sets: Answers<String, String>,
     /// Asked for entries below the first number, at most so many.
     pub audit: Answers<(u64, u32), Vec<AuditEntry>>,
-    pub certificates: Option<CertificateMaker>,
     pub push: Option<PushLine>,
 }
 
@@ -126,10 +124,6 @@ impl Backend for Store {
 
     fn push_line(&self) -> Option<&PushLine> {
         self.push.as_ref()
-    }
-
-    fn certificates(&self) -> Option<CertificateMaker> {
-        self.certificates.clone()
     }
 }
 

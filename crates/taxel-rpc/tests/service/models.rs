@@ -85,42 +85,6 @@ async fn a_deletion_reaches_the_engine_and_a_refusal_comes_back_with_its_words()
     assert_eq!(status.code(), Code::InvalidArgument);
 }
 
-#[tokio::test]
-async fn two_sets_of_a_patch_are_compared_and_others_are_refused() {
-    let daemon = start().await;
-    let mut later = ModelSet::clone(&model_set("m-2", FOREARM));
-    later.taxels.swap(0, 1); // the one usable taxel
-    later.baseline[0].mean = 238.0;
-    let same = ModelSet { id: "m-3".to_owned(), ..ModelSet::clone(&model_set("m-1", FOREARM)) };
-    let elsewhere = model_set("m-4", "other");
-    let sets = [model_set("m-1", FOREARM), Arc::new(later), Arc::new(same), elsewhere];
-    let model_sets = sets.map(Into::into).to_vec();
-    let active = vec![(FOREARM.to_owned(), Some("m-1".to_owned()))];
-    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
-    let mut client = ModelServiceClient::new(daemon.connect().await);
-    let request = |later: &str| v1::CompareModelSetsRequest { later: later.to_owned(), ..Default::default() };
-
-    let moved = client.compare_model_sets(request("m-2")).await.unwrap().into_inner();
-    assert_eq!((moved.became_usable, moved.lost, moved.taxels.len()), (vec![1], vec![0], 0));
-    assert_eq!((moved.median_kpa, moved.worst_kpa, moved.gain_ratio), (None, None, None));
-    let same = client.compare_model_sets(request("m-3")).await.unwrap().into_inner();
-    let (earlier, later) = (same.earlier.unwrap(), same.later.unwrap());
-    assert_eq!((earlier.model_set.as_str(), earlier.active), ("m-1", true), "an empty id is the active set");
-    assert_eq!((later.model_set.as_str(), later.active), ("m-3", false));
-    let [taxel] = same.taxels.as_slice() else { panic!("{:?}", same.taxels) };
-    assert_eq!((taxel.taxel, taxel.worst_kpa, taxel.gain_ratio), (0, Some(0.0), Some(1.0)));
-    assert!(taxel.count_min.unwrap() < taxel.count_max.unwrap() && taxel.rest_counts == Some(0.0), "{taxel:?}");
-    assert_eq!((same.worst_kpa, same.gain_ratio), (Some(0.0), Some(1.0)));
-
-    let status = client.compare_model_sets(request("m-4")).await.unwrap_err();
-    assert_eq!(
-        (status.code(), status.message()),
-        (Code::InvalidArgument, "later: `m-4` is for patch `other`, `m-1` for `left_forearm`")
-    );
-    let status = client.compare_model_sets(request("m-9")).await.unwrap_err();
-    assert_eq!(status.code(), Code::NotFound);
-}
-
 /// Of three listed sets one is in memory; of the others the store has one, and the other is damaged there.
 #[tokio::test]
 async fn a_set_that_is_not_in_memory_is_listed_as_ever_and_read_when_it_is_asked_for() {

@@ -8,8 +8,6 @@ mod ask;
 mod audit;
 mod bring_up;
 mod calibrate;
-mod certificate;
-mod compare;
 mod connect;
 mod events;
 mod export;
@@ -56,8 +54,6 @@ pub enum ClientCommand {
     Models(models::ModelsArgs),
     /// Calibration sessions: list, show, end, export, refit, delete.
     Sessions(sessions::SessionsArgs),
-    /// The calibration certificate of a model set, as a page to be printed and as JSON.
-    Certificate(certificate::CertificateArgs),
     /// Who changed what: the audit log of a running daemon, or of a store.
     Audit(audit::AuditArgs),
     /// What happened since the daemon's start: zeros, faults, activations, sessions, buses.
@@ -92,7 +88,6 @@ async fn one(command: ClientCommand) -> failure::Outcome {
         ClientCommand::Health(args) => health::health(args).await,
         ClientCommand::Models(args) => models::models(args).await,
         ClientCommand::Sessions(args) => sessions::sessions(args).await,
-        ClientCommand::Certificate(args) => certificate::certificate(args).await,
         ClientCommand::Audit(args) => audit::audit(args).await,
         ClientCommand::Events(args) => events::events(args).await,
         ClientCommand::Record(args) => record::record(args).await,

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use taxel_engine::model_set::ModelSet as EngineSet;
 use taxel_proto::v1::{
-    CompareModelSetsRequest, DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, GetSkinRequest,
-    ImportModelSetRequest, ModelSet, ModelSetSummary, TaxelModel,
+    DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, GetSkinRequest, ImportModelSetRequest, ModelSet,
+    ModelSetSummary, TaxelModel,
 };
+use taxel_store::models_json;
 
-use super::compare::{self, fetch};
 use super::connect::{Daemon, Server};
 use super::failure::Outcome;
 use super::places::Places;
@@ -45,7 +45,7 @@ enum ModelsCommand {
     },
     /// Uses a set from now on.
     Use(UseArgs),
-    /// Writes a set as MODELS.json, as `taxeld fit` does.
+    /// Writes a set as MODELS.json, as `taxel-lab fit` does.
     Export {
         #[command(flatten)]
         of: OfServer,
@@ -65,18 +65,6 @@ enum ModelsCommand {
         /// Import it although its curves do not look like those of this skin.
         #[arg(long)]
         insist: bool,
-    },
-    /// What changed from one set to another, taxels by place.
-    #[command(
-        after_help = "To go back to an earlier set, activate it: taxeld models use m-26dc\n\nExamples:\n  taxeld models compare m-26dc newest\n  taxeld models compare active models.json   # a set of `taxeld fit`"
-    )]
-    Compare {
-        #[command(flatten)]
-        of: OfServer,
-        /// The earlier set: its id, the beginning of it, `active`, `newest`, or a MODELS.json.
-        old: String,
-        /// The later set, in the same way.
-        new: String,
     },
     /// Deletes a set that is not in use, for good; it asks before that.
     Delete {
@@ -129,7 +117,6 @@ pub async fn models(args: ModelsArgs) -> Outcome {
             say!("  {}\n  {}", set.usable(), set.rest());
             Ok(())
         }
-        ModelsCommand::Compare { of, old, new } => compare_sets(&of, &old, &new).await,
         ModelsCommand::Delete { of, model_set, yes } => {
             let daemon = of.server.connect().await?;
             let model_set = full_id(&daemon, &model_set).await?;
@@ -157,44 +144,6 @@ async fn wanted(daemon: &Daemon, model_set: Option<&str>) -> Outcome<String> {
         Some(beginning) => full_id(daemon, beginning).await,
         None => Ok(String::new()),
     }
-}
-
-/// Sets of the daemon are compared there, files here.
-async fn compare_sets(of: &OfServer, earlier: &str, later: &str) -> Outcome {
-    let daemon = of.server.connect().await?;
-    let compared = if is_file(earlier) || is_file(later) {
-        taxel_rpc::comparison(&named(&daemon, earlier).await?, &named(&daemon, later).await?)
-    } else {
-        let (earlier, later) = (set_id(&daemon, earlier).await?, set_id(&daemon, later).await?);
-        let request = CompareModelSetsRequest { earlier, later, patch: daemon.patch() };
-        daemon.models().compare_model_sets(request).await?.into_inner()
-    };
-    if of.json {
-        return json::print("ModelSetComparison", &compared);
-    }
-    let patch = compared.later.as_ref().map(|set| set.patch.clone()).unwrap_or_default();
-    let skin = daemon.skin().get_skin(GetSkinRequest { patch }).await;
-    // A file may be of a patch that is not here: then taxels have no place, only numbers.
-    let places = skin.map(|skin| Places::of(skin.get_ref())).unwrap_or_default();
-    compare::print(&compared, &places);
-    Ok(())
-}
-
-fn is_file(name: &str) -> bool {
-    std::path::Path::new(name).is_file()
-}
-
-/// The id of a set of the daemon; empty for the active one.
-async fn set_id(daemon: &Daemon, name: &str) -> Outcome<String> {
-    if name == "active" { Ok(String::new()) } else { full_id(daemon, name).await }
-}
-
-/// A set in full, by what a command line calls it.
-async fn named(daemon: &Daemon, name: &str) -> Outcome<EngineSet> {
-    if is_file(name) {
-        return Ok(crate::apply::read_models(std::path::Path::new(name))?);
-    }
-    fetch(daemon, &set_id(daemon, name).await?).await
 }
 
 async fn list(of: &OfServer) -> Outcome {
@@ -262,7 +211,7 @@ pub fn print_set(set: &ModelSet, places: &Places) -> Outcome {
         say!("    {} {reason}: {}", taxels.len(), places.name(taxels.iter().copied()));
     }
     let usable = || set.taxels.iter().filter(|taxel| taxel.status == "ok");
-    let rmse = crate::fit::spread(usable().filter_map(|taxel| taxel.rmse_kpa).collect());
+    let rmse = crate::values::spread(usable().filter_map(|taxel| taxel.rmse_kpa).collect());
     if let Some((low, middle, high)) = rmse {
         say!("  RMSE of the fit: median {middle:.3} kPa, {low:.3} to {high:.3}");
     }
@@ -293,4 +242,14 @@ fn print_taxel(model: &TaxelModel) -> Outcome {
     let rows: Vec<Vec<String>> = model.points.iter().map(row).collect();
     table::print(&["count", "kPa", "standard uncertainty kPa"], &rows);
     Ok(())
+}
+
+/// A model set with everything in it; an empty id is the active one.
+///
+/// # Errors
+/// No such set, one that cannot be read, or no daemon.
+pub async fn fetch(daemon: &Daemon, model_set: &str) -> Outcome<EngineSet> {
+    let request = ExportModelSetRequest { model_set: model_set.to_owned(), patch: daemon.patch() };
+    let json = daemon.models().export_model_set(request).await?.into_inner().json;
+    Ok(models_json::from_json(&json).map_err(anyhow::Error::new)?)
 }

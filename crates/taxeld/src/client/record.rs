@@ -35,7 +35,7 @@ pub struct RecordArgs {
     #[arg(long)]
     taxels: bool,
     /// End after so long; without it, with Ctrl-C.
-    #[arg(long, value_name = "S", value_parser = crate::fit::parse_seconds)]
+    #[arg(long, value_name = "S", value_parser = crate::values::parse_seconds)]
     seconds: Option<f64>,
     /// Megabytes that all recordings of the folder may take together; the oldest go.
     #[arg(long, value_name = "MB", default_value_t = 2048, value_parser = clap::value_parser!(u64).range(16..=1_000_000_000))]

@@ -10,7 +10,7 @@ use super::failure::{Failure, Outcome};
 use super::json;
 use super::models::print_set;
 use super::places::Places;
-use crate::fit::{BranchArg, PlaysArg, parse_order, parse_positive, parse_seconds};
+use crate::values::{parse_order, parse_positive, parse_seconds};
 
 /// What it takes beside the sessions.
 #[derive(Debug, clap::Args)]
@@ -60,6 +60,26 @@ struct Options {
 enum EstimatorArg {
     PerSample,
     PressureBinned,
+}
+
+/// Which part is fitted.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum BranchArg {
+    /// Rising and falling pressure.
+    Both,
+    /// Rising pressure alone.
+    Rising,
+}
+
+/// Compensation of hysteresis.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum PlaysArg {
+    /// Where it wins on a branch that no fit saw.
+    Auto,
+    /// Wherever a taxel carries it.
+    On,
+    /// Nowhere.
+    Off,
 }
 
 impl Options {
@@ -125,7 +145,7 @@ async fn tell(args: &RefitArgs, daemon: &Daemon, answer: &Refit) -> Outcome {
         (known, _) => {
             let before = if known { "the same samples were fitted so before: the set was there already; " } else { "" };
             say!(
-                "{before}it is not in use. What changes: taxeld models compare active {id}; use it: taxeld models use {id}"
+                "{before}it is not in use. What changes: taxel-lab compare active {id}; use it: taxeld models use {id}"
             );
         }
     }

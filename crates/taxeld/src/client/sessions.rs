@@ -54,7 +54,7 @@ enum SessionsCommand {
     },
     /// Fits the stored samples of a session, or of several of one patch together, once more: a model set that is not in use.
     #[command(
-        after_help = "Without options the fit of one session is its own, with the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 4 7 --branch rising"
+        after_help = "Without options the fit of one session is its own, with the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 4 7 --branch rising && taxel-lab compare active newest"
     )]
     Refit {
         #[command(flatten)]
@@ -63,9 +63,9 @@ enum SessionsCommand {
         #[arg(value_name = "SESSION", required = true, value_parser = clap::value_parser!(u64).range(1..))]
         sessions: Vec<u64>,
     },
-    /// Writes the samples of a session: as a table that `taxeld fit` reads, or as MCAP.
+    /// Writes the samples of a session: as a table that `taxel-lab fit` reads, or as MCAP.
     #[command(
-        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxeld fit - --order auto --patch left_forearm --out models.json"
+        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxel-lab fit - --order auto --patch left_forearm --out models.json"
     )]
     Export(ExportArgs),
 }

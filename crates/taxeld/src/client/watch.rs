@@ -40,7 +40,7 @@ pub struct WatchArgs {
     #[arg(long)]
     once: bool,
     /// With --once: how long to wait for a good force.
-    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::fit::parse_seconds, requires = "once")]
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::values::parse_seconds, requires = "once")]
     within: f64,
     /// With --once or --count: print nothing but the newtons, of good forces alone.
     #[arg(long, requires = "end", conflicts_with_all = ["csv", "json"])]

@@ -2,7 +2,6 @@
 
 use serde::Deserialize;
 
-use super::certificate_section::CertificateSection;
 use super::listen_sections::{AccessSection, ListenSection};
 use super::page_section::{MetricsSection, PageSection};
 use super::parts::{BusSection, LogSection, PatchSection, StoreSection};
@@ -32,8 +31,6 @@ pub struct Config {
     pub shared_memory: Option<SharedMemorySection>,
     /// Recordings; none without it.
     pub record: Option<RecordSection>,
-    /// What people state of calibrations, for their certificates.
-    pub certificate: Option<CertificateSection>,
     /// The log.
     #[serde(default)]
     pub log: LogSection,

@@ -4,7 +4,6 @@ mod area;
 mod area_words;
 mod boards;
 pub mod bus_load;
-mod certificate_section;
 mod dbc;
 mod door;
 pub mod examine;
@@ -30,8 +29,6 @@ mod signal_pages;
 mod signal_parts;
 mod signals;
 
-#[cfg(feature = "certificate")]
-pub use certificate_section::CertificateSection;
 pub use door::Door;
 pub use examine::{Problems, examine, examine_text, examine_with, read_text};
 pub use fault::Fault;

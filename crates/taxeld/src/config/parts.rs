@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use toml::Spanned;
 
 use super::area_words::{AreaFactorWord, AreaWord};
-use super::certificate_section::CertificateSection;
 use super::fit_section::FitSection;
 use super::modules::KindWord;
 use super::number_words::{OrderOfBytes, UnitWord};
@@ -132,8 +131,6 @@ pub struct PatchSection {
     /// How models are fitted.
     #[serde(default)]
     pub fit: FitSection,
-    /// What people state of its calibrations, for their certificates.
-    pub certificate: Option<CertificateSection>,
 }
 
 fn fifty() -> u16 {

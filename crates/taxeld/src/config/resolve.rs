@@ -12,7 +12,6 @@ use taxel_wire::signal::{ByteOrder, PressureMeaning, SignalSpec};
 use super::area_words::AreaFactorWord;
 use super::boards::{board, key_of, placed, setup};
 use super::bus_load::crowded;
-use super::certificate_section::CertificateSection;
 use super::fault::{Fault, within};
 use super::file::Config;
 use super::listen::{Doors, doors};
@@ -66,7 +65,6 @@ pub fn scene_of(config: &Config, path: &Path) -> Result<Scene, Fault> {
     check_buses(config)?;
     config.service.problem().map_or(Ok(()), Err)?;
     log(&config.log)?;
-    certificate(config.certificate.as_ref())?;
     for (number, section) in config.patch.iter().enumerate() {
         let named = |fault: Fault| fault.within(&format!("patch[{number}]"), &format!("patch `{}`", section.name));
         let section = &super::dbc::expand(section, path).map_err(|why| named(why.into()))?;
@@ -100,10 +98,6 @@ fn shared_memory(config: &Config) -> Result<(), Fault> {
 pub fn clashes(config: &Config, plan: &Plan) -> Vec<Fault> {
     let found = conflicts(plan);
     found.iter().map(|conflict| Fault::of(key_of(config, conflict), placed(config, conflict))).collect()
-}
-
-fn certificate(section: Option<&CertificateSection>) -> Result<(), Fault> {
-    section.and_then(CertificateSection::problem).map_or(Ok(()), Err)
 }
 
 fn log(section: &LogSection) -> Result<(), Fault> {
@@ -153,7 +147,6 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     if name.is_empty() || name.len() > 64 || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') {
         return Err(Fault::of("name", "a name is 1 to 64 letters, digits, `_` or `-`"));
     }
-    certificate(section.certificate.as_ref())?;
     let period_max = if section.board.is_empty() { PERIOD_MAX_MS } else { u16::from(PERIOD_OF_BOARDS_MAX_MS) };
     within("period_ms", f64::from(section.period_ms), 1.0, f64::from(period_max))?;
     within("area_mm2", super::area::mean_mm2(section), 0.01, 1e5)?;

@@ -418,17 +418,6 @@ fn demo_summary(printed: &str, contact: &str) -> (f64, f64) {
     (number(5), number(words.len() - 1))
 }
 
-#[cfg(feature = "report")]
-#[test]
-fn a_log_gives_the_papers_figures_of_its_ramp() {
-    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);
-    let [log, config, out] = ["t.log", "t.toml", "out"].map(|name| path(folder.path(), name));
-    let said = succeeds(&["paper", &log, "--config", &config, "--out", &out]);
-    assert!(said.contains("| taxels | 20, 20 with a model |"), "{said}");
-    assert!(said.contains("measured against true force: a log has no known loads"), "{said}");
-    assert!(folder.path().join("out/fit-typical.svg").exists());
-}
-
 #[test]
 fn the_configuration_takes_the_papers_estimator_and_refuses_what_it_excludes() {
     let folder = tempfile::tempdir().unwrap();

@@ -219,15 +219,11 @@ fn lines_that_are_refused_are_told_and_a_log_of_nothing_else_fails_with_the_firs
     let log = log(&frames(), |_| 1_600_000_000).replacen('\n', "\nthis is no frame\n", 1);
     let bare = "  can0  4D0   [3]  40 F0 EF\n  can0  4D0   [2]  C0 F0\n";
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log), ("bare.log", bare), ("empty.log", "# nothing\n")]);
-    let [config, log, bare, empty, out] =
-        ["t.toml", "t.log", "bare.log", "empty.log", "out"].map(|name| path(folder.path(), name));
+    let [config, log, bare, empty] = ["t.toml", "t.log", "bare.log", "empty.log"].map(|name| path(folder.path(), name));
     let replay = |log| ["replay", log, "--config", &config].map(str::to_owned).to_vec();
     let paced = |log| [replay(log), vec!["--speed".to_owned(), "1000".to_owned()]].concat();
     let mut commands = vec![("scan", vec!["scan".to_owned()])];
     commands.extend([("replay", replay("")), ("paced", paced(""))]);
-    if cfg!(feature = "report") {
-        commands.push(("paper", ["paper", "", "--config", &config, "--out", &out].map(str::to_owned).to_vec()));
-    }
     for (name, command) in commands {
         let of = |log: &str| -> Vec<String> {
             let mut command = command.clone();

@@ -1,7 +1,6 @@
 //! taxeld as its users start it: one program of tests, so that it is linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
-mod bad_recordings;
 mod cli;
 mod comforts;
 mod common;
@@ -13,9 +12,6 @@ mod one_bag;
 #[cfg(feature = "sim")]
 mod operator;
 mod outputs;
-#[cfg(feature = "report")]
-mod paper;
-mod recordings;
 #[cfg(feature = "sim")]
 mod scarce;
 #[cfg(feature = "sim")]

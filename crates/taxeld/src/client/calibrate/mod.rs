@@ -16,9 +16,9 @@ use course::{Course, Followed, follow, until_vented};
 use screen::Screen;
 
 use super::ask;
-use super::compare::fetch;
 use super::failure::{Failure, Outcome};
 use super::json;
+use super::models::fetch;
 use super::use_set::SetInWords;
 
 /// Runs it.

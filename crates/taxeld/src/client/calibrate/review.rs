@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use taxel_engine::comparison::Comparison;
 use taxel_engine::model_set::ModelSet;
 
-use crate::client::compare;
 use crate::client::places::Places;
 
 /// Prints a set, against the one that is active.
@@ -21,7 +21,7 @@ pub fn print(set: &ModelSet, active: Option<&ModelSet>, places: &Places) {
         say!("    {} {reason}: {}", taxels.len(), places.name(taxels.iter().copied()));
     }
     let figure = |name: &str, values: Vec<f64>| {
-        if let Some((_, median, worst)) = crate::fit::spread(values) {
+        if let Some((_, median, worst)) = crate::values::spread(values) {
             say!("  {name}: median {median:.2} kPa, at worst {worst:.2} kPa");
         }
     };
@@ -30,6 +30,21 @@ pub fn print(set: &ModelSet, active: Option<&ModelSet>, places: &Places) {
     match active {
         None => say!("  no other set is active"),
         Some(active) if active.id == set.id => say!("  it is the active set"),
-        Some(active) => compare::print(&taxel_rpc::comparison(active, set), places),
+        Some(active) => print_change(active, set, places),
+    }
+}
+
+/// What changes if the set takes the place of the active one; `taxel-lab compare` says more.
+fn print_change(active: &ModelSet, set: &ModelSet, places: &Places) {
+    let compared = Comparison::of(active, set);
+    let ratios = compared.taxels.iter().filter_map(|taxel| taxel.gain_ratio).collect();
+    if let Some([low, median, high]) =
+        crate::values::spread(ratios).map(|(a, b, c)| [a, b, c].map(|r| 100.0 * (r - 1.0)))
+    {
+        say!("  pressure at equal counts, against {}: median {median:+.1} %, {low:+.1} % to {high:+.1} %", active.id);
+    }
+    let lines = [("no longer usable", &compared.lost), ("newly usable", &compared.became_usable)];
+    for (what, taxels) in lines.iter().filter(|(_, taxels)| !taxels.is_empty()) {
+        say!("    {} {what}: {}", taxels.len(), places.name(taxels.iter().copied()));
     }
 }

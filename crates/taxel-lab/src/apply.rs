@@ -1,0 +1,185 @@
+//! `taxel-lab apply`: pressures from the counts of a recording, and how right they are where it has a gauge.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use taxel_engine::calibration::fit::{Applied, ApplyRecipe, Tare, judge};
+use taxel_engine::model_set::ModelSet;
+use taxel_store::models_json;
+
+use crate::fit::parse_number;
+use crate::io;
+use crate::recording::Recording;
+use crate::soundness::{Wanted, check};
+
+/// Counts that are all so many calibrated widths away are of another scale.
+const FAR_WIDTHS: f64 = 1.0;
+
+/// Turns the counts of a recording into pressures.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxel-lab apply models.json walk.csv.gz --out pressure.csv\n  taxel-lab apply models.json - --tare 5 --out - < walk.csv | head"
+)]
+pub struct ApplyArgs {
+    /// Models, as `taxel-lab fit` or a calibration session writes them.
+    models: PathBuf,
+    /// Recording: `t_s[,pressure_kpa],c0,c1,...`, one row a scan, plain or .gz; `-` is the standard input. Its
+    /// pressure, where it has one, is compared with what the models read.
+    data: PathBuf,
+    /// Where the pressures go: `t_s,p0,p1,...` in kPa, an empty cell where a taxel is excluded.
+    #[arg(long, value_name = "PRESSURE.csv")]
+    out: PathBuf,
+    /// The zero: `auto` tares from the first two seconds if they are proven to be at rest, `none` leaves the zero of the
+    /// calibration, a number tares from so many first seconds, which you say are unloaded.
+    #[arg(long, value_name = "auto|none|SECONDS", default_value = "auto", value_parser = parse_tare)]
+    tare: Tare,
+    /// Seconds over which counts are averaged, as many before as after; 0 is not at all [default: as fitted, 0.5].
+    #[arg(long, value_name = "S", value_parser = parse_number)]
+    smooth: Option<f64>,
+    /// Neighbouring columns that form a module [default: as fitted, 10].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    module_size: Option<u16>,
+    /// Write standard deviations in kPa here, cell by cell.
+    #[arg(long, value_name = "SIGMA.csv")]
+    sigma: Option<PathBuf>,
+}
+
+fn parse_tare(text: &str) -> Result<Tare, String> {
+    match text {
+        "auto" => Ok(Tare::Auto),
+        "none" => Ok(Tare::None),
+        _ => {
+            let seconds = parse_number(text).ok().filter(|s| *s > 0.0);
+            seconds.map(Tare::Seconds).ok_or_else(|| "expected `auto`, `none` or a number of seconds".to_owned())
+        }
+    }
+}
+
+/// Reads a model set.
+///
+/// # Errors
+/// The file's path and what is wrong with it.
+pub(crate) fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
+    let text = io::read_text(path)?;
+    models_json::from_json(&text).with_context(|| path.display().to_string())
+}
+
+/// Runs `taxel-lab apply`.
+///
+/// # Errors
+/// A file that cannot be read or written, or models of another number of taxels.
+pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
+    let outputs: Vec<&Path> = [&args.out].into_iter().chain(&args.sigma).map(PathBuf::as_path).collect();
+    io::announce(&outputs, &[&args.models, &args.data])?;
+    let set = read_models(&args.models)?;
+    let mut recording = Recording::read(&args.data)?;
+    let named = || args.data.display().to_string();
+    refuse_other_counts(&set, &recording).with_context(named)?;
+    let notes = if set.is_of_skin() { check(&mut recording, Wanted::APPLY).with_context(named)? } else { Vec::new() };
+    let recipe = ApplyRecipe {
+        tare: args.tare,
+        smooth_s: args.smooth,
+        module_size: args.module_size.map(usize::from),
+        sigma: args.sigma.is_some() || recording.pressure_kpa.is_some(),
+        ..ApplyRecipe::default()
+    };
+    let applied = taxel_engine::calibration::fit::apply(&recording.as_scans(), &set, &recipe)
+        .with_context(|| format!("{} with {}", args.data.display(), args.models.display()))?;
+    print_applied(&args.data, &notes, &applied);
+    if applied.unread.iter().all(Option::is_some) {
+        bail!("not one of {} taxels could be read: nothing is written", applied.unread.len());
+    }
+    if let Some(gauge_kpa) = &recording.pressure_kpa {
+        print_score(&applied, gauge_kpa);
+    }
+    let decimals = set.recorded.is_some().then_some(4);
+    write(&args.out, "p", &recording.time_s, &applied.pressure_kpa, decimals)?;
+    if let Some(path) = &args.sigma {
+        write(path, "s", &recording.time_s, &applied.sigma_kpa, decimals)?;
+    }
+    say!("written to {}", args.out.display());
+    Ok(())
+}
+
+/// Compares what was read with the recording's own gauge.
+fn print_score(applied: &Applied, gauge_kpa: &[f64]) {
+    let score = judge(applied, gauge_kpa);
+    say!("  area-mean error above 30 kPa: {:.2} % (bias {:+.2} kPa)", score.area_percent, score.bias_kpa);
+    say!("  taxel RMSE: mean {:.2} kPa, median {:.2} kPa", score.taxel_rmse_kpa, score.taxel_rmse_median_kpa);
+    if let Some(coverage) = score.coverage_percent {
+        say!("  within the 95 % interval: {coverage:.1} % of the readings");
+    }
+    if let Some(coverage) = score.coverage_beyond_percent {
+        say!("    {coverage:.1} % of the {:.1} % that are beyond the calibrated range", score.beyond_percent);
+    }
+    if let Some(coverage) = score.area_coverage_percent {
+        say!("    {coverage:.1} % of the area-means");
+    }
+}
+
+/// Refuses counts of another scale than the models', for example of 16 bits where the models are for 8.
+fn refuse_other_counts(set: &ModelSet, recording: &Recording) -> anyhow::Result<()> {
+    let ranges = set.taxels.iter().filter(|model| model.is_usable()).filter_map(|model| model.range);
+    let Some([low, high]) = ranges.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)]) else { return Ok(()) };
+    let counts = recording.counts.iter().flatten().copied().filter(|count| count.is_finite());
+    let Some((least, most)) = counts.map(|c| (c, c)).reduce(|(a, b), (c, d)| (a.min(c), b.max(d))) else {
+        return Ok(());
+    };
+    // All of them far outside: neither a load beyond the calibrated one nor a zero that moved does that.
+    let far = FAR_WIDTHS * (high - low).max(1.0);
+    if least > high + far || most < low - far {
+        bail!("the counts are {least} to {most}, the models are for {low:.1} to {high:.1}: another converter or scale");
+    }
+    Ok(())
+}
+
+/// Says what was done and what was left out.
+fn print_applied(data: &Path, notes: &[String], applied: &Applied) {
+    say!("{}: {}", data.display(), applied.zero);
+    notes.iter().for_each(|note| say!("  {note}"));
+    let all = applied.unread.len();
+    let read = applied.unread.iter().filter(|why| why.is_none()).count();
+    let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+    for why in applied.unread.iter().flatten() {
+        *reasons.entry(why.to_string()).or_default() += 1;
+    }
+    say!("  taxels: {read} of {all} read");
+    for (reason, taxels) in reasons {
+        say!("    {taxels} {reason}");
+    }
+    let (masked, cells) = applied.masked;
+    if masked > 0 {
+        let share = 100.0 * masked as f64 / cells as f64;
+        say!("  left out as faulty for a time: {share:.2} % of the readings of those taxels");
+    }
+}
+
+/// Writes one column per taxel; NaN and empty columns are empty cells.
+fn write(
+    path: &Path,
+    letter: &str,
+    time_s: &[f64],
+    columns: &[Vec<f64>],
+    decimals: Option<usize>,
+) -> anyhow::Result<()> {
+    io::write(path, |out| {
+        write!(out, "t_s")?;
+        for taxel in 0..columns.len() {
+            write!(out, ",{letter}{taxel}")?;
+        }
+        writeln!(out)?;
+        for (i, time_s) in time_s.iter().enumerate() {
+            write!(out, "{time_s}")?;
+            for column in columns {
+                match (column.get(i).filter(|value| value.is_finite()), decimals) {
+                    (None, _) => write!(out, ",")?,
+                    (Some(value), Some(decimals)) => write!(out, ",{value:.decimals$}")?,
+                    (Some(value), None) => write!(out, ",{value}")?,
+                }
+            }
+            writeln!(out)?;
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,115 @@
+//! The figures of one taxel, over every scan of its session.
+
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::SessionSamples;
+use taxel_model::{Curve, TaxelModel};
+
+use super::course::Course;
+use super::document::TaxelPart;
+use super::figures::Figures;
+
+/// Points of the range at which a curve is compared with a straight line.
+const LINE_POINTS: usize = 101;
+
+/// Force is told from none beyond this many standard deviations of the errors (ASTM E74).
+const LOWER_LIMIT_SIGMAS: f64 = 2.4;
+
+/// A usable taxel under examination.
+pub(super) struct Examined {
+    /// Its figures but for the expanded uncertainty.
+    pub part: TaxelPart,
+    /// The figures of its errors.
+    pub figures: Figures,
+    /// Reading less reference of each scan, kPa.
+    pub errors: Vec<f64>,
+    /// Slope of its curve from end to end, kPa per count, signed.
+    pub slope: f64,
+    /// Its zero at each ramp less that at the first, counts; `None` where it was not known.
+    pub zero_shifts: Vec<Option<f64>>,
+}
+
+/// Examines a taxel; `None` without a usable model.
+pub(super) fn examine(
+    number: usize,
+    model: &TaxelModel,
+    samples: &SessionSamples,
+    course: &Course,
+) -> Option<Examined> {
+    let curve = model.curve.as_ref().filter(|_| model.is_usable())?;
+    let [low, high] = model.range?;
+    let zeros: Vec<TaxelBaseline> =
+        samples.ramps.iter().map(|ramp| ramp.taxels.get(number).copied().unwrap_or(TaxelBaseline::UNKNOWN)).collect();
+    let zero_shifts = zero_shifts(&zeros);
+    let counts = counts(number, samples, course, &zero_shifts);
+    let errors: Vec<f64> =
+        counts.iter().zip(&course.kpa).map(|(count, kpa)| curve.evaluate(count.max(low).min(high)) - kpa).collect();
+    let figures = Figures::of(&errors, course);
+    let (p_low, p_high) = (curve.evaluate(low), curve.evaluate(high));
+    let (span_kpa, slope) = ((p_high - p_low).abs(), (p_high - p_low) / (high - low));
+    let outside = counts.iter().filter(|count| !(low..=high).contains(*count)).count();
+    let greatest = |shifts: &[Option<f64>]| shifts.iter().flatten().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let part = TaxelPart {
+        taxel: number,
+        order: curve.order(),
+        count_min: low,
+        count_max: high,
+        centre: curve.centre,
+        half_width: curve.half_width,
+        chebyshev_kpa: curve.chebyshev.clone(),
+        range_kpa: [p_low.min(p_high), p_low.max(p_high)],
+        sensitivity_counts_per_kpa: slope.abs().recip(),
+        linearity_percent: 100.0 * off_the_line_kpa(curve, [low, high]) / span_kpa,
+        rmse_kpa: figures.rmse_kpa,
+        bias_kpa: figures.bias_kpa,
+        max_error_kpa: figures.max_kpa,
+        hysteresis_kpa: figures.hysteresis_kpa,
+        hysteresis_percent: figures.hysteresis_kpa.map(|kpa| 100.0 * kpa.abs() / span_kpa),
+        repeatability_kpa: figures.repeatability_kpa,
+        zero_counts: zeros.first().map(|zero| zero.mean).filter(|mean| mean.is_finite()),
+        zero_noise_counts: zeros.first().map(|zero| zero.noise).filter(|noise| noise.is_finite()),
+        zero_shift_counts: zero_shifts.get(1..).and_then(greatest),
+        lower_limit_kpa: lower_limit_kpa(&errors, curve.order(), slope.abs() / per_unit(samples)),
+        outside_share: outside as f64 / counts.len().max(1) as f64,
+        expanded_uncertainty_kpa: 0.0,
+    };
+    Some(Examined { part, figures, errors, slope, zero_shifts })
+}
+
+/// Raw counts in a unit of the counts that models are in.
+pub(super) fn per_unit(samples: &SessionSamples) -> f64 {
+    use taxel_engine::counts::Counts;
+    match samples.samples.first().map(|sample| sample.counts.counts()) {
+        Some(Counts::Words(_, range)) => range.per_unit(),
+        _ => 1.0,
+    }
+}
+
+fn zero_shifts(zeros: &[TaxelBaseline]) -> Vec<Option<f64>> {
+    let first = zeros.first().map_or(f64::NAN, |zero| zero.mean);
+    zeros.iter().map(|zero| Some(zero.mean - first).filter(|shift| shift.is_finite())).collect()
+}
+
+/// The counts of a taxel, brought to the zero of the first ramp.
+fn counts(number: usize, samples: &SessionSamples, course: &Course, zero_shifts: &[Option<f64>]) -> Vec<f64> {
+    let shift = |ramp: usize| zero_shifts.get(ramp).copied().flatten().unwrap_or(0.0);
+    let units = samples.samples.iter().map(|sample| sample.counts.counts().units(number).unwrap_or(f64::NAN));
+    units.zip(&course.ramp).map(|(count, &ramp)| count - shift(ramp)).collect()
+}
+
+/// Greatest distance of a curve from the straight line between its ends, kPa.
+fn off_the_line_kpa(curve: &Curve, [low, high]: [f64; 2]) -> f64 {
+    let (first, last) = (curve.evaluate(low), curve.evaluate(high));
+    let distance = |k: usize| {
+        let share = k as f64 / (LINE_POINTS - 1) as f64;
+        (curve.evaluate(low + share * (high - low)) - (first + share * (last - first))).abs()
+    };
+    (0..LINE_POINTS).map(distance).fold(0.0, f64::max)
+}
+
+/// The least pressure that is told from none: a multiple of the standard deviation of the errors, and no less than one
+/// raw count.
+fn lower_limit_kpa(errors: &[f64], order: usize, raw_count_kpa: f64) -> f64 {
+    let squares: f64 = errors.iter().map(|error| error * error).sum();
+    let free = errors.len().saturating_sub(order + 1).max(1) as f64;
+    (LOWER_LIMIT_SIGMAS * (squares / free).sqrt()).max(raw_count_kpa)
+}

@@ -1,0 +1,152 @@
+//! A running daemon, as the laboratory asks it.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, ensure};
+use taxel_client::{Address, Line, Options, TlsOptions};
+use taxel_engine::calibration::export::sample_row;
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_proto::v1::validation_service_client::ValidationServiceClient;
+use taxel_proto::v1::{
+    ExportModelSetRequest, ExportSamplesRequest, GetSessionRequest, GetValidationRequest, ListModelSetsRequest, Load,
+    Session,
+};
+
+/// Largest answer: a model set as text, with the framing around it.
+const ANSWER_BYTES_MAX: usize = 17 << 20;
+
+/// Which daemon, and which patch of it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Server {
+    /// The daemon: http://HOST:PORT, unix:PATH or, with certificates, https://HOST:PORT [default: /run/taxeld/taxeld.sock
+    /// if there is one, else 127.0.0.1:50051].
+    #[arg(long, value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse)]
+    server: Option<Address>,
+    /// File whose first line is the token to show.
+    #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE")]
+    token: Option<PathBuf>,
+    /// The authority that signed the daemon's certificate, for https://.
+    #[arg(long, value_name = "FILE", env = "TAXELD_CA", requires_all = ["certificate", "key"])]
+    ca: Option<PathBuf>,
+    /// Your own certificate, which tells the daemon who you are.
+    #[arg(long, value_name = "FILE", env = "TAXELD_CERTIFICATE", requires = "ca")]
+    certificate: Option<PathBuf>,
+    /// Its key.
+    #[arg(long, value_name = "FILE", env = "TAXELD_KEY", requires = "ca")]
+    key: Option<PathBuf>,
+    /// The patch, needed only if the daemon has several.
+    #[arg(long, value_name = "NAME", default_value = "")]
+    patch: String,
+}
+
+/// A connection. All services share it.
+pub struct Daemon {
+    line: Line,
+    patch: String,
+}
+
+impl Server {
+    /// Connects, and asks.
+    ///
+    /// # Errors
+    /// Nobody answers, or the daemon refuses.
+    pub fn ask<T>(&self, asking: impl AsyncFnOnce(Daemon) -> anyhow::Result<T>) -> anyhow::Result<T> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        runtime.block_on(async {
+            let address = self.server.clone().unwrap_or_else(Address::local);
+            let tls = match (&self.ca, &self.certificate, &self.key) {
+                (Some(ca), Some(certificate), Some(key)) => Some(TlsOptions::read(ca, certificate, key)?),
+                _ => None,
+            };
+            let options = Options { token: self.token.clone(), tls, ..Options::new(address) };
+            let line = options.connect().await.context("`--server` names another daemon")?;
+            asking(Daemon { line, patch: self.patch.clone() }).await
+        })
+    }
+}
+
+impl Daemon {
+    fn models(&self) -> ModelServiceClient<Line> {
+        ModelServiceClient::new(self.line.clone()).max_decoding_message_size(ANSWER_BYTES_MAX)
+    }
+
+    fn calibration(&self) -> CalibrationServiceClient<Line> {
+        CalibrationServiceClient::new(self.line.clone()).max_decoding_message_size(ANSWER_BYTES_MAX)
+    }
+
+    /// A model set as MODELS.json: by its id, the beginning of it, or `newest`; the active one if it is empty.
+    ///
+    /// # Errors
+    /// No such set, several of them, or no daemon any more.
+    pub async fn export_set(&self, wanted: &str) -> anyhow::Result<String> {
+        let model_set = if wanted.is_empty() { String::new() } else { self.full_id(wanted).await? };
+        let request = ExportModelSetRequest { model_set, patch: self.patch.clone() };
+        Ok(self.models().export_model_set(request).await.map_err(refused)?.into_inner().json)
+    }
+
+    async fn full_id(&self, wanted: &str) -> anyhow::Result<String> {
+        let (mut ids, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListModelSetsRequest { patch: self.patch.clone(), page_size: 100, page_token };
+            let page = self.models().list_model_sets(request).await.map_err(refused)?.into_inner();
+            ids.extend(page.model_sets.into_iter().map(|set| set.model_set));
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                break;
+            }
+        }
+        if wanted == "newest" {
+            return ids.into_iter().next().context("the daemon has no model set");
+        }
+        ids.retain(|id| id.starts_with(wanted));
+        ensure!(ids.len() < 2, "several model sets begin with `{wanted}`: {}", ids.join(", "));
+        ids.pop().with_context(|| format!("there is no model set `{wanted}`: see `taxeld models list`"))
+    }
+
+    /// A session.
+    ///
+    /// # Errors
+    /// No such session, or no daemon any more.
+    pub async fn session(&self, session: u64) -> anyhow::Result<Session> {
+        let request = GetSessionRequest { session };
+        Ok(self.calibration().get_session(request).await.map_err(refused)?.into_inner())
+    }
+
+    /// The samples of a session, as `taxeld sessions export` writes them.
+    ///
+    /// # Errors
+    /// No samples, not all of them, or no daemon any more.
+    pub async fn samples(&self, session: u64) -> anyhow::Result<String> {
+        let request = ExportSamplesRequest { session };
+        let mut blocks = self.calibration().export_samples(request).await.map_err(refused)?.into_inner();
+        let (mut table, mut first_ns, mut written, mut in_all) = (String::new(), None, 0, 0);
+        while let Some(block) = blocks.message().await.map_err(refused)? {
+            in_all = block.samples_in_all;
+            table += &block.table_head;
+            for sample in block.samples {
+                let first_ns = *first_ns.get_or_insert(sample.monotonic_ns);
+                let since_ns = sample.monotonic_ns.saturating_sub(first_ns);
+                table += &sample_row(since_ns, sample.pressure_kpa, sample.counts.into_iter(), sample.ramp);
+                written += 1;
+            }
+        }
+        ensure!(written > 0 && written == in_all, "{written} of {in_all} samples of session {session} came");
+        Ok(table)
+    }
+
+    /// The known loads of a patch.
+    ///
+    /// # Errors
+    /// No such patch, or no daemon any more.
+    pub async fn loads(&self, patch: &str) -> anyhow::Result<Vec<Load>> {
+        let request = GetValidationRequest { patch: patch.to_owned() };
+        let validation = ValidationServiceClient::new(self.line.clone()).get_validation(request).await;
+        Ok(validation.map_err(refused)?.into_inner().loads)
+    }
+}
+
+/// What the daemon says, without the words of its transport.
+fn refused(status: tonic::Status) -> anyhow::Error {
+    anyhow::anyhow!("{}", status.message())
+}

@@ -1,0 +1,264 @@
+//! `taxel-lab fit`: models from a recording, from an exported session, or from any table of counts and pressures.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, bail, ensure};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Workers, fit as fit_skin, legs};
+use taxel_engine::calibration::method;
+use taxel_engine::model_set::{Maker, ModelSet};
+use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays, Samples};
+use taxel_store::models_json;
+
+mod summary;
+
+use crate::io;
+use crate::recording::{Recording, keep};
+use crate::session;
+use crate::soundness::{Wanted, check};
+
+/// Fits models to DATA.csv and writes MODELS.json.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxel-lab fit ramp.csv.gz --out models.json\n  taxel-lab fit ramp.csv --order auto --branch rising --out models.json\n  taxeld sessions export 3 | taxel-lab fit - --order 3 --out models.json"
+)]
+pub struct FitArgs {
+    /// Recording: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or .gz; `-` is the standard input.
+    ///
+    /// 280 rows and more of integers within 0..=255 in two columns or more are a recording of a skin: faulty stretches
+    /// are left out, and the hysteresis is compensated where that wins. An export of a session is fitted as the session
+    /// itself is. Anything else is fitted column by column as it stands.
+    data: PathBuf,
+    /// Where the models go; `-` is the standard output.
+    #[arg(long, value_name = "MODELS.json")]
+    out: PathBuf,
+    /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error [default: 5, and 3 for the curve
+    /// that plays bend].
+    #[arg(long, value_parser = parse_order)]
+    order: Option<Order>,
+    /// The paper's method and nothing else: its equation over all samples of rising pressure, every fault and outlier
+    /// included, the curve as it comes out, monotone or not. Only --min-swing excludes a taxel.
+    #[arg(long, conflicts_with_all = ["estimator", "branch", "plays", "smooth", "max_lag", "bin_width"])]
+    paper: bool,
+    /// Least-squares problem [default: pressure-binned, and per-sample for tables of fewer than 280 rows].
+    #[arg(long, value_parser = one_of(["per-sample", "pressure-binned"], [Estimator::PerSample, Estimator::PressureBinned]))]
+    estimator: Option<Estimator>,
+    /// Solve in double-double throughout, for audits and reference values.
+    #[arg(long)]
+    exact: bool,
+    /// Width of a pressure bin in kPa [default: about 140 bins].
+    #[arg(long, value_name = "KPA", value_parser = parse_number)]
+    bin_width: Option<f64>,
+    /// Which part of a recording is fitted [default: both, and of a session what it gathered].
+    #[arg(long, value_parser = one_of(["both", "rising"], [Branch::Both, Branch::Rising]))]
+    branch: Option<Branch>,
+    /// Compensation of hysteresis: `auto` is on if there is enough of it and it wins on a branch that no fit saw [default: auto,
+    /// and off for a session, whose curves are those of its rise].
+    #[arg(long, value_parser = one_of(["auto", "on", "off"], [PlaysChoice::Auto, PlaysChoice::On, PlaysChoice::Off]))]
+    plays: Option<PlaysChoice>,
+    /// Seconds over which counts are averaged, here and when the models are applied; 0 is not at all.
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = parse_number)]
+    smooth: f64,
+    /// Neighbouring columns that form a module (a triangle) [default: 10].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    module_size: Option<u16>,
+    /// Look for one constant lag of at most so many seconds between gauge and counts, and take it out.
+    #[arg(long, value_name = "S", value_parser = parse_number)]
+    max_lag: Option<f64>,
+    /// Look for a clock of the gauge's own, late by at most so many seconds and fast or slow by up to 2 %, and use it
+    /// where it wins on a stretch that it was not found on; 0 is not at all [default: 8].
+    #[arg(long, value_name = "S", value_parser = parse_number)]
+    max_clock: Option<f64>,
+    /// What the gauge reads in the first two seconds is its own error where nothing moves then: take it off, up to 10 kPa.
+    #[arg(long)]
+    gauge_zero: bool,
+    /// Exclude taxels that move by less than so many counts, as the paper does; 0 is off.
+    #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_number)]
+    min_swing: f64,
+    /// Name of the patch that the models are for [default: that of the session, else the name of the file].
+    #[arg(long)]
+    patch: Option<String>,
+}
+
+/// A parser of words that stand for values.
+fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
+    words: [&'static str; N],
+    values: [T; N],
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(words).try_map(move |chosen| {
+        let at = words.iter().position(|word| *word == chosen).ok_or("no such value")?;
+        Ok::<T, &str>(values[at])
+    })
+}
+
+fn parse_order(text: &str) -> Result<Order, String> {
+    if text == "auto" {
+        return Ok(Order::Auto);
+    }
+    let order = text.parse::<u8>().ok().filter(|order| (1..=MAX_ORDER).contains(order));
+    order.map(Order::Fixed).ok_or_else(|| format!("expected 1 to {MAX_ORDER} or `auto`"))
+}
+
+/// A finite number of 0 or more.
+pub(crate) fn parse_number(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
+    value.ok_or_else(|| "expected a finite number of 0 or more".to_owned())
+}
+
+/// Runs `taxel-lab fit`.
+///
+/// # Errors
+/// A file that cannot be read or written, or has no pressure; or not one usable taxel.
+pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
+    io::announce(&[&args.out], &[&args.data])?;
+    let mut recording = Recording::read(&args.data)?;
+    let began = Instant::now();
+    let (mut set, notes) = args.models(&mut recording).with_context(|| args.data.display().to_string())?;
+    let patch = args.patch.clone().or_else(|| session::patch(&recording));
+    set.patch = patch.unwrap_or_else(|| stem(&args.data));
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    set.created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
+    set.id = models_json::content_id(&set);
+    let took = began.elapsed().as_secs_f64();
+    say!("{}: {} scans fitted in {took:.2} s", args.data.display(), recording.scans());
+    notes.iter().for_each(|note| say!("  {note}"));
+    summary::print(&set);
+    let taxels = set.taxels.len();
+    ensure!(
+        set.taxels.iter().any(|model| model.is_usable()),
+        "not one of {taxels} taxels got a usable model: nothing is written"
+    );
+    let text = models_json::to_json(&set).context("the models cannot be written")?;
+    io::write_text(&args.out, &text)?;
+    say!("written to {}", args.out.display());
+    Ok(())
+}
+
+impl FitArgs {
+    /// The models, and what there is to say of the recording.
+    fn models(&self, recording: &mut Recording) -> anyhow::Result<(ModelSet, Vec<String>)> {
+        let of_skin = [
+            (self.gauge_zero, "--gauge-zero"),
+            (self.max_lag.is_some(), "--max-lag"),
+            (self.max_clock.is_some(), "--max-clock"),
+            (self.module_size.is_some(), "--module-size"),
+        ];
+        let asked = of_skin.iter().find(|(asked, _)| *asked).map(|(_, option)| *option);
+        if session::is_session(recording) {
+            if let Some(option) = asked {
+                bail!("{option} is not for an export of a session: the file has modules and zeros, on one clock");
+            }
+            let plays = self.plays.unwrap_or(PlaysChoice::Off);
+            let recipe = FitRecipe { curve: Branch::Rising, plays, ..self.recipe() };
+            return Ok((session::fit(recording, recipe, self.branch)?, Vec::new()));
+        }
+        let notes = check(recording, Wanted::FIT)?;
+        let scans = recording.as_scans();
+        if scans.is_recording() {
+            return Ok((fit_skin(&scans, &self.recipe(), &AllCores)?, notes));
+        }
+        if let Some(option) = asked.or((self.plays == Some(PlaysChoice::On)).then_some("--plays on")) {
+            bail!(
+                "{option} needs a recording of a skin, {MIN_BINNED_SAMPLES} rows and more of 8-bit counts in two columns \
+                 and more; this is fitted column by column as a table"
+            );
+        }
+        Ok((self.fit_table(recording)?, notes))
+    }
+
+    fn recipe(&self) -> FitRecipe {
+        FitRecipe {
+            options: self.options(Estimator::PressureBinned),
+            branch: self.branch.unwrap_or(Branch::Both),
+            plays: self.plays.unwrap_or_default(),
+            plays_order: self.order.unwrap_or(Plays::DEFAULT_ORDER),
+            module_size: usize::from(self.module_size.unwrap_or(10)),
+            smooth_s: self.smooth,
+            max_lag_s: self.max_lag.unwrap_or(0.0),
+            max_clock_s: self.max_clock.unwrap_or(8.0),
+            gauge_zero: self.gauge_zero,
+            ..FitRecipe::default()
+        }
+    }
+
+    fn options(&self, usual: Estimator) -> FitOptions {
+        let mut options = FitOptions {
+            order: self.order.unwrap_or_default(),
+            estimator: if self.paper { Estimator::Paper } else { self.estimator.unwrap_or(usual) },
+            exact: self.exact,
+            bin_width_kpa: self.bin_width,
+            ..FitOptions::default()
+        };
+        options.exclusion.min_swing_counts = self.min_swing;
+        options
+    }
+
+    /// Fits each column as it stands, or the rows of rising pressure alone.
+    fn fit_table(&self, recording: &mut Recording) -> anyhow::Result<ModelSet> {
+        let pressure = recording.pressure_kpa.as_ref().context("there is no column `pressure_kpa` to fit to")?;
+        let rises_alone = self.paper || self.branch == Some(Branch::Rising);
+        if rises_alone {
+            let rising = legs::rising(pressure, &legs::legs(pressure));
+            recording.pressure_kpa.iter_mut().chain(&mut recording.counts).for_each(|column| keep(column, &rising));
+        }
+        let pressure = recording.pressure_kpa.as_deref().unwrap_or_default();
+        let binned = pressure.len() as u64 >= MIN_BINNED_SAMPLES;
+        let options = self.options(if binned { Estimator::PressureBinned } else { Estimator::PerSample });
+        let taxels: Vec<_> =
+            recording.counts.iter().map(|counts| taxel_model::fit(&Samples::new(counts, pressure), &options)).collect();
+        let highest = pressure.iter().copied().filter(|p| p.is_finite()).fold(f64::NEG_INFINITY, f64::max);
+        ensure!(highest.is_finite(), "the column `pressure_kpa` has no finite number");
+        let method = method(&options);
+        Ok(ModelSet {
+            id: String::new(),
+            patch: String::new(),
+            created_wall_ns: 0,
+            session: None,
+            method: if rises_alone && !self.paper { format!("{method}, rising") } else { method },
+            board_settings: Vec::new(),
+            baseline: vec![TaxelBaseline::UNKNOWN; taxels.len()],
+            pressure_max_kpa: highest,
+            gauge_gain_rel: 0.0,
+            gauge_offset_kpa: 0.0,
+            taxels,
+            recorded: None,
+            recalibrated: None,
+            maker: Maker::this(false),
+        })
+    }
+}
+
+/// The name of a file up to its first dot.
+fn stem(path: &Path) -> String {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let stem = name.split('.').next().unwrap_or_default();
+    if matches!(stem, "" | "-") { "recording".to_owned() } else { stem.to_owned() }
+}
+
+/// Threads on all cores.
+struct AllCores;
+
+impl Workers for AllCores {
+    fn each(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
+        let next = AtomicUsize::new(0);
+        let work = || {
+            loop {
+                let number = next.fetch_add(1, Ordering::Relaxed);
+                if number >= jobs {
+                    return;
+                }
+                job(number);
+            }
+        };
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        thread::scope(|scope| {
+            // Where no thread can be had this one does it all.
+            (1..cores.min(jobs)).for_each(|_| _ = thread::Builder::new().spawn_scoped(scope, work));
+            work();
+        });
+    }
+}

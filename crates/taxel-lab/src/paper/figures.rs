@@ -1,0 +1,299 @@
+//! Every figure of the paper that the data can draw, and why the others cannot be drawn.
+
+use std::ops::Range;
+
+use taxel_model::TaxelModel;
+
+use super::data::Data;
+use super::statistics::{Binned, branch, differences, quantile};
+use crate::document::{Axis, Figure, Level, Line, Look};
+use crate::numbers::mean;
+
+/// Samples that a figure shows at most of one kind: more hide each other.
+const DOTS_MAX: usize = 6000;
+
+/// Points of a curve.
+const CURVE_POINTS: usize = 300;
+
+/// Bars of a histogram, about.
+const BARS: f64 = 30.0;
+
+/// The paper's own mean error.
+const PAPER_ERROR: f64 = 0.12;
+
+/// What all figures are drawn from.
+pub(super) struct Figures<'a> {
+    data: &'a Data,
+    models: &'a [TaxelModel],
+    min_swing_counts: f64,
+    /// Taxels with a model that may be used, by swing.
+    usable: Vec<usize>,
+}
+
+/// A figure, or what the data lack for it.
+type Drawn = Result<Figure, String>;
+
+impl<'a> Figures<'a> {
+    /// For the models of `data`.
+    pub fn new(data: &'a Data, models: &'a [TaxelModel], min_swing_counts: f64) -> Self {
+        let mut usable: Vec<usize> = (0..models.len()).filter(|&taxel| models[taxel].is_usable()).collect();
+        usable.sort_by(|&a, &b| swing(&models[a]).total_cmp(&swing(&models[b])));
+        Self { data, models, min_swing_counts, usable }
+    }
+
+    /// All figures, in the order of the paper.
+    pub fn all(&self) -> (Vec<Figure>, Vec<(&'static str, String)>) {
+        let drawn = [
+            ("raw counts against pressure", self.raw()),
+            ("mean curve over the taxels", self.mean_curve()),
+            ("histogram of the swing", Ok(self.swings())),
+            ("histogram of the baseline", self.baselines()),
+            ("repeatability of three runs", self.repeatability()),
+            ("differences between three runs", self.apart()),
+            ("loop of both branches", self.both_branches()),
+            ("fit over samples", self.fitted("fit-typical", "of median swing", 0.5)),
+            ("fit over samples", self.fitted("fit-weak", "of little swing", 0.1)),
+            ("measured against true force", self.forces()),
+        ];
+        let (mut figures, mut left_out) = (Vec::new(), Vec::new());
+        for (figure, drawn) in drawn {
+            match drawn {
+                Ok(drawn) => figures.push(drawn),
+                Err(why) => left_out.push((figure, why)),
+            }
+        }
+        (figures, left_out)
+    }
+
+    /// The usable taxel below which this share of the others' swings lies.
+    fn taxel(&self, share: f64) -> Result<usize, String> {
+        let at = (share * self.usable.len().saturating_sub(1) as f64).round() as usize;
+        self.usable.get(at).copied().ok_or_else(|| "no taxel has a model that may be used".to_owned())
+    }
+
+    /// Whether a taxel is excluded.
+    fn is_weak(&self, taxel: usize) -> bool {
+        swing(&self.models[taxel]) < self.min_swing_counts
+    }
+
+    fn raw(&self) -> Drawn {
+        let (data, taxel) = (self.data, self.taxel(0.5)?);
+        let of = |up: bool| {
+            let scans = data.branches(up).cloned();
+            thinned(scans.flat_map(|scans| data.samples(taxel, scans, |_| true)).collect())
+        };
+        let lines = [("pressure rises", of(true)), ("pressure falls", of(false))];
+        let there = lines.into_iter().filter(|(name, dots)| *name == "pressure rises" || !dots.is_empty());
+        Ok(plot(
+            "raw",
+            format!("Raw counts of taxel {taxel} against pressure"),
+            "Each dot is a scan, all runs together. The taxel is the one of median swing.",
+            ["pressure, kPa", "raw count"],
+            there.map(|(name, dots)| Line::new(name, Look::Dots, dots)).collect(),
+        ))
+    }
+
+    fn mean_curve(&self) -> Drawn {
+        self.taxel(0.5)?;
+        let curve = |&taxel: &usize| {
+            let rest = self.data.baseline(taxel);
+            Binned::new(self.data, self.data.risen(taxel)).points().map(|(p, c)| (p, c - rest)).collect::<Vec<_>>()
+        };
+        let curves: Vec<Vec<(f64, f64)>> = self.usable.iter().map(curve).collect();
+        let bins = curves.iter().map(Vec::len).min().unwrap_or(0);
+        let over = |of: &dyn Fn(Vec<f64>) -> f64| -> Vec<(f64, f64)> {
+            let column = |bin: usize| curves.iter().map(move |curve| curve[bin]);
+            (0..bins).map(|bin| (mean(column(bin).map(|p| p.0)), of(column(bin).map(|p| p.1).collect()))).collect()
+        };
+        let share = |share: f64| over(&move |counts| quantile(counts, share).unwrap_or(f64::NAN));
+        Ok(plot(
+            "mean-curve",
+            format!("Mean response of {} taxels", self.usable.len()),
+            "Counts less those at rest while the pressure rises, averaged in bins of equal pressure and then over all taxels \
+             that are not excluded.",
+            ["pressure, kPa", "change of the count since rest, counts"],
+            vec![
+                Line::new("mean", Look::Plain, over(&|counts| mean(counts.into_iter()))),
+                Line::new("10 % of the taxels below", Look::Dashed, share(0.1)),
+                Line::new("90 % below", Look::Dashed, share(0.9)),
+            ],
+        ))
+    }
+
+    fn swings(&self) -> Figure {
+        let (excluded, kept): (Vec<usize>, Vec<usize>) = (0..self.models.len()).partition(|&taxel| self.is_weak(taxel));
+        let of = |taxels: &[usize]| taxels.iter().map(|&taxel| swing(&self.models[taxel])).collect();
+        let figure = plot(
+            "swing",
+            format!("Swing of {} taxels, {} of them excluded", self.models.len(), excluded.len()),
+            "Swing is the greatest less the least count while the pressure rises. A taxel below the threshold is excluded, \
+             and nothing else excludes one.",
+            ["swing, counts", "taxels"],
+            histograms(&[("kept", of(&kept)), ("excluded", of(&excluded))]),
+        );
+        let threshold = format!("threshold: {} counts", self.min_swing_counts);
+        Figure { levels: vec![Level::new(self.min_swing_counts, threshold)], ..figure }
+    }
+
+    fn baselines(&self) -> Drawn {
+        let of = |excluded: bool| {
+            let taxels = (0..self.data.taxels()).filter(|&taxel| self.is_weak(taxel) == excluded);
+            taxels.map(|taxel| self.data.baseline(taxel)).filter(|count| count.is_finite()).collect::<Vec<f64>>()
+        };
+        let (kept, excluded) = (of(false), of(true));
+        if kept.is_empty() && excluded.is_empty() {
+            return Err("no scan is at rest before the pressure rises".to_owned());
+        }
+        Ok(plot(
+            "baseline",
+            format!("Baseline of {} taxels", kept.len() + excluded.len()),
+            format!(
+                "Mean count at rest before the first rise. Excluded are taxels with a swing below {} counts.",
+                self.min_swing_counts
+            ),
+            ["baseline, counts", "taxels"],
+            histograms(&[("kept", kept), ("excluded by their swing", excluded)]),
+        ))
+    }
+
+    fn repeatability(&self) -> Drawn {
+        let (taxel, runs) = (self.taxel(0.5)?, self.runs()?);
+        Ok(plot(
+            "repeatability",
+            format!("Repeatability: taxel {taxel} in {} runs", runs.len()),
+            "Mean counts in bins of equal pressure while it rises, one line a run.",
+            ["pressure, kPa", "count, mean of each bin"],
+            run_lines(runs.iter().map(|run| branch(self.data, taxel, run).points().collect())),
+        ))
+    }
+
+    /// The first three runs, or the two there are.
+    fn runs(&self) -> Result<Vec<&'a Range<usize>>, String> {
+        let runs: Vec<_> = self.data.branches(true).take(3).collect();
+        if runs.len() < 2 { Err(format!("{} run in the data, three are wanted", runs.len())) } else { Ok(runs) }
+    }
+
+    /// The lines of three runs lie on each other: what they differ by, for all taxels.
+    fn apart(&self) -> Drawn {
+        self.taxel(0.5)?;
+        let runs = self.runs()?;
+        Ok(plot(
+            "repeatability-difference",
+            format!("Repeatability: {} runs less their mean", runs.len()),
+            format!(
+                "Mean over the {} taxels that are not excluded, in bins of equal pressure, of each run's count less the mean \
+                 of the runs.",
+                self.usable.len()
+            ),
+            ["pressure, kPa", "difference, counts"],
+            run_lines(differences(self.data, &self.usable, &runs)),
+        ))
+    }
+
+    fn both_branches(&self) -> Drawn {
+        let taxel = self.taxel(0.5)?;
+        let (rise, fall) = self.data.run_with_both().ok_or("no falling pressure follows a rise in the data")?;
+        Ok(plot(
+            "loop",
+            format!("Hysteresis: taxel {taxel} on both branches"),
+            "Mean counts of one run in bins of equal pressure.",
+            ["pressure, kPa", "count, mean of each bin"],
+            vec![
+                Line::new("pressure rises", Look::Plain, branch(self.data, taxel, rise).points()),
+                Line::new("pressure falls", Look::Plain, branch(self.data, taxel, fall).points()),
+            ],
+        ))
+    }
+
+    /// A taxel's samples and its model, with the swing that is above this share of the others'.
+    fn fitted(&self, id: &str, which: &str, share: f64) -> Drawn {
+        let taxel = self.taxel(share)?;
+        let model = &self.models[taxel];
+        let curve = model.curve.as_ref().zip(model.range);
+        let (curve, [low, high]) = curve.ok_or_else(|| format!("taxel {taxel} has no curve"))?;
+        let at = |k: usize| low + (high - low) * k as f64 / (CURVE_POINTS - 1) as f64;
+        let line = (0..CURVE_POINTS).map(|k| (at(k), curve.evaluate(at(k))));
+        let samples = thinned(self.data.risen(taxel).map(|(p, c)| (c, p)).collect());
+        Ok(plot(
+            id,
+            format!("Fit of taxel {taxel}, {which}"),
+            format!(
+                "Samples of rising pressure, and the polynomial of order {} that has the least squares over them: root mean \
+                 square of the residuals {:.2} kPa, swing {} counts.",
+                model.order, model.quality.rmse_kpa, model.quality.swing_counts
+            ),
+            ["raw count", "pressure, kPa"],
+            vec![Line::new("samples", Look::Dots, samples), Line::new("fit", Look::Plain, line)],
+        ))
+    }
+
+    fn forces(&self) -> Drawn {
+        let mut lines: Vec<Line> = Vec::new();
+        let mut most = 0.0_f64;
+        for loads in &self.data.loads {
+            most = loads.all.iter().fold(most, |most, load| most.max(load.true_n));
+            let points = loads.all.iter().map(|load| (load.true_n, load.measured_n));
+            lines.push(Line::new(loads.by.clone(), Look::Dots, points));
+        }
+        if lines.is_empty() {
+            return Err("there is no known load; --loads gives them".to_owned());
+        }
+        lines.push(Line::new("measured = true", Look::Plain, [(0.0, 0.0), (most, most)]));
+        for (name, factor) in [("+12 %", 1.0 + PAPER_ERROR), ("-12 %", 1.0 - PAPER_ERROR)] {
+            lines.push(Line::new(name, Look::Dashed, [(0.0, 0.0), (most, factor * most)]));
+        }
+        Ok(plot(
+            "force",
+            "Measured against true force of known loads",
+            "One dot a load. The dashed lines are the mean error that the paper reports \
+             of its real forearm.",
+            ["true force, N", "measured force, N"],
+            lines,
+        ))
+    }
+}
+
+/// A figure with evenly divided axes of these labels.
+fn plot(id: &str, title: impl Into<String>, caption: impl Into<String>, [x, y]: [&str; 2], lines: Vec<Line>) -> Figure {
+    let (id, title, caption) = (id.to_owned(), title.into(), caption.into());
+    Figure { id, title, caption, x: Axis::linear(x), y: Axis::linear(y), lines, ..Figure::default() }
+}
+
+/// A line a run.
+fn run_lines(runs: impl IntoIterator<Item = Vec<(f64, f64)>>) -> Vec<Line> {
+    (1..).zip(runs).map(|(k, run)| Line::new(format!("run {k}"), Look::Plain, run)).collect()
+}
+
+/// Greatest less least count of the rising samples.
+pub(super) fn swing(model: &TaxelModel) -> f64 {
+    model.quality.swing_counts
+}
+
+/// Every so many points, where there are too many to be told apart.
+fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let step = points.len().div_ceil(DOTS_MAX).max(1);
+    points.into_iter().step_by(step).collect()
+}
+
+/// Bars over common bins, stacked: the last set stands on the axis, those before it above.
+fn histograms(sets: &[(&str, Vec<f64>)]) -> Vec<Line> {
+    let all = || sets.iter().flat_map(|(_, values)| values).copied();
+    let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+    let width = ((high - low) / BARS).ceil().max(1.0);
+    let width = if width.is_finite() { width } else { 1.0 };
+    let bin = |value: f64| (value / width).floor();
+    let first = if low.is_finite() { bin(low) } else { 0.0 };
+    let bars = if high.is_finite() { (bin(high) - first) as usize + 1 } else { 0 };
+    let mut below = vec![0.0; bars];
+    let mut series: Vec<Line> = Vec::new();
+    for (name, values) in sets.iter().rev() {
+        for value in values {
+            below[(bin(*value) - first) as usize] += 1.0;
+        }
+        let tops = below.iter().enumerate().map(|(k, top)| (width * (first + k as f64 + 0.5), *top));
+        series.push(Line::new(*name, Look::Bars(width), tops));
+    }
+    // Each is drawn over the taller ones before it.
+    series.reverse();
+    series
+}

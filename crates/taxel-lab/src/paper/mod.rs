@@ -1,0 +1,197 @@
+//! `taxel-lab paper`: every figure and table of the paper that given data can draw.
+//!
+//! J. Kangro, S. Traversaro, D. Pucci, F. Nori, "Skin Normal Force Calibration Using Vacuum Bags". The data are scans of a
+//! skin under a rising and falling pressure and, where there are any, known loads: of the simulator or of a recording.
+
+mod data;
+mod figures;
+mod simulate;
+mod statistics;
+mod tables;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+
+use self::data::{Data, Weighing, Weighings};
+use crate::document::Section;
+use crate::fit::parse_number;
+use crate::io::open;
+use crate::page::Page;
+use crate::recording::Recording;
+use crate::soundness::{Wanted, check};
+
+/// What can be asked of the paper's figures.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxel-lab paper --out figures                           # a simulated forearm\n  taxeld sessions export 3 --out session3.csv\n  taxel-lab paper session3.csv --loads loads.csv --out figures"
+)]
+pub struct PaperArgs {
+    /// A recording (`t_s,pressure_kpa,c0,...`) or an exported session, plain or .gz [default: a simulated forearm].
+    data: Option<PathBuf>,
+    /// Folder for the page and its pictures; made if it is not there.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Exclude taxels that move by less than so many counts, as the paper does.
+    #[arg(long, value_name = "COUNTS", default_value_t = 10.0, value_parser = parse_number)]
+    min_swing: f64,
+    /// Which simulated skin.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Known loads that were read under these models: a table `kilogram,true_n,measured_n`, one row a load, the
+    /// kilogram may be empty.
+    #[arg(long, value_name = "LOADS.csv")]
+    loads: Option<PathBuf>,
+}
+
+const INTRODUCTION: &str = "What J. Kangro, S. Traversaro, D. Pucci and F. Nori show in \u{201c}Skin Normal Force Calibration \
+    Using Vacuum Bags\u{201d}, drawn from other data. The models are the paper's: the polynomial of order 5 with the least \
+    squares over all samples of rising pressure, left as it is. Taxels are excluded by their swing alone.";
+
+/// Draws the figures and writes the tables.
+///
+/// # Errors
+/// Data that cannot be read or have no pressure, a folder that cannot be written. A figure that the data cannot draw is
+/// no error: it is left out, and the page says why.
+pub fn paper(args: &PaperArgs) -> anyhow::Result<()> {
+    let mut data = match &args.data {
+        None => simulate::simulate(args.seed, args.min_swing)?,
+        Some(path) => recording(path).with_context(|| path.display().to_string())?,
+    };
+    if let Some(path) = &args.loads {
+        data.loads = vec![loads(path).with_context(|| path.display().to_string())?];
+    }
+    let section = section(&data, args.min_swing);
+    for line in section.text.iter().chain(section.tables.iter().map(|table| &table.caption)) {
+        say!("{line}");
+    }
+    let page = Page { title: "The paper's figures and tables", introduction: INTRODUCTION, sections: &[section] };
+    page.write(&args.out, "paper")?;
+    say!("{}", args.out.join("index.html").display());
+    Ok(())
+}
+
+fn section(data: &Data, min_swing: f64) -> Section {
+    let models = data.models(min_swing);
+    let (figures, left_out) = figures::Figures::new(data, &models, min_swing).all();
+    let mut tables = vec![tables::calibration(data, &models, min_swing)];
+    tables.extend(data.loads.iter().enumerate().map(|(at, loads)| tables::errors(at, loads)));
+    let without = left_out.into_iter().map(|(figure, why)| format!("Left out, {figure}: {why}."));
+    let text = std::iter::once(format!("The data: {}.", data.source)).chain(without).collect();
+    Section { id: "paper".to_owned(), title: "Figures".to_owned(), text, figures, tables, ..Section::default() }
+}
+
+fn recording(path: &Path) -> anyhow::Result<Data> {
+    let mut recording = Recording::read(path)?;
+    for note in check(&mut recording, Wanted::DRAW)? {
+        say!("{note}");
+    }
+    let kpa = recording.pressure_kpa.context("there is no column `pressure_kpa`")?;
+    ensure!(kpa.iter().any(|kpa| kpa.is_finite()), "the column `pressure_kpa` has no finite number");
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    Ok(Data::new(format!("{name}, {} scans", kpa.len()), kpa, recording.counts))
+}
+
+/// Known loads from a table.
+fn loads(path: &Path) -> anyhow::Result<Weighings> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(open(path)?);
+    let expected = ["kilogram", "true_n", "measured_n"];
+    if reader.headers()?.iter().ne(expected) {
+        bail!("line 1: expected the header `{}`", expected.join(","));
+    }
+    let mut all = Vec::new();
+    for row in reader.deserialize::<(Option<f64>, f64, f64)>() {
+        let (kilogram, true_n, measured_n) = row?;
+        if !(true_n > 0.0 && true_n.is_finite() && measured_n.is_finite()) {
+            bail!("load {}: {true_n} N and {measured_n} N, expected a force above 0 and a finite one", all.len() + 1);
+        }
+        all.push(Weighing { kilogram, true_n, measured_n });
+    }
+    ensure!(!all.is_empty(), "there is no load in it");
+    Ok(Weighings { by: "as given".to_owned(), all })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [&str; 10] = [
+        "raw",
+        "mean-curve",
+        "swing",
+        "baseline",
+        "repeatability",
+        "repeatability-difference",
+        "loop",
+        "fit-typical",
+        "fit-weak",
+        "force",
+    ];
+
+    /// Twenty taxels that count 237 less a pressure of whole kPa, two of which hardly move; a count more on the way down.
+    fn skin(runs: usize, falls: bool) -> Data {
+        let mut kpa = vec![0.0; 40];
+        for _ in 0..runs {
+            kpa.extend((0..=700).map(|k| f64::from(k) / 10.0));
+            kpa.extend((0..700).rev().filter(|_| falls).map(|k| f64::from(k) / 10.0));
+            kpa.extend(vec![0.0; if falls { 40 } else { 0 }]);
+        }
+        let count = |taxel: usize| -> Vec<f64> {
+            let gain = if taxel < 2 { 0.05 } else { 1.0 };
+            let mut before = 0.0;
+            let count = |&p: &f64| {
+                let falling = p < before;
+                before = p;
+                (237.0 - gain * p).round() - if falling { 2.0 } else { 0.0 }
+            };
+            kpa.iter().map(count).collect()
+        };
+        let counts = (0..20).map(count).collect();
+        Data::new("by hand".to_owned(), kpa, counts)
+    }
+
+    #[test]
+    fn three_runs_with_loads_draw_every_figure() {
+        let load = |measured_n| Weighing { kilogram: Some(0.2), true_n: 2.0, measured_n };
+        let mut data = skin(3, true);
+        data.loads = vec![Weighings { by: "by hand".to_owned(), all: vec![load(1.8), load(2.4)] }];
+        let section = section(&data, 10.0);
+        assert_eq!(section.figures.iter().map(|figure| figure.id.as_str()).collect::<Vec<_>>(), ALL);
+        assert_eq!(section.text, ["The data: by hand."]);
+        let cells = |table: usize, row: usize| {
+            section.tables[table].rows[row].iter().map(|cell| cell.words()).collect::<Vec<_>>()
+        };
+        assert_eq!(cells(0, 0)[1], "20, 18 with a model");
+        assert_eq!(cells(1, 0)[1..], ["2", "2", "2.10", "5.00", "15.0"].map(str::to_owned));
+        assert!(section.figures.iter().flat_map(|figure| &figure.lines).all(|line| !line.points.is_empty()));
+    }
+
+    #[test]
+    fn what_the_data_cannot_draw_is_left_out_and_told() {
+        let section = section(&skin(1, false), 10.0);
+        let drawn: Vec<&str> = section.figures.iter().map(|figure| figure.id.as_str()).collect();
+        for id in ["repeatability", "repeatability-difference", "loop", "force"] {
+            assert!(!drawn.contains(&id), "{id}");
+        }
+        assert!(section.text.iter().any(|line| line.contains("no known load")), "{:?}", section.text);
+        let nothing = Data::new(String::new(), vec![f64::NAN; 3], vec![vec![1.0; 3]; 2]);
+        assert!(self::section(&nothing, 10.0).text.len() > 6);
+    }
+
+    #[test]
+    fn a_table_of_loads_is_read_or_refused_with_the_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("loads.csv");
+        std::fs::write(&path, "kilogram,true_n,measured_n\n0.2,1.96,2.1\n,5.0,4.5\n").unwrap();
+        assert_eq!(loads(&path).unwrap().all[1], Weighing { kilogram: None, true_n: 5.0, measured_n: 4.5 });
+        for (text, says) in [
+            ("mass,true\n", "expected the header"),
+            ("kilogram,true_n,measured_n\n1,0,1\n", "load 1: 0 N"),
+            ("kilogram,true_n,measured_n\n1,x,1\n", "invalid float"),
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let error = format!("{:#}", loads(&path).unwrap_err());
+            assert!(error.contains(says), "{text:?}: {error}");
+        }
+    }
+}

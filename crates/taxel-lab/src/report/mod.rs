@@ -1,0 +1,104 @@
+//! `taxel-lab report`: error against run time, stability on stiff and extreme cases, and what a configuration costs.
+//!
+//! Each section is a module with a function that measures and returns a [`Section`].
+
+mod fit;
+mod force;
+mod scenes;
+mod stability;
+
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+use anyhow::ensure;
+use clap::builder::PossibleValuesParser;
+use taxel_proto::Timestamp;
+
+use crate::document::Section;
+use crate::page::Page;
+
+/// What can be asked of the report.
+#[derive(Clone, Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxel-lab report --out report\n  taxel-lab report --quick --only fit,stability --out report"
+)]
+pub struct ReportArgs {
+    /// Folder for the page and its data; made if it is not there.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Fewer repetitions and smaller sizes: less than a minute.
+    #[arg(long)]
+    quick: bool,
+    /// Folder with recordings of a real skin (`insole/`); without it they are left out.
+    #[arg(long, value_name = "DIR", env = "TAXELD_DATA")]
+    data: Option<PathBuf>,
+    /// Of all simulated data.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only these sections.
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = PossibleValuesParser::new(PARTS.map(|part| part.0)))]
+    only: Vec<String>,
+    /// The `taxeld` that the section `scenes` runs [default: the one beside this program].
+    #[arg(long, value_name = "FILE")]
+    taxeld: Option<PathBuf>,
+}
+
+/// Name, heading and what measures it, in the order of the page.
+type Part = (&'static str, &'static str, fn(&ReportArgs) -> anyhow::Result<Section>);
+
+const PARTS: [Part; 4] = [
+    ("force", "Force: held-out error against run time", force::section),
+    ("fit", "Fit: error against run time", fit::section),
+    ("stability", "Stability: stiff, extreme and broken taxels", stability::section),
+    ("scenes", "Scenes: what is left out costs nothing", scenes::section),
+];
+
+const INTRODUCTION: &str = "taxeld turns the raw counts of a robot's skin into the force that presses on it. It learns how \
+    from a vacuum bag: while the pressure in the bag rises, one curve from counts to pressure is fitted for each sensing \
+    element (taxel). This page measures how long such a fit takes, how exact it is beside other methods, how well it \
+    predicts what it has not seen, and what a configuration costs.";
+
+/// Measures and writes the report.
+///
+/// # Errors
+/// A folder that cannot be written, or a section that failed: the page says why, and the others are there.
+pub fn report(args: &ReportArgs) -> anyhow::Result<()> {
+    if let Some(data) = &args.data {
+        ensure!(data.is_dir(), "--data: {} is no folder", data.display());
+    }
+    let (mut sections, mut failed) = (Vec::new(), Vec::new());
+    let chosen = |part: &&Part| args.only.is_empty() || args.only.iter().any(|name| name == part.0);
+    for (name, title, measure) in PARTS.iter().filter(chosen) {
+        let begun = Instant::now();
+        let section = measure(args).unwrap_or_else(|error| {
+            failed.push(*name);
+            let text = vec![format!("FAILED: {error:#}.")];
+            Section { text, ..Section::default() }
+        });
+        say!("{name}: {:.1} s", begun.elapsed().as_secs_f64());
+        sections.push(Section { id: (*name).to_owned(), title: (*title).to_owned(), ..section });
+    }
+    let introduction = format!("{INTRODUCTION} {}", machine(args));
+    let page = Page { title: "taxeld: how right, and how fast", introduction: &introduction, sections: &sections };
+    page.write(&args.out, "report")?;
+    say!("{}", args.out.join("index.html").display());
+    ensure!(failed.is_empty(), "sections that failed: {}; the page says why", failed.join(", "));
+    Ok(())
+}
+
+/// What was measured on, in words.
+fn machine(args: &ReportArgs) -> String {
+    let of = |file: &str| std::fs::read_to_string(file).unwrap_or_default();
+    let cpu = of("/proc/cpuinfo");
+    let model = cpu.lines().find(|line| line.starts_with("model name") || line.starts_with("Model"));
+    let model = model.and_then(|line| line.split_once(':')).map_or("unknown processor", |(_, name)| name.trim());
+    let build = if cfg!(debug_assertions) { "NOT OPTIMISED, its times mean nothing" } else { "optimised" };
+    format!(
+        "Measured {} on {model}, {} cores, Linux {}; build: {build}; {}, seed {}.",
+        Timestamp::from(SystemTime::now()),
+        std::thread::available_parallelism().map_or(1, usize::from),
+        of("/proc/sys/kernel/osrelease").trim(),
+        if args.quick { "quick" } else { "full" },
+        args.seed,
+    )
+}

@@ -1,0 +1,160 @@
+//! An exported session as the engine has it: its samples, its modules, its gauge, and its own fit.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use anyhow::{Context, anyhow, bail, ensure};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::fit::{Branch, FitRecipe};
+use taxel_engine::calibration::{FitJob, RampBaseline, Sample, SessionSamples};
+use taxel_engine::counts::{Counts, SharedCounts};
+use taxel_engine::model_set::ModelSet;
+use taxel_model::{GaugeUncertainty, Rails};
+use taxel_skin::CountRange;
+
+use crate::recording::{Figure, Recording};
+
+/// Whether the recording is that of a session: it says at which zeros its ramps began.
+#[must_use]
+pub fn is_session(recording: &Recording) -> bool {
+    recording.figures.iter().any(|figure| figure.name == "zero")
+}
+
+/// The patch that it is of.
+#[must_use]
+pub fn patch(recording: &Recording) -> Option<String> {
+    recording.figures.iter().find_map(|figure| figure.name.strip_prefix("patch ")).map(str::to_owned)
+}
+
+/// The session's own fit with this recipe, over `branch`, or over what was gathered.
+///
+/// # Errors
+/// A figure that is missing or cannot be, or samples that give no models.
+pub fn fit(recording: &Recording, mut recipe: FitRecipe, branch: Option<Branch>) -> anyhow::Result<ModelSet> {
+    let (samples, counts) = samples(recording)?;
+    let (modules, left_out) = modules(recording, recipe.module_size)?;
+    recipe.module_size = modules.iter().map(ExactSizeIterator::len).max().unwrap_or(1);
+    recipe.options.gauge = gauge(recording);
+    if counts != CountRange::BYTE {
+        let high = counts.units(counts.top());
+        recipe.options.rails = Rails::At { low: 0.0, high };
+        recipe.faults.rail_high = high as f32;
+    }
+    let gathered = gathered(recording);
+    ensure!(
+        branch != Some(Branch::Both) || gathered == Branch::Both,
+        "the session gathered rising pressure alone: it cannot be fitted over both branches"
+    );
+    recipe.branch = branch.unwrap_or(gathered);
+    let samples = if gathered == Branch::Both { samples.of_branch(recipe.branch) } else { samples };
+    let job = FitJob {
+        session: 0,
+        together: Vec::new(),
+        fit: 0,
+        patch: String::new(),
+        wall_ns: 0,
+        board_settings: Vec::new(),
+        samples: Arc::new(samples),
+        simulated: is_simulated(recording),
+        modules,
+        left_out,
+        recipe,
+    };
+    let set = job.run(|_| String::new()).result.map_err(|why| anyhow!(why))?;
+    Ok(ModelSet { session: None, ..ModelSet::clone(&set) })
+}
+
+/// The range of the converters; eight bits unless it is told.
+fn count_range(recording: &Recording) -> anyhow::Result<CountRange> {
+    let Some(top) = recording.figure("count_max").and_then(|figure| figure.cells.first().copied()) else {
+        return Ok(CountRange::BYTE);
+    };
+    let range = if top.fract() == 0.0 && (1.0..=65_535.0).contains(&top) { CountRange::to(top as u16) } else { None };
+    range.with_context(|| format!("`count_max` is {top}, expected an integer from 1 to 65535"))
+}
+
+fn gauge(recording: &Recording) -> GaugeUncertainty {
+    let of = |name| recording.figure(name).map(|figure| figure.kpa).filter(|kpa| kpa.is_finite() && *kpa >= 0.0);
+    GaugeUncertainty {
+        gain_rel: of("gauge_gain").unwrap_or(0.0),
+        offset_kpa: of("gauge_offset").unwrap_or(0.0),
+        noise_kpa: of("gauge_noise").unwrap_or(0.0),
+    }
+}
+
+/// The taxels of each module, and the modules that the session was without.
+fn modules(recording: &Recording, size: usize) -> anyhow::Result<(Vec<Range<usize>>, Vec<u16>)> {
+    let taxels = recording.counts.len();
+    let Some(figure) = recording.figure("module") else {
+        let size = size.max(1);
+        return Ok(((0..taxels).step_by(size).map(|first| first..(first + size).min(taxels)).collect(), Vec::new()));
+    };
+    // Neighbouring cells that are equal are a module; NaN is one of the session was without.
+    let same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
+    let (mut modules, mut left_out): (Vec<Range<usize>>, Vec<u16>) = (Vec::new(), Vec::new());
+    for part in figure.cells.chunk_by(|a, b| same(*a, *b)) {
+        let first = modules.last().map_or(0, |last| last.end);
+        if part[0].is_nan() {
+            left_out.push(u16::try_from(modules.len())?);
+        }
+        modules.push(first..first + part.len());
+    }
+    ensure!(left_out.len() < modules.len(), "the row `module` is empty: there is no taxel to fit");
+    Ok((modules, left_out))
+}
+
+/// Which branches the session gathered.
+#[must_use]
+pub fn gathered(recording: &Recording) -> Branch {
+    if recording.figure("both").is_some() { Branch::Both } else { Branch::Rising }
+}
+
+/// Whether a simulator or a replayed log sent the samples.
+#[must_use]
+pub fn is_simulated(recording: &Recording) -> bool {
+    recording.figure("simulated").is_some()
+}
+
+/// The samples of the session, and the range of its converters.
+///
+/// # Errors
+/// What is missing or cannot be, with its line.
+pub fn samples(recording: &Recording) -> anyhow::Result<(SessionSamples, CountRange)> {
+    let range = count_range(recording)?;
+    let (Some(pressure), Some(ramp_of)) = (&recording.pressure_kpa, &recording.ramps) else {
+        bail!("there is no column `pressure_kpa` to fit to");
+    };
+    let zeros = recording.figures.iter().filter(|figure| figure.name == "zero");
+    let ramps: Vec<RampBaseline> = zeros.map(|zero| ramp(recording, zero)).collect::<anyhow::Result<_>>()?;
+    let sample = |scan: usize| -> anyhow::Result<Sample> {
+        let line = recording.lines[scan];
+        let place = |what: &str| format!("line {line}: {what}");
+        let ramp = ramp_of[scan].saturating_sub(1);
+        ensure!(ramps.iter().any(|zero| zero.ramp == ramp), place(&format!("there is no zero of ramp {}", ramp + 1)));
+        let pressure_kpa = pressure[scan];
+        ensure!(pressure_kpa.is_finite(), place("there is no pressure"));
+        let count = |column: &Vec<f64>| {
+            let count = column[scan];
+            let fits = count.fract() == 0.0 && (0.0..=f64::from(range.top())).contains(&count);
+            ensure!(fits, place(&format!("a count is {count}, expected an integer from 0 to {}", range.top())));
+            Ok(count as u16)
+        };
+        let raw: Vec<u16> = recording.counts.iter().map(count).collect::<anyhow::Result<_>>()?;
+        let counts = if range.is_byte() {
+            raw.iter().map(|count| *count as u8).collect()
+        } else {
+            SharedCounts::from(Counts::Words(&raw, range))
+        };
+        Ok(Sample { ramp, time_ns: (recording.time_s[scan] * 1e9).round() as i64, pressure_kpa, counts })
+    };
+    let samples = (0..recording.scans()).map(sample).collect::<anyhow::Result<_>>()?;
+    Ok((SessionSamples { ramps, samples }, range))
+}
+
+fn ramp(recording: &Recording, zero: &Figure) -> anyhow::Result<RampBaseline> {
+    let noise = recording.figures.iter().find(|figure| figure.name == "noise" && figure.ramp == zero.ramp);
+    let noise = noise.with_context(|| format!("there is no row `noise` of ramp {}", zero.ramp))?;
+    let rest = zero.cells.iter().zip(&noise.cells).map(|(&mean, &noise)| TaxelBaseline { mean, noise });
+    let ramp = zero.ramp.checked_sub(1).context("a row `zero` is of no ramp: expected a number from 1")?;
+    Ok(RampBaseline { ramp, taxels: rest.collect(), gauge_kpa: Some(zero.kpa).filter(|kpa| kpa.is_finite()) })
+}

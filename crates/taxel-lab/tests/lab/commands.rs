@@ -1,0 +1,137 @@
+//! What `taxel-lab fit` and `apply` owe their users: no input overwritten, pipes, failures that scripts see, messages of a
+//! bearable length.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+fn lab(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taxel-lab")).args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+/// The same with something on its standard input.
+fn piped(arguments: &[&str], input: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel-lab"));
+    command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut to = child.stdin.take().unwrap();
+    let input = input.to_owned();
+    let writer = std::thread::spawn(move || drop(to.write_all(input.as_bytes())));
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    output
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a command that must fail with code 1 says.
+fn fails(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(1), "{}{}", text(&output.stdout), text(&output.stderr));
+    text(&output.stderr)
+}
+
+fn succeeds(output: &Output) -> String {
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// Three taxels that lose one count a kPa over 40 s, after two seconds at rest; `step` makes 16-bit counts of them.
+fn recording(step: f64) -> String {
+    let mut table = "t_s,pressure_kpa,c0,c1,c2\n".to_owned();
+    for row in 0..840_u32 {
+        let kpa = 1.5 * (f64::from(row) * 0.05 - 2.0).max(0.0);
+        let count = |taxel: u32| (step * (240.0 - kpa + f64::from((row * 7 + taxel * 3) % 3) - 1.0)).round();
+        writeln!(table, "{:.2},{kpa:.3},{},{},{}", f64::from(row) * 0.05, count(0), count(1), count(2)).unwrap();
+    }
+    table
+}
+
+/// A folder with a recording; the folder, and the names of files in it.
+fn scratch() -> (tempfile::TempDir, [String; 3]) {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["good.csv", "models.json", "pressure.csv"].map(|name| {
+        let path: PathBuf = folder.path().join(name);
+        path.to_str().unwrap().to_owned()
+    });
+    std::fs::write(&names[0], recording(1.0)).unwrap();
+    (folder, names)
+}
+
+#[test]
+fn an_output_that_is_an_input_is_refused_and_nothing_is_written() {
+    let (_folder, [data, models, _]) = scratch();
+    let before = std::fs::read(&data).unwrap();
+    let said = fails(&lab(&["fit", &data, "--out", &data]));
+    assert!(said.contains("is an input"), "{said}");
+    succeeds(&lab(&["fit", &data, "--out", &models]));
+    let set = std::fs::read(&models).unwrap();
+    for arguments in [["apply", &models, &data, "--out", &data], ["apply", &models, &data, "--out", &models]] {
+        assert!(fails(&lab(&arguments)).contains("is an input"), "{arguments:?}");
+    }
+    let said = fails(&lab(&["apply", &models, &data, "--out", "-", "--sigma", &data]));
+    assert!(said.contains("is an input"), "{said}");
+    assert!(std::fs::read(&data).unwrap() == before && std::fs::read(&models).unwrap() == set);
+}
+
+/// Models of a table know no count at rest, and a zero that is asked for by the second has nothing to be compared with.
+#[test]
+fn an_apply_that_reads_no_taxel_says_why_and_writes_nothing() {
+    let (folder, [_, models, pressure]) = scratch();
+    let wide = folder.path().join("wide.csv");
+    std::fs::write(&wide, recording(16.0)).unwrap();
+    let wide = wide.to_str().unwrap();
+    succeeds(&lab(&["fit", wide, "--out", &models]));
+    let output = lab(&["apply", &models, wide, "--tare", "2", "--out", &pressure]);
+    let said = fails(&output) + &text(&output.stdout);
+    assert!(said.contains("not one of 3 taxels could be read: nothing is written"), "{said}");
+    assert!(said.contains("3 no zero: the models have no count of it at rest"), "{said}");
+    assert!(!std::path::Path::new(&pressure).exists());
+}
+
+#[test]
+fn a_dash_is_standard_input_and_output() {
+    let (_folder, [data, models, pressure]) = scratch();
+    succeeds(&lab(&["fit", &data, "--patch", "palm", "--out", &models]));
+    let from_pipe = succeeds(&piped(&["fit", "-", "--patch", "palm", "--out", "-"], &recording(1.0)));
+    let taxels = |json: &str| serde_json::from_str::<serde_json::Value>(json).unwrap()["taxels"].clone();
+    assert_eq!(taxels(&from_pipe), taxels(&std::fs::read_to_string(&models).unwrap()));
+    succeeds(&lab(&["apply", &models, &data, "--out", &pressure]));
+    let from_pipe = succeeds(&piped(&["apply", &models, "-", "--out", "-"], &recording(1.0)));
+    assert_eq!(from_pipe, std::fs::read_to_string(&pressure).unwrap());
+}
+
+#[test]
+fn a_fit_without_one_usable_taxel_fails_and_writes_nothing() {
+    let (folder, [_, models, _]) = scratch();
+    let dead = folder.path().join("dead.csv");
+    let mut table = "t_s,pressure_kpa,c0,c1\n".to_owned();
+    (0..600).for_each(|row| writeln!(table, "{},{},240,240", f64::from(row) * 0.05, f64::from(row) * 0.1).unwrap());
+    std::fs::write(&dead, table).unwrap();
+    let said = fails(&lab(&["fit", dead.to_str().unwrap(), "--out", &models]));
+    assert!(said.contains("not one of 2 taxels"), "{said}");
+    assert!(!std::path::Path::new(&models).exists());
+}
+
+#[test]
+fn counts_of_another_scale_are_refused() {
+    let (folder, [data, models, pressure]) = scratch();
+    succeeds(&lab(&["fit", &data, "--out", &models]));
+    let wide = folder.path().join("wide.csv");
+    std::fs::write(&wide, recording(256.0)).unwrap();
+    let said = fails(&lab(&["apply", &models, wide.to_str().unwrap(), "--out", &pressure]));
+    assert!(said.contains("another converter or scale"), "{said}");
+    assert!(!std::path::Path::new(&pressure).exists());
+}
+
+#[test]
+fn what_a_file_holds_is_not_echoed_at_length() {
+    let (folder, [_, models, _]) = scratch();
+    let strange = folder.path().join("strange.csv");
+    let header: Vec<String> = (0..9_000).map(|column| format!("column{column}")).collect();
+    std::fs::write(&strange, format!("{}\n1,2\n", header.join(","))).unwrap();
+    let said = fails(&lab(&["fit", strange.to_str().unwrap(), "--out", &models]));
+    assert!(said.contains("begins with `column0,column1,") && said.len() < 400, "{} bytes: {said}", said.len());
+}

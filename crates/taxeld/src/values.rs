@@ -1,0 +1,30 @@
+//! Values of the command line, and what several commands say of many values.
+
+use taxel_model::{MAX_ORDER, Order};
+
+/// `auto`, or an order that is fitted.
+pub fn parse_order(text: &str) -> Result<Order, String> {
+    if text == "auto" {
+        return Ok(Order::Auto);
+    }
+    let order = text.parse::<u8>().ok().filter(|order| (1..=MAX_ORDER).contains(order));
+    order.map(Order::Fixed).ok_or_else(|| format!("expected 1 to {MAX_ORDER} or `auto`"))
+}
+
+/// A finite number of 0 or more.
+pub fn parse_seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
+    value.ok_or_else(|| "expected a finite number of 0 or more".to_owned())
+}
+
+/// A finite number above 0.
+pub fn parse_positive(text: &str) -> Result<f64, String> {
+    parse_seconds(text).ok().filter(|v| *v > 0.0).ok_or_else(|| "expected a finite number above 0".to_owned())
+}
+
+/// Least, median and greatest of the finite values.
+pub fn spread(mut values: Vec<f64>) -> Option<(f64, f64, f64)> {
+    values.retain(|v| v.is_finite());
+    values.sort_by(f64::total_cmp);
+    Some((*values.first()?, values[values.len() / 2], *values.last()?))
+}
