@@ -12,18 +12,16 @@ pub(crate) mod limits;
 mod recalibrated;
 mod recorded;
 mod taxel;
-mod words;
 
 use serde::{Deserialize, Serialize};
-use serde_json::value::RawValue;
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_model::bounded::{List, Text};
 use thiserror::Error;
 
-use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length, check_size};
-use words::shown;
+use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length};
 
 /// The word by which a file of this kind is known.
 pub const FORMAT: &str = "taxeld-models";
@@ -101,11 +99,11 @@ struct File {
 
 /// What tells the kind of a file, whatever else it holds.
 #[derive(Deserialize)]
-struct Kind<'a> {
-    #[serde(borrow)]
-    format: Option<&'a RawValue>,
-    #[serde(borrow)]
-    version: Option<&'a RawValue>,
+struct Kind {
+    #[serde(default)]
+    format: Value,
+    #[serde(default)]
+    version: Value,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -177,21 +175,11 @@ pub fn of_no_session(set: ModelSet) -> ModelSet {
     ModelSet { session: None, ..set }
 }
 
-/// Reads a text that [`to_json`] made and that is proven to be as it was written, so that its id needs no second proof.
-///
-/// # Errors
-/// As [`from_json`].
-pub(crate) fn from_proven_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
-    let (mut set, given) = read(text)?;
-    set.id = given.ok_or_else(|| ModelsJsonError::Set("missing field `id`".to_owned()))?;
-    Ok(set)
-}
-
 /// The set, without an id, and the id that the text gives.
 fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
     // Some editors put the mark of an encoding before a text.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    check_size(text).map_err(ModelsJsonError::TooLarge)?;
+    check_length(text.len()).map_err(ModelsJsonError::TooLarge)?;
     check_kind(text)?;
     let file: File =
         serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text)).map_err(located)?;
@@ -228,7 +216,7 @@ fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
 /// An error of the parser with the place in the file, which is JSON; one in the list of taxels names the taxel.
 fn located(error: serde_path_to_error::Error<serde_json::Error>) -> ModelsJsonError {
     let path = error.path().to_string();
-    let words = words::plain(&error.into_inner());
+    let words = shown(&error.into_inner().to_string());
     let of_taxel = path.strip_prefix("taxels[").and_then(|rest| rest.split_once(']'));
     match of_taxel.and_then(|(taxel, rest)| Some((taxel.parse().ok()?, rest.trim_start_matches('.')))) {
         Some((taxel, "")) => ModelsJsonError::Taxel { taxel, problem: words },
@@ -318,19 +306,26 @@ fn to_text(value: &impl Serialize) -> String {
 
 /// Kind and version come first: of a file of another kind nothing else means anything.
 fn check_kind(text: &str) -> Result<(), ModelsJsonError> {
-    if text.trim_start().starts_with(|c| c != '{') {
-        return Err(ModelsJsonError::Format("missing".to_owned()));
+    let kind: Kind = serde_json::from_str(text).map_err(|error| ModelsJsonError::Syntax(shown(&error.to_string())))?;
+    let found = |value: &Value| if value.is_null() { "missing".to_owned() } else { shown(&value.to_string()) };
+    if kind.format != FORMAT {
+        return Err(ModelsJsonError::Format(found(&kind.format)));
     }
-    let kind: Kind<'_> =
-        serde_json::from_str(text).map_err(|error| ModelsJsonError::Syntax(shown(&error.to_string())))?;
-    let found = |value: Option<&RawValue>| value.map_or("missing".to_owned(), |value| shown(value.get()));
-    if kind.format.and_then(|format| serde_json::from_str(format.get()).ok()) != Some(FORMAT) {
-        return Err(ModelsJsonError::Format(found(kind.format)));
-    }
-    if kind.version.and_then(|version| serde_json::from_str(version.get()).ok()) != Some(VERSION) {
-        return Err(ModelsJsonError::Version(found(kind.version)));
+    if kind.version != VERSION {
+        return Err(ModelsJsonError::Version(found(&kind.version)));
     }
     Ok(())
+}
+
+/// So many characters of a text that is not understood are shown.
+const SHOWN_CHARS_MAX: usize = 200;
+
+/// The beginning of a text.
+fn shown(text: &str) -> String {
+    match text.char_indices().nth(SHOWN_CHARS_MAX) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
 }
 
 /// Everything that a type cannot say: the same for what is read and what is written.

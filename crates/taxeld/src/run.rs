@@ -110,9 +110,9 @@ impl Daemon {
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
         let handle = handle.with_samples(samples_of(store.reader())).with_refits(models_json::content_id);
-        let handle = handle.with_model_sets(model_sets_of(store.set_reader()));
-        let handle = handle.with_audit(audit_source(store.audit_reader())).with_room(room);
-        let size = store.size_reader();
+        let handle = handle.with_model_sets(model_sets_of(store.reader()));
+        let handle = handle.with_audit(audit_source(store.reader())).with_room(room);
+        let size = store.reader();
         #[cfg(feature = "certificate")]
         let handle = handle.with_certificates(certificates);
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);

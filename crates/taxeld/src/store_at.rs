@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use taxel_engine::Restored;
 use taxel_rpc::{AuditSource, ModelSetSource, Room, SamplesSource};
-use taxel_store::{AuditReader, Quarantined, Retention, SamplesReader, SetReader, Store, StoreFile};
+use taxel_store::{Reader, Retention, Store, StoreFile};
 
 use crate::queues::TellDone;
 
@@ -37,38 +37,32 @@ pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Stor
 ///
 /// # Errors
 /// As [`StoreFile::open`].
-#[cfg_attr(not(any(feature = "certificate", feature = "report")), allow(dead_code))]
 pub fn read_store(path: &Path) -> anyhow::Result<StoreFile> {
     let store = StoreFile::open(path)?;
-    tell(path, store.damage());
+    for damage in store.damage() {
+        crate::say::error_line(format_args!("taxeld: {}: {damage}", path.display()));
+    }
     Ok(store)
 }
 
-/// Tells on standard error what of a store is damaged or lost.
-pub fn tell(path: &Path, damage: &[Quarantined]) {
-    for damage in damage {
-        crate::say::error_line(format_args!("taxeld: {}: {damage}", path.display()));
-    }
-}
-
 /// How the service reads the audit log.
-pub fn audit_source(reader: AuditReader) -> AuditSource {
+pub fn audit_source(reader: Reader) -> AuditSource {
     Arc::new(move |before, most, on_entries| {
-        reader.read(before, most, Box::new(move |read| on_entries(read.map_err(|error| error.to_string()))));
+        reader.audit(before, most, Box::new(move |read| on_entries(read.map_err(|error| error.to_string()))));
     })
 }
 
 /// The samples of stored sessions, for the service.
-pub fn samples_of(store: SamplesReader) -> SamplesSource {
+pub fn samples_of(store: Reader) -> SamplesSource {
     Arc::new(move |session, told| {
-        store.read(session, Box::new(move |samples| told(samples.map_err(|error| error.to_string()))));
+        store.samples(session, Box::new(move |samples| told(samples.map_err(|error| error.to_string()))));
     })
 }
 
 /// The texts of stored model sets, for the service.
-pub fn model_sets_of(store: SetReader) -> ModelSetSource {
+pub fn model_sets_of(store: Reader) -> ModelSetSource {
     Arc::new(move |model_set, told| {
-        store.read(model_set, Box::new(move |text| told(text.map_err(|error| error.to_string()))));
+        store.model_set(model_set, Box::new(move |text| told(text.map_err(|error| error.to_string()))));
     })
 }
 

@@ -70,8 +70,7 @@ fn no_output_takes_the_name_of_a_file_of_the_store_or_of_the_configuration() {
         "s.db",
         "s.db-wal",
         "./s.db-wal",
-        "s.db-active",
-        "s.db-open",
+        "s.db-copy",
         "s.db-lock",
         "s.db-new",
         "socket",
@@ -96,7 +95,7 @@ fn no_output_takes_the_name_of_a_file_of_the_store_or_of_the_configuration() {
             assert_eq!(content(folder.path()), before, "{command:?}");
         }
     }
-    let beginning = at("s.db-doubt");
+    let beginning = at("s.db-copy-part");
     let output = taxeld(&["scan", &log, "--config", &config, "--out", &beginning]);
     assert!(text(&output.stderr).contains("would be overwritten by the output"), "{}", text(&output.stderr));
 }

@@ -200,7 +200,7 @@ fn a_start_that_fails_after_the_store_was_opened_closes_it() {
     assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{}", daemon.log());
     assert!(daemon.log().contains("Address already in use"), "{}", daemon.log());
     let disk = daemon.folder.path().join("disk");
-    assert!(disk.join("store.db").exists() && !disk.join("store.db-open").exists(), "it is not closed");
+    assert!(disk.join("store.db").exists() && !disk.join("store.db-wal").exists(), "it is not closed");
 }
 
 /// Until somebody ends it: each call takes an hour.
@@ -242,7 +242,7 @@ fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
         let log = daemon.log();
         let told = format!("{said}Resource temporarily unavailable");
         assert!(log.contains(&told) && !log.contains("panicked"), "thread {number}, {told}: {log}");
-        let mark = daemon.folder.path().join("disk/store.db-open");
+        let mark = daemon.folder.path().join("disk/store.db-wal");
         assert!(number < 5 || !mark.exists(), "{told}: the store is not closed");
         // Where there is a thread for a runtime, there is one for its other.
         number += if said.is_empty() || said.contains("runtime") { 2 } else { 1 };
@@ -269,7 +269,7 @@ async fn a_daemon_that_gets_no_further_thread_does_all_it_is_asked_for_and_close
     assert_eq!(daemon.child.wait().unwrap().code(), Some(0), "{}", daemon.log());
     let log = daemon.log();
     assert!(!log.contains("panicked") && !log.contains("ERROR"), "{log}");
-    assert!(!daemon.folder.path().join("disk/store.db-open").exists(), "the store is not closed");
+    assert!(!daemon.folder.path().join("disk/store.db-wal").exists(), "the store is not closed");
 }
 
 #[tokio::test]

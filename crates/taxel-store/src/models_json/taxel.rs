@@ -1,17 +1,15 @@
 //! One taxel's entry in MODELS.json.
 
-use serde::de::{Error, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
-use serde_json::{Map, Number, Value, json};
-use std::fmt;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
 use taxel_model::bounded::{List, Text};
 use taxel_model::{
     Curve, Estimator, Flag, GaugeUncertainty, KNOTS_MAX, MAX_ORDER, Quality, SigmaProfile, Sign, Status, TERMS_MAX,
     TaxelModel, figure,
 };
 
-use super::limits::{FIGURES_MAX, FLAGS_MAX, WORDS_BYTES_MAX};
-use super::words;
+use super::limits::{FLAGS_MAX, WORDS_BYTES_MAX};
+use super::shown;
 
 /// A string of an entry.
 type Words = Text<WORDS_BYTES_MAX>;
@@ -27,7 +25,7 @@ pub(super) struct Entry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     reason: Option<Words>,
     /// The numbers that belong to the status.
-    #[serde(default, skip_serializing_if = "Map::is_empty", deserialize_with = "figures")]
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
     figures: Map<String, Value>,
     order: u8,
     /// Ascending powers of the raw count, a + b C + c C^2 + ...; `null` without a curve.
@@ -41,30 +39,6 @@ pub(super) struct Entry {
     gauge: GaugeUncertainty,
     quality: Quality,
     flags: List<Flag, FLAGS_MAX>,
-}
-
-/// Numbers by name, or `null` where there is none.
-fn figures<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Map<String, Value>, D::Error> {
-    struct Figures;
-    impl<'de> Visitor<'de> for Figures {
-        type Value = Map<String, Value>;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            write!(f, "at most {FIGURES_MAX} numbers by name")
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Self::Value, A::Error> {
-            let mut figures = Map::new();
-            while let Some((Text::<WORDS_BYTES_MAX>(name), value)) = entries.next_entry::<_, Option<Number>>()? {
-                if figures.len() == FIGURES_MAX {
-                    return Err(A::Error::custom(format_args!("more than {FIGURES_MAX} figures, which is the limit")));
-                }
-                figures.insert(name, value.map_or(Value::Null, Value::Number));
-            }
-            Ok(figures)
-        }
-    }
-    deserializer.deserialize_map(Figures)
 }
 
 /// The entry of a model.
@@ -145,7 +119,7 @@ fn status(code: &str, figures: Map<String, Value>) -> Result<Status, String> {
     let given = figures.clone();
     let value = if figures.is_empty() { json!(variant) } else { json!({ variant: figures }) };
     let status: Status = serde_json::from_value(value)
-        .map_err(|error| format!("`status` \"{code}\" and its `figures`: {}", words::plain(&error)))?;
+        .map_err(|error| format!("`status` \"{code}\" and its `figures`: {}", shown(&error.to_string())))?;
     if status.code() != code {
         return Err(format!("`status` is \"{code}\", expected \"{}\"", status.code()));
     }
@@ -232,14 +206,17 @@ fn check_curve(model: &TaxelModel, curve: &Curve, [low, high]: [f64; 2]) -> Resu
         let given = model.raw_coefficients.len();
         return Err(format!("`coefficients` has {given} entries, expected {terms} for `order` {}", model.order));
     }
-    for count in [low, low + (high - low) / 2.0, high] {
+    // Two polynomials that agree at one place more than their order are the same.
+    for place in 0..=terms {
+        let count = low + (high - low) * place as f64 / terms as f64;
         let (printed, error) = horner(&model.raw_coefficients, count);
         let served = curve.evaluate(count);
         if !served.is_finite() {
             return Err(format!("`curve` gives {served} kPa at count {}, expected a finite number", figure(count)));
         }
         let error = error + ROUNDING * curve.chebyshev.iter().map(|c| c.abs()).sum::<f64>();
-        if (printed - served).abs() > error {
+        // Of what overflows nothing can be told, and it agrees with nothing.
+        if !error.is_finite() || (printed - served).abs() > error {
             let [count, printed, served] = [count, printed, served].map(figure);
             return Err(format!(
                 "at count {count} `coefficients` give {printed} kPa and `curve` gives {served} kPa: they are not the \
