@@ -89,27 +89,20 @@ fn refuse_no_file(path: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Refuses what is not ours, is newer than we are, or is not whole; `was_ours` of a file that has been.
-///
-/// # Errors
-/// [`StoreError::Damaged`] of what was ours and is not whole.
-pub(crate) fn check(connection: &Connection, path: &Path, was_ours: bool) -> Result<(), StoreError> {
-    check_with(connection, path, was_ours, length(path) <= WHOLE_BYTES_MAX)
+/// Refuses what is not ours, is newer than we are, or is not whole.
+pub(crate) fn check(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+    check_with(connection, path, length(path) <= WHOLE_BYTES_MAX)
 }
 
 /// As [`check`]; the `whole` file if that is asked for.
-pub(crate) fn check_with(connection: &Connection, path: &Path, was_ours: bool, whole: bool) -> Result<(), StoreError> {
+pub(crate) fn check_with(connection: &Connection, path: &Path, whole: bool) -> Result<(), StoreError> {
     let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
     let number = |pragma: &str| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
     let (application, version) = (number("application_id").map_err(opening)?, number("user_version").map_err(opening)?);
     let path = path.to_path_buf();
     if application != schema::APPLICATION_ID {
         let reason = format!("its application id is {application:#x}, expected {:#x}", schema::APPLICATION_ID);
-        return Err(if was_ours {
-            StoreError::Damaged { path, findings: reason }
-        } else {
-            StoreError::Foreign { path, reason }
-        });
+        return Err(StoreError::Foreign { path, reason });
     }
     if version > schema::VERSION {
         return Err(StoreError::TooNew { path, found: version, newest: schema::VERSION });
@@ -129,16 +122,13 @@ pub(crate) fn has_header(path: &Path) -> bool {
 
 /// What is wrong with how the pages hang together; `None` if all is well.
 fn structure(connection: &Connection, whole: bool) -> rusqlite::Result<Option<String>> {
-    let mut findings = Vec::new();
-    let parts: &[Option<&str>] = if whole { &[None] } else { &[Some("facts"), Some("model_sets")] };
-    for part in parts {
-        let check = part.map_or("PRAGMA quick_check".to_owned(), |table| format!("PRAGMA quick_check({table})"));
-        let mut statement = connection.prepare(&check)?;
+    let checks: &[&str] = if whole { &["quick_check(3)"] } else { &["quick_check(facts)", "quick_check(model_sets)"] };
+    for check in checks {
+        let mut statement = connection.prepare(&format!("PRAGMA {check}"))?;
         let lines = statement.query_map([], |row| row.get::<_, String>(0))?.collect::<Result<Vec<_>, _>>()?;
-        findings.extend(lines.into_iter().filter(|line| line != "ok"));
+        if lines != ["ok"] {
+            return Ok(Some(lines.join("; ").replace('\n', " ")));
+        }
     }
-    let more = findings.len().saturating_sub(3);
-    findings.truncate(3);
-    let more = if more > 0 { format!("; and {more} more") } else { String::new() };
-    Ok((!findings.is_empty()).then(|| findings.join("; ").replace('\n', " ") + &more))
+    Ok(None)
 }

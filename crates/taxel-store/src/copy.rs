@@ -83,7 +83,7 @@ pub(crate) fn read(database: &Path) -> Result<Option<Found>, StoreError> {
 /// Opens the copy of a store, which is proven to be whole.
 pub(crate) fn open(copy: &Path) -> Result<Connection, StoreError> {
     let connection = connect::to_read(copy)?;
-    connect::check(&connection, copy, true)?;
+    connect::check(&connection, copy)?;
     Ok(connection)
 }
 

@@ -211,26 +211,19 @@ impl From<rusqlite::Error> for StoreError {
 pub struct Quarantined {
     /// What it is, for example `model set m-0123456789abcdef`.
     pub what: String,
-    /// Why it is not trusted, or what became of it.
+    /// Why it is not used, or what became of it.
     pub reason: String,
-    kind: Kind,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Damaged,
-    Lost,
 }
 
 impl Quarantined {
     /// A row or a file that is not what was written.
     pub(crate) fn new(what: impl Into<String>, reason: impl fmt::Display) -> Self {
-        Self { what: what.into(), reason: reason.to_string(), kind: Kind::Damaged }
+        Self::lost(what, format!("damaged on disk and not used: {reason}"))
     }
 
     /// What is not there, in whole or in part, or could not be used as it is: the reason says all of it.
     pub(crate) fn lost(what: impl Into<String>, reason: impl fmt::Display) -> Self {
-        Self { kind: Kind::Lost, ..Self::new(what, reason) }
+        Self { what: what.into(), reason: reason.to_string() }
     }
 }
 
@@ -251,10 +244,6 @@ pub(crate) fn lines(findings: &[Quarantined]) -> Vec<String> {
 
 impl fmt::Display for Quarantined {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { what, reason, kind } = self;
-        match kind {
-            Kind::Damaged => write!(f, "{what} is damaged on disk and not used: {reason}"),
-            Kind::Lost => write!(f, "{what}: {reason}"),
-        }
+        write!(f, "{}: {}", self.what, self.reason)
     }
 }

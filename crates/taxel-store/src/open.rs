@@ -76,7 +76,7 @@ fn to_write(path: &Path, limits: &Retention, mut lock: StoreLock) -> Result<Open
     lock.sign();
     db.lock = Some(lock);
     repair_active(&mut db, path, &mut found, copy.as_ref(), &mut findings)?;
-    db.state.appender.copy_due = copy.is_none() && !found.restored.model_sets.is_empty();
+    db.state.appender.copy_due |= copy.is_none() && !found.restored.model_sets.is_empty();
     retain(&mut db, &mut found.restored, limits)?;
     schema::give_back_space(&db.connection)?;
     db.state.fold_log(&db.connection)?;
@@ -93,13 +93,13 @@ fn begin(path: &Path, was_ours: bool) -> Result<(Connection, Found), StoreError>
         return Err(damaged("it is empty"));
     }
     if path.is_file() && !connect::has_header(path) {
-        let reason = "it does not begin as an SQLite file does";
-        return Err(if was_ours { damaged(reason) } else { foreign(path, reason) });
+        let reason = "it does not begin as an SQLite file does".to_owned();
+        return Err(damage_of_ours(StoreError::Foreign { path: path.to_path_buf(), reason }, was_ours));
     }
     let without_log = !beside(path, LOG).exists();
     let open = || {
         let connection = connect::to_write(path)?;
-        connect::check(&connection, path, was_ours)?;
+        connect::check(&connection, path)?;
         schema::use_log(&connection, path)?;
         let found = restore::read(&connection)?;
         Ok((connection, found))
@@ -109,15 +109,18 @@ fn begin(path: &Path, was_ours: bool) -> Result<(Connection, Found), StoreError>
         StoreError::Open { path, reason } => {
             StoreError::Io(format!("{}: {reason} (is the disk full or read-only?)", path.display()))
         }
-        StoreError::Foreign { reason, .. } if was_ours => damaged(&reason),
-        other => other,
+        other => damage_of_ours(other, was_ours),
     })?;
     found.open &= without_log;
     Ok((connection, found))
 }
 
-fn foreign(path: &Path, reason: &str) -> StoreError {
-    StoreError::Foreign { path: path.to_path_buf(), reason: reason.to_owned() }
+/// What is not recognized any more is damaged if it was ours.
+fn damage_of_ours(error: StoreError, was_ours: bool) -> StoreError {
+    match error {
+        StoreError::Foreign { path, reason } if was_ours => StoreError::Damaged { path, findings: reason },
+        other => other,
+    }
 }
 
 /// Refuses a database that is older than its copy.
@@ -280,9 +283,13 @@ fn to_read(path: &Path, failure: StoreError) -> Result<Opened, StoreError> {
 
 /// Reads a database where it lies. That it is open and its log is missing stays in [`Found::open`].
 pub(crate) fn read_in_place(path: &Path, was_ours: bool) -> Result<(Connection, Found), StoreError> {
-    let connection = connect::to_read(path)?;
-    connect::check(&connection, path, was_ours)?;
-    let mut found = restore::read(&connection)?;
+    let open = || {
+        let connection = connect::to_read(path)?;
+        connect::check(&connection, path)?;
+        let found = restore::read(&connection)?;
+        Ok((connection, found))
+    };
+    let (connection, mut found) = open().map_err(|error| damage_of_ours(error, was_ours))?;
     found.open &= !beside(path, LOG).exists();
     Ok((connection, found))
 }

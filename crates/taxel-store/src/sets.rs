@@ -22,8 +22,6 @@ pub(crate) fn put(connection: &Connection, set: &ModelSet) -> Result<(), StoreEr
         return Ok(());
     }
     let json = models_json::to_json(set).map_err(|error| unstorable(error.to_string()))?;
-    // What goes to disk is proven readable first: a set that could not be loaded again is no use there.
-    models_json::from_json(&json).map_err(|error| unstorable(error.to_string()))?;
     let summary = serde_json::to_string(&StoredSummary(SetSummary::of(set)));
     let summary = summary.map_err(|error| unstorable(error.to_string()))?;
     let sha256 = Sha256::digest(&json).to_vec();

@@ -127,7 +127,7 @@ pub fn check(path: &Path) -> Result<Checked, StoreError> {
 
 fn check_rows(store: StoreFile, checked: &mut Checked) -> Result<(), StoreError> {
     checked.damage.extend_from_slice(store.damage());
-    let whole = connect::check_with(&store.connection, &store.path, true, true);
+    let whole = connect::check_with(&store.connection, &store.path, true);
     checked.damage.extend(whole.err().map(|error| Quarantined::new(STORE, error)));
     for set in &store.restored.model_sets {
         match store.model_set(&set.id) {

@@ -27,10 +27,10 @@ struct View {
     confirmed_by: Option<String>,
     predecessor: Option<u64>,
     left_out: Vec<u16>,
-    #[serde(with = "lines")]
+    #[serde(serialize_with = "as_is", deserialize_with = "shared")]
     board_settings: Arc<[String]>,
     gauge: String,
-    #[serde(with = "finite")]
+    #[serde(deserialize_with = "finite")]
     target_kpa: f64,
     #[serde(with = "Branches")]
     branches: Branch,
@@ -48,7 +48,7 @@ struct View {
     gauge_zero_kpa: f64,
     #[serde(skip)]
     rate_kpa_per_s: Option<f64>,
-    #[serde(with = "finite")]
+    #[serde(deserialize_with = "finite")]
     coverage: f64,
     responding: (u32, u32),
     #[serde(skip)]
@@ -57,7 +57,7 @@ struct View {
     remaining_s: Option<f64>,
     #[serde(skip)]
     look: Arc<[String]>,
-    #[serde(with = "word")]
+    #[serde(serialize_with = "word", deserialize_with = "shared_word")]
     model_set: Option<Arc<str>>,
     untrusted: String,
 }
@@ -90,41 +90,25 @@ enum OfBranch {
     Falling,
 }
 
-/// A number that is 0 where there is none.
-mod finite {
-    use super::*;
-
-    pub(super) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-        value.is_finite().then_some(*value).serialize(serializer)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-        Ok(Option::deserialize(deserializer)?.unwrap_or_default())
-    }
+/// A number that is not finite is `null` in JSON, and 0 here.
+fn finite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or_default())
 }
 
-mod lines {
-    use super::*;
-
-    pub(super) fn serialize<S: Serializer>(lines: &Arc<[String]>, serializer: S) -> Result<S::Ok, S::Error> {
-        (**lines).serialize(serializer)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[String]>, D::Error> {
-        Ok(Vec::deserialize(deserializer)?.into())
-    }
+fn as_is<S: Serializer>(lines: &Arc<[String]>, serializer: S) -> Result<S::Ok, S::Error> {
+    (**lines).serialize(serializer)
 }
 
-mod word {
-    use super::*;
+fn shared<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[String]>, D::Error> {
+    Ok(Vec::deserialize(deserializer)?.into())
+}
 
-    pub(super) fn serialize<S: Serializer>(word: &Option<Arc<str>>, serializer: S) -> Result<S::Ok, S::Error> {
-        word.as_deref().serialize(serializer)
-    }
+fn word<S: Serializer>(word: &Option<Arc<str>>, serializer: S) -> Result<S::Ok, S::Error> {
+    word.as_deref().serialize(serializer)
+}
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Arc<str>>, D::Error> {
-        Ok(Option::<String>::deserialize(deserializer)?.map(Into::into))
-    }
+fn shared_word<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Arc<str>>, D::Error> {
+    Ok(Option::<String>::deserialize(deserializer)?.map(Into::into))
 }
 
 /// By the names of the reasons; one that this version does not know is left out.

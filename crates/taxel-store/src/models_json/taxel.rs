@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use taxel_model::bounded::{List, Text};
 use taxel_model::{
-    Curve, Estimator, Flag, GaugeUncertainty, KNOTS_MAX, MAX_ORDER, Quality, SigmaProfile, Sign, Status, TERMS_MAX,
-    TaxelModel, figure,
+    Curve, Estimator, Flag, GaugeUncertainty, MAX_ORDER, Quality, SigmaProfile, Sign, Status, TERMS_MAX, TaxelModel,
+    figure,
 };
 
 use super::limits::{FLAGS_MAX, WORDS_BYTES_MAX};
@@ -131,36 +131,6 @@ fn status(code: &str, figures: Map<String, Value>) -> Result<Status, String> {
 
 /// Everything that a model's types cannot say.
 pub(super) fn check(model: &TaxelModel) -> Result<(), String> {
-    let knots = model.sigma.as_ref().map_or(0, |sigma| sigma.sigma_kpa.len());
-    let scores = model.quality.press_by_order.len();
-    let lists = [("flags", model.flags.len(), FLAGS_MAX), ("sigma_kpa", knots, KNOTS_MAX)];
-    for (name, entries, limit) in lists.into_iter().chain([("press_by_order", scores, TERMS_MAX)]) {
-        if entries > limit {
-            return Err(format!("`{name}` has {entries} entries, the limit is {limit}"));
-        }
-    }
-    for (name, value) in numbers(model) {
-        if !value.is_finite() {
-            return Err(format!("`{name}` is {value}, expected a finite number"));
-        }
-    }
-    // None of their numbers is optional: where JSON says `null` there was no finite number.
-    let null = |value: &Value| value.is_null();
-    if status_figures(&model.status).values().any(null) {
-        return Err(format!("its status ({}) holds a number that is not finite", model.status));
-    }
-    for flag in &model.flags {
-        let value = serde_json::to_value(flag).unwrap_or_default();
-        if value
-            .as_object()
-            .into_iter()
-            .flat_map(Map::values)
-            .filter_map(Value::as_object)
-            .any(|f| f.values().any(null))
-        {
-            return Err(format!("its flag ({flag}) holds a number that is not finite"));
-        }
-    }
     if model.order > MAX_ORDER {
         return Err(format!("`order` is {}, expected 0 to {MAX_ORDER}", model.order));
     }
@@ -236,38 +206,4 @@ fn horner(coefficients: &[f64], count: f64) -> (f64, f64) {
     let value = coefficients.iter().rev().fold(0.0, |sum, a| sum * count + a);
     let size = coefficients.iter().rev().fold(0.0, |sum, a| sum * count.abs() + a.abs());
     (value, ROUNDING * size)
-}
-
-/// Every f64 of a model that JSON could not hold if it were not finite, with its name.
-fn numbers(model: &TaxelModel) -> Vec<(&'static str, f64)> {
-    let quality = &model.quality;
-    let mut numbers = vec![
-        ("gain_rel", model.gauge.gain_rel),
-        ("offset_kpa", model.gauge.offset_kpa),
-        ("noise_kpa", model.gauge.noise_kpa),
-        ("swing_counts", quality.swing_counts),
-        ("dof", quality.dof),
-        ("rmse_kpa", quality.rmse_kpa),
-        ("max_leverage", quality.max_leverage),
-    ];
-    let known = |name, value: Option<f64>| value.map(|value| (name, value));
-    let all = |name, values: &[f64]| values.iter().map(|&value| (name, value)).collect::<Vec<_>>();
-    numbers.extend(known("pure_error_kpa", quality.pure_error_kpa));
-    numbers.extend(known("press_kpa", quality.press_kpa));
-    numbers.extend(known("lack_of_fit_f", quality.lack_of_fit_f));
-    numbers.extend(known("repeatability_kpa", quality.repeatability_kpa));
-    numbers.extend(known("interval_kpa", quality.interval_kpa));
-    numbers.extend(known("interval_share", quality.interval_share));
-    numbers.extend(quality.press_by_order.iter().filter_map(|score| known("press_by_order", score.press_kpa)));
-    numbers.extend(model.range.iter().flat_map(|range| all("range", range)));
-    numbers.extend(all("coefficients", &model.raw_coefficients));
-    if let Some(curve) = &model.curve {
-        numbers.extend([("centre", curve.centre), ("half_width", curve.half_width)]);
-        numbers.extend(all("chebyshev", &curve.chebyshev));
-    }
-    if let Some(sigma) = &model.sigma {
-        numbers.extend([("first_count", sigma.first_count), ("step_counts", sigma.step_counts)]);
-        numbers.extend(all("sigma_kpa", &sigma.sigma_kpa));
-    }
-    numbers
 }
