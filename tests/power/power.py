@@ -25,7 +25,7 @@ LIBC = ctypes.CDLL(None, use_errno=True)
 
 # Where flushes do nothing in a run that must lose something, by the end of the file's path.
 CUTS_OF_CONTROLS = 30
-CONTROLS = {"anywhere": "", "the write-ahead log": "-wal", "the database": "store.db", "the folder": FOLDER}
+CONTROLS = {"anywhere": "", "the write-ahead log": "-wal", "the database": "store.db", "the copy": "-copy-part"}
 
 
 def checked(result, what):

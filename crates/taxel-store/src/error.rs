@@ -19,10 +19,16 @@ pub enum StoreError {
         reason: String,
     },
     /// Another process has it.
-    #[error("{}: the store is in use by another process", path.display())]
+    #[error(
+        "{}: the store is in use by {}: stop that one, or give this one a store of its own (`store.path`)",
+        path.display(),
+        of_process(*process)
+    )]
     InUse {
         /// The file.
         path: PathBuf,
+        /// The process, if that is known.
+        process: Option<u32>,
     },
     /// The file is not a store of this programme.
     #[error("{}: not a store of taxeld: {reason}", path.display())]
@@ -42,18 +48,8 @@ pub enum StoreError {
         /// The newest version that is understood.
         newest: i64,
     },
-    /// An earlier version wrote the file, and it is only to be read.
-    #[error(
-        "{}: an earlier version of this program wrote the store, and here it is only read: start the daemon or run `taxeld \
-         store compact` first",
-        path.display()
-    )]
-    TooOld {
-        /// The file.
-        path: PathBuf,
-    },
     /// The file's structure is broken.
-    #[error("{}: the store is damaged: {findings}; restore a backup, or move the file away to start anew", path.display())]
+    #[error("{}: the store is damaged: {findings}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -77,21 +73,13 @@ pub enum StoreError {
         /// What is wrong with it and what was expected.
         reason: String,
     },
-    /// Another file has its name, or none: what is written into the one that is open is lost when it is closed.
-    #[error("{}: its file was removed or replaced while it was open", path.display())]
+    /// It was removed, replaced, emptied or cut while it was open: what is written into it is lost when it is closed.
+    #[error("{}: it was {how} while it was open", path.display())]
     Replaced {
         /// The database or its log.
         path: PathBuf,
-    },
-    /// The write-ahead log has become shorter under the running programme: what was cut off is lost.
-    #[error("{}: it was cut off while it was open: {bytes} bytes of it are left, expected at least {expected}", path.display())]
-    CutOff {
-        /// The log.
-        path: PathBuf,
-        /// How long it is.
-        bytes: u64,
-        /// How much of it was on disk.
-        expected: u64,
+        /// What was done to it.
+        how: String,
     },
     /// An earlier write failed, so that nothing more is written: what is on disk stays a prefix of what happened.
     #[error("the store takes no more writes until the programme is started again, because {reason}")]
@@ -143,7 +131,7 @@ impl StoreError {
             return Self::Damaged { path, findings: "it ends in the middle of a page".to_owned() };
         }
         match error.sqlite_error_code() {
-            Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => Self::InUse { path },
+            Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => Self::InUse { path, process: None },
             Some(ErrorCode::NotADatabase) => Self::Foreign { path, reason: "it is no SQLite file".to_owned() },
             Some(ErrorCode::DiskFull) => Self::Full(error.to_string()),
             Some(ErrorCode::ReadOnly) => Self::Io(error.to_string()),
@@ -169,21 +157,26 @@ impl StoreError {
         }
     }
 
-    /// The same of a commit that failed and is still in the log.
-    pub(crate) fn not_taken_back(self, why: &io::Error) -> Self {
-        let with = |said| {
-            format!("{said}; the next start may find what was refused, as it could not be cut off the log: {why}")
-        };
+    /// The same with more words.
+    pub(crate) fn with(self, more: &str) -> Self {
         match self {
-            Self::Full(said) => Self::Full(with(said)),
-            Self::Io(said) => Self::Io(with(said)),
+            Self::Full(said) => Self::Full(said + more),
+            Self::Io(said) => Self::Io(said + more),
+            other => other,
+        }
+    }
+
+    /// The same with more words, if the file is damaged.
+    pub(crate) fn with_corrupt(self, more: &str) -> Self {
+        match self {
+            Self::Corrupt(said) => Self::Corrupt(said + more),
             other => other,
         }
     }
 
     /// Whether a change failed for want of a disk that takes it; what was read before is as good as ever.
     pub(crate) fn is_of_changing(&self) -> bool {
-        matches!(self, Self::Full(_) | Self::Io(_) | Self::Replaced { .. } | Self::CutOff { .. })
+        matches!(self, Self::Full(_) | Self::Io(_) | Self::Replaced { .. })
     }
 }
 
@@ -195,12 +188,18 @@ pub(crate) fn is_of_reading(error: &rusqlite::Error) -> bool {
     error.sqlite_error().is_some_and(|error| of_reading.contains(&error.extended_code))
 }
 
+fn of_process(process: Option<u32>) -> String {
+    process.map_or("another process".to_owned(), |process| format!("process {process}"))
+}
+
 impl From<rusqlite::Error> for StoreError {
     fn from(error: rusqlite::Error) -> Self {
         match error.sqlite_error_code() {
             Some(ErrorCode::DiskFull) => Self::Full(error.to_string()),
             Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => Self::Corrupt(error.to_string()),
             Some(ErrorCode::SystemIoFailure) if is_of_reading(&error) => Self::Corrupt(error.to_string()),
+            // The database itself is open.
+            Some(ErrorCode::CannotOpen) => Self::Io(format!("{error} (is the disk full or read-only?)")),
             _ => Self::Io(error.to_string()),
         }
     }
@@ -212,31 +211,19 @@ impl From<rusqlite::Error> for StoreError {
 pub struct Quarantined {
     /// What it is, for example `model set m-0123456789abcdef`.
     pub what: String,
-    /// Why it is not trusted, or what became of it.
+    /// Why it is not used, or what became of it.
     pub reason: String,
-    kind: Kind,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Damaged,
-    Lost,
 }
 
 impl Quarantined {
     /// A row or a file that is not what was written.
     pub(crate) fn new(what: impl Into<String>, reason: impl fmt::Display) -> Self {
-        Self { what: what.into(), reason: reason.to_string(), kind: Kind::Damaged }
-    }
-
-    /// The names of what is not there, of these.
-    pub(crate) fn losses(found: &[Self]) -> Vec<String> {
-        found.iter().filter(|found| found.kind == Kind::Lost).map(|found| found.what.clone()).collect()
+        Self::lost(what, format!("damaged on disk and not used: {reason}"))
     }
 
     /// What is not there, in whole or in part, or could not be used as it is: the reason says all of it.
     pub(crate) fn lost(what: impl Into<String>, reason: impl fmt::Display) -> Self {
-        Self { kind: Kind::Lost, ..Self::new(what, reason) }
+        Self { what: what.into(), reason: reason.to_string() }
     }
 }
 
@@ -257,93 +244,6 @@ pub(crate) fn lines(findings: &[Quarantined]) -> Vec<String> {
 
 impl fmt::Display for Quarantined {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { what, reason, kind } = self;
-        match kind {
-            Kind::Damaged => write!(f, "{what} is damaged on disk and not used: {reason}"),
-            Kind::Lost => write!(f, "{what}: {reason}"),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use rusqlite::ffi;
-
-    use super::*;
-
-    fn sqlite(code: i32) -> rusqlite::Error {
-        rusqlite::Error::SqliteFailure(ffi::Error::new(code), None)
-    }
-
-    #[test]
-    fn what_is_said_of_a_file_that_is_opened_follows_from_the_code() {
-        let said = |code: i32| match StoreError::opening(Path::new("t.db"), &sqlite(code)) {
-            StoreError::InUse { .. } => "in use",
-            StoreError::Foreign { .. } => "foreign",
-            StoreError::Full(_) => "full",
-            StoreError::Io(_) => "io",
-            StoreError::Open { .. } => "open",
-            StoreError::Damaged { .. } => "damaged",
-            other => panic!("{code}: {other:?}"),
-        };
-        for (code, expected) in [
-            (ffi::SQLITE_BUSY, "in use"),
-            (ffi::SQLITE_LOCKED, "in use"),
-            (ffi::SQLITE_NOTADB, "foreign"),
-            (ffi::SQLITE_FULL, "full"),
-            (ffi::SQLITE_READONLY, "io"),
-            (ffi::SQLITE_IOERR_WRITE, "io"),
-            (ffi::SQLITE_IOERR_FSYNC, "io"),
-            (ffi::SQLITE_IOERR_READ, "damaged"),
-            (ffi::SQLITE_IOERR_SHORT_READ, "damaged"),
-            (ffi::SQLITE_IOERR_DATA, "damaged"),
-            (ffi::SQLITE_IOERR_CORRUPTFS, "damaged"),
-            (ffi::SQLITE_PERM, "open"),
-            (ffi::SQLITE_CANTOPEN, "open"),
-            (ffi::SQLITE_NOMEM, "open"),
-            (ffi::SQLITE_NOLFS, "open"),
-            (ffi::SQLITE_PROTOCOL, "open"),
-            (ffi::SQLITE_CORRUPT, "damaged"),
-            (ffi::SQLITE_MISMATCH, "damaged"),
-        ] {
-            assert_eq!(said(code), expected, "{code}");
-        }
-    }
-
-    #[test]
-    fn what_is_lost_is_not_called_damaged_and_left_out() {
-        let [damaged, lost] =
-            [Quarantined::new("model set m-1", "no sum"), Quarantined::lost("the log", "it is missing")];
-        let said = lines(&[damaged, lost]);
-        assert_eq!(said, ["model set m-1 is damaged on disk and not used: no sum", "the log: it is missing"]);
-    }
-
-    #[test]
-    fn what_a_disk_does_not_give_back_is_damage_and_what_it_does_not_take_is_none() {
-        for (code, expected) in [
-            (ffi::SQLITE_FULL, [true, false]),
-            (ffi::SQLITE_IOERR_WRITE, [true, false]),
-            (ffi::SQLITE_READONLY, [true, false]),
-            (ffi::SQLITE_IOERR_READ, [false, true]),
-            (ffi::SQLITE_CORRUPT, [false, true]),
-            (ffi::SQLITE_NOTADB, [false, true]),
-        ] {
-            let error = StoreError::from(sqlite(code));
-            assert_eq!(
-                [error.is_of_changing(), matches!(error, StoreError::Corrupt(_))],
-                expected,
-                "{code}: {error:?}"
-            );
-        }
-        let changing = |kind: io::ErrorKind| StoreError::changing(Path::new("t.db"), &kind.into());
-        for (kind, full) in [
-            (io::ErrorKind::StorageFull, true),
-            (io::ErrorKind::QuotaExceeded, true),
-            (io::ErrorKind::PermissionDenied, false),
-        ] {
-            assert_eq!(matches!(changing(kind), StoreError::Full(_)), full, "{kind:?}");
-            assert!(changing(kind).is_of_changing() && changing(kind).to_string().contains("t.db"));
-        }
-        assert!(StoreError::Replaced { path: "t.db".into() }.is_of_changing() && !StoreError::Closed.is_of_changing());
+        write!(f, "{}: {}", self.what, self.reason)
     }
 }

@@ -1,58 +1,39 @@
-//! Sessions with all their samples, model sets, zeros and known loads, in one SQLite file that one thread writes.
+//! Sessions with all their samples, model sets, zeros and known loads, in one SQLite file that one thread reads and writes.
 //!
-//! What was acknowledged is on disk: an acknowledgement is sent after the commit returned, and a commit returns after
-//! the flush. What is on disk is always a beginning of what happened: after a failed write nothing more is written.
-//! A row that is not what was written, or is lost, is reported and never served. A damaged file is kept under another name,
-//! and what can be read of it goes into a new one; the active model sets are there once more as plain text. Sessions and model sets are deleted by
-//! command alone: their bytes are overwritten, and a row stays that tells deleted from lost. Samples are read when a
-//! session is taken up again; a start proves them and holds none.
+//! What was acknowledged is on disk: an acknowledgement is sent after the commit returned, and a commit returns after the
+//! flush. After the first commit that failed nothing more is written. A row that is not what was written is told and never
+//! used. A copy beside the file is renewed after each activation, each session that ends and each deletion; it takes the place
+//! of a file that is damaged, lost, or older than it is. Which of the two is newer tells the number of commits in each.
+//! Sessions and model sets are deleted by command alone: their bytes are overwritten.
 
-mod active_file;
 mod append;
-mod audit_rows;
-mod beside;
-mod board_zeros;
+mod audit;
+mod connect;
+mod copy;
 mod db;
-mod deletions;
 mod error;
-#[cfg(feature = "fuzzing")]
-#[doc(hidden)]
-pub mod fuzzing;
-mod group;
-mod held_files;
-mod identity;
-mod in_place;
-mod load_row;
+mod facts;
+mod files;
 mod lock;
-mod loss;
-mod maintenance;
 pub mod models_json;
-mod open_mark;
-mod pass;
-mod prepare;
-mod readers;
+mod open;
 mod restore;
 mod retention;
-mod rows;
-mod salvage;
+mod samples;
 mod schema;
-mod session_samples;
 mod sets;
+mod store;
 mod store_file;
-mod tally;
+mod stored;
 #[cfg(test)]
 mod tests;
-mod wal_check;
+mod thread;
+mod watch;
 mod work;
-mod writer;
 
-pub use beside::{files_of, real};
 pub use error::{Quarantined, StoreError};
-pub use maintenance::{AuditFile, Checked, Compacted, check, compact, size_on_disk};
-pub use readers::{AuditReader, SamplesReader, SetReader, SizeReader};
+pub use files::{files_of, real, size_on_disk};
 pub use retention::{Retention, Size, session_to_go, sets_to_go, to_be_judged};
-pub use store_file::StoreFile;
-pub use work::{
-    Batch, Durability, OnAudit, OnDurable, OnModelSet, OnSamples, OnSize, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull,
-};
-pub use writer::{Notify, Store, StoreEvent};
+pub use store::{Notify, Reader, Store, StoreEvent};
+pub use store_file::{Checked, StoreFile, check};
+pub use work::{Batch, Durability, OnDurable, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Tell};

@@ -12,18 +12,16 @@ pub(crate) mod limits;
 mod recalibrated;
 mod recorded;
 mod taxel;
-mod words;
 
 use serde::{Deserialize, Serialize};
-use serde_json::value::RawValue;
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_model::bounded::{List, Text};
 use thiserror::Error;
 
-use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length, check_size};
-use words::shown;
+use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length};
 
 /// The word by which a file of this kind is known.
 pub const FORMAT: &str = "taxeld-models";
@@ -101,11 +99,11 @@ struct File {
 
 /// What tells the kind of a file, whatever else it holds.
 #[derive(Deserialize)]
-struct Kind<'a> {
-    #[serde(borrow)]
-    format: Option<&'a RawValue>,
-    #[serde(borrow)]
-    version: Option<&'a RawValue>,
+struct Kind {
+    #[serde(default)]
+    format: Value,
+    #[serde(default)]
+    version: Value,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -120,7 +118,6 @@ struct Baseline {
 /// # Errors
 /// [`ModelsJsonError`] if it contradicts itself or holds a number that is not finite: it could not be read again.
 pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
-    check(set)?;
     let (head, mut content) = (head(set, Some(&set.id), Origin::of(set)), Id::begin(set));
     let mut text = head.strip_suffix("]}").unwrap_or(&head).to_owned();
     for (taxel, model) in set.taxels.iter().enumerate() {
@@ -128,9 +125,10 @@ pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
         content.add(&line);
         text += if taxel == 0 { "\n" } else { ",\n" };
         text += &line;
-        check_length(text.len()).map_err(ModelsJsonError::TooLarge)?;
     }
     text += "\n]}\n";
+    // What cannot be read again is not written: all limits, and that a number that is not finite is `null`, show there.
+    read(&text)?;
     let content = content.end();
     if content == set.id {
         return Ok(text);
@@ -145,14 +143,9 @@ pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
 pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
     let (mut set, given) = read(text)?;
     let mut content = Id::begin(&set);
-    let mut bytes = head(&set, None, Origin::of(&set)).len();
     for (taxel, model) in set.taxels.iter().enumerate() {
-        let line = to_text(&taxel::mirror(taxel, model));
-        bytes += line.len() + 2;
-        content.add(&line);
+        content.add(&to_text(&taxel::mirror(taxel, model)));
     }
-    // As this programme would write it, which may be longer.
-    check_length(bytes).map_err(ModelsJsonError::TooLarge)?;
     let content = content.end();
     set.id = match given {
         Some(given) if content == given => given,
@@ -177,21 +170,11 @@ pub fn of_no_session(set: ModelSet) -> ModelSet {
     ModelSet { session: None, ..set }
 }
 
-/// Reads a text that [`to_json`] made and that is proven to be as it was written, so that its id needs no second proof.
-///
-/// # Errors
-/// As [`from_json`].
-pub(crate) fn from_proven_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
-    let (mut set, given) = read(text)?;
-    set.id = given.ok_or_else(|| ModelsJsonError::Set("missing field `id`".to_owned()))?;
-    Ok(set)
-}
-
 /// The set, without an id, and the id that the text gives.
 fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
     // Some editors put the mark of an encoding before a text.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    check_size(text).map_err(ModelsJsonError::TooLarge)?;
+    check_length(text.len()).map_err(ModelsJsonError::TooLarge)?;
     check_kind(text)?;
     let file: File =
         serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text)).map_err(located)?;
@@ -218,7 +201,7 @@ fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
         gauge_offset_kpa: file.gauge_offset_kpa,
         taxels: taxels?,
         recorded: file.recorded.map(recorded::Part::read),
-        recalibrated: file.recalibrated.map(recalibrated::Part::read),
+        recalibrated: file.recalibrated.map(|part| part.0),
         maker: Maker { software: file.fitted_by.map(|words| words.0).unwrap_or_default(), simulated: file.simulated },
     };
     check(&set)?;
@@ -228,7 +211,7 @@ fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
 /// An error of the parser with the place in the file, which is JSON; one in the list of taxels names the taxel.
 fn located(error: serde_path_to_error::Error<serde_json::Error>) -> ModelsJsonError {
     let path = error.path().to_string();
-    let words = words::plain(&error.into_inner());
+    let words = shown(&error.into_inner().to_string());
     let of_taxel = path.strip_prefix("taxels[").and_then(|rest| rest.split_once(']'));
     match of_taxel.and_then(|(taxel, rest)| Some((taxel.parse().ok()?, rest.trim_start_matches('.')))) {
         Some((taxel, "")) => ModelsJsonError::Taxel { taxel, problem: words },
@@ -305,7 +288,7 @@ fn head(set: &ModelSet, id: Option<&str>, origin: Origin<'_>) -> String {
         gauge_gain_rel: set.gauge_gain_rel,
         gauge_offset_kpa: set.gauge_offset_kpa,
         recorded: set.recorded.as_ref().map(recorded::Part::mirror),
-        recalibrated: set.recalibrated.as_ref().map(recalibrated::Part::mirror),
+        recalibrated: set.recalibrated.clone().map(recalibrated::Part),
         taxels: List(Vec::new()),
     };
     to_text(&file)
@@ -318,50 +301,44 @@ fn to_text(value: &impl Serialize) -> String {
 
 /// Kind and version come first: of a file of another kind nothing else means anything.
 fn check_kind(text: &str) -> Result<(), ModelsJsonError> {
-    if text.trim_start().starts_with(|c| c != '{') {
-        return Err(ModelsJsonError::Format("missing".to_owned()));
+    let kind: Kind = serde_json::from_str(text).map_err(|error| ModelsJsonError::Syntax(shown(&error.to_string())))?;
+    let found = |value: &Value| if value.is_null() { "missing".to_owned() } else { shown(&value.to_string()) };
+    if kind.format != FORMAT {
+        return Err(ModelsJsonError::Format(found(&kind.format)));
     }
-    let kind: Kind<'_> =
-        serde_json::from_str(text).map_err(|error| ModelsJsonError::Syntax(shown(&error.to_string())))?;
-    let found = |value: Option<&RawValue>| value.map_or("missing".to_owned(), |value| shown(value.get()));
-    if kind.format.and_then(|format| serde_json::from_str(format.get()).ok()) != Some(FORMAT) {
-        return Err(ModelsJsonError::Format(found(kind.format)));
-    }
-    if kind.version.and_then(|version| serde_json::from_str(version.get()).ok()) != Some(VERSION) {
-        return Err(ModelsJsonError::Version(found(kind.version)));
+    if kind.version != VERSION {
+        return Err(ModelsJsonError::Version(found(&kind.version)));
     }
     Ok(())
 }
 
-/// Everything that a type cannot say: the same for what is read and what is written.
+/// So many characters of a text that is not understood are shown.
+const SHOWN_CHARS_MAX: usize = 200;
+
+/// The beginning of a text.
+fn shown(text: &str) -> String {
+    match text.char_indices().nth(SHOWN_CHARS_MAX) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// Everything that a type cannot say. Numbers that are read are finite.
 fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
     let wrong = |problem: String| Err(ModelsJsonError::Set(problem));
     if set.patch.is_empty() {
         return wrong("`patch` is empty, expected the name of a patch".to_owned());
     }
-    let strings = [("patch", &set.patch), ("method", &set.method)];
-    let settings = set.board_settings.iter().map(|line| ("board_settings", line));
-    for (name, text) in strings.into_iter().chain(settings) {
-        if text.len() > WORDS_BYTES_MAX {
-            return wrong(format!("`{name}` has a text of {} bytes, the limit is {WORDS_BYTES_MAX}", text.len()));
-        }
-    }
-    if set.board_settings.len() > SETTINGS_MAX {
-        return wrong(format!("`board_settings` has {} lines, the limit is {SETTINGS_MAX}", set.board_settings.len()));
-    }
-    if !(1..=TAXELS_MAX).contains(&set.taxels.len()) {
-        return wrong(format!("`taxels` has {} entries, expected 1 to {TAXELS_MAX}", set.taxels.len()));
+    if set.taxels.is_empty() {
+        return wrong("`taxels` has 0 entries, expected 1 or more".to_owned());
     }
     if set.baseline.len() != set.taxels.len() {
         let (given, expected) = (set.baseline.len(), set.taxels.len());
         return wrong(format!("`baseline` has {given} entries, expected {expected}, one per taxel"));
     }
-    if !set.pressure_max_kpa.is_finite() {
-        return wrong(format!("`pressure_max_kpa` is {}, expected a finite number", set.pressure_max_kpa));
-    }
     for (name, value) in [("gauge_gain_rel", set.gauge_gain_rel), ("gauge_offset_kpa", set.gauge_offset_kpa)] {
-        if !(value.is_finite() && value >= 0.0) {
-            return wrong(format!("`{name}` is {value}, expected a finite number of 0 or more"));
+        if value < 0.0 {
+            return wrong(format!("`{name}` is {value}, expected 0 or more"));
         }
     }
     if let Some(recorded) = &set.recorded {
@@ -371,10 +348,8 @@ fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
         recalibrated::check(recalibrated).map_err(ModelsJsonError::Set)?;
     }
     for (taxel, (rest, model)) in set.baseline.iter().zip(&set.taxels).enumerate() {
-        let known = rest.mean.is_finite() && rest.noise.is_finite() && rest.noise >= 0.0;
-        let absent = rest.mean.is_nan() && rest.noise.is_nan();
-        if !(known || absent) {
-            let problem = format!("its baseline is {} with noise {}, expected finite numbers", rest.mean, rest.noise);
+        if rest.noise < 0.0 {
+            let problem = format!("its baseline has noise {}, expected 0 or more", rest.noise);
             return Err(ModelsJsonError::Taxel { taxel, problem });
         }
         taxel::check(model).map_err(|problem| ModelsJsonError::Taxel { taxel, problem })?;

@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use rusqlite::Connection;
 use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::known_set::KnownSet;
@@ -37,15 +36,6 @@ pub struct Size {
     pub samples: u64,
     /// Bytes in use.
     pub bytes: u64,
-}
-
-/// What the database holds, as its own counts say.
-pub(crate) fn size(connection: &Connection) -> rusqlite::Result<Size> {
-    let number = |pragma: &str| connection.pragma_query_value(None, pragma, |row| row.get::<_, u64>(0));
-    let samples = "SELECT coalesce(sum(rows), 0) FROM tally WHERE stream LIKE 'samples of session %'";
-    let pages = number("page_count")?.saturating_sub(number("freelist_count")?);
-    let samples = connection.query_row(samples, [], |row| row.get(0))?;
-    Ok(Size { samples, bytes: pages * number("page_size")? })
 }
 
 /// The model sets that are to go, oldest first, each as the record that says so: never one that is active, nor one that
@@ -194,16 +184,5 @@ mod tests {
         let (before, now) = (SystemTime::now(), wall_ns());
         let between = UNIX_EPOCH + std::time::Duration::from_nanos(now as u64);
         assert!((before..=SystemTime::now()).contains(&between), "{now}");
-    }
-
-    #[test]
-    fn the_size_is_that_of_the_pages_in_use() {
-        let connection = Connection::open_in_memory().unwrap();
-        let tables = "CREATE TABLE tally (stream TEXT, rows INTEGER); CREATE TABLE t (x); CREATE TABLE u (x);
-                      INSERT INTO tally VALUES ('samples of session 1', 7), ('sessions', 2), ('samples of session 2', 3)";
-        connection.execute_batch(tables).unwrap();
-        assert_eq!(size(&connection).unwrap(), Size { samples: 10, bytes: 4 * 4_096 });
-        connection.execute_batch("DROP TABLE u").unwrap();
-        assert_eq!(size(&connection).unwrap(), Size { samples: 10, bytes: 3 * 4_096 });
     }
 }

@@ -3,57 +3,43 @@
 
 use std::path::{Path, PathBuf};
 
+use rusqlite::Connection;
 use taxel_engine::Restored;
+use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
 
-use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
-use crate::lock::{idle, refuse_in_use, unless_in_use};
-use crate::loss;
-use crate::retention::Size;
-use crate::session_samples::samples_of;
+use crate::files::{self, LOCK, beside};
+use crate::lock::refuse_in_use;
+use crate::open::{STORE, idle, read_in_place};
+use crate::restore::Found;
+use crate::thread::samples_of;
+use crate::{audit, connect, copy, samples, sets};
 
-/// The sessions and model sets of a store.
+/// The sessions, model sets and audit log of a store.
+#[derive(Debug)]
 pub struct StoreFile {
     path: PathBuf,
-    db: Db,
+    connection: Connection,
     restored: Restored,
     damage: Vec<Quarantined>,
 }
 
 impl StoreFile {
-    /// Reads it and proves all of it but the samples of sessions that nobody is likely to go on with: those are proven as they
-    /// are read. Nothing is changed.
+    /// Reads it. Nothing is changed.
     ///
     /// # Errors
-    /// [`StoreError`] if there is no store, a daemon has it, it is not one of ours or an earlier version's, or its structure is
-    /// broken. Single rows that are damaged are [`StoreFile::damage`].
+    /// [`StoreError`] if there is no store, a daemon has it, it is not one of ours, or its structure is broken. Single rows that
+    /// are damaged are [`StoreFile::damage`].
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let path = &idle(path)?;
-        Self::read(path, path, Some(StoreError::TooOld { path: path.clone() }), &mut Vec::new())
-    }
-
-    /// Reads the store at `path` in this `database`: itself, or a copy of it, which may be changed unless there is a `failure`.
-    /// What was lost is also in `lost`, if reading fails then.
-    pub(crate) fn read(
-        path: &Path,
-        database: &Path,
-        failure: Option<StoreError>,
-        lost: &mut Vec<Quarantined>,
-    ) -> Result<Self, StoreError> {
-        *lost = loss::found(path)
-            .map_err(|error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() })?;
-        let mut damage = lost.clone();
-        let read = || {
-            let (db, mut restored) = Db::open_file(database, true, failure, &mut damage)?;
-            db.read_active(path, &mut restored, &mut damage)?;
-            Ok((db, restored))
-        };
-        let (db, restored) = read().map_err(|error| unless_in_use(path, error))?;
-        if !damage.is_empty() {
-            refuse_in_use(path)?;
+        let path = idle(path)?;
+        let was_ours = files::length(&beside(&path, LOCK)) > 0;
+        let read = read_in_place(&path, was_ours).map_err(|error| unless_in_use(&path, error))?;
+        let (connection, Found { restored, mut damage, open, .. }) = read;
+        if open {
+            damage.push(Quarantined::lost(STORE, "its write-ahead log is missing: the newest that was stored is lost"));
         }
-        Ok(Self { path: path.to_path_buf(), db, restored, damage })
+        Ok(Self { path, connection, restored, damage })
     }
 
     /// What a start would begin with. Of its model sets some have their summary alone.
@@ -74,7 +60,7 @@ impl StoreFile {
     /// [`StoreError::DamagedSamples`] if they are not what was written, and [`StoreError::InUse`] if a daemon has the store now.
     pub fn samples(&self, session: u64) -> Result<SessionSamples, StoreError> {
         let damaged = |findings| StoreError::DamagedSamples { session, findings };
-        self.db.samples(session).map_err(|findings| unless_in_use(&self.path, damaged(findings)))
+        samples::read(&self.connection, session).map_err(|findings| unless_in_use(&self.path, damaged(findings)))
     }
 
     /// The text of a model set as it was written, MODELS.json.
@@ -82,23 +68,81 @@ impl StoreFile {
     /// # Errors
     /// [`StoreError`] if there is no such set, or it is not what was written, or a daemon has the store now.
     pub fn model_set(&self, id: &str) -> Result<String, StoreError> {
-        self.db.set_text(id).map_err(|error| unless_in_use(&self.path, error))
+        let model_set = || id.to_owned();
+        let text =
+            sets::text(&self.connection, id)?.ok_or_else(|| StoreError::NoModelSet { model_set: model_set() })?;
+        let damaged = |findings| StoreError::DamagedModelSet { model_set: model_set(), findings };
+        text.map_err(|findings| unless_in_use(&self.path, damaged(findings)))
     }
 
-    /// Proves the samples of all sessions, as well of those that nobody goes on with. Gives all that is damaged or lost then, and
-    /// how much there is.
-    pub(crate) fn prove_all(mut self) -> Result<(Restored, Size, Vec<Quarantined>), StoreError> {
-        for view in &self.restored.sessions {
-            let Err(reason) = self.db.prove_samples(view.number) else { continue };
-            let found = Quarantined::new(samples_of(view.number), reason);
-            if !self.damage.contains(&found) {
-                self.damage.push(found);
-            }
-        }
-        let size = self.db.size().map_err(|error| unless_in_use(&self.path, error))?;
-        if !self.damage.is_empty() {
-            refuse_in_use(&self.path)?;
-        }
-        Ok((self.restored, size, self.damage))
+    /// Entries of the audit log with numbers below `before`, newest first: at most so many, and at most 1000.
+    ///
+    /// # Errors
+    /// [`StoreError`] if they cannot be read.
+    pub fn audit(&self, before: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
+        audit::read(&self.connection, before, most)
+            .map_err(|error| unless_in_use(&self.path, StoreError::opening(&self.path, &error)))
     }
+}
+
+/// What is wrong, unless a daemon has the store now: it changes the files under whoever reads them, which looks like damage.
+fn unless_in_use(path: &Path, error: StoreError) -> StoreError {
+    refuse_in_use(path).err().unwrap_or(error)
+}
+
+/// What a store holds.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Checked {
+    /// Model sets that are sound.
+    pub model_sets: usize,
+    /// Sessions that are sound.
+    pub sessions: usize,
+    /// Samples of the sessions that are sound.
+    pub samples: u64,
+    /// Bytes of the store and its log.
+    pub bytes: u64,
+    /// What is damaged.
+    pub damage: Vec<Quarantined>,
+}
+
+/// Looks at all of a store, however large, and at its copy, and changes nothing.
+///
+/// # Errors
+/// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours; not for damage.
+pub fn check(path: &Path) -> Result<Checked, StoreError> {
+    let mut checked = Checked { bytes: files::size_on_disk(path), ..Checked::default() };
+    match StoreFile::open(path) {
+        Ok(store) => check_rows(store, &mut checked)?,
+        Err(StoreError::Damaged { findings, .. } | StoreError::Corrupt(findings)) => {
+            let next = "the next start sets it aside and takes the copy, if there is one";
+            checked.damage.push(Quarantined::lost(STORE, format!("{findings}; {next}")));
+        }
+        Err(error) => return Err(error),
+    }
+    if let Err(error) = copy::read(&files::real(path)) {
+        checked.damage.push(Quarantined::new("the copy of the store", error));
+    }
+    Ok(checked)
+}
+
+fn check_rows(store: StoreFile, checked: &mut Checked) -> Result<(), StoreError> {
+    checked.damage.extend_from_slice(store.damage());
+    let whole = connect::check_with(&store.connection, &store.path, true);
+    checked.damage.extend(whole.err().map(|error| Quarantined::new(STORE, error)));
+    for set in &store.restored.model_sets {
+        match store.model_set(&set.id) {
+            Ok(_) => checked.model_sets += 1,
+            Err(error @ StoreError::InUse { .. }) => return Err(error),
+            Err(error) => checked.damage.push(Quarantined::new(sets::name_of(&set.id), error)),
+        }
+    }
+    for view in &store.restored.sessions {
+        match store.samples(view.number) {
+            Ok(found) => checked.samples += found.samples.len() as u64,
+            Err(error @ StoreError::InUse { .. }) => return Err(error),
+            Err(error) => checked.damage.push(Quarantined::new(samples_of(view.number), error)),
+        }
+    }
+    checked.sessions = store.restored.sessions.len();
+    Ok(())
 }

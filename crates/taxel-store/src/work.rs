@@ -1,18 +1,16 @@
-//! What the store's thread is asked for, and the queue in which that waits.
+//! What the store's thread is asked for, and the one queue in which that waits.
 
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use taxel_engine::audit::AuditEntry;
-use taxel_engine::calibration::SessionSamples;
 use taxel_engine::record::Record;
 use thiserror::Error;
 
 use crate::error::StoreError;
-use crate::retention::Size;
+use crate::thread::Turn;
 
 /// Batches that may wait for the disk.
 ///
@@ -24,6 +22,11 @@ pub const QUEUE_BATCHES: usize = 2048;
 /// come on top of each, and the rest is for what happens by itself, such as samples, without which all writing ends.
 pub const QUEUE_BATCHES_ASKED: usize = QUEUE_BATCHES / 4;
 
+/// So many samples are not kept waiting for more, and the first of them waits for so long at most. A flush costs
+/// milliseconds; a crash costs no more than this, but where more waits for the disk already.
+const GROUP_SAMPLES: usize = 64;
+const GROUP_WAIT: Duration = Duration::from_millis(100);
+
 /// How an acknowledged batch is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Durability {
@@ -33,20 +36,11 @@ pub enum Durability {
     InMemory,
 }
 
-/// Told once, on the writer's thread, how its batch fared.
-pub type OnDurable = Box<dyn FnOnce(Result<Durability, StoreError>) + Send>;
+/// Told once, most often on the store's thread, what was asked for, or why it cannot be had.
+pub type Tell<T> = Box<dyn FnOnce(Result<T, StoreError>) + Send>;
 
-/// Told once, most often on the writer's thread, what a session gathered, or why that cannot be had.
-pub type OnSamples = Box<dyn FnOnce(Result<SessionSamples, StoreError>) + Send>;
-
-/// Told once, on the writer's thread, the text of a model set, or why it cannot be had.
-pub type OnModelSet = Box<dyn FnOnce(Result<String, StoreError>) + Send>;
-
-/// Told once, on the writer's thread, entries of the audit log, or why they cannot be had.
-pub type OnAudit = Box<dyn FnOnce(Result<Vec<AuditEntry>, StoreError>) + Send>;
-
-/// Told once, on the writer's thread, what the store holds, or why that cannot be had.
-pub type OnSize = Box<dyn FnOnce(Result<Size, StoreError>) + Send>;
+/// Told once, on the store's thread, how its batch fared.
+pub type OnDurable = Tell<Durability>;
 
 /// Records that are stored together: all of them or none.
 #[derive(Default)]
@@ -74,9 +68,6 @@ pub struct QueueFull {
     pub most: usize,
 }
 
-/// What is done with an answer.
-pub(crate) type Tell<T> = Box<dyn FnOnce(Result<T, StoreError>) + Send>;
-
 /// Somebody who waits for an answer and always gets one: that the store is closed, if nothing else is told before.
 pub(crate) struct Waiting<T>(pub(crate) Option<Tell<T>>);
 
@@ -102,25 +93,16 @@ pub(crate) struct Entry {
     pub(crate) waiting: Waiting<Durability>,
 }
 
-/// What the writer's thread is asked for.
+/// A question, with what is done with the answer.
+pub(crate) type Ask = Box<dyn FnOnce(Result<Turn<'_>, StoreError>) + Send>;
+
+/// What the store's thread is asked for, in one order.
 pub(crate) enum Work {
     Write(Entry),
-    Read { session: u64, waiting: Waiting<SessionSamples> },
-    ReadSet { model_set: String, waiting: Waiting<String> },
-    Audit { before: u64, most: u32, waiting: Waiting<Vec<AuditEntry>> },
-    Size { waiting: Waiting<Size> },
+    Ask(Ask),
 }
 
-impl Work {
-    pub(crate) fn into_batch(self) -> Batch {
-        match self {
-            Self::Write(Entry { records, mut waiting }) => Batch { records, on_durable: waiting.0.take() },
-            Self::Read { .. } | Self::ReadSet { .. } | Self::Audit { .. } | Self::Size { .. } => Batch::default(),
-        }
-    }
-}
-
-/// The end of the queue into which work is put. It also tells whether work waits, which the other end cannot see.
+/// The end of the queue into which work is put.
 #[derive(Debug)]
 pub(crate) struct WorkQueue {
     work: SyncSender<Work>,
@@ -153,27 +135,6 @@ impl WorkQueue {
     pub(crate) fn waiting(&self) -> usize {
         self.waiting.load(Ordering::Relaxed)
     }
-
-    /// Asks for something; whoever asks is told if there is no room for it.
-    pub(crate) fn ask<T>(
-        &self,
-        tell: Tell<T>,
-        work: impl FnOnce(Waiting<T>) -> Work,
-        refused: fn(Work) -> Option<Waiting<T>>,
-    ) {
-        if let Err(TrySendError::Full(work)) = self.try_send(work(Waiting(Some(tell))))
-            && let Some(waiting) = refused(work)
-        {
-            waiting.tell(Err(StoreError::Behind { waiting: QUEUE_BATCHES }));
-        }
-    }
-}
-
-/// The end of the queue is work, too: whoever waits for it is not kept waiting.
-impl Drop for WorkQueue {
-    fn drop(&mut self) {
-        self.waiting.fetch_add(1, Ordering::Relaxed);
-    }
 }
 
 impl WorkSource {
@@ -191,41 +152,41 @@ impl WorkSource {
         })
     }
 
-    /// Tells whether work waits.
-    pub(crate) fn look(&self) -> impl Fn() -> bool + Send + use<> {
-        let waiting = Arc::clone(&self.waiting);
-        move || waiting.load(Ordering::Relaxed) > 0
+    /// Whether work waits.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.waiting.load(Ordering::Relaxed) > 0
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Batches that go to disk in one transaction.
+#[derive(Default)]
+pub(crate) struct Group {
+    pub(crate) entries: Vec<Entry>,
+    samples: usize,
+    /// When the first of them came.
+    since: Option<Instant>,
+    /// Whether someone waits.
+    urgent: bool,
+}
 
-    fn entry() -> Work {
-        Work::Write(Entry { records: Vec::new(), waiting: Waiting(None) })
+impl Group {
+    pub(crate) fn push(&mut self, entry: Entry) {
+        self.samples += entry.records.iter().filter(|record| matches!(record, Record::Sample { .. })).count();
+        self.since.get_or_insert_with(Instant::now);
+        self.urgent |= entry.waiting.0.is_some();
+        self.entries.push(entry);
     }
 
-    #[test]
-    fn the_end_of_the_queue_is_work_too() {
-        let (queue, source) = work_queue();
-        let waits = source.look();
-        assert!(!waits());
-        assert!(queue.try_send(entry()).is_ok());
-        assert!(waits() && queue.waiting() == 1);
-        assert!(source.next(None).is_ok());
-        assert!(!waits());
-        assert!(matches!(source.next(Some(Duration::ZERO)), Err(RecvTimeoutError::Timeout)));
-        assert!(!waits(), "nothing was taken");
-        drop(queue);
-        assert!(waits(), "whoever closes the store waits for its thread");
+    /// How long the next batch may still take to be part of it: if someone waits, or it is worth a flush, only one that is
+    /// there already. On a disk that takes seconds for a flush all that has come meanwhile goes with the next one.
+    pub(crate) fn wait(&self) -> Option<Duration> {
+        let since = self.since?;
+        let is_worth_it = self.samples >= GROUP_SAMPLES || self.entries.len() >= GROUP_SAMPLES;
+        Some(if self.urgent || is_worth_it { Duration::ZERO } else { GROUP_WAIT.saturating_sub(since.elapsed()) })
     }
 
-    #[test]
-    fn a_full_queue_gives_the_work_back_and_counts_it_no_more() {
-        let (queue, _source) = work_queue();
-        (0..QUEUE_BATCHES).for_each(|_| assert!(queue.try_send(entry()).is_ok()));
-        assert!(queue.try_send(entry()).is_err());
-        assert_eq!(queue.waiting(), QUEUE_BATCHES);
+    /// Whether it takes no more: all that may wait for the disk is in it.
+    pub(crate) fn is_full(&self) -> bool {
+        self.entries.len() >= QUEUE_BATCHES
     }
 }

@@ -2,11 +2,9 @@
 
 use std::path::Path;
 
+use crate::store_at::read_store;
 use taxel_engine::audit::AuditEntry;
 use taxel_proto::Timestamp;
-use taxel_store::AuditFile;
-
-use crate::store_at::tell;
 
 /// Prints these lines, of which the newest is the first, oldest first.
 pub fn print(mut lines: Vec<String>) {
@@ -30,11 +28,10 @@ pub fn is_about(patch: Option<&str>, of_entry: &str, damage: &str) -> bool {
 /// # Errors
 /// If there is no such store, or it cannot be read.
 pub fn of_store(path: &Path, last: u32, patch: Option<&str>) -> anyhow::Result<Vec<String>> {
-    let store = AuditFile::open(path)?;
-    tell(path, store.lost());
+    let store = read_store(path)?;
     let (mut lines, mut before) = (Vec::new(), Some(u64::MAX));
     while let Some(number) = before.filter(|_| lines.len() < last as usize) {
-        let entries = store.before(number, PAGE)?;
+        let entries = store.audit(number, PAGE)?;
         before = entries.last().map(|entry| entry.number);
         let of = |entry: &AuditEntry| entry.asked.as_ref().map_or_else(String::new, |asked| asked.patch.clone());
         let asked = entries.iter().filter(|entry| is_about(patch, &of(entry), &entry.damage));

@@ -8,7 +8,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1::RecordingHealth;
 use taxel_rpc::push_line::PushLine;
 use taxel_rpc::{Backend, Told};
-use taxel_store::{AuditReader, SamplesReader, SetReader, Store, models_json};
+use taxel_store::{Reader, Store, models_json};
 
 use crate::store_at::StoreAt;
 
@@ -31,9 +31,7 @@ impl Budget {
 
 /// The one backend.
 pub struct DaemonBackend {
-    samples: SamplesReader,
-    sets: SetReader,
-    audit: AuditReader,
+    store: Reader,
     budget: Budget,
     /// The way of pushed scans, where a patch has any.
     pub push: Option<PushLine>,
@@ -46,15 +44,7 @@ pub struct DaemonBackend {
 impl DaemonBackend {
     /// Over this store.
     pub fn new(store: &Store, budget: Budget) -> Self {
-        Self {
-            samples: store.reader(),
-            sets: store.set_reader(),
-            audit: store.audit_reader(),
-            budget,
-            push: None,
-            recording: None,
-            lacks: Vec::new(),
-        }
+        Self { store: store.reader(), budget, push: None, recording: None, lacks: Vec::new() }
     }
 }
 
@@ -65,15 +55,15 @@ fn in_words<T: 'static, E: ToString + 'static>(told: Told<T>) -> Box<dyn FnOnce(
 
 impl Backend for DaemonBackend {
     fn samples(&self, session: u64, told: Told<SessionSamples>) {
-        self.samples.read(session, in_words(told));
+        self.store.samples(session, in_words(told));
     }
 
     fn model_set(&self, id: String, told: Told<String>) {
-        self.sets.read(id, in_words(told));
+        self.store.model_set(id, in_words(told));
     }
 
     fn audit(&self, before: u64, most: u32, told: Told<Vec<AuditEntry>>) {
-        self.audit.read(before, most, in_words(told));
+        self.store.audit(before, most, in_words(told));
     }
 
     fn room(&self) -> Result<(), String> {

@@ -127,7 +127,7 @@ impl Driver {
             clock,
             publisher,
             pages: Pages::default(),
-            set_loads: SetLoads::new(store.set_reader(), tell_done.clone()),
+            set_loads: SetLoads::new(store.reader(), tell_done.clone()),
             store,
             buses,
             waiting: HashMap::new(),

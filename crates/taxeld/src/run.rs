@@ -89,7 +89,7 @@ impl Daemon {
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
         let mut backend = DaemonBackend::new(&store, budget);
-        let size = store.size_reader();
+        let size = store.reader();
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
         let (session_state, session) = watch::channel(None);

@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use taxel_engine::calibration::NotLoaded;
 use taxel_engine::model_set::ModelSet;
-use taxel_store::{SetReader, StoreError, models_json};
+use taxel_store::{Reader, StoreError, models_json};
 use tokio::sync::{Semaphore, oneshot};
 
 use crate::queues::{Done, TellDone};
 
 /// Reads sets for the engine.
 pub struct SetLoads {
-    store: SetReader,
+    store: Reader,
     tell_done: TellDone,
     /// Whose turn it is.
     turn: Arc<Semaphore>,
@@ -20,7 +20,7 @@ pub struct SetLoads {
 
 impl SetLoads {
     /// Sets of this store are told there.
-    pub fn new(store: SetReader, tell_done: TellDone) -> Self {
+    pub fn new(store: Reader, tell_done: TellDone) -> Self {
         Self { store, tell_done, turn: Arc::new(Semaphore::new(1)) }
     }
 
@@ -31,7 +31,7 @@ impl SetLoads {
         tokio::spawn(async move {
             let _turn = turn.acquire().await; // nobody closes it
             let (tell, told) = oneshot::channel();
-            store.read(model_set, Box::new(move |text| drop(tell.send(text)))); // it is waited for below
+            store.model_set(model_set, Box::new(move |text| drop(tell.send(text)))); // it is waited for below
             let text = told.await.unwrap_or(Err(StoreError::Closed));
             // Ten milliseconds, for which no frame should wait.
             let read = tokio::task::spawn_blocking(move || read_set(text)).await;
@@ -62,7 +62,7 @@ mod tests {
     async fn sets_that_come_into_use_at_once_are_read_one_after_the_other_in_their_order() {
         let store = Store::in_memory(Box::new(|_| ())).unwrap();
         let (tell_done, mut done) = TellDone::new();
-        let loads = SetLoads::new(store.set_reader(), tell_done);
+        let loads = SetLoads::new(store.reader(), tell_done);
         let turn = loads.turn.acquire().await.unwrap();
         for ticket in 1..=20 {
             loads.load(ticket, "m-1".to_owned());

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use taxel_engine::Restored;
-use taxel_store::{Quarantined, Retention, Store};
+use taxel_store::{Retention, Store, StoreFile};
 
 use crate::queues::TellDone;
 
@@ -31,9 +31,14 @@ pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Stor
     }
 }
 
-/// Tells on standard error what of a store is damaged or lost.
-pub fn tell(path: &Path, damage: &[Quarantined]) {
-    for damage in damage {
+/// Opens a store that no daemon has, to be read where it lies, and tells on standard error what of it is damaged.
+///
+/// # Errors
+/// As [`StoreFile::open`].
+pub fn read_store(path: &Path) -> anyhow::Result<StoreFile> {
+    let store = StoreFile::open(path)?;
+    for damage in store.damage() {
         crate::say::error_line(format_args!("taxeld: {}: {damage}", path.display()));
     }
+    Ok(store)
 }

@@ -18,12 +18,6 @@ enum What {
         #[arg(long, value_name = "FILE")]
         store: PathBuf,
     },
-    /// Rewrites it without the space of what was deleted; a damaged one is put right first, and kept under another name.
-    Compact {
-        /// The SQLite file, as in the configuration.
-        #[arg(long, value_name = "FILE")]
-        store: PathBuf,
-    },
 }
 
 /// Does it.
@@ -40,13 +34,6 @@ pub fn store(args: &StoreArgs) -> anyhow::Result<()> {
                 say!("{damage}");
             }
             anyhow::ensure!(found.damage.is_empty(), "{} findings", found.damage.len());
-        }
-        What::Compact { store } => {
-            let done = taxel_store::compact(store)?;
-            for damage in &done.damage {
-                say!("{damage}");
-            }
-            say!("{:.1} MB before, {:.1} MB after", done.before as f64 / 1e6, done.after as f64 / 1e6);
         }
     }
     Ok(())

@@ -9,7 +9,7 @@ use taxel_engine::catalogue::Catalogue;
 use taxel_engine::command::Command;
 use taxel_engine::record::Record;
 use taxel_rpc::Handle;
-use taxel_store::{Retention, Size, SizeReader, session_to_go, sets_to_go, to_be_judged};
+use taxel_store::{Reader, Retention, Size, session_to_go, sets_to_go, to_be_judged};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
@@ -17,7 +17,7 @@ use tokio_util::sync::CancellationToken;
 const LOOK_EVERY: Duration = Duration::from_secs(600);
 
 /// Looks every ten minutes until the daemon ends.
-pub async fn keep(handle: Handle, size: SizeReader, limits: Retention, cancel: CancellationToken) {
+pub async fn keep(handle: Handle, size: Reader, limits: Retention, cancel: CancellationToken) {
     while limits.limits() && cancel.run_until_cancelled(tokio::time::sleep(LOOK_EVERY)).await.is_some() {
         tidy(&handle, &size, &limits).await;
     }
@@ -25,7 +25,7 @@ pub async fn keep(handle: Handle, size: SizeReader, limits: Retention, cancel: C
 }
 
 /// Deletes what is beyond the limits, oldest first. What the engine refuses stays until the next look.
-async fn tidy(handle: &Handle, size: &SizeReader, limits: &Retention) {
+async fn tidy(handle: &Handle, size: &Reader, limits: &Retention) {
     let catalogue = handle.stored();
     let spared = spared(&catalogue);
     for record in sets_to_go(&held(&catalogue), limits) {
@@ -81,9 +81,9 @@ async fn delete(handle: &Handle, command: Command) -> bool {
     }
 }
 
-async fn size_of(size: &SizeReader) -> Option<Size> {
+async fn size_of(size: &Reader) -> Option<Size> {
     let (tell, told) = oneshot::channel();
-    size.read(Box::new(move |size| drop(tell.send(size))));
+    size.size(Box::new(move |size| drop(tell.send(size))));
     match told.await {
         Ok(Ok(size)) => Some(size),
         Ok(Err(error)) => {
@@ -151,7 +151,7 @@ mod tests {
     /// An engine on a store with these records: the way to it, and its end.
     struct Running {
         handle: Handle,
-        size: SizeReader,
+        size: Reader,
         cancel: CancellationToken,
         end: tokio::task::JoinHandle<()>,
         _ends: (mpsc::Receiver<taxel_wire::Frame>, mpsc::Sender<crate::queues::BusBatch>),
@@ -167,7 +167,7 @@ mod tests {
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
         let (tell_done, done) = TellDone::new();
         let (store, restored, _) = Store::open(database, tell_done.of_store()).unwrap();
-        let size = store.size_reader();
+        let size = store.reader();
         let (to_bus, sent) = mpsc::channel(64);
         let (frames, batches) = mpsc::channel(4);
         let driver = Driver::new(plan, restored, RunClock::Live, publisher, (store, tell_done), vec![to_bus]);

@@ -18,7 +18,6 @@ pub mod models;
 pub mod pairing;
 pub mod positions;
 mod requests;
-pub mod rows;
 pub mod signals;
 pub mod toml;
 
@@ -59,7 +58,6 @@ pub const TARGETS: &[Target] = &[
     target("csv", csv::run, 5_000),
     target("toml", toml::run, 1_000),
     target("models", models::run, 2_000),
-    target("rows", rows::run, 5_000),
     target("messages", messages::run, 5_000),
     target("calls", calls::run, 3_000),
     target("mcap", mcap::run, 3_000),

@@ -5,13 +5,14 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, LazyLock};
 
 use taxel_engine::Restored;
+use taxel_engine::audit::{Answered, Asked, AuditEntry};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
+use taxel_engine::loads::{Load, Reading};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::{RampBaseline, Record, Sample};
+use taxel_engine::record::{BoardZeros, RampBaseline, Record, Sample};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
 
-use crate::db::Db;
 use crate::{Batch, Durability, Quarantined, Store, StoreError, StoreEvent, models_json};
 
 pub const PATCH: &str = "left_forearm";
@@ -114,21 +115,71 @@ pub fn write(store: &Store, records: Vec<Record>) -> Result<Durability, StoreErr
 /// Waits for the samples of a session.
 pub fn samples_of(store: &Store, session: u64) -> Result<SessionSamples, StoreError> {
     let (tell, told) = channel();
-    store.read_samples(session, Box::new(move |samples| tell.send(samples).unwrap()));
+    store.reader().samples(session, Box::new(move |samples| tell.send(samples).unwrap()));
     told.recv().unwrap()
 }
 
 /// Waits for a model set.
 pub fn set_of(store: &Store, id: &str) -> Result<ModelSet, StoreError> {
     let (tell, told) = channel();
-    store.read_model_set(id.to_owned(), Box::new(move |text| tell.send(text).unwrap()));
+    store.reader().model_set(id.to_owned(), Box::new(move |text| tell.send(text).unwrap()));
     told.recv().unwrap().map(|text| models_json::from_json(&text).unwrap())
 }
 
-/// The model sets of an open file that can be read, in words.
-pub fn sets_in(db: &Db, restored: &Restored) -> Vec<String> {
-    let texts = restored.model_sets.iter().filter_map(|set| db.set_text(&set.id).ok());
-    texts.map(|text| format!("{:?}", models_json::from_json(&text).unwrap())).collect()
+/// The model sets of an open store that can be read, in words.
+pub fn sets_in(store: &Store, restored: &Restored) -> Vec<String> {
+    let read = restored.model_sets.iter().filter_map(|set| set_of(store, &set.id).ok());
+    read.map(|set| format!("{set:?}")).collect()
+}
+
+pub fn asked(request: u64) -> Record {
+    Record::Asked(Box::new(Asked {
+        request,
+        wall_ns: request as i64,
+        who: format!("who {request}"),
+        method: "Tare".to_owned(),
+        before: "m-1".to_owned(),
+        ..Asked::default()
+    }))
+}
+
+pub fn answered(request: u64) -> Record {
+    let result = format!("done {request}");
+    Record::Answered(Box::new(Answered { request, wall_ns: request as i64, result, after: "m-2".to_owned() }))
+}
+
+pub fn entries(store: &Store, before: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
+    let (tell, told) = channel();
+    store.reader().audit(before, most, Box::new(move |entries| tell.send(entries).unwrap()));
+    told.recv().unwrap()
+}
+
+pub fn load(number: u64) -> Record {
+    let read = Reading {
+        scans: 20,
+        mean_n: 1.7 * number as f64 / 3.0,
+        reasons: vec!["3 taxels have a fault".to_owned()],
+        ..Reading::default()
+    };
+    Record::Load(Arc::new(Load {
+        number,
+        patch: PATCH.to_owned(),
+        note: "on the wrist".to_owned(),
+        force_n: number as f64 / 1.7,
+        read,
+        area_factor: 1.0,
+        ..Load::default()
+    }))
+}
+
+pub fn zeros(unproven: Option<&str>) -> Record {
+    let unproven = unproven.map(str::to_owned);
+    Record::BoardZeros { patch: PATCH.to_owned(), zeros: BoardZeros { unproven, ..BoardZeros::default() }, wall_ns: 0 }
+}
+
+/// Whether every zero of the patch needs confirmation.
+pub fn is_doubted(restored: &Restored) -> bool {
+    restored.board_zeros.iter().any(|(patch, zeros)| patch == PATCH && zeros.unproven.is_some())
 }
 
 /// A store whose events can be received.

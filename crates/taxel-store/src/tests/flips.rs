@@ -1,18 +1,16 @@
-//! Random damage to each file of a store: it always opens, never serves anything false, and tells what is lost.
+//! Random damage to a store: it always opens, and never serves anything that is not what was written.
 //!
-//! `TAXEL_STORE_FLIPS=10000 cargo test -p taxel-store --release flips` for more; `TAXEL_STORE_SEED=N` repeats one.
+//! `TAXEL_STORE_FLIPS=10000 cargo test -p taxel-store flips` for more; `TAXEL_STORE_SEED=N` repeats one.
 
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
 
 use taxel_engine::calibration::SessionState;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::Record;
 
 use super::fixture::*;
-use crate::beside;
-use crate::db::Db;
+use crate::files::{COPY, LOG, beside};
+use crate::{Store, StoreError};
 
 /// Flips of a run unless the environment says otherwise.
 const FLIPS: u64 = 200;
@@ -22,152 +20,83 @@ fn number(name: &str) -> Option<u64> {
 }
 
 /// The seeds of a run.
-fn seeds() -> impl Iterator<Item = u64> {
-    let first = number("TAXEL_STORE_SEED");
-    let flips = if first.is_some() { 1 } else { number("TAXEL_STORE_FLIPS").unwrap_or(FLIPS) };
-    let first = first.unwrap_or(1);
-    first..first + flips
+fn seeds() -> std::ops::Range<u64> {
+    match number("TAXEL_STORE_SEED") {
+        Some(seed) => seed..seed + 1,
+        None => 1..1 + number("TAXEL_STORE_FLIPS").unwrap_or(FLIPS),
+    }
 }
 
 /// Changes one byte: in a third of the cases within the header, in a third within the first page, else anywhere.
-fn flip(bytes: &mut [u8], random: &mut Random) -> String {
+fn flip(path: &Path, random: &mut Random) -> String {
+    let mut bytes = fs::read(path).unwrap();
     let within = [100, 4096, bytes.len()][random.below(3)].min(bytes.len());
     let (at, by) = (random.below(within), 1 + random.below(255) as u8);
     bytes[at] ^= by;
+    fs::write(path, bytes).unwrap();
     format!("byte {at} xor {by:#04x}")
 }
 
-/// Opens a damaged store twice and looks at all that it serves.
-fn check(path: &Path, sets: &[ModelSet; 2], what: &str) {
+/// Opens a damaged store and looks at all that it serves. Gives whether something was told.
+fn check(path: &Path, sets: &[ModelSet; 2], what: &str) -> bool {
     let known = sets.clone().map(|set| format!("{set:?}"));
-    let all: Vec<_> = (0..40).map(sample).collect();
-    let opened = Db::open(path);
-    let (db, restored, quarantined) = opened.unwrap_or_else(|error| panic!("{what}: {error}"));
-    // The plain file is whole, so that the force goes on with the right set whatever became of the database.
-    assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())], "{what}: {quarantined:?}");
-    let readable = sets_in(&db, &restored);
-    assert!(readable.len() == restored.model_sets.len(), "{what}: a set that is listed cannot be read");
-    assert!(readable.iter().all(|set| known.contains(set)), "{what}: a set was changed");
-    let found = db.samples(2).map(|found| found.samples).unwrap_or_default();
-    assert!(found.iter().all(|sample| all.contains(sample)), "{what}: a sample was changed");
-    let everything = restored.model_sets.len() == 2 && restored.sessions.len() == 2 && found.len() == 40;
-    assert!(everything || !quarantined.is_empty(), "{what}: what is lost is not told");
-    db.close().unwrap();
-    let (db, restored, _) = Db::open(path).unwrap_or_else(|error| panic!("{what}, again: {error}"));
-    assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())], "{what}, again");
-    db.close().unwrap();
-}
-
-#[test]
-fn a_flipped_byte_of_the_database_keeps_no_store_from_opening_with_its_active_set() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
-    let sets = filled(&path);
-    let (whole, active) = (fs::read(&path).unwrap(), fs::read(beside::active(&path)).unwrap());
-    let mut aside = 0;
-    for seed in seeds() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("store.db");
-        let mut bytes = whole.clone();
-        let what = format!("TAXEL_STORE_SEED={seed}, {}", flip(&mut bytes, &mut Random(seed)));
-        fs::write(&path, &bytes).unwrap();
-        fs::write(beside::active(&path), &active).unwrap();
-        check(&path, &sets, &what);
-        if let Ok(kept) = fs::read(dir.path().join("store.db.damaged-1")) {
-            aside += 1;
-            assert!(kept == bytes, "{what}: what was damaged is not kept as it was");
-        }
+    let all: Vec<_> = (0..50).map(sample).collect();
+    let (store, restored, found) = match Store::open(path, Box::new(|_| ())) {
+        Ok(opened) => opened,
+        // The number of the version is flipped, which nobody can tell from a newer program's.
+        Err(StoreError::TooNew { .. }) => return true,
+        Err(error) => panic!("{what}: {error}"),
+    };
+    assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())], "{what}: {found:?}");
+    let in_use: Vec<_> = restored.model_sets.iter().filter_map(|set| set.at_hand.as_ref()).collect();
+    assert!(in_use.iter().all(|set| known.contains(&format!("{set:?}"))), "{what}: a set in use was changed");
+    assert!(sets_in(&store, &restored).iter().all(|set| known.contains(set)), "{what}: a set was changed");
+    for session in [2, 3] {
+        let samples = samples_of(&store, session).map(|found| found.samples).unwrap_or_default();
+        assert!(samples.iter().all(|sample| all.contains(sample)), "{what}: a sample was changed");
     }
-    println!("{aside} of {} were kept aside", seeds().count());
-    assert!(aside > 0 || seeds().count() == 1);
+    let everything = restored.model_sets.len() == 2 && restored.sessions.len() >= 2;
+    assert!(everything || !found.is_empty(), "{what}: what is lost is not told");
+    store.close().unwrap();
+    let (_, again, ..) = open(path);
+    assert_eq!(again.active, [(PATCH.to_owned(), sets[1].id.clone())], "{what}, again");
+    !found.is_empty()
 }
 
-#[test]
-fn a_flipped_byte_of_the_log_loses_at_most_what_is_told() {
+fn flipped(suffix: &str) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     let sets = filled(&path);
-    // Killed with its log: session 3 with a sample in each of ten transactions.
-    let (mut db, ..) = Db::open(&path).unwrap();
-    db.write([session(3, SessionState::Ramping), ramp(3, 0)].iter()).unwrap();
+    // As a kill leaves it: session 3 with a sample in each of ten commits.
+    let (store, ..) = open(&path);
+    write(&store, vec![session(3, SessionState::Ramping), ramp(3, 0)]).unwrap();
     for index in 0..10 {
-        db.write([sample_record(3, index)].iter()).unwrap();
+        write(&store, vec![sample_record(3, index)]).unwrap();
     }
-    let files = [path.clone(), beside::wal(&path), beside::active(&path), beside::open_mark(&path)];
-    let files = files.map(|file| (file.file_name().unwrap().to_owned(), fs::read(&file).unwrap()));
+    let names = ["store.db", "store.db-wal", "store.db-copy", "store.db-lock"];
+    let whole = names.map(|name| fs::read(dir.path().join(name)).unwrap());
     let mut told = 0;
     for seed in seeds() {
         let dir = tempfile::tempdir().unwrap();
-        files.iter().for_each(|(name, bytes)| fs::write(dir.path().join(name), bytes).unwrap());
+        names.iter().zip(&whole).for_each(|(name, bytes)| fs::write(dir.path().join(name), bytes).unwrap());
         let path = dir.path().join("store.db");
-        let mut log = fs::read(beside::wal(&path)).unwrap();
-        let what = format!("TAXEL_STORE_SEED={seed}, {} of the log", flip(&mut log, &mut Random(seed)));
-        fs::write(beside::wal(&path), &log).unwrap();
-        let (db, restored, quarantined) = Db::open(&path).unwrap_or_else(|error| panic!("{what}: {error}"));
-        assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())], "{what}");
-        let found = db.samples(3).map(|found| found.samples).unwrap_or_default();
-        assert!(found.iter().enumerate().all(|(index, found)| *found == sample(index as u64)), "{what}");
-        assert!(found.len() >= 10 || !quarantined.is_empty(), "{what}: {} samples, nothing told", found.len());
-        told += usize::from(!quarantined.is_empty());
-        db.close().unwrap();
-        if !quarantined.is_empty() {
-            let kept = fs::read(dir.path().join("store.db.damaged-1-wal")).unwrap();
-            assert!(kept == log, "{what}: the damaged log is not kept");
-        }
+        let flipped = flip(&beside(&path, suffix), &mut Random(seed));
+        told += u32::from(check(&path, &sets, &format!("TAXEL_STORE_SEED={seed}, {flipped} of `{suffix}`")));
     }
-    println!("{told} of {} told a loss", seeds().count());
-    assert!(told > 0 || seeds().count() == 1);
+    println!("{told} of {} flips in `store.db{suffix}` were told", seeds().end - seeds().start);
 }
 
 #[test]
-fn a_flipped_byte_of_the_plain_file_changes_nothing_and_is_mended() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
-    let sets = filled(&path);
-    let whole = fs::read(beside::active(&path)).unwrap();
-    for seed in seeds() {
-        let mut bytes = whole.clone();
-        let what = format!("TAXEL_STORE_SEED={seed}, {} of the plain file", flip(&mut bytes, &mut Random(seed)));
-        fs::write(beside::active(&path), &bytes).unwrap();
-        let (db, restored, quarantined) = Db::open(&path).unwrap_or_else(|error| panic!("{what}: {error}"));
-        assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())], "{what}");
-        assert_eq!(restored.model_sets.len(), 2, "{what}");
-        assert_eq!(quarantined.len(), 1, "{what}: {quarantined:?}");
-        db.close().unwrap();
-        assert!(fs::read(beside::active(&path)).unwrap() == whole, "{what}: it is not mended");
-    }
+fn a_flipped_byte_of_the_database_never_gives_a_model_that_was_not() {
+    flipped("");
 }
 
 #[test]
-fn a_log_that_is_missing_after_a_kill_is_told_and_one_after_a_clean_stop_is_not() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
-    filled(&path);
-    let (db, _, quarantined) = Db::open(&path).unwrap();
-    assert_eq!(quarantined, []);
-    let (database, mark) = (fs::read(&path).unwrap(), fs::read(beside::open_mark(&path)).unwrap());
-    db.close().unwrap();
-    let killed = tempfile::tempdir().unwrap();
-    let path = killed.path().join("store.db");
-    fs::write(&path, database).unwrap();
-    fs::write(beside::open_mark(&path), mark).unwrap();
-    let (_, _, quarantined) = Db::open(&path).unwrap();
-    assert_eq!(quarantined.len(), 1, "{quarantined:?}");
-    assert!(quarantined[0].to_string().contains("write-ahead log") && quarantined[0].reason.contains("missing"));
+fn a_flipped_byte_of_the_log_never_gives_a_model_that_was_not() {
+    flipped(LOG);
 }
 
 #[test]
-fn without_any_database_the_active_set_comes_from_the_plain_file() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
-    let [_, second] = filled(&path);
-    fs::remove_file(&path).unwrap();
-    let (store, restored, quarantined, _events) = open(&path);
-    assert_eq!(restored.active, [(PATCH.to_owned(), second.id.clone())]);
-    assert!(!quarantined.is_empty());
-    // It can be activated again, and what follows is stored as ever.
-    write(&store, vec![Record::ModelSet(Arc::new(second.clone())), activated(&second)]).unwrap();
-    store.close().unwrap();
-    let (_, restored, quarantined) = Db::open(&path).unwrap();
-    assert_eq!((restored.active, quarantined.len()), (vec![(PATCH.to_owned(), second.id)], 0));
+fn a_flipped_byte_of_the_copy_never_gives_a_model_that_was_not() {
+    flipped(COPY);
 }

@@ -123,7 +123,7 @@ fn what_a_store_holds_after_all_of_a_plan_is_what_the_plan_says() {
     }
 }
 
-/// A store that lacks the last thing acknowledged, or the plain file of what was active, is not taken for sound.
+/// A store that lacks the last thing acknowledged, or has a copy that is none, is not taken for sound.
 #[test]
 fn a_store_that_lacks_what_was_acknowledged_is_told() {
     let dir = tempfile::tempdir().unwrap();
@@ -136,7 +136,7 @@ fn a_store_that_lacks_what_was_acknowledged_is_told() {
 
     let path = dir.path().join("other.db");
     follow(&plan, &path, |_| (), |_| ());
-    std::fs::remove_file(crate::beside::active(&path)).unwrap();
+    std::fs::write(crate::files::beside(&path, crate::files::COPY), "half").unwrap();
     let lost = check(&path, &plan, 60, 60).unwrap_err();
-    assert!(lost.contains("plain file"), "{lost}");
+    assert!(lost.contains("the copy"), "{lost}");
 }

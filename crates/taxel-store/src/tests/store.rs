@@ -1,20 +1,18 @@
 //! The ordinary course of things.
 
-use std::fs::{self, File};
-use std::os::unix::fs::{FileExt, PermissionsExt};
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use rusqlite::Connection;
 use taxel_engine::calibration::SessionState;
 use taxel_engine::counts::SharedCounts;
-use taxel_engine::record::{Record, Sample};
-use taxel_engine::snapshot::TareView;
+use taxel_engine::record::{BoardZeros, HiddenCounts, Record, Sample};
 use taxel_skin::CountRange;
 
 use super::fixture::*;
-use crate::{Durability, Store, StoreError, StoreEvent, beside};
+use crate::{Durability, Retention, Store, StoreError, StoreEvent, StoreFile, check};
 
 #[test]
 fn a_restart_finds_everything_again() {
@@ -41,25 +39,67 @@ fn a_restart_finds_everything_again() {
     write(&store, vec![session(2, SessionState::Ramping), ramp(2, 1), sample_record(2, 40)]).unwrap();
     store.close().unwrap();
     let (_, restored, ..) = open(&path);
-    assert_eq!(restored.sessions[1].accepted, 41);
-    assert_eq!(restored.sessions[1].ramps, 2);
+    assert_eq!((restored.sessions[1].accepted, restored.sessions[1].ramps), (41, 2));
 }
 
-/// Wide counts and bytes that would also make wide ones: each comes back as what it was.
+#[test]
+fn loads_zeros_and_the_audit_log_come_back_and_numbers_go_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let hidden = HiddenCounts { counts: vec![0.1, 0.0], reads: vec![f32::NAN, 241.3] };
+    let known = BoardZeros {
+        unproven: Some("a load: 2 N".to_owned()),
+        excused: Some("m-1".to_owned()),
+        hidden: Some(Arc::new(hidden)),
+    };
+    let (store, ..) = open(&path);
+    let noted = Record::BoardZeros { patch: PATCH.to_owned(), zeros: known.clone(), wall_ns: 0 };
+    write(&store, vec![load(1), load(2), asked(1), asked(2), answered(1), noted]).unwrap();
+    store.close().unwrap();
+    let (store, restored, quarantined, _events) = open(&path);
+    assert_eq!((quarantined, restored.next_load), (vec![], 3));
+    let given: Vec<_> = [load(1), load(2)]
+        .into_iter()
+        .map(|record| match record {
+            Record::Load(load) => load,
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(restored.loads, given);
+    assert_eq!(format!("{:?}", restored.board_zeros), format!("{:?}", [(PATCH.to_owned(), known)]));
+    // A new run numbers its requests anew.
+    write(&store, vec![asked(1), answered(1)]).unwrap();
+    let all = entries(&store, u64::MAX, 100).unwrap();
+    let seen: Vec<_> = all.iter().map(|entry| (entry.number, entry.answered.is_some())).collect();
+    assert_eq!(seen, [(3, true), (2, false), (1, true)]);
+    assert_eq!(all[1].asked.as_ref().unwrap().who, "who 2");
+    assert_eq!(entries(&store, 3, 1).unwrap()[0].number, 2);
+    let twice = write(&store, vec![answered(1)]).unwrap_err();
+    assert!(matches!(twice, StoreError::Unstorable { .. }), "{twice}");
+}
+
 /// Over the service the audit log takes a role.
 #[test]
-fn its_owner_alone_may_read_a_store_and_one_that_was_salvaged() {
+fn every_file_of_a_store_is_its_owners_alone_whatever_its_mode_was() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     filled(&path);
-    let (store, ..) = open(&path);
-    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
-    assert_eq!((mode(&path), mode(&beside::wal(&path))), (0o600, 0o600));
-    store.close().unwrap();
-    let pages = fs::metadata(&path).unwrap().len() / 4096;
-    File::options().write(true).open(&path).unwrap().write_all_at(&[0xFF; 4096], (pages - 1) * 4096).unwrap();
-    let _salvaged = crate::salvage::salvage(&path).unwrap();
-    assert_eq!(mode(&path), 0o600);
+    for entry in fs::read_dir(dir.path()).unwrap() {
+        fs::set_permissions(entry.unwrap().path(), fs::Permissions::from_mode(0o644)).unwrap();
+    }
+    let (store, restored, ..) = open(&path);
+    let set = Arc::new(model_set(3));
+    write(&store, vec![Record::ModelSet(Arc::clone(&set)), activated(&set)]).unwrap();
+    samples_of(&store, 2).unwrap(); // the copy is made by now
+    assert_eq!(restored.model_sets.len(), 2);
+    let mut names = Vec::new();
+    for entry in fs::read_dir(dir.path()).unwrap() {
+        let entry = entry.unwrap();
+        assert_eq!(entry.metadata().unwrap().permissions().mode() & 0o777, 0o600, "{:?}", entry.file_name());
+        names.push(entry.file_name().into_string().unwrap());
+    }
+    names.sort();
+    assert_eq!(names, ["store.db", "store.db-copy", "store.db-lock", "store.db-wal"]);
 }
 
 #[test]
@@ -73,67 +113,15 @@ fn counts_of_every_width_come_back_as_they_were() {
         let words: Vec<u16> = (0..4).map(|taxel| ((index * 797 + taxel * 1021) % 4096) as u16).collect();
         Sample { counts: SharedCounts::Words(words.into(), range), ..sample(index) }
     };
-    // As words these would be a greatest count of 4095 and one count.
-    let bytes = Sample { counts: vec![0xFF, 0x0F, 0x01, 0x02].into(), ..sample(60) };
+    let bytes = Sample { counts: vec![0xFF, 0x0F, 0x01, 0x02].into(), pressure_kpa: -0.0, ..sample(60) };
     let mut all: Vec<Sample> = (40..60).map(wide).collect();
     all.push(bytes);
     let record = |(index, sample): (u64, Sample)| Record::Sample { session: 2, index, sample };
     write(&store, (40..).zip(all.clone()).map(record).collect()).unwrap();
-    assert_eq!(samples_of(&store, 2).unwrap().samples[40..], all);
     store.close().unwrap();
     let (store, _, quarantined, _events) = open(&path);
     assert_eq!(quarantined, []);
     assert_eq!(samples_of(&store, 2).unwrap().samples[40..], all);
-    store.close().unwrap();
-    // The page of another table is no page any more, so that the whole file is read row by row into a new one.
-    break_root_of(&path, "tares");
-    let (store, _, quarantined, _events) = open(&path);
-    assert!(!quarantined.is_empty());
-    assert_eq!(samples_of(&store, 2).unwrap().samples[40..], all, "{quarantined:?}");
-}
-
-/// Makes the first page of a table something that is no page.
-fn break_root_of(path: &Path, table: &str) {
-    let root = |column: &str| -> u64 {
-        let other = Connection::open(path).unwrap();
-        other.query_row(column, [], |row| row.get(0)).unwrap()
-    };
-    let page = root(&format!("SELECT rootpage FROM sqlite_schema WHERE name = '{table}'"));
-    let page_bytes = root("PRAGMA page_size");
-    let mut bytes = std::fs::read(path).unwrap();
-    bytes[((page - 1) * page_bytes) as usize] = 0x77;
-    std::fs::write(path, bytes).unwrap();
-}
-
-#[test]
-fn samples_are_read_with_all_that_was_submitted_before() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
-    filled(&path);
-    let (store, ..) = open(&path);
-    store.submit(quiet(vec![session(2, SessionState::Review), sample_record(2, 40)])).unwrap();
-    store.submit(quiet(vec![sample_record(2, 41)])).unwrap();
-    let found = samples_of(&store, 2).unwrap();
-    assert_eq!(found.samples, (0..42).map(sample).collect::<Vec<_>>());
-    assert_eq!(samples_of(&store, 1).unwrap().samples, [], "a session without a ramp has none");
-    store.close().unwrap();
-}
-
-#[test]
-fn failed_and_aborted_sessions_keep_their_samples_for_another_ramp() {
-    for state in [SessionState::Failed, SessionState::Aborted] {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("store.db");
-        filled(&path);
-        let (store, ..) = open(&path);
-        write(&store, vec![session(2, state)]).unwrap();
-        store.close().unwrap();
-        let (store, restored, quarantined, _events) = open(&path);
-        assert_eq!(quarantined, []);
-        assert_eq!(restored.sessions[1].state, state);
-        let samples = samples_of(&store, 2).unwrap();
-        assert_eq!((samples.ramps.len(), samples.samples.len()), (1, 40), "{state:?}");
-    }
 }
 
 #[test]
@@ -147,79 +135,65 @@ fn samples_that_nobody_waits_for_become_durable_and_are_counted() {
         store.submit(quiet(vec![sample_record(1, index)])).unwrap();
     }
     store.close().unwrap();
-    let counts: Vec<_> = events
-        .iter()
-        .map(|event| match event {
-            StoreEvent::Durable { session: 1, samples } => samples,
-            other => panic!("{other:?}"),
-        })
-        .collect();
+    let counts = events.iter().map(|event| match event {
+        StoreEvent::Durable { session: 1, samples } => samples,
+        other => panic!("{other:?}"),
+    });
+    let counts: Vec<_> = counts.collect();
     assert!(counts.is_sorted(), "{counts:?}");
     assert_eq!(counts.last(), Some(&200), "closing flushes the last group");
 }
 
+/// Nor in its log or its copy.
 #[test]
-fn a_tare_keeps_what_is_not_a_number() {
+fn what_was_deleted_is_in_no_file_and_its_number_is_not_used_again() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
+    let [first, _] = filled(&path);
+    let counts = b"these are the counts of a session".to_vec();
     let (store, ..) = open(&path);
-    let tare = TareView { noise_median: f64::NAN, reason: "at rest".to_owned(), ..TareView::default() };
-    let mut baseline = model_set(0).baseline;
-    baseline[2].mean = f64::NAN;
-    write(&store, vec![Record::Tared { patch: PATCH.to_owned(), tare, baseline }]).unwrap();
+    let sample = Sample { counts: counts.clone().into(), ..sample(0) };
+    write(&store, vec![session(5, SessionState::Ramping), Record::Sample { session: 5, index: 0, sample }]).unwrap();
+    write(&store, vec![session(5, SessionState::Aborted)]).unwrap();
+    samples_of(&store, 5).unwrap();
+    let holds = |bytes: &[u8]| bytes.windows(counts.len()).any(|window| window == counts);
+    let found =
+        || fs::read_dir(dir.path()).unwrap().filter(|file| holds(&fs::read(file.as_ref().unwrap().path()).unwrap()));
+    assert_eq!(found().count(), 2, "the log and the copy");
+    let gone = Record::ModelSetDeleted { model_set: first.id.clone(), wall_ns: 0 };
+    write(&store, vec![Record::SessionDeleted { session: 5, wall_ns: 0 }, gone]).unwrap();
+    samples_of(&store, 5).unwrap();
+    assert_eq!(found().count(), 0);
     store.close().unwrap();
-    let stored: (String, Option<f64>, Vec<u8>) = Connection::open(&path)
-        .unwrap()
-        .query_row("SELECT reason, noise_median, baseline FROM tares", [], |row| {
-            Ok((row.get(0)?, row.get(1)?, row.get(2)?))
-        })
-        .unwrap();
-    assert_eq!((stored.0.as_str(), stored.1), ("at rest", None));
-    assert!(crate::rows::baseline_from_blob(&stored.2).unwrap()[2].mean.is_nan());
+    let (_, restored, quarantined, _events) = open(&path);
+    assert_eq!(quarantined, []);
+    assert_eq!((restored.model_sets.len(), restored.sessions.len(), restored.next_session), (1, 2, 6));
 }
 
 #[test]
-fn the_same_model_set_twice_is_one() {
+fn a_set_in_use_that_is_deleted_is_not_in_use_after_a_restart_also_if_it_is_imported_again() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
-    let set = Arc::new(model_set(1));
+    let [_, second] = filled(&path);
     let (store, ..) = open(&path);
-    write(&store, vec![Record::ModelSet(set.clone()), Record::ModelSet(set.clone())]).unwrap();
-    write(&store, vec![Record::ModelSet(set)]).unwrap();
+    write(&store, vec![Record::ModelSetDeleted { model_set: second.id.clone(), wall_ns: 0 }]).unwrap();
+    write(&store, vec![Record::ModelSet(Arc::new(second))]).unwrap();
     store.close().unwrap();
-    let rows: i64 =
-        Connection::open(&path).unwrap().query_row("SELECT count(*) FROM model_sets", [], |row| row.get(0)).unwrap();
-    assert_eq!(rows, 1);
+    let (_, restored, quarantined, _events) = open(&path);
+    assert_eq!((restored.active, restored.model_sets.len(), quarantined), (vec![], 2, vec![]));
 }
 
 #[test]
-fn nothing_is_changed_or_deleted_even_by_others() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
-    filled(&path);
-    let other = Connection::open(&path).unwrap();
-    for statement in [
-        "DELETE FROM samples",
-        "UPDATE samples SET pressure_kpa = 0",
-        "DELETE FROM model_sets",
-        "UPDATE model_sets SET json = x''",
-        "DELETE FROM activations",
-        "UPDATE activations SET model_set = ''",
-        "DELETE FROM ramps",
-        "DELETE FROM sessions",
-    ] {
-        let refused = other.execute(statement, []).unwrap_err().to_string();
-        assert!(refused.contains("append-only") || refused.contains("never deleted"), "{statement}: {refused}");
-    }
-}
-
-#[test]
-fn a_second_process_is_refused() {
+fn a_second_process_is_refused_and_told_which_has_the_store() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     let (_store, ..) = open(&path);
-    let second = Store::open(&path, Box::new(|_| ()));
-    assert_eq!(second.unwrap_err(), StoreError::InUse { path });
+    let second = Store::open(&path, Box::new(|_| ())).unwrap_err();
+    assert_eq!(second, StoreError::InUse { path: path.clone(), process: Some(std::process::id()) });
+    let said = second.to_string();
+    assert!(said.contains(&format!("in use by process {}: stop that one", std::process::id())), "{said}");
+    assert_eq!(StoreFile::open(&path).unwrap_err(), second);
+    assert_eq!(check(&path).unwrap_err(), second);
 }
 
 #[test]
@@ -232,18 +206,84 @@ fn the_log_stays_short() {
     let mut longest = 0;
     for ramp in 0..24 {
         write(&store, vec![began(1, ramp, vec![rest; 25_000])]).unwrap();
-        longest = longest.max(std::fs::metadata(dir.path().join("store.db-wal")).unwrap().len());
+        longest = longest.max(fs::metadata(dir.path().join("store.db-wal")).unwrap().len());
     }
     assert!(longest < 5_500_000, "{longest} bytes after 24 records of 400 kB each");
     store.close().unwrap();
-    assert!(std::fs::metadata(&path).unwrap().len() > 9_000_000);
 }
 
 #[test]
 fn a_store_in_memory_does_the_same_and_says_so() {
     let store = Store::in_memory(Box::new(|_| ())).unwrap();
     let set = model_set(1);
-    let records = vec![Record::ModelSet(Arc::new(set.clone())), activated(&set)];
+    let records = vec![Record::ModelSet(Arc::new(set.clone())), activated(&set), session(1, SessionState::Review)];
     assert_eq!(write(&store, records), Ok(Durability::InMemory));
     store.close().unwrap();
+}
+
+/// Ten model sets, the first active, and ten sessions with samples, the last two of which wait for the operator.
+fn grown(path: &Path) {
+    let (store, ..) = open(path);
+    for number in 1..=10 {
+        let set = Arc::new(model_set(number));
+        let state = if number > 8 { SessionState::Review } else { SessionState::Discarded };
+        let mut records = vec![Record::ModelSet(set), session(number as u64, state), ramp(number as u64, 0)];
+        records.extend((0..10).map(|index| sample_record(number as u64, index)));
+        write(&store, records).unwrap();
+    }
+    write(&store, vec![activated(&model_set(1))]).unwrap();
+    store.close().unwrap();
+}
+
+fn kept(limits: Retention) -> (Vec<i64>, Vec<u64>) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    grown(&path);
+    let (store, now, quarantined) = Store::open_keeping(&path, &limits, Box::new(|_| ())).unwrap();
+    assert_eq!(quarantined, []);
+    store.close().unwrap();
+    let (_, restored, quarantined, _events) = open(&path);
+    assert_eq!(quarantined, []);
+    let sets: Vec<_> = restored.model_sets.iter().map(|set| set.created_wall_ns).collect();
+    let sessions: Vec<_> = restored.sessions.iter().map(|view| view.number).collect();
+    assert_eq!(now.model_sets.iter().map(|set| set.created_wall_ns).collect::<Vec<_>>(), sets);
+    assert_eq!(now.sessions.iter().map(|view| view.number).collect::<Vec<_>>(), sessions);
+    (sets, sessions)
+}
+
+#[test]
+fn what_is_beyond_the_limits_goes_oldest_first_and_never_what_is_in_use() {
+    let all = Retention::default();
+    assert_eq!(kept(all), ((1..=10).collect(), (1..=10).collect()));
+    assert_eq!(kept(Retention { model_sets: Some(3), ..all }).0, [1, 9, 10], "the first one is active");
+    assert_eq!(kept(Retention { sessions: Some(4), ..all }).1, [7, 8, 9, 10]);
+    assert_eq!(kept(Retention { sessions: Some(0), ..all }).1, [9, 10], "they wait for the operator");
+    assert_eq!(kept(Retention { samples: Some(55), ..all }).1, [6, 7, 8, 9, 10]);
+    assert_eq!(kept(Retention { bytes: Some(1), ..all }).1, [9, 10]);
+}
+
+#[test]
+fn a_store_that_nobody_has_open_is_checked_and_read_where_it_lies() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let [_, second] = filled(&path);
+    let (store, ..) = open(&path);
+    write(&store, vec![sample_record(2, 40), asked(1)]).unwrap();
+    // As a kill leaves it.
+    let killed = tempfile::tempdir().unwrap();
+    for name in ["store.db", "store.db-wal", "store.db-copy"] {
+        fs::copy(dir.path().join(name), killed.path().join(name)).unwrap();
+    }
+    let path = killed.path().join("store.db");
+    let before = fs::read(&path).unwrap();
+    let found = check(&path).unwrap();
+    assert_eq!((found.model_sets, found.sessions, found.samples, found.damage), (2, 2, 41, vec![]));
+    let read = StoreFile::open(&path).unwrap();
+    assert_eq!(read.restored().active[0].1, second.id);
+    assert_eq!(read.samples(2).unwrap().samples.len(), 41);
+    assert!(read.model_set(&second.id).unwrap().contains(&second.id));
+    assert_eq!(read.audit(u64::MAX, 9).unwrap().len(), 1);
+    assert_eq!(fs::read(&path).unwrap(), before);
+    let none = StoreFile::open(&killed.path().join("other.db")).unwrap_err().to_string();
+    assert!(none.contains("there is none"), "{none}");
 }

@@ -146,7 +146,7 @@ impl Driver {
             });
             done.tell(Done::Loaded(ticket, result));
         });
-        self.store.read_samples(session, on_samples);
+        self.store.reader().samples(session, on_samples);
     }
 
     fn hide_session(&mut self, index: usize) {

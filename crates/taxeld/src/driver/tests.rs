@@ -391,7 +391,7 @@ impl Bench {
     /// The whole audit log, oldest first: who, model set before and after, result.
     fn audit_log(&self) -> Vec<[String; 4]> {
         let (tell, told) = std::sync::mpsc::channel();
-        self.driver.store.audit_reader().read(u64::MAX, 100, Box::new(move |read| tell.send(read).unwrap()));
+        self.driver.store.reader().audit(u64::MAX, 100, Box::new(move |read| tell.send(read).unwrap()));
         let mut entries = told.recv().unwrap().unwrap();
         entries.reverse();
         let shown = |entry: taxel_engine::audit::AuditEntry| {

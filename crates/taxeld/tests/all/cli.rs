@@ -220,7 +220,7 @@ fn a_configuration_that_cannot_be_is_refused_with_its_place() {
         assert!(said.contains(says), "expected `{says}` in: {said}");
     }
     assert!(fails(&["check", "--config", "/nowhere.toml"]).contains("/nowhere.toml"));
-    assert!(fails(&["store", "compact", "--store", "/dev/null"]).contains("is no file"));
+    assert!(fails(&["store", "check", "--store", "/dev/null"]).contains("is no file"));
     assert!(fails(&["audit", "--last", "0"]).contains("0 is not in 1.."));
 }
 

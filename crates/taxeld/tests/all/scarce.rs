@@ -194,7 +194,7 @@ fn a_start_that_fails_after_the_store_was_opened_closes_it() {
     assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{}", daemon.log());
     assert!(daemon.log().contains("Address already in use"), "{}", daemon.log());
     let disk = daemon.folder.path().join("disk");
-    assert!(disk.join("store.db").exists() && !disk.join("store.db-open").exists(), "it is not closed");
+    assert!(disk.join("store.db").exists() && !disk.join("store.db-wal").exists(), "it is not closed");
 }
 
 /// Until somebody ends it: each call takes an hour.

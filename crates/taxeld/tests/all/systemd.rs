@@ -132,7 +132,7 @@ async fn the_manager_is_told_when_the_daemon_serves_that_it_lives_and_when_it_st
     service.until_told("STOPPING=1");
     assert!(service.child.wait().unwrap().success(), "{}", service.log());
     // The store is closed: nothing waits in a log to be folded back.
-    for (name, there) in [("store.db", true), ("store.db-wal", false), ("store.db-open", false)] {
+    for (name, there) in [("store.db", true), ("store.db-wal", false)] {
         assert_eq!(service.path(name).exists(), there, "{name}");
     }
 }

@@ -8,15 +8,14 @@ use taxel_engine::Restored;
 use taxel_engine::calibration::SessionState;
 
 use super::plan::{Held, Plan, signature, signed};
-use crate::tests::audit::entries;
 use crate::tests::fixture::*;
-use crate::{Store, active_file};
+use crate::{Store, copy};
 
 /// Opens the store. It is to hold what it held after event `done`, `begun` or one between, whole, without anything that
 /// is called damaged; and it takes more. Gives the event after which it is, or what is wrong. No file is open any more then.
 pub fn check(path: &Path, plan: &Plan, done: usize, begun: usize) -> Result<usize, String> {
     let states: Vec<_> = (done..=begun).map(|event| plan.after(event)).collect();
-    active_file_is_of(path, &states)?;
+    copy_is_whole(path, plan, begun)?;
     let (store, restored, quarantined) = Store::open(path, Box::new(|_| ())).map_err(text)?;
     let found = if quarantined.is_empty() {
         state_among(&states, &store, &restored, path, plan.deleted(done))
@@ -54,18 +53,12 @@ fn text(error: impl Display) -> String {
     error.to_string()
 }
 
-/// The plain file is on disk before whoever activated a set learns of it.
-fn active_file_is_of(path: &Path, states: &[Held]) -> Result<(), String> {
-    if states[0].active.is_none() {
-        return Ok(());
-    }
-    let file = active_file::read(path).ok_or("the plain file of the active model sets is not there")?;
-    let file = file.map_err(|reason| format!("the plain file of the active model sets: {reason}"))?;
-    let ids: Vec<_> = file.sets.iter().map(|(id, _)| id.clone()).collect();
-    if !states.iter().any(|state| state.active.iter().eq(&ids)) {
-        return Err(format!("the plain file has {ids:?} as active, expected {:?}", states[0].active));
-    }
-    Ok(())
+/// The copy is a whole one of the past, or none was made yet.
+fn copy_is_whole(path: &Path, plan: &Plan, begun: usize) -> Result<(), String> {
+    let Some(found) = copy::read(path).map_err(|error| format!("the copy: {error}"))? else { return Ok(()) };
+    let active = found.restored.active.first().map(|(_, id)| id);
+    let was_active = (0..=begun).any(|event| plan.after(event).active.as_ref() == active);
+    if was_active { Ok(()) } else { Err(format!("the copy has {active:?} in use, which never was")) }
 }
 
 /// What the store holds, each sample and each set of it read.

@@ -6,9 +6,7 @@ use std::sync::Arc;
 use taxel_engine::calibration::SessionState;
 use taxel_engine::record::{BoardZeros, HiddenCounts, Record, Sample};
 
-use crate::tests::audit::{answered, asked};
 use crate::tests::fixture::*;
-use crate::tests::loads;
 
 /// Most events of a burst: batches that are handed over without waiting for each other.
 const BURST_MAX: usize = 4;
@@ -150,7 +148,7 @@ impl Drawing {
             4..=6 => Event::Write(self.new_set()),
             7 => Event::Write(self.activation()),
             8..=9 => Event::Write(self.audited()),
-            10 => Event::Write(vec![loads::record(self.held.loads as u64 + 1)]),
+            10 => Event::Write(vec![load(self.held.loads as u64 + 1)]),
             11 => Event::Write(vec![self.board_zeros()]),
             _ => Event::Write(self.session()),
         };
