@@ -9,8 +9,8 @@ use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
 use crate::config::bus_load;
 use crate::config::{
-    BusSource, Config, Door, Doors, Problems, Scene, examine_with, modules_written, read_text, record_written,
-    shared_memory_written,
+    BusSource, Config, Door, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
+    modules_written, read_text,
 };
 use crate::missing::missing;
 use crate::obstacles::obstacles;
@@ -51,16 +51,11 @@ pub fn read(path: &Path) -> Result<(Config, Scene), Problems> {
 
 /// Prints the resolved scene.
 fn print(config: &Config, scene: &Scene) {
-    let service = &config.service;
     let store = std::path::absolute(&config.store.path).unwrap_or_else(|_| config.store.path.clone());
     tell!("store: {}, one SQLite file", store.display());
-    tell!("service: gRPC, at most {} streams on {} connections", service.streams(), service.connections_max);
+    tell!("service: gRPC");
     scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
     access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
-    if service.low_latency {
-        tell!("low latency: processors are kept awake, buses never rest, the service shares the engine's thread");
-        crate::low_latency::obstacle().iter().for_each(|why| tell!("  as this account: {why}"));
-    }
     if let Some(page) = &config.page {
         tell!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
     }
@@ -68,8 +63,8 @@ fn print(config: &Config, scene: &Scene) {
         let at = metrics.listen.or(config.page.as_ref().map(|page| page.listen));
         tell!("metrics: http://{}/metrics", at.map(|at| at.to_string()).unwrap_or_default());
     }
-    config.shared_memory.iter().for_each(|section| tell!("{}", shared_memory_written(section)));
-    config.record.iter().for_each(|section| tell!("{}", record_written(section)));
+    config.shared_memory.iter().for_each(|section| tell!("{}", shared_memory(section)));
+    config.record.iter().for_each(|section| tell!("{}", recordings(section)));
     let routes = Routes::new(&scene.plan);
     for position in 0..config.bus.len() {
         tell!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
@@ -91,10 +86,33 @@ fn print(config: &Config, scene: &Scene) {
     }
 }
 
+fn shared_memory(section: &SharedMemorySection) -> String {
+    let SharedMemorySection { path, group } = section;
+    let group = group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
+    let (path, mode) = (path.join("PATCH"), SharedMemorySection::MODE);
+    format!(
+        "shared memory: {} (mode {mode:03o}{group}), a page a patch, for controllers of this machine",
+        path.display()
+    )
+}
+
+fn recordings(section: &RecordSection) -> String {
+    let taxels = if section.taxels { ", taxels" } else { "" };
+    format!(
+        "recording: frames, force, events{taxels} in {}, MCAP files of at most {} MB and {} min, {} MB together; {} MB of the disk \
+         are kept free",
+        section.path.display(),
+        section.file_mb(),
+        RecordSection::FILE_MINUTES,
+        section.budget_mb,
+        RecordSection::KEEP_FREE_MB
+    )
+}
+
 /// Who may do what, a line each.
 fn access(doors: &Doors) -> Vec<String> {
     if !doors.ruled {
-        return vec!["access: everything is allowed to whoever connects: there is no [access] section".to_owned()];
+        return vec![UNRULED.to_owned()];
     }
     let rules = &doors.rules;
     let word = |role: Option<Role>| role.map_or("none", Role::name);
@@ -213,12 +231,8 @@ fn listed(parts: &[(&str, bool)]) -> String {
 /// The threads of `taxeld run` by their names, and what each is for.
 fn threads(config: &Config, doors: &Doors) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
-    let shared = if config.service.low_latency { "the service, " } else { "" };
-    let mut threads =
-        vec![format!("main: bus {}, the engine, {shared}the signal that ends the daemon", buses.join(", "))];
-    if !config.service.low_latency {
-        threads.push("service: subscribers must not hold the engine up".to_owned());
-    }
+    let mut threads = vec![format!("main: bus {}, the engine, the signal that ends the daemon", buses.join(", "))];
+    threads.push("service: subscribers must not hold the engine up".to_owned());
     threads.push("store: a slow disk must not hold the engine up".to_owned());
     threads.push("log: whoever reads the log must not hold the engine up".to_owned());
     threads.push("reload: a configuration on a slow disk must not hold the engine up".to_owned());

@@ -13,7 +13,7 @@ use taxel_rpc::{Access, Listener, Rules, Tokens};
 #[cfg(feature = "tls")]
 use taxel_rpc::{Tls, TlsFiles};
 
-use crate::config::{Door, Doors};
+use crate::config::{Door, Doors, UNRULED};
 use crate::sockets::Sockets;
 
 /// The open doors, and who may come in.
@@ -45,6 +45,9 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
         files,
         opened: stamps,
     };
+    if !doors.ruled {
+        tracing::warn!("{UNRULED}");
+    }
     doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
     let (mut listeners, mut sockets) = (Vec::new(), Sockets::default());
     for door in &doors.doors {
@@ -58,7 +61,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
                 if !address.ip().is_loopback() {
                     tracing::warn!(
                         "INSECURE: {address} is served without encryption and without knowing who calls, as \
-                         allow_insecure = true, or the demo's --listen, wants it: everybody on that net can read along and connect"
+                         \"insecure:\" in listen, or the demo's --listen, wants it: everybody on that net can read along and connect"
                     );
                 }
                 Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)

@@ -23,11 +23,6 @@ pub fn keep_awake() -> Result<Awake, String> {
     hold(Path::new(DEVICE))
 }
 
-/// Why this account cannot keep the processors awake, if it cannot.
-pub fn obstacle() -> Option<String> {
-    open(Path::new(DEVICE)).err() // to open it asks for nothing yet
-}
-
 fn open(device: &Path) -> Result<File, String> {
     OpenOptions::new().write(true).open(device).map_err(|error| unheld(device, &error))
 }

@@ -11,7 +11,7 @@ pub fn named_files(config: &Config, doors: &Doors, path: &Path) -> Vec<PathBuf> 
     let mut files = vec![path.to_owned()];
     files.extend(taxel_store::files_of(&config.store.path));
     // Position files and DBC files.
-    let of_arrays = config.patch.iter().filter_map(|patch| patch.array.as_ref()?.dbc.as_ref());
+    let of_arrays = config.patch.iter().filter_map(|patch| Some(&patch.array.as_ref()?.dbc));
     let read = config.patch.iter().filter_map(|patch| patch.geometry.as_ref()).chain(of_arrays);
     files.extend(read.map(|file| beside(path, file)));
     files.extend(doors.files());
@@ -28,16 +28,12 @@ pub fn named_files(config: &Config, doors: &Doors, path: &Path) -> Vec<PathBuf> 
 #[cfg(all(test, feature = "tls", feature = "record"))]
 mod tests {
     use super::*;
-    use crate::config::doors;
 
     const CONFIG: &str = r#"
+listen = ["unix:socket", "tls:127.0.0.1:50052"]
+tls = { cert = "server.pem", key = "server.key", client_ca = "ca.pem" }
 [store]
 path = "FOLDER/s.db"
-[[listen]]
-unix = "socket"
-[[listen]]
-tcp = "127.0.0.1:50052"
-tls = { certificate = "server.pem", key = "server.key", client_ca = "ca.pem" }
 [access]
 tokens = "tokens"
 [shared_memory]
@@ -51,12 +47,11 @@ interface = "can0"
 name = "palm"
 bus = "skin"
 geometry = "palm.txt"
+boards = [{ address = 1, modules = "0" }]
 [[patch]]
 name = "sole"
 bus = "skin"
-[patch.array]
-dbc = "skin.dbc"
-taxels = ["A.*"]
+array = { dbc = "skin.dbc", taxels = ["A.*"] }
 "#;
 
     #[test]
@@ -70,7 +65,8 @@ taxels = ["A.*"]
         }
         let (path, text) = (at("t.toml"), CONFIG.replace("FOLDER", folder.path().to_str().unwrap()));
         let config = crate::config::parse(&path, &text).unwrap();
-        let named = named_files(&config, &doors(&config, &path).unwrap(), &path);
+        let doors = crate::config::doors(&config, &path, &mut crate::config::Faults::default());
+        let named = named_files(&config, &doors, &path);
         for name in [
             "t.toml",
             "s.db",

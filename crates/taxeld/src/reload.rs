@@ -19,10 +19,11 @@ const ACCESS: &str = "access.";
 const TOKENS: &str = "access.tokens";
 
 /// Why the others wait, by the first word of a key.
-const REASONS: [(&str, &str); 5] = [
+const REASONS: [(&str, &str); 6] = [
     ("access", "where the tokens are, and whether there are rules at all, is settled at the start"),
     ("store", "the store is open"),
-    ("service", "clients are connected to it as it is"),
+    ("listen", "clients are connected to it as it is"),
+    ("socket_group", "clients are connected to it as it is"),
     ("bus", "a bus that is opened anew loses frames, and with them the force"),
     ("patch", "another patch needs another zero, and has no force until it is taken"),
 ];
@@ -115,7 +116,7 @@ fn refuse(name: &str) {
     tracing::warn!("{name} is not reloaded: {reason}; it needs a restart");
 }
 
-/// Every value of a text by its key, such as `service.listen` and `patch[0].period_ms`.
+/// Every value of a text by its key, such as `store.path` and `patch[0].period_ms`.
 fn keys(text: &str) -> Result<BTreeMap<String, Value>, String> {
     let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
     let mut found = BTreeMap::new();
@@ -141,11 +142,11 @@ mod tests {
     use taxel_rpc::{Grant, Role, Subject};
 
     const SCENE: &str = "[store]\npath = \"t.db\"\n[[bus]]\nname = \"b\"\ninterface = \"can0\"\n[[patch]]\nname = \"p\"\n\
-                         bus = \"b\"\n[[patch.board]]\naddress = 13\nmodules = \"0-3\"\n";
+                         bus = \"b\"\nboards = [{ address = 13, modules = \"0-3\" }]\n";
 
     fn granting(users: &[&str]) -> String {
-        let grant = |user: &&str| format!("[[access.grant]]\nrole = \"operator\"\nuser = \"{user}\"\n");
-        format!("{SCENE}[access]\n{}", users.iter().map(grant).collect::<String>())
+        let users: Vec<String> = users.iter().map(|user| format!("user:{user}")).collect();
+        format!("{SCENE}[access]\noperators = {users:?}\n")
     }
 
     fn grants(users: &[&str]) -> Vec<Grant> {
@@ -161,7 +162,7 @@ mod tests {
         std::fs::write(&path, granting(&["ann"])).unwrap();
         let mut reload = Reload::new(&path, &granting(&["ann", "bob"]), true);
         let now = keys(&granting(&["ann"])).unwrap();
-        assert_eq!(reload.changed(&now), ["access.grant[1].role", "access.grant[1].user"]);
+        assert_eq!(reload.changed(&now), ["access.operators"]);
         assert_eq!(reload.again().unwrap().grants, grants(&["ann"]));
         assert_eq!(reload.changed(&now), Vec::<String>::new());
     }
@@ -172,9 +173,9 @@ mod tests {
         let text = granting(&["ann"]);
         let mut reload = Reload::new(path, &text, true);
         assert_eq!(reload.apply(&text).unwrap().unwrap().grants, grants(&["ann"]));
-        let other = format!("{text}[service]\nsubscribers_max = 3\n");
+        let other = format!("socket_group = \"skin\"\n{text}");
         assert_eq!(reload.apply(&other).unwrap().unwrap().grants, grants(&["ann"]));
-        assert_eq!(reload.changed(&keys(&other).unwrap()), ["service.subscribers_max"], "it waits for a restart");
+        assert_eq!(reload.changed(&keys(&other).unwrap()), ["socket_group"], "it waits for a restart");
         assert_eq!(reload.apply(SCENE), Ok(None), "without [access] there are no rules");
         assert_eq!(Reload::new(path, SCENE, false).apply(&text), Ok(None), "there were none before");
         assert_eq!(Reload::new(path, SCENE, false).apply(SCENE), Ok(Some(Rules::open())));
@@ -190,7 +191,7 @@ mod tests {
         assert_eq!(reload.applied, keys(&text).unwrap());
         assert_eq!(reload.again(), None, "a file that cannot be read changes nothing");
         assert_eq!(reload.applied, keys(&text).unwrap());
-        assert!(reload.apply(&text.replace("operator", "none")).unwrap_err().contains("grants nothing"));
+        assert!(reload.apply(&text.replace("user:", "usr:")).unwrap_err().contains("expected user:NAME"));
         assert!(
             reload.apply(&text.replace("t.db", "/")).unwrap_err().contains("store.path"),
             "it could not be started with"

@@ -98,14 +98,14 @@ impl Daemon {
         let certificates = crate::certificate::maker(config, &scene);
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
-        let room = room_of(&store, config.store.budget_mb);
+        let room = room_of(&store, config.store.budget_mb());
         let (pages, keeper) = pages(config, &plan, &clock)?;
         let kept = match &store {
             StoreAt::File(_, kept) => *kept,
             StoreAt::Memory => Retention::default(),
         };
         let (store, restored) = open_store(store, &tell_done)?;
-        let low_latency = config.service.low_latency && matches!(clock, RunClock::Live);
+        let low_latency = false;
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
@@ -132,7 +132,7 @@ impl Daemon {
         let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
         let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
         let terminate = signal(SignalKind::terminate())?;
-        let service = service(handle.clone(), listeners, access, limits(config), share);
+        let service = service(handle.clone(), listeners, access, limits(), share);
         if low_latency {
             parts.spawn_fallible(service);
         } else {
@@ -356,12 +356,8 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     logs::filter(config.log.filter.as_deref()).map_err(anyhow::Error::msg)?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let store = &config.store;
-    let retention = Retention {
-        model_sets: store.keep_model_sets,
-        sessions: store.keep_sessions,
-        samples: store.keep_samples,
-        bytes: store.keep_mb.map(|mb| mb.saturating_mul(1_000_000)),
-    };
+    let bytes = store.keep_mb.map(|mb| mb.saturating_mul(1_000_000));
+    let retention = Retention { bytes, ..Retention::default() };
     let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, retention), RunClock::Live).await?;
     daemon.reload = Some((hangup, reload));
     match daemon.add_buses(&config) {

@@ -82,8 +82,8 @@ pub fn room_of(store: &StoreAt<'_>, budget_mb: u64) -> Room {
             return Ok(());
         }
         Err(format!(
-            "the store has {megabytes} MB, its budget is {budget_mb} MB (store.budget_mb): delete sessions or model sets, \
-             a restart gives their space back"
+            "the store has {megabytes} MB, its budget is {budget_mb} MB: delete sessions or model sets, a restart \
+             gives their space back, or keep more with store.keep_mb"
         ))
     })
 }

@@ -49,11 +49,11 @@ impl Keeper {
         section: &SharedMemorySection,
         plan: &Plan,
     ) -> anyhow::Result<(Self, mpsc::Receiver<(usize, PageWriter)>)> {
-        let SharedMemorySection { path, mode, group } = section;
+        let SharedMemorySection { path, group } = section;
         let group = group.as_ref().map(|name| {
             taxel_rpc::group_id(name).with_context(|| format!("shared_memory.group: there is no group `{name}`"))
         });
-        let permissions = Permissions { mode: *mode, group: group.transpose()? };
+        let permissions = Permissions { mode: SharedMemorySection::MODE, group: group.transpose()? };
         let pages = plan.patches.iter().map(|patch| Kept {
             patch: patch.patch.name().to_owned(),
             limits: Limits { age: patch.live.stale_after, beat: STALLED_AFTER },
