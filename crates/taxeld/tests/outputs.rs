@@ -9,10 +9,9 @@ use std::process::{Command, Output, Stdio};
 const LOG: &str = "(1600000000.000000) can0 123#00\n";
 
 const CONFIG: &str = r#"
+listen = ["unix:socket"]
 [store]
 path = "FOLDER/s.db"
-[[listen]]
-unix = "socket"
 [access]
 tokens = "tokens"
 [[bus]]
@@ -22,9 +21,7 @@ interface = "can0"
 name = "palm"
 bus = "skin"
 listen_only = true
-[[patch.board]]
-address = 13
-modules = "0-1"
+boards = [{ address = 13, modules = "0-1" }]
 "#;
 
 fn taxeld(arguments: &[&str]) -> Output {

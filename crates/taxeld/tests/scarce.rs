@@ -38,8 +38,8 @@ impl Daemon {
     fn start_in(folder: TempDir, with: impl FnOnce(&mut Command, &Path)) -> Self {
         let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
         let config = format!(
-            "store.path = \"{}/disk/store.db\"\nservice.listen = \"{address}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
-             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\n[[patch.board]]\naddress = 13\nmodules = \"0-15\"\n",
+            "listen = [\"tcp:{address}\", \"unix:socket\"]\nstore.path = \"{}/disk/store.db\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
+             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\nboards = [{{ address = 13, modules = \"0-15\" }}]\n",
             folder.path().display()
         );
         std::fs::write(folder.path().join("taxeld.toml"), config).unwrap();
@@ -235,7 +235,7 @@ fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
             let library = compiled(folder, include_str!("thread_faults.c"));
             command.env("LD_PRELOAD", library).env("THREAD_AT", number.to_string());
             let recordings = folder.join("recordings");
-            let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[[listen]]\nunix = \"socket\"\n[record]\npath = ";
+            let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[record]\npath = ";
             configured(folder, &format!("{sections}\"{}\"\n", recordings.display()));
         });
         assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{said}{}", daemon.log());
@@ -255,7 +255,6 @@ async fn a_daemon_that_gets_no_further_thread_does_all_it_is_asked_for_and_close
     let mut daemon = Daemon::start(|command, folder| {
         let library = compiled(folder, include_str!("thread_faults.c"));
         command.env("LD_PRELOAD", library).env("THREAD_WHEN", folder.join("spent"));
-        configured(folder, "[[listen]]\nunix = \"socket\"\n");
     });
     let mut stream = daemon.stream().await;
     daemon.tared(&mut stream).await; // by now all has been started
@@ -346,7 +345,7 @@ async fn a_variable_that_names_no_filter_leaves_it_to_the_configuration_and_a_wr
 #[tokio::test]
 async fn every_thread_of_the_daemon_is_one_that_check_names() {
     let daemon = Daemon::start(|_, folder| {
-        let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[metrics]\n[[listen]]\nunix = \"socket\"\n[record]\npath = ";
+        let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[metrics]\n[record]\npath = ";
         configured(folder, &format!("{sections}\"{}\"\n", folder.join("recordings").display()));
     });
     daemon.stream().await.message().await.unwrap().unwrap();
@@ -402,9 +401,7 @@ async fn a_page_that_somebody_removed_is_made_again() {
 /// Whoever cleans up takes the socket's name along, and a socket cannot be given it again.
 #[tokio::test]
 async fn a_socket_that_somebody_removed_is_told() {
-    let daemon = Daemon::start(|_, folder| {
-        configured(folder, &format!("[[listen]]\nunix = \"{}\"\n", folder.join("socket").display()));
-    });
+    let daemon = Daemon::start(|_, _| {});
     let mut stream = daemon.stream().await;
     let socket = daemon.folder.path().join("socket");
     std::fs::remove_file(&socket).unwrap();

@@ -3,7 +3,6 @@
 #![cfg(all(feature = "sim", feature = "tls"))]
 #![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
 
-use std::io::Write;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -60,39 +59,23 @@ source = "sim"
 [[patch]]
 name = "left_forearm"
 bus = "skin"
-[[patch.board]]
-address = 13
-modules = "0-15"
-[[patch.board]]
-address = 12
-modules = "0-6"
+boards = [{ address = 13, modules = "0-15" }, { address = 12, modules = "0-6" }]
 "#;
 
 /// What the certificate of the documented lines may do.
-const GRANT: &str = r#"
-[[access.grant]]
-role = "operator"
-certificate = "spiffe://robot/skin/operator"
-"#;
+const GRANT: &str = r#"operators = ["certificate:spiffe://robot/skin/operator"]"#;
 
 impl Daemon {
     fn start(folder: &Path) -> Self {
-        Self::start_with(folder, SCENE)
-    }
-
-    fn start_with(folder: &Path, scene: &str) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         let config = format!(
             r#"
+            listen = ["unix:socket", "tls:127.0.0.1:{port}"]
+            tls = {{ cert = "server.pem", key = "server.key", client_ca = "ca.pem" }}
             store.path = "{}/store.db"
-            [[listen]]
-            unix = "socket"
-            [[listen]]
-            tcp = "127.0.0.1:{port}"
-            tls = {{ certificate = "server.pem", key = "server.key", client_ca = "ca.pem" }}
             [access]
             tokens = "tokens"
-            {GRANT}{scene}"#,
+            {GRANT}{SCENE}"#,
             folder.display()
         );
         std::fs::write(folder.join("taxeld.toml"), config).unwrap();
@@ -162,9 +145,9 @@ fn check_says_that_a_key_and_a_certificate_do_not_go_together_and_run_says_the_s
     let folder = tempfile::tempdir().unwrap();
     make_certificates(folder.path());
     let taxeld = |command: &str, key: &str| {
-        let listen = "[[listen]]\ntcp = \"127.0.0.1:0\"";
-        let tls = format!("tls = {{ certificate = \"server.pem\", key = \"{key}\", client_ca = \"ca.pem\" }}");
-        let text = format!("store.path = \"store.db\"\n{listen}\n{tls}\n[access]\n{SCENE}");
+        let listen = "listen = [\"tls:127.0.0.1:0\"]";
+        let tls = format!("tls = {{ cert = \"server.pem\", key = \"{key}\", client_ca = \"ca.pem\" }}");
+        let text = format!("{listen}\n{tls}\nstore.path = \"store.db\"\n[access]\n{SCENE}");
         std::fs::write(folder.path().join("taxeld.toml"), text).unwrap();
         let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
         taxeld.args([command, "--config", "taxeld.toml"]).current_dir(folder.path()).output().unwrap()
@@ -174,7 +157,7 @@ fn check_says_that_a_key_and_a_certificate_do_not_go_together_and_run_says_the_s
         let output = taxeld(command, "operator.key");
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(!output.status.success() && said.contains("server.pem: does not go with the key"), "{command}: {said}");
-        assert!(command == "run" || said.contains("taxeld.toml:4: [[listen]] 1: "), "{said}");
+        assert!(command == "run" || said.contains("taxeld.toml:1: listen: "), "{said}");
     }
 }
 
@@ -328,8 +311,7 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
         assert!(Command::new("kill").args(["-HUP", &child]).status().unwrap().success());
     };
     // Who comes by the socket may, and the certificate's grant is gone.
-    let other = text.replace("tokens = \"tokens\"", "tokens = \"tokens\"\nunix = \"operator\"");
-    hang_up_with(&other.replace("role = \"operator\"", "role = \"observer\""));
+    hang_up_with(&text.replace(GRANT, "operators = [\"unix\"]\nobservers = [\"certificate:spiffe://robot/skin/operator\"]"));
     let begun = Instant::now();
     while tare(&unix, None, "Ann").await.is_err_and(|error| error.code() == Code::PermissionDenied) {
         assert!(begun.elapsed() < PATIENCE, "the new grants do not count");
@@ -338,49 +320,8 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
     assert!(stream.message().await.unwrap().is_some(), "the stream goes on");
 
     // A file that cannot be used changes nothing.
-    hang_up_with(&other.replace("role = \"operator\"", "role = \"none\""));
+    hang_up_with(&text.replace(GRANT, "operators = [\"nobody\"]"));
     tare(&unix, None, "Ann").await.unwrap();
-}
-
-/// The daemon reads its configuration, and the positions that it names some time later: a pipe in the place of these holds it
-/// there while the grant is deleted.
-#[cfg(feature = "sim")]
-#[tokio::test]
-async fn a_grant_that_was_deleted_while_the_daemon_started_counts_no_more_after_a_signal() {
-    if !openssl() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    make_certificates(folder.path());
-    let [positions, kept, config] = ["skin.txt", "kept.txt", "taxeld.toml"].map(|name| folder.path().join(name));
-    let content = taxel_sim::Skin::forearm().unwrap().positions_file();
-    std::fs::write(&kept, &content).unwrap();
-    assert!(Command::new("mkfifo").arg(&positions).status().unwrap().success());
-    let daemon =
-        Daemon::start_with(folder.path(), &SCENE.replace("bus = \"skin\"", "bus = \"skin\"\ngeometry = \"skin.txt\""));
-    let (tell, opened) = std::sync::mpsc::channel();
-    let pipe = positions.clone();
-    std::thread::spawn(move || tell.send(std::fs::File::options().write(true).open(pipe))); // waits for the reader
-    let mut pipe = opened.recv_timeout(PATIENCE).unwrap().unwrap();
-
-    let text = std::fs::read_to_string(&config).unwrap();
-    assert!(text.contains(GRANT));
-    std::fs::write(&config, text.replace(GRANT, "")).unwrap();
-    std::fs::rename(&kept, &positions).unwrap(); // for the reload, which would wait at the pipe
-    pipe.write_all(content.as_bytes()).unwrap();
-    drop(pipe);
-    daemon.unix().await;
-    let operator = daemon.with_certificates(folder.path());
-    tare(&operator, None, "Ann").await.unwrap(); // it started with the grant
-
-    assert!(Command::new("kill").args(["-HUP", &daemon.child.id().to_string()]).status().unwrap().success());
-    let begun = Instant::now();
-    let mut skin = SkinServiceClient::new(operator);
-    while skin.get_health(v1::GetHealthRequest {}).await.is_ok() {
-        assert!(begun.elapsed() < PATIENCE, "the grant counts for ever");
-    }
-    let refused = skin.get_health(v1::GetHealthRequest {}).await.unwrap_err();
-    assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
 }
 
 #[cfg(feature = "client")]

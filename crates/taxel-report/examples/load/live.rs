@@ -32,7 +32,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// The calibrated forearm with every output; `service` are further lines of `[service]`.
+    /// The calibrated forearm with every output; `service` are further sections.
     pub async fn forearm(taxeld: &Path, service: &str) -> anyhow::Result<Self> {
         let models = models_json::to_json(&*taxel_report::calibrate(SEED)?)?;
         let home = Home::forearm(taxeld, service, Scene::Full, SEED)?;
@@ -46,12 +46,12 @@ impl Live {
         let bus = |(bus, patch): (usize, &String)| {
             let boards = (0..MODULES).step_by(16).zip(1..).map(|(first, address)| {
                 let last = (MODULES - first - 1).min(15);
-                format!("[[patch.board]]\naddress = {address}\nmodules = \"0-{last}\"\n")
+                format!("{{ address = {address}, modules = \"0-{last}\" }},")
             });
             let boards: String = boards.collect();
             format!(
                 "[[bus]]\nname = \"bus{bus}\"\nsource = \"sim\"\nseed = {bus}\n\
-                 [[patch]]\nname = \"{patch}\"\nbus = \"bus{bus}\"\n{boards}"
+                 [[patch]]\nname = \"{patch}\"\nbus = \"bus{bus}\"\nboards = [{boards}]\n"
             )
         };
         let home = Home::with(taxeld, "", &patches.iter().enumerate().map(bus).collect::<String>())?;

@@ -8,7 +8,7 @@
 //! | `unread` | 10 readers at 100 Hz, without and beside 50 streams at 1 kHz that nobody reads |
 //! | `idle` | 10 readers at 100 Hz, without and beside 2,000 sockets that say nothing, and how long a new client waits |
 //! | `buses` | ten simulated buses, 5,000 taxels, 100 subscribers |
-//! | `raw` | frame to client beside a minimal server on bare tonic, with and without `low_latency` |
+//! | `raw` | frame to client beside a minimal server on bare tonic |
 //!
 //! It starts the daemon as a process on simulated buses and reads it as clients do, all on one thread. A scene's output is
 //! rows of the tables in `tests/README.md`. `--seconds` is how long each case is watched.

@@ -143,15 +143,15 @@ async fn messages(address: &str) -> anyhow::Result<Vec<ForceSample>> {
     Ok(messages)
 }
 
-/// The daemon beside bare tonic. What is held for low latency is the whole machine's, so that this daemon runs alone.
+/// The daemon beside bare tonic.
 pub async fn raw(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
     let cases = [
         ("10 subscribers on one connection", 10, 10, None),
         ("10 subscribers on ten connections", 10, 1, None),
         ("1 subscriber at 1 kHz", 1, 1, Some(1_000.0)),
     ];
-    let names = ["bare tonic", "taxeld", "taxeld, Unix socket", "taxeld, low_latency, Unix socket"];
-    let mut seen: Vec<[Case; 4]> = cases.iter().map(|_| Default::default()).collect();
+    let names = ["bare tonic", "taxeld", "taxeld, Unix socket"];
+    let mut seen: Vec<[Case; 3]> = cases.iter().map(|_| Default::default()).collect();
     for _ in 0..RAW_ROUNDS {
         let live = Live::forearm(taxeld, "").await?;
         let raw = Raw::start(&messages(&live.daemon.address()).await?, &live.home.path(""))?;
@@ -161,12 +161,6 @@ pub async fn raw(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
                 let (address, patches) = (address.clone(), live.patches.clone());
                 seen.watch(&Crowd { address, patches, subscribers, per_connection, rate_hz }, span).await?;
             }
-        }
-        drop((raw, live));
-        let live = Live::forearm(taxeld, "low_latency = true").await?;
-        for (&(_, subscribers, per_connection, rate_hz), seen) in cases.iter().zip(&mut seen) {
-            let (address, patches) = (live.home.socket_address(), live.patches.clone());
-            seen[3].watch(&Crowd { address, patches, subscribers, per_connection, rate_hz }, span).await?;
         }
     }
     rows::head();

@@ -28,7 +28,7 @@ pub struct Home {
 }
 
 impl Home {
-    /// For the simulated forearm, with further lines of the section `[service]`.
+    /// For the simulated forearm, with further sections.
     ///
     /// # Errors
     /// If the folder cannot be written.
@@ -38,17 +38,17 @@ impl Home {
         Ok(home)
     }
 
-    /// For any buses and patches: `service` are further lines of the section `[service]`, `rest` is what follows it. The
-    /// daemon listens on loopback TCP, and on the Unix socket that [`Home::socket_address`] names.
+    /// For any buses and patches: `service` are further sections, `rest` is what follows them. The daemon
+    /// listens on loopback TCP, and on the Unix socket that [`Home::socket_address`] names.
     ///
     /// # Errors
     /// If the folder cannot be written.
     pub fn with(taxeld: &Path, service: &str, rest: &str) -> anyhow::Result<Self> {
         let home = Self { folder: tempfile::tempdir()?, taxeld: taxeld.to_owned() };
         let config = format!(
-            "[store]\npath = \"{}\"\n[service]\nlisten = \"ADDRESS\"\n{service}\n[[listen]]\nunix = \"{}\"\n{rest}",
-            home.path("store.db").display(),
+            "listen = [\"tcp:ADDRESS\", \"unix:{}\"]\n[store]\npath = \"{}\"\n{service}\n{rest}",
             home.path("socket").display(),
+            home.path("store.db").display(),
         );
         std::fs::write(home.path("template.toml"), config)?;
         Ok(home)
@@ -89,14 +89,14 @@ fn configuration(scene: Scene, seed: u64) -> String {
     let (geometry, gauge) = match scene {
         Scene::Full => (
             "geometry = \"positions.txt\"\noutputs = [\"resultant\", \"moment\", \"contacts\", \"fill\"]\n",
-            "[patch.gauge]\nid = 0x3A1\nlength_bits = 32\nsigned = true\nunit = \"Pa\"\n",
+            "gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n",
         ),
         Scene::Lean => ("", ""),
     };
     format!(
         "[[bus]]\nname = \"skin\"\nsource = \"sim\"\nseed = {seed}\n\
          [[patch]]\nname = \"left_forearm\"\nbus = \"skin\"\n{geometry}\
-         [[patch.board]]\naddress = 13\nmodules = \"0-15\"\n[[patch.board]]\naddress = 12\nmodules = \"0-6\"\n{gauge}"
+         boards = [{{ address = 13, modules = \"0-15\" }}, {{ address = 12, modules = \"0-6\" }}]\n{gauge}"
     )
 }
 

@@ -140,6 +140,9 @@ fn push(config: &Config, section: &PatchSection, bus: BusIndex, faults: &mut Fau
     }
     let with_scans = |gauge: &GaugeSection| gauge.id.is_none() && gauge.signal.is_none();
     let pressure = section.gauge.as_ref().is_some_and(with_scans);
+    if pressure && section.push.is_none() {
+        faults.note("gauge", "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"");
+    }
     if let Some(gauge) = section.gauge.as_ref().filter(|gauge| !with_scans(gauge) && is_push) {
         let of = gauge.bus.as_ref().and_then(|name| config.bus.iter().find(|bus| bus.name == *name));
         if of.is_none_or(|bus| bus.source == BusSource::Push) {
