@@ -232,7 +232,7 @@ fn a_configuration_that_cannot_be_is_refused_with_its_place() {
         (CONFIG.replace("address = 13", "address = 31"), "board address 31 is not in 1..=15"),
         (CONFIG.replace("\"0-1\"", "\"3-1\""), "modules = \"3-1\": expected ascending"),
         (CONFIG.replace("bus = \"skin\"", "bus = \"leg\""), "bus `leg` is not among the buses: skin"),
-        (CONFIG.replace("0|32@1-", "0|65@1-"), "a number of 65 bits"),
+        (CONFIG.replace("0|32@1-", "0|65@1-"), "length is 65 bits"),
         (format!("listen = [\"tcp:0.0.0.0:1\"]\n{CONFIG}"), "only loopback"),
     ] {
         let folder = scratch(&[("t.toml", &broken)]);
@@ -246,8 +246,7 @@ fn a_configuration_that_cannot_be_is_refused_with_its_place() {
 
 #[test]
 fn check_lists_every_error_and_run_lists_the_same_and_begins_nothing() {
-    let broken = CONFIG.replace("unit =", "uint =")
-        + "period_ms = \"50\"\nstale_periods = 1\n";
+    let broken = CONFIG.replace("unit =", "uint =") + "period_ms = \"50\"\nstale_periods = 1\n";
     let folder = scratch(&[("t.toml", &broken)]);
     let config = path(folder.path(), "t.toml");
     let said = fails(&["check", "--config", &config]);

@@ -311,7 +311,9 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
         assert!(Command::new("kill").args(["-HUP", &child]).status().unwrap().success());
     };
     // Who comes by the socket may, and the certificate's grant is gone.
-    hang_up_with(&text.replace(GRANT, "operators = [\"unix\"]\nobservers = [\"certificate:spiffe://robot/skin/operator\"]"));
+    hang_up_with(
+        &text.replace(GRANT, "operators = [\"unix\"]\nobservers = [\"certificate:spiffe://robot/skin/operator\"]"),
+    );
     let begun = Instant::now();
     while tare(&unix, None, "Ann").await.is_err_and(|error| error.code() == Code::PermissionDenied) {
         assert!(begun.elapsed() < PATIENCE, "the new grants do not count");

@@ -167,9 +167,7 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
         before = sample.sequence;
     }
     service.until_logged("log.filter is reloaded: `debug`");
-    service.until_logged(
-        "socket_group is not reloaded: clients are connected to it as it is; it needs a restart",
-    );
+    service.until_logged("socket_group is not reloaded: clients are connected to it as it is; it needs a restart");
     // Rules that grant nothing to anybody are rules, too.
     write_config(&service.folder, service.address, &format!("{more}[access]\n"));
     service.signal("-HUP");

@@ -76,7 +76,7 @@ impl DbcFile {
         Ok(Self { dbc, raw_ids, names })
     }
 
-    /// A file of one signal, `Signal.it`, in the notation of such files: `0|32@1-`, with factor and offset
+    /// A file of one signal, `gauge.signal`, in the notation of such files: `0|32@1-`, with factor and offset
     /// `7|16@0- (0.5,-1)`. An identifier above 0x7FF has 29 bits; one below has, where bit 31 is set.
     ///
     /// # Errors
@@ -99,7 +99,7 @@ impl DbcFile {
         let id = if number > 0x7FF { 0x8000_0000 | number } else { id };
         let factor = if signal.contains('(') { "" } else { " (1,0)" };
         let text = format!(
-            "VERSION \"\"\nNS_ :\nBS_:\nBU_: D\nBO_ {id} Signal: 64 D\n SG_ it : {signal}{factor} [0|0] \"\" D\n"
+            "VERSION \"\"\nNS_ :\nBS_:\nBU_: D\nBO_ {id} gauge: 64 D\n SG_ signal : {signal}{factor} [0|0] \"\" D\n"
         );
         Self::new(&text).map_err(|_| wrong())
     }

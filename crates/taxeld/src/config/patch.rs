@@ -141,7 +141,10 @@ fn push(config: &Config, section: &PatchSection, bus: BusIndex, faults: &mut Fau
     let with_scans = |gauge: &GaugeSection| gauge.id.is_none() && gauge.signal.is_none();
     let pressure = section.gauge.as_ref().is_some_and(with_scans);
     if pressure && section.push.is_none() {
-        faults.note("gauge", "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"");
+        faults.note(
+            "gauge",
+            "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"",
+        );
     }
     if let Some(gauge) = section.gauge.as_ref().filter(|gauge| !with_scans(gauge) && is_push) {
         let of = gauge.bus.as_ref().and_then(|name| config.bus.iter().find(|bus| bus.name == *name));
@@ -282,7 +285,7 @@ fn signal(gauge: &GaugeSection, file: Option<&DbcFile>, faults: &mut Faults) -> 
         None => None,
     };
     let place = match (&inline, file) {
-        (Some(inline), _) => inline.one("Signal.it"),
+        (Some(inline), _) => inline.one("gauge.signal"),
         (None, Some(file)) => file.one(name),
         (None, None) => Err("gauge.id is missing: the identifier of its frames, as in 0x3A1".to_owned()),
     };

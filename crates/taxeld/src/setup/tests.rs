@@ -143,8 +143,8 @@ fn a_hand_has_its_fingertips_from_the_drawing_and_their_settings_as_exceptions()
     let out = folder.path("t.toml");
     run(&["--positions", &positions, "--layout", &drawing, "--out", &out]).unwrap();
     let text = folder.written();
-    assert!(text.contains("modules = \"8-11 palm\" },"), "{text}");
-    assert!(text.contains("modules = \"0-4 fingertip\", shift = 0, cdc_offset = 0x2000 },"), "{text}");
+    assert!(text.contains("modules = \"8-11 palm\", board_type = 1 },"), "{text}");
+    assert!(text.contains("modules = \"0-4 fingertip\", board_type = 1, shift = 0, cdc_offset = 0x2000 },"), "{text}");
     assert!(text.contains("board_type = 1") && text.contains("area = \"equal\""), "{text}");
     let scene = folder.resolved();
     assert_eq!(scene.plan.patches[0].patch.taxels().len(), 104);

@@ -52,7 +52,7 @@ fn names_become_signals_in_the_order_of_their_numbers() {
 fn a_signal_alone_is_written_as_in_a_file() {
     let of = |id: u32, signal: &str| {
         let file = DbcFile::of_signal(id, signal)?;
-        let place = file.one("Signal.it")?;
+        let place = file.one("gauge.signal")?;
         let number = (place.start_bit(), place.length_bits(), place.byte_order(), place.is_signed());
         Ok::<_, String>((place.frames.id, number, place.scale()))
     };
@@ -187,6 +187,6 @@ proptest! {
 
     #[test]
     fn no_signal_panics(id: u32, text in "[0-9|@+(),. -]{0,20}") {
-        let _ = DbcFile::of_signal(id, &text).map(|file| file.one("Signal.it").map(|_| ()));
+        let _ = DbcFile::of_signal(id, &text).map(|file| file.one("gauge.signal").map(|_| ()));
     }
 }
