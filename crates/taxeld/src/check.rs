@@ -9,7 +9,7 @@ use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
 use crate::config::bus_load;
 use crate::config::{
-    BusSource, Config, Door, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
+    BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
     modules_written, read_text,
 };
 use crate::missing::missing;
@@ -70,8 +70,6 @@ fn print(config: &Config, scene: &Scene) {
         tell!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
-    tell!("threads:");
-    threads(config, &scene.doors).iter().for_each(|line| tell!("  {line}"));
     let built = left_out_of_the_build();
     tell!("left out:");
     left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| tell!("  {line}"));
@@ -191,7 +189,6 @@ fn patch(config: &Config, plan: &PatchPlan) {
         ("fill of excluded taxels", outputs.fill),
     ];
     tell!("  computes: {}", listed(&computed));
-    tell!("  encodes: one force message a subscriber; per-taxel messages only for subscribers to taxels");
     let parts = [
         ("geometry", plan.geometry.is_some()),
         ("calibration with the gauge", plan.has_gauge()),
@@ -226,38 +223,6 @@ fn areas(areas: &[SquareMillimetre]) -> String {
 fn listed(parts: &[(&str, bool)]) -> String {
     let words: Vec<&str> = parts.iter().filter(|(_, there)| *there).map(|(word, _)| *word).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
-}
-
-/// The threads of `taxeld run` by their names, and what each is for.
-fn threads(config: &Config, doors: &Doors) -> Vec<String> {
-    let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
-    let mut threads = vec![format!("main: bus {}, the engine, the signal that ends the daemon", buses.join(", "))];
-    threads.push("service: subscribers must not hold the engine up".to_owned());
-    threads.push("store: a slow disk must not hold the engine up".to_owned());
-    threads.push("log: whoever reads the log must not hold the engine up".to_owned());
-    threads.push("reload: a configuration on a slow disk must not hold the engine up".to_owned());
-    threads.push("credentials: tokens and certificates are read again also while the configuration is not".to_owned());
-    let own_metrics = config.metrics.as_ref().is_some_and(|metrics| metrics.listen.is_some());
-    let sites = listed(&[("page", config.page.is_some()), ("metrics", own_metrics)]);
-    if config.page.is_some() || own_metrics {
-        threads.push(format!("{sites}: what they cost must not delay a controller's sample"));
-    }
-    let kept = [
-        ("sockets", doors.doors.iter().any(|door| matches!(door, Door::Unix { .. }))),
-        ("pages", config.shared_memory.is_some()),
-    ];
-    if kept.iter().any(|(_, kept)| *kept) {
-        threads.push(format!("{}: whether they still have their names", listed(&kept)));
-    }
-    if config.record.is_some() {
-        threads.push("record, recorder: a slow disk must not hold the engine up".to_owned());
-    }
-    if config.bus.iter().any(|section| section.source == BusSource::Sim) {
-        threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
-    }
-    let beside = "models are fitted, sets of them read, accounts looked up; one for each such thing at a time";
-    threads.push(format!("tokio-rt-worker: {beside}, of which engine, service, page and record each keep one"));
-    threads
 }
 
 fn left_out_buses(config: &Config, routes: &Routes) -> Vec<String> {

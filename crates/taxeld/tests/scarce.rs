@@ -342,27 +342,6 @@ async fn a_variable_that_names_no_filter_leaves_it_to_the_configuration_and_a_wr
     }
 }
 
-#[tokio::test]
-async fn every_thread_of_the_daemon_is_one_that_check_names() {
-    let daemon = Daemon::start(|_, folder| {
-        let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[metrics]\n[record]\npath = ";
-        configured(folder, &format!("{sections}\"{}\"\n", folder.join("recordings").display()));
-    });
-    daemon.stream().await.message().await.unwrap().unwrap();
-    let config = daemon.folder.path().join("taxeld.toml");
-    let checked = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["check", "--config"]).arg(config).output().unwrap();
-    let checked = String::from_utf8(checked.stdout).unwrap();
-    let lines = checked.lines().skip_while(|line| *line != "threads:").skip(1);
-    let lines = lines.take_while(|line| line.starts_with(' ')).filter_map(|line| line.split_once(": "));
-    let named: Vec<&str> = lines.flat_map(|(names, _)| names.trim().split(", ")).collect();
-    let tasks = std::fs::read_dir(format!("/proc/{}/task", daemon.child.id())).unwrap();
-    for task in tasks {
-        let Ok(name) = std::fs::read_to_string(task.unwrap().path().join("comm")) else { continue }; // it has ended
-        let name = if name == "taxeld\n" { "main" } else { name.trim_end() };
-        assert!(named.contains(&name), "{name} is not in {named:?}");
-    }
-}
-
 /// Of a process that runs already, the limit on files is lowered below what its store has: no write gets through any more.
 #[tokio::test]
 async fn files_that_may_not_grow_are_a_full_disk_and_no_end() {

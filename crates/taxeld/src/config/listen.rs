@@ -91,20 +91,10 @@ pub fn doors(config: &Config, path: &Path, faults: &mut Faults) -> Doors {
     for (position, text) in config.listen.iter().enumerate() {
         let key = format!("listen[{position}]");
         let Some(door) = faults.take(&key, door(text, config, path)) else { continue };
-        if let Some(other) = doors.iter().find(|other| is_same_place(other, &door)) {
-            faults
-                .note(&key, format!("listen \"{text}\": {other} is there already, and two cannot listen at one place"));
-        }
         doors.push(door);
     }
     if config.socket_group.as_deref() == Some("") {
         faults.note("socket_group", "socket_group = \"\": expected the name of a group");
-    }
-    let bound = config.page.as_ref().is_some_and(|page| page.bound.is_some());
-    for (key, address) in of_pages(config).filter(|(key, _)| !(bound && *key == "page.listen")) {
-        if doors.iter().filter_map(address_of).any(|door| overlap(door, address)) {
-            faults.note(key, format!("{key} = {address}: the service listens there already: give another port"));
-        }
     }
     let Some(access) = &config.access else {
         if !doors.iter().all(is_near) {
@@ -218,35 +208,6 @@ pub fn of_pages(config: &Config) -> impl Iterator<Item = (&'static str, SocketAd
     let page = config.page.as_ref().map(|page| ("page.listen", page.listen));
     let metrics = config.metrics.as_ref().and_then(|metrics| Some(("metrics.listen", metrics.listen?)));
     page.into_iter().chain(metrics)
-}
-
-/// Whether one that listens at the one leaves no room for the other.
-fn is_same_place(one: &Door, other: &Door) -> bool {
-    match (one, other) {
-        (Door::Unix { path: one, .. }, Door::Unix { path: other, .. }) => place_of(one) == place_of(other),
-        _ => address_of(one).zip(address_of(other)).is_some_and(|(one, other)| overlap(one, other)),
-    }
-}
-
-/// The path of a socket by its folder's own name: of what two spellings stand for there is one.
-fn place_of(path: &Path) -> PathBuf {
-    let folder = path.parent().and_then(|folder| folder.canonicalize().ok());
-    let place = folder.zip(path.file_name()).map(|(folder, name)| folder.join(name));
-    place.or_else(|| std::path::absolute(path).ok()).unwrap_or_else(|| path.to_path_buf())
-}
-
-fn address_of(door: &Door) -> Option<SocketAddr> {
-    match door {
-        Door::Unix { .. } => None,
-        Door::Tcp(address) | Door::Tls { address, .. } => Some(*address),
-    }
-}
-
-/// Whether two addresses cannot both be listened at. Port 0 is any that is free; `[::]` has those of IPv4, too, ipv6(7).
-fn overlap(one: SocketAddr, other: SocketAddr) -> bool {
-    let has = |all: SocketAddr, other: SocketAddr| all.ip().is_unspecified() && (all.is_ipv6() || other.is_ipv4());
-    let same_host = one.ip() == other.ip() || has(one, other) || has(other, one);
-    one.port() == other.port() && one.port() != 0 && same_host
 }
 
 #[cfg(test)]

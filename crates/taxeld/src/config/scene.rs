@@ -14,9 +14,6 @@ use super::listen::{Doors, doors};
 use super::log_filter::log_filter;
 use super::patch::patch_plan;
 
-/// Longest name of a network interface in Linux, in bytes (IFNAMSIZ less its end).
-const INTERFACE_BYTES_MAX: usize = 15;
-
 /// Smallest budget of recordings, in MB: less than a few files make no recording.
 const RECORD_MB_MIN: u64 = 16;
 
@@ -44,7 +41,7 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
             if is_twice {
                 faults.note("name", "it is there twice");
             }
-            interface(bus, faults);
+            source(bus, faults);
         });
     }
     store(&config.store, faults);
@@ -78,28 +75,13 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
     faults.is_empty().then_some(scene)
 }
 
-fn interface(bus: &BusSection, faults: &mut Faults) {
-    let name = match (bus.source, &bus.interface) {
-        (BusSource::Sim, _) if cfg!(not(feature = "sim")) => {
-            return faults.note("source", "source = \"sim\": this build has no simulator (cargo feature `sim`)");
-        }
-        (BusSource::SocketCan, None) => {
-            return faults.note("", "source socketcan needs an interface, for example \"can0\"");
-        }
-        (BusSource::SocketCan, Some(name)) => name,
-        (BusSource::Sim | BusSource::Push, _) => return,
-    };
-    let why = match name.as_str() {
-        "" => "is empty".to_owned(),
-        "." | ".." => "names a folder".to_owned(),
-        _ if name.len() > INTERFACE_BYTES_MAX => format!("has {} bytes", name.len()),
-        _ if name.contains(['/', ':']) || name.contains(char::is_whitespace) => {
-            "has a slash, a colon or a blank".to_owned()
-        }
-        _ => return,
-    };
-    let expected = format!("expected 1 to {INTERFACE_BYTES_MAX} bytes without slash, colon and blank, as in \"can0\"");
-    faults.note("interface", format!("interface = {name:?} {why}: {expected}"));
+fn source(bus: &BusSection, faults: &mut Faults) {
+    if bus.source == BusSource::Sim && cfg!(not(feature = "sim")) {
+        faults.note("source", "source = \"sim\": this build has no simulator (cargo feature `sim`)");
+    }
+    if bus.source == BusSource::SocketCan && bus.interface.as_deref().is_none_or(str::is_empty) {
+        faults.note("", "source socketcan needs an interface, for example \"can0\"");
+    }
 }
 
 /// Why no account can write a store there. The folders that lack are made by the daemon.
