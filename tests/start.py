@@ -12,22 +12,16 @@ import sys
 import time
 
 CONFIG = """
+listen = ["tcp:127.0.0.1:{port}"]
 [store]
 path = "{store}"
-[service]
-listen = "127.0.0.1:{port}"
 [[bus]]
 name = "skin"
 source = "sim"
 [[patch]]
 name = "left_forearm"
 bus = "skin"
-[[patch.board]]
-address = 13
-modules = "0-15"
-[[patch.board]]
-address = 12
-modules = "0-6"
+boards = [{{ address = 13, modules = "0-15" }}, {{ address = 12, modules = "0-6" }}]
 """
 
 

@@ -1,5 +1,5 @@
 // A controller in C++17 that reads the force over the service. It has neither TLS nor a token: of another machine only where that
-// daemon allows it (`allow_insecure`), else give the channel `grpc::SslCredentials`.
+// daemon allows it (`insecure:`), else give the channel `grpc::SslCredentials`.
 //
 // usage: controller_grpc [ADDRESS [PATCH [SECONDS]]]      (127.0.0.1:50051, the only patch, for ever)
 // It shows what it has twice a second. Exit code 3 if the last reading was no force.

@@ -86,10 +86,10 @@ class Native:
 class Encoded:
     """Any array that a DBC file describes: signals T0, T1, ... and Pressure in kPa."""
 
-    def __init__(self, skin, config, dbc):
-        self.skin, self.config = skin, config
-        self.database = cantools.database.load_string(dbc, "dbc")
-        self.dbc = dbc
+    def __init__(self, skin, name):
+        self.skin, self.config = skin, f"{name}.toml"
+        self.dbc = (HERE / f"{name}.dbc").read_text(encoding="ascii")
+        self.database = cantools.database.load_string(self.dbc, "dbc")
 
     def send(self, log, counts, kpa, scan):
         for message in self.database.messages:
@@ -103,50 +103,20 @@ class Encoded:
                 log.frame(message.frame_id, message.is_extended_frame, data, message.length > 8)
 
 
-def dbc(messages, fd=False):
-    """The text of a DBC file: (name, id as in the file, bytes, lines of signals)."""
-    text = 'VERSION ""\nNS_ :\nBS_:\nBU_: Host Sensor\n'
-    for name, ident, size, signals in messages:
-        text += f"BO_ {ident} {name}: {size} Sensor\n" + "".join(f" SG_ {line} Host\n" for line in signals) + "\n"
-    if fd:
-        text += 'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","StandardCAN_FD";\n'
-        text += 'BA_DEF_DEF_ "VFrameFormat" "StandardCAN";\n'
-        text += "".join(f'BA_ "VFrameFormat" BO_ {ident} 3;\n' for _, ident, size, _ in messages if size > 8)
-    return text
-
-
 def multiplexed():
     """64 taxels of 12 bits in sixteen multiplexed frames of four, falling; the gauge in a message of its own."""
-    taxels = [f"T{4 * kind + n} m{kind} : {4 + 12 * n}|12@1+ (1,0) [0|4095] \"\"" for kind in range(16) for n in range(4)]
-    messages = [
-        ("Bag", 0x200, 4, ['Pressure : 0|32@1- (0.001,0) [-1000|1000] "kPa"']),
-        ("Skin", 0x120, 8, ['Kind M : 0|4@1+ (1,0) [0|15] ""', *taxels]),
-    ]
-    return Encoded(Skin(64, 12, 240.0, -1, 2), "multiplexed.toml", dbc(messages))
+    return Encoded(Skin(64, 12, 240.0, -1, 2), "multiplexed")
 
 
 def can_fd():
     """16 x 16 taxels of 16 bits in eight frames of CAN FD, falling."""
-    row = [[f"T{32 * m + n} : {16 * n}|16@1+ (1,0) [0|65535] \"\"" for n in range(32)] for m in range(8)]
-    messages = [("Bag", 0x200, 4, ['Pressure : 0|32@1- (0.001,0) [-1000|1000] "kPa"'])]
-    messages += [(f"Row{m}", 0x180 + m, 64, row[m]) for m in range(8)]
-    return Encoded(Skin(256, 16, 240.0, -1, 3), "can-fd.toml", dbc(messages, fd=True))
+    return Encoded(Skin(256, 16, 240.0, -1, 3), "can-fd")
 
 
 def rising():
     """48 taxels of ten bits that rise, big endian, six a frame beside a scan counter, with identifiers of 29 bits; the
-    gauge in the same file. Described by names alone."""
-
-    def start(n):
-        first = 4 + 10 * n
-        return first ^ 7
-
-    cell = [[f"T{6 * m + n} : {start(n)}|10@0+ (1,0) [0|1023] \"\"" for n in range(6)] for m in range(8)]
-    messages = [("Bag", 0x80000000 | 0x18FF0010, 8, ['Pressure : 7|16@0- (0.01,0) [-300|300] "kPa"'])]
-    messages += [
-        (f"Cells{m}", 0x80000000 | (0x18FE0000 + m), 8, ['Scan : 7|4@0+ (1,0) [0|15] ""', *cell[m]]) for m in range(8)
-    ]
-    return Encoded(Skin(48, 10, 30.0, 1, 4), "rising.toml", dbc(messages))
+    gauge in the same file."""
+    return Encoded(Skin(48, 10, 30.0, 1, 4), "rising")
 
 
 def write(array, path, seconds, bag, pressure):
@@ -172,7 +142,7 @@ def weigh(array, taxeld, scratch):
     config = scratch / array.config
     config.write_text((HERE / array.config).read_text(), encoding="ascii")
     if hasattr(array, "dbc"):
-        (scratch / "skin.dbc").write_text(array.dbc, encoding="ascii")
+        (scratch / array.config.replace(".toml", ".dbc")).write_text(array.dbc, encoding="ascii")
     print(run(taxeld, "check", "--config", config), end="")
 
     def bag(t):

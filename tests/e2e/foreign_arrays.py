@@ -62,8 +62,7 @@ class Bench:
         if hasattr(self.array, "dbc"):
             file = f"{self.patch}.dbc"
             (scratch / file).write_text(self.array.dbc, encoding="ascii")
-            text = text.replace('"skin.dbc"', f'"{file}"')
-        return text + "\n[patch.live]\nstale_periods = 40\n"
+        return text + "stale_periods = 40\n"
 
     def weigh(self):
         """Calibrates the array and reads the load, as a share too much."""

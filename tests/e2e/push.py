@@ -30,7 +30,7 @@ RISE_KPA_PER_S, FALL_KPA_PER_S = 4.0, 24.0
 
 CONFIG = """
 store.path = "{scratch}/glove.db"
-service.listen = "{address}"
+listen = ["tcp:{address}"]
 
 [[bus]]
 name = "serial"
@@ -40,18 +40,9 @@ source = "push"
 name = "glove"
 bus = "serial"
 period_ms = 20
-
-[patch.push]
-taxels = 64
-count_max = 4095
-pressure = true
-
-[patch.array]
-rows = 8
-columns = 8
-pitch_mm = 4.0
-
-[patch.live]
+push = {{ taxels = 64, count_max = 4095 }}
+grid = {{ rows = 8, columns = 8, pitch_mm = 4.0 }}
+gauge = {{}}
 stale_periods = 40
 """
 

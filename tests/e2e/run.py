@@ -31,14 +31,8 @@ listen_only = true
 period_ms = {period_ms}
 area = "equal"
 area_mm2 = 32.4
-{boards}
-[patch.gauge]
-id = 0x3A1
-length_bits = 32
-signed = true
-unit = "Pa"
-noise_kpa = {noise_kpa}
-[patch.live]
+boards = [{boards}]
+gauge = {{ id = 0x3A1, signal = "0|32@1-", unit = "Pa", noise_kpa = {noise_kpa} }}
 stale_periods = {stale_periods}
 [patch.session]
 target_kpa = {target_kpa}
@@ -199,7 +193,7 @@ def check_synthetic(taxeld, scratch):
     """Ten taxels under 30 kPa press with 9.72 N, and that is what must come out."""
     modules, load_kpa = 4, 30.0
     config = write_config(scratch, "synthetic", {
-        "boards": '[[patch.board]]\naddress = 13\nmodules = "0-3"', "period_ms": 50, "noise_kpa": 0.01,
+        "boards": '{ address = 13, modules = "0-3" }', "period_ms": 50, "noise_kpa": 0.01,
         "stale_periods": 10, "target_kpa": 70.0, "noise_band_kpa": 0.5,
     })
     at_rest = lambda taxel, t: 0.0
@@ -292,7 +286,7 @@ def health_until(client, wanted):
 def check_insole(taxeld, scratch, log):
     """Real skin in a chamber: the pressure is the same everywhere, so the force is pressure x area of what counts."""
     insole = Insole(log)
-    boards = '[[patch.board]]\naddress = 13\nmodules = "0-15"\n[[patch.board]]\naddress = 12\nmodules = "0-11"'
+    boards = '{ address = 13, modules = "0-15" }, { address = 12, modules = "0-11" }'
     config = write_config(scratch, "insole", {
         "boards": boards, "period_ms": 16, "noise_kpa": 0.2, "stale_periods": 40, "target_kpa": 150.0,
         "noise_band_kpa": 2.0,

@@ -80,11 +80,12 @@ def config(scratch):
         text += f'[[bus]]\nname = "can{bus}"\ninterface = "vcan{bus}"\n'
     for name, bus, boards, modules in patches():
         text += f'[[patch]]\nname = "{name}"\nbus = "can{bus}"\nlisten_only = true\narea = "equal"\narea_mm2 = {AREA_MM2}\n'
+        text += "boards = [\n"
         for address in boards:
             listed = ", ".join(f"{module} {kind}" for at, module, kind in modules if at == address)
-            text += f'[[patch.board]]\naddress = {address}\nmodules = "{listed}"\n'
-        text += f'[patch.gauge]\nid = {GAUGE}\nlength_bits = 32\nsigned = true\nunit = "Pa"\n'
-        text += "[patch.live]\nstale_periods = 20\n[patch.session]\nnoise_band_kpa = 0.5\n"
+            text += f'    {{ address = {address}, modules = "{listed}" }},\n'
+        text += f']\ngauge = {{ id = {GAUGE}, signal = "0|32@1-", unit = "Pa" }}\n'
+        text += "stale_periods = 20\nsession = { noise_band_kpa = 0.5 }\n"
     path = scratch / "robot.toml"
     path.write_text(text, encoding="ascii")
     return str(path)

@@ -35,18 +35,8 @@ listen_only = true
 geometry = "positions.txt"
 outputs = ["fill"]
 {area}
-[[patch.board]]
-address = 13
-modules = "0-15"
-[[patch.board]]
-address = 12
-modules = "0-6"
-[patch.gauge]
-id = 0x3A1
-length_bits = 32
-signed = true
-unit = "Pa"
-noise_kpa = 0.02
+boards = [{{ address = 13, modules = "0-15" }}, {{ address = 12, modules = "0-6" }}]
+gauge = {{ id = 0x3A1, signal = "0|32@1-", unit = "Pa", noise_kpa = 0.02 }}
 [patch.session]
 branches = "{branches}"
 """

@@ -99,19 +99,16 @@ def over_a_socket(taxel, taxeld, cpp, scratch):
     """Both gRPC controllers hear over a Unix socket what the daemon says, which is that there is no model yet."""
     socket, config = scratch / "taxeld.sock", scratch / "taxeld.toml"
     config.write_text(f"""
+        listen = ["unix:{socket}"]
         [store]
         path = "{scratch / "store.db"}"
         [[bus]]
         name = "skin"
         source = "sim"
-        [[listen]]
-        unix = "{socket}"
         [[patch]]
         name = "palm"
         bus = "skin"
-        [[patch.board]]
-        address = 13
-        modules = "0-1"
+        boards = [{{ address = 13, modules = "0-1" }}]
     """)
     daemon = subprocess.Popen([taxeld, "run", "--config", config], stderr=subprocess.DEVNULL)
     try:

@@ -190,27 +190,12 @@ def replayed(taxeld, scratch, path, found):
         sys.exit("the replay gives another force")
 
 
-def without_room(taxeld, scratch):
-    """No recording, and a force all the same."""
-    files = sorted((scratch / "recordings").iterdir())
-    daemon = Daemon(taxeld, scratch, lambda text: text.replace("keep_free_mb = 1", "keep_free_mb = 1000000000"))
-    wait("a force", lambda: daemon.call("watch", "--once", "--quiet", allowed=(0, 3)).returncode == 0)
-    problem = wait("the word", lambda: daemon.health()["recording"]["problem"])
-    told = daemon.call("health", allowed=(3,))
-    if "are kept free" not in problem or "nothing is recorded" not in told.stderr:
-        sys.exit(f"what is told of a full disk: {problem}; {told.stderr}")
-    if daemon.end(signal.SIGTERM) != 0 or sorted((scratch / "recordings").iterdir()) != files:
-        sys.exit("something was recorded")
-    print(f"without room: {problem}")
-
-
 def main():
     taxeld, scratch = str(pathlib.Path(sys.argv[1]).resolve()), pathlib.Path(sys.argv[2]).resolve()
     scratch.mkdir(parents=True, exist_ok=True)
     calibrated(taxeld, scratch)
     path, found = killed(taxeld, scratch)
     replayed(taxeld, scratch, path, found)
-    without_room(taxeld, scratch)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
 use crate::config::bus_load;
 use crate::config::{
-    BusSource, Config, Doors, Problems, Scene, examine_with, modules_written, read_text, record_written,
-    shared_memory_written,
+    BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
+    modules_written, read_text,
 };
 use crate::missing::missing;
 use crate::obstacles::obstacles;
@@ -51,10 +51,9 @@ pub fn read(path: &Path) -> Result<(Config, Scene), Problems> {
 
 /// Prints the resolved scene.
 fn print(config: &Config, scene: &Scene) {
-    let service = &config.service;
     let store = std::path::absolute(&config.store.path).unwrap_or_else(|_| config.store.path.clone());
     tell!("store: {}, one SQLite file", store.display());
-    tell!("service: gRPC, at most {} streams on {} connections", service.streams(), service.connections_max);
+    tell!("service: gRPC");
     scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
     access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
     if let Some(page) = &config.page {
@@ -64,15 +63,13 @@ fn print(config: &Config, scene: &Scene) {
         let at = metrics.listen.or(config.page.as_ref().map(|page| page.listen));
         tell!("metrics: http://{}/metrics", at.map(|at| at.to_string()).unwrap_or_default());
     }
-    config.shared_memory.iter().for_each(|section| tell!("{}", shared_memory_written(section)));
-    config.record.iter().for_each(|section| tell!("{}", record_written(section)));
+    config.shared_memory.iter().for_each(|section| tell!("{}", shared_memory(section)));
+    config.record.iter().for_each(|section| tell!("{}", recordings(section)));
     let routes = Routes::new(&scene.plan);
     for position in 0..config.bus.len() {
         tell!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
-    tell!("threads:");
-    threads(config).iter().for_each(|line| tell!("  {line}"));
     let built = left_out_of_the_build();
     tell!("left out:");
     left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| tell!("  {line}"));
@@ -87,10 +84,33 @@ fn print(config: &Config, scene: &Scene) {
     }
 }
 
+fn shared_memory(section: &SharedMemorySection) -> String {
+    let SharedMemorySection { path, group } = section;
+    let group = group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
+    let (path, mode) = (path.join("PATCH"), SharedMemorySection::MODE);
+    format!(
+        "shared memory: {} (mode {mode:03o}{group}), a page a patch, for controllers of this machine",
+        path.display()
+    )
+}
+
+fn recordings(section: &RecordSection) -> String {
+    let taxels = if section.taxels { ", taxels" } else { "" };
+    format!(
+        "recording: frames, force, events{taxels} in {}, MCAP files of at most {} MB and {} min, {} MB together; {} MB of the disk \
+         are kept free",
+        section.path.display(),
+        section.file_mb(),
+        RecordSection::FILE_MINUTES,
+        section.budget_mb,
+        RecordSection::KEEP_FREE_MB
+    )
+}
+
 /// Who may do what, a line each.
 fn access(doors: &Doors) -> Vec<String> {
     if !doors.ruled {
-        return vec!["access: everything is allowed to whoever connects: there is no [access] section".to_owned()];
+        return vec![UNRULED.to_owned()];
     }
     let rules = &doors.rules;
     let word = |role: Option<Role>| role.map_or("none", Role::name);
@@ -169,7 +189,6 @@ fn patch(config: &Config, plan: &PatchPlan) {
         ("fill of excluded taxels", outputs.fill),
     ];
     tell!("  computes: {}", listed(&computed));
-    tell!("  encodes: one force message a subscriber; per-taxel messages only for subscribers to taxels");
     let parts = [
         ("geometry", plan.geometry.is_some()),
         ("calibration with the gauge", plan.has_gauge()),
@@ -204,30 +223,6 @@ fn areas(areas: &[SquareMillimetre]) -> String {
 fn listed(parts: &[(&str, bool)]) -> String {
     let words: Vec<&str> = parts.iter().filter(|(_, there)| *there).map(|(word, _)| *word).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
-}
-
-/// The threads of `taxeld run` by their names, and what each is for.
-fn threads(config: &Config) -> Vec<String> {
-    let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
-    let mut threads = vec![format!("main: bus {}, the engine, the signal that ends the daemon", buses.join(", "))];
-    threads.push("service: subscribers must not hold the engine up".to_owned());
-    threads.push("store: a slow disk must not hold the engine up".to_owned());
-    threads.push("log: whoever reads the log must not hold the engine up".to_owned());
-    let own_metrics = config.metrics.as_ref().is_some_and(|metrics| metrics.listen.is_some());
-    let sites = listed(&[("page", config.page.is_some()), ("metrics", own_metrics)]);
-    if config.page.is_some() || own_metrics {
-        threads.push(format!("{sites}: what they cost must not delay a controller's sample"));
-    }
-    if config.record.is_some() {
-        threads.push("record, recorder: a slow disk must not hold the engine up".to_owned());
-    }
-    if config.bus.iter().any(|section| section.source == BusSource::Sim) {
-        threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
-    }
-    let beside =
-        "models are fitted, sets of them and files read again, accounts looked up; one for each such thing at a time";
-    threads.push(format!("tokio-rt-worker: {beside}"));
-    threads
 }
 
 fn left_out_buses(config: &Config, routes: &Routes) -> Vec<String> {

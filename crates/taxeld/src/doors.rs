@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use taxel_rpc::{Listener, Tls, TlsFiles};
 
-use crate::config::{Door, Doors};
+use crate::config::{Door, Doors, UNRULED};
 use crate::credentials::Credentials;
 
 /// The open doors, and who may come in.
@@ -27,6 +27,9 @@ pub struct Open {
 /// The door or the file, and what is wrong with it.
 pub fn open(doors: &Doors) -> anyhow::Result<Open> {
     let mut credentials = Credentials::read(doors)?;
+    if !doors.ruled {
+        tracing::warn!("{UNRULED}");
+    }
     doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
     let mut listeners = Vec::new();
     for door in &doors.doors {
@@ -36,7 +39,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
                 if !address.ip().is_loopback() {
                     tracing::warn!(
                         "INSECURE: {address} is served without encryption and without knowing who calls, as \
-                         allow_insecure = true, or the demo's --listen, wants it: everybody on that net can read along and connect"
+                         \"insecure:\" in listen, or the demo's --listen, wants it: everybody on that net can read along and connect"
                     );
                 }
                 Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)

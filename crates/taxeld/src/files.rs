@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -54,12 +54,24 @@ pub fn no_room_in(folder: &Path) -> Option<String> {
     None
 }
 
+/// Opens a file that has an end. A pipe without a writer would hold the daemon up for ever, at its start or at a reload.
+fn open_regular(path: &Path) -> io::Result<File> {
+    let file = File::options().read(true).custom_flags(nix::libc::O_NONBLOCK).open(path)?;
+    match file.metadata()?.is_file() {
+        true => Ok(file),
+        false => Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "it is no regular file: expected one, no pipe and no device",
+        )),
+    }
+}
+
 /// The text of a file.
 ///
 /// # Errors
-/// The system's reason, or that it is no UTF-8 or longer than a text may be.
+/// The system's reason, or that it is no regular file, no UTF-8, or longer than a text may be.
 pub fn read_utf8(path: &Path) -> io::Result<String> {
-    utf8(File::open(path)?)
+    utf8(open_regular(path)?)
 }
 
 fn utf8(from: impl Read) -> io::Result<String> {
@@ -81,10 +93,10 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
 /// matters in such files is beyond ASCII, and a byte order mark is left out.
 ///
 /// # Errors
-/// The system's reason.
+/// The system's reason, or that it is no regular file.
 pub fn read_any_text(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
-    read_to_limit(File::open(path)?, &mut bytes)?;
+    read_to_limit(open_regular(path)?, &mut bytes)?;
     Ok(taxel_skin::text::decode(&bytes))
 }
 
@@ -94,8 +106,17 @@ mod tests {
 
     #[test]
     fn what_has_no_end_is_not_read_as_a_text() {
-        let endless = read_any_text(Path::new("/dev/zero")).unwrap_err();
-        assert_eq!(endless.to_string(), format!("it has more than {TEXT_BYTES_MAX} bytes"));
-        assert!(read_text(Path::new("/dev/zero")).is_err());
+        let endless = read_text(Path::new("/dev/zero")).unwrap_err();
+        assert!(format!("{endless:#}").ends_with(&format!("it has more than {TEXT_BYTES_MAX} bytes")), "{endless:#}");
+    }
+
+    #[test]
+    fn a_pipe_without_a_writer_is_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        for error in [read_utf8(&pipe).unwrap_err(), read_any_text(&pipe).unwrap_err()] {
+            assert!(error.to_string().starts_with("it is no regular file"), "{error}");
+        }
     }
 }

@@ -30,12 +30,12 @@ fn interface(name: &str) -> Option<String> {
 fn door(door: &Door) -> Vec<String> {
     match door {
         Door::Unix { path, group: name, .. } => {
-            let folder = path.parent().and_then(|folder| file("listen.unix", folder));
-            folder.into_iter().chain(name.as_deref().and_then(|name| group("listen.group", name))).collect()
+            let folder = path.parent().and_then(|folder| file("listen", folder));
+            folder.into_iter().chain(name.as_deref().and_then(|name| group("socket_group", name))).collect()
         }
         Door::Tls { files, .. } => {
-            let keys = ["certificate", "key", "client_ca"];
-            let of = |(key, path): (&str, &PathBuf)| file(&format!("listen.tls.{key}"), path);
+            let keys = ["cert", "key", "client_ca"];
+            let of = |(key, path): (&str, &PathBuf)| file(&format!("tls.{key}"), path);
             keys.into_iter().zip(files).filter_map(of).collect()
         }
         Door::Tcp(_) => Vec::new(),
@@ -44,8 +44,8 @@ fn door(door: &Door) -> Vec<String> {
 
 fn account(subject: &Subject) -> Option<String> {
     match subject {
-        Subject::User(name) if user_id(name).is_none() => Some(format!("access.grant: there is no user `{name}`")),
-        Subject::Group(name) => group("access.grant", name),
+        Subject::User(name) if user_id(name).is_none() => Some(format!("access: there is no user `{name}`")),
+        Subject::Group(name) => group("access", name),
         Subject::User(_) | Subject::Certificate(_) => None,
     }
 }

@@ -17,15 +17,9 @@ pub fn obstacles(config: &Config, scene: &Scene) -> Vec<Fault> {
 }
 
 fn listeners(config: &Config, doors: &Doors) -> Vec<Fault> {
-    // Those that no [[listen]] names come first.
-    let unnamed = doors.doors.len() - config.listen.len();
     let of = |(position, door): (usize, &Door)| {
-        let words = doors::obstacle(door)?;
-        let kind = if matches!(door, Door::Unix { .. }) { "unix" } else { "tls" };
-        Some(match position.checked_sub(unnamed) {
-            Some(n) => Fault::of(format!("listen[{n}].{kind}"), format!("[[listen]] {}: {words}", n + 1)),
-            None => Fault::from(words),
-        })
+        let key = if config.listen.is_empty() { String::new() } else { format!("listen[{position}]") };
+        Some(Fault::of(key, format!("listen: {}", doors::obstacle(door)?)))
     };
     doors.doors.iter().enumerate().filter_map(of).collect()
 }

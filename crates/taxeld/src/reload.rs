@@ -127,7 +127,7 @@ impl Reload {
     }
 }
 
-/// Every value of a text by its key, such as `service.listen` and `patch[0].period_ms`.
+/// Every value of a text by its key, such as `store.path` and `patch[0].period_ms`.
 fn keys(text: &str) -> Result<BTreeMap<String, Value>, String> {
     let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
     let mut found = BTreeMap::new();
@@ -153,10 +153,10 @@ mod tests {
     use taxel_rpc::{Grant, Role, Subject};
 
     const SCENE: &str = "[store]\npath = \"t.db\"\n[[bus]]\nname = \"b\"\ninterface = \"can0\"\n[[patch]]\nname = \"p\"\n\
-                         bus = \"b\"\n[[patch.board]]\naddress = 13\nmodules = \"0-3\"\n";
+                         bus = \"b\"\nboards = [{ address = 13, modules = \"0-3\" }]\n";
 
     fn granting(user: &str) -> String {
-        format!("{SCENE}[access]\n[[access.grant]]\nrole = \"operator\"\nuser = \"{user}\"\n")
+        format!("{SCENE}[access]\noperators = [\"user:{user}\"]\n")
     }
 
     fn grants(user: &str) -> Vec<Grant> {
@@ -168,9 +168,9 @@ mod tests {
         let reload = Reload::new(Path::new("taxeld.toml"), &granting("ann"), true);
         let (rules, waiting) = reload.apply(&granting("bob")).unwrap();
         assert_eq!((rules.unwrap().grants, waiting), (grants("bob"), vec![]));
-        let other = format!("{}[service]\nsubscribers_max = 3\n", granting("ann"));
+        let other = format!("socket_group = \"skin\"\n{}", granting("ann"));
         let (rules, waiting) = reload.apply(&other).unwrap();
-        assert_eq!((rules.unwrap().grants, waiting), (grants("ann"), vec!["service.subscribers_max".to_owned()]));
+        assert_eq!((rules.unwrap().grants, waiting), (grants("ann"), vec!["socket_group".to_owned()]));
     }
 
     #[test]
@@ -190,7 +190,7 @@ mod tests {
         let reload = Reload::new(&folder.path().join("taxeld.toml"), &granting("ann"), true);
         assert_eq!(reload.again(), None, "it is not there");
         let refused = |text: &str| reload.apply(text).unwrap_err();
-        assert!(refused(&granting("ann").replace("operator", "none")).contains("grants nothing"));
+        assert!(refused(&granting("ann").replace("user:", "usr:")).contains("expected user:NAME"));
         assert!(refused(&granting("ann").replace("t.db", "/")).contains("store.path"));
     }
 }

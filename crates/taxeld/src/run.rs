@@ -78,7 +78,7 @@ impl Daemon {
         let Tasks { cancel, parts, .. } = &mut *started;
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
-        let budget = Budget::of(&store, config.store.budget_mb);
+        let budget = Budget::of(&store, config.store.budget_mb());
         let (pages, no_pages) = pages(config, &plan, &clock)?;
         let kept = match &store {
             StoreAt::File(_, kept) => *kept,
@@ -107,7 +107,7 @@ impl Daemon {
         let (recording, taps) = record::begin((config, live), &plan, &handle, (parts, cancel))?;
         backend.recording = recording;
         let terminate = signal(SignalKind::terminate())?;
-        let server = Server::new(handle.clone(), Arc::new(backend), credentials.access(), limits(config))?;
+        let server = Server::new(handle.clone(), Arc::new(backend), credentials.access(), limits())?;
         serve_pages(config, &server, (parts, cancel))?;
         let service = service(handle.clone(), server, listeners);
         parts.spawn_fallible(on_a_thread(service)?);
@@ -289,12 +289,8 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     logs::filter(config.log.filter.as_deref()).map_err(anyhow::Error::msg)?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let store = &config.store;
-    let retention = Retention {
-        model_sets: store.keep_model_sets,
-        sessions: store.keep_sessions,
-        samples: store.keep_samples,
-        bytes: store.keep_mb.map(|mb| mb.saturating_mul(1_000_000)),
-    };
+    let bytes = store.keep_mb.map(|mb| mb.saturating_mul(1_000_000));
+    let retention = Retention { bytes, ..Retention::default() };
     let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, retention), RunClock::Live).await?;
     daemon.reload = Some((hangup, reload));
     match daemon.add_buses(&config) {

@@ -9,16 +9,9 @@ use crate::config::Config;
 use crate::parts::Parts;
 use crate::systemd;
 
-/// What the configuration lets clients take.
-pub fn limits(config: &Config) -> Limits {
-    let service = &config.service;
-    Limits {
-        streams: service.streams(),
-        streams_per_peer: service.streams_of_one(),
-        connections_per_peer: service.connections_of_one(),
-        connections: service.connections_max,
-        ..Limits::default()
-    }
+/// What clients may take.
+pub fn limits() -> Limits {
+    Limits { streams: 128, ..Limits::default() }
 }
 
 /// Serves the page and the metrics, where they are configured.

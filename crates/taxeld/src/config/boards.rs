@@ -1,86 +1,68 @@
-//! The boards of a patch, how each is configured, and where in the file two patches contradict each other.
+//! The boards of a patch, and how each is configured.
 
-use taxel_engine::conflict::Conflict;
 use taxel_engine::plan::BoardSetup;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module};
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
-use super::file::Config;
-use super::modules::{KindWord, modules};
-use super::parts::BoardSection;
+use super::fault::Faults;
+use super::modules::modules;
+use super::patch_section::{BoardSection, PatchSection};
 
-/// A board and its modules.
-///
-/// # Errors
-/// What is wrong and what was expected.
-pub fn board(section: &BoardSection, bus: BusIndex) -> Result<Board, String> {
-    let address = BoardAddress::new(section.address).map_err(|e| e.to_string())?;
-    let modules = modules(section.modules.get_ref(), section.kind).map_err(|e| format!("board {address}: {e}"))?;
-    Ok(Board { bus, address, modules })
+/// 15 is the address of all boards of a bus: what is sent to it configures each of them.
+const EVERYONE: u8 = 15;
+
+/// Boards with their modules, and how each is configured. Nothing where one of them is wrong, which is noted.
+pub fn boards(section: &PatchSection, bus: BusIndex, faults: &mut Faults) -> Option<(Vec<Board>, Vec<BoardSetup>)> {
+    let of_one_board = section.boards.chunk_by(|a, b| a.address == b.address);
+    let mut first = 0;
+    let found: Vec<_> = of_one_board
+        .map(|entries| {
+            first += entries.len();
+            board(entries, first - entries.len(), (section, bus), faults)
+        })
+        .collect();
+    found.into_iter().collect()
 }
 
-/// How a board is configured.
-///
-/// # Errors
-/// What is wrong and what was expected.
-pub fn setup(section: &BoardSection, period_ms: u8) -> Result<BoardSetup, String> {
-    let board = BoardConfig { kind: section.board_type, period_ms, no_load: section.no_load };
-    let mut triangles = Vec::new();
-    let numbers = |text: &str| modules(text, KindWord::Twelve).map(|list| list.into_iter().map(|(m, _)| m).collect());
-    let enabled: Vec<Module> = modules(section.modules.get_ref(), section.kind)?.into_iter().map(|(m, _)| m).collect();
-    for (first, last) in runs(&enabled) {
-        let (shift, cdc_offset) = (section.shift, section.cdc_offset);
-        triangles.push(TriangleConfig { first, last, shift, enabled: true, cdc_offset });
+/// The board of entries with one address; `at` is the position of the first in the file.
+fn board(
+    entries: &[BoardSection],
+    at: usize,
+    (section, bus): (&PatchSection, BusIndex),
+    faults: &mut Faults,
+) -> Option<(Board, BoardSetup)> {
+    let head = entries.first()?;
+    let address = faults.take(&format!("boards[{at}].address"), BoardAddress::new(head.address));
+    if head.address == EVERYONE && !section.listen_only {
+        let words = "a command to address 15 goes to all boards of the bus: set listen_only = true";
+        faults.note(&format!("boards[{at}].address"), words);
     }
-    for exception in &section.exception {
-        let list: Vec<Module> = numbers(&exception.modules)?;
-        if let Some(stranger) = list.iter().find(|m| !enabled.contains(m)) {
-            return Err(format!("board {}: exception for module {stranger}, which is not enabled", section.address));
+    let (mut all, mut triangles) = (Vec::new(), Vec::new());
+    for (position, entry) in entries.iter().enumerate().map(|(n, entry)| (at + n, entry)) {
+        let key = format!("boards[{position}].modules");
+        let why = |why| format!("board {}: {why}", entry.address);
+        let listed = faults.take(&key, modules(&entry.modules).map_err(why))?;
+        if let Some((module, _)) = listed.iter().find(|(module, _)| all.iter().any(|(other, _)| other == module)) {
+            faults.note(&key, format!("board {}: module {module} is there twice", entry.address));
         }
-        for (first, last) in runs(&list) {
-            let (shift, cdc_offset) = (exception.shift, exception.cdc_offset);
-            triangles.push(TriangleConfig { first, last, shift, enabled: true, cdc_offset });
+        if (entry.board_type, entry.no_load) != (head.board_type, head.no_load) {
+            let words = format!("board {}: board_type and no_load are of the whole board: expected one", entry.address);
+            faults.note(&format!("boards[{position}]"), words);
         }
+        let numbers: Vec<Module> = listed.iter().map(|(module, _)| *module).collect();
+        triangles.extend(runs(&numbers).map(|(first, last)| {
+            let (shift, cdc_offset) = (entry.shift, entry.cdc_offset);
+            TriangleConfig { first, last, shift, enabled: true, cdc_offset }
+        }));
+        all.extend(listed);
     }
-    Ok(BoardSetup { board, triangles })
+    all.sort_by_key(|(module, _)| module.get());
+    let board = BoardConfig { kind: head.board_type, period_ms: section.period_ms as u8, no_load: head.no_load };
+    Some((Board { bus, address: address?, modules: all }, BoardSetup { board, triangles }))
 }
 
 /// First and last of each run of consecutive modules.
-fn runs(modules: &[Module]) -> Vec<(Module, Module)> {
-    modules.chunk_by(|a, b| a.get() + 1 == b.get()).filter_map(|run| Some((*run.first()?, *run.last()?))).collect()
-}
-
-/// A contradiction, and the lines of the file whose boards contradict each other.
-#[must_use]
-pub fn placed(config: &Config, conflict: &Conflict) -> String {
-    let (patches, address): (&[String], u8) = match conflict {
-        Conflict::SharedModule { patches, board, .. } | Conflict::SharedBoard { patches, board } => (patches, *board),
-        Conflict::GaugeOnBoard { board_of, board, .. } => (std::slice::from_ref(board_of), *board),
-        Conflict::DeviceOnBoard { .. } => return conflict.to_string(),
-    };
-    let sections = config.patch.iter().filter(|patch| patches.contains(&patch.name));
-    let boards = sections.flat_map(|patch| patch.board.iter().filter(|board| board.address == address));
-    let lines: Vec<String> = boards.map(|board| board.line).filter(|line| *line > 0).map(|l| l.to_string()).collect();
-    match lines.len() {
-        0 => conflict.to_string(),
-        1 => format!("{conflict} (line {})", lines[0]),
-        _ => format!("{conflict} (lines {})", lines.join(" and ")),
-    }
-}
-
-/// The key that a contradiction is to be mended at.
-#[must_use]
-pub fn key_of(config: &Config, conflict: &Conflict) -> String {
-    let position = |name: &String| config.patch.iter().position(|patch| patch.name == *name);
-    let (patch, below) = match conflict {
-        Conflict::SharedModule { patches: [_, patch], board, .. }
-        | Conflict::SharedBoard { patches: [_, patch], board } => {
-            let section = config.patch.iter().find(|section| section.name == *patch);
-            let board = section.and_then(|section| section.board.iter().position(|b| b.address == *board));
-            (patch, board.map_or_else(String::new, |board| format!(".board[{board}]")))
-        }
-        Conflict::GaugeOnBoard { patch, .. } => (patch, ".gauge.id".to_owned()),
-        Conflict::DeviceOnBoard { patch, .. } => (patch, String::new()),
-    };
-    position(patch).map_or_else(String::new, |position| format!("patch[{position}]{below}"))
+fn runs(modules: &[Module]) -> impl Iterator<Item = (Module, Module)> {
+    let runs = modules.chunk_by(|a, b| a.get() + 1 == b.get());
+    runs.filter_map(|run| Some((*run.first()?, *run.last()?)))
 }

@@ -3,8 +3,9 @@
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_skin::BusIndex;
 
-use crate::config::fault::Fault;
-use crate::config::file::Config;
+use super::fault::Faults;
+use super::file::Config;
+use super::scene::patch_key;
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
 const FRAME_S: f64 = 111e-6;
@@ -47,15 +48,18 @@ fn told(config: &Config, bus: usize, share: f64) -> String {
     format!("bus `{}`: the scans of its patches take {:.0} % of 1 Mbit/s", config.bus[bus].name, 100.0 * share)
 }
 
-/// Buses that cannot carry what their patches send.
-pub fn overloaded(config: &Config, plan: &Plan) -> Vec<Fault> {
-    let shares = (0..config.bus.len()).map(|bus| (bus, of_bus(plan, BusIndex(bus as u8))));
-    let fault = |(bus, share): (usize, f64)| {
-        let patch = plan.patches.iter().position(|patch| patch.patch.is_on(BusIndex(bus as u8))).unwrap_or_default();
-        let key = format!("patch[{patch}].period_ms");
-        Fault::of(key, format!("{}: raise period_ms, or put boards on another bus", told(config, bus, share)))
-    };
-    shares.filter(|(_, share)| *share > 1.0).map(fault).collect()
+/// Notes the buses that cannot carry what their patches send.
+pub fn overloaded(config: &Config, plan: &Plan, faults: &mut Faults) {
+    for bus in 0..config.bus.len() {
+        let index = BusIndex(bus as u8);
+        let share = of_bus(plan, index);
+        if share > 1.0 {
+            let patch = plan.patches.iter().find(|patch| patch.patch.is_on(index));
+            let key = patch.map_or_else(String::new, |patch| patch_key(config, patch.patch.name()) + ".period_ms");
+            let words = format!("{}: raise period_ms, or put boards on another bus", told(config, bus, share));
+            faults.note(&key, words);
+        }
+    }
 }
 
 /// Buses that are nearly full, in words.

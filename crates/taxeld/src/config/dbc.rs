@@ -1,5 +1,4 @@
-//! A DBC file as a description of signals: names become `[[patch.signals]]`, `[patch.gauge]` and the numbers of
-//! `[patch.array]`, so that nothing behind this knows where they came from.
+//! Signals by the names that a DBC file gives them, and single ones in its notation.
 
 use std::cmp::Ordering;
 use std::collections::{HashMap, VecDeque};
@@ -9,15 +8,9 @@ use can_dbc::{
     AttributeValue, ByteOrder as DbcOrder, Dbc, Message, MessageId, MultiplexIndicator, Signal,
     SignalExtendedValueType, ValueType,
 };
-use taxel_wire::bits::{BitField, ByteOrder};
-use taxel_wire::signal::PressureUnit;
+use taxel_wire::CanId;
+use taxel_wire::bits::{BitField, ByteOrder, FrameMatch, Selector};
 
-use super::load::beside;
-use super::number_words::{OrderOfBytes, UnitWord};
-use super::parts::{GaugeSection, PatchSection};
-use super::signal_parts::{
-    ArraySection, FrameSection, MuxSection, NumberSection, SignalsSection, StatusSection, TemperatureSection,
-};
 use crate::files::read_any_text;
 
 /// The message of a DBC file that holds signals of no message.
@@ -25,66 +18,8 @@ const INDEPENDENT: &str = "VECTOR__INDEPENDENT_SIG_MSG";
 /// Selectors of a signal, with theirs, at most.
 const MUX_MAX: usize = 8;
 
-/// The section with what its DBC file says written out; `config` is the file that it is in.
-///
-/// # Errors
-/// In words, with the file, the message and the signal.
-pub fn expand(section: &PatchSection, config: &Path) -> Result<PatchSection, String> {
-    let Some(array) = section.array.as_ref() else { return Ok(section.clone()) };
-    let Some(name) = &array.dbc else {
-        return match array.of_dbc() {
-            Some(key) => Err(format!("array.{key} names what is in a DBC file: say also array.dbc = \"FILE.dbc\"")),
-            None => Ok(section.clone()),
-        };
-    };
-    if array.gauge.is_none() && array.gauge_is != Default::default() {
-        return Err("array.gauge_is is used for array.gauge only, and that is not set".to_owned());
-    }
-    let path = beside(config, name);
-    // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
-    let text = read_any_text(&path).map_err(|e| format!("dbc {}: {e}", path.display()))?;
-    from_text(section, array, &text).map_err(|why| format!("dbc {}: {why}", path.display()))
-}
-
-fn from_text(section: &PatchSection, array: &ArraySection, text: &str) -> Result<PatchSection, String> {
-    let file = File::new(text)?;
-    let mut section = section.clone();
-    let mut taxels = Vec::new();
-    for pattern in &array.taxels {
-        taxels.extend(file.matching(pattern)?);
-    }
-    for place in &taxels {
-        section.signals.push(place.taxel()?);
-    }
-    if let Some(name) = &array.gauge {
-        if section.gauge.is_some() {
-            return Err("array.gauge and [patch.gauge] are both there: expected one of them".to_owned());
-        }
-        section.gauge = Some(file.one(name)?.gauge(array)?);
-    }
-    let mut array = array.clone();
-    if let Some(name) = &array.dbc_counter {
-        let place = file.one(name)?;
-        place.is_in_all(&taxels)?;
-        array.counter = Some(place.number());
-    }
-    if let Some(name) = &array.dbc_status {
-        let place = file.one(name)?;
-        array.status = Some(StatusSection { frame: place.frame(), number: place.number(), good: array.status_good });
-    }
-    if let Some(name) = &array.dbc_temperature {
-        let place = file.one(name)?;
-        let (scale, offset) = (place.signal.factor, place.signal.offset);
-        array.temperature = Some(TemperatureSection { frame: place.frame(), number: place.number(), scale, offset });
-    }
-    section.array = Some(array);
-    Ok(section)
-}
-
-/// A selector of a signal, and first and last of each run of values for which the signal is there.
-type Selected<'a> = (&'a str, Vec<[u64; 2]>);
-
-struct File {
+/// A DBC file.
+pub struct DbcFile {
     dbc: Dbc,
     /// Identifiers as written, by message: the parser cuts long standard ones.
     raw_ids: HashMap<String, u64>,
@@ -98,16 +33,37 @@ struct Name {
     short: String,
 }
 
+/// A selector of a signal, and first and last of each run of values for which the signal is there.
+type Selected<'a> = (&'a str, Vec<(i128, i128)>);
+
 /// A signal with all that is known of its place.
-struct Place<'a> {
+pub struct Place<'a> {
     message: &'a Message,
     signal: &'a Signal,
-    name: &'a str,
-    mux: Vec<MuxSection>,
+    /// Its name.
+    pub name: &'a str,
+    /// The frames that hold it.
+    pub frames: FrameMatch,
+    /// Where it is in them.
+    pub field: BitField,
 }
 
-impl File {
-    fn new(text: &str) -> Result<Self, String> {
+impl DbcFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// The system's reason, or where the file is no DBC file.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
+        let text = read_any_text(path).map_err(|e| e.to_string())?;
+        Self::new(&text)
+    }
+
+    /// Of the text of a file.
+    ///
+    /// # Errors
+    /// Where it is no DBC file.
+    pub fn new(text: &str) -> Result<Self, String> {
         let dbc = Dbc::try_from(text).map_err(|e| format!("it is no DBC file: {e}"))?;
         let mut raw_ids = HashMap::new();
         for line in text.lines().filter_map(|line| line.trim_start().strip_prefix("BO_ ")) {
@@ -120,8 +76,39 @@ impl File {
         Ok(Self { dbc, raw_ids, names })
     }
 
+    /// A file of one signal, `gauge.signal`, in the notation of such files: `0|32@1-`, with factor and offset
+    /// `7|16@0- (0.5,-1)`. An identifier above 0x7FF has 29 bits; one below has, where bit 31 is set.
+    ///
+    /// # Errors
+    /// What was expected.
+    pub fn of_signal(id: u32, signal: &str) -> Result<Self, String> {
+        let wrong = || {
+            format!(
+                "signal = \"{signal}\": expected START|LENGTH@ORDER as in a DBC file, ORDER being 1 for little and 0 for big \
+                 endian, with - for signed and + for unsigned numbers, as in \"0|32@1-\" or \"7|16@0- (0.5,-1)\""
+            )
+        };
+        let known = |c: char| c.is_ascii_digit() || " |@+-(),.eE".contains(c);
+        if !signal.chars().all(known) {
+            return Err(wrong());
+        }
+        let number = id & 0x7FFF_FFFF;
+        if number > 0x1FFF_FFFF {
+            return Err(format!("id {id:#x} has more than 29 bits"));
+        }
+        let id = if number > 0x7FF { 0x8000_0000 | number } else { id };
+        let factor = if signal.contains('(') { "" } else { " (1,0)" };
+        let text = format!(
+            "VERSION \"\"\nNS_ :\nBS_:\nBU_: D\nBO_ {id} gauge: 64 D\n SG_ signal : {signal}{factor} [0|0] \"\" D\n"
+        );
+        Self::new(&text).map_err(|_| wrong())
+    }
+
     /// The signal of this name.
-    fn one(&self, name: &str) -> Result<Place<'_>, String> {
+    ///
+    /// # Errors
+    /// If there is none, or several.
+    pub fn one(&self, name: &str) -> Result<Place<'_>, String> {
         let mut all = self.matching(name)?;
         match (all.pop(), all.is_empty()) {
             (Some(place), true) => Ok(place),
@@ -130,7 +117,10 @@ impl File {
     }
 
     /// All signals that a pattern `Message.Signal` names, in the order of their names, numbers in these as numbers.
-    fn matching(&self, pattern: &str) -> Result<Vec<Place<'_>>, String> {
+    ///
+    /// # Errors
+    /// If there is none, or one that cannot be read.
+    pub fn matching(&self, pattern: &str) -> Result<Vec<Place<'_>>, String> {
         let fits = |name: &str| matches(pattern.as_bytes(), name.as_bytes());
         let mut found: Vec<_> = self.names.iter().filter(|(.., name)| fits(&name.full)).collect();
         if found.is_empty() {
@@ -157,43 +147,53 @@ impl File {
         let signal = &message.signals[signal];
         let named = |why: String| format!("signal {name}: {why}");
         let raw = self.raw_ids.get(&message.name).copied();
-        if let (MessageId::Standard(_), Some(id)) = (message.id, raw.filter(|id| *id > 0x7FF)) {
-            return Err(named(format!(
-                "identifier {id} has more than 11 bits and bit 31 does not mark it as extended"
-            )));
-        }
+        let id = match message.id {
+            MessageId::Standard(_) if raw.is_some_and(|id| id > 0x7FF) => {
+                let id = raw.unwrap_or_default();
+                let words = format!("identifier {id} has more than 11 bits and bit 31 does not mark it as extended");
+                return Err(named(words));
+            }
+            MessageId::Standard(id) => CanId::Standard(id),
+            MessageId::Extended(id) => CanId::Extended(id),
+        };
         if matches!(
             self.dbc.extended_value_type_for_signal(message.id, &signal.name),
             Some(SignalExtendedValueType::IEEEfloat32Bit | SignalExtendedValueType::IEEEdouble64bit)
         ) {
             return Err(named("it is a floating-point number, expected an integer".to_owned()));
         }
-        let mux = self.mux(message, signal).map_err(named)?;
-        let place = Place { message, signal, name, mux };
-        let field = place.field()?;
+        let selectors = self.selectors(message, signal).map_err(named)?;
+        let field = field(signal).map_err(named)?;
         if field.bytes_needed() as u64 > message.size {
             return Err(named(format!("it ends in byte {}, the message has {}", field.bytes_needed(), message.size)));
         }
-        Ok(place)
+        Ok(Place { message, signal, name, frames: FrameMatch { id, selectors }, field })
     }
 
     /// What selects the frames that hold a signal: its own selectors, then theirs.
-    fn mux(&self, message: &Message, signal: &Signal) -> Result<Vec<MuxSection>, String> {
-        let (mut mux, mut open): (Vec<MuxSection>, _) = (Vec::new(), VecDeque::from([signal]));
+    fn selectors(&self, message: &Message, signal: &Signal) -> Result<Vec<Selector>, String> {
+        let (mut selectors, mut open): (Vec<Selector>, _) = (Vec::new(), VecDeque::from([signal]));
         while let Some(signal) = open.pop_front() {
-            for (selector, runs) in self.selected_by(message, signal)? {
-                let [value, _] = *runs.first().ok_or("it is selected by no value")?;
-                let parent = message.signals.iter().find(|s| s.name == selector);
-                let parent = parent.ok_or_else(|| format!("its selector {selector} is not there"))?;
-                let (start_bit, length_bits) = (parent.start_bit as u16, parent.size as u16);
-                mux.push(MuxSection { start_bit, length_bits, byte_order: order(parent), value, also: runs });
-                if mux.len() > MUX_MAX {
+            for (name, runs) in self.selected_by(message, signal)? {
+                let parent = message.signals.iter().find(|s| s.name == name);
+                let parent = parent.ok_or_else(|| format!("its selector {name} is not there"))?;
+                let field = BitField::new(bits(parent.start_bit), bits(parent.size), order(parent), false);
+                let (field, values) = (field.map_err(|e| format!("its selector {name}: {e}"))?, joined(runs));
+                if let Some((first, last)) = values.iter().find(|(a, b)| a > b || *b > field.range().1) {
+                    return Err(format!("its selector {name} has no number from {first} to {last}"));
+                }
+                selectors.push(Selector { field, values });
+                if selectors.len() > MUX_MAX {
                     return Err("its selectors select each other".to_owned());
                 }
                 open.push_back(parent);
             }
         }
-        Ok(mux)
+        let never = |one: &Selector| selectors.iter().any(|other| other.field == one.field && other.excludes(one));
+        if selectors.iter().any(never) {
+            return Err("no number selects it: two that exclude each other are asked for".to_owned());
+        }
+        Ok(selectors)
     }
 
     /// The selectors of a signal and the values for which it is there: it is where all of them say so.
@@ -202,7 +202,7 @@ impl File {
         let own = |e: &&can_dbc::ExtendedMultiplex| e.message_id == message.id && e.signal_name == signal.name;
         for extended in self.dbc.extended_multiplex.iter().filter(own) {
             let selector = extended.multiplexor_signal_name.as_str();
-            let runs = extended.mappings.iter().map(|run| [run.min_value, run.max_value]);
+            let runs = extended.mappings.iter().map(|run| (run.min_value.into(), run.max_value.into()));
             match selected.iter_mut().find(|(known, _)| *known == selector) {
                 Some((_, known)) => known.extend(runs),
                 None => selected.push((selector, runs.collect())),
@@ -219,7 +219,7 @@ impl File {
         let selects = |s: &&Signal| s.multiplexer_indicator == MultiplexIndicator::Multiplexor;
         let mut selectors = message.signals.iter().filter(selects);
         match (selectors.next(), selectors.next()) {
-            (Some(selector), None) => Ok(vec![(selector.name.as_str(), vec![[value, value]])]),
+            (Some(selector), None) => Ok(vec![(selector.name.as_str(), vec![(value.into(), value.into())])]),
             (None, _) => Err("it is multiplexed, and no signal of its message is the selector".to_owned()),
             (Some(one), Some(other)) => Err(format!(
                 "{} and {} are both selectors of its message, and no SG_MUL_VAL_ line says which is its own",
@@ -254,115 +254,76 @@ fn names(dbc: &Dbc) -> Vec<(usize, usize, Name)> {
 }
 
 impl Place<'_> {
-    fn named(&self, why: impl std::fmt::Display) -> String {
-        format!("signal {}: {why}", self.name)
+    /// First bit, as DBC files count.
+    pub fn start_bit(&self) -> u16 {
+        bits(self.signal.start_bit)
     }
 
-    fn field(&self) -> Result<BitField, String> {
-        let narrow = |number: u64| u16::try_from(number).unwrap_or(u16::MAX);
-        let order = match self.signal.byte_order {
-            DbcOrder::LittleEndian => ByteOrder::Little,
-            DbcOrder::BigEndian => ByteOrder::Big,
-        };
-        let (start, size) = (narrow(self.signal.start_bit), narrow(self.signal.size));
-        BitField::new(start, size, order, self.signal.value_type == ValueType::Signed).map_err(|e| self.named(e))
+    /// Its bits.
+    pub fn length_bits(&self) -> u16 {
+        bits(self.signal.size)
     }
 
-    fn id(&self) -> (u32, bool) {
-        match self.message.id {
-            MessageId::Standard(id) => (u32::from(id), false),
-            MessageId::Extended(id) => (id, true),
-        }
+    /// Which end comes first.
+    pub fn byte_order(&self) -> ByteOrder {
+        order(self.signal)
     }
 
-    fn frame(&self) -> FrameSection {
-        let (id, extended) = self.id();
-        FrameSection { id, extended, mux: self.mux.clone() }
+    /// Whether it is in two's complement.
+    pub fn is_signed(&self) -> bool {
+        self.signal.value_type == ValueType::Signed
     }
 
-    fn number(&self) -> NumberSection {
-        NumberSection {
-            start_bit: self.signal.start_bit as u16, // [`File::place`] has seen that these fit
-            length_bits: self.signal.size as u16,
-            byte_order: order(self.signal),
-            signed: self.signal.value_type == ValueType::Signed,
-        }
+    /// Factor and offset.
+    pub fn scale(&self) -> (f64, f64) {
+        (self.signal.factor, self.signal.offset)
     }
 
-    fn taxel(&self) -> Result<SignalsSection, String> {
-        let NumberSection { start_bit, length_bits, byte_order, signed } = self.number();
-        if !(4..=24).contains(&length_bits) {
-            return Err(self.named(format!("a taxel of {length_bits} bits, expected 4 to 24")));
-        }
-        let ((id, extended), mux) = (self.id(), self.mux.clone());
-        Ok(SignalsSection {
-            id,
-            extended,
-            start_bit,
-            length_bits,
-            byte_order,
-            signed,
-            count: 1,
-            stride_bits: None,
-            mux,
-            frames: 1,
-            id_step: 0,
-            mux_step: 0,
-            device: 1,
-            name: self.name.to_owned(),
-        })
+    /// Its unit as the file has it.
+    pub fn unit(&self) -> &str {
+        &self.signal.unit
     }
 
-    /// Whether every frame of these taxels has this number at the same place.
-    fn is_in_all(&self, taxels: &[Self]) -> Result<(), String> {
-        if !self.mux.is_empty() {
-            return Err(self.named("it is multiplexed, expected a counter in every frame of its message"));
-        }
+    /// Who sends it.
+    pub fn sender(&self) -> &str {
+        self.message.transmitter.as_deref().unwrap_or_default()
+    }
+
+    /// Whether each frame of `other` has this number at the same place.
+    pub fn is_beside(&self, other: &Self) -> bool {
         let place = |signal: &Signal| (signal.start_bit, signal.size, signal.byte_order);
-        let has = |taxel: &&Self| taxel.message.signals.iter().any(|signal| place(signal) == place(self.signal));
-        match taxels.iter().find(|taxel| !has(taxel)) {
-            Some(taxel) => Err(self.named(format!("expected a counter of all taxels, and {} has none", taxel.name))),
-            None => Ok(()),
-        }
-    }
-
-    fn gauge(&self, array: &ArraySection) -> Result<GaugeSection, String> {
-        if !self.mux.is_empty() {
-            return Err(self.named("it is multiplexed, expected a gauge in every frame of its message"));
-        }
-        let (number, is, (id, extended)) = (self.number(), &array.gauge_is, self.id());
-        let unknown = || {
-            self.named(format!(
-                "its unit is \"{}\", which is none of {}: say in [patch.array] gauge_is = {{ unit = \"kPa\", scale = 0.1 }} \
-                 with the kPa of a step as scale",
-                self.signal.unit,
-                PressureUnit::NAMES
-            ))
-        };
-        Ok(GaugeSection {
-            bus: None,
-            id,
-            extended,
-            start_bit: number.start_bit,
-            length_bits: number.length_bits,
-            byte_order: number.byte_order,
-            signed: number.signed,
-            scale: is.scale.unwrap_or(self.signal.factor),
-            offset: is.offset.unwrap_or(self.signal.offset),
-            unit: is.unit.or_else(|| PressureUnit::named(&self.signal.unit).map(UnitWord)).ok_or_else(unknown)?,
-            ambient_kpa: is.ambient_kpa,
-            gain_uncertainty: is.gain_uncertainty,
-            offset_uncertainty_kpa: is.offset_uncertainty_kpa,
-            noise_kpa: is.noise_kpa,
-        })
+        self.frames.selectors.is_empty() && other.message.signals.iter().any(|s| place(s) == place(self.signal))
     }
 }
 
-fn order(signal: &Signal) -> OrderOfBytes {
+fn field(signal: &Signal) -> Result<BitField, String> {
+    let signed = signal.value_type == ValueType::Signed;
+    BitField::new(bits(signal.start_bit), bits(signal.size), order(signal), signed).map_err(|e| e.to_string())
+}
+
+/// A number of bits: one that is too large is beyond any frame.
+fn bits(number: u64) -> u16 {
+    u16::try_from(number).unwrap_or(u16::MAX)
+}
+
+fn order(signal: &Signal) -> ByteOrder {
     match signal.byte_order {
-        DbcOrder::LittleEndian => OrderOfBytes::Little,
-        DbcOrder::BigEndian => OrderOfBytes::Big,
+        DbcOrder::LittleEndian => ByteOrder::Little,
+        DbcOrder::BigEndian => ByteOrder::Big,
     }
+}
+
+/// Runs in order, those that touch as one.
+fn joined(mut runs: Vec<(i128, i128)>) -> Vec<(i128, i128)> {
+    runs.sort_unstable();
+    let mut joined: Vec<(i128, i128)> = Vec::new();
+    for (first, last) in runs {
+        match joined.last_mut().filter(|run| first <= run.1 + 1 && first <= last) {
+            Some(run) => run.1 = run.1.max(last),
+            None => joined.push((first, last)),
+        }
+    }
+    joined
 }
 
 /// Whether a name fits a pattern in which `*` stands for any letters, also none.

@@ -1,28 +1,28 @@
-//! The whole file, section by section.
+//! The file, section by section. `deploy/taxeld.toml` explains every key; what is absent has the default that it names.
+
+use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::listen_sections::{AccessSection, ListenSection};
-use super::page_section::{MetricsSection, PageSection};
-use super::parts::{BusSection, LogSection, PatchSection, StoreSection};
-use super::record_section::RecordSection;
-use super::service_section::ServiceSection;
-use super::shared_memory_section::SharedMemorySection;
+use super::patch_section::PatchSection;
 
 /// The whole file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
+    /// Where the service listens: `unix:PATH`, `tcp:ADDRESS`, `tls:ADDRESS` or `insecure:ADDRESS`.
+    #[serde(default)]
+    pub listen: Vec<String>,
+    /// The group of the Unix sockets; else that of the daemon.
+    pub socket_group: Option<String>,
+    /// The files of `tls:`.
+    pub tls: Option<TlsSection>,
+    /// Who may do what.
+    pub access: Option<AccessSection>,
     /// Where sessions and model sets are kept.
     pub store: StoreSection,
-    /// The gRPC service.
-    #[serde(default)]
-    pub service: ServiceSection,
-    /// Where it listens beside `service.listen`.
-    #[serde(default)]
-    pub listen: Vec<ListenSection>,
-    /// Who may do what there.
-    pub access: Option<AccessSection>,
     /// The operator's page; none without it.
     pub page: Option<PageSection>,
     /// Metrics for Prometheus; none without it.
@@ -38,4 +38,176 @@ pub struct Config {
     pub bus: Vec<BusSection>,
     /// The patches.
     pub patch: Vec<PatchSection>,
+}
+
+/// `[tls]`; paths are relative to the configuration.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TlsSection {
+    /// The server's certificate with those up to its authority, PEM.
+    pub cert: PathBuf,
+    /// Its key, PEM; only its owner may read it.
+    pub key: PathBuf,
+    /// The authorities of clients' certificates, PEM.
+    pub client_ca: PathBuf,
+}
+
+/// `[access]`. Each list has accounts (`user:NAME`, `group:NAME`), certificates (`certificate:NAME`) and ways to come in
+/// (`unix`, `loopback`, `tls`, `insecure`).
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AccessSection {
+    /// Who reads.
+    pub observers: Vec<String>,
+    /// Who also calibrates.
+    pub operators: Vec<String>,
+    /// Who also imports and deletes.
+    pub admins: Vec<String>,
+    /// File with tokens' hashes, relative to the configuration.
+    pub tokens: Option<PathBuf>,
+}
+
+impl Default for AccessSection {
+    fn default() -> Self {
+        let observers = ["unix", "loopback", "insecure"].map(str::to_owned).into();
+        Self { observers, operators: Vec::new(), admins: Vec::new(), tokens: None }
+    }
+}
+
+/// `[store]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoreSection {
+    /// The SQLite file; made if absent.
+    pub path: PathBuf,
+    /// Megabytes of it to keep; the oldest sessions go until there are no more.
+    pub keep_mb: Option<u64>,
+}
+
+impl StoreSection {
+    /// Beyond so many megabytes no session is started and no model set imported: more than what is kept, since an active
+    /// model set and what it was made of never go.
+    pub fn budget_mb(&self) -> u64 {
+        self.keep_mb.map_or(4096, |keep| keep.saturating_add(keep / 4).max(4096))
+    }
+}
+
+/// `[page]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PageSection {
+    /// Where it is served; loopback only.
+    pub listen: SocketAddr,
+    /// Names beside localhost by which it may be asked for: those of a proxy before it.
+    pub hosts: Vec<String>,
+    /// What is bound to that address already, by the demo: no file says so.
+    #[serde(skip)]
+    pub bound: Option<Arc<TcpListener>>,
+}
+
+impl Default for PageSection {
+    fn default() -> Self {
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8_080)), hosts: Vec::new(), bound: None }
+    }
+}
+
+/// `[metrics]`
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MetricsSection {
+    /// Where they are served, at `/metrics`; loopback only. Absent: on the page's address.
+    pub listen: Option<SocketAddr>,
+}
+
+/// `[shared_memory]`
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SharedMemorySection {
+    /// The folder, on a tmpfs.
+    pub path: PathBuf,
+    /// The group that reads the pages; else that of the daemon.
+    pub group: Option<String>,
+}
+
+impl SharedMemorySection {
+    /// The mode of a page: its owner writes and its group reads.
+    pub const MODE: u32 = 0o640;
+}
+
+impl Default for SharedMemorySection {
+    fn default() -> Self {
+        Self { path: "/dev/shm/taxeld".into(), group: None }
+    }
+}
+
+/// `[record]`
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordSection {
+    /// The folder; made if absent.
+    pub path: PathBuf,
+    /// Megabytes that all recordings there may take together; the oldest go.
+    #[serde(default = "two_gigabytes")]
+    pub budget_mb: u64,
+    /// Every taxel of every patch, too: several times as much as all else.
+    #[serde(default)]
+    pub taxels: bool,
+}
+
+impl RecordSection {
+    /// With less space on the disk nothing is recorded, in megabytes.
+    pub const KEEP_FREE_MB: u64 = 512;
+    /// A file that is older is ended, in minutes.
+    pub const FILE_MINUTES: u64 = 10;
+
+    /// A file that is larger is ended, in megabytes: of a small budget an eighth, so that little goes at a time.
+    pub fn file_mb(&self) -> u64 {
+        (self.budget_mb / 8).clamp(1, 64)
+    }
+}
+
+fn two_gigabytes() -> u64 {
+    2048
+}
+
+/// `[log]`
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogSection {
+    /// What is logged, as `RUST_LOG` says it, which decides where it is set.
+    pub filter: Option<String>,
+}
+
+/// `[[bus]]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BusSection {
+    /// How patches and gauges name it.
+    pub name: String,
+    /// Where its frames come from.
+    #[serde(default)]
+    pub source: BusSource,
+    /// The network interface, for `socketcan`; in a replay, the interface of the log.
+    pub interface: Option<String>,
+    /// Seed of the simulated skin, for `sim`.
+    #[serde(default = "one")]
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
+    pub seed: u64,
+}
+
+fn one() -> u64 {
+    1
+}
+
+/// Where frames come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BusSource {
+    /// A network interface.
+    #[default]
+    SocketCan,
+    /// The simulator: a forearm in a bag.
+    Sim,
+    /// None come: a program pushes the scans of the one patch that is on it.
+    Push,
 }

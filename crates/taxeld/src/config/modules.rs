@@ -68,11 +68,11 @@ impl KindWord {
     }
 }
 
-/// Reads a list of modules; those without a kind of their own have `kind`.
+/// Reads a list of modules; those without a kind of their own are triangles.
 ///
 /// # Errors
 /// What is wrong and what was expected.
-pub fn modules(text: &str, kind: KindWord) -> Result<Vec<(Module, ModuleKind)>, String> {
+pub fn modules(text: &str) -> Result<Vec<(Module, ModuleKind)>, String> {
     let wrong = || {
         format!(
             "modules = \"{text}\": expected ascending numbers or ranges of 0 to 15, each with a kind of its own where \
@@ -83,7 +83,7 @@ pub fn modules(text: &str, kind: KindWord) -> Result<Vec<(Module, ModuleKind)>, 
     for part in text.split(',').map(str::trim) {
         let (range, kind) = match part.split_once(|c: char| c.is_ascii_alphabetic()) {
             Some((range, _)) => (range.trim(), KindWord::from_word(part[range.len()..].trim())?),
-            None => (part, kind),
+            None => (part, KindWord::Triangle),
         };
         let (first, last) = range.split_once('-').unwrap_or((range, range));
         let parse = |word: &str| word.trim().parse::<u8>().ok().filter(|m| *m < 16).ok_or_else(wrong);
@@ -124,20 +124,12 @@ mod tests {
 
     #[test]
     fn a_hand_has_modules_of_several_kinds_on_one_board() {
-        let hand = modules("0-4 fingertip, 8-11 palm", KindWord::Triangle).unwrap();
+        let hand = modules("0-4 fingertip, 8-11 palm").unwrap();
         let taxels: usize = hand.iter().map(|(_, kind)| kind.taxel_slots().len()).sum();
         assert_eq!((hand.len(), taxels), (9, 104), "as iCub's hand has");
         assert_eq!(hand[8].1, ModuleKind::PalmPad7);
-        let same = modules("0-4 fingertip2L,8 palmL, 9-10 palm , 11 palm-pad7", KindWord::Triangle).unwrap();
+        let same = modules("0-4 fingertip2L,8 palmL, 9-10 palm , 11 palm-pad7").unwrap();
         assert_eq!(same, hand, "spellings of the drawing files");
-    }
-
-    #[test]
-    fn a_kind_for_all_needs_no_word_at_each() {
-        let tips = modules("0-4", KindWord::Fingertip).unwrap();
-        assert!(tips.iter().all(|(_, kind)| *kind == ModuleKind::Fingertip));
-        let mixed = modules("0-4, 6 triangle", KindWord::Fingertip).unwrap();
-        assert_eq!(mixed[5].1, ModuleKind::Triangle);
     }
 
     #[test]
@@ -145,10 +137,10 @@ mod tests {
         for text in
             ["0-15", "1, 5, 8-10, 12-13", "0-4 fingertip, 8-11 palm", "5-7 palm-pad11, 9 palm", "0, 1 palm-pad7"]
         {
-            let read = modules(text, KindWord::Triangle).unwrap();
-            assert_eq!(modules(&written(&read), KindWord::Triangle).unwrap(), read, "{text}");
+            let read = modules(text).unwrap();
+            assert_eq!(modules(&written(&read)).unwrap(), read, "{text}");
         }
-        let hand = modules("0-4 fingertip, 8-11 palm", KindWord::Triangle).unwrap();
+        let hand = modules("0-4 fingertip, 8-11 palm").unwrap();
         assert_eq!(written(&hand), "0-4 fingertip, 8-11 palm");
     }
 
@@ -162,7 +154,7 @@ mod tests {
             ("fingertip", "expected ascending numbers"),
             ("", "expected ascending numbers"),
         ] {
-            let message = modules(text, KindWord::Triangle).unwrap_err();
+            let message = modules(text).unwrap_err();
             assert!(message.contains(says), "{text}: {message}");
         }
     }

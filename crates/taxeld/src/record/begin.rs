@@ -40,12 +40,12 @@ impl Topics {
                 all.len() - 1
             })
         };
-        let buses = config.bus.iter().map(|bus| topic(section.frames, format!("bus/{}", bus.name), "CanFrames"));
+        let buses = config.bus.iter().map(|bus| topic(true, format!("bus/{}", bus.name), "CanFrames"));
         let buses = buses.collect();
         let names: Vec<&str> = plan.patches.iter().map(|patch| patch.patch.name()).collect();
-        let force = names.iter().map(|name| topic(section.force, format!("force/{name}"), "ForceSample")).collect();
+        let force = names.iter().map(|name| topic(true, format!("force/{name}"), "ForceSample")).collect();
         let taxels = names.iter().map(|name| topic(section.taxels, format!("taxels/{name}"), "TaxelSample")).collect();
-        let events = topic(section.events, "events".to_owned(), "Event");
+        let events = topic(true, "events".to_owned(), "Event");
         Self { all, buses, force, taxels, events }
     }
 }
@@ -90,9 +90,9 @@ fn limits(section: &RecordSection) -> Limits {
     let bytes = |megabytes: u64| megabytes.saturating_mul(1_000_000);
     Limits {
         budget_bytes: bytes(section.budget_mb),
-        file_bytes: bytes(section.file_mb),
-        file_age: Duration::from_secs(60 * section.file_minutes),
-        keep_free_bytes: bytes(section.keep_free_mb),
+        file_bytes: bytes(section.file_mb()),
+        file_age: Duration::from_secs(60 * RecordSection::FILE_MINUTES),
+        keep_free_bytes: bytes(RecordSection::KEEP_FREE_MB),
         flush_every: FLUSH_EVERY,
         retry_after: RETRY_AFTER,
     }

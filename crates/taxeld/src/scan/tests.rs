@@ -1,6 +1,7 @@
 //! What a survey says of frames whose truth is known.
 
 use taxel_can::{BusError, ErrorCounters};
+use taxel_engine::plan::Plan;
 use taxel_skin::{BoardAddress, Module, Time};
 use taxel_wire::icub::{Message, StatusWord};
 use taxel_wire::{CanId, Frame, TimedFrame};
@@ -105,10 +106,23 @@ fn the_bag_is_told_from_clocks_constants_and_noise() {
     }
 }
 
-const CONFIG: &str = "[store]\npath = \"t.db\"\n[[bus]]\nname = \"arm\"\ninterface = \"can0\"\n[[patch]]\nname = \"arm\"\n\
-                      bus = \"arm\"\nperiod_ms = 30\n[[patch.board]]\naddress = 13\nmodules = \"1-3\"\n[[patch.board]]\n\
-                      address = 14\nmodules = \"8 triangle\"\n[[patch.board]]\naddress = 12\nmodules = \"0\"\n[patch.gauge]\n\
-                      id = 0x3A2\nlength_bits = 32\nunit = \"Pa\"\n";
+const CONFIG: &str = r#"
+[store]
+path = "t.db"
+[[bus]]
+name = "arm"
+interface = "can0"
+[[patch]]
+name = "arm"
+bus = "arm"
+period_ms = 30
+boards = [
+    { address = 13, modules = "1-3" },
+    { address = 14, modules = "8 triangle" },
+    { address = 12, modules = "0" },
+]
+gauge = { id = 0x3A2, signal = "0|32@1+", unit = "Pa" }
+"#;
 
 #[test]
 fn differences_from_the_configuration_are_named() {
@@ -131,14 +145,30 @@ fn differences_from_the_configuration_are_named() {
         ]
     );
     let right = CONFIG.replace("= 30", "= 50").replace("1-3", "1-2").replace("8 triangle", "0 fingertip, 8 palm-pad11");
-    let right = right.replace("[[patch.board]]\naddress = 12\nmodules = \"0\"\n", "").replace("0x3A2", "0x3A1");
+    let right = right.replace("    { address = 12, modules = \"0\" },\n", "").replace("0x3A2", "0x3A1");
     assert_eq!(of(&right), Vec::<String>::new());
     let text = words::text(&found, Some(&[]));
     assert!(text.ends_with("all is as the configuration says\n") && text.contains("sample-point 0.6"), "{text}");
 }
 
-/// A second of two long frames of CAN FD every 20 ms, and what is different from this configuration.
-fn differences_of_an_array(text: &str) -> Vec<String> {
+/// The plan of an array of which each message has one signal, `T`.
+fn plan_of_array(period_ms: u32, messages: &[(&str, u32, u8, &str)], gauge: &str) -> Plan {
+    let folder = tempfile::tempdir().unwrap();
+    let message = |(name, id, bytes, signal): &(&str, u32, u8, &str)| {
+        format!("BO_ {id} {name}: {bytes} D\n SG_ T : {signal} (1,0) [0|0] \"\" D\n\n")
+    };
+    let messages: String = messages.iter().map(message).collect();
+    std::fs::write(folder.path().join("a.dbc"), format!("VERSION \"\"\nNS_ :\nBS_:\nBU_: D\n{messages}")).unwrap();
+    let text = format!(
+        "store.path = \"t.db\"\n[[bus]]\nname = \"c\"\ninterface = \"can0\"\n[[patch]]\nname = \"a\"\nbus = \"c\"\n\
+         period_ms = {period_ms}\narea_mm2 = 16.0\narray = {{ dbc = \"a.dbc\", taxels = [\"*\"] }}\n{gauge}\n"
+    );
+    let path = folder.path().join("t.toml");
+    config::resolve(&config::parse(&path, &text).unwrap(), &path).unwrap().plan
+}
+
+#[test]
+fn a_described_array_is_compared_by_its_frames_and_is_no_board() {
     let mut survey = Survey::default();
     for scan in 0..51_u32 {
         for part in 0..2 {
@@ -148,19 +178,11 @@ fn differences_of_an_array(text: &str) -> Vec<String> {
     }
     let found = survey.findings();
     assert_eq!(found.others[0].lengths, [48]);
-    let path = Path::new("t.toml");
-    let scene = config::resolve(&config::parse(path, text).unwrap(), path).unwrap();
-    differences(&found, &scene.plan, BusIndex(0))
-}
-
-#[test]
-fn a_described_array_is_compared_by_its_frames_and_is_no_board() {
-    let array = "store.path = \"t.db\"\n[[bus]]\nname = \"c\"\ninterface = \"can0\"\n[[patch]]\nname = \"a\"\nbus = \"c\"\n\
-                 period_ms = 20\narea_mm2 = 16.0\n[[patch.signals]]\nid = 0x18FE0000\nextended = true\nlength_bits = 16\ncount = 24\n\
-                 frames = 2\nid_step = 1\n";
-    assert_eq!(differences_of_an_array(array), Vec::<String>::new());
+    let message = |name, part: u32| (name, 0x98FE_0000 + part, 48, "0|16@1+");
+    let of = |period_ms, messages: &[_]| differences(&found, &plan_of_array(period_ms, messages, ""), BusIndex(0));
+    assert_eq!(of(20, &[message("A", 0), message("B", 1)]), Vec::<String>::new());
     assert_eq!(
-        differences_of_an_array(&array.replace("= 20", "= 40").replace("frames = 2", "frames = 3")),
+        of(40, &[message("A", 0), message("B", 1), message("C", 2)]),
         [
             "a: 51.0 frames with identifier 18FE0000 came a second, the configuration says 25.0",
             "a: 51.0 frames with identifier 18FE0001 came a second, the configuration says 25.0",
@@ -180,17 +202,14 @@ fn taxels_that_the_configuration_describes_are_no_candidates_for_the_gauge() {
         }
     }
     let mut found = survey.findings();
-    let text = "store.path = \"t.db\"\n[[bus]]\nname = \"c\"\ninterface = \"can0\"\n[[patch]]\nname = \"a\"\nbus = \"c\"\n\
-                period_ms = 20\narea_mm2 = 16.0\n[[patch.signals]]\nid = 0x120\nlength_bits = 16\n\
-                [patch.gauge]\nid = 0x200\nlength_bits = 16\nunit = \"Pa\"\n";
-    let path = Path::new("t.toml");
-    let scene = config::resolve(&config::parse(path, text).unwrap(), path).unwrap();
+    let gauge = "gauge = { id = 0x200, signal = \"0|16@1+\", unit = \"Pa\" }";
+    let plan = plan_of_array(20, &[("A", 0x120, 2, "0|16@1+")], gauge);
     let candidates =
         |found: &Findings| found.others.iter().map(|other| !other.pressures.is_empty()).collect::<Vec<_>>();
     assert_eq!(candidates(&found), [true, true]);
-    name_no_gauge_among_taxels(&mut found, &scene.plan, BusIndex(0));
+    name_no_gauge_among_taxels(&mut found, &plan, BusIndex(0));
     assert_eq!(candidates(&found), [false, true]);
-    assert_eq!(differences(&found, &scene.plan, BusIndex(0)), Vec::<String>::new());
+    assert_eq!(differences(&found, &plan, BusIndex(0)), Vec::<String>::new());
 }
 
 #[test]

@@ -147,16 +147,20 @@ pub fn beginning(findings: &Findings, interface: &str) -> String {
         None => text.push_str("# period_ms = 50 # CHECK: too few scans came to tell\n"),
     }
     text.push_str("# geometry = \"FILE\" # CHECK: a position file; boards are then in its order\n");
+    text.push_str("boards = [\n");
     for (address, board) in findings.boards.iter().rev() {
-        let _ = write!(text, "\n[[patch.board]]\naddress = {address}\nmodules = \"{}\"\n", modules_with_kinds(board));
+        let _ = writeln!(text, "    {{ address = {address}, modules = \"{}\" }},", modules_with_kinds(board));
         if *address == 14 {
-            text.push_str("# CHECK: a hand has its fingertips and palm here: modules = \"0-4 fingertip, 8-11 palm\"\n");
+            text.push_str(
+                "    # CHECK: a hand has its fingertips and palm here: modules = \"0-4 fingertip, 8-11 palm\"\n",
+            );
         }
     }
+    text.push_str("]\n");
     let gauges = || findings.others.iter().filter_map(|other| Some((other, other.pressures.first()?)));
     match gauges().find(|(_, found)| found.moving).or_else(|| gauges().next()) {
-        Some((other, found)) => gauge_section(&mut text, other, found),
-        None => text.push_str("\n# CHECK: nothing on the bus could be the pressure in the bag: no [patch.gauge]\n"),
+        Some((other, found)) => gauge(&mut text, other, found),
+        None => text.push_str("# CHECK: nothing on the bus could be the pressure in the bag: no gauge\n"),
     }
     text
 }
@@ -175,22 +179,18 @@ fn modules_with_kinds(board: &BoardFound) -> String {
     runs.collect::<Vec<_>>().join(", ")
 }
 
-fn gauge_section(text: &mut String, other: &OtherFound, found: &PressureFound) {
-    let _ = write!(
-        text,
-        "\n# CHECK: is this the bag's pressure? It read {:.2} to {:.2} kPa.\n[patch.gauge]\nid = 0x{}\nextended = {}\n\
-         start_bit = {}\nlength_bits = {}\nbyte_order = \"{}\"\nsigned = {}\nunit = \"{}\"\n",
-        found.kpa.0,
-        found.kpa.1,
-        other.id,
-        other.extended,
-        found.start_bit,
-        found.length_bits,
-        found.byte_order,
-        found.signed,
-        found.unit
-    );
-    if found.meaning == "absolute" {
-        text.push_str("ambient_kpa = 101.325 # CHECK: the pressure of the air here\n");
+fn gauge(text: &mut String, other: &OtherFound, found: &PressureFound) {
+    let PressureFound { start_bit, length_bits, unit, kpa: (least, most), .. } = found;
+    let number = u32::from_str_radix(&other.id, 16).unwrap_or_default(); // as candump writes it
+    let id = if other.extended && number <= 0x7FF { number | 0x8000_0000 } else { number };
+    let (order, sign) = (u8::from(found.byte_order == "little"), if found.signed { '-' } else { '+' });
+    let ambient = if found.meaning == "absolute" { ", ambient_kpa = 101.325" } else { "" };
+    let _ = writeln!(text, "# CHECK: is this the bag's pressure? It read {least:.2} to {most:.2} kPa.");
+    if !ambient.is_empty() {
+        text.push_str("# CHECK: ambient_kpa is the pressure of the air here\n");
     }
+    let _ = writeln!(
+        text,
+        "gauge = {{ id = {id:#X}, signal = \"{start_bit}|{length_bits}@{order}{sign}\", unit = \"{unit}\"{ambient} }}"
+    );
 }

@@ -40,7 +40,7 @@ pub struct SetupArgs {
     /// The robot's configuration: skin devices, their specifications, port wrappers.
     #[arg(long, num_args = 1.., value_name = "FILE")]
     xml: Vec<PathBuf>,
-    /// The pressure sensor of the bag, in the words of [patch.gauge]: 'id = 0x3A1, length_bits = 32, unit = "Pa"'.
+    /// The pressure sensor of the bag, in the words of `gauge`: 'id = 0x3A1, signal = "0|32@1-", unit = "Pa"'.
     #[arg(long, value_name = "KEYS")]
     gauge: Option<String>,
     /// The network interface of a bus, once a bus: left_arm=can0.

@@ -143,8 +143,8 @@ fn a_hand_has_its_fingertips_from_the_drawing_and_their_settings_as_exceptions()
     let out = folder.path("t.toml");
     run(&["--positions", &positions, "--layout", &drawing, "--out", &out]).unwrap();
     let text = folder.written();
-    assert!(text.contains("modules = \"0-4 fingertip, 8-11 palm\""), "{text}");
-    assert!(text.contains("modules = \"0, 1, 2, 3, 4\"\nshift = 0\ncdc_offset = 0x2000"), "{text}");
+    assert!(text.contains("modules = \"8-11 palm\", board_type = 1 },"), "{text}");
+    assert!(text.contains("modules = \"0-4 fingertip\", board_type = 1, shift = 0, cdc_offset = 0x2000 },"), "{text}");
     assert!(text.contains("board_type = 1") && text.contains("area = \"equal\""), "{text}");
     let scene = folder.resolved();
     assert_eq!(scene.plan.patches[0].patch.taxels().len(), 104);
@@ -221,10 +221,10 @@ fn a_gauge_is_taken_in_the_words_of_the_configuration() {
     let arm = folder.put("left_arm.txt", &positions("l_upper_arm", 4, &[2]));
     let foot = folder.put("left_foot.txt", &positions("l_foot", 2, &[2]));
     let out = folder.path("t.toml");
-    let gauge = "id = 0x3A1, length_bits = 32, signed = true, unit = \"Pa\"";
+    let gauge = "id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\"";
     run(&["--positions", &hand, &arm, "--gauge", gauge, "--out", &out]).unwrap();
     assert!(folder.resolved().plan.patches.iter().all(|plan| plan.gauge.is_some()));
-    assert!(folder.written().contains("[patch.gauge]\nid = 0x3a1\n"), "{}", folder.written());
+    assert!(folder.written().contains("gauge = { id = 0x3a1, signal = "), "{}", folder.written());
     let refused = |arguments: &[&str]| format!("{:#}", run(arguments).unwrap_err());
     let why = refused(&["--positions", &hand, &foot, "--gauge", gauge, "--out", &out, "--force"]);
     assert!(why.contains("say which one the sensor is on, bus = \"left_arm\""), "{why}");
@@ -297,7 +297,7 @@ fn icubs_own_forearm_files_make_a_configuration() {
         let out = folder.path("t.toml");
         run(&["--positions", &file(positions), "--layout", &file(drawing), "--out", &out, "--force"]).unwrap();
         let text = folder.written();
-        assert!(text.contains(&format!("address = 12\nmodules = \"{modules}\"")), "{text}");
+        assert!(text.contains(&format!("address = 12, modules = \"{modules}\"")), "{text}");
         assert!(!text.contains("drawn but") && !text.contains("not drawn"), "both files have the same modules: {text}");
         let plan = &folder.resolved().plan.patches[0];
         let geometry = plan.geometry.as_ref().unwrap();

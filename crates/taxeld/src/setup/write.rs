@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use taxel_skin::Module;
+
 use super::compose::{BoardDraft, PatchDraft};
 use crate::config::modules_written;
 
@@ -24,6 +26,10 @@ pub fn text(
     comment(
         &mut text,
         &format!("Lines with `{CHECK}` say what these leave open. deploy/taxeld.toml explains every key."),
+    );
+    text.push_str(
+        "\n# Without [access] everybody on this machine is administrator; security.md says how to listen for each account:\n\
+         # [access]\n# operators = [\"group:skin\"]\n",
     );
     text.push_str(
         "\n[store]\npath = \"/var/lib/taxeld/taxeld.db\" # sessions, samples and model sets; one SQLite file\n",
@@ -73,54 +79,60 @@ fn patch(text: &mut String, draft: &PatchDraft, gauge: Option<&toml::Table>, fol
     if let Some(area_mm2) = draft.area_mm2 {
         let _ = write!(text, "area = \"equal\"\narea_mm2 = {area_mm2:?}\narea_uncertainty = 0.3\n");
     }
+    text.push_str("boards = [\n");
     draft.boards.iter().for_each(|draft| board(text, draft));
+    text.push_str("]\n");
     match gauge {
         Some(keys) => {
-            text.push_str("\n[patch.gauge]\n");
-            keys.iter().for_each(|(key, value)| {
-                let _ = match value.as_integer().filter(|_| key == "id") {
-                    Some(id) => writeln!(text, "id = {id:#x}"),
-                    None => writeln!(text, "{key} = {value}"),
-                };
-            });
+            let key = |(key, value): (&String, &toml::Value)| match value.as_integer().filter(|_| key == "id") {
+                Some(id) => format!("id = {id:#x}"),
+                None => format!("{key} = {value}"),
+            };
+            let _ = writeln!(text, "gauge = {{ {} }}", keys.iter().map(key).collect::<Vec<_>>().join(", "));
         }
         None => {
-            text.push('\n');
-            comment(text, &format!("{CHECK} without the bag's pressure sensor there is no calibration, only force:"));
-            comment(text, "[patch.gauge]");
-            comment(text, "id = 0x5F1 # that of your sensor: `taxeld scan` shows frames that could be a pressure");
-            comment(text, "length_bits = 32");
-            comment(text, "signed = true");
-            comment(text, "unit = \"Pa\"");
+            comment(
+                text,
+                &format!(
+                    "{CHECK} without the bag's pressure sensor there is no calibration, only force. Put in the identifier of \
+                     yours: `taxeld scan` shows frames that could be a pressure"
+                ),
+            );
+            comment(text, "gauge = { id = 0x5F1, signal = \"0|32@1-\", unit = \"Pa\" }");
         }
     }
 }
 
 fn board(text: &mut String, board: &BoardDraft) {
-    text.push('\n');
-    board.remarks.iter().for_each(|line| comment(text, line));
-    let (shift, cdc_offset) = board.usual;
-    let modules = modules_written(&board.modules);
-    let _ = write!(text, "[[patch.board]]\naddress = {}\nmodules = \"{modules}\"\n", board.address);
-    let values = &board.values;
+    board.remarks.iter().for_each(|line| {
+        text.push_str("    ");
+        comment(text, line);
+    });
+    let is_exception = |module: &Module| board.exceptions.iter().any(|(list, _)| list.contains(&module.get()));
+    let of = |wanted: &dyn Fn(&Module) -> bool| {
+        let modules = board.modules.iter().filter(|(module, _)| wanted(module));
+        modules_written(&modules.copied().collect::<Vec<_>>())
+    };
+    entry(text, board, of(&|module| !is_exception(module)), board.usual);
+    for (list, values) in &board.exceptions {
+        entry(text, board, of(&|module| list.contains(&module.get())), *values);
+    }
+}
+
+fn entry(text: &mut String, board: &BoardDraft, modules: String, (shift, cdc_offset): (i64, i64)) {
+    let (address, values) = (board.address, &board.values);
+    let _ = write!(text, "    {{ address = {address}, modules = \"{modules}\"");
     for (key, value, default) in
         [("board_type", values.board_type, 0), ("no_load", values.no_load, 240), ("shift", shift, 2)]
     {
         if value != default {
-            let _ = writeln!(text, "{key} = {value}");
+            let _ = write!(text, ", {key} = {value}");
         }
     }
     if cdc_offset != 0x2200 {
-        let _ = writeln!(text, "cdc_offset = {cdc_offset:#06x}");
+        let _ = write!(text, ", cdc_offset = {cdc_offset:#06x}");
     }
-    for (list, (shift, cdc_offset)) in &board.exceptions {
-        let list: Vec<String> = list.iter().map(u8::to_string).collect();
-        let _ = write!(
-            text,
-            "[[patch.board.exception]]\nmodules = \"{}\"\nshift = {shift}\ncdc_offset = {cdc_offset:#06x}\n",
-            list.join(", ")
-        );
-    }
+    text.push_str(" },\n");
 }
 
 /// A comment, broken where a line would be too long.

@@ -14,10 +14,9 @@ fn succeeds(arguments: &[&str]) -> (String, String) {
 }
 
 const CONFIG: &str = r#"
+listen = ["unix:s"]
 [store]
 path = "t.db"
-[[listen]]
-unix = "s"
 [[bus]]
 name = "skin"
 interface = "can0"
@@ -25,15 +24,8 @@ interface = "can0"
 name = "palm"
 bus = "skin"
 listen_only = true
-[[patch.board]]
-address = 13
-modules = "0-1"
-[patch.gauge]
-id = 0x3A1
-length_bits = 32
-signed = true
-unit = "Pa"
-noise_kpa = 0.02
+boards = [{ address = 13, modules = "0-1" }]
+gauge = { id = 0x3A1, signal = "0|32@1-", unit = "Pa", noise_kpa = 0.02 }
 "#;
 
 /// Lines of a scan.

@@ -8,10 +8,9 @@ use crate::common::text;
 
 /// The simulated forearm as two patches, a board each, and one gauge.
 const CONFIG: &str = r#"
+listen = ["unix:s"]
 [store]
 path = "store.db"
-[[listen]]
-unix = "s"
 [[bus]]
 name = "skin"
 source = "sim"
@@ -20,15 +19,15 @@ name = "upper"
 bus = "skin"
 listen_only = true
 area_mm2 = 42.1
-board = [{ address = 13, modules = "0-15" }]
-gauge = { id = 0x3A1, length_bits = 32, signed = true, unit = "Pa" }
+boards = [{ address = 13, modules = "0-15" }]
+gauge = { id = 0x3A1, signal = "0|32@1-", unit = "Pa" }
 [[patch]]
 name = "lower"
 bus = "skin"
 listen_only = true
 area_mm2 = 42.1
-board = [{ address = 12, modules = "0-6" }]
-gauge = { id = 0x3A1, length_bits = 32, signed = true, unit = "Pa" }
+boards = [{ address = 12, modules = "0-6" }]
+gauge = { id = 0x3A1, signal = "0|32@1-", unit = "Pa" }
 "#;
 
 struct Daemon(Child);
@@ -95,14 +94,14 @@ fn one_patch_that_fails_ends_no_other_calibration() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let (upper, lower) = CONFIG.split_at(CONFIG.rfind("[[patch]]").unwrap());
-    let slow = format!("{upper}{lower}[patch.session]\npatience_s = 5.0\nrise_max_kpa_per_s = 0.1\n");
+    let slow = format!("{upper}{lower}[patch.session]\nrise_max_kpa_per_s = 0.1\n");
     let _daemon = start(folder, &slow);
     let words =
         ["calibrate", "--patch", "lower", "--with", "upper", "--target", "15", "--confirmed-by", "test", "--yes"];
     let done = taxeld(folder, &words);
     let (out, errors) = (text(&done.stdout), text(&done.stderr));
     assert_eq!(done.status.code(), Some(3), "{out}{errors}");
-    assert!(errors.contains("is FAILED") && errors.contains("5 s: "), "{errors}");
+    assert!(errors.contains("is FAILED") && errors.contains("the pressure rose too fast"), "{errors}");
     assert!(!out.contains("stop pumping"), "the other ramp goes on: {out}");
     assert_eq!(out.matches("is in use").count(), 1, "{out}");
     assert_eq!(sessions(folder), ["lower SESSION_STATE_FAILED", "upper SESSION_STATE_ACTIVE"]);

@@ -37,8 +37,8 @@ impl Daemon {
     fn start_in(folder: TempDir, with: impl FnOnce(&mut Command, &Path)) -> Self {
         let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
         let config = format!(
-            "store.path = \"{}/disk/store.db\"\nservice.listen = \"{address}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
-             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\n[[patch.board]]\naddress = 13\nmodules = \"0-15\"\n",
+            "listen = [\"tcp:{address}\", \"unix:socket\"]\nstore.path = \"{}/disk/store.db\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
+             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\nboards = [{{ address = 13, modules = \"0-15\" }}]\n",
             folder.path().display()
         );
         std::fs::write(folder.path().join("taxeld.toml"), config).unwrap();
@@ -288,27 +288,6 @@ async fn a_variable_that_names_no_filter_leaves_it_to_the_configuration_and_a_wr
         let said = format!("RUST_LOG = \"{variable}\" of the environment is not used");
         assert_eq!(daemon.log().matches(&said).count(), usize::from(told), "{}", daemon.log());
         assert!(!daemon.log().contains("taxeld is up"), "{}", daemon.log());
-    }
-}
-
-#[tokio::test]
-async fn every_thread_of_the_daemon_is_one_that_check_names() {
-    let daemon = Daemon::start(|_, folder| {
-        let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[metrics]\n[[listen]]\nunix = \"socket\"\n[record]\npath = ";
-        configured(folder, &format!("{sections}\"{}\"\n", folder.join("recordings").display()));
-    });
-    daemon.stream().await.message().await.unwrap().unwrap();
-    let config = daemon.folder.path().join("taxeld.toml");
-    let checked = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["check", "--config"]).arg(config).output().unwrap();
-    let checked = String::from_utf8(checked.stdout).unwrap();
-    let lines = checked.lines().skip_while(|line| *line != "threads:").skip(1);
-    let lines = lines.take_while(|line| line.starts_with(' ')).filter_map(|line| line.split_once(": "));
-    let named: Vec<&str> = lines.flat_map(|(names, _)| names.trim().split(", ")).collect();
-    let tasks = std::fs::read_dir(format!("/proc/{}/task", daemon.child.id())).unwrap();
-    for task in tasks {
-        let Ok(name) = std::fs::read_to_string(task.unwrap().path().join("comm")) else { continue }; // it has ended
-        let name = if name == "taxeld\n" { "main" } else { name.trim_end() };
-        assert!(named.contains(&name), "{name} is not in {named:?}");
     }
 }
 

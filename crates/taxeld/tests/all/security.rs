@@ -56,39 +56,23 @@ source = "sim"
 [[patch]]
 name = "left_forearm"
 bus = "skin"
-[[patch.board]]
-address = 13
-modules = "0-15"
-[[patch.board]]
-address = 12
-modules = "0-6"
+boards = [{ address = 13, modules = "0-15" }, { address = 12, modules = "0-6" }]
 "#;
 
 /// What the certificate of the documented lines may do.
-const GRANT: &str = r#"
-[[access.grant]]
-role = "operator"
-certificate = "spiffe://robot/skin/operator"
-"#;
+const GRANT: &str = r#"operators = ["certificate:spiffe://robot/skin/operator"]"#;
 
 impl Daemon {
     fn start(folder: &Path) -> Self {
-        Self::start_with(folder, SCENE)
-    }
-
-    fn start_with(folder: &Path, scene: &str) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         let config = format!(
             r#"
+            listen = ["unix:socket", "tls:127.0.0.1:{port}"]
+            tls = {{ cert = "server.pem", key = "server.key", client_ca = "ca.pem" }}
             store.path = "{}/store.db"
-            [[listen]]
-            unix = "socket"
-            [[listen]]
-            tcp = "127.0.0.1:{port}"
-            tls = {{ certificate = "server.pem", key = "server.key", client_ca = "ca.pem" }}
             [access]
             tokens = "tokens"
-            {GRANT}{scene}"#,
+            {GRANT}{SCENE}"#,
             folder.display()
         );
         std::fs::write(folder.join("taxeld.toml"), config).unwrap();
@@ -158,9 +142,9 @@ fn check_says_that_a_key_and_a_certificate_do_not_go_together_and_run_says_the_s
     let folder = tempfile::tempdir().unwrap();
     make_certificates(folder.path());
     let taxeld = |command: &str, key: &str| {
-        let listen = "[[listen]]\ntcp = \"127.0.0.1:0\"";
-        let tls = format!("tls = {{ certificate = \"server.pem\", key = \"{key}\", client_ca = \"ca.pem\" }}");
-        let text = format!("store.path = \"store.db\"\n{listen}\n{tls}\n[access]\n{SCENE}");
+        let listen = "listen = [\"tls:127.0.0.1:0\"]";
+        let tls = format!("tls = {{ cert = \"server.pem\", key = \"{key}\", client_ca = \"ca.pem\" }}");
+        let text = format!("{listen}\n{tls}\nstore.path = \"store.db\"\n[access]\n{SCENE}");
         std::fs::write(folder.path().join("taxeld.toml"), text).unwrap();
         let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
         taxeld.args([command, "--config", "taxeld.toml"]).current_dir(folder.path()).output().unwrap()
@@ -170,7 +154,7 @@ fn check_says_that_a_key_and_a_certificate_do_not_go_together_and_run_says_the_s
         let output = taxeld(command, "operator.key");
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(!output.status.success() && said.contains("server.pem: does not go with the key"), "{command}: {said}");
-        assert!(command == "run" || said.contains("taxeld.toml:4: [[listen]] 1: "), "{said}");
+        assert!(command == "run" || said.contains("taxeld.toml:1: listen: "), "{said}");
     }
 }
 
@@ -306,8 +290,9 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
         assert!(Command::new("kill").args(["-HUP", &child]).status().unwrap().success());
     };
     // Who comes by the socket may, and the certificate's grant is gone.
-    let other = text.replace("tokens = \"tokens\"", "tokens = \"tokens\"\nunix = \"operator\"");
-    hang_up_with(&other.replace("role = \"operator\"", "role = \"observer\""));
+    hang_up_with(
+        &text.replace(GRANT, "operators = [\"unix\"]\nobservers = [\"certificate:spiffe://robot/skin/operator\"]"),
+    );
     let begun = Instant::now();
     while tare(&unix, None, "Ann").await.is_err_and(|error| error.code() == Code::PermissionDenied) {
         assert!(begun.elapsed() < PATIENCE, "the new grants do not count");
@@ -316,7 +301,7 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
     assert!(stream.message().await.unwrap().is_some(), "the stream goes on");
 
     // A file that cannot be used changes nothing.
-    hang_up_with(&other.replace("role = \"operator\"", "role = \"none\""));
+    hang_up_with(&text.replace(GRANT, "operators = [\"nobody\"]"));
     tare(&unix, None, "Ann").await.unwrap();
 }
 

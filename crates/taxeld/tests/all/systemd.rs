@@ -25,11 +25,6 @@ struct Service {
 
 impl Service {
     fn start(watchdog: Option<Duration>, arguments: &[&str]) -> Self {
-        Self::start_with(watchdog, arguments, "")
-    }
-
-    /// The same with further lines of the section `[service]`.
-    fn start_with(watchdog: Option<Duration>, arguments: &[&str], more: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let manager = UnixDatagram::bind(folder.path().join("notify")).unwrap();
         manager.set_read_timeout(Some(PATIENCE)).unwrap();
@@ -43,7 +38,7 @@ impl Service {
             Some(limit) => command.env("WATCHDOG_USEC", limit.as_micros().to_string()),
             None => command.env_remove("WATCHDOG_USEC"),
         };
-        write_config(&folder, address, more);
+        write_config(&folder, address, "");
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap();
         Self { child, manager, address, folder }
     }
@@ -107,8 +102,8 @@ impl Drop for Service {
 fn write_config(folder: &TempDir, address: SocketAddr, more: &str) {
     let store = folder.path().join("store.db");
     let text = format!(
-        "[store]\npath = \"{}\"\n[service]\nlisten = \"{address}\"\n{more}\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
-         [[patch]]\nname = \"forearm\"\nbus = \"skin\"\n[[patch.board]]\naddress = 13\nmodules = \"0-15\"\n",
+        "listen = [\"tcp:{address}\"]\n{more}\n[store]\npath = \"{}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
+         [[patch]]\nname = \"forearm\"\nbus = \"skin\"\nboards = [{{ address = 13, modules = \"0-15\" }}]\n",
         store.display()
     );
     std::fs::write(folder.path().join("taxeld.toml"), text).unwrap();
@@ -155,7 +150,7 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     service.until_told("READY=1");
     let mut stream = service.stream().await;
     let mut before = next(&mut stream).await.sequence;
-    let more = "subscribers_max = 3\n[log]\nfilter = \"debug\"\n";
+    let more = "socket_group = \"skin\"\n[log]\nfilter = \"debug\"\n";
     write_config(&service.folder, service.address, more);
     service.signal("-HUP");
     let reloading = service.until_told("RELOADING=1");
@@ -170,7 +165,7 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
         before = sample.sequence;
     }
     service.until_logged("reloaded; the log's filter is `debug`");
-    service.until_logged("not reloaded, as it needs a restart: service.subscribers_max");
+    service.until_logged("not reloaded, as it needs a restart: socket_group");
     // Rules that grant nothing to anybody are rules, too.
     write_config(&service.folder, service.address, &format!("{more}[access]\n"));
     service.signal("-HUP");
@@ -184,6 +179,18 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     service.until_told("READY=1");
     next(&mut stream).await;
     service.until_logged("nothing is reloaded: ");
+}
+
+#[tokio::test]
+async fn a_pipe_in_the_place_of_the_configuration_is_refused_and_no_section_of_access_is_told() {
+    let service = Service::start(None, &[]);
+    service.until_told("READY=1");
+    service.until_logged("EVERYBODY ON THIS MACHINE IS ADMINISTRATOR");
+    std::fs::remove_file(service.path("taxeld.toml")).unwrap();
+    assert!(Command::new("mkfifo").arg(service.path("taxeld.toml")).status().unwrap().success());
+    service.signal("-HUP");
+    service.until_logged("it is no regular file");
+    next(&mut service.stream().await).await;
 }
 
 #[tokio::test]

@@ -89,8 +89,8 @@ pub fn begins_once(sync: &FrameMatch, pages: &[Page<'_>]) -> Result<(), String> 
     let unclear = |page: &&Page<'_>| !sync.excludes(page.frames) && !sync.is_within(page.frames);
     if pages.iter().any(|page| unclear(&page)) {
         return Err(format!(
-            "array.sync: frames {} also come in the middle of a scan, so that none would be whole: expected a mux that selects \
-             the first of them, as in sync = {{ id = 0x120, mux = [{{ length_bits = 4, value = 0 }}] }}",
+            "array.sync: frames {} also come in the middle of a scan, so that none would be whole: expected a signal that is \
+             in the first of them alone",
             sync.id
         ));
     }

@@ -15,12 +15,8 @@ pub enum Code {
     Syntax,
     /// A key that does not exist.
     UnknownKey,
-    /// A key that has to be there is not.
-    MissingKey,
-    /// A value of another type, or a number or word that the key cannot have.
+    /// A key that lacks, or a value that the key cannot have.
     Value,
-    /// Values that contradict each other.
-    Conflict,
     /// It is well written and cannot work on this machine.
     CannotWork,
 }

@@ -1,0 +1,233 @@
+//! A skin that is no skin board's: from the signals of a DBC file, or the scans of a program, to devices, modules and the
+//! place of each taxel.
+
+use std::time::Duration;
+
+use taxel_engine::plan::{DevicePlan, DeviceSignal, ScanBegin, Sender};
+use taxel_skin::{
+    Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, NormalsVerdict, Patch, SquareMillimetre,
+    TaxelPose,
+};
+use taxel_wire::array::{CountField, FrameSpec};
+use taxel_wire::{CanId, Frame};
+
+use super::dbc::{DbcFile, Place};
+use super::pages::{Cell, begins_once, counts_scans, pages};
+use super::patch_section::{ArraySection, GridSection, PatchSection, PushSection};
+
+/// About so many taxels form a module, as on skin boards: a contact touches a few modules, and three taxels of one that
+/// move together are a load.
+const MODULE_TAXELS: usize = 12;
+/// Most modules of a device, and most taxels of a module.
+const MODULES_MAX: usize = 16;
+const MODULE_TAXELS_MAX: usize = 255;
+/// Most bits of a count; a longer number leaves out its lowest.
+const COUNT_BITS: u32 = 16;
+
+/// A patch that is described by its signals.
+pub struct Described {
+    /// Devices as boards, groups of taxels as modules.
+    pub patch: Patch,
+    /// One per board.
+    pub devices: Vec<DevicePlan>,
+}
+
+/// What `[patch.array]` describes by its file.
+///
+/// # Errors
+/// In words, with the message and the signal, or the key, its value and what was expected.
+pub fn describe(
+    (section, array): (&PatchSection, &ArraySection),
+    file: &DbcFile,
+    bus: BusIndex,
+) -> Result<Described, String> {
+    let mut taxels = Vec::new();
+    for pattern in &array.taxels {
+        taxels.extend(file.matching(pattern)?);
+    }
+    let range = numbers(&taxels, array.numbers)?;
+    let devices: Vec<&[Place<'_>]> = taxels.chunk_by(|a, b| a.sender() == b.sender()).collect();
+    let returns = |n: usize| devices[..n].iter().any(|earlier| earlier[0].sender() == devices[n][0].sender());
+    if let Some(n) = (0..devices.len()).find(|n| returns(*n)) {
+        let (taxel, sender) = (devices[n][0].name, devices[n][0].sender());
+        return Err(format!(
+            "{taxel}: taxels of {sender} are before it and others between: expected those of each sender one after the other"
+        ));
+    }
+    let (mut boards, mut plans) = (Vec::new(), Vec::new());
+    for (number, taxels) in (1_u8..).zip(devices) {
+        let most = MODULES_MAX * MODULE_TAXELS_MAX;
+        if taxels.len() > most {
+            return Err(format!("{} taxels of {}: expected at most {most}", taxels.len(), taxels[0].sender()));
+        }
+        let address = BoardAddress::new(number).map_err(|_| "taxels of more than 15 senders: expected 1 to 15")?;
+        boards.push(Board { bus, address, modules: modules(taxels.len(), section.grid) });
+        plans.push(device(taxels, (array, file), range, section.listen_only)?);
+    }
+    let patch = Patch::new(&section.name, boards).map_err(|e| e.to_string())?.with_counts(range.counts);
+    Ok(Described { patch, devices: plans })
+}
+
+/// What `push` describes.
+///
+/// # Errors
+/// In words, with the key, its value and what was expected.
+pub fn pushed(section: &PatchSection, push: PushSection, bus: BusIndex) -> Result<Described, String> {
+    let (taxels, most) = (usize::from(push.taxels), MODULES_MAX * MODULE_TAXELS_MAX);
+    if taxels == 0 || taxels > most {
+        return Err(format!("push.taxels = {taxels}: expected 1 to {most}"));
+    }
+    let counts = CountRange::to(push.count_max)
+        .ok_or_else(|| format!("push.count_max = {}: no range is left", push.count_max))?;
+    let address = BoardAddress::new(1).map_err(|e| e.to_string())?;
+    let board = Board { bus, address, modules: modules(taxels, section.grid) };
+    let patch = Patch::new(&section.name, vec![board]).map_err(|e| e.to_string())?.with_counts(counts);
+    Ok(Described { patch, devices: vec![DevicePlan::without_frames()] })
+}
+
+/// Raw numbers and the counts that they become.
+#[derive(Clone, Copy)]
+struct Numbers {
+    low: i64,
+    shift: u8,
+    counts: CountRange,
+}
+
+/// The range of all taxels of a patch, which is one.
+fn numbers(taxels: &[Place<'_>], given: Option<[i64; 2]>) -> Result<Numbers, String> {
+    if let Some(place) = taxels.iter().find(|place| !(4..=24).contains(&place.length_bits())) {
+        return Err(format!("signal {}: a taxel of {} bits, expected 4 to 24", place.name, place.length_bits()));
+    }
+    let all = || taxels.iter().map(|place| place.field.range()); // of 24 bits at most
+    let least = all().map(|range| range.0 as i64).min().unwrap_or(0);
+    let most = all().map(|range| range.1 as i64).max().unwrap_or(0);
+    let [low, high] = given.unwrap_or([least, most]);
+    if low < least || high > most || low >= high {
+        return Err(format!("array.numbers = [{low}, {high}]: expected two of {least} to {most}, the lower one first"));
+    }
+    let span = (high - low) as u64;
+    let shift = (u64::BITS - span.leading_zeros()).saturating_sub(COUNT_BITS) as u8;
+    let counts = CountRange::to((span >> shift) as u16).ok_or("array.numbers: no range is left")?;
+    Ok(Numbers { low, shift, counts })
+}
+
+/// Groups of consecutive taxels, whole rows of a grid where these are short.
+fn modules(taxels: usize, grid: Option<GridSection>) -> Vec<(Module, ModuleKind)> {
+    let row = grid.map_or(1, |grid| usize::from(grid.columns)).max(1);
+    let rows = (MODULE_TAXELS as f64 / row as f64).round().max(1.0) as usize;
+    let wanted = if row <= 2 * MODULE_TAXELS { rows * row } else { MODULE_TAXELS };
+    let size = wanted.max(taxels.div_ceil(MODULES_MAX)).clamp(1, MODULE_TAXELS_MAX);
+    let of = |first: usize| ModuleKind::Cells(size.min(taxels - first) as u8);
+    (0..).map(Module::from_nibble).zip((0..taxels).step_by(size).map(of)).collect()
+}
+
+fn device(
+    taxels: &[Place<'_>],
+    (array, file): (&ArraySection, &DbcFile),
+    range: Numbers,
+    listen_only: bool,
+) -> Result<DevicePlan, String> {
+    let Numbers { low, shift, counts } = range;
+    let cells: Vec<Cell> = taxels
+        .iter()
+        .map(|p| Cell { frames: p.frames.clone(), field: p.field, name: format!("signal {}", p.name) })
+        .collect();
+    let of = |taxel: &usize| (*taxel as u16, CountField { field: cells[*taxel].field, low, shift, top: counts.top() });
+    let pages = pages(&cells)?;
+    let frames = pages
+        .iter()
+        .map(|page| FrameSpec { frames: page.frames.clone(), counts: page.taxels.iter().map(of).collect() });
+    let scans = match (&array.sync, &array.counter) {
+        (None, None) => ScanBegin::Time,
+        (Some(sync), None) => {
+            let sync = file.one(sync)?.frames;
+            begins_once(&sync, &pages)?;
+            ScanBegin::Frame(sync)
+        }
+        (None, Some(counter)) => {
+            let place = file.one(counter)?;
+            if let Some(taxel) = taxels.iter().find(|taxel| !place.is_beside(taxel)) {
+                let (counter, taxel) = (place.name, taxel.name);
+                return Err(format!("signal {counter}: expected a counter of all taxels, and {taxel} has none"));
+            }
+            counts_scans(place.field, &pages, &cells)?;
+            ScanBegin::Counter(place.field)
+        }
+        (Some(_), Some(_)) => return Err("array.sync and array.counter are both there: expected one".to_owned()),
+    };
+    let status = array.status.as_ref().map(|text| status(text, file)).transpose()?;
+    Ok(DevicePlan {
+        frames: frames.collect(),
+        scans,
+        status,
+        temperature: None,
+        commands: array.commands.iter().map(|text| command(text)).collect::<Result<_, _>>()?,
+        sender: if listen_only { Sender::Elsewhere } else { Sender::Patch },
+    })
+}
+
+/// `Message.Signal`, or with the number for good `Message.Signal = 1`.
+fn status(text: &str, file: &DbcFile) -> Result<(DeviceSignal, i128), String> {
+    let (name, good) = text.split_once('=').unwrap_or((text, "0"));
+    let wrong = |_| format!("array.status = \"{text}\": expected a number behind =, as in \"Bag.State = 1\"");
+    let place = file.one(name.trim())?;
+    let good: i64 = good.trim().parse().map_err(wrong)?;
+    Ok((DeviceSignal { frames: place.frames, field: place.field }, i128::from(good)))
+}
+
+/// A frame and when it is sent after the beginning, as candump writes them: `(0.030) 123#01FF`.
+fn command(text: &str) -> Result<(Duration, Frame), String> {
+    let wrong = || {
+        format!(
+            "array.commands: \"{text}\": expected a frame as candump writes it, up to 8 bytes, with seconds in brackets before \
+             it where it waits, as in \"123#01FF\" or \"(0.030) 18FF0010#02\""
+        )
+    };
+    let (after, frame) = match text.trim().strip_prefix('(') {
+        Some(rest) => rest.split_once(')').ok_or_else(wrong)?,
+        None => ("0", text),
+    };
+    let seconds = after.trim().parse::<f64>().ok().filter(|s| (0.0..=60.0).contains(s)).ok_or_else(wrong)?;
+    let (id, data) = frame.trim().split_once('#').ok_or_else(wrong)?;
+    let number = u32::from_str_radix(id, 16).map_err(|_| wrong())?;
+    let id = match id.len() {
+        3 => CanId::Standard(u16::try_from(number).ok().filter(|id| *id <= 0x7FF).ok_or_else(wrong)?),
+        8 if number <= 0x1FFF_FFFF => CanId::Extended(number),
+        _ => return Err(wrong()),
+    };
+    let frame = Frame::data(id, &hex(data).ok_or_else(wrong)?).ok_or_else(wrong)?;
+    Ok((Duration::from_secs_f64(seconds), frame))
+}
+
+/// Pairs of hexadecimal digits.
+fn hex(text: &str) -> Option<Vec<u8>> {
+    let digits: Vec<u8> = text.chars().map(|c| c.to_digit(16).map(|d| d as u8)).collect::<Option<_>>()?;
+    digits.len().is_multiple_of(2).then(|| digits.chunks(2).map(|pair| pair[0] << 4 | pair[1]).collect())
+}
+
+/// Positions and area of a grid: the first taxel is the origin, columns go along x, rows along y, normals along z.
+///
+/// # Errors
+/// In words, with the key, its value and what was expected.
+pub fn grid(grid: GridSection, taxels: usize) -> Result<(Geometry, SquareMillimetre), String> {
+    let GridSection { rows, columns, pitch_mm } = grid;
+    if usize::from(rows) * usize::from(columns) != taxels {
+        return Err(format!("grid: {rows} rows of {columns} columns for {taxels} taxels: expected as many"));
+    }
+    if !(0.1..=100.0).contains(&pitch_mm) {
+        return Err(format!("grid.pitch_mm = {pitch_mm}: expected 0.1 to 100"));
+    }
+    let pose = |taxel: usize| {
+        let (row, column) = (taxel / usize::from(columns), taxel % usize::from(columns));
+        let position = [column, row].map(|n| n as f64 * pitch_mm * 1e-3);
+        TaxelPose { position: [position[0], position[1], 0.0], normal: [0.0, 0.0, 1.0] }
+    };
+    let mut geometry = Geometry::from_poses((0..taxels).map(|taxel| Some(pose(taxel))).collect());
+    // Equal normals are a placeholder in a file of positions; here somebody says that the grid is flat.
+    geometry.normals = NormalsVerdict::Usable;
+    geometry.remarks.clear();
+    Ok((geometry, SquareMillimetre(pitch_mm * pitch_mm)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,94 @@
+//! Limits and options of a patch: numbers of the file, checked, with the engine's defaults where it has none.
+
+use std::time::Duration;
+
+use taxel_engine::calibration::fit::{Branch, PlaysChoice};
+use taxel_engine::plan::{DriftPlan, LiveLimits, SessionLimits, TarePlan};
+use taxel_model::{FitOptions, GaugeUncertainty, Order};
+use taxel_skin::Kilopascal;
+
+use super::fault::Faults;
+use super::patch_section::{BranchesWord, GaugeSection, OrderWord, PatchSection, PlaysWord, SessionSection};
+
+/// When a taxel counts as touched or stale.
+pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> LiveLimits {
+    let periods = section.stale_periods;
+    faults.range("stale_periods", f64::from(periods), 2.0, 100.0);
+    let defaults = LiveLimits::default();
+    LiveLimits {
+        stale_after: period.saturating_mul(periods),
+        // No power was lost between two scans of a slow array.
+        power_cycle_after: defaults.power_cycle_after.max(period * 3),
+        ..defaults
+    }
+}
+
+/// A slow array is watched until it has sent what a zero needs.
+pub fn tare(section: &PatchSection, period: Duration) -> TarePlan {
+    let defaults = TarePlan::default();
+    let enough = period.saturating_mul(defaults.rest.scans_min as u32);
+    TarePlan { duration: defaults.duration.max(enough), at_start: section.tare_at_start, ..defaults }
+}
+
+/// Whether the zero follows the temperature.
+pub fn drift(follow: bool) -> DriftPlan {
+    DriftPlan { follow, ..DriftPlan::default() }
+}
+
+/// The rules of a session.
+pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) -> SessionLimits {
+    let defaults = SessionLimits { pressurised_chamber: section.pressurised_chamber, ..SessionLimits::default() };
+    let target = section.target_kpa.unwrap_or(defaults.target.0);
+    // A ramp begins below `vented_below` and has to end above it.
+    let (least, most) = (defaults.vented_below.0 + 1.0, defaults.target_max_kpa());
+    if target > most && !section.pressurised_chamber {
+        let words = format!(
+            "session.target_kpa = {target}: expected {least} to {most}: a vacuum bag ends at the ambient pressure. For a \
+             chamber under pressure set pressurised_chamber = true beside it"
+        );
+        faults.note("session.target_kpa", words);
+    } else {
+        faults.range("session.target_kpa", target, least, most);
+    }
+    let noise_band = section.noise_band_kpa.unwrap_or(defaults.noise_band.0);
+    faults.range("session.noise_band_kpa", noise_band, 0.0, (target / 2.0).min(50.0));
+    let rise_max = section.rise_max_kpa_per_s.unwrap_or(defaults.rise_max_kpa_per_s);
+    faults.range("session.rise_max_kpa_per_s", rise_max, 0.1, 1000.0);
+    SessionLimits {
+        target: Kilopascal(target),
+        noise_band: Kilopascal(noise_band),
+        rise_max_kpa_per_s: rise_max,
+        fall_max_kpa_per_s: rise_max,
+        branches: match section.branches {
+            BranchesWord::Rising => Branch::Rising,
+            BranchesWord::Both => Branch::Both,
+        },
+        plays: match plays {
+            PlaysWord::Auto => PlaysChoice::Auto,
+            PlaysWord::On => PlaysChoice::On,
+            PlaysWord::Off => PlaysChoice::Off,
+        },
+        ..defaults
+    }
+}
+
+/// How models are fitted.
+pub fn fit_options(order: OrderWord, gauge: GaugeUncertainty, faults: &mut Faults) -> FitOptions {
+    let order = match order {
+        OrderWord::Fixed(order) => {
+            faults.range("fit.order", f64::from(order), 1.0, 10.0);
+            Order::Fixed(order)
+        }
+        OrderWord::Auto(_) => Order::Auto,
+    };
+    FitOptions { order, gauge, ..FitOptions::default() }
+}
+
+/// What is stated of what measures the pressure.
+pub fn gauge_uncertainty(gauge: &GaugeSection, faults: &mut Faults) -> GaugeUncertainty {
+    GaugeUncertainty {
+        gain_rel: faults.range("gauge.gain_uncertainty", gauge.gain_uncertainty, 0.0, 1.0),
+        offset_kpa: faults.range("gauge.offset_uncertainty_kpa", gauge.offset_uncertainty_kpa, 0.0, 100.0),
+        noise_kpa: faults.range("gauge.noise_kpa", gauge.noise_kpa, 0.0, 100.0),
+    }
+}

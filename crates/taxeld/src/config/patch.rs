@@ -1,0 +1,336 @@
+//! From `[[patch]]` to the plan of the patch.
+
+use std::path::Path;
+use std::time::Duration;
+
+use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Gauge, Outputs, PatchPlan, PushPlan};
+use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
+
+use super::array::{Described, describe, grid, pushed};
+use super::boards::boards;
+use super::dbc::{DbcFile, Place};
+use super::fault::Faults;
+use super::file::{BusSource, Config};
+use super::limits::{drift, fit_options, gauge_uncertainty, live, session, tare};
+use super::patch_section::{AreaFactorWord, AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
+use super::scene::Scene;
+use crate::files::read_any_text;
+
+/// MTB3 holds the period in a 16-bit timer that wraps beyond this.
+const PERIOD_OF_BOARDS_MAX_MS: f64 = 209.0;
+/// A skin that is slower is none that anybody is touched with.
+const PERIOD_MAX_MS: f64 = 5000.0;
+/// In less than this the converter of a skin board makes no new scan.
+const CONVERSION_MS: u16 = 37;
+/// Area of a taxel of an iCub triangle with its share of the gaps between modules 18 mm apart: a tenth of
+/// (3 sqrt(3) / 4) (18 mm)^2. The soft layer carries load over the gaps, too.
+const WITH_GAPS_MM2: f64 = 42.1;
+
+/// The path of a file that a configuration names relative to itself.
+pub fn beside(config: &Path, file: &Path) -> std::path::PathBuf {
+    config.parent().unwrap_or(Path::new("")).join(file)
+}
+
+/// The plan of a patch. Nothing if something is wrong with it, which is noted.
+pub fn patch_plan(
+    config: &Config,
+    section: &PatchSection,
+    path: &Path,
+    (faults, scene): (&mut Faults, &mut Scene),
+) -> Option<PatchPlan> {
+    let name = &section.name;
+    if name.is_empty() || name.len() > 64 || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') {
+        faults.note("name", "a name is 1 to 64 letters, digits, `_` or `-`");
+    }
+    let period_max = if section.boards.is_empty() { PERIOD_MAX_MS } else { PERIOD_OF_BOARDS_MAX_MS };
+    faults.range("period_ms", f64::from(section.period_ms), 1.0, period_max);
+    let period = Duration::from_millis(u64::from(section.period_ms));
+    let live = live(section, period, faults);
+    let session = session(&section.session, section.fit.plays, faults);
+    let stated = section.gauge.as_ref().map(|gauge| gauge_uncertainty(gauge, faults)).unwrap_or_default();
+    let fit = fit_options(section.fit.order, stated, faults);
+    let bus = bus_index(config, "bus", &section.bus, faults);
+    let file = section.array.as_ref().and_then(|array| dbc_file(array, path, faults));
+    let gauge = section.gauge.as_ref().and_then(|gauge| {
+        let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
+        signal(gauge, file.as_ref(), faults).map(|signal| Gauge { bus: of, signal })
+    });
+    let bus = bus?;
+    let push = push(config, section, bus, faults);
+    let Skin { patch, devices, setups, geometry, areas } = skin(section, file.as_ref(), bus, (path, faults))?;
+    scene.remarks.extend(geometry.iter().flat_map(|g| &g.remarks).map(|r| format!("{name}: geometry: {r}")));
+    let outputs = outputs(section, geometry.as_ref(), scene);
+    let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
+    tell(section, (devices.is_empty(), padless), scene);
+    let drift = drift(section.follow_drift);
+    Some(PatchPlan {
+        areas,
+        area_uncertainty: area_uncertainty(section, faults),
+        area_from_loads: section.area_factor == AreaFactorWord::FromLoads,
+        bring_up: if section.listen_only { Vec::new() } else { setups },
+        devices,
+        pushed: push,
+        simulated: patch.boards().iter().any(|board| config.bus[usize::from(board.bus.0)].source == BusSource::Sim),
+        period,
+        geometry,
+        gauge,
+        outputs,
+        live,
+        faults: Default::default(),
+        tare: tare(section, period),
+        drift: DriftPlan { follow: drift.follow && !padless, ..drift },
+        session,
+        fit,
+        patch,
+    })
+}
+
+fn bus_index(config: &Config, key: &str, name: &str, faults: &mut Faults) -> Option<BusIndex> {
+    let position = config.bus.iter().position(|bus| bus.name == name);
+    if position.is_none() {
+        let names = config.bus.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
+        faults.note(key, format!("bus `{name}` is not among the buses: {names}"));
+    }
+    position.and_then(|position| u8::try_from(position).ok()).map(BusIndex)
+}
+
+fn dbc_file(array: &ArraySection, path: &Path, faults: &mut Faults) -> Option<DbcFile> {
+    let file = beside(path, &array.dbc);
+    let read = DbcFile::read(&file).map_err(|why| format!("array.dbc {}: {why}", file.display()));
+    faults.take("array.dbc", read)
+}
+
+/// What the patch leaves out, and what a user should know.
+fn tell(section: &PatchSection, (of_boards, padless): (bool, bool), scene: &mut Scene) {
+    let name = &section.name;
+    let mut leave_out = |why: &str| scene.left_out.push(format!("{name}: {why}"));
+    if section.gauge.is_none() {
+        leave_out("calibration: there is no gauge, so no pressure to fit to");
+    }
+    if !section.tare_at_start {
+        leave_out("zero after start: tare_at_start is off, so a tare must be asked for");
+    }
+    if section.listen_only {
+        leave_out("board bring-up: listen_only sends nothing");
+    }
+    if !section.follow_drift {
+        leave_out("following of thermal drift: follow_drift is off");
+    } else if padless {
+        leave_out("following of thermal drift: no module has a thermal pad");
+    }
+    if section.period_ms < CONVERSION_MS && of_boards {
+        let period = section.period_ms;
+        scene
+            .remarks
+            .push(format!("{name}: the converter needs 36.9 ms a scan: at {period} ms old values are repeated"));
+    }
+}
+
+/// Whether the scans of a patch are pushed, which its bus must say, too.
+fn push(config: &Config, section: &PatchSection, bus: BusIndex, faults: &mut Faults) -> Option<PushPlan> {
+    let is_push = config.bus.get(usize::from(bus.0)).is_some_and(|bus| bus.source == BusSource::Push);
+    let name = &section.bus;
+    if section.push.is_some() && !is_push {
+        faults.note("push", format!("push needs a bus with source = \"push\", and `{name}` has none"));
+    } else if is_push && section.push.is_none() {
+        faults.note("", format!("bus `{name}` has source = \"push\": expected push = {{ taxels = ... }}"));
+    } else if is_push && config.patch.iter().filter(|patch| patch.bus == section.bus).count() > 1 {
+        faults.note("bus", format!("bus `{name}` has source = \"push\": expected one patch on it"));
+    }
+    let with_scans = |gauge: &GaugeSection| gauge.id.is_none() && gauge.signal.is_none();
+    let pressure = section.gauge.as_ref().is_some_and(with_scans);
+    if pressure && section.push.is_none() {
+        faults.note(
+            "gauge",
+            "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"",
+        );
+    }
+    if let Some(gauge) = section.gauge.as_ref().filter(|gauge| !with_scans(gauge) && is_push) {
+        let of = gauge.bus.as_ref().and_then(|name| config.bus.iter().find(|bus| bus.name == *name));
+        if of.is_none_or(|bus| bus.source == BusSource::Push) {
+            let words = "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
+            faults.note("gauge.bus", words);
+        }
+    }
+    section.push.map(|_| PushPlan { pressure })
+}
+
+/// The taxels of a patch, where they lie, and what each stands for.
+struct Skin {
+    patch: Patch,
+    devices: Vec<DevicePlan>,
+    setups: Vec<BoardSetup>,
+    geometry: Option<Geometry>,
+    areas: Vec<SquareMillimetre>,
+}
+
+fn skin(
+    section: &PatchSection,
+    file: Option<&DbcFile>,
+    bus: BusIndex,
+    (path, faults): (&Path, &mut Faults),
+) -> Option<Skin> {
+    let kinds = [!section.boards.is_empty(), section.array.is_some(), section.push.is_some()];
+    if kinds.iter().filter(|there| **there).count() != 1 {
+        faults.note("", "expected one of boards, [patch.array] and push: they say what the taxels are");
+        return None;
+    }
+    let described = match (section.push, &section.array) {
+        (Some(push), _) => Some(faults.take("push", pushed(section, push, bus))?),
+        (None, Some(array)) => {
+            let named = |why| format!("array.dbc {}: {why}", beside(path, &array.dbc).display());
+            Some(faults.take("array", describe((section, array), file?, bus).map_err(named))?)
+        }
+        (None, None) => None,
+    };
+    let (patch, devices, setups) = match described {
+        Some(Described { patch, devices }) => (patch, devices, Vec::new()),
+        None => {
+            let (boards, setups) = boards(section, bus, faults)?;
+            (faults.take("boards", Patch::new(&section.name, boards))?, Vec::new(), setups)
+        }
+    };
+    let is_described = !devices.is_empty();
+    let of_grid = match section.grid {
+        Some(_) if !is_described => {
+            faults.note("grid", "grid: skin boards have a position file and no grid");
+            None
+        }
+        Some(section) => Some(faults.take("grid", grid(section, patch.taxels().len()))?),
+        None => None,
+    };
+    let geometry = match (&section.geometry, &of_grid) {
+        (Some(_), _) if is_described => {
+            faults.note("geometry", "geometry: an array has a grid and no position file");
+            None
+        }
+        (Some(file), _) => faults.take("geometry", geometry(&beside(path, file), &patch)),
+        (None, of_grid) => of_grid.as_ref().map(|(geometry, _)| geometry.clone()),
+    };
+    let areas = areas(section, &patch, (is_described, of_grid.map(|(_, area)| area)), faults);
+    Some(Skin { patch, devices, setups, geometry, areas })
+}
+
+fn geometry(file: &Path, patch: &Patch) -> Result<Geometry, String> {
+    let text = read_any_text(file).map_err(|e| format!("geometry {}: {e}", file.display()))?;
+    Geometry::parse(&text, patch).map_err(|e| format!("geometry {}: {e}", file.display()))
+}
+
+/// The area of each taxel.
+fn areas(
+    section: &PatchSection,
+    patch: &Patch,
+    (is_described, of_grid): (bool, Option<SquareMillimetre>),
+    faults: &mut Faults,
+) -> Vec<SquareMillimetre> {
+    let usual = match section.area {
+        AreaWord::Template => WITH_GAPS_MM2,
+        AreaWord::Equal => SquareMillimetre::ICUB_TAXEL.0,
+    };
+    if is_described && of_grid.is_none() && section.area_mm2.is_none() {
+        faults.note("", "area_mm2 or grid is missing: without either the force of a pressure is not known");
+    }
+    let mean = section.area_mm2.or(of_grid.map(|area| area.0)).unwrap_or(usual);
+    faults.range("area_mm2", mean, 0.01, 1e5);
+    match section.area {
+        AreaWord::Template => area::template(patch, SquareMillimetre(mean)),
+        AreaWord::Equal => vec![SquareMillimetre(mean); patch.taxels().len()],
+    }
+}
+
+/// Without a known load nobody knows the spacing of the modules better than by 0.8 mm in 18 mm, nor how much the gaps carry:
+/// a tenth. The triangles alone leave the gaps out, a quarter of the area.
+fn area_uncertainty(section: &PatchSection, faults: &mut Faults) -> f64 {
+    let gaps_left_out = section.area != AreaWord::Template && section.area_mm2.is_none();
+    let stated = section.area_uncertainty.unwrap_or(if gaps_left_out { 0.2 } else { 0.1 });
+    faults.range("area_uncertainty", stated, 0.0, 1.0)
+}
+
+fn outputs(section: &PatchSection, geometry: Option<&Geometry>, scene: &mut Scene) -> Outputs {
+    let asked = |word| section.outputs.contains(&word);
+    let directed = geometry.is_some_and(|g| g.normals == NormalsVerdict::Usable);
+    let lacks = if geometry.is_some() { "the geometry has no usable normals" } else { "there is no geometry" };
+    let mut decide = |word, what: &str, possible: bool| {
+        let computed = asked(word) && possible;
+        let why = match (asked(word), possible) {
+            (true, _) => lacks.to_owned(),
+            (false, true) => "not asked for in outputs".to_owned(),
+            (false, false) => format!("not asked for in outputs, and {lacks}"),
+        };
+        if !computed {
+            scene.left_out.push(format!("{}: {what}: {why}", section.name));
+        }
+        computed
+    };
+    Outputs {
+        resultant: decide(OutputWord::Resultant, "resultant", directed),
+        moment: decide(OutputWord::Moment, "moment and centre of pressure", directed),
+        contacts: decide(OutputWord::Contacts, "contacts", geometry.is_some()),
+        fill: decide(OutputWord::Fill, "fill of excluded taxels", geometry.is_some()),
+    }
+}
+
+/// The signal of a gauge. Nothing where the pressure comes with the scans, or where it is wrong, which is noted.
+fn signal(gauge: &GaugeSection, file: Option<&DbcFile>, faults: &mut Faults) -> Option<SignalSpec> {
+    let gauge_key = |key: &str| format!("gauge.{key}");
+    let Some(name) = &gauge.signal else {
+        if gauge.id.is_some() {
+            faults.note(&gauge_key("signal"), "gauge.signal is missing: its place in the frame, as in \"0|32@1-\"");
+        }
+        return None;
+    };
+    let inline = match gauge.id {
+        Some(id) => Some(faults.take(&gauge_key("signal"), DbcFile::of_signal(id, name).map_err(of_gauge))?),
+        None => None,
+    };
+    let place = match (&inline, file) {
+        (Some(inline), _) => inline.one("gauge.signal"),
+        (None, Some(file)) => file.one(name),
+        (None, None) => Err("gauge.id is missing: the identifier of its frames, as in 0x3A1".to_owned()),
+    };
+    let place = faults.take(&gauge_key("signal"), place.map_err(of_gauge))?;
+    let unit = faults.take(&gauge_key("unit"), unit(gauge, &place))?;
+    let (scale, offset) = place.scale();
+    let signal = SignalSpec {
+        id: place.frames.id,
+        start_bit: place.start_bit(),
+        length_bits: place.length_bits(),
+        byte_order: place.byte_order(),
+        signed: place.is_signed(),
+        scale,
+        offset,
+        unit,
+        meaning: gauge
+            .ambient_kpa
+            .map_or(PressureMeaning::Differential, |ambient_kpa| PressureMeaning::AbsoluteBag { ambient_kpa }),
+    };
+    if !place.frames.selectors.is_empty() {
+        let words = format!("signal {}: it is multiplexed, expected a gauge in every frame of its message", place.name);
+        faults.note(&gauge_key("signal"), words);
+    }
+    faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
+    Some(signal)
+}
+
+fn of_gauge(why: String) -> String {
+    format!("gauge: {why}")
+}
+
+fn unit(gauge: &GaugeSection, place: &Place<'_>) -> Result<PressureUnit, String> {
+    let known = PressureUnit::NAMES;
+    match &gauge.unit {
+        Some(name) => PressureUnit::named(name)
+            .ok_or_else(|| format!("gauge.unit = \"{name}\": unknown unit, expected one of {known}")),
+        None => PressureUnit::named(place.unit()).ok_or_else(|| {
+            let (order, sign) = (u8::from(place.byte_order() == taxel_wire::bits::ByteOrder::Little), place.is_signed());
+            let sign = if sign { '-' } else { '+' };
+            let (start, length) = (place.start_bit(), place.length_bits());
+            format!(
+                "gauge.unit is missing, and the file has \"{}\", which is none of {known}: write unit, or where a step is no \
+                 simple one id, signal and unit, as in signal = \"{start}|{length}@{order}{sign} (0.1,0)\", unit = \"kPa\"",
+                place.unit()
+            )
+        }),
+    }
+}

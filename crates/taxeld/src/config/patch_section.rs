@@ -1,0 +1,290 @@
+//! `[[patch]]` of the file.
+
+use std::path::PathBuf;
+
+use serde::Deserialize;
+
+
+/// `[[patch]]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PatchSection {
+    /// Its name in the service.
+    pub name: String,
+    /// The bus that its boards sit on.
+    pub bus: String,
+    /// Whether the daemon sends nothing to the boards.
+    #[serde(default)]
+    pub listen_only: bool,
+    /// Period at which whole scans come, in ms: 1 to 209 for skin boards, to 5000 for other arrays.
+    #[serde(default = "fifty")]
+    pub period_ms: u16,
+    /// A module is stale after so many periods of silence.
+    #[serde(default = "three")]
+    pub stale_periods: u32,
+    /// A position file, relative to this one.
+    pub geometry: Option<PathBuf>,
+    /// Positions, areas and normals of a flat array.
+    pub grid: Option<GridSection>,
+    /// How the area of a module is shared out.
+    #[serde(default)]
+    pub area: AreaWord,
+    /// Area per taxel; by default that of an iCub triangle, with the gaps beside it unless the areas are `equal`.
+    pub area_mm2: Option<f64>,
+    /// Relative standard uncertainty of the area; by default as little as is known of it.
+    pub area_uncertainty: Option<f64>,
+    /// Whether the areas are multiplied by the factor that known loads give.
+    #[serde(default)]
+    pub area_factor: AreaFactorWord,
+    /// What a force sample carries beside the total.
+    #[serde(default)]
+    pub outputs: Vec<OutputWord>,
+    /// Skin boards, in the order of the taxels.
+    #[serde(default)]
+    pub boards: Vec<BoardSection>,
+    /// Taxels of a sensor that is no skin board of iCub, by a DBC file.
+    pub array: Option<ArraySection>,
+    /// Taxels whose scans a program pushes.
+    pub push: Option<PushSection>,
+    /// The bag's pressure sensor.
+    pub gauge: Option<GaugeSection>,
+    /// Whether the zero is taken by itself after start, once the skin is seen to be unloaded.
+    #[serde(default = "yes")]
+    pub tare_at_start: bool,
+    /// Whether the zero follows the temperature of the skin.
+    #[serde(default)]
+    pub follow_drift: bool,
+    /// Rules of a session.
+    #[serde(default)]
+    pub session: SessionSection,
+    /// How models are fitted.
+    #[serde(default)]
+    pub fit: FitSection,
+}
+
+fn fifty() -> u16 {
+    50
+}
+
+fn three() -> u32 {
+    3
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// `area`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AreaWord {
+    /// The module's area is shared out as its taxels sample it, `area_mm2` in the mean of a module.
+    #[default]
+    Template,
+    /// `area_mm2` for each, as in the paper.
+    Equal,
+}
+
+/// `area_factor`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AreaFactorWord {
+    /// Areas are used as configured.
+    #[default]
+    Off,
+    /// Areas are multiplied by the factor that known loads give, once there are three.
+    FromLoads,
+}
+
+/// A part of the force sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OutputWord {
+    /// Force vector.
+    Resultant,
+    /// Moment and centre of pressure.
+    Moment,
+    /// Clusters of touched taxels.
+    Contacts,
+    /// Excluded taxels take the pressure of their neighbours.
+    Fill,
+}
+
+/// One of `boards`. Entries of one address that follow each other are one board, whose modules are configured differently.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoardSection {
+    /// CAN address, 1 to 15.
+    pub address: u8,
+    /// Enabled modules: `"0-15"`, `"0-3, 7"`, `"0-4 fingertip, 8-11 palm"`.
+    pub modules: String,
+    /// Type in command 0x4D.
+    #[serde(default)]
+    pub board_type: u8,
+    /// The count of an unloaded value.
+    #[serde(default = "no_load")]
+    pub no_load: u8,
+    /// Right shift from converter units to counts.
+    #[serde(default = "two")]
+    pub shift: u8,
+    /// Converter offset.
+    #[serde(default = "cdc_offset")]
+    pub cdc_offset: u16,
+}
+
+fn no_load() -> u8 {
+    240
+}
+
+fn two() -> u8 {
+    2
+}
+
+fn cdc_offset() -> u16 {
+    0x2200
+}
+
+/// `grid`
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GridSection {
+    /// Rows of taxels,
+    pub rows: u16,
+    /// columns, along which the taxels are numbered,
+    pub columns: u16,
+    /// and millimetres from one taxel to the next.
+    pub pitch_mm: f64,
+}
+
+/// `[patch.array]`: signals are named `Message.Signal`, in which `*` stands for any letters.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArraySection {
+    /// The DBC file, relative to this one.
+    pub dbc: PathBuf,
+    /// The taxels, in order.
+    pub taxels: Vec<String>,
+    /// Least and greatest number of a taxel that is used; by default all that its bits hold.
+    pub numbers: Option<[i64; 2]>,
+    /// A signal whose frame begins a scan. Without it and `counter` frames that are close in time belong together.
+    pub sync: Option<String>,
+    /// A signal in every frame, which counts scans.
+    pub counter: Option<String>,
+    /// A signal that tells a device's state, with the number for good, as in `Bag.State = 1`; without a number that is 0.
+    pub status: Option<String>,
+    /// Frames that make the device stream, as candump writes them: `(0.030) 123#01FF`.
+    #[serde(default)]
+    pub commands: Vec<String>,
+}
+
+/// `push`
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PushSection {
+    /// How many taxels a scan has.
+    pub taxels: u16,
+    /// The greatest raw count of a taxel; the least is 0.
+    #[serde(default = "byte")]
+    pub count_max: u16,
+}
+
+fn byte() -> u16 {
+    255
+}
+
+/// `gauge`
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GaugeSection {
+    /// Its bus, if it is not the patch's.
+    pub bus: Option<String>,
+    /// Identifier of its frames; one of 29 bits that is below 0x800 has bit 31, as in DBC files.
+    pub id: Option<u32>,
+    /// With `id` its place in the frame, as a DBC file has it: `0|32@1-`, with factor and offset `7|16@0- (0.5,-1)`. Without,
+    /// its name in the DBC file of the array. Neither where the pressure is pushed with the scans.
+    pub signal: Option<String>,
+    /// Unit; by default that of the DBC file.
+    pub unit: Option<String>,
+    /// If the sensor reads the absolute bag pressure: the ambient pressure in kPa.
+    pub ambient_kpa: Option<f64>,
+    /// Relative standard uncertainty of its gain.
+    pub gain_uncertainty: f64,
+    /// Standard uncertainty of its zero in kPa.
+    pub offset_uncertainty_kpa: f64,
+    /// Standard deviation of one reading in kPa.
+    pub noise_kpa: f64,
+}
+
+/// `[patch.session]`; absent keys keep the engine's defaults.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SessionSection {
+    /// A ramp ends by itself here.
+    pub target_kpa: Option<f64>,
+    /// Whether the skin lies in a chamber under pressure, whose targets may lie above what a vacuum bag reaches.
+    pub pressurised_chamber: bool,
+    /// Which branches of the pressure a session gathers, unless it asks for others.
+    pub branches: BranchesWord,
+    /// A sample may lie so far behind the furthest pressure so far.
+    pub noise_band_kpa: Option<f64>,
+    /// Steepest rise and fall that enter.
+    pub rise_max_kpa_per_s: Option<f64>,
+}
+
+/// Branches of the pressure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BranchesWord {
+    /// Rising pressure alone.
+    #[default]
+    Rising,
+    /// The fall after it too.
+    Both,
+}
+
+/// `[patch.fit]`
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FitSection {
+    /// 1 to 10, or `auto`: of the static curve. The one that plays bend is of order 3.
+    pub order: OrderWord,
+    /// Whether the hysteresis that a session over both branches learns is compensated.
+    pub plays: PlaysWord,
+}
+
+/// Compensation of hysteresis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PlaysWord {
+    /// If it wins on a branch that the fit did not see.
+    Auto,
+    /// Always.
+    On,
+    /// Never: the curve is that of rising pressure, and the hysteresis is in its uncertainty.
+    #[default]
+    Off,
+}
+
+/// Order of the polynomial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(untagged, expecting = "expected a whole number from 1 to 10, or \"auto\"")]
+pub enum OrderWord {
+    /// This one.
+    Fixed(u8),
+    /// Chosen per taxel.
+    Auto(AutoWord),
+}
+
+impl Default for OrderWord {
+    fn default() -> Self {
+        Self::Fixed(5)
+    }
+}
+
+/// The word `auto`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AutoWord {
+    /// Chosen per taxel by its prediction error.
+    Auto,
+}

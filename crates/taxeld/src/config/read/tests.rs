@@ -1,0 +1,201 @@
+use std::time::Instant;
+
+use super::*;
+use proptest::prelude::*;
+
+const EXAMPLE: &str = include_str!("../../../../../deploy/taxeld.toml");
+
+const SMALL: &str = "[store]\npath = \"t.db\"\n[[bus]]\nname = \"b\"\ninterface = \"can0\"\n[[patch]]\nname = \"p\"\n\
+                     bus = \"b\"\nboards = [{ address = 13, modules = \"0-3\" }]\n";
+
+fn problems(text: &str) -> Vec<Problem> {
+    examine_text(Path::new("t.toml"), text).err().map(|problems| problems.all().to_vec()).unwrap_or_default()
+}
+
+fn lines(text: &str) -> Vec<String> {
+    problems(text).iter().map(ToString::to_string).collect()
+}
+
+/// The line of the text that holds these words.
+fn line(text: &str, words: &str) -> usize {
+    1 + text.lines().position(|line| line.contains(words)).unwrap()
+}
+
+#[test]
+fn the_example_has_no_problem() {
+    assert_eq!(lines(EXAMPLE), Vec::<String>::new());
+}
+
+/// What is commented out in the example is a key, too, and all of them are there.
+#[test]
+fn the_example_names_every_key_and_no_other() {
+    let sections: [(&str, &str); 13] = [
+        ("", ""),
+        ("tls", "[tls]"),
+        ("access", "[access]"),
+        ("store", "[store]"),
+        ("page", "[page]"),
+        ("metrics", "[metrics]"),
+        ("shared_memory", "[shared_memory]"),
+        ("record", "[record]"),
+        ("log", "[log]"),
+        ("bus", "[[bus]]"),
+        ("patch", "[[patch]]"),
+        ("session", "[[patch]]\n[patch.session]"),
+        ("fit", "[[patch]]\n[patch.fit]"),
+    ];
+    let inline =
+        [("boards", "[{", "}]"), ("gauge", "{", "}"), ("grid", "{", "}"), ("array", "{", "}"), ("push", "{", "}")];
+    let headers = sections.iter().map(|(name, header)| (*name, format!("{header}\nno_such_key = 1\n")));
+    let inline = inline
+        .iter()
+        .map(|(name, open, close)| (*name, format!("[[patch]]\n{name} = {open} no_such_key = 1 {close}\n")));
+    let mut keys = 0;
+    for (section, text) in headers.chain(inline) {
+        let found = problems(&text);
+        let unknown = found.iter().find(|problem| problem.code == Code::UnknownKey);
+        let known =
+            unknown.unwrap_or_else(|| panic!("{section}: {found:#?}")).message.split_once("Known here: ").unwrap().1;
+        let is_section = |key: &&str| {
+            let below = ["tls", "access", "store", "page", "metrics", "shared_memory", "record", "log", "bus", "patch"];
+            below.contains(key) && section.is_empty() || *key == "certificate" // the last one goes with its section
+        };
+        for key in known.split(", ").filter(|key| !is_section(key)) {
+            assert!(
+                EXAMPLE.contains(&format!("{key} = ")) || EXAMPLE.contains(&format!("[patch.{key}]")),
+                "{section}: {key}"
+            );
+            keys += usize::from(!["boards", "gauge", "grid", "array", "push", "session", "fit"].contains(&key));
+        }
+    }
+    assert!(keys <= 70, "{keys} keys");
+}
+
+/// The escape would colour the rest of the terminal, and the line feed begin a line of its own.
+#[test]
+fn a_problem_is_one_line_whatever_the_names_in_it() {
+    let name = "leg\\u001b[31m\\nt.toml:1: all is well\\u202e";
+    let text = SMALL.replace("bus = \"b\"", &format!("bus = \"{name}\""));
+    let found = problems(&text);
+    assert_eq!(found.len(), 1, "{found:#?}");
+    let said = found[0].to_string();
+    let expected = "bus `leg\\u{1b}[31m\\nt.toml:1: all is well\\u{202e}` is not among the buses";
+    assert!(said.contains(expected), "{said}");
+}
+
+#[test]
+fn every_fault_is_told_in_one_run_with_line_key_value_and_what_was_expected() {
+    let text = EXAMPLE
+        .replace("period_ms = 50", "period_ms = \"50\"")
+        .replace("socket_group =", "soket_group =")
+        .replace("address = 13,", "adress = 13, address = 13,")
+        .replace("area_mm2 = 42.1", "area_mm2 = 0.0")
+        .replace("unit = \"Pa\"", "unit = \"ell\"")
+        .replace("interface = \"can0\"", "interface = \"\"")
+        .replace("group:skin", "gruop:skin");
+    let found = problems(&text);
+    let about = |key: &str| {
+        let found = found.iter().find(|problem| problem.key == key);
+        found.unwrap_or_else(|| panic!("{key}: {found:#?}")).clone()
+    };
+    assert_eq!(found.len(), 7, "{found:#?}");
+    let period = about("patch[0].period_ms");
+    assert_eq!((period.code, period.value.as_deref()), (Code::Value, Some("the text \"50\"")));
+    assert_eq!((period.line, period.expected.as_str()), (line(&text, "period_ms = \"50\""), "u16"));
+    let unknown = about("soket_group");
+    assert_eq!((unknown.code, unknown.expected.as_str()), (Code::UnknownKey, "socket_group"));
+    assert!(unknown.message.contains("did you mean `socket_group`?"), "{unknown}");
+    assert_eq!(about("patch[0].boards[0].adress").line, line(&text, "adress = 13"));
+    assert_eq!(about("patch[0].gauge.unit").value.as_deref(), Some("the text \"ell\""));
+    let area = about("patch[0].area_mm2");
+    assert_eq!((area.expected.as_str(), area.line), ("0.01 to 100000", line(&text, "area_mm2 = 0.0")));
+    assert_eq!(area.message, "patch `left_forearm`: area_mm2 = 0: expected 0.01 to 100000");
+    assert_eq!(about("bus[0]").line, line(&text, "[[bus]]"));
+    assert!(about("access.operators[0]").message.contains("expected user:NAME"));
+}
+
+#[test]
+fn what_lacks_is_told_with_its_section() {
+    let found = lines(&SMALL.replace("path = \"t.db\"\n", ""));
+    assert_eq!(found, ["t.toml:1: store.path is missing"]);
+    let found = lines(&SMALL.replace("address = 13, ", ""));
+    assert_eq!(found, ["t.toml:9: patch[0].boards[0].address is missing"]);
+    let found = lines(&format!("{SMALL}gauge = {{ signal = \"0|32@1-\", unit = \"Pa\" }}\n"));
+    assert_eq!(found.len(), 1);
+    assert!(found[0].ends_with("gauge.id is missing: the identifier of its frames, as in 0x3A1"), "{found:?}");
+}
+
+#[test]
+fn contradictions_of_two_patches_have_the_place_of_the_second() {
+    let second =
+        "[[patch]]\nname = \"q\"\nbus = \"b\"\nperiod_ms = 500\nboards = [{ address = 12, modules = \"0\" }]\n";
+    let gauge = "gauge = { id = 0x4D1, signal = \"0|32@1-\", unit = \"Pa\" }\n";
+    let found = problems(&format!("{SMALL}{gauge}{second}"));
+    let keys: Vec<&str> = found.iter().map(|problem| problem.key.as_str()).collect();
+    assert_eq!(keys, ["patch[0].gauge.id", "patch[1].period_ms"], "{found:#?}");
+    let same = second.replace("address = 12", "address = 13").replace("500", "50").replace("\"0\"", "\"4, 3\"");
+    let found = problems(&format!("{SMALL}{}", same.replace("4, 3", "3-4")));
+    assert_eq!((found.len(), found[0].key.as_str(), found[0].line), (1, "patch[1].boards[0]", 14), "{found:#?}");
+}
+
+/// It took 19 s to refuse these.
+#[test]
+fn three_thousand_patches_are_refused_within_a_second() {
+    let patch = |n: usize| {
+        format!(
+            "[[patch]]\nname = \"p{n}\"\nbus = \"b\"\nboards = [{{ address = 13, modules = \"0-15\" }}]\nunknown = 1\n"
+        )
+    };
+    let text = SMALL.to_owned() + &(0..3000).map(patch).collect::<String>();
+    let begun = Instant::now();
+    let found = lines(&text);
+    assert_eq!(found.len(), 1);
+    assert!(found[0].contains("3001 sections [[patch]]: expected at most 100"), "{found:?}");
+    let most = SMALL.to_owned() + &(0..99).map(patch).collect::<String>();
+    assert_eq!(lines(&most).len(), PROBLEMS_MAX);
+    assert!(!lines(&most.replace("unknown = 1\n", "")).is_empty(), "they share a board");
+    assert!(begun.elapsed().as_secs_f64() < if cfg!(debug_assertions) { 10.0 } else { 1.0 }, "{:?}", begun.elapsed());
+}
+
+#[test]
+fn a_pipe_and_a_text_that_is_too_long_are_no_configuration() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.toml");
+    nix::unistd::mkfifo(&path, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    let refused = examine(&path).unwrap_err().to_string();
+    assert!(refused.contains("it is no regular file"), "{refused}");
+    let config = folder.path().join("u.toml");
+    std::fs::write(&config, format!("{SMALL}geometry = \"t.toml\"\n")).unwrap();
+    let refused = examine(&config).unwrap_err().to_string();
+    assert!(
+        refused.contains("u.toml:10: patch `p`: geometry ") && refused.contains("it is no regular file"),
+        "{refused}"
+    );
+    let long = "#".repeat(TEXT_BYTES_MAX + 1);
+    assert!(lines(&long)[0].contains("expected at most 1048576"));
+}
+
+#[test]
+fn faults_of_syntax_are_told_at_once_and_up_to_the_limit() {
+    let found = lines("[store\npath = 1\n[[bus]]\nname = = 2\n");
+    assert!(found.len() >= 2 && found[0].starts_with("t.toml:1: "), "{found:#?}");
+    assert_eq!(lines(&"= 1\n".repeat(2 * PROBLEMS_MAX)).len(), PROBLEMS_MAX);
+    let unknown: String = (0..2 * PROBLEMS_MAX).map(|i| format!("unknown{i} = {i}\n")).collect();
+    assert_eq!(lines(&(unknown + SMALL)).len(), PROBLEMS_MAX);
+}
+
+proptest! {
+    /// Whatever is in the file: an end, and no panic.
+    #[test]
+    fn no_damage_to_the_example_panics(at in 0..EXAMPLE.len(), byte in 0_u8..128, cut in 0_usize..40) {
+        let mut bytes = EXAMPLE.as_bytes().to_vec();
+        bytes.drain(at..(at + cut).min(bytes.len()));
+        if let Some(place) = bytes.get_mut(at) {
+            *place = byte;
+        }
+        if let Ok(text) = String::from_utf8(bytes) {
+            let found = problems(&text);
+            prop_assert!(found.len() <= PROBLEMS_MAX && found.iter().all(|problem| !problem.message.is_empty()));
+        }
+    }
+}

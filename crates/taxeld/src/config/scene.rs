@@ -1,0 +1,193 @@
+//! From the file to the plan: the one check of all values and of all that they refer to, and what the scene leaves out.
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use taxel_engine::conflict::{Conflict, conflicts};
+use taxel_engine::plan::Plan;
+use taxel_rpc::{Grant, Rules, Subject};
+
+use super::bus_load::{crowded, overloaded};
+use super::fault::Faults;
+use super::file::{BusSection, BusSource, Config, SharedMemorySection, StoreSection};
+use super::listen::{Doors, doors};
+use super::log_filter::log_filter;
+use super::patch::patch_plan;
+
+/// Smallest budget of recordings, in MB: less than a few files make no recording.
+const RECORD_MB_MIN: u64 = 16;
+
+/// Longest name of a host, in bytes.
+const HOST_BYTES_MAX: usize = 253;
+
+/// What an installation needs, resolved once.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// What the engine does.
+    pub plan: Plan,
+    /// Where the service listens, and who may do what.
+    pub doors: Doors,
+    /// What is left out and why, a line each.
+    pub left_out: Vec<String>,
+    /// What a user should know, a line each.
+    pub remarks: Vec<String>,
+}
+
+/// Resolves a configuration, whose path is for files relative to it. What is wrong is noted, all of it; then there is no scene.
+pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Scene> {
+    for (number, bus) in config.bus.iter().enumerate() {
+        let is_twice = config.bus[..number].iter().any(|other| other.name == bus.name);
+        faults.within(&format!("bus[{number}]"), &format!("bus `{}`", bus.name), |faults| {
+            if is_twice {
+                faults.note("name", "it is there twice");
+            }
+            source(bus, faults);
+        });
+    }
+    store(&config.store, faults);
+    if let Some(filter) = &config.log.filter {
+        faults.take("log.filter", log_filter(filter).map_err(|why| format!("log.filter = \"{filter}\": {why}")));
+    }
+    pages(config, faults);
+    record(config, faults);
+    let doors = doors(config, path, faults);
+    if let Some(section) = &config.shared_memory {
+        shared_memory(section, doors.ruled.then_some(&doors.rules), faults);
+    }
+    let plan = Plan { buses: config.bus.len(), patches: Vec::new() };
+    let mut scene = Scene { plan, doors, left_out: Vec::new(), remarks: Vec::new() };
+    if config.patch.is_empty() {
+        faults.note("patch", "there is no [[patch]]: at least one is needed");
+    }
+    for (number, section) in config.patch.iter().enumerate() {
+        let is_twice = config.patch[..number].iter().any(|other| other.name == section.name);
+        let plan = faults.within(&format!("patch[{number}]"), &format!("patch `{}`", section.name), |faults| {
+            if is_twice {
+                faults.note("name", "it is there twice");
+            }
+            patch_plan(config, section, path, (faults, &mut scene))
+        });
+        scene.plan.patches.extend(plan);
+    }
+    conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&key_of(config, conflict), conflict));
+    overloaded(config, &scene.plan, faults);
+    scene.remarks.extend(crowded(config, &scene.plan));
+    faults.is_empty().then_some(scene)
+}
+
+fn source(bus: &BusSection, faults: &mut Faults) {
+    if bus.source == BusSource::Sim && cfg!(not(feature = "sim")) {
+        faults.note("source", "source = \"sim\": this build has no simulator (cargo feature `sim`)");
+    }
+    if bus.source == BusSource::SocketCan && bus.interface.as_deref().is_none_or(str::is_empty) {
+        faults.note("", "source socketcan needs an interface, for example \"can0\"");
+    }
+}
+
+/// Why no account can write a store there. The folders that lack are made by the daemon.
+fn store(section: &StoreSection, faults: &mut Faults) {
+    let path = &section.path;
+    let there = std::fs::metadata(path);
+    let why = match &there {
+        _ if path.file_name().is_none() => Some("expected the name of a file".to_owned()),
+        Ok(there) if !there.is_file() => Some("it is not a file".to_owned()),
+        Ok(there) if there.permissions().mode() & 0o222 == 0 => Some("the file is read-only".to_owned()),
+        _ => path.parent().and_then(crate::files::no_room_in),
+    };
+    if let Some(why) = why {
+        faults.note("store.path", format!("store.path = \"{}\": {why}", path.display()));
+    }
+    if section.keep_mb == Some(0) {
+        faults.note("store.keep_mb", "store.keep_mb = 0: expected 1 or more, or no session could be kept");
+    }
+}
+
+/// The page and the metrics.
+fn pages(config: &Config, faults: &mut Faults) {
+    let (page, metrics) = (config.page.as_ref(), config.metrics.as_ref());
+    let own = metrics.and_then(|metrics| metrics.listen);
+    if metrics.is_some() && own.is_none() && page.is_none() {
+        faults.note("metrics", "[metrics]: without a [page] beside which to serve them, listen is needed");
+    }
+    if let (Some(page), Some(listen)) = (page, own)
+        && page.listen == listen
+        && listen.port() != 0
+    {
+        let words = format!("metrics.listen = {listen} is page.listen: leave it out to serve both there");
+        faults.note("metrics.listen", words);
+    }
+    for (key, listen) in super::listen::of_pages(config).filter(|(_, listen)| !listen.ip().is_loopback()) {
+        let words = format!(
+            "{key} = {listen}: only loopback addresses are served, nothing there is secured; from elsewhere come through \
+             ssh -L or a proxy with TLS"
+        );
+        faults.note(key, words);
+    }
+    let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
+    let is_name = |host: &&String| !host.is_empty() && host.len() <= HOST_BYTES_MAX && host.chars().all(known);
+    for host in page.iter().flat_map(|page| &page.hosts).filter(|host| !is_name(host)) {
+        let words = format!("page.hosts: {host:?}: expected a name without scheme or port, as in \"robot.lab\"");
+        faults.note("page.hosts", words);
+    }
+}
+
+fn record(config: &Config, faults: &mut Faults) {
+    let Some(section) = &config.record else { return };
+    if section.path.as_os_str().is_empty() {
+        faults.note("record.path", "record.path = \"\": expected a folder");
+    }
+    let most = u64::MAX / 1_000_000;
+    if !(RECORD_MB_MIN..=most).contains(&section.budget_mb) {
+        let words = format!("record.budget_mb = {}: expected {RECORD_MB_MIN} or more", section.budget_mb);
+        faults.note("record.budget_mb", words);
+    }
+}
+
+/// To read a page is to observe, and no role stands before a file: so where an account needs a role to read the force, the
+/// pages' group must have one, too.
+fn shared_memory(section: &SharedMemorySection, rules: Option<&Rules>, faults: &mut Faults) {
+    let SharedMemorySection { path, group } = section;
+    if !path.is_absolute() {
+        let words = format!("shared_memory.path = {:?}: expected an absolute path, as in \"/dev/shm/taxeld\"", path);
+        faults.note("shared_memory.path", words);
+    }
+    let Some(rules) = rules.filter(|rules| rules.unix.is_none()) else { return };
+    let granted = |group: &String| {
+        let of_group = |grant: &Grant| matches!(&grant.subject, Subject::Group(name) if name == group);
+        rules.grants.iter().any(of_group)
+    };
+    // The configuration does not say which group is the daemon's own, so no grant can be found for it.
+    if !group.as_ref().is_some_and(granted) {
+        let whose = group.as_ref().map_or("the daemon's own group".to_owned(), |group| format!("group `{group}`"));
+        let words = format!(
+            "shared_memory.group: {whose} could read the force, but no list of [access] has it or `unix`: name a group here \
+             that access.observers has, as in \"group:skin\""
+        );
+        faults.note("shared_memory.group", words);
+    }
+}
+
+/// The key that a contradiction is to be mended at.
+fn key_of(config: &Config, conflict: &Conflict) -> String {
+    let board_of = |patch: &String, address: u8| {
+        let section = config.patch.iter().find(|section| section.name == *patch);
+        let board = section.and_then(|section| section.boards.iter().position(|board| board.address == address));
+        board.map_or_else(String::new, |board| format!(".boards[{board}]"))
+    };
+    let (patch, below) = match conflict {
+        Conflict::SharedModule { patches: [_, patch], board, .. }
+        | Conflict::SharedBoard { patches: [_, patch], board } => (patch, board_of(patch, *board)),
+        Conflict::GaugeOnBoard { patch, .. } => (patch, ".gauge.id".to_owned()),
+        Conflict::DeviceOnBoard { patch, .. } => (patch, ".array".to_owned()),
+    };
+    patch_key(config, patch) + &below
+}
+
+/// The key of the section of a patch.
+pub fn patch_key(config: &Config, name: &str) -> String {
+    let position = config.patch.iter().position(|patch| patch.name == name);
+    position.map_or_else(String::new, |position| format!("patch[{position}]"))
+}
+
+#[cfg(test)]
+mod tests;
