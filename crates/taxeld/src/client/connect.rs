@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use taxel_client::TlsOptions;
-use taxel_client::{Address, ConnectError, Line, Options};
+use taxel_client::{Address, ConnectError, Line, Options, TlsOptions};
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -21,36 +20,27 @@ const ANSWER_BYTES_MAX: usize = 17 << 20;
 /// Which daemon, and which patch of it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Server {
-    /// The daemon: http://HOST:PORT, HOST:PORT, unix:PATH or, with certificates, https://HOST:PORT. Default: /run/taxeld/taxeld.sock if there is one, else
+    /// The daemon: http://HOST:PORT, HOST:PORT, unix:PATH or, with --tls, https://HOST:PORT. Default: /run/taxeld/taxeld.sock if there is one, else
     /// 127.0.0.1:50051.
-    #[arg(long, alias = "at", value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse)]
+    #[arg(long, value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse, help_heading = HEADING)]
     server: Option<Address>,
     /// File whose first line is the token to show.
-    #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE")]
+    #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE", help_heading = HEADING)]
     token: Option<PathBuf>,
-    #[command(flatten)]
-    certificates: Certificates,
+    /// For https://: a folder with ca.pem, the authority of the daemon's certificate, and with client.pem and client.key, which
+    /// tell the daemon who you are.
+    #[arg(long, value_name = "DIR", env = "TAXELD_TLS", help_heading = HEADING)]
+    tls: Option<PathBuf>,
+    /// The name in the daemon's certificate, where it is not the host in the address.
+    #[arg(long, value_name = "NAME", requires = "tls", help_heading = HEADING)]
+    tls_name: Option<String>,
     /// The patch, needed only if the daemon has several.
-    #[arg(long, value_name = "NAME", default_value = "")]
+    #[arg(long, value_name = "NAME", default_value = "", help_heading = HEADING)]
     patch: String,
 }
 
-/// What an address that begins with https:// needs. PEM files.
-#[derive(Clone, Debug, clap::Args)]
-pub struct Certificates {
-    /// The authority that signed the daemon's certificate, for https://.
-    #[arg(long, value_name = "FILE", env = "TAXELD_CA", requires_all = ["certificate", "key"])]
-    ca: Option<PathBuf>,
-    /// Your own certificate, which tells the daemon who you are.
-    #[arg(long, value_name = "FILE", env = "TAXELD_CERTIFICATE", requires = "ca")]
-    certificate: Option<PathBuf>,
-    /// Its key.
-    #[arg(long, value_name = "FILE", env = "TAXELD_KEY", requires = "ca")]
-    key: Option<PathBuf>,
-    /// The name in the daemon's certificate, where it is not the host in the address.
-    #[arg(long, value_name = "NAME", requires = "ca")]
-    tls_name: Option<String>,
-}
+/// The heading of these options in the help of each command.
+const HEADING: &str = "Connection";
 
 /// A connection. All services share it.
 #[derive(Clone)]
@@ -71,11 +61,8 @@ impl Server {
     /// The address and why nobody answers there.
     pub async fn connect(&self) -> Outcome<Daemon> {
         let address = self.server.clone().unwrap_or_else(Address::local);
-        let options = Options {
-            token: self.token.clone(),
-            tls: self.certificates.read().context("certificates")?,
-            ..Options::new(address)
-        };
+        let options =
+            Options { token: self.token.clone(), tls: self.tls_options().context("--tls")?, ..Options::new(address) };
         let channel = options.connect().await;
         let channel = channel.map_err(|error| match error {
             ConnectError::Unreached { .. } => anyhow::anyhow!("{error}; `--server` names another"),
@@ -83,14 +70,11 @@ impl Server {
         })?;
         Ok(Daemon { channel, patch: self.patch.clone() })
     }
-}
 
-impl Certificates {
-    fn read(&self) -> anyhow::Result<Option<TlsOptions>> {
-        let (Some(ca), Some(certificate), Some(key)) = (&self.ca, &self.certificate, &self.key) else {
-            return Ok(None);
-        };
-        Ok(Some(TlsOptions { name: self.tls_name.clone(), ..TlsOptions::read(ca, certificate, key)? }))
+    fn tls_options(&self) -> anyhow::Result<Option<TlsOptions>> {
+        let Some(folder) = &self.tls else { return Ok(None) };
+        let [ca, certificate, key] = ["ca.pem", "client.pem", "client.key"].map(|name| folder.join(name));
+        Ok(Some(TlsOptions { name: self.tls_name.clone(), ..TlsOptions::read(&ca, &certificate, &key)? }))
     }
 }
 

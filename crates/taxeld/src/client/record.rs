@@ -23,7 +23,7 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 /// The frames of its buses are recorded by the daemon itself ([record] in its configuration), and only they can be replayed.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld record --out recordings --server https://robot:50052 --ca ca.pem --certificate operator.pem --key operator.key\n  taxeld record --out recordings --taxels --seconds 60"
+    after_help = "Examples:\n  taxeld record --out recordings --server https://robot:50052 --tls keys\n  taxeld record --out recordings --taxels --seconds 60"
 )]
 pub struct RecordArgs {
     #[command(flatten)]

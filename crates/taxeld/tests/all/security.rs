@@ -322,15 +322,20 @@ async fn the_commands_come_over_tls_with_certificates_and_not_without() {
         let output = output.unwrap();
         (output.status.success(), String::from_utf8(output.stderr).unwrap())
     };
-    let files = ["--ca", "ca.pem", "--certificate", "operator.pem", "--key", "operator.key"];
-    let shown = [&files[..], &["--tls-name", "robot.example"]].concat();
+    for folder in [&folder, &other] {
+        for (made, name) in [("operator.pem", "client.pem"), ("operator.key", "client.key")] {
+            std::fs::copy(folder.path().join(made), folder.path().join(name)).unwrap();
+        }
+    }
+    let nothing = tempfile::tempdir().unwrap();
+    let shown = ["--tls", ".", "--tls-name", "robot.example"];
     assert_eq!(list(&shown, folder.path()), (true, String::new()));
 
-    // Of another authority, for another name, without a key, and with none at all.
+    // Of another authority, for another name, from a folder without them, and with none at all.
     for (arguments, folder, word) in [
         (&shown[..], other.path(), "certificate"),
-        (&[&files[..], &["--tls-name", "robot.elsewhere"]].concat(), folder.path(), "robot.elsewhere"),
-        (&shown[..4], folder.path(), "--key"),
+        (&["--tls", ".", "--tls-name", "robot.elsewhere"], folder.path(), "robot.elsewhere"),
+        (&shown[..], nothing.path(), "ca.pem"),
         (&[], folder.path(), "no daemon answers"),
     ] {
         let (done, said) = list(arguments, folder);
