@@ -140,18 +140,19 @@ impl Told {
     /// Whether all of it is there.
     async fn check(&mut self, channel: &Channel, cycle: u64) {
         let mut models = ModelServiceClient::new(channel.clone());
-        let (mut listed, mut page_token) = (Vec::new(), String::new());
-        loop {
-            let request = v1::ListModelSetsRequest { page_token, ..v1::ListModelSetsRequest::default() };
-            let page = models.list_model_sets(request).await.unwrap().into_inner();
-            listed.extend(page.model_sets);
-            page_token = page.next_page_token;
-            if page_token.is_empty() {
-                break;
-            }
+        let begun = Instant::now();
+        let mut listed = Vec::new();
+        // Nothing is listed before the engine's first turn.
+        while listed.is_empty() && !self.sets.is_empty() {
+            assert!(begun.elapsed() < PATIENCE, "cycle {cycle}: no set is listed");
+            listed = all_sets(&mut models).await;
         }
         for id in self.sets.values() {
-            assert!(listed.iter().any(|set| set.model_set == *id), "cycle {cycle}: {id} is lost");
+            assert!(
+                listed.iter().any(|set| set.model_set == *id),
+                "cycle {cycle}: {id} is lost, {} are there",
+                listed.len()
+            );
         }
         let active = listed.iter().find(|set| set.active).map(|set| set.model_set.clone());
         assert!(active == self.active || active == self.asked, "cycle {cycle}: {active:?} is in use");
@@ -169,6 +170,19 @@ impl Told {
         let mut skin = SkinServiceClient::new(channel.clone());
         let problems = skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().problems;
         assert!(!problems.iter().any(|problem| problem.contains("store")), "cycle {cycle}: {problems:?}");
+    }
+}
+
+async fn all_sets(models: &mut ModelServiceClient<Channel>) -> Vec<v1::ModelSetSummary> {
+    let (mut listed, mut page_token) = (Vec::new(), String::new());
+    loop {
+        let request = v1::ListModelSetsRequest { page_token, ..v1::ListModelSetsRequest::default() };
+        let page = models.list_model_sets(request).await.unwrap().into_inner();
+        listed.extend(page.model_sets);
+        page_token = page.next_page_token;
+        if page_token.is_empty() {
+            return listed;
+        }
     }
 }
 

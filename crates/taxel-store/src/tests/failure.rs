@@ -154,7 +154,7 @@ fn records_that_do_not_follow_are_refused_with_the_reason() {
         (gap, "sample 2 of session 1 cannot be stored: sample 1 is the next one"),
         (twice, "sample 1 is the next one"),
         (vec![Record::ModelSet(Arc::new(foreign))], "m-0000000000000000"),
-        (vec![Record::ModelSet(Arc::new(with_id(broken)))], "taxel 1"),
+        (vec![Record::ModelSet(Arc::new(with_id(broken)))], "`baseline[1].mean`"),
     ] {
         let store = Store::in_memory(Box::new(|_| ())).unwrap();
         let refused = write(&store, records).unwrap_err().to_string();
