@@ -225,9 +225,8 @@ fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
     let with_runtime = |thread| [of(thread), format!("a runtime for the thread `{thread}`: ")];
     let store = "the store failed: cannot start its thread: ".to_owned();
     let mut said = vec![String::new(), store];
-    said.extend(with_runtime("page"));
     said.extend(["sockets", "recorder"].map(of));
-    said.extend(["record", "service"].into_iter().flat_map(with_runtime));
+    said.extend(["record", "page", "service"].into_iter().flat_map(with_runtime));
     said.extend(["sim-bus", "reload", "credentials"].map(of));
     let mut number = 2;
     for said in said {
