@@ -9,9 +9,8 @@ use tonic::{Request, Response, Status};
 
 use crate::backend::ask;
 use crate::convert::timestamp;
-use crate::page::page_size;
+use crate::page::{before, page_size};
 use crate::service::{Service, held, list};
-use crate::status::invalid;
 
 #[tonic::async_trait]
 impl AuditService for Service {
@@ -22,12 +21,7 @@ impl AuditService for Service {
         let held = held(&request);
         let v1::ListAuditRequest { page_size: asked, page_token } = request.into_inner();
         let size = page_size(asked)?;
-        let before = match page_token.as_str() {
-            "" => u64::MAX,
-            token => {
-                token.parse().map_err(|_| invalid("page_token", "is not a token that this call gave: begin anew"))?
-            }
-        };
+        let before = before(&page_token)?;
         // One more than is shown tells whether there is another page.
         let (entries, held) = ask(held, |told| self.backend.audit(before, size as u32 + 1, told)).await?;
         let entries = entries.map_err(|why| {

@@ -8,6 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::io;
 use std::net::IpAddr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -92,7 +93,10 @@ impl Connections {
     /// A place for a connection of this peer. If there is none, the longest idle connection is closed for it: one of the
     /// peer's own if it has all that one may have, first those that have proven nothing. `None` if none is idle.
     pub(crate) fn arrive(&self, socket: &impl AsFd, key: PeerKey) -> Option<Ticket> {
-        let Ok(socket) = socket.as_fd().try_clone_to_owned() else { return None }; // descriptors ran out
+        let no_descriptor = |error: &io::Error| {
+            self.0.refusals.tell(("descriptor", &key), || format!("a connection was not accepted: {error}"));
+        };
+        let socket = socket.as_fd().try_clone_to_owned().inspect_err(no_descriptor).ok()?;
         let limits = &self.0.limits;
         let mut open = self.open();
         let of_peer = open.entries.values().filter(|entry| entry.key == key).count();

@@ -1,6 +1,6 @@
 //! The engine's snapshots as messages. An age is computed here, so this runs last before a message goes out.
 
-use std::time::SystemTime;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use taxel_engine::intake::faults::{Fault, FaultSet};
 use taxel_engine::plan::PatchPlan;
@@ -27,6 +27,12 @@ pub(crate) struct Sending {
 pub(crate) fn timestamp(wall_ns: i64) -> Option<Timestamp> {
     let (seconds, nanos) = (wall_ns.div_euclid(1_000_000_000), wall_ns.rem_euclid(1_000_000_000));
     (wall_ns != 0).then_some(Timestamp { seconds, nanos: nanos as i32 })
+}
+
+/// The present, nanoseconds since 1970.
+pub(crate) fn wall_ns() -> i64 {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX)
 }
 
 pub(crate) fn vector(v: [f64; 3]) -> v1::Vector3 {

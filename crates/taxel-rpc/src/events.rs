@@ -10,7 +10,7 @@ use tonic::Status;
 
 use crate::convert::timestamp;
 use crate::event_log::{EventLog, Numbered};
-use crate::page::page_size;
+use crate::page::{before, page_size};
 use crate::service::Service;
 use crate::status::{engine_stopped, invalid, shutting_down};
 use crate::stream::MessageStream;
@@ -20,12 +20,7 @@ impl Service {
     pub(crate) fn page_of_events(&self, request: &v1::ListEventsRequest) -> Result<v1::ListEventsResponse, Status> {
         let wanted = self.wanted(&request.patch)?;
         let size = page_size(request.page_size)?;
-        let before = match request.page_token.as_str() {
-            "" => u64::MAX,
-            token => {
-                token.parse().map_err(|_| invalid("page_token", "is not a token that this call gave: begin anew"))?
-            }
-        };
+        let before = before(&request.page_token)?;
         // One more than is shown tells whether there is another page.
         let mut page = self.handle.events.page(before, size + 1, wanted);
         let more = page.len() > size;

@@ -16,6 +16,14 @@ pub(crate) fn page_size(size: u32) -> Result<usize, Status> {
     }
 }
 
+/// The number before which a page begins, of a list whose tokens are numbers.
+pub(crate) fn before(token: &str) -> Result<u64, Status> {
+    match token {
+        "" => Ok(u64::MAX),
+        token => token.parse().map_err(|_| invalid("page_token", "is not a token that this call gave: begin anew")),
+    }
+}
+
 /// Whether making a page of so many items takes long enough to delay the streams.
 pub(crate) const fn is_long(size: u32) -> bool {
     size as usize > SIZE_DEFAULT

@@ -1,7 +1,6 @@
 //! Recalibration by known loads: what is proposed is worked out anew when it is accepted, and nothing is used by that.
 
 use std::sync::Arc;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use taxel_engine::command::{Command, Done};
 use taxel_engine::loads::Validation;
@@ -16,6 +15,7 @@ use tonic::Status;
 
 use crate::access::caller::Caller;
 use crate::backend::Backend;
+use crate::convert::wall_ns;
 use crate::service::{Held, Service, aside, strange_answer};
 use crate::status::invalid;
 
@@ -149,10 +149,4 @@ fn point(judged: &JudgedPoint) -> v1::RecalibrationPoint {
         corrected_n: judged.corrected,
         deviation: judged.deviation,
     }
-}
-
-/// The present, nanoseconds since 1970.
-fn wall_ns() -> i64 {
-    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX)
 }

@@ -1,7 +1,7 @@
 //! Stored samples fitted once more: read from the store, fitted on a thread of its own, kept by the engine.
 
 use std::sync::Arc;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 use taxel_engine::calibration::fit::PlaysChoice;
 use taxel_engine::calibration::{Refit, RefitOptions, SessionState, SessionView, StoredSession, TOGETHER_MAX};
@@ -15,6 +15,7 @@ use tonic::Status;
 use crate::access::caller::Caller;
 use crate::backend::ask;
 use crate::calibration::asked_branches;
+use crate::convert::wall_ns;
 use crate::service::{Service, aside, strange_answer};
 use crate::status::{invalid, of_rejection, samples_of};
 
@@ -120,10 +121,4 @@ fn asked_options(options: &v1::FitOptions) -> Result<RefitOptions, Status> {
         smooth_s: options.smooth_s,
         min_swing_counts: options.min_swing_counts,
     })
-}
-
-/// The present, nanoseconds since 1970.
-fn wall_ns() -> i64 {
-    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX)
 }

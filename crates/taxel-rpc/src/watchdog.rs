@@ -10,11 +10,8 @@ use crate::freshness::{Freshness, not_run_for};
 use crate::handle::Handle;
 use crate::health::Report;
 
-/// The health report follows buses and forces within this time at the latest.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
-
-/// While the engine is stalled its return is looked for this often.
-const LOOK_WHILE_STALLED: Duration = Duration::from_millis(10);
+/// By so much at most subscribers and the health report are told too late. A look takes microseconds.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// Watches one engine.
 pub(crate) struct Watchdog {
@@ -42,7 +39,7 @@ impl Watchdog {
             self.report.update().await;
             tokio::select! {
                 () = shutdown.cancelled() => break,
-                () = tokio::time::sleep(self.next_look()) => {}
+                () = tokio::time::sleep(LOOK_EVERY) => {}
             }
         }
         self.report.end().await;
@@ -67,23 +64,5 @@ impl Watchdog {
         if changed {
             self.wake.send_replace(());
         }
-    }
-
-    /// How long nothing can change that is not told otherwise. Ages are on the run's clock, which in a slow or fast
-    /// replay is not that of the timer: then this comes too early, and is asked again, or a little late.
-    fn next_look(&self) -> Duration {
-        if self.stalled {
-            return LOOK_WHILE_STALLED;
-        }
-        let now = (self.handle.clock)();
-        let mut next = LOOK_EVERY;
-        for (patch, feed) in self.handle.patches.iter().enumerate() {
-            let snapshot = feed.snapshot.borrow();
-            let age = now.since(snapshot.time);
-            let left = self.handle.stale_after(patch).checked_sub(age);
-            next = next.min(left.filter(|_| snapshot.seen).unwrap_or(LOOK_EVERY));
-        }
-        // Beyond the limit, not at it.
-        next.min(self.handle.heartbeat.stalls_in().unwrap_or_default()) + Duration::from_millis(1)
     }
 }

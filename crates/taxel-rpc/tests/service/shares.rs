@@ -14,7 +14,7 @@ use tonic::{Code, Status, Streaming};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{Daemon, FOREARM, model_set, patient, serve_on, start, start_with};
+use crate::fixture::{Daemon, FOREARM, model_set, patient, serve_on, start_with};
 
 type Force = Streaming<v1::ForceSample>;
 
@@ -115,17 +115,4 @@ async fn a_large_answer_has_its_place_until_it_is_taken() {
     ForceServiceClient::new(daemon.connect().await).get_force(v1::GetForceRequest::default()).await.unwrap();
     untaken.abort();
     while client.export_model_set(request()).await.is_err() {}
-}
-
-#[tokio::test]
-async fn only_a_model_set_may_be_large() {
-    let daemon = start().await;
-    let mut client = ModelServiceClient::new(daemon.connect().await);
-    let long = "x".repeat(100_000);
-    let request = v1::GetModelSetRequest { model_set: long.clone(), ..Default::default() };
-    let status = client.get_model_set(request).await.unwrap_err();
-    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::OutOfRange, Some("REQUEST_UNREADABLE")));
-    let request = v1::ImportModelSetRequest { json: long, ..Default::default() };
-    let status = client.import_model_set(request).await.unwrap_err();
-    assert_eq!(status.code(), Code::InvalidArgument, "it is read: {status:?}");
 }

@@ -1,11 +1,11 @@
 //! The policy of streams: the first message at once, the newest value wins, what is skipped is counted, a true age
 //! always, and an end that names its reason.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::{Drain, Limits};
+use taxel_rpc::Drain;
 use taxel_skin::Time;
 use tonic::{Code, Streaming};
 
@@ -133,51 +133,4 @@ async fn every_stream_ends_with_the_reason_when_the_engine_stops() {
         };
         assert_eq!((status.code(), status.message()), (Code::Unavailable, "the engine has stopped"));
     }
-}
-
-#[tokio::test]
-async fn streams_beyond_the_limit_are_refused_until_one_ends() {
-    let daemon = start_with(&[FOREARM], Limits { streams: 2, ..patient() }).await;
-    let first = subscribe(&daemon, None).await;
-    let _second = subscribe(&daemon, Some(10.0)).await;
-    let channel = daemon.connect().await;
-    let mut client = ForceServiceClient::new(channel.clone());
-    let status = client.stream_force(v1::StreamForceRequest::default()).await.unwrap_err();
-    assert_eq!(status.code(), Code::ResourceExhausted);
-    assert!(status.message().contains("2 streams are being served"), "{}", status.message());
-    drop(first);
-    let mut skin = SkinServiceClient::new(channel);
-    while skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().streams == 2 {}
-    client.stream_force(v1::StreamForceRequest::default()).await.unwrap();
-}
-
-/// A measurement, not a check: the rate and the delay that one subscriber gets.
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-#[ignore = "prints figures; run it alone with --release -- --ignored --nocapture"]
-async fn figures_of_a_subscriber_at_1000_hz() {
-    let daemon = start().await;
-    let origin = Instant::now();
-    let clock = || Time::from_nanos(origin.elapsed().as_nanos() as i64);
-    daemon.engine().patch(0, snapshot(1, clock()));
-    let mut held = subscribe(&daemon, Some(1000.0)).await;
-    next(&mut held).await;
-    let begun = Instant::now();
-    for _ in 0..5_000 {
-        next(&mut held).await;
-    }
-    println!("held at 1000 Hz: {:.2} messages/s", 5_000.0 / begun.elapsed().as_secs_f64());
-    let mut each = subscribe(&daemon, None).await;
-    next(&mut each).await;
-    let mut delays = Vec::new();
-    let mut pace = tokio::time::interval(Duration::from_millis(1));
-    for sequence in 2..5_000 {
-        pace.tick().await;
-        let sent = clock();
-        daemon.engine().patch(0, snapshot(sequence, sent));
-        next(&mut each).await;
-        delays.push(clock().since(sent));
-    }
-    delays.sort();
-    let at = |share: f64| delays[(share * (delays.len() - 1) as f64) as usize];
-    println!("publish to client: p50 {:?} p99 {:?} p99.9 {:?}", at(0.5), at(0.99), at(0.999));
 }
