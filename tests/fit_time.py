@@ -1,6 +1,6 @@
-"""How long `taxeld fit` takes as a process, beside a loop of numpy.polyfit over counts that are in memory already.
+"""How long `taxel-lab fit` takes as a process, beside a loop of numpy.polyfit over counts that are in memory already.
 
-    python tests/fit_time.py TAXELD [ROUNDS]
+    python tests/fit_time.py TAXEL_LAB [ROUNDS]
 
 230 taxels, 6,000 scans of one ramp to 70 kPa with a count of noise, in turns; medians of wall-clock time and of processor time.
 The fit takes all cores, the loop one.
@@ -47,13 +47,13 @@ def timed(work, whose):
 
 
 def main():
-    taxeld, rounds = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 11
+    lab, rounds = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 11
     kpa, counts = recording()
     columns = [numpy.ascontiguousarray(column) for column in counts.T]
     with tempfile.TemporaryDirectory() as folder:
         data, models = pathlib.Path(folder, "data.csv"), pathlib.Path(folder, "models.json")
         write(data, kpa, counts)
-        fit = [taxeld, "fit", data, "--patch", "left_forearm", "--out", models]
+        fit = [lab, "fit", data, "--patch", "left_forearm", "--out", models]
         process = lambda: subprocess.run(fit, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         loop = lambda: [numpy.polyfit(column, kpa, ORDER) for column in columns]
         ours, theirs = [], []
@@ -61,7 +61,7 @@ def main():
             ours.append(timed(process, resource.RUSAGE_CHILDREN))
             theirs.append(timed(loop, resource.RUSAGE_SELF))
         size = os.path.getsize(data) / 1e6
-    for name, times in [(f"taxeld fit, from {size:.1f} MB of CSV to MODELS.json", ours), ("numpy.polyfit in a loop", theirs)]:
+    for name, times in [(f"taxel-lab fit, from {size:.1f} MB of CSV to MODELS.json", ours), ("numpy.polyfit in a loop", theirs)]:
         wall, processor = (statistics.median(column) for column in zip(*times))
         print(f"{name}: {wall:.0f} ms, {processor:.0f} ms of processor time")
     ratio = statistics.median(our[0] / their[0] for our, their in zip(ours, theirs))

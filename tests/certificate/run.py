@@ -3,8 +3,8 @@
 
     tests/certificate/run.py TAXELD SCRATCH
 
-Calibrates over two ramps, up and down, lays masses on, prints the certificate from the daemon and from its store, and has
-deploy/certificate.py recompute it. Then one coefficient or one sample is another, and the script must say so.
+Takes taxel-lab from the folder of TAXELD. Calibrates over two ramps, up and down, lays masses on, makes the certificate of the
+daemon and of exported files, and has recompute.py recompute it. A fit of the exported session is the session's own. Then one coefficient or one sample is another, and the script must say so.
 """
 
 import json
@@ -16,7 +16,7 @@ import sys
 import time
 
 HERE = pathlib.Path(__file__).parent
-SCRIPT = HERE.parents[1] / "deploy" / "certificate.py"
+SCRIPT = HERE / "recompute.py"
 # Two ramps of 20 kPa at 2 kPa/s, up and down, take 40 s; a busy machine may need several times as long.
 PATIENCE_S = 600
 LOADS = 3
@@ -96,6 +96,7 @@ def zeros_for_counts(row):
 
 def main():
     taxeld, scratch = str(pathlib.Path(sys.argv[1]).resolve()), pathlib.Path(sys.argv[2]).resolve()
+    lab = pathlib.Path(taxeld).with_name("taxel-lab")
     scratch.mkdir(parents=True, exist_ok=True)
     daemon = Daemon(taxeld, scratch)
     try:
@@ -105,18 +106,31 @@ def main():
         names = ("c.json", "c.html", "samples.csv", "models.json")
         page, files = scratch / "c.html", [scratch / name for name in names if name != "c.html"]
         certificate, samples, models = files
-        daemon.call("certificate", "--out", certificate, "--out", page)
+        of_daemon = (lab, "certificate", "--stated", HERE / "stated.toml", "--server", daemon.server)
+        run(*of_daemon, "--out", certificate, "--out", page)
         first = certificate.read_bytes()
-        if daemon.call("certificate", "--json").stdout.encode() != first:
+        again = scratch / "again.json"
+        run(*of_daemon, "newest", "--out", again)
+        if again.read_bytes() != first:
             sys.exit("two certificates of one set differ")
         stated = json.loads(first)
         daemon.call("sessions", "export", stated["session"]["number"], "--out", samples)
         daemon.call("models", "export", "--out", models)
+        compared = run(lab, "compare", "active", models, "--server", daemon.server).stdout
+        if "median +0.0 %" not in compared:
+            sys.exit(f"a set differs from its own export: {compared}")
     finally:
         daemon.stop()
-    offline = run(taxeld, "certificate", "--config", daemon.config, "--json").stdout.encode()
-    if offline != first:
-        sys.exit("the certificate of the store differs from that of the daemon")
+    of_files = scratch / "files.json"
+    run(lab, "certificate", "--models", models, "--session", samples, "--stated", HERE / "stated.toml", "--out", of_files)
+    measured = ("set", "ramps", "levels", "mean", "budget", "expanded", "excluded", "taxels", "hashes", "simulated", "stated")
+    if any(json.loads(of_files.read_text())[key] != stated[key] for key in measured):
+        sys.exit("the certificate of the files has other figures than that of the daemon")
+    refit = scratch / "refit.json"
+    run(lab, "fit", samples, "--plays", "auto", "--out", refit)
+    of = lambda path: [(taxel["status"], taxel["curve"]) for taxel in json.loads(path.read_text())["taxels"]]
+    if of(refit) != of(models):
+        sys.exit("a fit of the exported session differs from the session's own")
     if not stated["simulated"] or "signature" in page.read_text() or not stated["set"]["fitted_by"].startswith("taxeld "):
         sys.exit("a certificate of the simulator does not say so, may be signed, or does not say what fitted the models")
     if len(stated["loads"]) != LOADS or len(stated["ramps"]) != 2 or stated["stated"]["robot"] != "simulated, no. 1":

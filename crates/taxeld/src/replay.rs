@@ -289,7 +289,7 @@ fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
         bail!("{when} {}: {}", view.state.name(), if view.reason.is_empty() { "too short" } else { &view.reason });
     };
     let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
-    say!("model set {}: {}, {usable} of {} taxels usable", set.id, set.method, set.taxels.len());
+    say!("model set {}: {}; taxels: {usable} of {} usable", set.id, set.method, set.taxels.len());
     if let Some(out) = &request.out {
         output::write_text(out, &models_json::to_json(set)?)?;
         say!("models: {}", out.display());

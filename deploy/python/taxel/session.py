@@ -1,6 +1,6 @@
 """Recordings: the samples of a calibration session, or any file of time, pressure and counts.
 
-The file is what `taxeld fit` reads: a header `t_s,pressure_kpa,c0,c1,...` and a row a scan; plain or .gz. A cell of the
+The file is what `taxel-lab fit` reads: a header `t_s,pressure_kpa,c0,c1,...` and a row a scan; plain or .gz. A cell of the
 pressure may be empty.
 """
 
@@ -46,7 +46,7 @@ class Session:
 
 
 def read_session(path: Union[str, "os.PathLike[str]"]) -> Session:
-    """Reads a recording. A row that cannot be read is refused with its line, as `taxeld fit` does it."""
+    """Reads a recording. A row that cannot be read is refused with its line, as `taxel-lab fit` does it."""
     name = os.fspath(path)
     opened = gzip.open(name, "rt", newline="") if name.endswith(".gz") else open(name, newline="")
     session = Session([], [], [])

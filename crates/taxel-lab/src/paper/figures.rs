@@ -5,7 +5,7 @@ use std::ops::Range;
 use taxel_model::TaxelModel;
 
 use super::data::Data;
-use super::statistics::{Binned, branch, differences, quantile};
+use super::statistics::{Binned, branch, quantile};
 use crate::document::{Axis, Figure, Level, Line, Look};
 use crate::numbers::mean;
 
@@ -49,7 +49,6 @@ impl<'a> Figures<'a> {
             ("histogram of the swing", Ok(self.swings())),
             ("histogram of the baseline", self.baselines()),
             ("repeatability of three runs", self.repeatability()),
-            ("differences between three runs", self.apart()),
             ("loop of both branches", self.both_branches()),
             ("fit over samples", self.fitted("fit-typical", "of median swing", 0.5)),
             ("fit over samples", self.fitted("fit-weak", "of little swing", 0.1)),
@@ -171,23 +170,6 @@ impl<'a> Figures<'a> {
     fn runs(&self) -> Result<Vec<&'a Range<usize>>, String> {
         let runs: Vec<_> = self.data.branches(true).take(3).collect();
         if runs.len() < 2 { Err(format!("{} run in the data, three are wanted", runs.len())) } else { Ok(runs) }
-    }
-
-    /// The lines of three runs lie on each other: what they differ by, for all taxels.
-    fn apart(&self) -> Drawn {
-        self.taxel(0.5)?;
-        let runs = self.runs()?;
-        Ok(plot(
-            "repeatability-difference",
-            format!("Repeatability: {} runs less their mean", runs.len()),
-            format!(
-                "Mean over the {} taxels that are not excluded, in bins of equal pressure, of each run's count less the mean \
-                 of the runs.",
-                self.usable.len()
-            ),
-            ["pressure, kPa", "difference, counts"],
-            run_lines(differences(self.data, &self.usable, &runs)),
-        ))
     }
 
     fn both_branches(&self) -> Drawn {

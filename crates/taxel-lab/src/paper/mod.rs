@@ -115,18 +115,8 @@ fn loads(path: &Path) -> anyhow::Result<Weighings> {
 mod tests {
     use super::*;
 
-    const ALL: [&str; 10] = [
-        "raw",
-        "mean-curve",
-        "swing",
-        "baseline",
-        "repeatability",
-        "repeatability-difference",
-        "loop",
-        "fit-typical",
-        "fit-weak",
-        "force",
-    ];
+    const ALL: [&str; 9] =
+        ["raw", "mean-curve", "swing", "baseline", "repeatability", "loop", "fit-typical", "fit-weak", "force"];
 
     /// Twenty taxels that count 237 less a pressure of whole kPa, two of which hardly move; a count more on the way down.
     fn skin(runs: usize, falls: bool) -> Data {
@@ -170,7 +160,7 @@ mod tests {
     fn what_the_data_cannot_draw_is_left_out_and_told() {
         let section = section(&skin(1, false), 10.0);
         let drawn: Vec<&str> = section.figures.iter().map(|figure| figure.id.as_str()).collect();
-        for id in ["repeatability", "repeatability-difference", "loop", "force"] {
+        for id in ["repeatability", "loop", "force"] {
             assert!(!drawn.contains(&id), "{id}");
         }
         assert!(section.text.iter().any(|line| line.contains("no known load")), "{:?}", section.text);

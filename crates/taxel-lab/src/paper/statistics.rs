@@ -37,9 +37,9 @@ pub(super) fn branch(data: &Data, taxel: usize, scans: &Range<usize>) -> Binned 
 }
 
 /// The bins in which each of `runs` has samples of a taxel, with the mean pressure and count of each run there.
-fn common(data: &Data, taxel: usize, runs: &[&Range<usize>]) -> impl Iterator<Item = (usize, Vec<(f64, f64)>)> {
+fn common(data: &Data, taxel: usize, runs: &[&Range<usize>]) -> impl Iterator<Item = Vec<(f64, f64)>> {
     let runs: Vec<Binned> = runs.iter().map(|run| branch(data, taxel, run)).collect();
-    (0..BINS as usize).filter_map(move |bin| Some((bin, runs.iter().map(|run| run.0[bin]).collect::<Option<_>>()?)))
+    (0..BINS as usize).filter_map(move |bin| runs.iter().map(|run| run.0[bin]).collect())
 }
 
 /// How far runs lie apart at equal pressure: root mean square over bins and `taxels` of the standard deviation between
@@ -49,25 +49,12 @@ pub(super) fn repeatability_counts(data: &Data, taxels: &[usize]) -> Option<f64>
     if runs.len() < 2 {
         return None;
     }
-    let variance = |(_, points): (usize, Vec<(f64, f64)>)| {
+    let variance = |points: Vec<(f64, f64)>| {
         let mean = mean(points.iter().map(|point| point.1));
         points.iter().map(|point| (point.1 - mean).powi(2)).sum::<f64>() / (points.len() - 1) as f64
     };
     let variances = taxels.iter().flat_map(|&taxel| common(data, taxel, &runs).map(variance));
     Some(mean(variances).sqrt()).filter(|counts| counts.is_finite())
-}
-
-/// What each of `runs` lies apart from their mean at equal pressure: by bin, kPa and counts, mean over `taxels`.
-pub(super) fn differences(data: &Data, taxels: &[usize], runs: &[&Range<usize>]) -> Vec<Vec<(f64, f64)>> {
-    let mut sums = vec![vec![(0.0, 0.0, 0.0); BINS as usize]; runs.len()];
-    for (bin, points) in taxels.iter().flat_map(|&taxel| common(data, taxel, runs)) {
-        let middle = mean(points.iter().map(|point| point.1));
-        for (run, (kpa, count)) in sums.iter_mut().zip(points) {
-            let sum = &mut run[bin];
-            *sum = (sum.0 + 1.0, sum.1 + kpa, sum.2 + count - middle);
-        }
-    }
-    sums.into_iter().map(|run| means(run).flatten().collect()).collect()
 }
 
 /// From number and sums to means, `None` of none.
@@ -80,7 +67,7 @@ fn means(sums: Vec<(f64, f64, f64)>) -> impl Iterator<Item = Option<(f64, f64)>>
 pub(super) fn loop_counts(data: &Data, taxels: &[usize]) -> Option<f64> {
     let (rise, fall) = data.run_with_both()?;
     let width =
-        |&taxel: &usize| mean(common(data, taxel, &[rise, fall]).map(|(_, points)| (points[0].1 - points[1].1).abs()));
+        |&taxel: &usize| mean(common(data, taxel, &[rise, fall]).map(|points| (points[0].1 - points[1].1).abs()));
     quantile(taxels.iter().map(width).collect(), 0.5)
 }
 

@@ -35,13 +35,12 @@ const SIMULATOR_THREAD: &str = "sim-bus";
 /// Of the patch: nothing but the total force, and everything.
 const LEAN: &str = "";
 const FULL: &str = "geometry = \"positions.txt\"\noutputs = [\"resultant\", \"moment\", \"contacts\", \"fill\"]\n\
-    [patch.gauge]\nid = 0x3A1\nlength_bits = 32\nsigned = true\nunit = \"Pa\"\n";
+    gauge = { id = 0x3A1, length_bits = 32, signed = true, unit = \"Pa\" }\n";
 
 /// What a daemon took while it was watched.
 #[derive(Clone, Copy)]
 struct Observed {
     cpu_us_per_scan: f64,
-    wakes_per_scan: f64,
     bytes_per_s: f64,
     memory_mib: f64,
 }
@@ -87,12 +86,10 @@ impl Daemon {
         let folder = tempfile::tempdir()?;
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("positions.txt"), Skin::forearm()?.positions_file())?;
-        let (top, below) = patch.split_once("[patch.gauge]").unwrap_or((patch, ""));
-        let gauge = if below.is_empty() { String::new() } else { format!("[patch.gauge]{below}") };
         let config = format!(
             "[store]\npath = \"{}\"\n[[listen]]\nunix = \"{}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\nseed = {seed}\n\
-             [[patch]]\nname = \"left_forearm\"\nbus = \"skin\"\n{top}\
-             [[patch.board]]\naddress = 13\nmodules = \"0-15\"\n[[patch.board]]\naddress = 12\nmodules = \"0-6\"\n{gauge}",
+             [[patch]]\nname = \"left_forearm\"\nbus = \"skin\"\n{patch}\
+             board = [{{ address = 13, modules = \"0-15\" }}, {{ address = 12, modules = \"0-6\" }}]\n",
             at("store.db").display(),
             at("socket").display(),
         );
@@ -152,7 +149,6 @@ impl Daemon {
         let (used, scans) = (self.used()?, f64::from(scans.max(1)));
         Ok(Observed {
             cpu_us_per_scan: 1e6 * (used.cpu_s - before.cpu_s) / scans,
-            wakes_per_scan: (used.wakes - before.wakes) / scans,
             bytes_per_s: bytes as f64 / begun.elapsed().as_secs_f64(),
             memory_mib: used.memory_mib,
         })
@@ -162,7 +158,7 @@ impl Daemon {
     fn used(&self) -> anyhow::Result<Used> {
         let process = PathBuf::from(format!("/proc/{}", self.child.id()));
         let status = std::fs::read_to_string(process.join("status"))?;
-        let mut used = Used { memory_mib: number_in(&status, "VmRSS:")? / 1024.0, cpu_s: 0.0, wakes: 0.0 };
+        let mut used = Used { memory_mib: number_in(&status, "VmRSS:")? / 1024.0, cpu_s: 0.0 };
         for task in std::fs::read_dir(process.join("task"))? {
             let task = task?.path();
             let read = |name: &str| std::fs::read_to_string(task.join(name)).unwrap_or_default();
@@ -171,7 +167,6 @@ impl Daemon {
             }
             let ns = read("schedstat").split_whitespace().next().and_then(|ns| ns.parse::<f64>().ok());
             used.cpu_s += 1e-9 * ns.context("no schedstat in /proc")?;
-            used.wakes += number_in(&read("status"), "voluntary_ctxt_switches:")?;
         }
         Ok(used)
     }
@@ -187,7 +182,6 @@ impl Drop for Daemon {
 
 struct Used {
     cpu_s: f64,
-    wakes: f64,
     memory_mib: f64,
 }
 
@@ -202,7 +196,6 @@ fn section_of(full: Observed, lean: Observed) -> Section {
     let row = |what: &str, of: fn(&Observed) -> f64| row![what, of(&full), of(&lean), of(&full) / of(&lean)];
     let rows = vec![
         row("processor time of the daemon, us per scan", |of| of.cpu_us_per_scan),
-        row("wakes of the daemon per scan", |of| of.wakes_per_scan),
         row("bytes to a force subscriber, per s", |of| of.bytes_per_s),
         row("resident memory, MiB", |of| of.memory_mib),
     ];

@@ -7,7 +7,7 @@ use taxel_engine::calibration::export::{About, sample_row, table_head};
 use taxel_engine::calibration::{Branch, RampBaseline, Sample, SessionSamples};
 use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_lab::certificate::{Certificate, Evidence, Stated};
-use taxel_model::{Curve, GaugeUncertainty, Sign, Status, TaxelModel};
+use taxel_model::{Curve, GaugeUncertainty, SigmaProfile, Sign, Status, TaxelModel};
 use taxel_proto::v1::{Load, Session, SessionState};
 use taxel_store::models_json;
 
@@ -25,6 +25,8 @@ fn line() -> TaxelModel {
     TaxelModel {
         status: Status::Ok,
         order: 1,
+        raw_coefficients: vec![240.0, -1.0],
+        sigma: Some(SigmaProfile { first_count: 160.0, step_counts: 80.0, sigma_kpa: vec![0.5; 2] }),
         sign: Sign::Falling,
         range: Some([160.0, 240.0]),
         curve: Some(Curve { centre: 200.0, half_width: 40.0, chebyshev: vec![40.0, -40.0] }),
@@ -226,7 +228,7 @@ fn a_set_that_is_not_of_these_samples_is_not_certified() {
     refused(|case| case.set.session = None, "not made of one session");
     refused(|case| case.set.baseline[1].mean += 0.25, "its zero is not the one");
     refused(|case| case.samples.samples.clear(), "not one usable row");
-    refused(|case| case.set.taxels.iter_mut().for_each(|taxel| taxel.curve = None), "no usable taxel");
+    refused(|case| case.set.taxels = vec![case.set.taxels[2].clone(); 3], "no usable taxel");
 }
 
 #[test]

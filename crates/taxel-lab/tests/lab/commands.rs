@@ -135,3 +135,38 @@ fn what_a_file_holds_is_not_echoed_at_length() {
     let said = fails(&lab(&["fit", strange.to_str().unwrap(), "--out", &models]));
     assert!(said.contains("begins with `column0,column1,") && said.len() < 400, "{} bytes: {said}", said.len());
 }
+
+/// A shell has opened that by its name.
+#[test]
+fn no_output_takes_the_name_of_what_comes_as_the_standard_input() {
+    let (_folder, [data, ..]) = scratch();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel-lab"));
+    command.args(["fit", "-", "--out", &data]).stdin(std::fs::File::open(&data).unwrap());
+    let output = command.output().unwrap();
+    assert!(text(&output.stderr).contains("is an input"), "{}", text(&output.stderr));
+    assert_eq!(std::fs::read_to_string(&data).unwrap(), recording(1.0));
+}
+
+/// A command of which no file may have more than one block, as on a disk that is full by then.
+fn with_a_block_a_file(arguments: &[&str]) -> Output {
+    let mut command = Command::new("sh");
+    command.args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_taxel-lab")]);
+    command.args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+#[test]
+fn an_output_that_cannot_be_written_leaves_what_was_there_and_is_named() {
+    let (folder, [data, models, out]) = scratch();
+    std::fs::write(&out, "what was there").unwrap();
+    succeeds(&lab(&["fit", &data, "--out", &models]));
+    for command in [
+        vec!["fit", &data, "--out", &out],
+        vec!["apply", &models, &data, "--out", &out],
+        vec!["apply", &models, &data, "--out", "/dev/null", "--sigma", &out],
+    ] {
+        let said = fails(&with_a_block_a_file(&command));
+        assert!(said.contains(&format!("{out}: File too large")), "{command:?}: {said}");
+        assert_eq!(std::fs::read_to_string(&out).unwrap(), "what was there");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "{command:?}");
+    }
+}

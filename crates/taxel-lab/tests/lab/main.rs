@@ -4,4 +4,5 @@
 mod bad_recordings;
 mod certificate;
 mod commands;
+mod recalibration;
 mod recordings;

@@ -1,4 +1,4 @@
-//! Whole recordings: the recipe behind `taxeld fit` and `taxeld apply`.
+//! Whole recordings: the recipe behind `taxel-lab fit` and `taxel-lab apply`.
 //!
 //! What a file allows and a live stream does not: a fault counts from its onset and not from its discovery
 //! ([`Masks`]), counts are averaged over scans before and after ([`smooth()`]), and a tare is taken back if anything later

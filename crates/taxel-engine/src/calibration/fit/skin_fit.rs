@@ -1,4 +1,4 @@
-//! From sound scans to models of a whole skin: what `taxeld fit` and a session have in common.
+//! From sound scans to models of a whole skin: what `taxel-lab fit` and a session have in common.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -23,7 +23,7 @@
 //!
 //! All of it is exponential smoothing that is exact in the time step, `1 - exp(-dt / tau)`. Time comes from scans; one
 //! that is not later than the last is ignored; after a gap of more than `GAP_S` every average begins anew and every
-//! module is held. Only live force follows drift: a table of counts (`taxeld apply`) has no pads, so nothing is
+//! module is held. Only live force follows drift: a table of counts (`taxel-lab apply`) has no pads, so nothing is
 //! followed there.
 //!
 //! A scan costs some 20 ns a taxel. The live tables are made anew when a module has moved by a tenth of a count, at

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Recomputes every number of a calibration certificate from the exported raw data, and shares no code with taxeld.
 
-    taxeld certificate SET --out certificate.json      (the number of the session is in it)
+    taxel-lab certificate SET --out certificate.json      (the number of the session is in it)
     taxeld sessions export N --out samples.csv
     taxeld models export SET --out models.json
-    python3 certificate.py certificate.json samples.csv models.json
+    python3 recompute.py certificate.json samples.csv models.json
 
 Needs numpy. Exit code 1, with a list of what disagrees, if anything does. The curves are evaluated from the coefficients
-that the certificate states. How each number is defined: crates/taxeld/doc/certificate.md.
+that the certificate states. How each number is defined: crates/taxel-lab/doc/certificate.md.
 """
 
 import hashlib
@@ -19,12 +19,10 @@ import sys
 import numpy as np
 
 LEVELS, SCANS_MIN, K = 10, 5, 2.0
-FILLED_SHARE_MAX = 0.2  # of a known load that says anything of areas
 # What people entered, and what the store alone knows: nothing can be computed of these.
 ENTERED = re.compile(
     r"stated\.|version$|session\.(number|target_kpa|refused\.\w+|counts_per_unit)$|expanded\.coverage_factor$"
-    r"|loads\.\d+\.(load|mass_kg|force_n|force_sigma_n|read_n|read_sigma_n|read_scatter_n|scans|out_of_range"
-    r"|filled_share|mean_area_mm2|area_factor|area_uncertainty)$|loads_summary\.area_uncertainty$"
+    r"|loads\.\d+\.(load|mass_kg|force_n|force_sigma_n|read_n|read_sigma_n|read_scatter_n|scans)$"
 )
 
 
@@ -112,39 +110,8 @@ class Session:
         variances = [np.var(column, ddof=1) for column in enough if len(column) >= 2]
         return np.sqrt(np.mean(variances)) if variances else None
 
-    def smoothed(self, counts, seconds):
-        steps = np.sort(np.diff(self.time)[np.diff(self.ramp) == 0])
-        # A thousandth of a scan short is a whole one: the file's times are rounded to a microsecond.
-        half = int(0.5 * seconds / steps[len(steps) // 2] + 1e-3) if len(steps) and seconds > 0 else 0
-        parts = []
-        for ramp in range(self.ramps):
-            own = counts[self.ramp == ramp]
-            sums, at = np.concatenate([[0.0], np.cumsum(own)]), np.arange(len(own))
-            begin, end = np.maximum(at - half, 0), np.minimum(at + half + 1, len(own))
-            parts.append((sums[end] - sums[begin]) / (end - begin))
-        return np.concatenate(parts)
 
-
-def with_plays(plays, counts):
-    """Readings with the hysteresis compensated by play operators."""
-    sign, low, high = plays["sign"], plays["count_min"], plays["count_max"]
-    felt = np.maximum(counts, low) if sign > 0 else np.minimum(counts, high)
-    bend = np.zeros(len(counts))
-    for radius, weight in zip(plays["radii_counts"], plays["weights_kpa"]):
-        rest, top = sorted([sign * low, sign * high])
-        if 2 * radius >= top - rest:
-            z = sign * (rest + (top - rest) / 2)
-        else:  # of the past of the first count nothing is known: midway between a rise from rest and a fall from the top
-            load = sign * felt[0]
-            risen, fallen = max(rest + radius, load - radius), min(top - radius, load + radius)
-            z = sign * (risen + (fallen - risen) / 2)
-        for scan, count in enumerate(felt):
-            z = min(max(z, count - radius), count + radius)
-            bend[scan] += weight * (z - count)
-    return evaluate(plays, low, high, counts) - sign * bend
-
-
-def taxel(stated, session, reference, per_unit, smooth_s):
+def taxel(stated, session, reference, per_unit):
     """The figures of one taxel, its errors, and its slope and zero shifts."""
     number, low, high = stated["taxel"], stated["count_min"], stated["count_max"]
     counts, shifts = session.counts[:, number], session.shift[:, number]
@@ -170,9 +137,6 @@ def taxel(stated, session, reference, per_unit, smooth_s):
         "outside_share": np.mean((counts < low) | (counts > high)),
         "expanded_uncertainty_kpa": K * np.sqrt(reference**2 + rms(errors) ** 2 + (repeatability or 0) ** 2 + u_zero**2),
     }
-    if stated["plays"]:
-        read = with_plays(stated["plays"], session.smoothed(counts, smooth_s))
-        figures["plays"] = {"rmse_kpa": rms(read - session.kpa)}
     return figures, errors, slope, shifts
 
 
@@ -208,59 +172,31 @@ def levels_part(session, all_errors, mean):
 
 
 def loads_part(loads):
-    parts, points, counting, newest = [], [], [], loads[-1] if loads else None
+    parts = []
     for load in loads:
         u = np.sqrt(load["read_sigma_n"] ** 2 + load["force_sigma_n"] ** 2 + load["read_scatter_n"] ** 2 / max(load["scans"], 1))
         error = load["read_n"] - load["force_n"]
         parts.append({"error_percent": 100 * error / load["force_n"], "normalised_error": error / (K * u)})
-        same_filling = load.get("filled") in (None, bool(newest.get("filled")))
-        told = "left_out_because" in load  # earlier versions counted all, those within the range in the factor
-        outdated = told and (abs(load["mean_area_mm2"] / newest["mean_area_mm2"] - 1) > 1e-9 or not same_filling)
-        unfit = load["out_of_range"] > 0 or bool(load.get("reasons")) or load.get("filled_share", 0) > FILLED_SHARE_MAX
-        said = [bool(load.get(key)) for key in ("outdated_because", "left_out_because")]
-        if told and said != [outdated, unfit and not outdated]:
-            parts[-1]["counts"] = not outdated and not unfit  # the certificate says otherwise
-        if not outdated:
-            counting.append(parts[-1])
-        if not outdated and not unfit:
-            area = load["area_uncertainty"] * load["read_n"]
-            read = max(load["read_sigma_n"] ** 2 - area**2, 0) + load["read_scatter_n"] ** 2 / max(load["scans"], 1)
-            variance = max(read / load["area_factor"] ** 2 + load["force_sigma_n"] ** 2, (1e-3 * load["force_n"]) ** 2)
-            points.append((load["read_n"] / load["area_factor"], load["force_n"], 1 / variance))
     if not loads:
         return parts, None
-    summary = {"loads": len(counting), "within": sum(abs(part["normalised_error"]) <= 1 for part in counting)}
-    summary["mean_absolute_error_percent"] = np.mean([abs(part["error_percent"]) for part in counting])
-    if "left_out_because" in newest:  # earlier versions did not count them
-        summary["in_factor"] = len(points)
-    summary |= {"area_factor": None, "area_factor_sigma": None}
-    if len(points) >= 3:
-        x, y, w = np.array(points).T
-        factor = np.sum(w * x * y) / np.sum(w * x * x)
-        chi2 = np.sum(w * (y - factor * x) ** 2) / (len(x) - 1)
-        summary |= {"area_factor": factor, "area_factor_sigma": np.sqrt(max(chi2, 1) / np.sum(w * x * x))}
-    return parts, summary
+    within = sum(abs(part["normalised_error"]) <= 1 for part in parts)
+    mean = np.mean([abs(part["error_percent"]) for part in parts])
+    return parts, {"loads": len(parts), "within": within, "mean_absolute_error_percent": mean}
 
 
 def recompute(stated, samples, models_text, text):
-    models, smooth_s = json.loads(models_text), stated["set"]["smooth_s"]
+    models = json.loads(models_text)
     per_unit, top = stated["session"]["counts_per_unit"], models["pressure_max_kpa"]
     session = Session(samples, stated["session"]["branches"] == "both", top, per_unit)
     entered = stated["stated"]["reference_expanded_uncertainty_kpa"] or 0.0
     zero_doubt = session.gauge_doubt * steeper_at_rest(models)
     reference = max(np.hypot(models["gauge_gain_rel"] * top, models["gauge_offset_kpa"]), np.hypot(entered / K, zero_doubt))
-    figures, all_errors, slopes, shifts = zip(*(taxel(t, session, reference, per_unit, smooth_s) for t in stated["taxels"]))
-    recorded = (models.get("recorded") or {"taxels": []})["taxels"]
+    figures, all_errors, slopes, shifts = zip(*(taxel(t, session, reference, per_unit) for t in stated["taxels"]))
     for part, own in zip(figures, stated["taxels"]):  # the curves are those of the models
         model = models["taxels"][own["taxel"]]
         part |= {"taxel": model["taxel"], "count_min": model["range"][0], "count_max": model["range"][1]}
         curve = lambda c: {"centre": c["centre"], "half_width": c["half_width"], "chebyshev_kpa": c["chebyshev"]}
         part |= curve(model["curve"])
-        if own["plays"]:
-            plays = recorded[own["taxel"]]["plays"]
-            part["plays"] |= curve(plays["curve"]) | {"count_min": plays["range"][0], "count_max": plays["range"][1]}
-            part["plays"] |= {key: plays[key] for key in ("radii_counts", "weights_kpa")}
-            part["plays"]["sign"] = 1 if model["sign"] == "rising" else -1
     slopes, shifts, mean = np.array(slopes), np.array(shifts), np.mean(all_errors, axis=0)
     moved = [strongest([abs(np.mean((row * slopes)[np.isfinite(row)]))]) for row in shifts.T[1:] if np.any(np.isfinite(row))]
     over = lambda values: rms([v for v in values if v is not None]) if any(v is not None for v in values) else None
@@ -287,7 +223,7 @@ def recompute(stated, samples, models_text, text):
         "number": "c-" + sha(numberless)[:16],
         "hashes": {"samples_csv": sha(samples), "models_json": sha(models_text)},
         "set": {"id": models["id"], "patch": models["patch"], "method": models["method"], "usable": len(usable) if usable == [own["taxel"] for own in stated["taxels"]] else usable,
-                "taxels": len(models["taxels"]), "smooth_s": (models.get("recorded") or {}).get("smooth_s", 0.0),
+                "taxels": len(models["taxels"]),
                 **{key: models[key] for key in ("pressure_max_kpa", "gauge_gain_rel", "gauge_offset_kpa", "board_settings")}},
         "session": {"scans": len(session.kpa)},
         "ramps": [ramp_part(session, ramp, shifts[:, ramp]) for ramp in range(session.ramps)],
@@ -310,7 +246,6 @@ def leaves(value, path=""):
 def disagreements(stated, computed):
     stated, computed = dict(leaves(stated)), dict(leaves(computed))
     for path, value in computed.items():
-        # What an earlier version did not state and nobody knows.
         there = stated.get(path, None if value is None else "missing")
         if isinstance(value, (int, float, np.number)) and isinstance(there, (int, float)):
             agrees = abs(there - value) <= 1e-9 + 1e-7 * abs(value)
@@ -331,8 +266,8 @@ def main():
         stated = json.loads(text)
     except (OSError, ValueError) as error:
         sys.exit(f"cannot read what is to be compared: {error}")
-    if not isinstance(stated, dict) or (stated.get("format"), stated.get("version")) != ("taxeld-certificate", 1):
-        sys.exit(f"{sys.argv[1]}: expected a taxeld-certificate of version 1")
+    if not isinstance(stated, dict) or (stated.get("format"), stated.get("version")) != ("taxel-certificate", 1):
+        sys.exit(f"{sys.argv[1]}: expected a taxel-certificate of version 1")
     computed = recompute(stated, samples, models, text)
     found = list(disagreements(stated, computed))
     for line in found[:500]:

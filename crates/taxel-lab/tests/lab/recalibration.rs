@@ -1,0 +1,81 @@
+//! What five load points correct on another day of a real skin: the figures of crates/taxeld/doc/recalibration.md.
+
+use std::path::PathBuf;
+
+use taxel_engine::calibration::fit::{Applied, ApplyRecipe, FitRecipe, OneByOne, Score, apply, fit, judge};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::recalibration::recording::points_of;
+use taxel_engine::recalibration::{Assumptions, Recalibration, corrected};
+use taxel_lab::recording::Recording;
+
+/// Scans in between that the test leaves out, to be quick: the rules know seconds, not scans.
+const EVERY: usize = 3;
+
+const LOAD_POINTS: usize = 5;
+
+fn read(name: &str) -> Option<Recording> {
+    let fallback = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let folder = std::env::var_os("TAXELD_DATA").map_or_else(fallback, PathBuf::from);
+    let path = folder.join(format!("insole/left_{name}.csv.gz"));
+    if !path.exists() {
+        eprintln!("SKIPPED: no file {}", path.display());
+        return None;
+    }
+    let mut recording = Recording::read(&path).unwrap();
+    let kept: Vec<bool> = (0..recording.scans()).map(|scan| scan % EVERY == 0).collect();
+    recording.retain(&kept);
+    Some(recording)
+}
+
+fn applied(recording: &Recording, set: &ModelSet) -> Applied {
+    apply(&recording.as_scans(), set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap()
+}
+
+/// Mean over the taxels, scan by scan, kPa; NaN where none is read, or where it is a lower bound.
+fn area_kpa(applied: &Applied) -> Vec<f64> {
+    let of = |scan: usize| {
+        if applied.area_sigma_kpa.get(scan).is_some_and(|sigma| sigma.is_infinite()) {
+            return f64::NAN;
+        }
+        let read = applied.pressure_kpa.iter().filter_map(|column| column.get(scan)).filter(|kpa| kpa.is_finite());
+        let (sum, count) = read.fold((0.0, 0.0), |(sum, count), kpa| (sum + kpa, count + 1.0));
+        sum / count
+    };
+    (0..applied.area_sigma_kpa.len()).map(of).collect()
+}
+
+#[test]
+fn five_load_points_correct_the_gain_of_another_day_on_scans_that_none_of_them_is_of() {
+    let Some(calibration) = read("calibration") else { return };
+    let days = ["validation", "steps"].map(|name| read(name).unwrap());
+    let set = fit(&calibration.as_scans(), &FitRecipe::default(), &OneByOne).unwrap();
+    for (day, other) in [(&days[0], &days[1]), (&days[1], &days[0])] {
+        let (before, gauge) = (applied(day, &set), day.pressure_kpa.as_ref().unwrap());
+        let found = points_of(&day.time_s, &area_kpa(&before), gauge, LOAD_POINTS).unwrap();
+        let recalibration = Recalibration::of(&found.points, Assumptions::PRESSURES).unwrap();
+        assert!(recalibration.refused_because.is_empty(), "{:?}", recalibration.refused_because);
+        let better = corrected(&set, &recalibration, None, 0).unwrap();
+        // Of the day itself only the rest is scored.
+        let rest = gauge.iter().zip(&found.taken).map(|(kpa, taken)| if *taken { f64::NAN } else { *kpa });
+        let rest: Vec<f64> = rest.collect();
+        let told = |was: &Score, is: &Score| {
+            eprintln!(
+                "gain {:.4}: {:.2} % before, {:.2} % after",
+                recalibration.line.gain, was.area_percent, is.area_percent
+            );
+            assert!(is.area_percent < was.area_percent);
+        };
+        let is = judge(&applied(day, &better), &rest);
+        told(&judge(&before, &rest), &is);
+        assert!(is.area_percent <= 3.0, "the aim");
+        let gauge = other.pressure_kpa.as_ref().unwrap();
+        told(&judge(&applied(other, &set), gauge), &judge(&applied(other, &better), gauge));
+        // A chamber whose gauge was read wrong for a time contradicts itself, and nothing is corrected.
+        let wrong: Vec<f64> =
+            found.points.iter().map(|point| point.known).map(|kpa| if kpa > 250.0 { 1.2 * kpa } else { kpa }).collect();
+        let mut points = found.points.clone();
+        points.iter_mut().zip(wrong).for_each(|(point, kpa)| point.known = kpa);
+        let refused = Recalibration::of(&points, Assumptions::PRESSURES);
+        assert!(refused.is_err() || refused.is_ok_and(|refused| !refused.refused_because.is_empty()));
+    }
+}
