@@ -1,13 +1,10 @@
 #!/usr/bin/env python3
-"""How fast and how regularly forces come, and what a fleet costs its router.
+"""How fast and how regularly forces come.
 
-    tests/bridge/rate.py TAXELD BRIDGE SCRATCH [--seconds 60] [--rate 1000] [--reader target/release/examples/reader]
-    tests/bridge/rate.py --robots 10,50,200 --load target/release/examples/robots SCRATCH [--seconds 20] [--rate 50]
+    tests/bridge/rate.py TAXELD BRIDGE SCRATCH [--seconds 60] [--rate 1000]
 
-The first asks the daemon for forces at that rate, through bridge and router to a reader in Python, and beside it over
-gRPC, and with --reader to one in Rust, too. A number that both readers miss was lost before the router's end, one that a
-single reader misses on its way from there. The second puts robots on one router. Times are of one machine and of what
-else runs on it: the load is printed.
+Asks the daemon for forces at that rate, through bridge and router to a reader in Python, and beside it over gRPC. Times are
+of one machine and of what else runs on it: the load is printed.
 """
 
 import argparse
@@ -71,16 +68,6 @@ def since(times, ticks):
     return [time - last(time) for time in times if ticks[0] < time < ticks[-1]]
 
 
-def diagnosed(session, graph):
-    """What the bridge itself says of its samples."""
-    diagnostics = ros.Topic(session, 0, graph.topics()["/diagnostics"])
-    until("diagnostics", lambda: diagnostics.count())
-    for status in diagnostics.since(0)[-1][2].status:
-        if status.name == "taxel: force of left_forearm":
-            return {value.key: value.value for value in status.values}
-    raise AssertionError("the bridge does not diagnose the patch")
-
-
 def one_robot(arguments, stage):
     grpc, router = free_port(), f"tcp/127.0.0.1:{free_port()}"
     daemon = stage.start("taxeld", arguments.paths[0], "demo", "--listen", f"127.0.0.1:{grpc}")
@@ -95,68 +82,31 @@ def one_robot(arguments, stage):
     reader = Reader(session, graph.topics()["/skin/left_forearm/wrench"])
     until("forces", lambda: len(reader.sequence) > 100)
     beside, sendings = pathlib.Path(__file__).parent / "beside.py", stage.scratch / "sendings"
-    others = [stage.start("grpc", sys.executable, beside, f"127.0.0.1:{grpc}", str(arguments.rate), str(arguments.seconds), sendings)]
-    if arguments.reader:
-        others.append(stage.start("reader", arguments.reader, router, reader.key, str(arguments.seconds)))
-    told, first, before, begun = diagnosed(session, graph), len(reader.sequence), usage(bridge.pid), time.monotonic()
+    other = stage.start("grpc", sys.executable, beside, f"127.0.0.1:{grpc}", str(arguments.rate), str(arguments.seconds), sendings)
+    first, before, begun = len(reader.sequence), usage(bridge.pid), time.monotonic()
     time.sleep(arguments.seconds)
-    last, after, span, tells = len(reader.sequence), usage(bridge.pid), time.monotonic() - begun, diagnosed(session, graph)
+    last, after, span = len(reader.sequence), usage(bridge.pid), time.monotonic() - begun
     sequence, sent, came = (list(kept)[first:last] for kept in (reader.sequence, reader.sent, reader.came))
-    counts = ", ".join(f"{int(tells[key]) - int(told[key])} {key}" for key in ("published", "withheld", "skipped"))
-    print(f"bridge, {arguments.rate:.0f} Hz asked for: {counts}; sent {evenness(sent, arguments.rate)}")
+    print(f"bridge, {arguments.rate:.0f} Hz asked for: sent {evenness(sent, arguments.rate)}")
     print(f"Python: {len(sequence)} samples in {span:.1f} s, {len(missing(sequence))} missing {missing(sequence)[:20]}; "
           f"between two arrivals {evenness(came, arguments.rate)}")
     print(f"  bridge's sending to here: {quantiles([c - s for c, s in zip(came, sent)])}")
-    for other in others:
-        until("the other readers end", lambda: other.poll() is not None)
-        print(other.log.read_text().strip())
+    until("the other reader ends", lambda: other.poll() is not None)
+    print(other.log.read_text().strip())
     ways = since(sent, array.array("q", sendings.read_bytes()))
     print(f"daemon's sending to the bridge's: {quantiles(ways)} of {len(ways)}")
     print(f"bridge: {100 * (after[0] - before[0]) / span:.1f} % of a core, {after[1]:.1f} MB; router {usage(router_process.pid)[1]:.1f} MB")
 
 
-def many_robots(arguments, stage):
-    print("robots  asked Hz  heard Hz  missing  router % of a core  a robot  router MB  a robot kB")
-    for robots in [int(count) for count in arguments.robots.split(",")]:
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
-        router = stage.router(endpoint)
-        empty, heard, alive = usage(router.pid)[1], {}, set()
-        session = client(endpoint)
-        tokens = session.liveliness().declare_subscriber(
-            "taxel/*/alive", lambda sample: alive.add(str(sample.key_expr)), history=True)
-
-        def take(sample):
-            key = str(sample.key_expr)
-            heard[key] = heard.get(key, 0) + 1
-
-        forces = session.declare_subscriber("taxel/*/force/*", take)
-        load = stage.start("robots", arguments.load, endpoint, str(robots), str(arguments.rate), str(arguments.seconds + 30))
-        until("all robots", lambda: len(alive) == robots and len(heard) == robots)
-        before, begun, count = usage(router.pid), time.monotonic(), sum(heard.values())
-        time.sleep(arguments.seconds)
-        after, span, total = usage(router.pid), time.monotonic() - begun, sum(heard.values()) - count
-        core, asked = 100 * (after[0] - before[0]) / span, robots * arguments.rate
-        print(f"{robots:6}  {asked:8.0f}  {total / span:8.0f}  {100 * (1 - total / span / asked):6.1f} %  {core:18.1f}  "
-              f"{core / robots:5.2f} %  {after[1]:9.1f}  {1000 * (after[1] - empty) / robots:10.0f}", flush=True)
-        forces.undeclare(), tokens.undeclare(), session.close()
-        stage.end(load), stage.end(router)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", nargs="+", metavar="PATH")
-    parser.add_argument("--seconds", type=float)
-    parser.add_argument("--reader", metavar="PATH")
-    parser.add_argument("--rate", type=float)
-    parser.add_argument("--robots")
-    parser.add_argument("--load")
+    parser.add_argument("paths", nargs=3, metavar="PATH")
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--rate", type=float, default=1000.0)
     arguments = parser.parse_args()
-    fleet = arguments.robots is not None
-    arguments.seconds = arguments.seconds or (20 if fleet else 60)
-    arguments.rate = arguments.rate or (50.0 if fleet else 1000.0)
     stage = Stage(pathlib.Path(arguments.paths[-1]))
     print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    stage.play(lambda: (many_robots if fleet else one_robot)(arguments, stage))
+    stage.play(lambda: one_robot(arguments, stage))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::ros::keys;
 
-/// Patches of one bridge; each takes two of the streams that a daemon serves.
+/// Patches of one bridge; each takes up to three of the streams that a daemon serves.
 const PATCHES_MAX: usize = 32;
 
 /// The whole file.
@@ -96,15 +96,13 @@ impl Default for RosSection {
 pub struct FleetSection {
     /// The fleet's router, if it is another one than the robot's own.
     pub zenoh: Option<ZenohSection>,
-    /// Force samples per second of each patch, 0.1 to 1000.
+    /// Force samples per second of each patch, 1 to 1000.
     pub rate_hz: f64,
-    /// Whether a model set may come from the fleet; an operator of this robot activates it or does not.
-    pub imports: bool,
 }
 
 impl Default for FleetSection {
     fn default() -> Self {
-        Self { zenoh: None, rate_hz: 10.0, imports: false }
+        Self { zenoh: None, rate_hz: 10.0 }
     }
 }
 
@@ -158,7 +156,7 @@ impl Config {
         }
         if let Some(fleet) = &self.fleet {
             let rate = fleet.rate_hz;
-            ensure!((0.1..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 0.1 to 1000");
+            ensure!((1.0..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 1 to 1000");
         }
         let count = self.patches.len();
         ensure!((1..=PATCHES_MAX).contains(&count), "{count} [[patch]] sections: expected 1 to {PATCHES_MAX}");
@@ -246,7 +244,7 @@ mod tests {
             (LEAST.replace("[ros]", "[ros]\nnamespace = \"/a//b\""), "ros.namespace"),
             (LEAST.replace("[ros]", "[ros]\nnode = \"a b\""), "ros.node"),
             (LEAST.replace("[ros]", "[ros]\ncolour = 1"), "colour"),
-            (LEAST.replace("[ros]", "[fleet]\nrate_hz = 0.0"), "fleet.rate_hz"),
+            (LEAST.replace("[ros]", "[fleet]\nrate_hz = 0.5"), "fleet.rate_hz"),
             (LEAST.replace("[ros]", "[ros]\n[daemon.tls]\nca = \"a\"\nkey = \"b\""), "certificate"),
             ("robot = \"a\"\npatch = []\n[ros]\n".to_owned(), "[[patch]]"),
             (format!("{LEAST}rate_hz = 0.5"), "rate_hz"),

@@ -3,26 +3,32 @@
 use std::time::Duration;
 
 use anyhow::Context;
-use taxel_client::{Address, Line, Options, TlsOptions};
+use taxel_client::{Address, Forces, Line, Options, TlsOptions};
 use taxel_proto::code_name;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_proto::v1::{GetHealthRequest, Health};
+use tokio::sync::watch;
 use tonic::{Response, Status};
 
 use crate::config::{DaemonSection, TlsSection};
 
-/// Largest answer that is taken: certificates of large patches are beyond tonic's 4 MiB.
-const ANSWER_BYTES_MAX: usize = 64 << 20;
-
-/// A daemon that has not answered by then does not, and the next question has its turn. It gives up a command itself then.
+/// A daemon that has not answered a command by then does not, and the next question has its turn. It gives up a command
+/// itself then.
 const ANSWER_WITHIN: Duration = Duration::from_secs(100);
+/// How often the daemon is asked for its health.
+const HEALTH_EVERY: Duration = Duration::from_secs(1);
+/// A daemon that does not answer by then does not run.
+const HEALTH_WITHIN: Duration = Duration::from_secs(2);
+
+/// The daemon's health, or why it gives none.
+pub type HealthFeed = watch::Receiver<Result<Health, String>>;
 
 /// The daemon. The connection is made when the first call needs it, and made anew after it broke.
 #[derive(Clone)]
 pub struct Daemon {
+    options: Options,
     line: Line,
-    server: String,
 }
 
 impl Daemon {
@@ -36,19 +42,18 @@ impl Daemon {
             None => Address::local(),
         };
         let tls = section.tls.as_ref().map(certificates).transpose().context("daemon.tls")?;
-        let server = address.to_string();
         let options = Options { token: section.token_file.clone(), tls, ..Options::new(address) };
-        Ok(Self { line: options.connect_lazy()?, server })
+        Ok(Self { line: options.connect_lazy()?, options })
     }
 
     /// Its address.
-    pub fn server(&self) -> &str {
-        &self.server
+    pub fn server(&self) -> String {
+        self.options.address.to_string()
     }
 
-    /// `ForceService`.
-    pub fn force(&self) -> ForceServiceClient<Line> {
-        ForceServiceClient::new(self.line.clone())
+    /// Follows the force of a patch: so many samples a second, or each as it comes.
+    pub fn forces(&self, patch: &str, rate_hz: Option<f64>) -> Forces {
+        taxel_client::follow(Options { patch: patch.to_owned(), rate_hz, ..self.options.clone() })
     }
 
     /// `SkinService`.
@@ -58,7 +63,22 @@ impl Daemon {
 
     /// `ModelService`.
     pub fn models(&self) -> ModelServiceClient<Line> {
-        ModelServiceClient::new(self.line.clone()).max_decoding_message_size(ANSWER_BYTES_MAX)
+        ModelServiceClient::new(self.line.clone())
+    }
+
+    /// Asks for the health once a second, for as long as somebody wants to know.
+    pub fn follow_health(&self) -> HealthFeed {
+        let (sender, health) = watch::channel(Err("not asked yet".to_owned()));
+        let daemon = self.clone();
+        tokio::spawn(async move {
+            while !sender.is_closed() {
+                let mut skin = daemon.skin();
+                let told = answered_within(HEALTH_WITHIN, skin.get_health(GetHealthRequest {})).await;
+                sender.send_modify(|health| *health = told);
+                tokio::time::sleep(HEALTH_EVERY).await;
+            }
+        });
+        health
     }
 }
 
@@ -80,10 +100,17 @@ pub fn words(status: &Status) -> String {
 
 /// What the daemon answers in time, or why it does not, in words.
 pub async fn answered<A>(call: impl Future<Output = Result<Response<A>, Status>>) -> Result<A, String> {
-    match tokio::time::timeout(ANSWER_WITHIN, call).await {
+    answered_within(ANSWER_WITHIN, call).await
+}
+
+async fn answered_within<A>(
+    limit: Duration,
+    call: impl Future<Output = Result<Response<A>, Status>>,
+) -> Result<A, String> {
+    match tokio::time::timeout(limit, call).await {
         Ok(Ok(answer)) => Ok(answer.into_inner()),
         Ok(Err(status)) => Err(words(&status)),
-        Err(_) => Err(format!("the daemon has not answered within {} s", ANSWER_WITHIN.as_secs())),
+        Err(_) => Err(format!("the daemon has not answered within {} s", limit.as_secs())),
     }
 }
 

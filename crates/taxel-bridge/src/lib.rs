@@ -1,17 +1,15 @@
 //! A bridge from the service `taxel.v1` to Zenoh: the force of robot skin as topics of ROS 2, without ROS, and robots as
 //! members of a fleet.
 //!
-//! The bridge is a process of its own and an ordinary client of the daemon, which knows nothing of it. `feed.rs` brings
-//! what the daemon says, `belief.rs` decides at the moment of sending whether it is still a force, `ros/` and `fleet/`
-//! publish. `cdr`, `keys`, `attachment`, `types`, `messages`, `diagnostics`, `book` and `table` are pure.
+//! The bridge is a process of its own and an ordinary client of the daemon, which knows nothing of it. `taxel-client`
+//! follows the force and judges at the moment of sending whether it still is one; `ros/` and `fleet/` publish. `cdr`,
+//! `keys`, `attachment`, `types`, `messages`, `diagnostics`, `book` and `table` are pure.
 
-pub mod belief;
 pub mod config;
 pub mod daemon;
-pub mod feed;
 pub mod fleet;
-pub mod follow;
 pub mod link;
 pub mod ros;
 pub mod run;
 mod signals;
+mod wall;

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use taxel_bridge::config::Config;
-use taxel_bridge::fleet::ask::{self, AskArgs};
 use taxel_bridge::fleet::watch::{self, FleetArgs};
 use taxel_bridge::run;
 use tracing_subscriber::EnvFilter;
@@ -33,8 +32,6 @@ enum Command {
     },
     /// Shows all robots of a router.
     Fleet(FleetArgs),
-    /// Asks one of them for its events, or sends it a model set.
-    Ask(AskArgs),
 }
 
 /// Zenoh needs a runtime with threads; one thread of ours is enough beside its own.
@@ -58,6 +55,5 @@ async fn command(command: Command) -> anyhow::Result<()> {
             Ok(())
         }
         Command::Fleet(args) => watch::watch(args).await,
-        Command::Ask(args) => ask::ask(args).await,
     }
 }

@@ -28,10 +28,3 @@ fn a_configuration_is_checked_and_refused_with_file_and_place() {
         assert!(!output.status.success() && error.contains(said), "{bad}\n{error}");
     }
 }
-
-#[test]
-fn a_view_with_a_senseless_rate_is_refused() {
-    let output = bridge(&["fleet", "--every", "0"]);
-    assert!(!output.status.success());
-    assert!(String::from_utf8_lossy(&output.stderr).contains("--every 0"), "{output:?}");
-}

@@ -1,9 +1,7 @@
-//! Many robots on one router: what each tells of itself, and all of them in one view.
+//! Many robots on one router: what each tells of itself, and all of them in one table.
 
-pub mod ask;
 pub mod book;
 pub mod keys;
-pub mod queries;
 pub mod robot;
 pub mod table;
 pub mod watch;

@@ -6,8 +6,7 @@ use taxel_skin::printable;
 
 use crate::fleet::book::Row;
 
-const HEAD: [&str; 11] =
-    ["robot", "patch", "state", "force N", "age", "excluded", "lost", "zero", "drift", "calibrated", "why"];
+const HEAD: [&str; 9] = ["robot", "patch", "state", "force N", "age", "excluded", "zero", "calibrated", "why"];
 
 /// A span of time as people say it.
 fn span(seconds: f64) -> String {
@@ -21,7 +20,7 @@ fn span(seconds: f64) -> String {
 }
 
 /// How long ago something was, in s; what a clock that is ahead says of the future is now.
-pub fn ago(seconds: i64) -> String {
+fn ago(seconds: i64) -> String {
     format!("{} ago", span(seconds.max(0) as f64))
 }
 
@@ -32,23 +31,17 @@ fn cells(row: &Row, now_s: i64) -> [String; HEAD.len()] {
         Some(false) => Some("not valid".to_owned()),
         _ => since(row.zero_taken),
     };
-    let mut why = row.reasons.join("; ");
-    if !row.here {
-        why = format!("vanished {} ago", span(row.for_s));
-    }
     let none = || "-".to_owned();
     [
         row.robot.clone(),
         row.patch.clone(),
         if row.simulated { format!("{}, simulated", row.state) } else { row.state.clone() },
         force.unwrap_or_else(none),
-        row.age_s.filter(|age| age.is_finite() && row.here).map_or_else(none, span),
+        row.age_s.filter(|age| age.is_finite()).map_or_else(none, span),
         row.excluded.map_or_else(none, |excluded| excluded.to_string()),
-        row.lost.map_or_else(none, |lost| lost.to_string()),
         zero.unwrap_or_else(none),
-        row.drift_counts.map_or_else(none, |counts| format!("{counts:+.1}")),
         since(row.calibrated).unwrap_or_else(none),
-        why,
+        row.reasons.join("; "),
     ]
 }
 
@@ -84,39 +77,34 @@ mod tests {
     fn a_table_says_what_is_and_a_dash_where_nothing_is_known() {
         let row = Row {
             robot: "icub".into(),
-            here: true,
-            for_s: 90.0,
             patch: "arm".into(),
             state: "OK".into(),
             force_n: Some(4.904),
-            simulated: false,
             sigma_n: Some(0.21),
             age_s: Some(0.02),
             excluded: Some(11),
-            lost: Some(2),
             zero_valid: Some(true),
             zero_taken: Some(1_000),
-            drift_counts: Some(-0.52),
-            calibrated: None,
-            model_set: "m-1".into(),
-            reasons: Vec::new(),
+            ..Row::default()
         };
-        let gone = Row { robot: "r1".into(), here: false, force_n: None, state: "GONE".into(), ..row.clone() };
-        let demo = text(&[Row { simulated: true, ..row.clone() }], 8_300);
-        assert!(demo.lines().nth(1).unwrap().contains("OK, simulated  4.90 +- 0.21"), "{demo}");
-        let forged = "\nicub02  arm  OK  4.90 +- 0.10\u{1b}[2J".to_owned();
-        let forged = text(&[Row { reasons: vec![forged], ..row.clone() }], 8_300);
-        assert_eq!((forged.lines().count(), forged.contains('\u{1b}')), (2, false), "{forged}");
-        let text = text(&[row, gone], 8_300);
+        let reasons = vec!["nothing new for 9.1 s".to_owned()];
+        let silent = Row { robot: "r1".into(), patch: "leg".into(), state: "SILENT".into(), reasons, ..Row::default() };
+        let text = text(&[row, silent], 8_300);
         let lines: Vec<_> = text.lines().collect();
-        assert_eq!(
-            lines[0],
-            "robot  patch  state  force N       age    excluded  lost  zero     drift  calibrated  why"
-        );
-        assert_eq!(lines[1], "icub   arm    OK     4.90 +- 0.21  0.0 s  11        2     2 h ago  -0.5   -");
+        assert_eq!(lines[0], "robot  patch  state   force N       age    excluded  zero     calibrated  why");
+        assert_eq!(lines[1], "icub   arm    OK      4.90 +- 0.21  0.0 s  11        2 h ago  -");
         assert_eq!(
             lines[2],
-            "r1     arm    GONE   -             -      11        2     2 h ago  -0.5   -           vanished 90 s ago"
+            "r1     leg    SILENT  -             -      -         -        -           nothing new for 9.1 s"
         );
+    }
+
+    #[test]
+    fn what_a_robot_says_forges_no_row_and_is_no_command_to_the_terminal() {
+        let forged = "\nicub02  arm  OK  4.90 +- 0.10\u{1b}[2J".to_owned();
+        let row = Row { state: "OK".into(), simulated: true, reasons: vec![forged], ..Row::default() };
+        let text = text(&[row], 8_300);
+        assert_eq!((text.lines().count(), text.contains('\u{1b}')), (2, false), "{text}");
+        assert!(text.contains("OK, simulated"), "{text}");
     }
 }

@@ -2,34 +2,29 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use prost::Message;
 use taxel_client::Moment;
-use taxel_proto::v1::{ForceSample, Health, ListModelSetsResponse, ModelSetSummary};
-use taxel_skin::printable;
-use tokio::sync::mpsc;
-use tokio::time::{Instant, MissedTickBehavior};
-use zenoh::Session;
-use zenoh::handlers::{FifoChannel, FifoChannelHandler};
-use zenoh::pubsub::Subscriber;
-use zenoh::sample::{Sample, SampleKind};
+use tokio::time::{Instant, MissedTickBehavior, interval_at};
+use zenoh::handlers::FifoChannel;
+use zenoh::sample::Sample;
 
 use crate::config::ZenohSection;
-use crate::fleet::book::Book;
-use crate::fleet::{keys, table};
+use crate::fleet::book::{Book, Now};
+use crate::fleet::keys::{self, Told};
+use crate::fleet::table;
 use crate::link::{self, tried};
-use crate::ros::node::wall_ns;
 use crate::signals::asked_to_end;
 
 /// Messages that may wait here: a hundred from each of a hundred robots. Beyond that Zenoh waits, and the router drops.
 const QUEUE: usize = 10_000;
-/// A robot is asked for its models so often while they are not known.
-const MODELS_EVERY: Duration = Duration::from_secs(2);
-/// A robot that does not answer by then is asked again later.
-const MODELS_WITHIN: Duration = Duration::from_secs(2);
 /// A force sample has some hundred bytes, the health of a robot with ten buses some ten thousand.
 const MESSAGE_BYTES_MAX: usize = 256 << 10;
+/// From one table to the next.
+const SHOW_EVERY: Duration = Duration::from_secs(1);
+/// A single table shows what came in this time: everything that a robot tells comes once a second.
+const ONCE_AFTER: Duration = Duration::from_secs(3);
 /// Clears a terminal and goes to its upper left corner.
 const CLEAR: &str = "\x1b[2J\x1b[H";
 
@@ -42,70 +37,36 @@ pub struct FleetArgs {
     /// A configuration file of Zenoh, for TLS.
     #[arg(long, value_name = "FILE")]
     zenoh_config: Option<PathBuf>,
-    /// One JSON object a line: `{"rows": [...]}` at the rate, `{"event": "vanished", "robot": ...}` at once.
+    /// One JSON object a line, `{"rows": [...]}`.
     #[arg(long)]
     json: bool,
-    /// Seconds from one table to the next.
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
-    every: f64,
-    /// End after so many tables.
-    #[arg(long, value_name = "N")]
-    tables: Option<u64>,
-    /// An older force is none, in seconds.
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
-    age_max: f64,
-}
-
-struct View {
-    session: Session,
-    book: Book,
-    begun: Moment,
-    json: bool,
-}
-
-fn seconds(name: &str, seconds: f64) -> anyhow::Result<Duration> {
-    let fits = (0.05..=3600.0).contains(&seconds);
-    anyhow::ensure!(fits, "{name} {seconds}: expected 0.05 to 3600");
-    Ok(Duration::from_secs_f64(seconds))
+    /// Show what comes in three seconds, and end.
+    #[arg(long)]
+    once: bool,
 }
 
 /// Shows the fleet until it is ended.
 ///
 /// # Errors
-/// If the arguments cannot be used, the session breaks or nobody takes the output.
+/// If the router's configuration cannot be used, the session breaks or nobody takes the output.
 pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
-    let (every, age_max) = (seconds("--every", args.every)?, seconds("--age-max", args.age_max)?);
     let session = link::open(&ZenohSection { router: args.router, config: args.zenoh_config }).await?;
-    let queue = || FifoChannel::new(QUEUE);
-    let alive = session.liveliness().declare_subscriber(keys::ALL_ALIVE).history(true).with(queue()).await;
-    let alive = tried("listening for robots", alive)?;
-    let forces = tried("listening for forces", session.declare_subscriber(keys::ALL_FORCES).with(queue()).await)?;
-    let health = tried("listening for health", session.declare_subscriber(keys::ALL_HEALTH).with(queue()).await)?;
-    let begun = Moment::now();
-    let mut view = View { session, book: Book::new(age_max), begun, json: args.json };
-    let (mut shown, mut ask) = (0, tokio::time::interval(MODELS_EVERY));
-    let mut show = tokio::time::interval_at(Instant::now() + every, every);
-    // Whoever has not taken the last tables gets no table of then, but the next one of now, and with all that came meanwhile.
+    let told = tried("listening", session.declare_subscriber(keys::ALL).with(FifoChannel::new(QUEUE)).await)?;
+    let mut book = Book::default();
+    let first = Instant::now() + if args.once { ONCE_AFTER } else { SHOW_EVERY };
+    let mut show = interval_at(first, SHOW_EVERY);
+    // Whoever has not taken the last tables gets no table of then, but the next one of now.
     show.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    let (models, mut answers) = mpsc::channel::<Models>(64);
     let ended = asked_to_end();
     tokio::pin!(ended);
     loop {
         tokio::select! {
             biased;
             asked = &mut ended => return asked,
-            sample = next(&alive) => view.alive(&sample?)?,
-            sample = next(&forces) => view.force(&sample?),
-            sample = next(&health) => view.health(&sample?),
-            Some((robot, sets)) = answers.recv() => {
-                let now = view.begun.elapsed();
-                view.book.models(&robot, sets, now);
-            }
-            _ = ask.tick() => view.ask_for_models(&models),
+            sample = told.recv_async() => take(&mut book, &tried("the session", sample)?),
             _ = show.tick() => {
-                view.show()?;
-                shown += 1;
-                if args.tables.is_some_and(|tables| shown >= tables) {
+                print(&book, args.json)?;
+                if args.once {
                     return Ok(());
                 }
             }
@@ -113,82 +74,24 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     }
 }
 
-async fn next(subscriber: &Subscriber<FifoChannelHandler<Sample>>) -> anyhow::Result<Sample> {
-    tried("the session", subscriber.recv_async().await)
+fn now() -> Now {
+    Now { at: Moment::now(), wall: SystemTime::now() }
 }
 
-/// A robot and its model sets in use.
-type Models = (String, Vec<ModelSetSummary>);
-
-impl View {
-    fn alive(&mut self, sample: &Sample) -> anyhow::Result<()> {
-        let Some((robot, _)) = keys::split(sample.key_expr().as_str()) else { return Ok(()) };
-        let here = sample.kind() == SampleKind::Put;
-        if self.book.alive(robot, here, self.begun.elapsed()) {
-            let event = if here { "appeared" } else { "vanished" };
-            if self.json {
-                print(&format!("{}\n", serde_json::json!({ "event": event, "robot": robot })))?;
-            } else if !std::io::stdout().is_terminal() {
-                print(&format!("{} {event}\n", printable(robot)))?;
-            }
-        }
-        Ok(())
-    }
-
-    fn force(&mut self, sample: &Sample) {
-        let key = sample.key_expr().as_str();
-        let Some((robot, patch)) =
-            keys::split(key).and_then(|(robot, rest)| Some((robot, rest.strip_prefix("force/")?)))
-        else {
-            return;
-        };
-        match decoded::<ForceSample>(sample) {
-            Ok(force) => self.book.force(robot, patch, force, self.begun.elapsed()),
-            Err(error) => tracing::warn!(key, "no force sample: {error}"),
-        }
-    }
-
-    fn health(&mut self, sample: &Sample) {
-        let key = sample.key_expr().as_str();
-        let Some((robot, _)) = keys::split(key) else { return };
-        match decoded::<Health>(sample) {
-            Ok(health) => self.book.health(robot, health, self.begun.elapsed()),
-            Err(error) => tracing::warn!(key, "no health: {error}"),
-        }
-    }
-
-    fn ask_for_models(&self, answers: &mpsc::Sender<Models>) {
-        for robot in self.book.unknown_models() {
-            let (session, answers) = (self.session.clone(), answers.clone());
-            tokio::spawn(async move {
-                let Ok(replies) = session.get(keys::models(&robot)).timeout(MODELS_WITHIN).await else { return };
-                while let Ok(reply) = replies.recv_async().await {
-                    let bytes = reply.result().map(|sample| sample.payload().to_bytes().into_owned());
-                    if let Ok(Ok(sets)) = bytes.map(|bytes| ListModelSetsResponse::decode(&*bytes)) {
-                        // A full channel: the robot is asked again.
-                        let _ = answers.try_send((robot.clone(), sets.model_sets));
-                    }
-                }
-            });
-        }
-    }
-
-    fn show(&self) -> anyhow::Result<()> {
-        let rows = self.book.rows(self.begun.elapsed());
-        if self.json {
-            return print(&format!("{}\n", serde_json::json!({ "rows": rows })));
-        }
-        let (here, gone) = self.book.count();
-        let clear = if std::io::stdout().is_terminal() { CLEAR } else { "" };
-        let mut told = format!("{clear}{here} robots, {gone} vanished\n");
-        if self.book.refused() > 0 {
-            told += &format!("{} messages of more robots or patches than fit here\n", self.book.refused());
-        }
-        print(&(told + &table::text(&rows, wall_ns() / 1_000_000_000)))
+/// Writes down what a robot told.
+fn take(book: &mut Book, sample: &Sample) {
+    let key = sample.key_expr().as_str();
+    let Some((robot, told)) = keys::split(key) else { return };
+    let taken = match told {
+        Told::Force(patch) => decoded(sample).map(|force| book.force(robot, patch, force, now())),
+        Told::Model(patch) => decoded(sample).map(|model| book.model(robot, patch, model)),
+        Told::Health => decoded(sample).map(|health| book.health(robot, health, now())),
+    };
+    if let Err(error) = taken {
+        tracing::warn!(key, "a message that cannot be read: {error}");
     }
 }
 
-/// What a robot says of itself, which is kept as long as the robot is known.
 fn decoded<M: Message + Default>(sample: &Sample) -> Result<M, String> {
     let bytes = sample.payload().to_bytes();
     if bytes.len() > MESSAGE_BYTES_MAX {
@@ -197,8 +100,17 @@ fn decoded<M: Message + Default>(sample: &Sample) -> Result<M, String> {
     M::decode(&*bytes).map_err(|error| error.to_string())
 }
 
-fn print(text: &str) -> anyhow::Result<()> {
+fn print(book: &Book, json: bool) -> anyhow::Result<()> {
+    let now = now();
+    let rows = book.rows(now);
     let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes())?;
+    if json {
+        writeln!(out, "{}", serde_json::json!({ "rows": rows }))?;
+    } else {
+        let clear = if out.is_terminal() { CLEAR } else { "" };
+        let more = if book.is_full() { "there are more patches than these\n" } else { "" };
+        let now_s = now.wall.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
+        write!(out, "{clear}{more}{}", table::text(&rows, i64::try_from(now_s).unwrap_or(i64::MAX)))?;
+    }
     Ok(out.flush()?)
 }

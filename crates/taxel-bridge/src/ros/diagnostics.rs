@@ -1,11 +1,10 @@
 //! How everything is, for `diagnostic_msgs/msg/DiagnosticArray`: why a patch has no force, and what the daemon says of its
 //! buses and boards.
 
-use std::time::Duration;
+use taxel_client::{Force, NoForce};
+use taxel_proto::judge::{self, word};
+use taxel_proto::v1::{ForceReason, ForceSample, ForceState, Health, PatchHealth, ReasonCode};
 
-use taxel_proto::v1::{ForceSample, ForceState, Health, PatchHealth, ReasonCode};
-
-use crate::belief::NoForce;
 use crate::ros::types::{DiagnosticStatus, KeyValue};
 
 /// Levels of `diagnostic_msgs/msg/DiagnosticStatus`.
@@ -17,93 +16,72 @@ pub const ERROR: u8 = 2;
 /// Worked until lately.
 pub const STALE: u8 = 3;
 
-/// What the bridge knows of a patch at one moment.
-#[derive(Clone, Debug)]
-pub struct PatchView<'a> {
-    /// Its name at the daemon.
-    pub patch: &'a str,
-    /// Why the stream of its samples does not run; `None` while it runs.
-    pub lost: Option<&'a str>,
-    /// The newest sample.
-    pub sample: Option<&'a ForceSample>,
-    /// Its age, or why it is no force.
-    pub belief: Result<Duration, NoForce>,
-    /// Forces published so far.
-    pub published: u64,
-    /// Samples that were none.
-    pub withheld: u64,
-    /// Samples that the bridge did not see because newer ones were there.
-    pub skipped: u64,
-}
-
 fn value(key: &str, value: impl ToString) -> KeyValue {
     KeyValue { key: key.to_owned(), value: value.to_string() }
 }
 
 /// A patch's level and the words for it. It changes only when something about the patch does.
-pub fn level(view: &PatchView<'_>) -> (u8, String) {
-    if let Some(lost) = view.lost {
-        return (ERROR, format!("no force is published: no stream from the daemon: {lost}"));
-    }
-    let none = |why: &NoForce| format!("no force is published: {why}");
-    match (&view.belief, view.sample) {
-        (Err(why @ (NoForce::TooOld { .. } | NoForce::State { state: ForceState::Stale, .. })), _) => {
-            (STALE, none(why))
+fn level(judged: &Result<Force, NoForce>) -> (u8, String) {
+    match judged {
+        Ok(force) => of_force(&force.sample),
+        Err(why) => {
+            let is_old = matches!(
+                why,
+                NoForce::Sample(judge::NoForce::TooOld(..) | judge::NoForce::State(ForceState::Stale, ..))
+            );
+            (if is_old { STALE } else { ERROR }, format!("no force is published: {why}"))
         }
-        (Err(why), _) => (ERROR, none(why)),
-        (Ok(_), Some(sample)) => {
-            let mut words = sample.reasons.clone();
-            if sample.lower_bound {
-                words.push("the force may be higher by any amount".to_owned());
-            }
-            if sample.resultant_n.is_none() || sample.moment_nm.is_none() {
-                words.push(
-                    "no wrench: the daemon's scene has no outputs resultant and moment, or no normals".to_owned(),
-                );
-            }
-            match (words.is_empty(), sample.simulated) {
-                (true, false) => (OK, "OK".to_owned()),
-                (true, true) => (OK, "OK, simulated: no skin is touched".to_owned()),
-                (false, _) => (WARN, words.join("; ")),
-            }
-        }
-        (Ok(_), None) => (ERROR, none(&NoForce::Nothing)),
     }
 }
 
-/// A patch's force.
-pub fn patch(robot: &str, view: &PatchView<'_>) -> DiagnosticStatus {
-    let (level, message) = level(view);
-    let mut values =
-        vec![value("published", view.published), value("withheld", view.withheld), value("skipped", view.skipped)];
-    if let Some(sample) = view.sample {
-        values.extend([
-            value("state", sample.state().as_str_name().trim_start_matches("FORCE_STATE_")),
-            value("sequence", sample.sequence),
-            value("taxels active", sample.active),
-            value("taxels excluded", sample.excluded),
-            value("taxels stale", sample.stale),
-            value("taxels out of range", sample.out_of_range),
-            value("area not covered", format!("{:.1} %", 100.0 * sample.uncovered_share)),
-            value("model set", &sample.model_set),
-            value("simulated", sample.simulated),
-        ]);
-        let short = |code: ReasonCode| code.as_str_name().trim_start_matches("REASON_CODE_");
-        let codes: Vec<&str> = sample.causes.iter().map(|cause| short(cause.code())).collect();
-        if !codes.is_empty() {
-            values.push(value("reasons", codes.join(" ")));
+fn of_force(sample: &ForceSample) -> (u8, String) {
+    let mut words = sample.reasons.clone();
+    if sample.lower_bound {
+        words.push("the force may be higher by any amount".to_owned());
+    }
+    if sample.resultant_n.is_none() || sample.moment_nm.is_none() {
+        words.push("no wrench: the daemon's scene has no outputs resultant and moment, or no normals".to_owned());
+    }
+    match (words.is_empty(), sample.simulated) {
+        (true, false) => (OK, "OK".to_owned()),
+        (true, true) => (OK, "OK, simulated: no skin is touched".to_owned()),
+        (false, _) => (WARN, words.join("; ")),
+    }
+}
+
+/// A patch's force, of which so many samples were published.
+pub fn patch(robot: &str, patch: &str, judged: &Result<Force, NoForce>, published: u64) -> DiagnosticStatus {
+    let (level, message) = level(judged);
+    let mut values = vec![value("published", published)];
+    match judged {
+        Ok(Force { sample, age, .. }) => {
+            values.extend([
+                value("state", word(sample.state())),
+                value("sequence", sample.sequence),
+                value("taxels active", sample.active),
+                value("taxels excluded", sample.excluded),
+                value("taxels stale", sample.stale),
+                value("taxels out of range", sample.out_of_range),
+                value("area not covered", format!("{:.1} %", 100.0 * sample.uncovered_share)),
+                value("model set", &sample.model_set),
+                value("simulated", sample.simulated),
+                value("age", format!("{:.3} s", age.as_secs_f64())),
+            ]);
+            values.extend(reasons(sample.causes.iter().map(ForceReason::code)));
         }
+        Err(NoForce::Sample(judge::NoForce::State(state, _, codes))) => {
+            values.push(value("state", word(*state)));
+            values.extend(reasons(codes.iter().copied()));
+        }
+        Err(_) => {}
     }
-    if let Ok(age) = &view.belief {
-        values.push(value("age", format!("{:.3} s", age.as_secs_f64())));
-    }
-    DiagnosticStatus {
-        level,
-        name: format!("taxel: force of {}", view.patch),
-        message,
-        hardware_id: robot.into(),
-        values,
-    }
+    DiagnosticStatus { level, name: format!("taxel: force of {patch}"), message, hardware_id: robot.into(), values }
+}
+
+/// Why the state is not OK, for programs.
+fn reasons(codes: impl Iterator<Item = ReasonCode>) -> Option<KeyValue> {
+    let codes: Vec<_> = codes.map(|code| code.as_str_name().trim_start_matches("REASON_CODE_")).collect();
+    (!codes.is_empty()).then(|| value("reasons", codes.join(" ")))
 }
 
 /// What the daemon says of itself, or why it says nothing.
@@ -175,41 +153,31 @@ fn zero(patch: &PatchHealth) -> (u8, String) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::belief::{believe, tests::good};
+    use crate::ros::good;
+    use std::time::Duration;
     use taxel_proto::v1::{BoardHealth, BusHealth};
 
-    const LIMIT: Duration = Duration::from_millis(150);
-
-    fn view(sample: &ForceSample) -> PatchView<'_> {
-        PatchView {
-            patch: "arm",
-            lost: None,
-            sample: Some(sample),
-            belief: believe(sample, Duration::ZERO, LIMIT),
-            published: 1,
-            withheld: 2,
-            skipped: 3,
-        }
+    fn force(sample: ForceSample) -> Result<Force, NoForce> {
+        Ok(Force { total_n: 4.9, age: Duration::from_millis(20), sample })
     }
 
     #[test]
     fn a_patch_without_a_force_says_why() {
-        assert_eq!(level(&view(&good())), (OK, "OK".to_owned()));
-        let demo = ForceSample { simulated: true, ..good() };
-        assert_eq!(level(&view(&demo)), (OK, "OK, simulated: no skin is touched".to_owned()));
-        assert!(patch("icub", &view(&demo)).values.contains(&value("simulated", true)));
-        let sample = ForceSample {
-            state: ForceState::TareInvalid.into(),
-            reasons: vec!["a board took a new zero".into()],
-            ..good()
-        };
-        let said = level(&view(&sample));
+        assert_eq!(level(&force(good())), (OK, "OK".to_owned()));
+        let demo = force(ForceSample { simulated: true, ..good() });
+        assert_eq!(level(&demo), (OK, "OK, simulated: no skin is touched".to_owned()));
+        assert!(patch("icub", "arm", &demo, 1).values.contains(&value("simulated", true)));
+        let (reasons, codes) = (vec!["a board took a new zero".to_owned()], vec![ReasonCode::RestNotProven]);
+        let invalid = Err(NoForce::Sample(judge::NoForce::State(ForceState::TareInvalid, reasons, codes)));
+        let said = level(&invalid);
         assert_eq!(said, (ERROR, "no force is published: TARE_INVALID: a board took a new zero".to_owned()));
-        let sample = ForceSample { age_s: Some(3.0), ..good() };
-        assert_eq!(level(&view(&sample)).0, STALE);
-        let good = good();
-        let lost = PatchView { lost: Some("connection refused"), ..view(&good) };
-        let (level, message) = level(&lost);
+        let values = patch("icub", "arm", &invalid, 1).values;
+        assert_eq!(values[1..], [value("state", "TARE_INVALID"), value("reasons", "REST_NOT_PROVEN")]);
+        assert_eq!(
+            level(&Err(NoForce::Sample(judge::NoForce::TooOld(Duration::from_secs(3), Duration::from_millis(150))))).0,
+            STALE
+        );
+        let (level, message) = level(&Err(NoForce::Lost("connection refused".to_owned())));
         assert_eq!(level, ERROR);
         assert!(message.contains("connection refused"), "{message}");
     }
@@ -223,7 +191,7 @@ mod tests {
             resultant_n: None,
             ..good()
         };
-        let (level, message) = level(&view(&sample));
+        let (level, message) = level(&force(sample));
         assert_eq!(level, WARN);
         for part in ["3 taxels have a fault", "higher by any amount", "no wrench"] {
             assert!(message.contains(part), "{message}");

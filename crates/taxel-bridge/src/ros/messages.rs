@@ -1,13 +1,12 @@
 //! From samples of the service to messages of ROS 2.
 //!
-//! Whoever calls these has decided (`belief.rs`) that the sample is a force. What the scene does not compute gives no
+//! Whoever calls these has decided that the sample is a force. What the scene does not compute gives no
 //! message, and no message holds a number that is none.
 
 use std::time::Duration;
 
 use taxel_proto::v1::{ForceSample, ForceState, Skin, TaxelSample, Vector3 as ProtoVector};
 
-use crate::belief;
 use crate::ros::types::{
     Header, JointState, PointCloud2, PointField, PointStamped, Time, Vector3, Wrench, WrenchStamped,
 };
@@ -34,14 +33,15 @@ fn header(time: Option<&taxel_proto::Timestamp>, frame: &str) -> Option<Header> 
     Some(Header { stamp, frame_id: frame.to_owned() })
 }
 
-fn vector(of: &ProtoVector) -> Vector3 {
-    Vector3 { x: of.x, y: of.y, z: of.z }
+fn vector(of: Option<&ProtoVector>) -> Option<Vector3> {
+    let of = of.filter(|of| [of.x, of.y, of.z].into_iter().all(f64::is_finite))?;
+    Some(Vector3 { x: of.x, y: of.y, z: of.z })
 }
 
 /// The force that acts on the skin and its moment about the origin of the patch's frame; `None` if the scene has no
 /// force vector.
 pub fn wrench(sample: &ForceSample, frame: &str) -> Option<WrenchStamped> {
-    let wrench = Wrench { force: vector(sample.resultant_n.as_ref()?), torque: vector(sample.moment_nm.as_ref()?) };
+    let wrench = Wrench { force: vector(sample.resultant_n.as_ref())?, torque: vector(sample.moment_nm.as_ref())? };
     Some(WrenchStamped { header: header(sample.time.as_ref(), frame)?, wrench })
 }
 
@@ -68,17 +68,22 @@ pub fn force(sample: &ForceSample, frame: &str) -> Option<JointState> {
 
 /// The centre of pressure; `None` without a load or positions.
 pub fn centre_of_pressure(sample: &ForceSample, frame: &str) -> Option<PointStamped> {
-    let point = vector(sample.centre_of_pressure_m.as_ref()?);
+    let point = vector(sample.centre_of_pressure_m.as_ref())?;
     Some(PointStamped { header: header(sample.time.as_ref(), frame)?, point })
 }
 
-/// The taxels that have a position, no fault and, at this moment, a pressure that is not too old; the sample has waited here
-/// for `waited`.
+/// An age that is no time is as bad as an old one.
+fn age(age_s: f32, waited: Duration) -> Duration {
+    Duration::try_from_secs_f32(age_s).map_or(Duration::MAX, |sent_with| sent_with.saturating_add(waited))
+}
+
+/// The taxels that have a position, no fault and, at this moment, a pressure that is not too old; the sample was sent
+/// `waited` ago.
 pub fn taxels(sample: &TaxelSample, skin: &Skin, frame: &str, waited: Duration) -> Option<PointCloud2> {
     let header = header(sample.time.as_ref(), frame)?;
     let (mut data, mut width, mut is_dense) = (Vec::new(), 0, true);
     for (reading, layout) in sample.taxels.iter().zip(&skin.taxels) {
-        let fresh = reading.age_s.is_some_and(|age_s| belief::age(age_s.into(), waited) <= sample.max_age());
+        let fresh = reading.age_s.is_some_and(|age_s| age(age_s, waited) <= sample.max_age());
         // A taxel that hangs or stands at a rail reads some pressure, too; no force has it in.
         let sound = fresh && !reading.stale && reading.faults.is_empty();
         let (Some(kpa), Some(at), true) = (reading.pressure_kpa, &layout.position_m, sound) else {
@@ -118,7 +123,7 @@ pub fn taxels(sample: &TaxelSample, skin: &Skin, frame: &str, waited: Duration) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::belief::tests::good;
+    use crate::ros::good;
     use taxel_proto::v1::{Range, TaxelFault, TaxelLayout, TaxelReading};
 
     #[test]
@@ -131,6 +136,7 @@ mod tests {
         for sample in [
             ForceSample { resultant_n: None, ..good() },
             ForceSample { moment_nm: None, ..good() },
+            ForceSample { moment_nm: Some(ProtoVector { x: 0.0, y: f64::NAN, z: 0.0 }), ..good() },
             ForceSample { time: None, ..good() },
         ] {
             assert_eq!(wrench(&sample, "f"), None);

@@ -1,7 +1,6 @@
 //! A node of ROS 2 in a Zenoh session: topics and services, with the tokens that announce them.
 
 use std::marker::PhantomData;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use zenoh::Session;
 use zenoh::handlers::{RingChannel, RingChannelHandler};
@@ -15,18 +14,13 @@ use crate::ros::attachment::{Attachment, Gid, gid};
 use crate::ros::cdr;
 use crate::ros::keys::{EndpointKind, Graph, KeepLast, Node};
 use crate::ros::types::{RosType, TriggerResponse};
+use crate::wall;
 
 /// An empty request, as ROS sends it: the head of CDR and a byte that stands for no field.
 const EMPTY_REQUEST_BYTES_MAX: usize = 8;
 /// Requests that may wait at a service, the newest: what is asked for takes seconds, and whoever asked before has asked
 /// again or is gone. A full queue must not hold up Zenoh, which receives everything else on the same thread.
 const WAITING_MAX: usize = 1;
-
-/// Nanoseconds since 1970.
-pub fn wall_ns() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
-}
 
 /// The node. Its tokens go when it goes.
 pub struct RosNode {
@@ -101,7 +95,7 @@ impl<T: RosType> Topic<T> {
     pub async fn publish(&mut self, message: &T) -> anyhow::Result<()> {
         let payload = cdr::encode(message)?;
         self.sequence += 1;
-        let attachment = Attachment { sequence: self.sequence, time_ns: wall_ns(), gid: self.gid };
+        let attachment = Attachment { sequence: self.sequence, time_ns: wall::now_ns(), gid: self.gid };
         let put = self.publisher.put(payload).attachment(attachment.encode().to_vec());
         tried("publishing", put.await)
     }
@@ -145,7 +139,7 @@ impl TriggerRequest {
     /// # Errors
     /// If the session is closed.
     pub async fn answer(self, response: &TriggerResponse) -> anyhow::Result<()> {
-        let attachment = Attachment { time_ns: wall_ns(), ..self.attachment };
+        let attachment = Attachment { time_ns: wall::now_ns(), ..self.attachment };
         let reply = self.query.reply(self.query.key_expr().clone(), cdr::encode(response)?);
         tried("answering", reply.attachment(attachment.encode().to_vec()).await)
     }

@@ -1,23 +1,26 @@
 //! What goes out to ROS, and when: a force the moment it comes and only if it is one, taxels at their rate, the
 //! diagnostics once a second and when something changes.
 
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
+use taxel_client::Forces;
 use taxel_proto::Timestamp;
-use taxel_proto::v1::{GetSkinRequest, Skin, TaxelSample};
+use taxel_proto::judge::on_the_way;
+use taxel_proto::v1::{ForceSample, GetSkinRequest, StreamTaxelsRequest};
 use tokio::sync::watch;
-use tokio::time::Instant;
+use tokio::time::{Instant, Interval, MissedTickBehavior, interval};
+use tonic::Status;
 
-use crate::belief::{NoForce, believe, limit_of};
 use crate::config::{PatchSection, RosSection};
-use crate::daemon::{Daemon, words};
-use crate::feed::{Feed, HealthFeed};
-use crate::follow::Newest;
-use crate::ros::diagnostics::{self, PatchView};
+use crate::daemon::{Daemon, HealthFeed, words};
+use crate::ros::diagnostics;
 use crate::ros::keys::{KeepLast, name_of};
 use crate::ros::messages;
-use crate::ros::node::{RosNode, Topic, wall_ns};
-use crate::ros::types::{DiagnosticArray, Header, JointState, PointCloud2, PointStamped, Time, WrenchStamped};
+use crate::ros::node::{RosNode, Topic};
+use crate::ros::types::{
+    DiagnosticArray, DiagnosticStatus, Header, JointState, PointCloud2, PointStamped, Time, WrenchStamped,
+};
+use crate::wall;
 
 /// Where ROS expects diagnostics, in every namespace.
 const DIAGNOSTICS: &str = "/diagnostics";
@@ -25,6 +28,8 @@ const DIAGNOSTICS: &str = "/diagnostics";
 const DIAGNOSTICS_EVERY: Duration = Duration::from_secs(1);
 /// So often it is looked whether a level has changed.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Between two attempts to open a stream of taxels.
+const AGAIN_AFTER: Duration = Duration::from_millis(500);
 /// Readers want the newest force and no queue of old ones.
 const NEWEST: KeepLast = KeepLast(1);
 
@@ -73,80 +78,101 @@ impl ForceTopics {
         })
     }
 
-    /// Publishes each force once, for as long as the daemon is followed.
+    /// Publishes each force once, for as long as the daemon is followed, and keeps the patch's diagnostics.
     ///
     /// # Errors
     /// If the session is closed.
-    pub async fn publish(mut self, mut feed: Feed) -> anyhow::Result<()> {
-        let frame = feed.section.frame().to_owned();
-        let (mut last, mut stamps) = (0, Stamps::default());
+    pub async fn publish(
+        mut self,
+        robot: String,
+        section: PatchSection,
+        mut forces: Forces,
+        status: watch::Sender<DiagnosticStatus>,
+    ) -> anyhow::Result<()> {
+        let (mut last, mut stamps, mut published, mut look) = (None, Stamps::default(), 0, looks());
         loop {
-            feed.force.changed().await?;
-            let newest = feed.force.borrow_and_update().received.clone();
+            tokio::select! {
+                () = forces.changed() => {}
+                _ = look.tick() => {
+                    status.send_replace(diagnostics::patch(&robot, &section.name, &forces.force(), published));
+                    continue;
+                }
+            }
+            let Ok(force) = forces.force() else { continue };
+            let sample = &force.sample;
             // A change may also be the end of the stream: a sample that went out already does not go out as a new one.
-            let Some(received) = newest.filter(|received| received.number > last) else { continue };
-            feed.counts.skip(received.number - last - 1);
-            last = received.number;
-            let sample = &received.sample;
-            if believe(sample, received.waited(), limit_of(sample)).is_err() || !stamps.follows(sample.time.as_ref()) {
-                feed.counts.withhold();
-                continue;
+            let message = Some((sample.sequence, sample.age_s));
+            if message != last && stamps.follows(sample.time.as_ref()) {
+                self.send(sample, section.frame()).await?;
+                published += 1;
             }
-            if let Some(message) = messages::wrench(sample, &frame) {
-                self.wrench.publish(&message).await?;
-            }
-            if let Some(message) = messages::force(sample, &frame) {
-                self.force.publish(&message).await?;
-            }
-            if let Some(message) = messages::centre_of_pressure(sample, &frame) {
-                self.centre.publish(&message).await?;
-            }
-            feed.counts.publish();
+            last = message;
         }
+    }
+
+    async fn send(&mut self, sample: &ForceSample, frame: &str) -> anyhow::Result<()> {
+        if let Some(message) = messages::wrench(sample, frame) {
+            self.wrench.publish(&message).await?;
+        }
+        if let Some(message) = messages::force(sample, frame) {
+            self.force.publish(&message).await?;
+        }
+        if let Some(message) = messages::centre_of_pressure(sample, frame) {
+            self.centre.publish(&message).await?;
+        }
+        Ok(())
     }
 }
 
-/// Publishes a patch's taxels as they come.
+/// Publishes a patch's taxels as they come, over one stream after the other.
 ///
 /// # Errors
 /// If the session is closed.
-pub async fn taxels(
-    mut topic: Topic<PointCloud2>,
-    section: PatchSection,
-    daemon: Daemon,
-    mut taxels: watch::Receiver<Newest<TaxelSample>>,
-) -> anyhow::Result<()> {
-    let (mut last, mut layout) = (0, None);
+pub async fn taxels(mut topic: Topic<PointCloud2>, section: PatchSection, daemon: Daemon) -> anyhow::Result<()> {
+    let mut told = None;
     loop {
-        taxels.changed().await?;
-        let (newest, lost) = {
-            let newest = taxels.borrow_and_update();
-            (newest.received.clone(), newest.lost.is_some())
+        let ended = match one_stream(&mut topic, &section, &daemon).await {
+            Ok(closed) => return closed,
+            Err(status) => words(&status),
         };
-        if lost {
-            layout = None; // the daemon that comes back may have another configuration
+        if told.as_ref() != Some(&ended) {
+            tracing::warn!(patch = section.name, "no taxels from the daemon: {ended}");
+            told = Some(ended);
         }
-        let Some(received) = newest.filter(|received| received.number > last) else { continue };
-        last = received.number;
-        if layout.is_none() {
-            layout = skin(&daemon, &section.name).await;
-        }
-        let fits = layout.as_ref().filter(|skin| skin.taxels.len() == received.sample.taxels.len());
-        let cloud = fits.and_then(|skin| messages::taxels(&received.sample, skin, section.frame(), received.waited()));
-        if let Some(cloud) = cloud {
-            topic.publish(&cloud).await?;
-        }
+        tokio::time::sleep(AGAIN_AFTER).await;
     }
 }
 
-async fn skin(daemon: &Daemon, patch: &str) -> Option<Skin> {
-    match daemon.skin().get_skin(GetSkinRequest { patch: patch.to_owned() }).await {
-        Ok(skin) => Some(skin.into_inner()),
-        Err(status) => {
-            tracing::warn!(patch, "no layout of the taxels: {}", words(&status));
-            None
+/// Publishes the taxels of one stream, until the daemon ends it (`Err`) or the session is closed (`Ok`).
+async fn one_stream(
+    topic: &mut Topic<PointCloud2>,
+    section: &PatchSection,
+    daemon: &Daemon,
+) -> Result<anyhow::Result<()>, Status> {
+    let patch = section.name.clone();
+    // A daemon that comes back may have another configuration.
+    let skin = daemon.skin().get_skin(GetSkinRequest { patch: patch.clone() }).await?.into_inner();
+    let request = StreamTaxelsRequest { patch, rate_hz: Some(section.taxels_hz) };
+    let mut stream = daemon.skin().stream_taxels(request).await?.into_inner();
+    while let Some(sample) = stream.message().await? {
+        if sample.taxels.len() != skin.taxels.len() {
+            return Err(Status::aborted("the patch has another number of taxels now"));
+        }
+        let waited = on_the_way(sample.sent.as_ref(), SystemTime::now());
+        if let Some(cloud) = messages::taxels(&sample, &skin, section.frame(), waited)
+            && let Err(closed) = topic.publish(&cloud).await
+        {
+            return Ok(Err(closed));
         }
     }
+    Err(Status::unavailable("the daemon ended the stream"))
+}
+
+/// When it is looked whether a level has changed.
+fn looks() -> Interval {
+    let mut look = interval(LOOK_EVERY);
+    look.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    look
 }
 
 /// Announces the topic of diagnostics.
@@ -164,15 +190,13 @@ pub async fn diagnostics_topic(node: &mut RosNode) -> anyhow::Result<Topic<Diagn
 pub async fn diagnostics(
     mut topic: Topic<DiagnosticArray>,
     robot: String,
-    feeds: Vec<Feed>,
+    patches: Vec<watch::Receiver<DiagnosticStatus>>,
     health: HealthFeed,
 ) -> anyhow::Result<()> {
-    let mut look = tokio::time::interval(LOOK_EVERY);
-    look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    let mut sent: Option<(Instant, Vec<u8>)> = None;
+    let (mut look, mut sent) = (looks(), None::<(Instant, Vec<u8>)>);
     loop {
         look.tick().await;
-        let mut status: Vec<_> = feeds.iter().map(|feed| of_patch(&robot, feed)).collect();
+        let mut status: Vec<_> = patches.iter().map(|patch| patch.borrow().clone()).collect();
         status.extend(match &*health.borrow() {
             Ok(health) => diagnostics::daemon(&robot, Ok(health)),
             Err(why) => diagnostics::daemon(&robot, Err(why)),
@@ -180,7 +204,7 @@ pub async fn diagnostics(
         let levels: Vec<u8> = status.iter().map(|status| status.level).collect();
         let due = sent.as_ref().is_none_or(|(at, before)| at.elapsed() >= DIAGNOSTICS_EVERY || *before != levels);
         if due {
-            let ns = wall_ns();
+            let ns = wall::now_ns();
             let stamp = Time {
                 sec: i32::try_from(ns / 1_000_000_000).unwrap_or(i32::MAX),
                 nanosec: (ns % 1_000_000_000) as u32,
@@ -189,18 +213,6 @@ pub async fn diagnostics(
             sent = Some((Instant::now(), levels));
         }
     }
-}
-
-fn of_patch(robot: &str, feed: &Feed) -> crate::ros::types::DiagnosticStatus {
-    let newest = feed.force.borrow();
-    let sample = newest.received.as_ref().map(|received| &received.sample);
-    let belief = newest.received.as_ref().map_or(Err(NoForce::Nothing), |received| {
-        believe(&received.sample, received.waited(), limit_of(&received.sample))
-    });
-    let [published, withheld, skipped] = feed.counts.all();
-    let lost = newest.lost.as_deref();
-    let view = PatchView { patch: &feed.section.name, lost, sample, belief, published, withheld, skipped };
-    diagnostics::patch(robot, &view)
 }
 
 #[cfg(test)]

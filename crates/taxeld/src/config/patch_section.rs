@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use serde::Deserialize;
 
-
 /// `[[patch]]`
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
