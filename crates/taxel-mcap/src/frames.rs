@@ -1,7 +1,5 @@
 //! Frames of a bus on their way into a recording.
 
-use std::time::Duration;
-
 use prost::Message as _;
 use taxel_proto::Timestamp;
 use taxel_proto::v1::{CanFrame, CanFrameKind, CanFrames};
@@ -18,8 +16,6 @@ pub struct FrameTap {
     /// Frames that found no room since the last that did.
     not_recorded: u64,
     kernel_lost: u64,
-    /// For how long the machine has slept since the last frames that found room.
-    slept: Duration,
     /// Error frames since then.
     errors: Vec<TimedFrame>,
 }
@@ -31,21 +27,7 @@ impl FrameTap {
     /// The tap of a bus, by its name and its network interface, whose frames are this topic.
     #[must_use]
     pub const fn new(queue: Queue, topic: usize, bus: String, interface: String) -> Self {
-        Self {
-            queue,
-            topic,
-            bus,
-            interface,
-            not_recorded: 0,
-            kernel_lost: 0,
-            slept: Duration::ZERO,
-            errors: Vec::new(),
-        }
-    }
-
-    /// The machine slept for so long.
-    pub const fn slept(&mut self, slept: Duration) {
-        self.slept = self.slept.saturating_add(slept);
+        Self { queue, topic, bus, interface, not_recorded: 0, kernel_lost: 0, errors: Vec::new() }
     }
 
     /// The kernel lost so many frames.
@@ -63,15 +45,14 @@ impl FrameTap {
         let wall_ns = first.time.as_nanos().saturating_add(wall_offset_ns);
         let (bus, interface) = (self.bus.clone(), self.interface.clone());
         let (kernel_lost, not_recorded) = (self.kernel_lost, self.not_recorded);
-        let slept_ns = u64::try_from(self.slept.as_nanos()).unwrap_or(u64::MAX);
         let weight = (things, frames.len() * size_of::<TimedFrame>());
         let encode = move || {
             let message = frames_message(&frames, wall_ns);
-            CanFrames { bus, interface, kernel_lost, not_recorded, slept_ns, ..message }.encode_to_vec()
+            CanFrames { bus, interface, kernel_lost, not_recorded, ..message }.encode_to_vec()
         };
         match self.queue.give_later(self.topic, u64::try_from(wall_ns).unwrap_or(0), weight, encode) {
             Given::Taken => {
-                (self.kernel_lost, self.not_recorded, self.slept) = (0, 0, Duration::ZERO);
+                (self.kernel_lost, self.not_recorded) = (0, 0);
                 self.errors.clear();
             }
             Given::Lost => {

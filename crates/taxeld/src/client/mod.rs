@@ -25,8 +25,6 @@ mod load;
 mod models;
 mod places;
 mod recalibrate;
-#[cfg(feature = "record")]
-mod record;
 mod refit;
 mod sessions;
 mod table;
@@ -69,9 +67,6 @@ pub enum ClientCommand {
     Audit(audit::AuditArgs),
     /// What happened since the daemon's start: zeros, faults, activations, sessions, buses.
     Events(events::EventsArgs),
-    /// Force and events as MCAP files in a folder.
-    #[cfg(feature = "record")]
-    Record(record::RecordArgs),
 }
 
 /// Runs a command and gives the programme's exit code; what went wrong is said on standard error.
@@ -105,7 +100,5 @@ async fn one(command: ClientCommand) -> failure::Outcome {
         ClientCommand::Certificate(args) => certificate::certificate(args).await,
         ClientCommand::Audit(args) => audit::audit(args).await,
         ClientCommand::Events(args) => events::events(args).await,
-        #[cfg(feature = "record")]
-        ClientCommand::Record(args) => record::record(args).await,
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use taxel_engine::plan::Plan;
-use taxel_mcap::{BOOT, Folder, FrameTap, Limits, Queue, Recorder, SLEPT_S, Status, Topic, open_file};
+use taxel_mcap::{BOOT, Folder, FrameTap, Limits, Queue, Recorder, Status, Topic, open_file};
 use taxel_proto::v1::RecordingHealth;
 use taxel_rpc::Handle;
 use tokio_util::sync::CancellationToken;
@@ -101,9 +101,7 @@ fn limits(section: &RecordSection) -> Limits {
 /// What each file says of itself.
 fn about(plan: &Plan) -> BTreeMap<String, String> {
     let patches: Vec<&str> = plan.patches.iter().map(|patch| patch.patch.name()).collect();
-    let slept_s = format!("{:.1}", taxel_can::slept().as_secs_f64());
-    let known =
-        [("version", env!("CARGO_PKG_VERSION").to_owned()), ("patches", patches.join(", ")), (SLEPT_S, slept_s)];
+    let known = [("version", env!("CARGO_PKG_VERSION").to_owned()), ("patches", patches.join(", "))];
     let boot = boot().map(|boot| (BOOT, boot));
     known.into_iter().chain(boot).map(|(key, value)| (key.to_owned(), value)).collect()
 }

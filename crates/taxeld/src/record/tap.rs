@@ -5,9 +5,6 @@ use taxel_can::ClockReading;
 use taxel_engine::BusNotice;
 use taxel_wire::TimedFrame;
 
-#[cfg(feature = "record")]
-use crate::sleep::SleepWatch;
-
 /// The taps of all buses; of those that are not recorded there is none.
 #[derive(Default)]
 pub struct Taps(#[cfg(feature = "record")] Vec<Option<taxel_mcap::FrameTap>>);
@@ -22,7 +19,7 @@ impl Taps {
     /// Each bus's own beside its tap.
     pub fn beside<T>(self, buses: Vec<T>) -> Vec<Option<(T, Tap)>> {
         #[cfg(feature = "record")]
-        let mut taps = self.0.into_iter().map(|tap| Tap(tap.map(|tap| (tap, SleepWatch::of_machine()))));
+        let mut taps = self.0.into_iter().map(Tap);
         #[cfg(not(feature = "record"))]
         let mut taps = std::iter::empty();
         buses.into_iter().map(|bus| Some((bus, taps.next().unwrap_or_default()))).collect()
@@ -31,21 +28,18 @@ impl Taps {
 
 /// The tap of one bus.
 #[derive(Default)]
-pub struct Tap(#[cfg(feature = "record")] Option<(taxel_mcap::FrameTap, SleepWatch)>);
+pub struct Tap(#[cfg(feature = "record")] Option<taxel_mcap::FrameTap>);
 
 impl Tap {
     /// Copies what a bus gave, and what its controller told. Never waits.
     #[cfg_attr(not(feature = "record"), allow(unused_variables, clippy::unused_self))]
     pub fn look(&mut self, frames: &[TimedFrame], errors: &[TimedFrame], notices: &[BusNotice]) {
         #[cfg(feature = "record")]
-        if let Some((tap, sleep)) = &mut self.0 {
+        if let Some(tap) = &mut self.0 {
             for notice in notices {
                 if let BusNotice::Dropped(frames) = notice {
                     tap.kernel_lost(*frames);
                 }
-            }
-            if let Some(slept) = sleep.look() {
-                tap.slept(slept);
             }
             if !frames.is_empty() || !errors.is_empty() {
                 tap.take(frames, errors, ClockReading::now().wall_offset_ns());
@@ -57,11 +51,10 @@ impl Tap {
 #[cfg(all(test, feature = "record"))]
 mod tests {
     use std::collections::BTreeMap;
-    use std::io::Read;
     use std::time::Duration;
 
-    use taxel_can::{Batch, BusError, BusEvent, FrameSource, SendError, SourceError};
-    use taxel_mcap::{CandumpText, Folder, FrameTap, Input, Limits, Recorder, Topic, open_file};
+    use taxel_can::{Batch, BusError, BusEvent, FrameSource, RecordedFrames, SendError, SourceError};
+    use taxel_mcap::{Folder, FrameTap, Limits, Recorder, Recording, Topic, open_file};
     use taxel_skin::{BusIndex, Time};
     use taxel_wire::{CanId, Frame, FrameKind};
     use tokio::sync::mpsc;
@@ -115,9 +108,10 @@ mod tests {
         assert_eq!((end, engine.recv().await.unwrap().notices), (BusEnd::LogOver, vec![BusNotice::BusOff]));
         recorder.finish();
         let files = Folder::list(scratch.path()).unwrap();
-        let inputs = files.iter().map(|(name, _)| Input::File(scratch.path().join(name.to_string()))).collect();
-        let mut text = String::new();
-        CandumpText::new(inputs, None, |_| ()).read_to_string(&mut text).unwrap();
-        assert!(text.ends_with(" can7 20000040#0000000000000000\n") && text.lines().count() == 1, "{text}");
+        let files = files.iter().map(|(name, _)| scratch.path().join(name.to_string()));
+        let (mut recording, mut frames) = (Recording::of_files(files, Some("can7".to_owned())), Vec::new());
+        assert!(!recording.next_batch(&mut frames, 10).unwrap());
+        let off = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]).unwrap();
+        assert_eq!(frames.iter().map(|timed| timed.frame).collect::<Vec<_>>(), [off]);
     }
 }
