@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use taxel_can::LogReader;
+use taxel_can::{LogReader, RecordedFrames as _};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = PathBuf::from(std::env::args_os().nth(1).ok_or("expected the path of a candump log, plain or .gz")?);

@@ -17,6 +17,7 @@ use crate::log_clock::LogClock;
 use crate::log_format::{ForeignLog, HEAD_BYTES};
 use crate::log_report::{LINE_BYTES_MAX, LineFault, LogReport};
 use crate::lost_line::Lost;
+use crate::recorded::RecordedFrames;
 
 /// Bytes asked of the file at once.
 const BLOCK_BYTES: usize = 256 * 1024;
@@ -151,42 +152,6 @@ impl LogReader {
         self.fill_head()
     }
 
-    /// How many frames the recorder lost between what was handed out last and what comes, by its own words; told once.
-    pub fn take_lost(&mut self) -> u64 {
-        std::mem::take(&mut self.lost)
-    }
-
-    /// What became of the lines so far.
-    #[must_use]
-    pub fn report(&self) -> &LogReport {
-        &self.report
-    }
-
-    /// Appends up to `max` frames (of every kind, error frames too) in the order of the log; fewer where the recorder lost
-    /// some behind them ([`LogReader::take_lost`]). `false`: the log is over.
-    ///
-    /// # Errors
-    /// [`LogFault`] if the log cannot be read on; `frames` holds what was read before.
-    pub fn next_batch(&mut self, frames: &mut Vec<TimedFrame>, max: usize) -> Result<bool, LogFault> {
-        let mut room = max;
-        while room > 0 {
-            let Some(line) = self.next_line() else {
-                if self.over {
-                    return Ok(false);
-                }
-                self.fill()?;
-                continue;
-            };
-            if let Some(frame) = self.parse(line) {
-                frames.push(frame);
-                room -= 1;
-            } else if self.lost > 0 {
-                return Ok(true);
-            }
-        }
-        Ok(true)
-    }
-
     /// The place in the buffer of the next line, without its line feed; `None` if no complete one is there.
     fn next_line(&mut self) -> Option<(usize, usize)> {
         let rest = &self.buffer[self.start..self.end];
@@ -261,6 +226,36 @@ impl LogReader {
             }
             return Ok(());
         }
+    }
+}
+
+impl RecordedFrames for LogReader {
+    fn next_batch(&mut self, frames: &mut Vec<TimedFrame>, max: usize) -> Result<bool, LogFault> {
+        let mut room = max;
+        while room > 0 {
+            let Some(line) = self.next_line() else {
+                if self.over {
+                    return Ok(false);
+                }
+                self.fill()?;
+                continue;
+            };
+            if let Some(frame) = self.parse(line) {
+                frames.push(frame);
+                room -= 1;
+            } else if self.lost > 0 {
+                return Ok(true);
+            }
+        }
+        Ok(true)
+    }
+
+    fn take_lost(&mut self) -> u64 {
+        std::mem::take(&mut self.lost)
+    }
+
+    fn report(&self) -> &LogReport {
+        &self.report
     }
 }
 

@@ -51,6 +51,8 @@ pub struct LogReport {
     /// Empty lines, comments (`#` first), the words of `candump -e` for an error frame (a tab first), and what `candump -d`
     /// says of lost frames.
     pub blank: u64,
+    /// What could not be read to its end, and why.
+    pub faults: Vec<String>,
     /// Frames that the recorder lost, by its own words.
     pub lost: u64,
     /// The lines in which it says so: the first, and how many.
@@ -82,7 +84,8 @@ impl LogReport {
     /// What a user should know of the lines, a line each; empty if all of them are frames whose time goes on.
     #[must_use]
     pub fn words(&self) -> Vec<String> {
-        let mut lines = Vec::new();
+        let mut lines: Vec<_> =
+            self.faults.iter().map(|fault| format!("{fault}; everything before it was read")).collect();
         if self.bad > 0 {
             lines.push(format!("{} of {} lines are no frame:", self.bad, self.lines));
             lines.extend(self.first_bad.iter().map(|bad| format!("  line {}: {}", bad.line, bad.fault)));
@@ -103,7 +106,7 @@ impl LogReport {
     fn lost_words(&self) -> Option<String> {
         let (line, count) = self.lost_lines?;
         let more = if count > 1 { format!(" and at {} more places", count - 1) } else { String::new() };
-        Some(format!("candump says that {} frames were lost before line {line}{more}", self.lost))
+        Some(format!("the recorder lost {} frames, before line {line}{more}", self.lost))
     }
 
     /// Why the times tell nothing of pace and order, so that neither a gauge nor a board can be judged by them.
@@ -135,8 +138,8 @@ impl LogReport {
         }
     }
 
-    /// Notes what the present line says; gives it.
-    pub(crate) fn note_lost(&mut self, frames: u64) -> u64 {
+    /// Notes that frames were lost before the present line; gives how many.
+    pub fn note_lost(&mut self, frames: u64) -> u64 {
         self.lost = self.lost.saturating_add(frames);
         let (first, count) = self.lost_lines.unwrap_or((self.lines, 0));
         self.lost_lines = Some((first, count + 1));
@@ -149,7 +152,8 @@ impl LogReport {
         self.times.fractions |= time.as_nanos() % 1_000_000_000 != 0;
     }
 
-    pub(crate) fn note_interface(&mut self, name: &str) {
+    /// Notes an interface of which there are frames.
+    pub fn note_interface(&mut self, name: &str) {
         if self.interfaces.len() < INTERFACES_TOLD && !self.interfaces.iter().any(|known| known == name) {
             self.interfaces.push(name.to_owned());
         }

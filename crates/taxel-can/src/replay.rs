@@ -8,8 +8,8 @@ use taxel_wire::{Frame, FrameKind, TimedFrame};
 use tokio::time::{Instant, sleep_until};
 
 use crate::can_error;
-use crate::log_reader::LogReader;
 use crate::log_report::LogReport;
+use crate::recorded::RecordedFrames;
 use crate::source::{Batch, BusEvent, FrameSource, SendError, SourceError};
 
 /// Frames read of the log at once, and the most that one batch has.
@@ -30,12 +30,12 @@ pub enum Pace {
     AsFastAsPossible,
 }
 
-/// A candump log behind the interface of a bus. Each frame keeps the time that the [`LogReader`] gives it.
+/// Recorded frames behind the interface of a bus. Each keeps the time that its log gives it.
 ///
 /// A frame whose time is before that of an earlier one is handed out at once, with its time and in its place; the
 /// report counts it. Error frames of the log become events, as on a real bus, and so do frames that the recorder lost.
 pub struct Replay {
-    log: LogReader,
+    log: Box<dyn RecordedFrames>,
     pace: Pace,
     /// Read and not yet handed out: `frames[at..]`.
     frames: Vec<TimedFrame>,
@@ -59,14 +59,14 @@ pub struct Replay {
 impl Replay {
     /// Plays `log` from where it is.
     #[must_use]
-    pub fn new(log: LogReader, pace: Pace) -> Self {
+    pub fn new(log: impl RecordedFrames + 'static, pace: Pace) -> Self {
         let pace = match pace {
             Pace::Realtime { speed } if !speed.is_finite() => Pace::Realtime { speed: 1.0 },
             Pace::Realtime { speed } => Pace::Realtime { speed: speed.clamp(SPEED_MIN, SPEED_MAX) },
             Pace::AsFastAsPossible => pace,
         };
         Self {
-            log,
+            log: Box::new(log),
             pace,
             frames: Vec::with_capacity(BATCH_FRAMES),
             at: 0,
@@ -235,6 +235,7 @@ impl Drop for Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::log_reader::LogReader;
     use std::fmt::Write;
     use std::io::Cursor;
     use taxel_wire::CanId;
@@ -369,7 +370,7 @@ mod tests {
         assert_eq!(told, [300, 0, 0, 1, 7, 0]);
         let report = played.report();
         assert_eq!((report.frames, report.blank, report.bad, report.lost), (3, 3, 0, 308));
-        assert_eq!(report.words(), ["candump says that 308 frames were lost before line 1 and at 2 more places"]);
+        assert_eq!(report.words(), ["the recorder lost 308 frames, before line 1 and at 2 more places"]);
     }
 
     #[tokio::test]

@@ -13,7 +13,7 @@ use mcap::{Compression, WriteOptions, Writer};
 use thiserror::Error;
 
 use crate::schema::{PACKAGE, schema_of};
-use crate::sink::{Durable, Identity, Sink};
+use crate::sink::{Durable, Sink};
 
 /// A chunk that is larger is closed before its time, in bytes before compression.
 const CHUNK_BYTES: u64 = 1 << 20;
@@ -67,20 +67,20 @@ pub struct McapFile {
     /// A channel for each topic, and how many messages it has.
     channels: Vec<(u16, u32)>,
     written: Arc<AtomicU64>,
-    identity: Option<Identity>,
+    is_file: bool,
     /// Up to here the file consists of whole chunks.
     whole: u64,
     pending: bool,
 }
 
 impl McapFile {
-    /// Begins a file with these topics; `about` is kept in it as metadata under the name `taxeld`, see [`BOOT`] and
+    /// Begins a file with these topics; `about` is kept in it as metadata under the name `taxeld`, see [`BOOT`].
     ///
     /// # Errors
     /// [`McapFault`]
     pub fn begin(sink: Box<dyn Sink>, topics: &[Topic], about: BTreeMap<String, String>) -> Result<Self, McapFault> {
         let written = Arc::new(AtomicU64::new(0));
-        let identity = sink.identity()?;
+        let is_file = sink.is_file();
         let durable = Durable { sink, written: Arc::clone(&written) };
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
@@ -96,7 +96,7 @@ impl McapFile {
             let schema = writer.add_schema(&format!("{PACKAGE}.{}", topic.message), "protobuf", &data)?;
             channels.push((writer.add_channel(schema, &topic.name, "protobuf", &BTreeMap::new())?, 0));
         }
-        let mut file = Self { writer, channels, written, identity, whole: 0, pending: true };
+        let mut file = Self { writer, channels, written, is_file, whole: 0, pending: true };
         file.flush()?; // definitions are in the first chunk, so that every later one can be understood
         Ok(file)
     }
@@ -134,26 +134,19 @@ impl McapFile {
         self.written.load(Ordering::Relaxed)
     }
 
-    /// Whether it still has this name, under which it was opened, and holds all that was written.
+    /// Whether all that was written is in the file of this name: somebody may have removed it or cut it short.
     ///
     /// # Errors
     /// What has become of it, or the system's answer.
     pub fn in_place(&self, name: &Path) -> io::Result<()> {
-        let Some(identity) = self.identity else { return Ok(()) };
-        let there = match fs::symlink_metadata(name) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                return Err(io::Error::other("the file was removed"));
-            }
-            there => there?,
-        };
-        let (length, written) = (there.len(), self.bytes());
-        if Identity::of(&there) != identity {
-            Err(io::Error::other("the file was replaced"))
-        } else if length < written {
-            Err(io::Error::other(format!("the file was cut to {length} bytes, of {written} that were written")))
-        } else {
-            Ok(())
+        let written = self.bytes();
+        let length = if self.is_file { fs::metadata(name)?.len() } else { written };
+        if length < written {
+            return Err(io::Error::other(format!(
+                "the file was cut to {length} bytes, of {written} that were written"
+            )));
         }
+        Ok(())
     }
 
     /// Ends the file with its summary, which lets readers jump to a time. Gives its size.

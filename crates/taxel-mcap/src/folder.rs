@@ -6,7 +6,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::name::FileName;
-use crate::sink::Identity;
 
 /// A folder of recordings, held by one process at a time.
 #[derive(Debug)]
@@ -48,25 +47,6 @@ impl Folder {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
-    }
-
-    /// Whether what has its path is the folder that is held: it may have been removed or replaced, or a disk mounted there.
-    #[must_use]
-    pub fn is_held(&self) -> bool {
-        let identity = |about: fs::Metadata| Identity::of(&about);
-        let held = self.lock.metadata().map(identity);
-        fs::metadata(&self.path).map(identity).is_ok_and(|there| held.is_ok_and(|held| held == there))
-    }
-
-    /// Holds what has its path now, which is made if it is not there. Numbers go on.
-    ///
-    /// # Errors
-    /// As [`Folder::open`]; then all is as it was.
-    pub fn hold_again(&mut self) -> io::Result<()> {
-        let mut folder = Self::open(&self.path)?;
-        folder.next = folder.next.max(self.next);
-        *self = folder;
-        Ok(())
     }
 
     /// Counts the recordings that are there now: somebody may have removed some.
@@ -163,30 +143,6 @@ mod tests {
         drop(folder);
         assert!(Folder::open(scratch.path()).is_ok());
         drop(copy);
-    }
-
-    #[test]
-    fn a_folder_that_was_removed_or_replaced_is_held_again_and_numbers_go_on() {
-        let scratch = tempfile::tempdir().unwrap();
-        let path = scratch.path().join("recordings");
-        let mut folder = Folder::open(&path).unwrap();
-        assert_eq!(folder.next_file(0).0.number(), 1);
-        assert!(folder.is_held());
-        fs::remove_dir(&path).unwrap();
-        assert!(!folder.is_held());
-        folder.hold_again().unwrap();
-        assert!(folder.is_held() && Folder::open(&path).is_err(), "nobody else may");
-        assert_eq!(folder.next_file(0).0.number(), 2);
-        // As a disk that is mounted there, with recordings of its own.
-        fs::rename(&path, scratch.path().join("aside")).unwrap();
-        fs::create_dir(&path).unwrap();
-        fs::write(path.join(FileName::new(7, 0).to_string()), [0; 100]).unwrap();
-        assert!(!folder.is_held());
-        let other = Folder::open(&path).unwrap();
-        assert!(folder.hold_again().unwrap_err().to_string().contains("another process"));
-        drop(other);
-        folder.hold_again().unwrap();
-        assert_eq!((folder.next_file(0).0.number(), folder.bytes()), (8, 100));
     }
 
     #[test]

@@ -4,6 +4,8 @@
 
 use std::fmt;
 
+use prost_types::Timestamp;
+
 /// Digits of the number.
 const DIGITS: usize = 8;
 /// Those of the greatest.
@@ -12,7 +14,6 @@ const PREFIX: &str = "taxeld-";
 const SUFFIX: &str = ".mcap";
 /// As in `20261122T071402Z`.
 const MOMENT_BYTES: usize = 16;
-const SECONDS_PER_DAY: i64 = 86_400;
 
 /// The name of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -59,26 +60,9 @@ impl fmt::Display for FileName {
     }
 }
 
-/// A moment in UTC; the first of the year 0 or the last of 9999 for what lies beyond.
+/// A moment in UTC: RFC 3339 without what separates its parts.
 fn moment(seconds: i64) -> String {
-    let seconds = seconds.clamp(-62_167_219_200, 253_402_300_799);
-    let (days, of_day) = (seconds.div_euclid(SECONDS_PER_DAY), seconds.rem_euclid(SECONDS_PER_DAY));
-    let (year, month, day) = civil(days);
-    format!("{year:04}{month:02}{day:02}T{:02}{:02}{:02}Z", of_day / 3600, of_day / 60 % 60, of_day % 60)
-}
-
-/// Year, month and day of a day since 1970. Years begin in March here, so that a leap day is a year's last; 400 of them
-/// have 146,097 days.
-const fn civil(days: i64) -> (i64, i64, i64) {
-    let shifted = days + 719_468; // days since the 1st of March of the year 0
-    let (era, of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
-    let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let from_march = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * from_march + 2) / 5 + 1;
-    let month = if from_march < 10 { from_march + 3 } else { from_march - 9 };
-    let year = year_of_era + era * 400 + if month <= 2 { 1 } else { 0 };
-    (year, month, day)
+    Timestamp { seconds, nanos: 0 }.to_string().replace(['-', ':'], "")
 }
 
 #[cfg(test)]

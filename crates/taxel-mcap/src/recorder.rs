@@ -212,9 +212,6 @@ impl Worker {
     fn looked(&mut self) -> Result<(), String> {
         self.in_place()?;
         let path = self.folder.path().display().to_string();
-        if !self.folder.is_held() {
-            self.folder.hold_again().map_err(|error| format!("{path}: {error}"))?;
-        }
         self.flushed()?;
         if let Some(open) = &self.open {
             let full = open.looked_bytes >= self.limits.file_bytes;
@@ -228,6 +225,7 @@ impl Worker {
         if gone > 0 {
             tracing::debug!(gone, "old recordings were deleted to stay within the budget");
         }
+        fs::create_dir_all(self.folder.path()).map_err(|error| format!("{path}: {error}"))?;
         let free = self.folder.free_bytes().map_err(|error| error.to_string())?;
         if free < self.limits.keep_free_bytes {
             let [free, keep] = [free, self.limits.keep_free_bytes].map(|bytes| bytes / 1_000_000);
@@ -239,12 +237,9 @@ impl Worker {
         Ok(())
     }
 
-    /// Whether what is written goes where its name leads: somebody may have removed the file or its folder, or put others there.
+    /// Whether what is written is there: somebody may have removed the file or its folder.
     fn in_place(&self) -> Result<(), String> {
         let Some(open) = &self.open else { return Ok(()) };
-        if !self.folder.is_held() {
-            return Err(format!("{}: the folder of recordings was removed or replaced", self.folder.path().display()));
-        }
         let path = self.folder.path_of(&open.name);
         open.file.in_place(&path).map_err(|error| format!("{}: {error}", path.display()))
     }

@@ -1,22 +1,9 @@
 //! Where the bytes of a recording go: a file, or what a test puts in its place.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Write};
-use std::os::unix::fs::MetadataExt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-
-/// Device and inode of a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Identity(u64, u64);
-
-impl Identity {
-    /// Of what the system tells of a file.
-    #[must_use]
-    pub fn of(about: &fs::Metadata) -> Self {
-        Self(about.dev(), about.ino())
-    }
-}
 
 /// A file that is written from its beginning to its end.
 pub trait Sink: Write + Send {
@@ -32,11 +19,8 @@ pub trait Sink: Write + Send {
     /// The system's answer.
     fn cut(&mut self, bytes: u64) -> io::Result<()>;
 
-    /// What tells it from all other files as long as it is open; none for what is no file.
-    ///
-    /// # Errors
-    /// The system's answer.
-    fn identity(&self) -> io::Result<Option<Identity>>;
+    /// Whether it is a file, which somebody may remove or cut short.
+    fn is_file(&self) -> bool;
 }
 
 impl Sink for File {
@@ -48,8 +32,8 @@ impl Sink for File {
         if self.metadata()?.len() > bytes { self.set_len(bytes) } else { Ok(()) }
     }
 
-    fn identity(&self) -> io::Result<Option<Identity>> {
-        Ok(Some(Identity::of(&self.metadata()?)))
+    fn is_file(&self) -> bool {
+        true
     }
 }
 

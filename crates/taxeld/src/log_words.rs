@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use anyhow::bail;
-use taxel_can::{LogReader, LogReport};
+use taxel_can::{LogReport, RecordedFrames};
 use taxel_wire::TimedFrame;
 
 use crate::say::error_line;
 
 /// Reads up to `max` frames into `frames`; `false` at the end of the log. One that cannot be read on ends there, and that is
 /// said: what was read is as good as ever.
-pub fn read_on(reader: &mut LogReader, frames: &mut Vec<TimedFrame>, max: usize) -> bool {
+pub fn read_on(reader: &mut dyn RecordedFrames, frames: &mut Vec<TimedFrame>, max: usize) -> bool {
     reader.next_batch(frames, max).unwrap_or_else(|fault| {
         cut_off(&fault);
         false

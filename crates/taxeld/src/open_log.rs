@@ -1,12 +1,12 @@
 //! Logs of a bus, whatever they are: candump's text, plain or gzipped, or the MCAP files of a recording, or a folder of
-//! these. A recording is read as the text of a candump log.
+//! these.
 
 use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
 use anyhow::Context;
-use taxel_can::LogReader;
+use taxel_can::{LogReader, RecordedFrames};
 
 /// Every MCAP file begins with it.
 const MCAP_MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
@@ -30,8 +30,8 @@ impl Wanted {
 /// Opens a log.
 ///
 /// # Errors
-/// A file that cannot be read, or a recording in a build without.
-pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<LogReader> {
+/// A file that cannot be read.
+pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedFrames>> {
     if path.is_dir() {
         return recordings(path, wanted);
     }
@@ -42,35 +42,23 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<LogReader> {
     let whole = Cursor::new(begin).chain(file);
     let name = path.display().to_string();
     if is_recording {
-        recording(name, whole, wanted)
+        Ok(recording(name, whole, wanted))
     } else {
-        Ok(LogReader::from_reader(name, whole, wanted.interface)?)
+        Ok(Box::new(LogReader::from_reader(name, whole, wanted.interface)?))
     }
 }
 
-fn recording(name: String, file: impl Read + Send + 'static, wanted: Wanted) -> anyhow::Result<LogReader> {
-    of_inputs(name.clone(), vec![taxel_mcap::Input::Open(name, Box::new(file))], wanted)
+fn recording(name: String, file: impl Read + Send + 'static, wanted: Wanted) -> Box<dyn RecordedFrames> {
+    Box::new(taxel_mcap::Recording::of_reader(name, file, wanted.interface.or(wanted.bus)))
 }
 
 /// The files of a folder, in the order in which they were recorded.
-fn recordings(folder: &Path, wanted: Wanted) -> anyhow::Result<LogReader> {
+fn recordings(folder: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedFrames>> {
     let name = folder.display().to_string();
     let files = taxel_mcap::Folder::list(folder).with_context(|| name.clone())?;
     anyhow::ensure!(!files.is_empty(), "{name}: a folder without recordings (taxeld-NUMBER-TIME.mcap)");
-    let inputs = files.iter().map(|(file, _)| taxel_mcap::Input::File(folder.join(file.to_string())));
-    of_inputs(name, inputs.collect(), wanted)
-}
-
-fn of_inputs(name: String, inputs: Vec<taxel_mcap::Input>, wanted: Wanted) -> anyhow::Result<LogReader> {
-    let told = |ending: &taxel_mcap::Ending| {
-        ending.words().iter().for_each(|line| crate::say::error_line(format_args!("{line}")));
-        if ending.frames == 0 && ending.other_bus > 0 {
-            let frames = ending.other_bus;
-            crate::say::error_line(format_args!("the recording has {frames} frames, and none of this bus"));
-        }
-    };
-    let text = taxel_mcap::CandumpText::new(inputs, wanted.interface.or(wanted.bus), told);
-    Ok(LogReader::from_reader(name, text, None)?)
+    let files = files.iter().map(|(file, _)| folder.join(file.to_string()));
+    Ok(Box::new(taxel_mcap::Recording::of_files(files, wanted.interface.or(wanted.bus))))
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 use std::time::Duration;
 
-use taxel_can::{LogReader, LogReport};
+use taxel_can::{LogReader, LogReport, RecordedFrames as _};
 use taxel_skin::Time;
 use taxel_skin::text::is_utf16;
 use taxel_wire::TimedFrame;

@@ -3,12 +3,15 @@
 use std::io::Write as _;
 
 use proptest::prelude::*;
-use taxel_mcap::{CHUNK_BYTES_MAX, Chunks, MAGIC_BYTES, ReadFault};
+use taxel_mcap::MAGIC_BYTES;
 
 use crate::{read_bytes, three_chunks};
 
 const CHUNK: u8 = 6;
 const MESSAGE: u8 = 5;
+
+/// The largest chunk that is read.
+const CHUNK_BYTES_MAX: usize = 32 << 20;
 
 fn record(op: u8, body: &[u8]) -> Vec<u8> {
     let mut bytes = vec![op];
@@ -40,36 +43,27 @@ fn lz4(content: &[u8]) -> Vec<u8> {
     bytes
 }
 
-fn fault(bytes: &[u8]) -> ReadFault {
-    let mut chunks = Chunks::new(bytes);
-    loop {
-        match chunks.next_record() {
-            Ok(Some(_)) => {}
-            Ok(None) => panic!("it was read to its end"),
-            Err(fault) => {
-                assert!(chunks.next_record().unwrap().is_none(), "there is nothing after a fault");
-                return fault;
-            }
-        }
-    }
+fn fault(bytes: &[u8]) -> String {
+    let (frames, report) = read_bytes(bytes);
+    assert_eq!((frames.len(), report.faults.len()), (0, 1), "{report:?}");
+    report.faults[0].clone()
 }
 
 #[test]
 fn a_chunk_that_unpacks_to_more_than_it_says_or_than_is_read_is_refused() {
     let zeros = lz4(&vec![0; CHUNK_BYTES_MAX + 1]);
     assert!(zeros.len() < CHUNK_BYTES_MAX / 100, "a bomb");
-    let most = CHUNK_BYTES_MAX as u64;
-    assert!(matches!(fault(&file(most + 1, "lz4", &zeros)), ReadFault::TooLarge { claimed } if claimed == most + 1));
-    assert!(matches!(fault(&file(u64::MAX, "lz4", &zeros)), ReadFault::TooLarge { .. }));
-    assert!(matches!(fault(&file(10, "lz4", &zeros)), ReadFault::Length { found: 11, claimed: 10 }));
-    assert!(matches!(fault(&file(20, "lz4", &lz4(&[0; 10]))), ReadFault::Length { found: 10, claimed: 20 }));
-    assert!(matches!(fault(&file(20, "", &[0; 10])), ReadFault::Length { found: 10, claimed: 20 }));
+    for claimed in [CHUNK_BYTES_MAX as u64 + 1, u64::MAX, 10] {
+        fault(&file(claimed, "lz4", &zeros));
+    }
+    fault(&file(20, "lz4", &lz4(&[0; 10])));
+    fault(&file(20, "", &[0; 10]));
 }
 
 #[test]
 fn a_compression_that_is_not_read_is_named() {
-    let said = fault(&file(10, "zstd", &[0; 10])).to_string();
-    assert!(said.contains("\"zstd\", expected lz4 or none"), "{said}");
+    let said = fault(&file(10, "zstd", &[0; 10]));
+    assert!(said.contains("zstd"), "{said}");
 }
 
 #[test]
@@ -78,8 +72,7 @@ fn a_record_that_claims_more_than_its_chunk_has_is_refused() {
         let mut records = vec![MESSAGE];
         records.extend(claimed.to_le_bytes());
         for (compression, packed) in [("", records.clone()), ("lz4", lz4(&records))] {
-            let fault = fault(&file(records.len() as u64, compression, &packed));
-            assert!(matches!(fault, ReadFault::Record { wanted, left: 0 } if wanted == claimed), "{fault}");
+            fault(&file(records.len() as u64, compression, &packed));
         }
     }
 }
@@ -91,8 +84,7 @@ fn a_record_that_claims_more_than_is_read_takes_no_memory() {
         bytes.push(op);
         bytes.extend((1_u64 << 40).to_le_bytes());
         bytes.extend([0; 100]);
-        let (text, ending) = read_bytes(&bytes);
-        assert_eq!((text.as_str(), ending.faults.len()), ("", 1), "{ending:?}");
+        fault(&bytes);
     }
 }
 

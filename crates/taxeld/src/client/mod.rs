@@ -20,7 +20,6 @@ mod load;
 mod models;
 mod places;
 mod recalibrate;
-mod record;
 mod refit;
 mod sessions;
 mod table;
@@ -58,8 +57,6 @@ pub enum ClientCommand {
     Audit(audit::AuditArgs),
     /// What happened since the daemon's start: zeros, faults, activations, sessions, buses.
     Events(events::EventsArgs),
-    /// Force and events as MCAP files in a folder.
-    Record(record::RecordArgs),
 }
 
 /// Runs a command and gives the programme's exit code; what went wrong is said on standard error.
@@ -90,6 +87,5 @@ async fn one(command: ClientCommand) -> failure::Outcome {
         ClientCommand::Sessions(args) => sessions::sessions(args).await,
         ClientCommand::Audit(args) => audit::audit(args).await,
         ClientCommand::Events(args) => events::events(args).await,
-        ClientCommand::Record(args) => record::record(args).await,
     }
 }

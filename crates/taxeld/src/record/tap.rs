@@ -44,11 +44,10 @@ impl Tap {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
-    use std::io::Read;
     use std::time::Duration;
 
-    use taxel_can::{Batch, BusError, BusEvent, FrameSource, SendError, SourceError};
-    use taxel_mcap::{CandumpText, Folder, FrameTap, Input, Limits, Recorder, Topic, open_file};
+    use taxel_can::{Batch, BusError, BusEvent, FrameSource, RecordedFrames, SendError, SourceError};
+    use taxel_mcap::{Folder, FrameTap, Limits, Recorder, Recording, Topic, open_file};
     use taxel_skin::{BusIndex, Time};
     use taxel_wire::{CanId, Frame, FrameKind};
     use tokio::sync::mpsc;
@@ -102,9 +101,10 @@ mod tests {
         assert_eq!((end, engine.recv().await.unwrap().notices), (BusEnd::LogOver, vec![BusNotice::BusOff]));
         recorder.finish();
         let files = Folder::list(scratch.path()).unwrap();
-        let inputs = files.iter().map(|(name, _)| Input::File(scratch.path().join(name.to_string()))).collect();
-        let mut text = String::new();
-        CandumpText::new(inputs, None, |_| ()).read_to_string(&mut text).unwrap();
-        assert!(text.ends_with(" can7 20000040#0000000000000000\n") && text.lines().count() == 1, "{text}");
+        let files = files.iter().map(|(name, _)| scratch.path().join(name.to_string()));
+        let (mut recording, mut frames) = (Recording::of_files(files, Some("can7".to_owned())), Vec::new());
+        assert!(!recording.next_batch(&mut frames, 10).unwrap());
+        let off = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]).unwrap();
+        assert_eq!(frames.iter().map(|timed| timed.frame).collect::<Vec<_>>(), [off]);
     }
 }
