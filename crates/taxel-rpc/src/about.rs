@@ -76,14 +76,7 @@ impl Service {
             | Command::DiscardSession { session }
             | Command::DeleteSession { session } => {
                 let patch = self.session(*session).map(|view| view.patch.clone()).unwrap_or_default();
-                let step = match command {
-                    Command::StartRamp { .. } => "another ramp",
-                    Command::FinishRamp { .. } => "its ramp ends",
-                    Command::AbortSession { .. } => "it stops",
-                    Command::DiscardSession { .. } => "it is laid aside",
-                    _ => "",
-                };
-                About { patch, session: Some(*session), arguments: step.to_owned(), ..About::default() }
+                About { patch, session: Some(*session), arguments: step(command).to_owned(), ..About::default() }
             }
             Command::Activate { patch, model_set, expected } => {
                 let expected = expected.as_ref().map(|expected| format!(", expected `{}`", short(expected)));
@@ -127,6 +120,17 @@ impl Service {
         // An empty name stands for the only patch.
         let named = self.patch(&about.patch).map(|index| self.plan(index).patch.name().to_owned());
         About { patch: named.unwrap_or(about.patch), ..about }
+    }
+}
+
+/// What becomes of a session.
+const fn step(command: &Command) -> &'static str {
+    match command {
+        Command::StartRamp { .. } => "another ramp",
+        Command::FinishRamp { .. } => "its ramp ends",
+        Command::AbortSession { .. } => "it stops",
+        Command::DiscardSession { .. } => "it is laid aside",
+        _ => "",
     }
 }
 
