@@ -5,15 +5,15 @@
 
 use std::fs::File;
 use std::io::{self, Cursor, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 use taxel_skin::text::{decode, is_utf16};
 use taxel_wire::candump::parse_line_bytes;
 use taxel_wire::{FrameKind, TimedFrame};
-use thiserror::Error;
 
 use crate::log_clock::LogClock;
+use crate::log_fault::LogFault;
 use crate::log_format::{ForeignLog, HEAD_BYTES};
 use crate::log_report::{LINE_BYTES_MAX, LineFault, LogReport};
 use crate::lost_line::Lost;
@@ -26,38 +26,6 @@ const UTF16_BYTES_MAX: u64 = 256 << 20;
 const GZIP_MAGIC: [u8; 2] = [0x1F, 0x8B];
 /// With it some editors begin a file.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-
-/// The log cannot be opened, or not be read on.
-#[derive(Debug, Error)]
-pub enum LogFault {
-    /// The file cannot be opened.
-    #[error("{}: {error}", path.display())]
-    Open {
-        /// The log.
-        path: PathBuf,
-        /// The system's answer.
-        error: io::Error,
-    },
-    /// Reading or unpacking failed. All complete lines before were handed out; of a damaged gzip those lack that were
-    /// unpacked together with the damage, at most a block.
-    #[error("{name}: after line {line}: {error}")]
-    Read {
-        /// The log.
-        name: String,
-        /// The last complete line, from 1.
-        line: u64,
-        /// The system's or the decoder's answer.
-        error: io::Error,
-    },
-    /// Another program's log.
-    #[error("{name}: {format}")]
-    Foreign {
-        /// The log.
-        name: String,
-        /// What it is, and how it becomes one that is read.
-        format: ForeignLog,
-    },
-}
 
 /// A candump log, plain or gzipped, from its first line to its last.
 pub struct LogReader {

@@ -2,7 +2,7 @@
 
 use taxel_wire::TimedFrame;
 
-use crate::log_reader::LogFault;
+use crate::log_fault::LogFault;
 use crate::log_report::LogReport;
 
 /// The frames of one bus as they were recorded, from first to last: of a candump log, or of a recording.

@@ -8,7 +8,7 @@ use taxel_wire::{CanId, Frame, TimedFrame};
 use thiserror::Error;
 
 use crate::can_error::BusError;
-use crate::log_reader::LogFault;
+use crate::log_fault::LogFault;
 
 /// What a source hands out at once; the caller keeps it and its memory is used again.
 ///

@@ -11,6 +11,7 @@
 mod answer;
 mod assets;
 mod call;
+mod client;
 mod events;
 mod limits;
 mod methods;

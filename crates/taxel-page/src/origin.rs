@@ -47,7 +47,7 @@ pub(crate) fn check_origin(headers: &HeaderMap) -> Result<(), Status> {
 }
 
 fn refused(text: String) -> Status {
-    Refusal::new(Code::PermissionDenied, ErrorReason::OriginRefused, text).into()
+    Refusal::new(Code::PermissionDenied, ErrorReason::RoleTooLow, text).into()
 }
 
 /// The one `Host` of a request.

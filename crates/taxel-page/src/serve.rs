@@ -2,18 +2,18 @@
 
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::time::Duration;
 
 use axum::{Extension, Router};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use taxel_rpc::{Connections, Seat, SharedServices};
+use taxel_rpc::{Connections, SharedServices};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
+use crate::client::Client;
 use crate::limits::Limits;
 use crate::site::{Shows, Site, router};
 
@@ -40,13 +40,6 @@ pub struct Options {
     pub names: Vec<String>,
     /// Bounds.
     pub limits: Limits,
-}
-
-/// The other end of a connection, among the extensions of each request.
-#[derive(Clone, Debug)]
-pub(crate) struct Client {
-    pub(crate) address: SocketAddr,
-    pub(crate) seat: Arc<Seat>,
 }
 
 /// Binds the page's address. Needs a runtime of tokio's.

@@ -23,12 +23,12 @@ use tonic::{Code, Status};
 use crate::answer::{JSON, hardened, json_of, refusal, refusal_as, wrong_method};
 use crate::assets;
 use crate::call::{Caller, streaming, unary};
+use crate::client::Client;
 use crate::events::{Source, events};
 use crate::limits::Limits;
 use crate::methods::{Method, Methods};
 use crate::metrics::{Metrics, OPEN_METRICS};
 use crate::origin::{check_host, check_origin};
-use crate::serve::Client;
 
 /// Streams that one answer may carry.
 const STREAMS_PER_ANSWER: usize = 8;
@@ -74,7 +74,7 @@ pub(crate) fn router(site: Site, shows: Shows) -> Router {
     }
     if shows == Shows::Metrics {
         let elsewhere =
-            || async { refusal(&Refusal::not_found(ErrorReason::PathUnknown, "the metrics are at /metrics").into()) };
+            || async { refusal(&Refusal::not_found(ErrorReason::MethodUnknown, "the metrics are at /metrics").into()) };
         router = router.fallback(elsewhere);
     } else {
         for &(path, kind, content) in assets::FILES {
@@ -183,7 +183,7 @@ impl Site {
     async fn body(&self, body: Body, limit: usize) -> Result<Bytes, Response> {
         let too_large = || {
             let why = format!("the body is longer than {limit} bytes");
-            let long = Refusal::new(Code::OutOfRange, ErrorReason::BodyRefused, why).into();
+            let long = Refusal::new(Code::OutOfRange, ErrorReason::FieldInvalid, why).into();
             refusal_as(StatusCode::PAYLOAD_TOO_LARGE, &long)
         };
         if body.size_hint().lower() > limit as u64 {
@@ -195,7 +195,7 @@ impl Site {
             Ok(Err(error)) => Err(refusal(&Refusal::unreadable(format!("the body did not come: {error}")).into())),
             Err(_) => {
                 let why = format!("the body took longer than {:?}", self.limits.body);
-                let slow = Refusal::new(Code::DeadlineExceeded, ErrorReason::BodyRefused, why).into();
+                let slow = Refusal::new(Code::DeadlineExceeded, ErrorReason::FieldInvalid, why).into();
                 Err(refusal_as(StatusCode::REQUEST_TIMEOUT, &slow))
             }
         }

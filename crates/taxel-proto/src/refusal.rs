@@ -3,7 +3,6 @@
 //! What they are is written at [`ErrorReason`]; here is the one place that makes them, and the one that reads them.
 
 use std::collections::HashMap;
-use std::time::Duration;
 
 use tonic::codegen::http::HeaderMap;
 use tonic::{Code, Status};
@@ -33,7 +32,6 @@ pub struct Refusal {
     /// What was asked for: kinds of things and which of them, such as `patch` and its name.
     about: Vec<(&'static str, String)>,
     field: Option<(String, String)>,
-    retry_after: Option<Duration>,
 }
 
 impl Refusal {
@@ -43,7 +41,7 @@ impl Refusal {
         if text.len() > TEXT_BYTES_MAX {
             text = format!("{} ... ({} bytes in all)", cut(&text, TEXT_BYTES_MAX), text.len());
         }
-        Self { code, reason, text, about, field: None, retry_after: None }
+        Self { code, reason, text, about, field: None }
     }
 
     /// `INVALID_ARGUMENT`: a field is not what it can be.
@@ -58,7 +56,7 @@ impl Refusal {
 
     /// `INVALID_ARGUMENT`: the message is not one of the call.
     pub fn unreadable(text: impl Into<String>) -> Self {
-        Self::new(Code::InvalidArgument, ErrorReason::RequestUnreadable, text)
+        Self::new(Code::InvalidArgument, ErrorReason::FieldInvalid, text)
     }
 
     /// `FAILED_PRECONDITION`: not in this state.
@@ -105,13 +103,6 @@ impl Refusal {
         self
     }
 
-    /// The same, and when it makes sense to ask again.
-    #[must_use]
-    pub fn retry_after(mut self, wait: Duration) -> Self {
-        self.retry_after = Some(wait);
-        self
-    }
-
     /// What the condition that failed is one of: the last thing named, which is the narrowest.
     fn subject(&self) -> String {
         self.about.last().map_or_else(String::new, |(what, which)| {
@@ -134,9 +125,6 @@ impl Refusal {
         if self.code == Code::FailedPrecondition {
             let description = cut(&self.text, DESCRIPTION_BYTES_MAX);
             details.add_precondition_failure_violation(reason, cut(&self.subject(), VALUE_BYTES_MAX), description);
-        }
-        if self.retry_after.is_some() {
-            details.set_retry_info(self.retry_after);
         }
         details
     }
@@ -178,9 +166,9 @@ pub fn complete(headers: &mut HeaderMap) {
 #[must_use]
 pub fn completed(status: &Status) -> Status {
     let reason = match status.code() {
-        Code::NotFound => ErrorReason::ServiceUnknown,
-        Code::Cancelled => ErrorReason::CallerGone,
-        _ => ErrorReason::RequestUnreadable,
+        Code::NotFound => ErrorReason::MethodUnknown,
+        Code::Cancelled => ErrorReason::DaemonUnavailable,
+        _ => ErrorReason::FieldInvalid,
     };
     // Failures of ours have a reason: the libraries call it one of the service that a request is not what it should be.
     let code = if status.code() == Code::Internal { Code::InvalidArgument } else { status.code() };
@@ -199,7 +187,7 @@ mod tests {
 
     #[test]
     fn a_failed_precondition_says_what_it_is_about() {
-        let refusal = Refusal::failed_precondition(ErrorReason::TareLoaded, "something lies on it");
+        let refusal = Refusal::failed_precondition(ErrorReason::SkinLoaded, "something lies on it");
         let status = Status::from(refusal.about("patch", "left_forearm"));
         assert_eq!((status.code(), status.message()), (Code::FailedPrecondition, "something lies on it"));
         let (reason, metadata) = info_of(&status).unwrap();

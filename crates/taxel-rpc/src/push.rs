@@ -50,13 +50,13 @@ impl IngestService for Service {
         let (name, bus) = (plan.patch.name().to_owned(), plan.patch.boards().first().map(|board| board.bus));
         let (Some(_), Some(line), Some(bus)) = (plan.pushed, self.backend.push_line(), bus) else {
             let why = format!("the scans of patch `{name}` come over its bus: nobody can push any");
-            return Err(Refusal::failed_precondition(ErrorReason::NotPushed, why).about("patch", name).into());
+            return Err(Refusal::failed_precondition(ErrorReason::NotConfigured, why).about("patch", name).into());
         };
         let who = format!("{} ({})", caller.who(), caller.origin.place());
         let pusher = line.begin(patch, bus, &who);
         let pusher = pusher.map_err(|other| {
             let why = format!("{other} pushes the scans of patch `{name}`");
-            Refusal::new(Code::AlreadyExists, ErrorReason::PushedByAnother, why).about("patch", &name)
+            Refusal::new(Code::AlreadyExists, ErrorReason::NoPlace, why).about("patch", &name)
         })?;
         match self.command(&caller, "PushScans", Command::BeginPush { patch: name }).await? {
             Done::PushBegun => {}
@@ -83,7 +83,7 @@ impl Service {
                 Ok(next) => next.map_err(|status| completed(&status)),
                 Err(_) => {
                     let why = format!("no scan was pushed for {} s", pause.as_secs_f64());
-                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::PushPaused, why).into())
+                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::NoPlace, why).into())
                 }
             },
         }
@@ -138,7 +138,7 @@ impl PushStream {
             tokio::select! {
                 () = self.answers.closed() => {
                     let why = "the caller has gone";
-                    return Err(Refusal::new(Code::Cancelled, ErrorReason::CallerGone, why).into());
+                    return Err(Refusal::new(Code::Cancelled, ErrorReason::DaemonUnavailable, why).into());
                 }
                 next = &mut next => return next,
                 () = tokio::time::sleep(LOOK_EVERY) => {

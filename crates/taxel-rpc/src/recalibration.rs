@@ -67,7 +67,7 @@ impl Service {
             let why = format!(
                 "the {points} loads lead to `{is}` now, and not to the set that was proposed: look at a new proposal"
             );
-            return Err(Refusal::failed_precondition(ErrorReason::ProposalOutdated, why)
+            return Err(Refusal::failed_precondition(ErrorReason::ActiveSetChanged, why)
                 .about("model_set", wanted)
                 .into());
         }

@@ -158,7 +158,7 @@ impl Service {
                 | Command::KeepRecalibration { .. }
         );
         if keeps {
-            self.backend.room().map_err(|why| Refusal::exhausted(ErrorReason::DiskFull, why))?;
+            self.backend.room().map_err(|why| Refusal::exhausted(ErrorReason::LimitReached, why))?;
         }
         let (reply, answer) = oneshot::channel();
         let about = self.about(&command);
@@ -181,14 +181,14 @@ impl Service {
         let answer = tokio::select! {
             answer = tokio::time::timeout(limit, answer) => match answer {
                 Ok(Ok(answer)) => Ok(answer),
-                Ok(Err(_)) => Err(left_open(Code::Unavailable, ErrorReason::EngineStopped, STOPPED)),
+                Ok(Err(_)) => Err(left_open(Code::Unavailable, ErrorReason::DaemonUnavailable, STOPPED)),
                 Err(_) => {
                     let why = format!("the engine has not answered within {} s", limit.as_secs_f64());
-                    Err(left_open(Code::DeadlineExceeded, ErrorReason::EngineLate, why))
+                    Err(left_open(Code::DeadlineExceeded, ErrorReason::DaemonUnavailable, why))
                 }
             },
             () = self.handle.shutdown.cancelled() => {
-                Err(left_open(Code::Unavailable, ErrorReason::ShuttingDown, SHUTTING_DOWN))
+                Err(left_open(Code::Unavailable, ErrorReason::DaemonUnavailable, SHUTTING_DOWN))
             }
         };
         let (told, answer) = match answer {

@@ -21,7 +21,7 @@ use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_model::bounded::{List, Text};
 use thiserror::Error;
 
-use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length};
+use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length, shown};
 
 /// The word by which a file of this kind is known.
 pub const FORMAT: &str = "taxeld-models";
@@ -310,17 +310,6 @@ fn check_kind(text: &str) -> Result<(), ModelsJsonError> {
         return Err(ModelsJsonError::Version(found(&kind.version)));
     }
     Ok(())
-}
-
-/// So many characters of a text that is not understood are shown.
-const SHOWN_CHARS_MAX: usize = 200;
-
-/// The beginning of a text.
-fn shown(text: &str) -> String {
-    match text.char_indices().nth(SHOWN_CHARS_MAX) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text.to_owned(),
-    }
 }
 
 /// Everything that a type cannot say. Numbers that are read are finite.

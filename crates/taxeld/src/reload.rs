@@ -177,7 +177,7 @@ mod tests {
     fn whether_there_are_rules_at_all_waits_for_a_restart() {
         let path = Path::new("taxeld.toml");
         let (rules, waiting) = Reload::new(path, &granting("ann"), true).apply(SCENE).unwrap();
-        assert_eq!((rules, waiting.len()), (None, 2), "without [access] there are no rules");
+        assert_eq!((rules, waiting.len()), (None, 1), "without [access] there are no rules");
         let bare = format!("{SCENE}[access]\n");
         let (rules, waiting) = Reload::new(path, SCENE, false).apply(&bare).unwrap();
         assert_eq!((rules, waiting), (None, vec!["access".to_owned()]));

@@ -12,7 +12,7 @@ _INFO = "type.googleapis.com/google.rpc.ErrorInfo"
 
 
 def reason_of(error: Any) -> Optional[str]:
-    """The reason that a `grpc.RpcError` carries, such as `TARE_LOADED`; None if it carries none of the daemon's."""
+    """The reason that a `grpc.RpcError` carries, such as `SKIN_LOADED`; None if it carries none of the daemon's."""
     return info_of(error)[0]
 
 

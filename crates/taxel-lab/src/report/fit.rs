@@ -19,7 +19,7 @@ use taxel_model::{
     Accumulator, Dd, Estimator, FitOptions, FixedPressure, MIN_BINNED_SAMPLES, Order, Shape, TaxelModel,
 };
 
-use super::ReportArgs;
+use super::args::ReportArgs;
 use crate::document::{Aim, Axis, Figure, Level, Line, Section, Table, row};
 use crate::numbers::{median, three_digits};
 use crate::peers::{PEERS, Peer, Polynomial, RAW_SVD, Samples};

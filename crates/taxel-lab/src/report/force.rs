@@ -13,7 +13,7 @@ use taxel_model::{Estimator, FitOptions, Order};
 use taxel_sim::Effect;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, area};
 
-use super::ReportArgs;
+use super::args::ReportArgs;
 use crate::document::{Aim, Axis, Figure, Level, Line, Section, Table, row};
 use crate::forearm::{Forearm, Live, Weighed, forces, recording};
 use crate::numbers::{mean, median, three_digits};

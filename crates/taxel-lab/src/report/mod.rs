@@ -2,46 +2,20 @@
 //!
 //! Each section is a module with a function that measures and returns a [`Section`].
 
+mod args;
 mod fit;
 mod force;
 mod scenes;
 mod stability;
 
-use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
 
 use anyhow::ensure;
-use clap::builder::PossibleValuesParser;
 use taxel_proto::Timestamp;
 
+pub use self::args::ReportArgs;
 use crate::document::Section;
 use crate::page::Page;
-
-/// What can be asked of the report.
-#[derive(Clone, Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  taxel-lab report --out report\n  taxel-lab report --quick --only fit,stability --out report"
-)]
-pub struct ReportArgs {
-    /// Folder for the page and its data; made if it is not there.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Fewer repetitions and smaller sizes: less than a minute.
-    #[arg(long)]
-    quick: bool,
-    /// Folder with recordings of a real skin (`insole/`); without it they are left out.
-    #[arg(long, value_name = "DIR", env = "TAXELD_DATA")]
-    data: Option<PathBuf>,
-    /// Of all simulated data.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Only these sections.
-    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = PossibleValuesParser::new(PARTS.map(|part| part.0)))]
-    only: Vec<String>,
-    /// The `taxeld` that the section `scenes` runs [default: the one beside this program].
-    #[arg(long, value_name = "FILE")]
-    taxeld: Option<PathBuf>,
-}
 
 /// Name, heading and what measures it, in the order of the page.
 type Part = (&'static str, &'static str, fn(&ReportArgs) -> anyhow::Result<Section>);

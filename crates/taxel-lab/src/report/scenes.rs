@@ -18,7 +18,7 @@ use taxel_store::models_json;
 use tempfile::TempDir;
 use tokio::time::timeout;
 
-use super::ReportArgs;
+use super::args::ReportArgs;
 use crate::document::{Aim, Section, Table, row};
 use crate::forearm::{Forearm, recording};
 use crate::numbers::three_digits;

@@ -3,7 +3,7 @@
 
 use taxel_model::stability::case::{Case, Contest, Problem};
 
-use super::ReportArgs;
+use super::args::ReportArgs;
 use crate::document::{Aim, Cell, Section, Table, row};
 use crate::peers::{PEERS, Peer, Polynomial, Samples};
 

@@ -62,7 +62,7 @@ async fn the_engines_reason_comes_with_what_the_command_was_about() {
     let refused = || Err(Rejection::FailedPrecondition(Engine::TareLoaded, "rest is not proven: loaded".to_owned()));
     let (answer, ()) = tokio::join!(client.tare(v1::TareRequest::default()), daemon.answer(refused(), |_| {}));
     let status = answer.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::TareLoaded, pairs([("patch", FOREARM)])), "the only patch, by its name");
+    assert_eq!(about(&status), (ErrorReason::SkinLoaded, pairs([("patch", FOREARM)])), "the only patch, by its name");
     let failure = status.get_details_precondition_failure().unwrap();
     assert_eq!(failure.violations[0].subject, format!("patches/{FOREARM}"));
 
@@ -116,15 +116,15 @@ async fn what_the_libraries_refuse_has_a_reason_too() {
     let channel = daemon.connect().await;
     let request = v1::GetForceRequest { patch: "x".repeat(200) };
     let status = ForceServiceClient::new(channel.clone()).get_force(request).await.unwrap_err();
-    assert_eq!((status.code(), reason(&status)), (Code::OutOfRange, ErrorReason::RequestUnreadable));
+    assert_eq!((status.code(), reason(&status)), (Code::OutOfRange, ErrorReason::FieldInvalid));
     let request = HealthCheckRequest { service: "x.Y".to_owned() };
     let status = HealthClient::new(channel.clone()).check(request).await.unwrap_err();
-    assert_eq!((status.code(), reason(&status)), (Code::NotFound, ErrorReason::ServiceUnknown));
+    assert_eq!((status.code(), reason(&status)), (Code::NotFound, ErrorReason::MethodUnknown));
     let asked = tokio_stream::once(ServerReflectionRequest::default());
     let answer = ServerReflectionClient::new(channel).server_reflection_info(asked).await;
     let status = match answer {
         Ok(answer) => answer.into_inner().message().await.unwrap_err(),
         Err(status) => status,
     };
-    assert_eq!((status.code(), reason(&status)), (Code::InvalidArgument, ErrorReason::RequestUnreadable));
+    assert_eq!((status.code(), reason(&status)), (Code::InvalidArgument, ErrorReason::FieldInvalid));
 }

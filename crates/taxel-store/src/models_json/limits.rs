@@ -23,3 +23,14 @@ pub(crate) fn check_length(bytes: usize) -> Result<(), String> {
     }
     Ok(())
 }
+
+/// So many characters of a text that is not understood are shown.
+const SHOWN_CHARS_MAX: usize = 200;
+
+/// The beginning of a text.
+pub(super) fn shown(text: &str) -> String {
+    match text.char_indices().nth(SHOWN_CHARS_MAX) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}

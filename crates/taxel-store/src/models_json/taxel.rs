@@ -8,8 +8,7 @@ use taxel_model::{
     figure,
 };
 
-use super::limits::{FLAGS_MAX, WORDS_BYTES_MAX};
-use super::shown;
+use super::limits::{FLAGS_MAX, WORDS_BYTES_MAX, shown};
 
 /// A string of an entry.
 type Words = Text<WORDS_BYTES_MAX>;

@@ -200,21 +200,6 @@ fn the_robots_configuration_gives_addresses_periods_and_exceptions_and_differenc
 }
 
 #[test]
-fn a_file_that_another_includes_is_not_overwritten() {
-    let folder = Folder::new();
-    let torso = folder.put("torso.txt", &positions("torso", 4, &[5]));
-    let device = folder.put(
-        "torso-eb22-skin.xml",
-        "<device xmlns:xi=\"http://www.w3.org/2001/XInclude\" name=\"torso-eb22-skin\" type=\"embObjSkin\">\
-         <xi:include href=\"torso-eb22-skinSpec.xml\" /></device>",
-    );
-    let spec = folder.put("torso-eb22-skinSpec.xml", "<params></params>");
-    let refused = run(&["--positions", &torso, "--xml", &device, "--out", &spec, "--force"]).unwrap_err();
-    assert!(refused.to_string().contains("would be overwritten by the output"), "{refused:#}");
-    assert_eq!(std::fs::read_to_string(&spec).unwrap(), "<params></params>");
-}
-
-#[test]
 fn a_gauge_is_taken_in_the_words_of_the_configuration() {
     let folder = Folder::new();
     let hand = folder.put("left_hand.txt", &positions("l_hand", 1, &[8, 9, 10, 11]));

@@ -26,7 +26,7 @@ fn a_log_of_which_nothing_is_understood_fails() {
     std::fs::write(
         &config,
         "[store]\npath = \"t.db\"\n[[bus]]\nname = \"skin\"\ninterface = \"can0\"\n[[patch]]\nname = \"palm\"\n\
-         bus = \"skin\"\nlisten_only = true\n[[patch.board]]\naddress = 13\nmodules = \"0-1\"\n",
+         bus = \"skin\"\nlisten_only = true\nboards = [{ address = 13, modules = \"0-1\" }]\n",
     )
     .unwrap();
     let said = fails(&taxeld(&["replay", &log, "--config", &config]));

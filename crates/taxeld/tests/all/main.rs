@@ -6,12 +6,13 @@ mod comforts;
 mod common;
 #[cfg(feature = "sim")]
 mod demo;
+#[cfg(feature = "sim")]
+mod kills;
 mod logs;
 #[cfg(feature = "sim")]
 mod one_bag;
 #[cfg(feature = "sim")]
 mod operator;
-mod outputs;
 #[cfg(feature = "sim")]
 mod scarce;
 #[cfg(feature = "sim")]

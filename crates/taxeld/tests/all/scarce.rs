@@ -78,9 +78,10 @@ impl Daemon {
         let begun = Instant::now();
         loop {
             match ForceServiceClient::connect(format!("http://{}", self.address)).await {
-                Ok(mut client) => {
-                    return client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner();
-                }
+                Ok(mut client) => match client.stream_force(v1::StreamForceRequest::default()).await {
+                    Ok(stream) => return stream.into_inner(),
+                    Err(error) => assert!(begun.elapsed() < PATIENCE, "the daemon takes no call: {error}"),
+                },
                 Err(error) => assert!(begun.elapsed() < PATIENCE, "the daemon does not come up: {error}"),
             }
             tokio::task::yield_now().await;

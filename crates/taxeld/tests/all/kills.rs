@@ -1,7 +1,5 @@
 //! The daemon is killed at random while it imports, activates and calibrates: what was acknowledged is there when it comes
 //! back, and the set in use is the one that was. 12 times, or as often as TAXELD_KILLS says.
-#![cfg(feature = "sim")]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -38,8 +36,9 @@ impl Daemon {
     fn start(folder: &Path) -> Self {
         let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
         let config = format!(
-            "store.path = \"{}/store.db\"\nservice.listen = \"{address}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
-             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\n[[patch.board]]\naddress = 13\nmodules = \"0-15\"\n",
+            "store.path = \"{}/store.db\"\nlisten = [\"tcp:{address}\"]\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
+             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\n\
+             boards = [{{ address = 13, modules = \"0-15\" }}]\n",
             folder.display()
         );
         std::fs::write(folder.join("taxeld.toml"), config).unwrap();
