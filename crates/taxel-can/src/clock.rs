@@ -17,7 +17,7 @@ impl ClockReading {
     /// The present.
     #[must_use]
     pub fn now() -> Self {
-        Self { time: Time::from_nanos(nanos(ClockId::CLOCK_MONOTONIC)), wall_ns: nanos(ClockId::CLOCK_REALTIME) }
+        Self { time: Time::from_nanos(nanos(ClockId::CLOCK_BOOTTIME)), wall_ns: nanos(ClockId::CLOCK_REALTIME) }
     }
 
     /// What to add to a time of the run's clock, in ns, to get its label since 1970, as the wall clock is set now.

@@ -34,6 +34,7 @@ mod work;
 pub use error::{Quarantined, StoreError};
 pub use files::{files_of, real, size_on_disk};
 pub use retention::{Retention, Size, session_to_go, sets_to_go, to_be_judged};
-pub use store::{Notify, Reader, Store, StoreEvent};
+pub use store::{Reader, Store};
 pub use store_file::{Checked, StoreFile, check};
+pub use thread::{Notify, StoreEvent};
 pub use work::{Batch, Durability, OnDurable, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Tell};

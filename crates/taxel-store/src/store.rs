@@ -8,41 +8,21 @@ use std::thread::JoinHandle;
 use taxel_engine::Restored;
 use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
-use taxel_engine::catalogue::StoreDamage;
 
 use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
 use crate::open::{Opened, open};
 use crate::retention::{Retention, Size};
-use crate::thread::{Turn, Writer};
+use crate::thread::{Ask, Notify, Turn, Writer};
 use crate::work::{
     Batch, Entry, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Tell, Waiting, Work, WorkQueue, work_queue,
 };
-
-/// What the store tells without being asked, on its thread.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum StoreEvent {
-    /// Samples of this session are on disk up to, not including, this index.
-    Durable {
-        /// Number of the session.
-        session: u64,
-        /// Samples on disk.
-        samples: u64,
-    },
-    /// A write failed; why. Nothing is written any more.
-    Failed(String),
-    /// Something on disk was found damaged when it was asked for, or the copy could not be made.
-    Damaged(StoreDamage),
-}
-
-/// Who hears the [`StoreEvent`]s. It runs between commits and must not wait.
-pub type Notify = Box<dyn Fn(StoreEvent) + Send>;
 
 /// The handle to the thread. All methods return at once, but [`Store::open`] and [`Store::close`].
 #[derive(Debug)]
 pub struct Store {
     /// The thread holds the receiver; dropping this ends it after a last flush.
-    queue: Arc<WorkQueue>,
+    queue: Arc<WorkQueue<Ask>>,
     /// Its result is that of the last flush.
     thread: JoinHandle<Result<(), StoreError>>,
 }
@@ -151,7 +131,7 @@ impl Store {
 /// Reads from a store, after all that was submitted before. It does not keep the store open, and is cheap to clone; of a store
 /// that is closed the answer is [`StoreError::Closed`]. No method waits.
 #[derive(Clone, Debug)]
-pub struct Reader(Weak<WorkQueue>);
+pub struct Reader(Weak<WorkQueue<Ask>>);
 
 impl Reader {
     /// The samples of a session.
@@ -177,8 +157,8 @@ impl Reader {
     fn ask<T: 'static>(&self, tell: Tell<T>, read: impl FnOnce(Turn<'_>) -> Result<T, StoreError> + Send + 'static) {
         let Some(queue) = self.0.upgrade() else { return tell(Err(StoreError::Closed)) };
         let waiting = Waiting(Some(tell));
-        let ask = Work::Ask(Box::new(move |turn| waiting.tell(turn.and_then(read))));
-        if let Err(TrySendError::Full(Work::Ask(ask))) = queue.try_send(ask) {
+        let ask: Ask = Box::new(move |turn| waiting.tell(turn.and_then(read)));
+        if let Err(TrySendError::Full(Work::Ask(ask))) = queue.try_send(Work::Ask(ask)) {
             ask(Err(StoreError::Behind { waiting: QUEUE_BATCHES }));
         }
     }

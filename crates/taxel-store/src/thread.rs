@@ -14,9 +14,30 @@ use crate::db::{Db, State};
 use crate::error::{Quarantined, StoreError, lines};
 use crate::lock::StoreLock;
 use crate::retention::Size;
-use crate::store::{Notify, StoreEvent};
 use crate::work::{Durability, Group, Work, WorkSource};
 use crate::{audit, samples, sets};
+
+/// What the store tells without being asked, on its thread.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StoreEvent {
+    /// Samples of this session are on disk up to, not including, this index.
+    Durable {
+        /// Number of the session.
+        session: u64,
+        /// Samples on disk.
+        samples: u64,
+    },
+    /// A write failed; why. Nothing is written any more.
+    Failed(String),
+    /// Something on disk was found damaged when it was asked for, or the copy could not be made.
+    Damaged(StoreDamage),
+}
+
+/// Who hears the [`StoreEvent`]s. It runs between commits and must not wait.
+pub type Notify = Box<dyn Fn(StoreEvent) + Send>;
+
+/// A question, with what is done with the answer.
+pub(crate) type Ask = Box<dyn FnOnce(Result<Turn<'_>, StoreError>) + Send>;
 
 /// The thread's state.
 pub(crate) struct Writer {
@@ -45,7 +66,7 @@ impl Writer {
         Self { connection, desk: Desk { state, notify, group: Group::default(), found }, lock }
     }
 
-    pub(crate) fn run(mut self, work: &WorkSource) -> Result<(), StoreError> {
+    pub(crate) fn run(mut self, work: &WorkSource<Ask>) -> Result<(), StoreError> {
         if let Some(first) = &self.desk.state.failure {
             (self.desk.notify)(StoreEvent::Failed(first.to_string()));
         }
@@ -57,7 +78,7 @@ impl Writer {
         Db { connection, state, lock }.close()
     }
 
-    fn serve(&mut self, work: &WorkSource) {
+    fn serve(&mut self, work: &WorkSource<Ask>) {
         loop {
             let goes_on = self.desk.turn(&self.connection, work, None);
             self.copy_if_due(work);
@@ -68,7 +89,7 @@ impl Writer {
     }
 
     /// Makes a copy if something was written that it has to have. That it cannot be made ends nothing, and is told.
-    fn copy_if_due(&mut self, work: &WorkSource) {
+    fn copy_if_due(&mut self, work: &WorkSource<Ask>) {
         let appender = &mut self.desk.state.appender;
         if !std::mem::take(&mut appender.copy_due) || self.desk.state.failure.is_some() {
             return;
@@ -80,7 +101,7 @@ impl Writer {
     }
 
     /// Copies the database, a part at a time: commits and whoever asks have their turns in between.
-    fn copy(&mut self, work: &WorkSource) -> Result<(), StoreError> {
+    fn copy(&mut self, work: &WorkSource<Ask>) -> Result<(), StoreError> {
         let Some(path) = self.desk.state.path.clone() else { return Ok(()) };
         let mut part = Part::make(&path)?;
         let copying = part.begin(&self.connection)?;
@@ -98,7 +119,7 @@ impl Writer {
 
 impl Desk {
     /// Serves what comes next; false once nothing will come any more.
-    fn turn(&mut self, connection: &Connection, work: &WorkSource, most: Option<Duration>) -> bool {
+    fn turn(&mut self, connection: &Connection, work: &WorkSource<Ask>, most: Option<Duration>) -> bool {
         let next = match self.group.wait() {
             _ if self.group.is_full() => Err(RecvTimeoutError::Timeout),
             Some(wait) => work.next(Some(most.map_or(wait, |most| most.min(wait)))),

@@ -10,7 +10,6 @@ use taxel_engine::record::Record;
 use thiserror::Error;
 
 use crate::error::StoreError;
-use crate::thread::Turn;
 
 /// Batches that may wait for the disk.
 ///
@@ -93,38 +92,40 @@ pub(crate) struct Entry {
     pub(crate) waiting: Waiting<Durability>,
 }
 
-/// A question, with what is done with the answer.
-pub(crate) type Ask = Box<dyn FnOnce(Result<Turn<'_>, StoreError>) + Send>;
-
-/// What the store's thread is asked for, in one order.
-pub(crate) enum Work {
+/// What the store's thread is asked for, in one order; `A` is a question with what is done with the answer.
+pub(crate) enum Work<A> {
     Write(Entry),
-    Ask(Ask),
+    Ask(A),
 }
 
 /// The end of the queue into which work is put.
-#[derive(Debug)]
-pub(crate) struct WorkQueue {
-    work: SyncSender<Work>,
+pub(crate) struct WorkQueue<A> {
+    work: SyncSender<Work<A>>,
     waiting: Arc<AtomicUsize>,
 }
 
 /// The other end, of the store's thread.
-pub(crate) struct WorkSource {
-    work: Receiver<Work>,
+pub(crate) struct WorkSource<A> {
+    work: Receiver<Work<A>>,
     waiting: Arc<AtomicUsize>,
 }
 
 /// A queue of [`QUEUE_BATCHES`].
-pub(crate) fn work_queue() -> (WorkQueue, WorkSource) {
+pub(crate) fn work_queue<A>() -> (WorkQueue<A>, WorkSource<A>) {
     let (sender, work) = sync_channel(QUEUE_BATCHES);
     let waiting = Arc::new(AtomicUsize::new(0));
     (WorkQueue { work: sender, waiting: Arc::clone(&waiting) }, WorkSource { work, waiting })
 }
 
-impl WorkQueue {
+impl<A> fmt::Debug for WorkQueue<A> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("WorkQueue").field("waiting", &self.waiting()).finish_non_exhaustive()
+    }
+}
+
+impl<A> WorkQueue<A> {
     /// Puts work in, or gives it back. Never waits.
-    pub(crate) fn try_send(&self, work: Work) -> Result<(), TrySendError<Work>> {
+    pub(crate) fn try_send(&self, work: Work<A>) -> Result<(), TrySendError<Work<A>>> {
         self.waiting.fetch_add(1, Ordering::Relaxed);
         self.work.try_send(work).inspect_err(|_| {
             self.waiting.fetch_sub(1, Ordering::Relaxed);
@@ -137,12 +138,12 @@ impl WorkQueue {
     }
 }
 
-impl WorkSource {
+impl<A> WorkSource<A> {
     /// The next work, which is waited for: so long at most, or for ever.
     ///
     /// # Errors
     /// That none came in time, or that none will come any more.
-    pub(crate) fn next(&self, most: Option<Duration>) -> Result<Work, RecvTimeoutError> {
+    pub(crate) fn next(&self, most: Option<Duration>) -> Result<Work<A>, RecvTimeoutError> {
         let next = match most {
             Some(most) => self.work.recv_timeout(most),
             None => self.work.recv().map_err(RecvTimeoutError::from),

@@ -34,7 +34,7 @@ impl Ticks {
     /// If the system has no timer left.
     pub fn every(period: Duration) -> io::Result<Self> {
         let period = period.max(Duration::from_nanos(1));
-        let timer = TimerFd::new(ClockId::CLOCK_MONOTONIC, TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC)?;
+        let timer = TimerFd::new(ClockId::CLOCK_BOOTTIME, TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC)?;
         let deadlines = Expiration::IntervalDelayed(first(*ORIGIN, now()?, period).into(), TimeSpec::from(period));
         timer.set(deadlines, TimerSetTimeFlags::TFD_TIMER_ABSTIME)?;
         // Its successor is `unsafe`, for the sake of descriptors that change under it. A descriptor that is owned does not.

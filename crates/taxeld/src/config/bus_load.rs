@@ -5,7 +5,6 @@ use taxel_skin::BusIndex;
 
 use super::fault::Faults;
 use super::file::Config;
-use super::scene::patch_key;
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
 const FRAME_S: f64 = 111e-6;
@@ -55,7 +54,7 @@ pub fn overloaded(config: &Config, plan: &Plan, faults: &mut Faults) {
         let share = of_bus(plan, index);
         if share > 1.0 {
             let patch = plan.patches.iter().find(|patch| patch.patch.is_on(index));
-            let key = patch.map_or_else(String::new, |patch| patch_key(config, patch.patch.name()) + ".period_ms");
+            let key = patch.map_or_else(String::new, |patch| config.patch_key(patch.patch.name()) + ".period_ms");
             let words = format!("{}: raise period_ms, or put boards on another bus", told(config, bus, share));
             faults.note(&key, words);
         }

@@ -1,7 +1,7 @@
 //! The file, section by section. `deploy/taxeld.toml` explains every key; what is absent has the default that it names.
 
 use std::net::{SocketAddr, TcpListener};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Deserialize;
@@ -38,6 +38,19 @@ pub struct Config {
     pub bus: Vec<BusSection>,
     /// The patches.
     pub patch: Vec<PatchSection>,
+}
+
+impl Config {
+    /// The key of the section of a patch.
+    pub fn patch_key(&self, name: &str) -> String {
+        let position = self.patch.iter().position(|patch| patch.name == name);
+        position.map_or_else(String::new, |position| format!("patch[{position}]"))
+    }
+}
+
+/// The path of a file that a configuration names relative to itself.
+pub fn beside(config: &Path, file: &Path) -> PathBuf {
+    config.parent().unwrap_or(Path::new("")).join(file)
 }
 
 /// `[tls]`; paths are relative to the configuration.

@@ -7,8 +7,7 @@ use taxel_rpc::{Grant, Role, Rules, Subject};
 
 use super::door::Door;
 use super::fault::Faults;
-use super::file::{AccessSection, Config};
-use super::patch::beside;
+use super::file::{AccessSection, Config, beside};
 use super::runtime_folder::runtime_folder;
 
 /// The mode of a Unix socket: its owner and its group may connect.

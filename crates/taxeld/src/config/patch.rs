@@ -11,7 +11,7 @@ use super::array::{Described, describe, grid, pushed};
 use super::boards::boards;
 use super::dbc::{DbcFile, Place};
 use super::fault::Faults;
-use super::file::{BusSource, Config};
+use super::file::{BusSource, Config, beside};
 use super::limits::{drift, fit_options, gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaFactorWord, AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
 use super::scene::Scene;
@@ -26,11 +26,6 @@ const CONVERSION_MS: u16 = 37;
 /// Area of a taxel of an iCub triangle with its share of the gaps between modules 18 mm apart: a tenth of
 /// (3 sqrt(3) / 4) (18 mm)^2. The soft layer carries load over the gaps, too.
 const WITH_GAPS_MM2: f64 = 42.1;
-
-/// The path of a file that a configuration names relative to itself.
-pub fn beside(config: &Path, file: &Path) -> std::path::PathBuf {
-    config.parent().unwrap_or(Path::new("")).join(file)
-}
 
 /// The plan of a patch. Nothing if something is wrong with it, which is noted.
 pub fn patch_plan(

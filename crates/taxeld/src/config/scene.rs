@@ -180,13 +180,7 @@ fn key_of(config: &Config, conflict: &Conflict) -> String {
         Conflict::GaugeOnBoard { patch, .. } => (patch, ".gauge.id".to_owned()),
         Conflict::DeviceOnBoard { patch, .. } => (patch, ".array".to_owned()),
     };
-    patch_key(config, patch) + &below
-}
-
-/// The key of the section of a patch.
-pub fn patch_key(config: &Config, name: &str) -> String {
-    let position = config.patch.iter().position(|patch| patch.name == name);
-    position.map_or_else(String::new, |position| format!("patch[{position}]"))
+    config.patch_key(patch) + &below
 }
 
 #[cfg(test)]
