@@ -17,7 +17,7 @@ const NAMED_PERCENT: f64 = 10.0;
 /// What changed from one model set to another: of a running daemon, of files, or both.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "To go back to an earlier set, activate it: taxeld activate m-26dc\n\nExamples:\n  taxel-lab compare active newest\n  taxel-lab compare before.json after.json\n  taxel-lab compare active models.json"
+    after_help = "To go back to an earlier set, use it: taxeld models use m-26dc\n\nExamples:\n  taxel-lab compare active newest\n  taxel-lab compare before.json after.json\n  taxel-lab compare active models.json"
 )]
 pub struct CompareArgs {
     #[command(flatten)]

@@ -192,10 +192,10 @@ mod tests {
         assert_eq!((status.code(), status.message()), (Code::FailedPrecondition, "something lies on it"));
         let (reason, metadata) = info_of(&status).unwrap();
         let expected = [("patch".to_owned(), "left_forearm".to_owned())];
-        assert_eq!((reason.as_str(), metadata), ("TARE_LOADED", HashMap::from(expected)));
+        assert_eq!((reason.as_str(), metadata), ("SKIN_LOADED", HashMap::from(expected)));
         let failure = status.get_details_precondition_failure().unwrap();
         let [violation] = failure.violations.as_slice() else { panic!("{failure:?}") };
-        assert_eq!((violation.r#type.as_str(), violation.subject.as_str()), ("TARE_LOADED", "patches/left_forearm"));
+        assert_eq!((violation.r#type.as_str(), violation.subject.as_str()), ("SKIN_LOADED", "patches/left_forearm"));
         assert_eq!(violation.description, "something lies on it");
     }
 
@@ -230,7 +230,7 @@ mod tests {
         complete(&mut headers);
         let status = Status::from_header_map(&headers).unwrap();
         assert_eq!((status.code(), status.message()), (Code::OutOfRange, "too long"));
-        assert_eq!(reason_of(&status).as_deref(), Some("REQUEST_UNREADABLE"));
+        assert_eq!(reason_of(&status).as_deref(), Some("FIELD_INVALID"));
         let undecodable = completed(&Status::internal("failed to decode"));
         assert_eq!((undecodable.code(), undecodable.message()), (Code::InvalidArgument, "failed to decode"));
 

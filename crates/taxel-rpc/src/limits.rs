@@ -22,7 +22,7 @@ pub struct Limits {
     pub calls_per_peer: usize,
     /// Of all, those that only operators can have.
     pub calls_reserved: usize,
-    /// Calls at once that take tens of milliseconds or megabytes: imports, exports, comparisons, proposals, certificates.
+    /// Calls at once that take tens of milliseconds or megabytes: imports, exports, proposals.
     pub long_calls: usize,
     /// Of one peer.
     pub long_calls_per_peer: usize,

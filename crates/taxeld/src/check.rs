@@ -72,10 +72,10 @@ fn print(config: &Config, scene: &Scene) {
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
     let built = left_out_of_the_build();
     tell!("left out:");
-    left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| tell!("  {line}"));
-    if !scene.remarks.is_empty() {
+    left_out_buses(config, &routes).iter().chain(&scene.said.left_out).chain(&built).for_each(|line| tell!("  {line}"));
+    if !scene.said.remarks.is_empty() {
         tell!("remarks:");
-        scene.remarks.iter().for_each(|line| tell!("  {line}"));
+        scene.said.remarks.iter().for_each(|line| tell!("  {line}"));
     }
     let missing = missing(config, &scene.doors);
     if !missing.is_empty() {

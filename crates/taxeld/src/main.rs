@@ -97,7 +97,7 @@ enum Subcommands {
         #[arg(long)]
         json: bool,
     },
-    /// Looks at a store, or gives back its empty space. Not while a daemon has it open.
+    /// Looks at a store. Not while a daemon has it open.
     Store(store_command::StoreArgs),
     /// A candump log, plain or .gz, or a recording (MCAP), through the same engine.
     Replay(ReplayArgs),

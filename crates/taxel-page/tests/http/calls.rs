@@ -40,7 +40,7 @@ async fn a_refusal_says_why_for_programs_too() {
     for (path, body, reason) in [
         ("/taxel.v1.ForceService/GetForce", r#"{"patch": "nose"}"#, "PATCH_UNKNOWN"),
         ("/taxel.v1.CalibrationService/GetSession", "{}", "FIELD_INVALID"),
-        ("/taxel.v1.CalibrationService/GetSession", "{", "REQUEST_UNREADABLE"),
+        ("/taxel.v1.CalibrationService/GetSession", "{", "FIELD_INVALID"),
         ("/taxel.v1.CalibrationService/GetNothing", "{}", "METHOD_UNKNOWN"),
         ("/streams", "{}", "METHOD_UNKNOWN"),
         // A proxy with rules about paths must not be passed by another spelling of one.

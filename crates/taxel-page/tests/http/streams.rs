@@ -53,7 +53,7 @@ async fn the_end_of_a_stream_says_why() {
     daemon.shutdown.cancel();
     let (name, end) = events.next().await;
     assert_eq!((name.as_str(), &end["code"]), ("end", &"UNAVAILABLE".into()));
-    assert_eq!(end["reason"], "SHUTTING_DOWN");
+    assert_eq!(end["reason"], "DAEMON_UNAVAILABLE");
     assert_eq!(end["call"], FORCE);
     assert!(end["message"].as_str().unwrap().contains("shutting down"));
     let mut rest = String::new();

@@ -121,13 +121,13 @@ fn denied(caller: &Caller, method: Method) -> Status {
     let (needed, name) = (method.role, method.name);
     let how = match &*caller.origin {
         _ if caller.by_token => "the token file gives each token its role",
-        Origin::Unix(..) => "an [[access.grant]] for your account or one of its groups, or a token, gives it",
+        Origin::Unix(..) => "an entry of [access] for your account or one of its groups, or a token, gives it",
         Origin::Loopback(_) => {
-            "show a token (metadata `authorization: Bearer TOKEN`), or come over the Unix socket with an account that an \
-             [[access.grant]] names"
+            "show a token (metadata `authorization: Bearer TOKEN`), or come over the Unix socket with an account that \
+             [access] names"
         }
-        Origin::Insecure(_) => "come over TLS with a client certificate that an [[access.grant]] names",
-        Origin::Tls(..) => "an [[access.grant]] for a name of your certificate, or a token, gives it",
+        Origin::Insecure(_) => "come over TLS with a client certificate that [access] names",
+        Origin::Tls(..) => "an entry of [access] for a name of your certificate, or a token, gives it",
     };
     let text = |who: &str| {
         format!("{name} needs the role {needed}; {who} over {} has {has}: {how}", caller.origin.transport())

@@ -26,8 +26,11 @@ pub fn reason(status: &Status) -> ErrorReason {
     let reason = ErrorReason::from_str_name(&info.reason);
     let reason = reason.unwrap_or_else(|| panic!("`{}` is not in the list: {status:?}", info.reason));
     assert_ne!(reason, ErrorReason::Unspecified, "{status:?}");
-    if reason == ErrorReason::FieldInvalid {
-        let request = status.get_details_bad_request().unwrap_or_else(|| panic!("no BadRequest: {status:?}"));
+    let request = status.get_details_bad_request();
+    // A message that cannot be read has no field to name.
+    assert_eq!(request.is_some(), info.metadata.contains_key("field"), "{status:?}");
+    if let Some(request) = request {
+        assert_eq!(reason, ErrorReason::FieldInvalid, "{status:?}");
         let [violation] = request.field_violations.as_slice() else { panic!("{request:?}") };
         assert_eq!(Some(&violation.field), info.metadata.get("field"), "{status:?}");
         let words = format!("{}: {}", violation.field, violation.description);

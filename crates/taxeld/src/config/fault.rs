@@ -4,6 +4,15 @@ use std::fmt::Display;
 
 use taxel_skin::printable;
 
+/// What a user should know of a configuration with which nothing is wrong.
+#[derive(Clone, Debug, Default)]
+pub struct Said {
+    /// What is left out and why, a line each.
+    pub left_out: Vec<String>,
+    /// What else, a line each.
+    pub remarks: Vec<String>,
+}
+
 /// A value that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {

@@ -10,11 +10,10 @@ use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
 use super::array::{Described, describe, grid, pushed};
 use super::boards::boards;
 use super::dbc::{DbcFile, Place};
-use super::fault::Faults;
+use super::fault::{Faults, Said};
 use super::file::{BusSource, Config, beside};
 use super::limits::{drift, fit_options, gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaFactorWord, AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
-use super::scene::Scene;
 use crate::files::read_any_text;
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.
@@ -32,7 +31,7 @@ pub fn patch_plan(
     config: &Config,
     section: &PatchSection,
     path: &Path,
-    (faults, scene): (&mut Faults, &mut Scene),
+    (faults, said): (&mut Faults, &mut Said),
 ) -> Option<PatchPlan> {
     let name = &section.name;
     if name.is_empty() || name.len() > 64 || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') {
@@ -54,10 +53,10 @@ pub fn patch_plan(
     let bus = bus?;
     let push = push(config, section, bus, faults);
     let Skin { patch, devices, setups, geometry, areas } = skin(section, file.as_ref(), bus, (path, faults))?;
-    scene.remarks.extend(geometry.iter().flat_map(|g| &g.remarks).map(|r| format!("{name}: geometry: {r}")));
-    let outputs = outputs(section, geometry.as_ref(), scene);
+    said.remarks.extend(geometry.iter().flat_map(|g| &g.remarks).map(|r| format!("{name}: geometry: {r}")));
+    let outputs = outputs(section, geometry.as_ref(), said);
     let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
-    tell(section, (devices.is_empty(), padless), scene);
+    tell(section, (devices.is_empty(), padless), said);
     let drift = drift(section.follow_drift);
     Some(PatchPlan {
         areas,
@@ -97,9 +96,9 @@ fn dbc_file(array: &ArraySection, path: &Path, faults: &mut Faults) -> Option<Db
 }
 
 /// What the patch leaves out, and what a user should know.
-fn tell(section: &PatchSection, (of_boards, padless): (bool, bool), scene: &mut Scene) {
+fn tell(section: &PatchSection, (of_boards, padless): (bool, bool), said: &mut Said) {
     let name = &section.name;
-    let mut leave_out = |why: &str| scene.left_out.push(format!("{name}: {why}"));
+    let mut leave_out = |why: &str| said.left_out.push(format!("{name}: {why}"));
     if section.gauge.is_none() {
         leave_out("calibration: there is no gauge, so no pressure to fit to");
     }
@@ -116,8 +115,7 @@ fn tell(section: &PatchSection, (of_boards, padless): (bool, bool), scene: &mut 
     }
     if section.period_ms < CONVERSION_MS && of_boards {
         let period = section.period_ms;
-        scene
-            .remarks
+        said.remarks
             .push(format!("{name}: the converter needs 36.9 ms a scan: at {period} ms old values are repeated"));
     }
 }
@@ -242,7 +240,7 @@ fn area_uncertainty(section: &PatchSection, faults: &mut Faults) -> f64 {
     faults.range("area_uncertainty", stated, 0.0, 1.0)
 }
 
-fn outputs(section: &PatchSection, geometry: Option<&Geometry>, scene: &mut Scene) -> Outputs {
+fn outputs(section: &PatchSection, geometry: Option<&Geometry>, said: &mut Said) -> Outputs {
     let asked = |word| section.outputs.contains(&word);
     let directed = geometry.is_some_and(|g| g.normals == NormalsVerdict::Usable);
     let lacks = if geometry.is_some() { "the geometry has no usable normals" } else { "there is no geometry" };
@@ -254,7 +252,7 @@ fn outputs(section: &PatchSection, geometry: Option<&Geometry>, scene: &mut Scen
             (false, false) => format!("not asked for in outputs, and {lacks}"),
         };
         if !computed {
-            scene.left_out.push(format!("{}: {what}: {why}", section.name));
+            said.left_out.push(format!("{}: {what}: {why}", section.name));
         }
         computed
     };

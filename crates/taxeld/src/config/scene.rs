@@ -8,7 +8,7 @@ use taxel_engine::plan::Plan;
 use taxel_rpc::{Grant, Rules, Subject};
 
 use super::bus_load::{crowded, overloaded};
-use super::fault::Faults;
+use super::fault::{Faults, Said};
 use super::file::{BusSection, BusSource, Config, SharedMemorySection, StoreSection};
 use super::listen::{Doors, doors};
 use super::log_filter::log_filter;
@@ -27,10 +27,8 @@ pub struct Scene {
     pub plan: Plan,
     /// Where the service listens, and who may do what.
     pub doors: Doors,
-    /// What is left out and why, a line each.
-    pub left_out: Vec<String>,
-    /// What a user should know, a line each.
-    pub remarks: Vec<String>,
+    /// What a user should know.
+    pub said: Said,
 }
 
 /// Resolves a configuration, whose path is for files relative to it. What is wrong is noted, all of it; then there is no scene.
@@ -55,7 +53,7 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
         shared_memory(section, doors.ruled.then_some(&doors.rules), faults);
     }
     let plan = Plan { buses: config.bus.len(), patches: Vec::new() };
-    let mut scene = Scene { plan, doors, left_out: Vec::new(), remarks: Vec::new() };
+    let mut scene = Scene { plan, doors, said: Said::default() };
     if config.patch.is_empty() {
         faults.note("patch", "there is no [[patch]]: at least one is needed");
     }
@@ -65,13 +63,13 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
             if is_twice {
                 faults.note("name", "it is there twice");
             }
-            patch_plan(config, section, path, (faults, &mut scene))
+            patch_plan(config, section, path, (faults, &mut scene.said))
         });
         scene.plan.patches.extend(plan);
     }
     conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&key_of(config, conflict), conflict));
     overloaded(config, &scene.plan, faults);
-    scene.remarks.extend(crowded(config, &scene.plan));
+    scene.said.remarks.extend(crowded(config, &scene.plan));
     faults.is_empty().then_some(scene)
 }
 
