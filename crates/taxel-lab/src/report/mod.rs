@@ -1,6 +1,6 @@
 //! `taxel-lab report`: error against run time, stability on stiff and extreme cases, and what a configuration costs.
 //!
-//! Each section is a module with a function that measures and returns a [`Section`].
+//! Each section is a module with a function that measures and returns a `Section`.
 
 mod args;
 mod fit;
