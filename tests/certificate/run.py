@@ -38,7 +38,7 @@ class Daemon:
         self.log = open(scratch / "daemon.log", "w", encoding="utf-8")
         self.process = subprocess.Popen([taxeld, "run", "--config", str(self.config)], stderr=self.log, cwd=scratch)
         end = time.monotonic() + PATIENCE_S
-        while self.call("list", allowed=(0, 1)).returncode != 0:
+        while self.call("models", "list", allowed=(0, 1)).returncode != 0:
             if self.process.poll() is not None or time.monotonic() > end:
                 sys.exit(f"the daemon does not answer: {(scratch / 'daemon.log').read_text()}")
             time.sleep(0.2)

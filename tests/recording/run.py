@@ -56,7 +56,7 @@ class Daemon:
     def answers(self):
         if self.process.poll() is not None:
             sys.exit(f"the daemon ended: {self.config.with_name('daemon.log').read_text()}")
-        return self.call("list", allowed=(0, 1)).returncode == 0
+        return self.call("models", "list", allowed=(0, 1)).returncode == 0
 
     def call(self, *words, allowed=(0,)):
         return run(self.taxeld, *words, "--server", self.server, allowed=allowed)

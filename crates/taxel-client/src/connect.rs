@@ -102,6 +102,15 @@ impl TlsOptions {
         Ok(Self { authority: text(authority)?, certificate: text(certificate)?, key: text(key)?, name: None })
     }
 
+    /// What the files `ca.pem`, `client.pem` and `client.key` of this folder hold.
+    ///
+    /// # Errors
+    /// [`ConnectError::Certificate`]: the file that cannot be read, and why.
+    pub fn in_folder(folder: &Path) -> Result<Self, ConnectError> {
+        let [authority, certificate, key] = ["ca.pem", "client.pem", "client.key"].map(|name| folder.join(name));
+        Self::read(&authority, &certificate, &key)
+    }
+
     fn config(&self) -> ClientTlsConfig {
         let config = ClientTlsConfig::new()
             .ca_certificate(Certificate::from_pem(&self.authority))

@@ -19,22 +19,20 @@ const ANSWER_BYTES_MAX: usize = 17 << 20;
 /// Which daemon, and which patch of it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Server {
-    /// The daemon: http://HOST:PORT, unix:PATH or, with certificates, https://HOST:PORT [default: /run/taxeld/taxeld.sock
+    /// The daemon: http://HOST:PORT, unix:PATH or, with --tls, https://HOST:PORT [default: /run/taxeld/taxeld.sock
     /// if there is one, else 127.0.0.1:50051].
     #[arg(long, value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse)]
     server: Option<Address>,
     /// File whose first line is the token to show.
     #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE")]
     token: Option<PathBuf>,
-    /// The authority that signed the daemon's certificate, for https://.
-    #[arg(long, value_name = "FILE", env = "TAXELD_CA", requires_all = ["certificate", "key"])]
-    ca: Option<PathBuf>,
-    /// Your own certificate, which tells the daemon who you are.
-    #[arg(long, value_name = "FILE", env = "TAXELD_CERTIFICATE", requires = "ca")]
-    certificate: Option<PathBuf>,
-    /// Its key.
-    #[arg(long, value_name = "FILE", env = "TAXELD_KEY", requires = "ca")]
-    key: Option<PathBuf>,
+    /// For https://: a folder with ca.pem, the authority of the daemon's certificate, and with client.pem and client.key, which
+    /// tell the daemon who you are.
+    #[arg(long, value_name = "DIR", env = "TAXELD_TLS")]
+    tls: Option<PathBuf>,
+    /// The name in the daemon's certificate, where it is not the host in the address.
+    #[arg(long, value_name = "NAME", requires = "tls")]
+    tls_name: Option<String>,
     /// The patch, needed only if the daemon has several.
     #[arg(long, value_name = "NAME", default_value = "")]
     patch: String,
@@ -55,10 +53,8 @@ impl Server {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         runtime.block_on(async {
             let address = self.server.clone().unwrap_or_else(Address::local);
-            let tls = match (&self.ca, &self.certificate, &self.key) {
-                (Some(ca), Some(certificate), Some(key)) => Some(TlsOptions::read(ca, certificate, key)?),
-                _ => None,
-            };
+            let tls = self.tls.as_deref().map(TlsOptions::in_folder).transpose()?;
+            let tls = tls.map(|tls| TlsOptions { name: self.tls_name.clone(), ..tls });
             let options = Options { token: self.token.clone(), tls, ..Options::new(address) };
             let line = options.connect().await.context("`--server` names another daemon")?;
             asking(Daemon { line, patch: self.patch.clone() }).await

@@ -4,7 +4,7 @@
 //! flush. After the first commit that failed nothing more is written. A row that is not what was written is told and never
 //! used. A copy beside the file is renewed after each activation, each session that ends and each deletion; it takes the place
 //! of a file that is damaged, lost, or older than it is. Which of the two is newer tells the number of commits in each.
-//! Sessions and model sets are deleted by command alone: their bytes are overwritten.
+//! An operator or `store.keep_mb` deletes sessions and model sets: their bytes are overwritten.
 
 mod append;
 mod audit;

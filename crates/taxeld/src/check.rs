@@ -117,7 +117,7 @@ fn access(doors: &Doors) -> Vec<String> {
     let ways = [
         ("over loopback TCP without a token", rules.loopback),
         ("on the Unix socket", rules.unix),
-        ("with a certificate that no grant names", rules.certificate),
+        ("with a certificate that no list of [access] names", rules.certificate),
         ("from elsewhere without TLS", rules.insecure),
     ];
     let mut lines: Vec<String> = ways.iter().map(|(way, role)| format!("access: {} {way}", word(*role))).collect();

@@ -225,7 +225,7 @@ async fn serve_live(
     let what = if calibrated { "calibrated and live" } else { "live, and not calibrated yet," };
     say!("The same skin is now {what} on {listen}.");
     if let Some(page) = page {
-        say!("Its page, from which to calibrate and validate it: http://{page}/");
+        say!("Its page, from which to calibrate and check it: http://{page}/");
     }
     if let Some(folder) = memory {
         say!("In shared memory: {}", folder.join("left_forearm").display());

@@ -35,7 +35,7 @@ const SIMULATOR_THREAD: &str = "sim-bus";
 /// Of the patch: nothing but the total force, and everything.
 const LEAN: &str = "";
 const FULL: &str = "geometry = \"positions.txt\"\noutputs = [\"resultant\", \"moment\", \"contacts\", \"fill\"]\n\
-    gauge = { id = 0x3A1, length_bits = 32, signed = true, unit = \"Pa\" }\n";
+    gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n";
 
 /// What a daemon took while it was watched.
 #[derive(Clone, Copy)]
@@ -87,11 +87,11 @@ impl Daemon {
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("positions.txt"), Skin::forearm()?.positions_file())?;
         let config = format!(
-            "[store]\npath = \"{}\"\n[[listen]]\nunix = \"{}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\nseed = {seed}\n\
+            "listen = [\"unix:{}\"]\n[store]\npath = \"{}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\nseed = {seed}\n\
              [[patch]]\nname = \"left_forearm\"\nbus = \"skin\"\n{patch}\
-             board = [{{ address = 13, modules = \"0-15\" }}, {{ address = 12, modules = \"0-6\" }}]\n",
-            at("store.db").display(),
+             boards = [{{ address = 13, modules = \"0-15\" }}, {{ address = 12, modules = \"0-6\" }}]\n",
             at("socket").display(),
+            at("store.db").display(),
         );
         std::fs::write(at("taxeld.toml"), config)?;
         let mut command = Command::new(taxeld);

@@ -10,12 +10,12 @@ use super::json;
 /// daemon refuses.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld bring-up\n  taxeld bring-up --confirmed-by Ada   # you vouch that nothing touches the skin"
+    after_help = "Examples:\n  taxeld bring-up\n  taxeld bring-up --confirmed-by Ada   # you confirm that nothing touches the skin"
 )]
 pub struct BringUpArgs {
     #[command(flatten)]
     server: Server,
-    /// Who vouches that nothing touches the skin: then boards that stream are not looked at for a second first.
+    /// Your name, as the one who confirms that nothing touches the skin: boards that stream are then not checked for a load first.
     #[arg(long, value_name = "NAME", default_value = "")]
     confirmed_by: String,
     /// Print the answer as JSON.

@@ -73,8 +73,7 @@ impl Server {
 
     fn tls_options(&self) -> anyhow::Result<Option<TlsOptions>> {
         let Some(folder) = &self.tls else { return Ok(None) };
-        let [ca, certificate, key] = ["ca.pem", "client.pem", "client.key"].map(|name| folder.join(name));
-        Ok(Some(TlsOptions { name: self.tls_name.clone(), ..TlsOptions::read(&ca, &certificate, &key)? }))
+        Ok(Some(TlsOptions { name: self.tls_name.clone(), ..TlsOptions::in_folder(folder)? }))
     }
 }
 

@@ -56,7 +56,7 @@ enum ModelsCommand {
         #[arg(long, value_name = "MODELS.json", default_value = "-")]
         out: PathBuf,
     },
-    /// Takes in a MODELS.json; it is not in use until it is activated.
+    /// Takes in a MODELS.json; it is in use after `taxeld models use`.
     Import {
         #[command(flatten)]
         of: OfServer,

@@ -149,7 +149,7 @@ fn deletion(view: &Session) -> String {
     let (session, scans, state) = (view.session, view.accepted, session_word(view.state()));
     let waits = match view.state() {
         SessionState::Review => {
-            format!(": it waits for review, and its model set {} was not activated yet", view.model_set)
+            format!(": it waits for review, and its model set {} is not in use yet", view.model_set)
         }
         _ => format!(" ({state})"),
     };
@@ -246,7 +246,7 @@ mod tests {
             ..Session::default()
         };
         let asked = deletion(&review);
-        assert!(asked.contains("its 753 scans") && asked.contains("m-1 was not activated yet"), "{asked}");
+        assert!(asked.contains("its 753 scans") && asked.contains("m-1 is not in use yet"), "{asked}");
         let active = deletion(&Session { state: SessionState::Active.into(), ..review });
         assert_eq!(active, "delete session 3 of palm with its 753 scans for good (ACTIVE)?");
     }

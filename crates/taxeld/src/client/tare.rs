@@ -6,15 +6,15 @@ use super::connect::Server;
 use super::failure::Outcome;
 use super::json;
 
-/// Takes the zero. Nothing may touch the skin; the daemon refuses unless the counts show rest.
+/// Takes the zero. Nothing may touch the skin; the daemon refuses unless the counts show an unloaded skin.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld tare\n  taxeld tare --confirmed-by Ada   # you vouch that nothing touches the skin"
+    after_help = "Examples:\n  taxeld tare\n  taxeld tare --confirmed-by Ada   # you confirm that nothing touches the skin"
 )]
 pub struct TareArgs {
     #[command(flatten)]
     server: Server,
-    /// Who vouches that nothing touches the skin: then the zero is taken even if the counts do not show rest.
+    /// Your name, as the one who confirms that nothing touches the skin: the zero is then taken without proof in the counts.
     #[arg(long, value_name = "NAME", default_value = "")]
     confirmed_by: String,
     /// Print the answer as JSON.

@@ -42,7 +42,7 @@ pub struct WatchArgs {
     /// With --once: how long to wait for a good force.
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::values::parse_seconds, requires = "once")]
     within: f64,
-    /// With --once or --count: print nothing but the newtons, of good forces alone.
+    /// With --once or --count: print only the number, and only of good forces.
     #[arg(long, requires = "end", conflicts_with_all = ["csv", "json"])]
     quiet: bool,
     /// End after so many samples.

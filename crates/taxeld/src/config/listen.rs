@@ -24,7 +24,7 @@ const SOCKET_NAME: &str = "taxeld.sock";
 
 /// What is told at the start and by `check` where there are no rules.
 pub const UNRULED: &str = "access: there is no [access] section: EVERYBODY ON THIS MACHINE IS ADMINISTRATOR, who may calibrate, import and \
-                           delete. To restrict it write `[access]` with `operators = [\"group:skin\"]`, see security.md";
+                           delete. To restrict it copy `listen`, `socket_group` and `[access]` from deploy/taxeld.toml; security.md explains them";
 
 /// Where the service listens, and who may do what.
 #[derive(Clone, Debug)]

@@ -28,7 +28,9 @@ pub fn text(
         &format!("Lines with `{CHECK}` say what these leave open. deploy/taxeld.toml explains every key."),
     );
     text.push_str(
-        "\n# Without [access] everybody on this machine is administrator; security.md says how to listen for each account:\n\
+        "\n# Without [access] everybody on this machine is administrator; with all four lines the group skin are operators, over the\n\
+         # Unix socket (security.md):\n\
+         # listen = [\"unix:/run/taxeld/taxeld.sock\", \"tcp:127.0.0.1:50051\"]\n# socket_group = \"skin\"\n\
          # [access]\n# operators = [\"group:skin\"]\n",
     );
     text.push_str(

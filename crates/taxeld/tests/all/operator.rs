@@ -125,7 +125,7 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     demo.until_good(&["calibrate", "--target", "30"]); // without --yes it ends in review
     let refused = demo.refused(&["sessions", "delete", "1"]);
     assert!(
-        refused.contains("was not activated yet") && refused.contains("taxeld sessions delete 1 --yes"),
+        refused.contains("is not in use yet") && refused.contains("taxeld sessions delete 1 --yes"),
         "{refused}"
     );
     demo.succeeds(&["sessions", "delete", "1", "--yes"]);

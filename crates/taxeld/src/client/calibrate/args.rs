@@ -4,12 +4,12 @@ use taxel_proto::v1::ModuleName;
 
 use crate::client::connect::Server;
 
-/// Guides through a calibration in the vacuum bag: zero, ramps, review, activation.
+/// Guides through a calibration in the vacuum bag: zero, ramps, review, use of the new set.
 ///
 /// A session that is under way is taken up again. Ctrl-C asks whether to abort it or to leave it to the daemon.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, activates what comes of it\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --patch left_forearm --with left_hand   # both in one bag, one ramp"
+    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --patch left_forearm --with left_hand   # both in one bag, one ramp"
 )]
 pub struct CalibrateArgs {
     #[command(flatten)]
@@ -26,7 +26,7 @@ pub struct CalibrateArgs {
     /// Pressure at which the rise ends, in kPa [default: as the daemon is configured].
     #[arg(long, value_name = "KPA")]
     pub target: Option<f64>,
-    /// Who vouches that nothing touches the skin: then the zero is taken even if the counts do not show rest.
+    /// Your name, as the one who confirms that nothing touches the skin: the zero is then taken without proof in the counts.
     #[arg(long, value_name = "NAME", default_value = "")]
     pub confirmed_by: String,
     /// A module to do without, because it is silent or broken; may be given several times.
@@ -38,7 +38,7 @@ pub struct CalibrateArgs {
     /// Begin a new session although an earlier one could be taken up.
     #[arg(long)]
     pub new: bool,
-    /// Ask nothing: take up what was interrupted, activate what comes of it.
+    /// Ask nothing: take up what was interrupted, use the new set.
     #[arg(long)]
     pub yes: bool,
     /// Print the session as lines of JSON, as it changes.

@@ -115,7 +115,7 @@ fn print(proposal: &Recalibration) {
     }
     if let Some(factor) = proposal.area_factor {
         say!(
-            "the area factor {factor:.3} that is applied now is of the same loads: it ends when the new set is activated"
+            "the area factor {factor:.3} that is applied now is of the same loads: it ends when the new set comes into use"
         );
     }
 }
