@@ -108,7 +108,7 @@ def check_arrays(taxeld, scratch):
         foreign_arrays.make_interface(interface)
         text = (foreign_arrays.HERE.parent / "arrays" / array.config).read_text(encoding="ascii")
         config.write_text(text.replace('"can0"', f'"{interface}"'), encoding="ascii")
-        (scratch / "skin.dbc").write_text(array.dbc, encoding="ascii")
+        config.with_suffix(".dbc").write_text(array.dbc, encoding="ascii")
         check_config(taxeld, config)
         log = str(arrays.write(array, scratch / "array.log", 3.0, bag, lambda *_: 0.0))
         with Boards(log, interface=interface):
