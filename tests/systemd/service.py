@@ -32,11 +32,11 @@ def does_what_the_readme_says(taxeld):
     """README's lines for a robot as they stand, in a folder that is gone before the configuration is read again. What needs a
     bus is left out: can0 is not there yet."""
     with open(os.path.join(ROOT, "README.md"), encoding="utf-8") as readme:
-        block = readme.read().split("## On a robot")[1].split("```")[0].split("\nThe file")[0]
+        block = readme.read().split("## On a robot")[1].split("```")[0].split("\nLook at")[0]
     text = "\n".join(line[4:] for line in block.splitlines() if line.startswith("    ")).replace("\\\n", " ")
     folder, path = "/run/lab/from-the-robot", {"PATH": os.path.dirname(taxeld) + ":" + os.environ["PATH"]}
     os.makedirs(folder)
-    with open(f"{folder}/left_forearm.txt", "w", encoding="ascii") as positions:
+    with open(f"{folder}/left_forearm_V2.txt", "w", encoding="ascii") as positions:
         rows = [f"{0.018 * (row // 12)} {0.005 * (row % 12) + 0.001} 0.02 0 0 1\n" for row in range(384)]
         positions.write("name l_forearm\n[calibration]\n" + "".join(rows))
     before, check = text.split("taxeld check")

@@ -134,6 +134,8 @@ impl Config {
     /// # Errors
     /// Where it is not as expected.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
+        // A FIFO would be waited for.
+        ensure!(!path.exists() || path.is_file(), "{}: it is not a file", path.display());
         let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
         Self::parse(&text).with_context(|| path.display().to_string())
     }

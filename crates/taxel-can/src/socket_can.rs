@@ -87,7 +87,7 @@ pub enum OpenError {
 
 /// One CAN interface.
 ///
-/// A frame's time is when the kernel received it, on the monotonic clock. The kernel stamps with the wall clock, so if
+/// A frame's time is when the kernel received it, on `CLOCK_BOOTTIME`. The kernel stamps with the wall clock, so if
 /// that is stepped between reception and reading, the times of that one batch may be off, yet never later than the
 /// reading, and never earlier than the frame before or the last time that nothing was there to read.
 ///

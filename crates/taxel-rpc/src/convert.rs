@@ -191,7 +191,6 @@ pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
         noise_median_counts: known(tare.noise_median).unwrap_or_default(),
         drift: Some(drift(&tare.drift)),
         wear: tare.wear.map(wear),
-        ..v1::TareStatus::default()
     }
 }
 

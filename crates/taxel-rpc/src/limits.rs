@@ -55,7 +55,7 @@ impl Default for Limits {
         Self {
             connections: 128,
             connections_per_peer: 96,
-            streams: 64,
+            streams: 128,
             streams_per_peer: 100,
             streams_reserved: 8,
             calls: 96,

@@ -181,14 +181,14 @@ impl Service {
         let answer = tokio::select! {
             answer = tokio::time::timeout(limit, answer) => match answer {
                 Ok(Ok(answer)) => Ok(answer),
-                Ok(Err(_)) => Err(left_open(Code::Unavailable, ErrorReason::DaemonUnavailable, STOPPED)),
+                Ok(Err(_)) => Err(left_open(Code::Unavailable, STOPPED)),
                 Err(_) => {
                     let why = format!("the engine has not answered within {} s", limit.as_secs_f64());
-                    Err(left_open(Code::DeadlineExceeded, ErrorReason::DaemonUnavailable, why))
+                    Err(left_open(Code::DeadlineExceeded, why))
                 }
             },
             () = self.handle.shutdown.cancelled() => {
-                Err(left_open(Code::Unavailable, ErrorReason::DaemonUnavailable, SHUTTING_DOWN))
+                Err(left_open(Code::Unavailable, SHUTTING_DOWN))
             }
         };
         let (told, answer) = match answer {

@@ -41,8 +41,9 @@ pub(crate) fn shutting_down() -> Status {
 }
 
 /// Why a command that the engine has is not answered: it may have been handed to the disk already.
-pub(crate) fn left_open(code: Code, reason: v1::ErrorReason, why: impl fmt::Display) -> Status {
-    Refusal::new(code, reason, format!("{why}; what was asked for may still come to pass")).into()
+pub(crate) fn left_open(code: Code, why: impl fmt::Display) -> Status {
+    Refusal::new(code, v1::ErrorReason::DaemonUnavailable, format!("{why}; what was asked for may still come to pass"))
+        .into()
 }
 
 /// The engine's task is gone.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// A point on the one clock of a run, in nanoseconds.
 ///
-/// Live it is the monotonic clock, so that a step of the wall clock moves no deadline; in a replay it is the
+/// Live it is `CLOCK_BOOTTIME`, so that a step of the wall clock moves no deadline; in a replay it is the
 /// log's own time. Only differences mean anything.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Time(i64);

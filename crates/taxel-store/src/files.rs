@@ -57,8 +57,7 @@ pub fn real(path: &Path) -> PathBuf {
 
 /// All names that the store at `path` has for its files, whether they are there now or not, and what it has set aside. Nobody
 /// else may write to them.
-#[must_use]
-pub fn files_of(path: &Path) -> Vec<PathBuf> {
+fn files_of(path: &Path) -> Vec<PathBuf> {
     let path = real(path);
     let databases = ["", COPY, COPY_PART, NEW].map(|suffix| beside(&path, suffix));
     let of_sqlite = |database: &PathBuf| ["", LOG, SHARED, JOURNAL].map(|suffix| beside(database, suffix));
@@ -79,7 +78,7 @@ pub(crate) fn length(path: &Path) -> u64 {
 
 /// Takes the rights of all others from the files that are there. One that belongs to somebody else stays as it is.
 pub(crate) fn make_private(path: &Path) {
-    for file in ["", LOG, SHARED, JOURNAL, COPY, LOCK].map(|suffix| beside(path, suffix)) {
+    for file in files_of(path) {
         let open_to_others = fs::metadata(&file).is_ok_and(|found| found.is_file() && found.mode() & 0o077 != 0);
         if open_to_others && fs::set_permissions(&file, Permissions::from_mode(0o600)).is_err() {
             tracing::warn!(file = %file.display(), "others may read it, and this account cannot change that");

@@ -32,7 +32,7 @@ mod watch;
 mod work;
 
 pub use error::{Quarantined, StoreError};
-pub use files::{files_of, real, size_on_disk};
+pub use files::{real, size_on_disk};
 pub use retention::{Retention, Size, session_to_go, sets_to_go, to_be_judged};
 pub use store::{Reader, Store};
 pub use store_file::{Checked, StoreFile, check};

@@ -8,9 +8,6 @@ use std::path::Path;
 use anyhow::Context;
 use taxel_can::{LogReader, RecordedFrames};
 
-/// Every MCAP file begins with it.
-const MCAP_MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
-
 /// Which bus of a log is read.
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
@@ -36,9 +33,12 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedF
         return recordings(path, wanted);
     }
     let mut file = File::open(path).with_context(|| path.display().to_string())?;
-    let mut begin = Vec::with_capacity(MCAP_MAGIC.len());
-    file.by_ref().take(MCAP_MAGIC.len() as u64).read_to_end(&mut begin).with_context(|| path.display().to_string())?;
-    let is_recording = begin == MCAP_MAGIC;
+    let mut begin = Vec::with_capacity(taxel_mcap::MAGIC_BYTES.len());
+    file.by_ref()
+        .take(taxel_mcap::MAGIC_BYTES.len() as u64)
+        .read_to_end(&mut begin)
+        .with_context(|| path.display().to_string())?;
+    let is_recording = begin == taxel_mcap::MAGIC_BYTES;
     let whole = Cursor::new(begin).chain(file);
     let name = path.display().to_string();
     if is_recording {
@@ -59,14 +59,4 @@ fn recordings(folder: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedF
     anyhow::ensure!(!files.is_empty(), "{name}: a folder without recordings (taxeld-NUMBER-TIME.mcap)");
     let files = files.iter().map(|(file, _)| folder.join(file.to_string()));
     Ok(Box::new(taxel_mcap::Recording::of_files(files, wanted.interface.or(wanted.bus))))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_mark_of_a_recording_is_that_of_the_format() {
-        assert_eq!(MCAP_MAGIC, taxel_mcap::MAGIC_BYTES);
-    }
 }

@@ -1,18 +1,13 @@
-//! The service of the daemon: on which thread it runs, within which limits, and what else serves beside it.
+//! The service of the daemon: on which thread it runs, and what else serves beside it.
 
 use anyhow::Context;
-use taxel_rpc::{Handle, Limits, Listener, Server};
+use taxel_rpc::{Handle, Listener, Server};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::Config;
 use crate::parts::Parts;
 use crate::systemd;
-
-/// What clients may take.
-pub fn limits() -> Limits {
-    Limits { streams: 128, ..Limits::default() }
-}
 
 /// Serves the page and the metrics, where they are configured.
 ///

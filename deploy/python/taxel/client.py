@@ -169,10 +169,8 @@ class _Authorised:
 
 
 def _codes(sample: Any) -> Tuple[str, ...]:
-    """The codes beside the reasons; a daemon that is older than these sends none."""
-    causes = sample.DESCRIPTOR.fields_by_name.get("causes")
-    if causes is None:
-        return ()
+    """The codes beside the reasons."""
+    causes = sample.DESCRIPTOR.fields_by_name["causes"]
     known = causes.message_type.fields_by_name["code"].enum_type.values_by_number
     prefix = len("REASON_CODE_")
     return tuple(known[cause.code].name[prefix:] if cause.code in known else str(cause.code) for cause in sample.causes)

@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime};
 
 use serde::Serialize;
 use taxel_client::Moment;
-use taxel_proto::judge::{on_the_way, word};
+use taxel_proto::judge::{NoForce, judge, on_the_way, word};
 use taxel_proto::v1::{ForceSample, ForceState, Health, ModelSetSummary};
 
 /// Patches in one view; what more come is not kept.
@@ -127,7 +127,7 @@ impl Book {
 }
 
 impl Patch {
-    /// The robot's bridge has judged the force when it sent it; here its state counts for as long as the robot is heard.
+    /// The robot's bridge has judged the force when it sent it; here it is judged again, by its age now.
     fn row(&self, now: Now) -> Row {
         let model_set = self.model.model_set.clone();
         let calibrated = self.model.created.as_ref().map(|created| created.seconds);
@@ -140,19 +140,22 @@ impl Patch {
             let why = format!("nothing new for {:.1} s", waited.as_secs_f64());
             return Row { model_set, calibrated, ..silent(vec![why]) };
         }
-        let state = sample.state();
-        let good = matches!(state, ForceState::Ok | ForceState::Degraded).then_some(sample);
-        let age_s = good.and_then(|sample| sample.age_s).map(|age_s| age_s + waited.as_secs_f64());
+        let judged = judge(sample, waited, None);
+        let (state, reasons) = match &judged {
+            Err(old @ NoForce::TooOld(..)) => (ForceState::Stale, vec![old.to_string()]),
+            _ => (sample.state(), sample.reasons.clone()),
+        };
+        let (good, force) = (judged.is_ok().then_some(sample), judged.ok());
         Row {
             state: word(state).to_owned(),
-            force_n: good.and_then(|sample| sample.total_n),
+            force_n: force.map(|force| force.total_n),
             sigma_n: good.and_then(|sample| sample.total_sigma_n),
-            age_s,
+            age_s: force.map(|force| force.age.as_secs_f64()),
             simulated: sample.simulated,
             excluded: good.map(|sample| sample.excluded),
             model_set,
             calibrated,
-            reasons: sample.reasons.clone(),
+            reasons,
             ..Row::default()
         }
     }
@@ -198,10 +201,13 @@ mod tests {
         let patches = vec![PatchHealth { patch: "arm".into(), tare, ..PatchHealth::default() }];
         let health = Health { patches, ..Health::default() };
         book.health("icub", health.clone(), at(begun, 1.0));
-        let row = book.rows(at(begun, 1.5)).remove(0);
+        let row = book.rows(at(begun, 1.1)).remove(0);
         assert_eq!((row.robot.as_str(), row.patch.as_str(), row.state.as_str()), ("icub", "arm", "OK"));
         assert_eq!((row.force_n, row.sigma_n, row.excluded), (Some(4.9), Some(0.5), Some(3)));
-        assert!((row.age_s.unwrap() - 0.52).abs() < 1e-6);
+        assert!((row.age_s.unwrap() - 0.12).abs() < 1e-6);
+        let row = book.rows(at(begun, 1.5)).remove(0);
+        assert_eq!((row.state.as_str(), row.force_n, row.sigma_n, row.age_s), ("STALE", None, None, None));
+        assert_eq!(row.reasons, ["520 ms old, more than 150 ms"]);
         assert_eq!((row.zero_valid, row.zero_taken), (Some(true), Some(WALL_S as i64)));
         assert_eq!((row.calibrated, row.model_set.as_str()), (Some(1_600_000_000), "m-1"));
         assert_eq!(book.rows(at(begun, 4.1))[0].zero_valid, None, "a health that is old");
@@ -230,7 +236,7 @@ mod tests {
     fn a_force_that_was_long_on_its_way_is_as_old_as_it_is() {
         let (mut book, begun) = (Book::default(), Moment::now());
         book.force("icub", "arm", sent(1.0), at(begun, 2.0));
-        assert!((book.rows(at(begun, 2.1))[0].age_s.unwrap() - 1.12).abs() < 1e-6);
+        assert_eq!(book.rows(at(begun, 2.1))[0].reasons, ["1120 ms old, more than 150 ms"]);
         book.force("icub", "arm", sent(2.0), at(begun, 3_600.0));
         assert_eq!(book.rows(at(begun, 3_600.0))[0].state, "SILENT");
     }

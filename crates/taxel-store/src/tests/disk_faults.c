@@ -9,7 +9,7 @@
  *   readonly    the same, and no file can be opened for writing, as on a disk that was mounted so
  *   kill        the process dies before it
  *   torn        half of what is written, then the process dies
- *   hold        the call waits until the file FAULT_RELEASE is there
+ *   hold        each call waits as long as the file FAULT_WHEN is there
  *   slow        each call takes FAULT_MS milliseconds as long as the file FAULT_WHEN is there
  *   unflushed   every flush of a file whose path ends with FAULT_OF does nothing
  *   unreadable  page FAULT_AT, of 4096 bytes, of the file that is FAULT_OF at the start cannot be read, under whatever name
@@ -63,8 +63,8 @@ static int unflushed(int fd) {
 }
 
 static void hold(void) {
-    const char *release = getenv("FAULT_RELEASE");
-    for (int waited_ms = 0; waited_ms < 60000 && release && access(release, F_OK) != 0; waited_ms += 5) usleep(5000);
+    const char *when = getenv("FAULT_WHEN");
+    for (int waited_ms = 0; waited_ms < 60000 && when && access(when, F_OK) == 0; waited_ms += 5) usleep(5000);
 }
 
 static void drag(void) {

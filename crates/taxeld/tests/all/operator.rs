@@ -124,10 +124,7 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     demo.succeeds(&["models", "delete", &id, "--yes"]);
     demo.until_good(&["calibrate", "--target", "30"]); // without --yes it ends in review
     let refused = demo.refused(&["sessions", "delete", "1"]);
-    assert!(
-        refused.contains("is not in use yet") && refused.contains("taxeld sessions delete 1 --yes"),
-        "{refused}"
-    );
+    assert!(refused.contains("is not in use yet") && refused.contains("taxeld sessions delete 1 --yes"), "{refused}");
     demo.succeeds(&["sessions", "delete", "1", "--yes"]);
     assert!(demo.refused(&["sessions", "delete", "1"]).contains("no session 1"));
 }
