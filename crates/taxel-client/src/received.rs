@@ -75,7 +75,7 @@ impl Received {
         Some(aged(self.sample.age_s?, self.waited(now)))
     }
 
-    /// The force, as [`judge`] has it. `own`: the reader's own limit, where it has a stricter one than the daemon.
+    /// The force, as [`judge()`] has it. `own`: the reader's own limit, where it has a stricter one than the daemon.
     ///
     /// # Errors
     /// Why it is not to be acted on.

@@ -34,7 +34,7 @@ impl Store {
     /// [`Restored::problems`] are bounded. A file that is damaged, or older than its copy, is set aside, and the copy takes its
     /// place.
     ///
-    /// Where the disk takes nothing, what can be read is handed out all the same: [`StoreEvent::Failed`] comes at once, and
+    /// Where the disk takes nothing, what can be read is handed out all the same: [`StoreEvent::Failed`](crate::StoreEvent::Failed) comes at once, and
     /// every batch is refused with the reason.
     ///
     /// # Errors
