@@ -53,7 +53,6 @@ fn any_command() -> impl Strategy<Value = Command> {
         Just(Command::Start),
         Just(Command::Stop),
         any::<(u8, u8)>().prop_map(|protocol| Command::QueryFirmware { protocol }),
-        any::<u8>().prop_map(|seconds| Command::SetThermometerPeriod { seconds }),
     ]
 }
 
@@ -225,13 +224,12 @@ fn commands_have_the_bytes_of_the_manual() {
         enabled: true,
         cdc_offset: 0x2200,
     };
-    let table: [(Command, &[u8]); 6] = [
+    let table: [(Command, &[u8]); 5] = [
         (Command::SetBoardConfig(config), &[0x4D, 0, 50, 240]),
         (Command::SetTriangles(triangles), &[0x50, 0, 15, 2, 1, 0x00, 0x22]),
         (Command::Start, &[0x07, 0]),
         (Command::Stop, &[0x07, 1]),
         (Command::QueryFirmware { protocol: (2, 0) }, &[0x1C, 2, 0]),
-        (Command::SetThermometerPeriod { seconds: 5 }, &[0x3A, 5]),
     ];
     for (command, bytes) in table {
         assert_eq!(command.encode(address(13)), standard(0x20D, bytes), "{command:?}");
