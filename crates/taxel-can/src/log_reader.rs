@@ -100,22 +100,11 @@ impl RecordedFrames for LogReader {
 mod tests {
     use super::*;
     use flate2::{Compression, write::GzEncoder};
-    use proptest::prelude::*;
-    use std::io::{self, Write};
+    use std::io::Write;
     use taxel_skin::Time;
     use taxel_wire::{CanId, Frame};
 
     const LOG: &str = "(1.000000) can0 301#01\n\n# a comment\n(2.000000) can1 302#02\nnonsense\n(1.500000) can0 301#03";
-
-    /// Reads a few bytes at a time, as a pipe may.
-    struct Dribble(Cursor<Vec<u8>>, usize);
-
-    impl Read for Dribble {
-        fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
-            let length = to.len().min(self.1);
-            self.0.read(&mut to[..length])
-        }
-    }
 
     fn reader(bytes: &[u8], interface: Option<&str>) -> LogReader {
         LogReader::new("log".to_owned(), Cursor::new(bytes.to_vec()), interface.map(str::to_owned)).unwrap()
@@ -216,28 +205,5 @@ mod tests {
         let mut log = reader(&text, None);
         assert_eq!(read_all(&mut log).len(), 1);
         assert!(log.report().bad > 0 && log.line.capacity() <= 2 * LINE_BYTES_MAX as usize);
-    }
-
-    proptest! {
-        /// How the input is cut into reads and batches changes nothing.
-        #[test]
-        fn frames_survive_any_cut(ids in prop::collection::vec(0_u16..0x800, 0..200), read in 1_usize..100, max in 1_usize..50) {
-            let text: String = ids.iter().zip(0..).map(|(id, i)| format!("({i}.5) can0 {id:03X}#{:02X}\n", i % 256)).collect();
-            let frame = |(id, i): (&u16, u32)| TimedFrame {
-                time: Time::from_seconds(f64::from(i) + 0.5),
-                frame: Frame::of(CanId::Standard(*id), [i as u8]),
-            };
-            let expected: Vec<_> = ids.iter().zip(0..).map(frame).collect();
-            let input = Dribble(Cursor::new(text.into_bytes()), read);
-            let mut log = LogReader::new("log".to_owned(), input, None).unwrap();
-            let mut frames = Vec::new();
-            loop {
-                let before = frames.len();
-                let more = log.next_batch(&mut frames, max).unwrap();
-                prop_assert!(frames.len() - before <= max);
-                if !more { break; }
-            }
-            prop_assert_eq!(frames, expected);
-        }
     }
 }

@@ -225,27 +225,6 @@ mod tests {
         assert!((force_n(&loads, 1.5, &skin) - mass.weight().0 / 8.0).abs() < 1e-9);
     }
 
-    #[test]
-    fn a_rolling_mass_keeps_its_weight_and_arrives() {
-        let skin = Skin::forearm().unwrap();
-        let mut loads = Loads::new(&skin, LoadPath::Shared);
-        let mass = Mass::on_disc(0.5, TaxelIndex(40), 300.0);
-        let id = loads.place(Time::default(), &skin, mass, Duration::ZERO).unwrap();
-        loads.roll(Time::default(), &skin, id, TaxelIndex(180), Duration::from_secs(2)).unwrap();
-        for n in 0..=40 {
-            let force = force_n(&loads, f64::from(n) * 0.05, &skin);
-            assert!((force - mass.weight().0).abs() < 1e-9, "{force} N after {n} steps");
-        }
-        let (mut there, mut moved) = (Vec::new(), Vec::new());
-        let mut at_rest = Loads::new(&skin, LoadPath::Shared);
-        at_rest.lay(&skin, &Mass::on_disc(0.5, TaxelIndex(180), 300.0)).unwrap();
-        at_rest.write(Time::default(), &skin, &mut there);
-        loads.write(Time::from_seconds(3.0), &skin, &mut moved);
-        assert_eq!(there, moved);
-        let gone = loads.roll(Time::default(), &skin, id, TaxelIndex(999), Duration::ZERO);
-        assert!(matches!(gone, Err(LoadError::Taxel { .. })));
-    }
-
     /// Through the layer its way is worked out at some places, between which it changes evenly.
     #[test]
     fn through_a_layer_a_rolling_mass_does_on_its_way_what_it_does_there() {

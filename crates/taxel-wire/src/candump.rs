@@ -238,7 +238,6 @@ impl<'a> Cursor<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
 
     fn frame(id: CanId, kind: FrameKind, bytes: &[u8]) -> Frame {
         Frame::new(id, kind, bytes).unwrap()
@@ -341,16 +340,5 @@ mod tests {
         }
         let error = parse_line("(1.0) \u{e9}".as_bytes()).unwrap_err().to_string();
         assert_eq!(error, "column 7: found `\\xc3`, expected an interface name of visible ASCII characters");
-    }
-
-    proptest! {
-        #[test]
-        fn any_bytes_are_read_or_refused_at_a_place_within_them(
-            line in prop_oneof!["[ (]?\\([0-9]{1,20}\\.[0-9]{0,10}\\) +c +[0-9A-F]{2,9}[# ][#R \\[]?[0-9A-F\\] ]{0,150}", ".{0,80}"],
-        ) {
-            if let Err(error) = parse_line(line.as_bytes()) {
-                prop_assert_eq!(error.found, line.as_bytes().trim_ascii_end().get(error.column - 1).copied());
-            }
-        }
     }
 }

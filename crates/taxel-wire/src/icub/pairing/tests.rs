@@ -222,38 +222,4 @@ proptest! {
         prop_assert_eq!(published, values.len());
         prop_assert_eq!(pairer.orphans(), Orphans::default());
     }
-
-    #[test]
-    fn any_times_in_any_order_are_safe(
-        halves in prop::collection::vec((prop_oneof![any::<i64>(), 0..200_000_000_i64], 0..3_u8, 0..3_u8), 0..60),
-        window_ns: u64,
-    ) {
-        let window = Duration::from_nanos(window_ns % 100_000_000);
-        let mut pairer = Pairer::new(window);
-        let mut tally = Tally::default();
-        let mut heads = Vec::new();
-        for (nanos, value, what) in halves {
-            let time = Time::from_nanos(nanos);
-            match what {
-                0 => {
-                    tally.heads += 1;
-                    pairer.head(time, [value; 7]);
-                    heads.push((time, value));
-                }
-                1 => {
-                    tally.tails += 1;
-                    if let Some(published) = pairer.tail(time, [value; 5], OK) {
-                        tally.scans += 1;
-                        let head = published.values[0];
-                        prop_assert_eq!(heads.last().map(|&(_, value)| value), Some(head));
-                        let fits = |&(t, value): &(Time, u8)| value == head && t <= time && time.since(t) < window;
-                        prop_assert!(heads.iter().any(fits), "no such head in the window before the tail");
-                        prop_assert_eq!(published.time, time);
-                    }
-                }
-                _ => pairer.expire(time),
-            }
-            counts_add_up(&pairer, &tally)?;
-        }
-    }
 }
