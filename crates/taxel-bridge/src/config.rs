@@ -1,15 +1,11 @@
 //! `taxel-bridge.toml`: read, and refused with the place and what was expected.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use serde::Deserialize;
 
 use crate::ros::keys;
-
-/// Patches of one bridge; each takes up to three of the streams that a daemon serves.
-const PATCHES_MAX: usize = 32;
 
 /// The whole file.
 #[derive(Clone, Debug, Deserialize)]
@@ -40,22 +36,10 @@ pub struct DaemonSection {
     pub server: Option<String>,
     /// File whose first line is the token to show.
     pub token_file: Option<PathBuf>,
-    /// Certificates, for https.
-    pub tls: Option<TlsSection>,
-}
-
-/// `[daemon.tls]`, all PEM files.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TlsSection {
-    /// The authority that signed the daemon's certificate.
-    pub ca: PathBuf,
-    /// The bridge's own certificate: the daemon lets nobody in over TLS without one.
-    pub certificate: PathBuf,
-    /// Its key.
-    pub key: PathBuf,
+    /// Folder of `ca.pem`, `client.pem` and `client.key`, for https.
+    pub tls: Option<PathBuf>,
     /// The name in the daemon's certificate, if it is not the host's in `server`.
-    pub name: Option<String>,
+    pub tls_name: Option<String>,
 }
 
 /// `[zenoh]`.
@@ -160,16 +144,8 @@ impl Config {
             let rate = fleet.rate_hz;
             ensure!((1.0..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 1 to 1000");
         }
-        let count = self.patches.len();
-        ensure!((1..=PATCHES_MAX).contains(&count), "{count} [[patch]] sections: expected 1 to {PATCHES_MAX}");
-        let mut names = BTreeSet::new();
-        for patch in &self.patches {
-            patch.check()?;
-            if !names.insert(keys::name_of(&patch.name)) {
-                bail!("patch {:?}: another one has the same name in ROS", patch.name);
-            }
-        }
-        Ok(())
+        ensure!(!self.patches.is_empty(), "no [[patch]]: there is nothing to do");
+        self.patches.iter().try_for_each(PatchSection::check)
     }
 }
 
@@ -247,13 +223,11 @@ mod tests {
             (LEAST.replace("[ros]", "[ros]\nnode = \"a b\""), "ros.node"),
             (LEAST.replace("[ros]", "[ros]\ncolour = 1"), "colour"),
             (LEAST.replace("[ros]", "[fleet]\nrate_hz = 0.5"), "fleet.rate_hz"),
-            (LEAST.replace("[ros]", "[ros]\n[daemon.tls]\nca = \"a\"\nkey = \"b\""), "certificate"),
             ("robot = \"a\"\npatch = []\n[ros]\n".to_owned(), "[[patch]]"),
             (format!("{LEAST}rate_hz = 0.5"), "rate_hz"),
             (format!("{LEAST}rate_hz = nan"), "rate_hz"),
             (format!("{LEAST}taxels_hz = 2000.0"), "taxels_hz"),
             (format!("{LEAST}frame = \"/arm\""), "frame"),
-            (format!("{LEAST}[[patch]]\nname = \"left-forearm\""), "same name"),
             (LEAST.replace("left_forearm", "a*"), "patch"),
         ];
         for (text, place) in cases {

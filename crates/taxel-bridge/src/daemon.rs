@@ -11,7 +11,7 @@ use taxel_proto::v1::{GetHealthRequest, Health};
 use tokio::sync::watch;
 use tonic::{Response, Status};
 
-use crate::config::{DaemonSection, TlsSection};
+use crate::config::DaemonSection;
 
 /// A daemon that has not answered a command by then does not, and the next question has its turn. It gives up a command
 /// itself then.
@@ -41,7 +41,8 @@ impl Daemon {
             Some(server) => Address::parse(server).with_context(|| format!("daemon.server = {server:?}"))?,
             None => Address::local(),
         };
-        let tls = section.tls.as_ref().map(certificates).transpose().context("daemon.tls")?;
+        let tls = section.tls.as_deref().map(TlsOptions::in_folder).transpose().context("daemon.tls")?;
+        let tls = tls.map(|tls| TlsOptions { name: section.tls_name.clone(), ..tls });
         let options = Options { token: section.token_file.clone(), tls, ..Options::new(address) };
         Ok(Self { line: options.connect_lazy()?, options })
     }
@@ -82,11 +83,6 @@ impl Daemon {
     }
 }
 
-fn certificates(section: &TlsSection) -> anyhow::Result<TlsOptions> {
-    let TlsSection { ca, certificate, key, name } = section;
-    Ok(TlsOptions { name: name.clone(), ..TlsOptions::read(ca, certificate, key)? })
-}
-
 /// What a failed call says, with the system's own reason where there is one.
 pub fn words(status: &Status) -> String {
     let mut words = status.message().to_owned();
@@ -119,22 +115,9 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn an_address_that_is_none_is_refused_with_what_was_expected() {
-        let section = DaemonSection { server: Some("not an address".into()), ..DaemonSection::default() };
-        let error = Daemon::new(&section).err().unwrap().to_string();
-        assert!(error.contains("daemon.server"), "{error}");
-    }
-
-    #[tokio::test]
-    async fn a_file_that_is_not_there_is_named() {
-        let none = |name: &str| std::path::PathBuf::from(format!("/nowhere/{name}"));
-        let tls =
-            TlsSection { ca: none("ca.pem"), certificate: none("bridge.pem"), key: none("bridge.key"), name: None };
-        let section = DaemonSection { tls: Some(tls), ..DaemonSection::default() };
+    async fn a_certificate_that_is_not_there_is_named() {
+        let section = DaemonSection { tls: Some("/nowhere".into()), ..DaemonSection::default() };
         let error = format!("{:#}", Daemon::new(&section).err().unwrap());
         assert!(error.contains("daemon.tls: /nowhere/ca.pem"), "{error}");
-        let section = DaemonSection { token_file: Some(none("token")), ..DaemonSection::default() };
-        let error = format!("{:#}", Daemon::new(&section).err().unwrap());
-        assert!(error.contains("/nowhere/token"), "{error}");
     }
 }

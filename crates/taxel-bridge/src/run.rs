@@ -4,7 +4,7 @@ use taxel_client::NoForce;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
-use crate::config::{Config, FleetSection, PatchSection, RosSection};
+use crate::config::{Config, FleetSection, RosSection};
 use crate::daemon::{Daemon, HealthFeed};
 use crate::fleet::robot;
 use crate::link;
@@ -71,7 +71,10 @@ impl Bridge {
                 watch::channel(diagnostics::patch(robot, &patch.name, &Err(NoForce::NothingYet(None)), 0));
             tasks.spawn(topics.publish(robot.clone(), patch.clone(), forces, sender));
             statuses.push(status);
-            self.taxels(ros, patch, &mut node, &mut tasks).await?;
+            if patch.taxels_hz > 0.0 {
+                let topic = node.topic(&ros.absolute(&format!("{}/taxels", name_of(&patch.name))), KeepLast(1)).await?;
+                tasks.spawn(publish::taxels(topic, patch.clone(), self.daemon.clone()));
+            }
         }
         let topic = publish::diagnostics_topic(&mut node).await?;
         tasks.spawn(publish::diagnostics(topic, robot.clone(), statuses, self.health.clone()));
@@ -85,20 +88,6 @@ impl Bridge {
             }
         }
         first_end(tasks).await
-    }
-
-    async fn taxels(
-        &self,
-        ros: &RosSection,
-        patch: &PatchSection,
-        node: &mut RosNode,
-        tasks: &mut Tasks,
-    ) -> anyhow::Result<()> {
-        if patch.taxels_hz > 0.0 {
-            let topic = node.topic(&ros.absolute(&format!("{}/taxels", name_of(&patch.name))), KeepLast(1)).await?;
-            tasks.spawn(publish::taxels(topic, patch.clone(), self.daemon.clone()));
-        }
-        Ok(())
     }
 
     /// Tells what a robot tells its fleet.

@@ -19,32 +19,18 @@ pub enum BusError {
     Passive(Counters),
     /// Both error counters are low again.
     Active(Counters),
-    /// The controller's own buffer overran: frames were lost before the kernel saw them, and no count exists.
-    ControllerOverflow {
-        /// The receive buffer (`true`) or the transmit buffer.
-        receive: bool,
-    },
+    /// The controller's own receive buffer overran: frames were lost before the kernel saw them, and no count exists.
+    ControllerOverflow,
     /// A bit, stuff, form or other violation of the protocol; the bits of data byte 2.
     Protocol {
         /// `CAN_ERR_PROT_*`.
         violations: u8,
     },
-    /// A frame was not sent in time.
-    TxTimeout,
-    /// Another node won the arbitration.
-    LostArbitration,
-    /// The transceiver reports a fault of the wires; data byte 4.
-    Transceiver {
-        /// `CAN_ERR_TRX_*`.
-        status: u8,
-    },
     /// Nobody acknowledged a frame: no other node is there, or none at this bit rate.
     NoAck,
-    /// Bus errors that the controller does not specify.
-    Unspecified,
-    /// Class bits that are not known here.
-    Unknown {
-        /// The bits.
+    /// Anything else, by its class bits: a lost arbitration, a frame that was not sent in time, the transceiver.
+    Other {
+        /// `CAN_ERR_*`.
         class: u32,
     },
 }
@@ -59,15 +45,10 @@ impl BusError {
             Self::Warning(_) => "error-warning: many errors on the bus",
             Self::Passive(_) => "error-passive: very many errors on the bus",
             Self::Active(_) => "error-active: the errors have become few again",
-            Self::ControllerOverflow { receive: true } => "the controller's receive buffer overran",
-            Self::ControllerOverflow { receive: false } => "the controller's transmit buffer overran",
+            Self::ControllerOverflow => "the controller's receive buffer overran",
             Self::Protocol { .. } => "a frame broke the protocol: wiring, termination or bit rate",
-            Self::TxTimeout => "a frame was not sent in time",
-            Self::LostArbitration => "another node won the arbitration",
-            Self::Transceiver { .. } => "the transceiver reports a fault of the wires",
             Self::NoAck => "nobody acknowledged a frame: no other node, or another bit rate",
-            Self::Unspecified => "an error on the bus that the controller does not specify",
-            Self::Unknown { .. } => "an error frame of an unknown class",
+            Self::Other { .. } => "an error of another class, see linux/can/error.h",
         }
     }
 
@@ -89,8 +70,7 @@ impl fmt::Display for BusError {
         }
         match self {
             Self::Protocol { violations } => write!(f, " (CAN_ERR_PROT {violations:#04x})"),
-            Self::Transceiver { status } => write!(f, " (CAN_ERR_TRX {status:#04x})"),
-            Self::Unknown { class } => write!(f, " ({class:#x})"),
+            Self::Other { class } => write!(f, " ({class:#x})"),
             _ => Ok(()),
         }
     }
@@ -108,17 +88,13 @@ pub struct ErrorCounters {
     pub receive: u8,
 }
 
-const TX_TIMEOUT: u32 = 0x01;
-const LOST_ARBITRATION: u32 = 0x02;
 const CONTROLLER: u32 = 0x04;
 const PROTOCOL: u32 = 0x08;
-const TRANSCEIVER: u32 = 0x10;
 const ACK: u32 = 0x20;
 const BUS_OFF: u32 = 0x40;
 const BUS_ERROR: u32 = 0x80;
 const RESTARTED: u32 = 0x100;
 const COUNTERS: u32 = 0x200;
-const KNOWN: u32 = 0x3FF;
 
 /// Calls `each` for everything that `frame` reports; for nothing if it is no error frame.
 pub fn decode(frame: &Frame, mut each: impl FnMut(BusError)) {
@@ -127,60 +103,34 @@ pub fn decode(frame: &Frame, mut each: impl FnMut(BusError)) {
     for (to, from) in data.iter_mut().zip(frame.bytes()) {
         *to = *from;
     }
-    if class & BUS_OFF != 0 {
-        each(BusError::BusOff);
-    }
-    if class & RESTARTED != 0 {
-        each(BusError::Restarted);
-    }
-    if class & CONTROLLER != 0 {
-        controller(class, data, &mut each);
-    }
-    if class & PROTOCOL != 0 {
-        each(BusError::Protocol { violations: data[2] });
-    }
-    let plain = [
-        (TX_TIMEOUT, BusError::TxTimeout),
-        (LOST_ARBITRATION, BusError::LostArbitration),
-        (TRANSCEIVER, BusError::Transceiver { status: data[4] }),
-        (ACK, BusError::NoAck),
+    let states = if class & CONTROLLER != 0 { controller(class, data) } else { [None; 2] };
+    let known = [
+        (class & BUS_OFF != 0).then_some(BusError::BusOff),
+        (class & RESTARTED != 0).then_some(BusError::Restarted),
+        (class & PROTOCOL != 0).then_some(BusError::Protocol { violations: data[2] }),
+        (class & ACK != 0).then_some(BusError::NoAck),
     ];
-    for (bit, error) in plain {
-        if class & bit != 0 {
-            each(error);
-        }
-    }
-    // With a protocol violation this bit only says once more that there was an error.
-    if class & BUS_ERROR != 0 && class & PROTOCOL == 0 {
-        each(BusError::Unspecified);
-    }
-    if class & !KNOWN != 0 || class & (KNOWN & !COUNTERS) == 0 {
-        each(BusError::Unknown { class });
+    let told = states.into_iter().chain(known).flatten().inspect(|error| each(*error)).count();
+    // With a protocol violation the bit for a bus error only says once more that there was an error.
+    let told_of = BUS_OFF | RESTARTED | CONTROLLER | PROTOCOL | ACK | COUNTERS | BUS_ERROR;
+    if class & !told_of != 0 || told == 0 {
+        each(BusError::Other { class });
     }
 }
 
 /// The controller class: overruns and the three states, in data byte 1.
-fn controller(class: u32, data: [u8; 8], each: &mut impl FnMut(BusError)) {
+fn controller(class: u32, data: [u8; 8]) -> [Option<BusError>; 2] {
     // Before Linux 6.0 drivers filled the counters without the bit that says so. A state that is not active has a
     // counter of at least 96, so counters of zero there are no counters.
     let told = class & COUNTERS != 0 || data[6] != 0 || data[7] != 0;
     let counters = told.then_some(ErrorCounters { transmit: data[6], receive: data[7] });
-    let state = data[1];
-    if state & 0x01 != 0 {
-        each(BusError::ControllerOverflow { receive: true });
-    }
-    if state & 0x02 != 0 {
-        each(BusError::ControllerOverflow { receive: false });
-    }
-    if state & 0x30 != 0 {
-        each(BusError::Passive(counters));
-    } else if state & 0x0C != 0 {
-        each(BusError::Warning(counters));
-    } else if state & 0x40 != 0 {
-        each(BusError::Active(counters));
-    } else if state & 0x03 == 0 {
-        each(BusError::Unspecified);
-    }
+    let state = match data[1] {
+        state if state & 0x30 != 0 => Some(BusError::Passive(counters)),
+        state if state & 0x0C != 0 => Some(BusError::Warning(counters)),
+        state if state & 0x40 != 0 => Some(BusError::Active(counters)),
+        _ => None,
+    };
+    [(data[1] & 0x01 != 0).then_some(BusError::ControllerOverflow), state]
 }
 
 #[cfg(test)]
@@ -208,14 +158,8 @@ mod tests {
     #[test]
     fn a_frame_with_several_causes_tells_all_of_them() {
         let all = decoded(0x67, [0, 0x01, 0, 0, 0, 0, 0, 0]);
-        let expected = [
-            BusError::BusOff,
-            BusError::ControllerOverflow { receive: true },
-            BusError::TxTimeout,
-            BusError::LostArbitration,
-            BusError::NoAck,
-        ];
-        assert_eq!(all, expected);
+        let other = BusError::Other { class: 0x67 };
+        assert_eq!(all, [BusError::ControllerOverflow, BusError::BusOff, BusError::NoAck, other]);
     }
 
     #[test]
@@ -223,7 +167,7 @@ mod tests {
         for bit in 0..29 {
             assert!(!decoded(1 << bit, [0; 8]).is_empty(), "class bit {bit}");
         }
-        assert_eq!(decoded(0, [0; 8]), [BusError::Unknown { class: 0 }]);
+        assert_eq!(decoded(0, [0; 8]), [BusError::Other { class: 0 }]);
     }
 
     #[test]

@@ -1,161 +1,65 @@
 //! candump logs, read as fast as they can be: no allocation a line, and no line lost in silence.
-//!
-//! Times go on: where the log's clock steps back by more than a second, the times after that are later than the log's
-//! (`log_clock`), and the report says where. With an interface asked for its frames alone count for that.
 
-use std::fs::File;
-use std::io::{self, Cursor, Read};
-use std::path::Path;
+use std::io::{BufRead, BufReader, Cursor, Read};
 
 use flate2::read::MultiGzDecoder;
-use taxel_skin::text::{decode, is_utf16};
-use taxel_wire::candump::parse_line_bytes;
+use taxel_wire::candump::parse_line;
 use taxel_wire::{FrameKind, TimedFrame};
 
-use crate::log_clock::LogClock;
-use crate::log_fault::LogFault;
-use crate::log_format::{ForeignLog, HEAD_BYTES};
-use crate::log_report::{LINE_BYTES_MAX, LineFault, LogReport};
-use crate::lost_line::Lost;
-use crate::recorded::RecordedFrames;
+use crate::log_report::LogReport;
+use crate::recorded::{LogFault, RecordedFrames};
 
 /// Bytes asked of the file at once.
 const BLOCK_BYTES: usize = 256 * 1024;
-/// Longest log in UTF-16.
-const UTF16_BYTES_MAX: u64 = 256 << 20;
+/// A frame's line has at most 300 bytes. A longer line comes in pieces, each of which is refused.
+const LINE_BYTES_MAX: u64 = 4096;
 const GZIP_MAGIC: [u8; 2] = [0x1F, 0x8B];
-/// With it some editors begin a file.
-const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// A candump log, plain or gzipped, from its first line to its last.
 pub struct LogReader {
     name: String,
-    input: Box<dyn Read + Send>,
+    input: BufReader<Box<dyn Read + Send>>,
     interface: Option<String>,
-    /// `buffer[start..end]` is read and not yet parsed.
-    buffer: Vec<u8>,
-    start: usize,
-    end: usize,
-    over: bool,
-    /// Within a line that is too long.
-    skipping: bool,
-    clock: LogClock,
+    line: Vec<u8>,
     report: LogReport,
-    /// Frames that the recorder lost behind what was handed out last.
-    lost: u64,
 }
 
 impl LogReader {
-    /// Opens a log; whether it is gzipped is seen by its first bytes, not by its name.
-    /// With `interface`, frames of other interfaces are left out and counted.
+    /// A log of anything that can be read; whether it is gzipped is seen by its first bytes. `name` is for errors. With
+    /// `interface`, frames of other interfaces are left out and counted.
     ///
     /// # Errors
-    /// [`LogFault`] if the file cannot be opened or its first bytes not be read.
-    pub fn open(path: &Path, interface: Option<String>) -> Result<Self, LogFault> {
-        let file = File::open(path).map_err(|error| LogFault::Open { path: path.to_owned(), error })?;
-        Self::from_reader(path.display().to_string(), file, interface)
-    }
-
-    /// As [`LogReader::open`], of anything that can be read; `name` is for errors.
-    ///
-    /// # Errors
-    /// [`LogFault`] if the first bytes cannot be read, or are those of another program's log.
-    pub fn from_reader(
+    /// [`LogFault`] if the first bytes cannot be read.
+    pub fn new(
         name: String,
         mut input: impl Read + Send + 'static,
         interface: Option<String>,
     ) -> Result<Self, LogFault> {
         let mut magic = Vec::with_capacity(GZIP_MAGIC.len());
         if let Err(error) = input.by_ref().take(GZIP_MAGIC.len() as u64).read_to_end(&mut magic) {
-            return Err(LogFault::Read { name, line: 0, error });
+            return Err(LogFault { name, line: 0, error });
         }
         let gzipped = magic == GZIP_MAGIC;
         let whole = Cursor::new(magic).chain(input);
         let input: Box<dyn Read + Send> = if gzipped {
-            Box::new(MultiGzDecoder::new(io::BufReader::with_capacity(BLOCK_BYTES, whole)))
+            Box::new(MultiGzDecoder::new(BufReader::with_capacity(BLOCK_BYTES, whole)))
         } else {
             Box::new(whole)
         };
-        let mut reader = Self {
-            name,
-            input,
-            interface,
-            buffer: vec![0; BLOCK_BYTES],
-            start: 0,
-            end: 0,
-            over: false,
-            skipping: false,
-            clock: LogClock::default(),
-            report: LogReport::default(),
-            lost: 0,
-        };
-        reader.fill_head()?;
-        if is_utf16(&reader.buffer[..reader.end]) {
-            reader.decode_whole()?;
-        }
-        match ForeignLog::of(&reader.buffer[..reader.end]) {
-            Some(format) => Err(LogFault::Foreign { name: reader.name, format }),
-            None => Ok(reader),
-        }
+        let input = BufReader::with_capacity(BLOCK_BYTES, input);
+        Ok(Self { name, input, interface, line: Vec::new(), report: LogReport::default() })
     }
 
-    fn fill_head(&mut self) -> Result<(), LogFault> {
-        while self.end < HEAD_BYTES && !self.over {
-            self.fill()?;
-        }
-        Ok(())
-    }
-
-    /// A text in UTF-16 is read as a whole: shells on Windows redirect into such files, and nobody records for days by that.
-    fn decode_whole(&mut self) -> Result<(), LogFault> {
-        let fault = |error| LogFault::Read { name: self.name.clone(), line: 0, error };
-        let mut bytes = self.buffer[..self.end].to_vec();
-        self.input.by_ref().take(UTF16_BYTES_MAX).read_to_end(&mut bytes).map_err(fault)?;
-        if bytes.len() as u64 > UTF16_BYTES_MAX {
-            let words = "a text in UTF-16 of more than 256 MB: `iconv -f UTF-16 -t UTF-8 IN.log > OUT.log`";
-            return Err(fault(io::Error::new(io::ErrorKind::FileTooLarge, words)));
-        }
-        self.input = Box::new(Cursor::new(decode(&bytes).into_bytes()));
-        (self.start, self.end, self.over) = (0, 0, false);
-        self.fill_head()
-    }
-
-    /// The place in the buffer of the next line, without its line feed; `None` if no complete one is there.
-    fn next_line(&mut self) -> Option<(usize, usize)> {
-        let rest = &self.buffer[self.start..self.end];
-        let length = match rest.iter().position(|&byte| byte == b'\n') {
-            Some(length) => length,
-            // The last line may lack its line feed.
-            None if self.over && !rest.is_empty() => rest.len(),
-            None => return None,
-        };
-        let line = (self.start, self.start + length);
-        self.start = (line.1 + 1).min(self.end);
-        Some(line)
-    }
-
-    fn parse(&mut self, (from, to): (usize, usize)) -> Option<TimedFrame> {
+    /// The frame of the line that was read.
+    fn frame(&mut self) -> Option<TimedFrame> {
         self.report.lines += 1;
-        let line = &self.buffer[from..to];
-        if self.skipping || line.len() > LINE_BYTES_MAX {
-            self.skipping = false;
-            self.report.refuse(LineFault::TooLong);
-            return None;
-        }
-        let line = if self.report.lines == 1 { line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line) } else { line };
-        let parsed = match parse_line_bytes(line) {
+        let parsed = match parse_line(&self.line) {
             Ok(parsed) => parsed,
             Err(error) => {
-                if let Some(lost) = Lost::read(line) {
-                    let wanted =
-                        self.interface.as_deref().is_none_or(|wanted| [wanted, "any"].contains(&lost.interface));
-                    self.lost += if wanted { self.report.note_lost(lost.frames) } else { 0 };
-                    self.report.blank += 1;
-                    return None;
-                }
-                match (line.first(), line.trim_ascii_start().first()) {
-                    (Some(b'\t'), _) | (_, None | Some(b'#')) => self.report.blank += 1,
-                    _ => self.report.refuse(error.into()),
+                // A tab begins what `candump -e` says of the error frame before.
+                let first = self.line.trim_ascii_start().first();
+                if !self.line.starts_with(b"\t") && first.is_some_and(|first| *first != b'#') {
+                    self.report.refuse(error);
                 }
                 return None;
             }
@@ -167,59 +71,24 @@ impl LogReader {
         }
         self.report.frames += 1;
         self.report.errors += u64::from(parsed.frame.kind == FrameKind::Error);
-        self.report.note_time(parsed.time);
-        let reading = self.clock.read(parsed.time, self.report.lines, &mut self.report.clock);
-        self.report.backwards += u64::from(reading.is_late);
-        Some(TimedFrame { time: reading.time, frame: parsed.frame })
-    }
-
-    /// Reads on behind the incomplete line, which moves to the buffer's beginning.
-    fn fill(&mut self) -> Result<(), LogFault> {
-        self.buffer.copy_within(self.start..self.end, 0);
-        self.end -= self.start;
-        self.start = 0;
-        if self.end > LINE_BYTES_MAX {
-            // One byte is kept, so that its end is still seen as a line's.
-            self.skipping = true;
-            self.end = 1;
-        }
-        loop {
-            match self.input.read(&mut self.buffer[self.end..]) {
-                Ok(0) => self.over = true,
-                Ok(read) => self.end += read,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => {
-                    return Err(LogFault::Read { name: self.name.clone(), line: self.report.lines, error });
-                }
-            }
-            return Ok(());
-        }
+        let time = self.report.times.read(parsed.time, self.report.lines);
+        Some(TimedFrame { time, frame: parsed.frame })
     }
 }
 
 impl RecordedFrames for LogReader {
     fn next_batch(&mut self, frames: &mut Vec<TimedFrame>, max: usize) -> Result<bool, LogFault> {
-        let mut room = max;
-        while room > 0 {
-            let Some(line) = self.next_line() else {
-                if self.over {
-                    return Ok(false);
-                }
-                self.fill()?;
-                continue;
-            };
-            if let Some(frame) = self.parse(line) {
-                frames.push(frame);
-                room -= 1;
-            } else if self.lost > 0 {
-                return Ok(true);
+        let until = frames.len() + max;
+        while frames.len() < until {
+            self.line.clear();
+            let read = self.input.by_ref().take(LINE_BYTES_MAX).read_until(b'\n', &mut self.line);
+            let fault = |error| LogFault { name: self.name.clone(), line: self.report.lines, error };
+            if read.map_err(fault)? == 0 {
+                return Ok(false);
             }
+            frames.extend(self.frame());
         }
         Ok(true)
-    }
-
-    fn take_lost(&mut self) -> u64 {
-        std::mem::take(&mut self.lost)
     }
 
     fn report(&self) -> &LogReport {
@@ -228,4 +97,113 @@ impl RecordedFrames for LogReader {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use flate2::{Compression, write::GzEncoder};
+    use std::io::Write;
+    use taxel_skin::Time;
+    use taxel_wire::{CanId, Frame};
+
+    const LOG: &str = "(1.000000) can0 301#01\n\n# a comment\n(2.000000) can1 302#02\nnonsense\n(1.500000) can0 301#03";
+
+    fn reader(bytes: &[u8], interface: Option<&str>) -> LogReader {
+        LogReader::new("log".to_owned(), Cursor::new(bytes.to_vec()), interface.map(str::to_owned)).unwrap()
+    }
+
+    fn read_all(reader: &mut LogReader) -> Vec<TimedFrame> {
+        let mut frames = Vec::new();
+        while reader.next_batch(&mut frames, 64).unwrap() {}
+        frames
+    }
+
+    fn gzipped(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    #[test]
+    fn every_line_is_accounted_for() {
+        let mut log = reader(LOG.as_bytes(), Some("can0"));
+        let frames = read_all(&mut log);
+        let expected = [(1.0, 1), (1.5, 3)].map(|(time, byte)| TimedFrame {
+            time: Time::from_seconds(time),
+            frame: Frame::of(CanId::Standard(0x301), [byte]),
+        });
+        assert_eq!(frames, expected);
+        let report = log.report();
+        assert_eq!((report.lines, report.frames, report.other_interface, report.bad), (6, 2, 1, 1));
+        assert_eq!((report.first_bad[0].line, report.first_bad[0].fault.column), (5, 1));
+        let mut all = reader(LOG.as_bytes(), None);
+        assert_eq!(read_all(&mut all)[2].time, Time::from_seconds(1.5));
+        assert_eq!(all.report().times.backwards, 1);
+    }
+
+    #[test]
+    fn of_one_interface_the_clock_of_another_moves_nothing() {
+        let text = "(50.0) can1 301#\n(1.0) can0 301#\n(51.0) can1 301#\n(2.0) can0 301#\n";
+        let mut log = reader(text.as_bytes(), Some("can0"));
+        let times: Vec<f64> = read_all(&mut log).iter().map(|timed| timed.time.as_seconds()).collect();
+        assert_eq!(times, [1.0, 2.0]);
+        assert_eq!(log.report().words(), Vec::<String>::new());
+        assert_eq!(log.report().interfaces, ["can1", "can0"]);
+    }
+
+    #[test]
+    fn times_that_tell_nothing_are_a_fault() {
+        let fault = |time: fn(u32) -> String| {
+            let text: String = (0..20).map(|i| format!("({}) can0 301#\n", time(i))).collect();
+            let mut log = reader(text.as_bytes(), None);
+            read_all(&mut log);
+            log.report().time_fault()
+        };
+        let same = fault(|_| "0.5".to_owned()).unwrap();
+        assert_eq!(same, "all 20 frames share one time: record without -H");
+        let from_frame_to_frame = fault(|i| format!("0.{:06}", i % 3 * 100)).unwrap();
+        assert!(from_frame_to_frame.contains("as `candump -td` writes them"), "{from_frame_to_frame}");
+        assert_eq!(fault(|i| format!("7.{i:06}")), None);
+    }
+
+    #[test]
+    fn a_log_without_any_frame_is_told_with_its_first_lines_and_a_converter() {
+        let mut log = reader(b"date Sam Sep 13 12:26:40 2020\nbase hex  timestamps absolute\n", None);
+        assert!(read_all(&mut log).is_empty());
+        let said = log.report().words();
+        assert_eq!(said[0], "2 of 2 lines are no frame:");
+        assert!(said[1].contains("line 1: column 1: found `d`"), "{said:?}");
+        assert!(said[3].contains("can_logconvert IN OUT.log"), "{said:?}");
+    }
+
+    #[test]
+    fn gzip_is_known_by_its_bytes_also_in_several_members() {
+        let two = [gzipped(LOG.as_bytes()), gzipped(b"\n(3.0) can0 301#04\n")].concat();
+        assert_eq!(read_all(&mut reader(&two, None)).len(), 4);
+        for bytes in [&b""[..], b"\n", &[0x1F]] {
+            assert!(read_all(&mut reader(bytes, None)).is_empty());
+        }
+    }
+
+    #[test]
+    fn a_cut_gzip_gives_its_lines_and_then_the_fault_with_its_place() {
+        let text = "(1.000000) can0 301#01\n".repeat(100_000);
+        let mut whole = gzipped(text.as_bytes());
+        whole.truncate(whole.len() / 2);
+        let mut log = reader(&whole, None);
+        let mut frames = Vec::new();
+        let fault = loop {
+            match log.next_batch(&mut frames, 1000) {
+                Ok(more) => assert!(more, "the end was not the log's"),
+                Err(fault) => break fault,
+            }
+        };
+        assert!(!frames.is_empty() && fault.line == frames.len() as u64, "{fault}");
+    }
+
+    #[test]
+    fn a_line_without_end_is_refused_and_takes_no_memory() {
+        let text = [vec![b'x'; 3 * BLOCK_BYTES], b"\n(1.0) can0 301#01\n".to_vec()].concat();
+        let mut log = reader(&text, None);
+        assert_eq!(read_all(&mut log).len(), 1);
+        assert!(log.report().bad > 0 && log.line.capacity() <= 2 * LINE_BYTES_MAX as usize);
+    }
+}

@@ -12,7 +12,7 @@ use tokio::io::unix::AsyncFd;
 
 use crate::can_error;
 use crate::clock::ClockReading;
-use crate::filter::{Filters, Wanted};
+use crate::filter::Filter;
 use crate::source::{Batch, BusEvent};
 use crate::sys::{self, FD_FRAME_BYTES, FRAME_BYTES, Received, Receiver};
 
@@ -75,11 +75,10 @@ pub(crate) struct Rx {
 impl Rx {
     /// Opens and binds; everything is set before it is bound, so that not one unwanted frame comes through.
     /// Gives the size of the granted buffer, too.
-    pub fn open(index: u32, wanted: &Wanted) -> Result<(Self, usize), Failure> {
+    pub fn open(index: u32, filters: Option<&[Filter]>) -> Result<(Self, usize), Failure> {
         let socket = raw_socket()?;
-        if let Wanted::Only(Filters { kernel, .. }) = wanted {
-            let kernel: Vec<(u32, u32)> = kernel.iter().map(|filter| (filter.id, filter.mask)).collect();
-            socket.set_filters(&kernel).map_err(failed("setsockopt(CAN_RAW_FILTER)"))?;
+        if let Some(filters) = filters {
+            socket.set_filters(filters).map_err(failed("setsockopt(CAN_RAW_FILTER)"))?;
         }
         // A kernel without CAN FD goes on with classic frames.
         let _classic_only = socket.set_socket_option_int(libc::SOL_CAN_RAW, libc::CAN_RAW_FD_FRAMES, 1);
@@ -118,7 +117,7 @@ impl Rx {
     }
 
     /// Puts what was received into the batch.
-    pub fn take(&mut self, wanted: &Wanted, batch: &mut Batch) {
+    pub fn take(&mut self, batch: &mut Batch) {
         let now = ClockReading::now();
         let mut malformed = 0;
         for i in 0..self.received.len() {
@@ -140,8 +139,7 @@ impl Rx {
                     }
                     can_error::decode(&frame, |error| batch.events.push(BusEvent::Error { error, local }));
                 }
-                _ if wanted.passes(frame.id) => batch.frames.push(TimedFrame { time, frame }),
-                _ => {}
+                _ => batch.frames.push(TimedFrame { time, frame }),
             }
         }
         self.received.clear();

@@ -18,9 +18,9 @@ use taxel_wire::{CanId, Frame};
 use thiserror::Error;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep};
 
-use crate::filter::Wanted;
+use crate::filter::{Filter, filters};
 use crate::rx::{BUFFER_WANTED, Failure, Rx, bytes_of, raw_socket};
-use crate::source::{Batch, BusEvent, DownReason, FrameSource, SendError, SourceError};
+use crate::source::{Batch, BusEvent, DownReason, FrameSource, NotSent, SendError, SourceError};
 use crate::sys;
 use crate::tx::Tx;
 
@@ -45,45 +45,10 @@ pub struct SocketCanOptions {
     pub tx: bool,
 }
 
-/// Why a bus cannot be opened, now or ever. An interface that is down or not there is no reason: that is a state.
+/// Why a bus cannot be opened, now or ever, in words. An interface that is down or not there is no reason: that is a state.
 #[derive(Debug, Error)]
-pub enum OpenError {
-    /// No interface can have this name.
-    #[error("interface name {name:?}: expected 1 to 15 visible ASCII characters without / and :, not \".\" or \"..\"")]
-    Name {
-        /// The name asked for.
-        name: String,
-    },
-    /// The kernel knows no CAN.
-    #[error(
-        "interface {interface}: this kernel has no CAN support ({call}: {error}); load the modules can and can_raw, \
-         or use a kernel with CONFIG_CAN and CONFIG_CAN_RAW"
-    )]
-    NoCanSupport {
-        /// The bus.
-        interface: String,
-        /// What was called.
-        call: &'static str,
-        /// The system's answer.
-        error: io::Error,
-    },
-    /// There is an interface of this name, for something else.
-    #[error("interface {interface}: is no CAN interface")]
-    NotCan {
-        /// The bus.
-        interface: String,
-    },
-    /// Anything else the system answers.
-    #[error("interface {interface}: {call}: {error}")]
-    System {
-        /// The bus.
-        interface: String,
-        /// What was called.
-        call: &'static str,
-        /// The system's answer.
-        error: io::Error,
-    },
-}
+#[error("{0}")]
+pub struct OpenError(String);
 
 /// One CAN interface.
 ///
@@ -97,7 +62,7 @@ pub enum OpenError {
 /// Frames of CAN FD are received where the interface has them; only classic ones are sent.
 pub struct SocketCan {
     interface: String,
-    wanted: Wanted,
+    filters: Option<Vec<Filter>>,
     tx: bool,
     sockets: Option<Sockets>,
     link: Link,
@@ -136,12 +101,14 @@ impl SocketCan {
         let SocketCanOptions { interface, ids, tx } = options;
         let visible = interface.bytes().all(|byte| byte.is_ascii_graphic() && byte != b'/' && byte != b':');
         if !visible || interface.is_empty() || interface.len() > NAME_BYTES || matches!(&*interface, "." | "..") {
-            return Err(OpenError::Name { name: interface });
+            return Err(OpenError(format!(
+                "interface name {interface:?}: expected 1 to 15 visible ASCII characters without / and :, not \".\" or \"..\""
+            )));
         }
         let mut poll = interval(LINK_POLL);
         poll.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let wanted = Wanted::new(ids.as_deref());
-        let mut bus = Self { interface, wanted, tx, sockets: None, link: Link::Untold, pending: Vec::new(), poll };
+        let filters = ids.as_deref().map(filters);
+        let mut bus = Self { interface, filters, tx, sockets: None, link: Link::Untold, pending: Vec::new(), poll };
         let mut batch = Batch::default();
         // Asked in any case: a kernel that cannot do it would never find the interface either.
         let opened = raw_socket().and_then(|_probe| bus.try_open(&mut batch));
@@ -151,20 +118,16 @@ impl SocketCan {
         Ok(bus)
     }
 
-    /// The name of the interface.
-    #[must_use]
-    pub fn interface(&self) -> &str {
-        &self.interface
-    }
-
-    fn refused(&self, failure: Failure) -> OpenError {
-        let interface = self.interface.clone();
-        let Failure { call, error } = failure;
-        match error.raw_os_error() {
-            Some(libc::EAFNOSUPPORT | libc::EPROTONOSUPPORT) => OpenError::NoCanSupport { interface, call, error },
-            Some(libc::ENODEV) => OpenError::NotCan { interface },
-            _ => OpenError::System { interface, call, error },
-        }
+    fn refused(&self, Failure { call, error }: Failure) -> OpenError {
+        let why = match error.raw_os_error() {
+            Some(libc::EAFNOSUPPORT | libc::EPROTONOSUPPORT) => format!(
+                "this kernel has no CAN support ({call}: {error}); load the modules can and can_raw, or use a kernel with \
+                 CONFIG_CAN and CONFIG_CAN_RAW"
+            ),
+            Some(libc::ENODEV) => "is no CAN interface".to_owned(),
+            _ => format!("{call}: {error}"),
+        };
+        OpenError(format!("interface {}: {why}", self.interface))
     }
 
     /// Opens the sockets. An interface that is not there is told and no failure.
@@ -177,7 +140,7 @@ impl SocketCan {
             }
             Err(error) => return Err(Failure { call: "if_nametoindex", error }),
         };
-        let opened = Rx::open(index, &self.wanted).and_then(|(rx, granted)| {
+        let opened = Rx::open(index, self.filters.as_deref()).and_then(|(rx, granted)| {
             let tx = if self.tx { Some(Tx::open(index)?) } else { None };
             Ok((Sockets { index, rx, tx }, granted))
         });
@@ -263,12 +226,36 @@ impl SocketCan {
             received = sockets.rx.receive() => received.map(Wake::Received),
         }
     }
+}
 
-    fn send_failed(&self, error: io::Error, frame: &Frame) -> SendError {
-        let (interface, id) = (self.interface.clone(), frame.id);
-        match reason_of(&error) {
-            DownReason::System { .. } => SendError::System { interface, id, error },
-            reason => SendError::Down { interface, reason, id },
+impl SocketCan {
+    async fn try_send(&mut self, frame: &Frame) -> Result<(), NotSent> {
+        if !self.tx {
+            return Err(NotSent::ListenOnly);
+        }
+        let bytes = bytes_of(frame).ok_or(NotSent::Kind)?;
+        let Some(Sockets { tx: Some(tx), .. }) = &self.sockets else {
+            return Err(NotSent::Down(DownReason::NoInterface));
+        };
+        let started = Instant::now();
+        let mut wait = SEND_WAIT_FIRST;
+        loop {
+            match tx.send(&bytes) {
+                Ok(()) => return Ok(()),
+                Err(error) if !is_full(&error) => {
+                    return Err(match reason_of(&error) {
+                        DownReason::System { .. } => NotSent::System(error),
+                        reason => NotSent::Down(reason),
+                    });
+                }
+                Err(_full) => {}
+            }
+            // The socket stays writable all the while, so only a timer can tell when to try again.
+            if started.elapsed() + wait > SEND_WAIT_TOTAL {
+                return Err(NotSent::QueueFull(started.elapsed()));
+            }
+            sleep(wait).await;
+            wait *= 2;
         }
     }
 }
@@ -288,7 +275,7 @@ impl FrameSource for SocketCan {
                         self.look(batch);
                     }
                     if let Some(sockets) = &mut self.sockets {
-                        sockets.rx.take(&self.wanted, batch);
+                        sockets.rx.take(batch);
                     }
                 }
             }
@@ -297,33 +284,7 @@ impl FrameSource for SocketCan {
     }
 
     async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-        let id = frame.id;
-        if !self.tx {
-            return Err(SendError::ListenOnly { interface: self.interface.clone(), id });
-        }
-        let Some(bytes) = bytes_of(frame) else {
-            return Err(SendError::ErrorFrame { interface: self.interface.clone() });
-        };
-        let started = Instant::now();
-        let mut wait = SEND_WAIT_FIRST;
-        loop {
-            let Some(Sockets { tx: Some(tx), .. }) = &self.sockets else {
-                let reason = DownReason::NoInterface;
-                return Err(SendError::Down { interface: self.interface.clone(), reason, id });
-            };
-            match tx.send(&bytes) {
-                Ok(()) => return Ok(()),
-                Err(error) if !is_full(&error) => return Err(self.send_failed(error, frame)),
-                Err(_full) => {}
-            }
-            // The socket stays writable all the while, so only a timer can tell when to try again.
-            if started.elapsed() + wait > SEND_WAIT_TOTAL {
-                let waited = started.elapsed();
-                return Err(SendError::QueueFull { interface: self.interface.clone(), waited, id });
-            }
-            sleep(wait).await;
-            wait *= 2;
-        }
+        self.try_send(frame).await.map_err(|why| SendError { id: frame.id, why })
     }
 }
 
@@ -363,7 +324,8 @@ mod tests {
     #[tokio::test]
     async fn a_name_that_no_interface_can_have_is_refused_with_the_name() {
         for name in ["", "a-name-of-16-bytes", "can 0", "can/0", "can0\0", ".."] {
-            assert!(matches!(open(name), Err(OpenError::Name { name: told }) if told == name), "{name:?}");
+            let refused = open(name).err().unwrap().to_string();
+            assert!(refused.starts_with(&format!("interface name {name:?}: expected")), "{refused}");
         }
     }
 
@@ -382,10 +344,7 @@ mod tests {
     #[tokio::test]
     async fn a_kernel_without_can_is_named_as_the_cause() {
         match open("can-not-there") {
-            Err(error @ OpenError::NoCanSupport { .. }) => {
-                assert!(error.to_string().contains("this kernel has no CAN support"), "{error}");
-            }
-            Err(error) => panic!("{error}"),
+            Err(error) => assert!(error.to_string().contains("this kernel has no CAN support"), "{error}"),
             Ok(mut bus) => {
                 let mut batch = Batch::default();
                 bus.next(&mut batch).await.unwrap();

@@ -8,7 +8,7 @@ use taxel_wire::{CanId, Frame, TimedFrame};
 use thiserror::Error;
 
 use crate::can_error::BusError;
-use crate::log_fault::LogFault;
+use crate::recorded::LogFault;
 
 /// What a source hands out at once; the caller keeps it and its memory is used again.
 ///
@@ -122,59 +122,37 @@ pub enum SourceError {
     Log(#[from] LogFault),
 }
 
+/// A frame that was not sent.
+#[derive(Debug, Error)]
+#[error("frame {id} not sent: {why}")]
+pub struct SendError {
+    /// Of the frame.
+    pub id: CanId,
+    /// Why.
+    pub why: NotSent,
+}
+
 /// Why a frame was not sent.
 #[derive(Debug, Error)]
-pub enum SendError {
+pub enum NotSent {
     /// The bus was opened to listen only.
-    #[error("interface {interface}: opened to listen only, frame {id} not sent")]
-    ListenOnly {
-        /// The bus.
-        interface: String,
-        /// Of the frame.
-        id: CanId,
-    },
-    /// A log takes no frames.
-    #[error("a log takes no frames, frame {id} not sent")]
-    Log {
-        /// Of the frame.
-        id: CanId,
-    },
-    /// Error frames are made by controllers, never sent.
-    #[error("interface {interface}: an error frame, expected a data or a remote frame")]
-    ErrorFrame {
-        /// The bus.
-        interface: String,
-    },
+    #[error("the interface was opened to listen only")]
+    ListenOnly,
+    /// A log is no bus.
+    #[error("a log takes no frames")]
+    Log,
+    /// Error frames are made by controllers, and bring-up commands are classic frames.
+    #[error("it is no classic data or remote frame")]
+    Kind,
     /// The bus is down.
-    #[error("interface {interface}: {reason}, frame {id} not sent")]
-    Down {
-        /// The bus.
-        interface: String,
-        /// Why.
-        reason: DownReason,
-        /// Of the frame.
-        id: CanId,
-    },
-    /// The transmit queue stayed full.
-    #[error("interface {interface}: transmit queue full for {waited:?}, frame {id} not sent")]
-    QueueFull {
-        /// The bus.
-        interface: String,
-        /// How long it was tried.
-        waited: Duration,
-        /// Of the frame.
-        id: CanId,
-    },
+    #[error("{0}")]
+    Down(DownReason),
+    /// The transmit queue stayed full for so long.
+    #[error("transmit queue full for {0:?}")]
+    QueueFull(Duration),
     /// Anything else the system answers.
-    #[error("interface {interface}: frame {id} not sent: {error}")]
-    System {
-        /// The bus.
-        interface: String,
-        /// Of the frame.
-        id: CanId,
-        /// The system's answer.
-        error: std::io::Error,
-    },
+    #[error("{0}")]
+    System(std::io::Error),
 }
 
 /// One bus: frames come out in batches, single frames go in.

@@ -68,6 +68,12 @@ impl Forces {
         }
     }
 
+    /// The newest sample, whether or not it is a force now.
+    #[must_use]
+    pub fn newest(&self) -> Option<Received> {
+        self.newest.borrow().received.clone()
+    }
+
     /// Waits until something else is known than at the last call: a sample, or that the connection was lost.
     pub async fn changed(&mut self) {
         if self.newest.changed().await.is_err() {

@@ -149,7 +149,7 @@ fn forearm(full: bool) -> Result<PatchPlan, Error> {
 
 fn world() -> Result<World, Error> {
     let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
-    Ok(World::new(Skin::forearm()?, Config { boards, ..Config::seeded(1) })?)
+    Ok(World::new(Skin::forearm()?, Config { boards, ..Config::seeded(1) }))
 }
 
 /// Frames at rest, then under half a kilogram.

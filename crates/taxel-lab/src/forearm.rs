@@ -78,7 +78,7 @@ impl Forearm {
     pub fn new(effects: &[Effect], seed: u64) -> anyhow::Result<Self> {
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
         let (skin, config) = Effect::forearm(effects, seed)?;
-        let world = World::new(skin, Config { boards, ..config })?;
+        let world = World::new(skin, Config { boards, ..config });
         let patch = world.skin().patch();
         let mut boards = vec![0..0; patch.boards().len()];
         for (taxel, site) in patch.taxels().iter().enumerate() {

@@ -96,7 +96,8 @@ impl Recording {
         }
         let lost = message.kernel_lost.saturating_add(message.not_recorded);
         if lost > 0 {
-            self.lost = self.lost.saturating_add(self.report.note_lost(lost));
+            self.lost = self.lost.saturating_add(lost);
+            self.report.lost = self.report.lost.saturating_add(lost);
         }
         let first_ns = message.monotonic_ns.saturating_add(self.clock.offset(message));
         for frame in &message.frames {

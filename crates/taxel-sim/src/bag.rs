@@ -161,19 +161,6 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_leaks_faster_until_it_is_mended() {
-        let mut bag = Bag::new(BagConfig::default());
-        bag.command(ramp(60.0, 10.0));
-        let full = run(&mut bag, 10.0);
-        bag.command(PumpCommand::Off);
-        bag.fault_leak_s = Some(4.0);
-        let leaked = run(&mut bag, 4.0);
-        assert!((leaked / full - (-1.0_f64).exp()).abs() < 0.01, "{full} -> {leaked}");
-        bag.fault_leak_s = None;
-        assert!(run(&mut bag, 4.0) > 0.98 * leaked);
-    }
-
-    #[test]
     fn a_ramp_down_bleeds_and_a_pump_has_its_limit() {
         let mut bag = Bag::new(BagConfig::default());
         bag.command(ramp(200.0, 50.0));

@@ -1,4 +1,5 @@
-//! A skin board: its firmware's states, commands and clock.
+//! A skin board of the fourth generation (MTB4): its firmware's states, commands and clock. It stops at a 0x50 until it is
+//! started again.
 
 use crate::converter::{Arithmetic, Converter, Reading, Surroundings};
 use crate::dielectric::{Fabric, LSB_PER_COUNT, Sense};
@@ -23,21 +24,9 @@ const HOST_CDC_OFFSET: u16 = 0x2200;
 /// What the firmware starts with.
 const POWER_ON_CONFIG: BoardConfig = BoardConfig { kind: 0, period_ms: 50, no_load: 245 };
 
-/// Which generation of board is simulated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BoardKind {
-    /// Third generation: streams again by itself three periods after a 0x50; its period wraps above 209 ms.
-    Mtb,
-    /// Fourth generation: stops at a 0x50 until it is started again.
-    #[default]
-    Mtb4,
-}
-
 /// The boards of the skin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardsConfig {
-    /// Their generation.
-    pub kind: BoardKind,
     /// Whether they stream from the first moment with a host's usual settings; otherwise they wait for commands.
     pub start_streaming: bool,
     /// Each board's clock is off by up to this, in millionths.
@@ -49,7 +38,7 @@ pub struct BoardsConfig {
 
 impl Default for BoardsConfig {
     fn default() -> Self {
-        Self { kind: BoardKind::Mtb4, start_streaming: false, clock_ppm: 30.0, drift_gain: 96 }
+        Self { start_streaming: false, clock_ppm: 30.0, drift_gain: 96 }
     }
 }
 
@@ -86,7 +75,6 @@ struct Slot {
 #[derive(Clone, Debug)]
 pub(crate) struct Board {
     pub(crate) address: BoardAddress,
-    kind: BoardKind,
     drift_gain: u8,
     residue_lsb: f64,
     slots: Vec<Slot>,
@@ -106,10 +94,8 @@ pub(crate) struct Board {
     /// Nominal time over the time of this board's clock.
     clock: f64,
     phase: f64,
-    thermometer_s: u8,
     pub(crate) next_conversion: Time,
     pub(crate) next_scan: Option<Time>,
-    pub(crate) next_thermometer: Option<Time>,
     pub(crate) power_on_at: Option<Time>,
     noise: Rng,
     tares: Rng,
@@ -143,7 +129,6 @@ impl Board {
         let clock = 1.0 + config.clock_ppm * 1e-6 * clock_rng.between(-1.0, 1.0);
         let mut board = Self {
             address,
-            kind: config.kind,
             drift_gain: config.drift_gain,
             residue_lsb: fabric.tare_residue_counts() * LSB_PER_COUNT,
             slots,
@@ -158,10 +143,8 @@ impl Board {
             other_period_ms: None,
             clock,
             phase: clock_rng.uniform(),
-            thermometer_s: 0,
             next_conversion: start + CONVERSION.mul_f64(clock_rng.uniform()),
             next_scan: None,
-            next_thermometer: None,
             power_on_at: None,
             noise: Rng::new(seed, Stream::Conversion(index)),
             tares: Rng::new(seed, Stream::Tare(index)),
@@ -195,31 +178,22 @@ impl Board {
                     slot.enabled = false;
                 }
             }
-            Command::SetTriangles(triangles) => self.set_triangles(now, triangles),
+            Command::SetTriangles(triangles) => self.set_triangles(triangles),
             Command::Start => self.start(now),
             Command::Stop => (self.streaming, self.next_scan) = (false, None),
             Command::QueryFirmware { protocol } => return Some(self.firmware(protocol)),
-            Command::SetThermometerPeriod { seconds } => {
-                self.thermometer_s = seconds;
-                let period = self.local(Duration::from_secs(u64::from(seconds)));
-                self.next_thermometer = (seconds > 0).then(|| now + period);
-            }
         }
         None
     }
 
-    fn set_triangles(&mut self, now: Time, triangles: TriangleConfig) {
+    fn set_triangles(&mut self, triangles: TriangleConfig) {
         for slot in &mut self.slots[usize::from(triangles.first.get())..=usize::from(triangles.last.get())] {
             slot.enabled = triangles.enabled;
             slot.shift = triangles.shift;
             slot.cdc_offset = triangles.cdc_offset;
         }
         (self.tare_pending, self.zeroed) = (true, false);
-        match self.kind {
-            BoardKind::Mtb4 => (self.streaming, self.next_scan) = (false, None),
-            BoardKind::Mtb if self.streaming => self.next_scan = Some(now + 3 * self.period()),
-            BoardKind::Mtb => {}
-        }
+        (self.streaming, self.next_scan) = (false, None);
     }
 
     fn start(&mut self, now: Time) {
@@ -230,24 +204,15 @@ impl Board {
     }
 
     fn firmware(&self, required: (u8, u8)) -> Message {
-        let (board_type, app, protocol) = match self.kind {
-            BoardKind::Mtb => (5, (2, 17, 0), (1, 0)),
-            BoardKind::Mtb4 => (11, (1, 25, 0), (2, 0)),
-        };
-        let compatible = protocol.0 == required.0 && protocol.1 >= required.1;
-        let version = FirmwareVersion { board_type, app, protocol, compatible };
+        let compatible = required == (2, 0);
+        let version = FirmwareVersion { board_type: 11, app: (1, 25, 0), protocol: (2, 0), compatible };
         Message::FirmwareVersion { board: self.address, version }
     }
 
     /// The time between scans on the run's clock.
     pub(crate) fn period(&self) -> Duration {
         let ms = u64::from(self.other_period_ms.unwrap_or(self.config.period_ms).max(1));
-        let nominal = match self.kind {
-            BoardKind::Mtb4 => Duration::from_millis(ms),
-            // A 16-bit timer at 312.5 ticks a millisecond.
-            BoardKind::Mtb => Duration::from_nanos(((ms * 625 / 2) % 65_536).max(1) * 3_200),
-        };
-        self.local(nominal)
+        self.local(Duration::from_millis(ms))
     }
 
     fn local(&self, nominal: Duration) -> Duration {
@@ -329,13 +294,6 @@ impl Board {
         (0..MODULES as u8).filter_map(scan).flatten().collect()
     }
 
-    /// The thermometer's frame; plans the next.
-    pub(crate) fn thermometer(&mut self, now: Time, celsius: f64) -> Frame {
-        let period = self.local(Duration::from_secs(u64::from(self.thermometer_s)));
-        self.next_thermometer = (self.thermometer_s > 0).then(|| now + period);
-        Message::Thermometer { board: self.address, deci_celsius: (celsius * 10.0).round() as i16 }.encode()
-    }
-
     /// The next conversion becomes the zero of all modules; the stream goes on meanwhile.
     pub(crate) const fn retare(&mut self) {
         self.no_acks = 0;
@@ -359,7 +317,7 @@ impl Board {
     pub(crate) fn power_off(&mut self, back_at: Time) {
         self.hung_until = None;
         (self.powered, self.streaming) = (false, false);
-        (self.next_scan, self.next_thermometer, self.thermometer_s) = (None, None, 0);
+        self.next_scan = None;
         self.power_on_at = Some(back_at);
     }
 
@@ -383,11 +341,6 @@ impl Board {
     /// Whether the board's frames reach the bus.
     pub(crate) const fn speaks(&self) -> bool {
         self.powered && !self.silent && self.hung_until.is_none()
-    }
-
-    /// What a sender does whose queue is full: the third generation throws it away and says so.
-    pub(crate) fn overflow(&self) -> Option<Frame> {
-        (self.kind == BoardKind::Mtb).then(|| Message::BoardOverflow { board: self.address }.encode())
     }
 }
 

@@ -243,14 +243,4 @@ mod tests {
         assert_eq!(with(0).reading(DEFAULT).status, 0xFFF1);
         assert_eq!(Converter::new(Vec::new(), true).reading(DEFAULT).status & 3, 2, "an empty position");
     }
-
-    #[test]
-    fn the_firmware_takes_the_pads_drift_off_the_taxels_alone() {
-        let mut converter = with(0x2200 + 400);
-        converter.reference = 0x2200;
-        let reading = converter.reading(Arithmetic { drift_gain: 128, ..DEFAULT });
-        assert_eq!((reading.values[0], reading.values[6]), (240, 140));
-        let half = converter.reading(Arithmetic { drift_gain: 64, ..DEFAULT });
-        assert_eq!(half.values[0], 190);
-    }
 }

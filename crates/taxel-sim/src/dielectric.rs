@@ -13,7 +13,7 @@
 use crate::rng::Rng;
 
 /// Least significant bits of the converter in one count at the boards' default shift of 2.
-pub const LSB_PER_COUNT: f64 = 4.0;
+pub(crate) const LSB_PER_COUNT: f64 = 4.0;
 
 /// Time constants of the creep beside the first one.
 pub const MORE_CREEP: usize = 3;
@@ -157,9 +157,7 @@ impl Dielectric {
         let scale = self.stiffening_kpa / (self.modulus_kpa * order);
         (-scale * (-order * relative.ln_1p()).exp_m1()).min(0.95)
     }
-}
 
-impl Dielectric {
     /// From now on it gives so many times as much.
     pub(crate) fn scale(&mut self, factor: f64) {
         self.gain_lsb *= factor;
@@ -219,10 +217,6 @@ impl<'a> Fabric<'a> {
         let mut creep = [(config.creep_share, config.creep_s), second, third, fourth];
         creep.sort_by_key(|(share, _)| *share <= 0.0);
         Self { config, rng, insensitive, creep, along: -0.5 }
-    }
-
-    pub(crate) fn insensitive(&self) -> &[bool] {
-        &self.insensitive
     }
 
     pub(crate) const fn tare_residue_counts(&self) -> f64 {

@@ -170,34 +170,4 @@ pub enum FaultError {
         /// How many there are.
         taxels: usize,
     },
-    /// A number outside its range.
-    #[error("{name} is {value}, expected a finite number of at least {least}")]
-    Number {
-        /// The field.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// The least that makes sense.
-        least: f64,
-    },
-}
-
-impl Fault {
-    /// # Errors
-    /// [`FaultError::Number`] for the first number that makes no sense.
-    pub(crate) fn validate(&self) -> Result<(), FaultError> {
-        let (name, value, least) = match *self {
-            Self::ModuleFlicker { probability, .. }
-            | Self::TaxelFlicker { probability, .. }
-            | Self::FramesLost { probability }
-            | Self::FramesDuplicated { probability }
-            | Self::FramesSwapped { probability } => ("probability", probability, 0.0),
-            Self::TaxelNoisy { sd_counts, .. } => ("sd_counts", sd_counts, 0.0),
-            Self::GaugeOffset { kpa } | Self::GaugeSpikes { kpa, .. } => ("kpa", kpa, f64::MIN),
-            Self::BagLeak { leak_s } => ("leak_s", leak_s, 1e-3),
-            Self::Warming { kelvin, .. } => ("kelvin", kelvin, f64::MIN),
-            _ => return Ok(()),
-        };
-        if value.is_finite() && value >= least { Ok(()) } else { Err(FaultError::Number { name, value, least }) }
-    }
 }

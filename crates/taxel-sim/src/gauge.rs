@@ -129,18 +129,6 @@ mod tests {
     }
 
     #[test]
-    fn a_stuck_gauge_repeats_and_a_silent_one_is_silent() {
-        let mut gauge = Gauge::new(GaugeConfig::default(), 5, Time::default());
-        let first = gauge.read(10.0);
-        gauge.stuck = true;
-        assert_eq!(gauge.read(20.0), first);
-        gauge.silent = true;
-        assert_eq!(gauge.read(20.0), None);
-        gauge = Gauge { silent: false, stuck: false, ..gauge };
-        assert_ne!(gauge.read(20.0), first);
-    }
-
-    #[test]
     fn a_jump_and_spikes_leave_the_other_readings_as_they_were() {
         let config = GaugeConfig::default();
         let (mut sound, mut wrong) =

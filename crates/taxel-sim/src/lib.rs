@@ -5,7 +5,7 @@
 //!
 //! The physics is independent of anything that a calibration fits: springs that stiffen by a power law under plates of
 //! a capacitor, friction and creep, drift of temperature, converters that round and clip. What is true (pressures,
-//! forces, which taxels are insensitive) can be asked for, so that a calibration can be judged.
+//! forces) can be asked for, so that a calibration can be judged.
 
 mod bag;
 mod board;
@@ -27,9 +27,9 @@ mod thermal;
 mod world;
 
 pub use bag::{BagConfig, PumpCommand};
-pub use board::{BoardKind, BoardsConfig, CONVERSION, HOST_BOARD_CONFIG, bring_up};
-pub use config::{Config, ConfigError};
-pub use dielectric::{DielectricConfig, LSB_PER_COUNT, MORE_CREEP};
+pub use board::{BoardsConfig, CONVERSION, HOST_BOARD_CONFIG, bring_up};
+pub use config::Config;
+pub use dielectric::{DielectricConfig, MORE_CREEP};
 pub use effects::Effect;
 pub use faults::{Fault, FaultError, ForeignScan};
 pub use gauge::GaugeConfig;
@@ -38,4 +38,4 @@ pub use loads::LoadId;
 pub use path::{Layer, LoadPath};
 pub use skin::{Pose, Skin};
 pub use thermal::ThermalConfig;
-pub use world::{FrameCounts, World};
+pub use world::World;

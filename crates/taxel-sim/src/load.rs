@@ -62,7 +62,7 @@ impl Footprint {
         let outline = Self { profile: Profile::Flat, tilt: 0.0, ..*self };
         let density = outline.density();
         let (mut all, mut on) = (0_u32, 0_u32);
-        for [dx, dy] in outline.grid(1).filter(|&[dx, dy]| density(dx, dy) > 0.0) {
+        for [dx, dy] in outline.grid().filter(|&[dx, dy]| density(dx, dy) > 0.0) {
             all += 1;
             on += u32::from(skin.covers([x + dx, y + dy]));
         }
@@ -99,10 +99,9 @@ impl Footprint {
         }
     }
 
-    /// Points of a square grid about its centre that hold the whole ellipse, in millimetres: so many steps apart.
-    pub(crate) fn grid(&self, apart: u16) -> impl Iterator<Item = [f64; 2]> + use<> {
-        let (steps, step_mm) =
-            (self.half_steps() / i32::from(apart) + i32::from(apart > 1), self.step_mm() * f64::from(apart));
+    /// Points of a square grid about its centre that hold the whole ellipse, in millimetres.
+    pub(crate) fn grid(&self) -> impl Iterator<Item = [f64; 2]> + use<> {
+        let (steps, step_mm) = (self.half_steps(), self.step_mm());
         let along = move || (-steps..=steps).map(move |n| f64::from(n) * step_mm);
         along().flat_map(move |x| along().map(move |y| [x, y]))
     }
@@ -132,12 +131,6 @@ pub struct Mass {
 /// Why a mass cannot lie there.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LoadError {
-    /// A mass presses with a finite force, inward.
-    #[error("a mass of {0} kg: expected more than 0 and at most 1000")]
-    Mass(f64),
-    /// The footprint needs an extent.
-    #[error("a footprint of semi-axes {0} mm and {1} mm: expected both above 0, and finite")]
-    Footprint(f64, f64),
     /// There is no such taxel.
     #[error("taxel {taxel} is the centre of the footprint, but the skin has {taxels} taxels")]
     Taxel {
@@ -162,20 +155,5 @@ impl Mass {
     #[must_use]
     pub fn weight(&self) -> Newton {
         Newton(self.kilogram * STANDARD_GRAVITY)
-    }
-
-    /// # Errors
-    /// [`LoadError`] for a mass or footprint that is no positive finite number, or a centre that does not exist.
-    pub(crate) fn validate(&self, skin: &Skin) -> Result<(), LoadError> {
-        if !(self.kilogram > 0.0 && self.kilogram <= 1000.0) {
-            return Err(LoadError::Mass(self.kilogram));
-        }
-        let [a, b] = self.footprint.semi_axes_mm;
-        let others = [self.footprint.turn, self.footprint.offset_mm[0], self.footprint.offset_mm[1]];
-        let finite = others.iter().all(|x| x.is_finite()) && self.footprint.tilt.abs() <= 1.0;
-        if !(a > 0.0 && b > 0.0 && a.is_finite() && b.is_finite() && finite) {
-            return Err(LoadError::Footprint(a, b));
-        }
-        self.footprint.centre_mm(skin).map(|_| ())
     }
 }

@@ -1,7 +1,7 @@
 //! Masses that come, move and go over time.
 
 use crate::load::{LoadError, Mass};
-use crate::path::{LoadPath, Path, Pressed};
+use crate::path::{LoadPath, Path, Pressed, between};
 use crate::skin::Skin;
 use std::time::Duration;
 use taxel_skin::{TaxelIndex, Time};
@@ -65,7 +65,7 @@ impl Placed {
             Some(steps) => {
                 let along = share * steps as f64;
                 let step = (along as usize).min(steps.saturating_sub(1));
-                Ok(self.way[step].towards(&self.way[(step + 1).min(steps)], along - step as f64))
+                Ok(between(&self.way[step], &self.way[(step + 1).min(steps)], along - step as f64))
             }
         };
         match (share < 1.0).then(on_way) {
@@ -83,8 +83,6 @@ pub(crate) struct Loads {
     still_kpa: Vec<f64>,
     /// Their force, each with the taxel that it lies about, N.
     still_n: Vec<(TaxelIndex, f64)>,
-    /// Sum of their force times outward normal, N.
-    still_vector_n: [f64; 3],
     path: Path,
     placed: Vec<Placed>,
     next: u32,
@@ -95,7 +93,6 @@ impl Loads {
         Self {
             still_kpa: vec![0.0; skin.poses().len()],
             still_n: Vec::new(),
-            still_vector_n: [0.0; 3],
             path: Path::new(path, skin),
             placed: Vec::new(),
             next: 1,
@@ -103,18 +100,16 @@ impl Loads {
     }
 
     fn pressed(&self, skin: &Skin, mass: &Mass) -> Result<Pressed, LoadError> {
-        mass.validate(skin)?;
         self.path.press(skin, mass, mass.footprint.centre_mm(skin)?)
     }
 
     /// A mass lies there from now on.
     pub(crate) fn lay(&mut self, skin: &Skin, mass: &Mass) -> Result<(), LoadError> {
         let pressed = self.pressed(skin, mass)?;
-        for (taxel, kpa) in pressed.kpa {
+        for (taxel, kpa) in pressed {
             self.still_kpa[taxel] += kpa;
         }
         self.still_n.push((mass.footprint.centre, mass.weight().0));
-        self.still_vector_n.iter_mut().zip(pressed.vector_n).for_each(|(sum, n)| *sum += n);
         Ok(())
     }
 
@@ -186,7 +181,6 @@ impl Loads {
     pub(crate) fn clear(&mut self) {
         self.still_kpa.fill(0.0);
         self.still_n.clear();
-        self.still_vector_n = [0.0; 3];
         self.placed.clear();
     }
 
@@ -195,7 +189,7 @@ impl Loads {
         kpa.clone_from(&self.still_kpa);
         for placed in &self.placed {
             placed.pressing(now, skin, &self.path, |weight, pressed| {
-                pressed.kpa.iter().for_each(|&(taxel, pressure)| kpa[taxel] += weight * pressure);
+                pressed.iter().for_each(|&(taxel, pressure)| kpa[taxel] += weight * pressure);
             });
         }
     }
@@ -205,17 +199,6 @@ impl Loads {
         let still = self.still_n.iter().filter(|(centre, _)| these(*centre)).map(|(_, newton)| newton);
         let placed = self.placed.iter().filter(|placed| these(placed.mass.footprint.centre));
         still.sum::<f64>() + placed.map(|placed| placed.weight(now) * placed.mass.weight().0).sum::<f64>()
-    }
-
-    /// The sum of force times outward normal of all masses, N.
-    pub(crate) fn vector_n(&self, now: Time, skin: &Skin) -> [f64; 3] {
-        let mut vector = self.still_vector_n;
-        for placed in &self.placed {
-            placed.pressing(now, skin, &self.path, |weight, pressed| {
-                vector.iter_mut().zip(pressed.vector_n).for_each(|(sum, n)| *sum += weight * n);
-            });
-        }
-        vector
     }
 }
 
@@ -233,22 +216,6 @@ mod tests {
     }
 
     #[test]
-    fn a_mass_comes_and_goes_linearly() {
-        let skin = Skin::forearm().unwrap();
-        let mut loads = Loads::new(&skin, LoadPath::Shared);
-        let mass = Mass::on_disc(0.5, TaxelIndex(100), 600.0);
-        let second = Duration::from_secs(1);
-        let id = loads.place(Time::from_seconds(1.0), &skin, mass, 2 * second).unwrap();
-        let weight = mass.weight().0;
-        for (now_s, share) in [(0.0, 0.0), (1.5, 0.25), (3.0, 1.0), (9.0, 1.0)] {
-            assert!((force_n(&loads, now_s, &skin) - share * weight).abs() < 1e-9, "at {now_s} s");
-        }
-        loads.lift(Time::from_seconds(10.0), id, second);
-        assert!((force_n(&loads, 10.5, &skin) - 0.5 * weight).abs() < 1e-9);
-        assert!(force_n(&loads, 11.0, &skin).abs() < 1e-12);
-    }
-
-    #[test]
     fn a_mass_that_leaves_before_it_has_come_leaves_from_where_it_is() {
         let skin = Skin::forearm().unwrap();
         let mut loads = Loads::new(&skin, LoadPath::Shared);
@@ -256,27 +223,6 @@ mod tests {
         let id = loads.place(Time::default(), &skin, mass, Duration::from_secs(4)).unwrap();
         loads.lift(Time::from_seconds(1.0), id, Duration::from_secs(1));
         assert!((force_n(&loads, 1.5, &skin) - mass.weight().0 / 8.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_rolling_mass_keeps_its_weight_and_arrives() {
-        let skin = Skin::forearm().unwrap();
-        let mut loads = Loads::new(&skin, LoadPath::Shared);
-        let mass = Mass::on_disc(0.5, TaxelIndex(40), 300.0);
-        let id = loads.place(Time::default(), &skin, mass, Duration::ZERO).unwrap();
-        loads.roll(Time::default(), &skin, id, TaxelIndex(180), Duration::from_secs(2)).unwrap();
-        for n in 0..=40 {
-            let force = force_n(&loads, f64::from(n) * 0.05, &skin);
-            assert!((force - mass.weight().0).abs() < 1e-9, "{force} N after {n} steps");
-        }
-        let (mut there, mut moved) = (Vec::new(), Vec::new());
-        let mut at_rest = Loads::new(&skin, LoadPath::Shared);
-        at_rest.lay(&skin, &Mass::on_disc(0.5, TaxelIndex(180), 300.0)).unwrap();
-        at_rest.write(Time::default(), &skin, &mut there);
-        loads.write(Time::from_seconds(3.0), &skin, &mut moved);
-        assert_eq!(there, moved);
-        let gone = loads.roll(Time::default(), &skin, id, TaxelIndex(999), Duration::ZERO);
-        assert!(matches!(gone, Err(LoadError::Taxel { .. })));
     }
 
     /// Through the layer its way is worked out at some places, between which it changes evenly.
@@ -296,7 +242,7 @@ mod tests {
             loads.write(Time::from_seconds(share), &skin, &mut now);
             let there = [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]));
             let mut exact = vec![0.0; now.len()];
-            path.press(&skin, &mass, there).unwrap().kpa.iter().for_each(|&(taxel, kpa)| exact[taxel] += kpa);
+            path.press(&skin, &mass, there).unwrap().iter().for_each(|&(taxel, kpa)| exact[taxel] += kpa);
             let apart = now.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             furthest = furthest.max(apart);
             let about = |centre| loads.force_about_n(Time::from_seconds(share), &|taxel| taxel == TaxelIndex(centre));

@@ -4,7 +4,6 @@ use crate::load::{LoadError, Mass};
 use crate::skin::Skin;
 use std::f64::consts::PI;
 use std::sync::Arc;
-use taxel_skin::Kilopascal;
 
 /// How the pressure of a load reaches the taxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,23 +36,15 @@ impl Default for Layer {
     }
 }
 
-/// What a load does to the skin while all of its weight rests there.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Pressed {
-    /// Pressures on the taxels that feel it, kPa, with the taxel's index, to be added up; never empty.
-    pub(crate) kpa: Vec<(usize, f64)>,
-    /// Sum of force times outward normal, N.
-    pub(crate) vector_n: [f64; 3],
-}
+/// What a load does to the skin while all of its weight rests there: pressures on the taxels that feel it, kPa, with the
+/// taxel's index, to be added up; never empty.
+pub(crate) type Pressed = Vec<(usize, f64)>;
 
-impl Pressed {
-    /// So much of the way to another, 0 to 1.
-    pub(crate) fn towards(&self, other: &Self, share: f64) -> Self {
-        let mut kpa: Vec<_> = self.kpa.iter().map(|&(taxel, kpa)| (taxel, (1.0 - share) * kpa)).collect();
-        kpa.extend(other.kpa.iter().map(|&(taxel, kpa)| (taxel, share * kpa)));
-        let vector_n = [0, 1, 2].map(|axis| (1.0 - share) * self.vector_n[axis] + share * other.vector_n[axis]);
-        Self { kpa, vector_n }
-    }
+/// So much of the way from one to another, 0 to 1.
+pub(crate) fn between(one: &Pressed, other: &Pressed, share: f64) -> Pressed {
+    let weighted =
+        |pressed: &Pressed, by: f64| pressed.iter().map(|&(taxel, kpa)| (taxel, by * kpa)).collect::<Vec<_>>();
+    [weighted(one, 1.0 - share), weighted(other, share)].concat()
 }
 
 /// Beyond this distance a pad feels next to nothing of a point load, mm: 1 % of it under 2 mm of layer.
@@ -115,11 +106,8 @@ impl Path {
         match self {
             Self::Shared => Ok(shared(skin, mass, centre_mm)),
             Self::Layer { felt, crosstalk, neighbours } => {
-                let mut pressed = through_layer(felt, skin, mass, centre_mm)?;
-                if *crosstalk > 0.0 {
-                    pressed.kpa = mixed(&pressed.kpa, *crosstalk, neighbours);
-                }
-                Ok(pressed)
+                let pressed = through_layer(felt, skin, mass, centre_mm)?;
+                Ok(if *crosstalk > 0.0 { mixed(&pressed, *crosstalk, neighbours) } else { pressed })
             }
         }
     }
@@ -149,12 +137,7 @@ fn shared(skin: &Skin, mass: &Mass, centre_mm: [f64; 2]) -> Pressed {
     }
     let total: f64 = covered.iter().map(|(_, weight)| weight).sum();
     let kpa_per_weight = mass.weight().0 / (total * skin.taxel_area().0 * 1e-3);
-    let kpa: Vec<_> = covered.into_iter().map(|(index, weight)| (index, weight * kpa_per_weight)).collect();
-    let mut vector_n = [0.0; 3];
-    for &(index, pressure) in &kpa {
-        add(&mut vector_n, poses[index].normal, Kilopascal(pressure).on(skin.taxel_area()).0);
-    }
-    Pressed { kpa, vector_n }
+    covered.into_iter().map(|(index, weight)| (index, weight * kpa_per_weight)).collect()
 }
 
 fn through_layer(felt: &[Felt], skin: &Skin, mass: &Mass, [x, y]: [f64; 2]) -> Result<Pressed, LoadError> {
@@ -164,22 +147,10 @@ fn through_layer(felt: &[Felt], skin: &Skin, mass: &Mass, [x, y]: [f64; 2]) -> R
         let density = density(dx, dy);
         (density > 0.0 && skin.covers([x + dx, y + dy])).then_some(density)
     };
-    let total: f64 = footprint.grid(1).filter_map(on_skin).sum();
+    let total: f64 = footprint.grid().filter_map(on_skin).sum();
     if total <= 0.0 {
         return Err(LoadError::BesideTheSkin);
     }
-    // The normal changes over centimetres: every other row and column says enough of it.
-    let (mut of_normals, mut vector_n) = (0.0, [0.0; 3]);
-    for place in footprint.grid(2) {
-        if let Some(density) = on_skin(place) {
-            of_normals += density;
-            add(&mut vector_n, Skin::normal_at([x + place[0], y + place[1]]), density);
-        }
-    }
-    let vector_n = match of_normals {
-        0.0 => Skin::normal_at([x, y]).map(|part| part * mass.weight().0),
-        of_normals => vector_n.map(|sum| sum * mass.weight().0 / of_normals),
-    };
     // N / mm2 is 1000 kPa.
     let kpa_per_density = 1000.0 * mass.weight().0 / (total * footprint.step_mm().powi(2));
     let far_mm = footprint.semi_axes_mm[0].max(footprint.semi_axes_mm[1]) + REACH_MM;
@@ -191,8 +162,7 @@ fn through_layer(felt: &[Felt], skin: &Skin, mass: &Mass, [x, y]: [f64; 2]) -> R
         let mean = points.mean(|u, v| density(dx + u, dy + v));
         (mean > 0.0).then_some((index, mean * kpa_per_density))
     };
-    let kpa: Vec<_> = skin.poses().iter().enumerate().zip(felt).filter_map(presses).collect();
-    Ok(Pressed { kpa, vector_n })
+    Ok(skin.poses().iter().enumerate().zip(felt).filter_map(presses).collect())
 }
 
 /// What each taxel of a skin feels; the shares of a pad amid the skin add up to 1.
@@ -250,24 +220,19 @@ fn mixed(kpa: &[(usize, f64)], crosstalk: f64, neighbours: &[Vec<usize>]) -> Vec
     (0..own.len()).map(|index| (index, mix(index))).filter(|(_, pressure)| *pressure > 0.0).collect()
 }
 
-fn add(sum: &mut [f64; 3], normal: [f64; 3], force: f64) {
-    sum.iter_mut().zip(normal).for_each(|(sum, n)| *sum += force * n);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::load::{Footprint, Profile, STANDARD_GRAVITY};
     use proptest::prelude::*;
-    use taxel_skin::{Newton, TaxelIndex};
+    use taxel_skin::{Kilopascal, Newton, TaxelIndex};
 
     fn press(path: LoadPath, skin: &Skin, mass: &Mass) -> Result<Pressed, LoadError> {
-        mass.validate(skin)?;
         Path::new(path, skin).press(skin, mass, mass.footprint.centre_mm(skin)?)
     }
 
     fn force_n(skin: &Skin, pressed: &Pressed) -> f64 {
-        pressed.kpa.iter().map(|(_, p)| Kilopascal(*p).on(skin.taxel_area())).sum::<Newton>().0
+        pressed.iter().map(|(_, p)| Kilopascal(*p).on(skin.taxel_area())).sum::<Newton>().0
     }
 
     proptest! {
@@ -282,22 +247,7 @@ mod tests {
             let pressed = press(LoadPath::Shared, &skin, &mass).unwrap();
             let force = force_n(&skin, &pressed);
             prop_assert!((force - kilogram * STANDARD_GRAVITY).abs() < 1e-9 * force);
-            prop_assert!(pressed.kpa.iter().all(|(_, p)| *p > 0.0));
-        }
-    }
-
-    #[test]
-    fn a_kilogram_on_a_small_disc_stays_in_the_calibrated_range() {
-        let skin = Skin::forearm().unwrap();
-        for centre in 0..230 {
-            let mass = Mass::on_disc(1.0, TaxelIndex(centre), 700.0);
-            let pressures = press(LoadPath::Shared, &skin, &mass).unwrap().kpa;
-            let mean = pressures.iter().map(|(_, p)| p).sum::<f64>() / pressures.len() as f64;
-            // At a corner of the skin most of the disc hangs over.
-            assert!((6..=26).contains(&pressures.len()), "taxel {centre}: {} taxels", pressures.len());
-            let corner = pressures.len() < 12;
-            assert!((10.0..if corner { 55.0 } else { 28.0 }).contains(&mean), "taxel {centre}: {mean} kPa");
-            assert!(corner || pressures.iter().all(|(_, p)| *p < 60.0), "taxel {centre}");
+            prop_assert!(pressed.iter().all(|(_, p)| *p > 0.0));
         }
     }
 
@@ -310,11 +260,11 @@ mod tests {
         mass.footprint.profile = Profile::Flat;
         let pressed = press(layer, &skin, &mass).unwrap();
         let mean_kpa = 1000.0 * mass.weight().0 / (PI * 400.0);
-        let under = pressed.kpa.iter().find(|(index, _)| *index == 103).unwrap().1;
+        let under = pressed.iter().find(|(index, _)| *index == 103).unwrap().1;
         assert!((under / mean_kpa - 1.0).abs() < 0.01, "{under} kPa in the middle of {mean_kpa} kPa");
         let point = Mass::on_disc(0.1, centre, PI);
         let felt = press(layer, &skin, &point).unwrap();
-        let under = felt.kpa.iter().find(|(index, _)| *index == 103).unwrap().1;
+        let under = felt.iter().find(|(index, _)| *index == 103).unwrap().1;
         let surface_kpa = 1000.0 * point.weight().0 / PI;
         assert!(under < 0.2 * surface_kpa, "{under} kPa of {surface_kpa} kPa at the surface");
     }
@@ -342,8 +292,7 @@ mod tests {
         let mass = Mass::on_disc(0.2, TaxelIndex(103), 60.0);
         let of =
             |crosstalk: f64| press(LoadPath::Layer(Layer { crosstalk, ..Layer::default() }), &skin, &mass).unwrap();
-        let at =
-            |pressed: &Pressed, taxel: usize| pressed.kpa.iter().find(|(i, _)| *i == taxel).map_or(0.0, |(_, p)| *p);
+        let at = |pressed: &Pressed, taxel: usize| pressed.iter().find(|(i, _)| *i == taxel).map_or(0.0, |(_, p)| *p);
         let (without, with) = (of(0.0), of(0.05));
         assert!(at(&with, 103) < 0.99 * at(&without, 103));
         assert!(at(&with, 104) > at(&without, 104) || at(&with, 102) > at(&without, 102));
@@ -353,9 +302,7 @@ mod tests {
     fn impossible_loads_are_refused() {
         let skin = Skin::forearm().unwrap();
         let refused = |mass: Mass| press(LoadPath::Layer(Layer::default()), &skin, &mass).unwrap_err();
-        assert!(matches!(refused(Mass::on_disc(f64::NAN, TaxelIndex(0), 100.0)), LoadError::Mass(_)));
         assert!(matches!(refused(Mass::on_disc(1.0, TaxelIndex(230), 100.0)), LoadError::Taxel { .. }));
-        assert!(matches!(refused(Mass::on_disc(1.0, TaxelIndex(0), -1.0)), LoadError::Footprint(..)));
         let beside = Footprint { offset_mm: [500.0, 0.0], ..Footprint::disc(TaxelIndex(0), 100.0) };
         assert_eq!(refused(Mass { kilogram: 1.0, footprint: beside }), LoadError::BesideTheSkin);
     }

@@ -178,18 +178,6 @@ impl Skin {
         &self.poses
     }
 
-    /// Positions in metres, in the patch's order.
-    #[must_use]
-    pub fn positions_m(&self) -> Vec<[f64; 3]> {
-        self.poses.iter().map(|pose| pose.position_m).collect()
-    }
-
-    /// Outward unit normals, in the patch's order.
-    #[must_use]
-    pub fn normals(&self) -> Vec<[f64; 3]> {
-        self.poses.iter().map(|pose| pose.normal).collect()
-    }
-
     /// The area that every taxel stands for in the mean: a tenth of its module's share of the skin.
     #[must_use]
     pub const fn taxel_area(&self) -> SquareMillimetre {
@@ -202,33 +190,19 @@ impl Skin {
         self.tiling.covers(&self.covered, unrolled_mm)
     }
 
-    /// The outward unit normal at a point of the unrolled surface, in millimetres.
-    pub(crate) fn normal_at(unrolled_mm: [f64; 2]) -> [f64; 3] {
-        rolled(unrolled_mm).normal
-    }
-
-    /// The skin as an iCub position file: `taxel2Repr`, then a row `x y z nx ny nz` per port index, in metres.
-    ///
-    /// Like the files of the robots it gives thermal pads a place (their representative is -2) and absent modules six
-    /// zeros (their representative is -1).
+    /// The skin as an iCub position file: a row `x y z nx ny nz` per port index, in metres. Like the files of the robots it
+    /// gives thermal pads a place and absent modules six zeros.
     #[must_use]
     pub fn positions_file(&self) -> String {
         let rows = self.patch.boards().len() * PORT_ROWS_PER_BOARD;
-        let mut representative = vec![-1_i64; rows];
         let mut pose = vec![None; rows];
         for (index, site) in self.patch.modules().iter().enumerate() {
             let first = PORT_ROWS_PER_BOARD * site.board as usize + VALUES_PER_MODULE * site.module.get() as usize;
             for slot in 0..VALUES_PER_MODULE {
-                let is_pad = site.kind.thermal_slots().contains(&(slot as u8));
-                representative[first + slot] = if is_pad { -2 } else { first as i64 + 3 };
                 pose[first + slot] = Some(pose_of(self.tiling, self.places[index], slot));
             }
         }
-        let mut text =
-            format!("name                {}\nspatial_sampling    taxel\ntaxel2Repr          (", self.patch.name());
-        let words: Vec<String> = representative.iter().map(i64::to_string).collect();
-        text.push_str(&words.join(" "));
-        text.push_str(")\n[calibration]\n");
+        let mut text = format!("name {}\nspatial_sampling taxel\n[calibration]\n", self.patch.name());
         for row in pose {
             let numbers =
                 row.map_or([0.0; 6], |Pose { position_m: [x, y, z], normal: [a, b, c], .. }| [x, y, z, a, b, c]);
@@ -237,10 +211,6 @@ impl Skin {
             let _ = writeln!(text, "{}", words.join(" "));
         }
         text
-    }
-
-    pub(crate) fn sites(&self) -> &[TaxelSite] {
-        self.patch.taxels()
     }
 }
 
@@ -319,7 +289,7 @@ mod tests {
         assert!(!skin.covers([far[0], far[1] - 2.0 * 23.9]) && together.covers(together.poses()[160].unrolled_mm));
         let geometry = Geometry::parse(&skin.positions_file(), skin.patch()).unwrap();
         let of_file = geometry.poses[160].unwrap().position;
-        assert!(of_file.iter().zip(skin.positions_m()[160]).all(|(a, b)| (a - b).abs() < 2e-6), "{of_file:?}");
+        assert!(of_file.iter().zip(skin.poses()[160].position_m).all(|(a, b)| (a - b).abs() < 2e-6), "{of_file:?}");
     }
 
     #[test]
@@ -361,7 +331,5 @@ mod tests {
             }
         }
         assert!(rows[383].split_whitespace().all(|word| word.parse() == Ok(0.0)), "module 15 of board 12 is absent");
-        let repr = text.lines().find(|line| line.starts_with("taxel2Repr")).unwrap();
-        assert_eq!(repr.matches("-2").count(), 46, "two thermal pads a module");
     }
 }

@@ -3,11 +3,9 @@
 use crate::rng::{Rng, Stream};
 use std::f64::consts::TAU;
 
-/// Temperature over time: start + warm-up (1 - exp(-t / warm-up time)) + swing sin(2 pi t / period + phase).
+/// Temperature over time: warm-up (1 - exp(-t / warm-up time)) + swing sin(2 pi t / period + phase).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ThermalConfig {
-    /// At the start, in degrees Celsius.
-    pub start_celsius: f64,
     /// Final rise by the boards' own heat, in kelvin.
     pub warm_up_k: f64,
     /// Time constant of the warm-up in seconds.
@@ -20,7 +18,7 @@ pub struct ThermalConfig {
 
 impl Default for ThermalConfig {
     fn default() -> Self {
-        Self { start_celsius: 31.0, warm_up_k: 1.0, warm_up_s: 900.0, swing_k: 0.4, period_s: 1200.0 }
+        Self { warm_up_k: 1.0, warm_up_s: 900.0, swing_k: 0.4, period_s: 1200.0 }
     }
 }
 
@@ -63,26 +61,5 @@ impl Temperature {
         let swing = (TAU * seconds / self.config.period_s + self.phase).sin() - self.phase.sin();
         let warmings: f64 = self.warmings.iter().map(|warming| warming.rise_k(seconds)).sum();
         warm_up + self.config.swing_k * swing + warmings
-    }
-
-    /// What a thermometer on the boards would show, in degrees Celsius.
-    pub(crate) fn celsius(&self, seconds: f64) -> f64 {
-        self.config.start_celsius + self.rise_k(seconds)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn warmings_add_up_and_stay() {
-        let still = ThermalConfig { warm_up_k: 0.0, swing_k: 0.0, ..ThermalConfig::default() };
-        let mut temperature = Temperature::new(still, 1);
-        temperature.warm(4.0, 10.0, 20.0);
-        temperature.warm(-1.0, 15.0, 0.0);
-        for (seconds, kelvin) in [(9.0, 0.0), (14.9, 0.98), (15.0, 0.0), (20.0, 1.0), (30.0, 3.0), (900.0, 3.0)] {
-            assert!((temperature.rise_k(seconds) - kelvin).abs() < 1e-9, "{seconds} s");
-        }
     }
 }

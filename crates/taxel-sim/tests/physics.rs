@@ -29,42 +29,6 @@ fn counts_are_spread_as_in_the_paper() {
         assert!((80.0..120.0).contains(&swing_mean), "seed {seed}: mean swing {swing_mean}");
         let weak = swing.iter().filter(|s| **s < 10.0).count();
         assert!((8..=15).contains(&weak), "seed {seed}: {weak} of 230 taxels hardly respond");
-        for (taxel, &insensitive) in world.insensitive_taxels().iter().enumerate() {
-            assert_eq!(swing[taxel] < 20.0, insensitive, "seed {seed}, taxel {taxel}: swing {}", swing[taxel]);
-        }
-    }
-}
-
-#[test]
-fn the_mean_goes_down_as_pressure_goes_up_and_lags_on_the_way_back() {
-    let mut world = streaming(3);
-    advance(&mut world, 2.0);
-    world.pump(ramp(72.0, 1.0));
-    let mut now = 2.0;
-    let mut sweep = |world: &mut World, from: f64| -> Vec<f64> {
-        now = from;
-        let mean = |frames: &[_], world: &World| mean_and_sd(&taxel_means(world, frames)).0;
-        (0..14)
-            .map(|_| {
-                now += 5.0;
-                let frames = advance(world, now);
-                mean(&frames, world)
-            })
-            .collect()
-    };
-    let rising = sweep(&mut world, 2.0);
-    advance(&mut world, 78.0);
-    world.pump(ramp(2.0, 1.0));
-    let falling = sweep(&mut world, 78.0);
-    assert!(rising.windows(2).all(|pair| pair[1] < pair[0] - 2.0), "{rising:?}");
-    assert!(falling.windows(2).all(|pair| pair[1] > pair[0]), "{falling:?}");
-    // Window n of the fall covers 72 - 5n .. 67 - 5n kPa, window 13 - n of the rise 65 - 5n .. 70 - 5n: shift by 2 kPa.
-    let span = rising[0] - rising[13];
-    for (n, fallen) in falling.iter().enumerate().take(11).skip(3) {
-        let at = 13 - n;
-        let same_pressure = rising[at] + (rising[at + 1] - rising[at]) * 0.4;
-        let lag = same_pressure - fallen;
-        assert!((0.005..0.08).contains(&(lag / span)), "at {} kPa: {lag} counts of {span}", 69 - 5 * n);
     }
 }
 
@@ -76,7 +40,7 @@ fn pads_feel_the_temperature_and_not_the_pressure() {
     config.thermal.warm_up_k = 8.0;
     config.thermal.warm_up_s = 60.0;
     config.thermal.swing_k = 0.0;
-    let mut world = World::new(Skin::forearm().unwrap(), config.clone()).unwrap();
+    let mut world = World::new(Skin::forearm().unwrap(), config.clone());
     let split = |world: &World, frames: &[_]| {
         let means = module_means(world, frames);
         let pads: Vec<f64> = means.iter().flat_map(|values| [values[6], values[10]]).collect();
@@ -96,7 +60,7 @@ fn pads_feel_the_temperature_and_not_the_pressure() {
     assert!((pressed.0 - warm.0).abs() < 0.3 && pressed.1 < warm.1 - 60.0, "{warm:?} -> {pressed:?}");
 
     config.boards.drift_gain = 96;
-    let mut world = World::new(Skin::forearm().unwrap(), config).unwrap();
+    let mut world = World::new(Skin::forearm().unwrap(), config);
     let cold_frames = advance(&mut world, 2.0);
     let cold = split(&world, &cold_frames);
     advance(&mut world, 400.0);
@@ -135,9 +99,6 @@ fn the_true_force_is_the_weight_and_the_skin_answers_under_it_alone() {
         assert!((world.true_force().0 - weight.0).abs() < 1e-9);
     }
     let covered: Vec<bool> = world.true_taxel_pressures().map(|p| p.0 > 0.0).collect();
-    let vector = world.true_force_vector();
-    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-    assert!(length < world.true_force().0 && length > 0.9 * world.true_force().0, "a curved patch: {vector:?}");
     advance(&mut world, 3.2);
     let loaded_frames = advance(&mut world, 5.0);
     let loaded = taxel_means(&world, &loaded_frames);
@@ -156,16 +117,4 @@ fn the_true_force_is_the_weight_and_the_skin_answers_under_it_alone() {
     world.pump(PumpCommand::Vent);
     advance(&mut world, 30.0);
     assert!(world.true_force().0 < 1e-6);
-}
-
-/// `cargo test --release -p taxel-sim --test physics -- --ignored --nocapture` prints how fast the simulator is.
-#[test]
-#[ignore = "prints a figure; run it with --release -- --ignored --nocapture"]
-fn how_long_three_minutes_of_the_forearm_take() {
-    let mut world = streaming(1);
-    world.pump(ramp(72.0, 0.5));
-    let clock = std::time::Instant::now();
-    let mut out = Vec::new();
-    world.advance(seconds(180.0), &mut out);
-    eprintln!("180 s of the forearm: {} frames in {:.3} s", out.len(), clock.elapsed().as_secs_f64());
 }

@@ -1,13 +1,7 @@
-//! The area that each taxel stands for: its share of a module that tiles the surface ([`template`]), or its Voronoi cell
-//! on the surface, capped at the edge of its module ([`voronoi`]).
-
-mod flat;
-mod voronoi;
+//! The area that each taxel stands for: its share of a module that tiles the surface.
 
 use crate::layout::{ModuleKind, Patch, TaxelSite};
 use crate::units::SquareMillimetre;
-
-pub use voronoi::voronoi;
 
 /// Shares of an iCub triangle's area, by the distance of the module centres: what its corner, edge and centre taxels
 /// have of the Voronoi cells in a tiling without holes, gaps included.
@@ -56,4 +50,25 @@ fn shares(spacing_mm: f64) -> [f64; 3] {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::{Board, BoardAddress, BusIndex, Module};
+
+    #[test]
+    fn a_template_shares_out_the_whole_module_and_gives_corners_most() {
+        let module = |number, kind| (Module::from_nibble(number), kind);
+        let modules = vec![module(0, ModuleKind::Triangle), module(1, ModuleKind::PalmPad7)];
+        let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
+        let patch = Patch::new("p", vec![board]).unwrap();
+        for mean in [30.0, 32.4, 39.0, 42.1, 45.0, 60.0] {
+            let areas: Vec<f64> = template(&patch, SquareMillimetre(mean)).iter().map(|a| a.0).collect();
+            assert!((areas[..10].iter().sum::<f64>() - 10.0 * mean).abs() < 1e-9, "{areas:?}");
+            let (corner, edge, centre) = (areas[1], areas[0], areas[3]);
+            assert!(corner > edge && edge > centre, "{areas:?}");
+            assert_eq!([areas[5], areas[8]], [corner; 2], "the corners are values 1, 5 and 9");
+            assert!(areas[10..].iter().all(|area| (area - mean).abs() < 1e-12), "other modules: equal");
+        }
+        let [corner, edge, centre] = [1, 0, 3].map(|t| template(&patch, SquareMillimetre(42.1))[t].0);
+        assert!((corner - 48.4).abs() < 0.1 && (edge - 40.0).abs() < 0.1 && (centre - 35.8).abs() < 0.1);
+    }
+}

@@ -7,7 +7,6 @@ mod count_range;
 mod geometry;
 mod ids;
 mod layout;
-mod polygon;
 mod positions;
 pub mod text;
 mod time;

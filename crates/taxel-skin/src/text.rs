@@ -15,12 +15,6 @@ pub fn decode(bytes: &[u8]) -> String {
     }
 }
 
-/// Whether a file that begins so is a text in UTF-16.
-#[must_use]
-pub fn is_utf16(begin: &[u8]) -> bool {
-    utf16_order(begin).is_some()
-}
-
 fn utf16_order(begin: &[u8]) -> Option<fn([u8; 2]) -> u16> {
     match begin {
         [0xFF, 0xFE, ..] => Some(u16::from_le_bytes),
@@ -43,6 +37,5 @@ mod tests {
             assert_eq!(decode(&bytes), "left \u{e9}\n");
         }
         assert_eq!(decode(b"a\xFFb"), "a\u{fffd}b");
-        assert!(is_utf16(&[0xFF, 0xFE]) && !is_utf16(b"robotPart"));
     }
 }

@@ -94,7 +94,7 @@ struct Bench {
 impl Bench {
     fn new(plan: Arc<Plan>, seed: u64) -> anyhow::Result<Self> {
         let (skin, config) = skin(seed)?;
-        let world = World::new(skin, config)?;
+        let world = World::new(skin, config);
         let mut offline = Offline::new(plan);
         offline.advance(Time::default());
         Ok(Self { world, offline, frames: Vec::new(), now: Time::default() })

@@ -44,7 +44,7 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedF
     if is_recording {
         Ok(recording(name, whole, wanted))
     } else {
-        Ok(Box::new(LogReader::from_reader(name, whole, wanted.interface)?))
+        Ok(Box::new(LogReader::new(name, whole, wanted.interface)?))
     }
 }
 

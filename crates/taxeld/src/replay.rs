@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use indicatif::ProgressBar;
-use taxel_can::{LogReport, Pace, Replay};
+use taxel_can::{LogReport, Replay};
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
@@ -92,7 +92,7 @@ async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::
         // A recording knows the names of buses; with one bus they need not be the same.
         let bus = (config.bus.len() > 1).then(|| section.name.clone());
         let reader = open_log(log, Wanted { interface: section.interface.clone(), bus })?;
-        replays.push(Replay::new(reader, Pace::Realtime { speed }).telling(Arc::clone(told)));
+        replays.push(Replay::new(reader, Some(speed)).telling(Arc::clone(told)));
     }
     if Replay::together(&mut replays)?.is_none() {
         let interfaces: Vec<&str> = config.bus.iter().filter_map(|section| section.interface.as_deref()).collect();
@@ -182,7 +182,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
             bar.set_message(format!("{:.1} million frames", total as f64 / 1e6));
         }
         frames.clear();
-        more = read_on(&mut reader, &mut frames, FRAMES);
+        more = read_on(reader.as_mut(), &mut frames, FRAMES);
         total += frames.len() as u64;
         if let (None, Some(target), Some(frame)) = (first, request.calibrate, frames.first()) {
             offline.advance(frame.time);
@@ -267,7 +267,7 @@ fn print_report(report: &LogReport, offline: &Offline) {
         report.frames,
         report.other_interface,
         report.bad,
-        report.backwards
+        report.times.backwards
     );
     report.words().iter().for_each(|line| say!("{line}"));
     for bus in &offline.health.buses {

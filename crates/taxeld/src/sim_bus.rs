@@ -77,7 +77,7 @@ impl SimBus {
             None => forearm,
         };
         let places = UNDER_THE_MASS.map(|taxel| TaxelIndex((taxel * skin.poses().len() / FOREARM_TAXELS) as u16));
-        let world = World::new(skin, Config { start: begun, boards, ..config })?;
+        let world = World::new(skin, Config { start: begun, boards, ..config });
         let (to_bus, frames) = mpsc::channel(FRAMES_WAITING_MAX);
         let (commands, received) = std::sync::mpsc::channel();
         let (pumping, loaded) = (None, false);

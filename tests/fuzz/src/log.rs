@@ -5,26 +5,20 @@ use std::time::Duration;
 
 use taxel_can::{LogReader, LogReport, RecordedFrames as _};
 use taxel_skin::Time;
-use taxel_skin::text::is_utf16;
 use taxel_wire::TimedFrame;
-use taxel_wire::candump::parse_line_bytes;
+use taxel_wire::candump::parse_line;
 
-/// A line that is longer is refused as a whole.
+/// A line that is longer comes in pieces.
 const LINE_BYTES_MAX: usize = 4096;
 /// By so much the times of frames may be out of order.
 const OUT_OF_ORDER_MAX: Duration = Duration::from_secs(1);
-/// With it some editors begin a file.
-const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// The size of the pieces, then the log.
 pub fn run(data: &[u8]) {
     let Some((pieces, log)) = data.split_first() else { return };
-    if is_utf16(log) {
-        return; // it is read as a text of other bytes
-    }
     let (frames, report, whole) = read(log, log.len().max(1), None);
     assert_eq!(frames.len() as u64, report.frames);
-    assert_eq!(report.lines, report.frames + report.other_interface + report.blank + report.bad);
+    assert!(report.lines >= report.frames + report.other_interface + report.bad);
     assert!(report.first_bad.len() as u64 <= report.bad.min(5));
     assert!(report.first_bad.iter().all(|bad| bad.line <= report.lines && !bad.fault.to_string().is_empty()));
     let in_pieces = read(log, 1 + usize::from(*pieces), None);
@@ -32,7 +26,7 @@ pub fn run(data: &[u8]) {
     assert_eq!(frames[..common], in_pieces.0[..common], "in pieces of {}", 1 + usize::from(*pieces));
     // How much of a damaged gzip is unpacked before the damage is seen depends on its pieces.
     assert!(in_pieces.2 == whole && (!whole || (in_pieces.0.len(), &in_pieces.1) == (common, &report)));
-    if !log.starts_with(&[0x1F, 0x8B]) && (whole || report.lines > 0) {
+    if !log.starts_with(&[0x1F, 0x8B]) {
         assert!(whole, "a plain log is read to its end");
         compare(log, &frames, &report);
     }
@@ -44,13 +38,9 @@ pub fn run(data: &[u8]) {
 /// The frames, what became of the lines, and whether the log was read to its end.
 fn read(log: &[u8], piece: usize, interface: Option<String>) -> (Vec<TimedFrame>, LogReport, bool) {
     let input = Pieces { log: log.to_vec(), at: 0, piece };
-    let mut reader = match LogReader::from_reader("a log".to_owned(), input, interface) {
+    let mut reader = match LogReader::new("a log".to_owned(), input, interface) {
         Ok(reader) => reader,
-        // Another format, or a gzip that is damaged where it begins.
-        Err(fault) => {
-            assert!(fault.to_string().starts_with("a log: "), "{fault}");
-            return (Vec::new(), LogReport::default(), false);
-        }
+        Err(fault) => panic!("{fault}"),
     };
     let mut frames = Vec::new();
     loop {
@@ -68,12 +58,9 @@ fn read(log: &[u8], piece: usize, interface: Option<String>) -> (Vec<TimedFrame>
 
 /// A plain log is what its lines are, one by one.
 fn compare(log: &[u8], frames: &[TimedFrame], report: &LogReport) {
-    let lines = log.split_inclusive(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\n").unwrap_or(line));
+    let lines = log.split_inclusive(|byte| *byte == b'\n').flat_map(|line| line.chunks(LINE_BYTES_MAX));
     assert_eq!(report.lines, lines.clone().count() as u64);
-    let parsed = lines.enumerate().filter(|(_, line)| line.len() <= LINE_BYTES_MAX).filter_map(|(number, line)| {
-        let marked = line.strip_prefix(BYTE_ORDER_MARK).filter(|_| number == 0);
-        parse_line_bytes(marked.unwrap_or(line)).ok()
-    });
+    let parsed = lines.filter_map(|line| parse_line(line).ok());
     let expected: Vec<TimedFrame> = parsed.map(|line| TimedFrame { time: line.time, frame: line.frame }).collect();
     // A clock that was set goes on; until then times are those of the lines.
     let mut newest = Time::default();
@@ -83,7 +70,7 @@ fn compare(log: &[u8], frames: &[TimedFrame], report: &LogReport) {
         newest = newest.max(frame.time);
     }
     assert_eq!(frames.len(), expected.len());
-    assert!(report.clock.count > 0 || frames == expected);
+    assert!(report.times.steps > 0 || frames == expected);
 }
 
 /// Gives so many bytes at a time.

@@ -6,9 +6,9 @@
 use std::time::{Duration, SystemTime};
 
 use prost::Message;
-use taxel_client::{Force, Forces, NoForce};
-use taxel_proto::judge::{self, withheld};
-use taxel_proto::v1::{ForceReason, ForceSample, GetModelSetRequest, ModelSetSummary, ReasonCode};
+use taxel_client::{Forces, Moment, Received};
+use taxel_proto::judge::{NoForce, withheld};
+use taxel_proto::v1::{ForceSample, GetModelSetRequest, ModelSetSummary};
 use tokio::time::{Interval, MissedTickBehavior, interval};
 use zenoh::Session;
 use zenoh::bytes::Encoding;
@@ -24,7 +24,7 @@ const MODEL_EVERY: Duration = Duration::from_secs(1);
 /// The daemon is asked for it each time that so many of these have passed.
 const MODEL_ASKED_EVERY: u64 = 10;
 
-/// Tells a patch's force at a rate, also that there is none.
+/// Tells a patch's newest sample at a rate, also where it is no force any more.
 ///
 /// # Errors
 /// If the session is closed.
@@ -33,8 +33,10 @@ pub async fn force(session: Session, robot: String, patch: String, forces: Force
     let mut ticks = ticks(Duration::from_secs_f64(1.0 / rate_hz));
     loop {
         ticks.tick().await;
-        let sample = passed_on(&patch, forces.force());
-        tried("a force", publisher.put(sample.encode_to_vec()).await)?;
+        if let Some(received) = forces.newest() {
+            let sample = passed_on(&received, Moment::now());
+            tried("a force", publisher.put(sample.encode_to_vec()).await)?;
+        }
     }
 }
 
@@ -91,51 +93,40 @@ fn ticks(period: Duration) -> Interval {
     ticks
 }
 
-/// The sample as it goes on now, with its age by now: without any figure of the force where there is none.
-fn passed_on(patch: &str, judged: Result<Force, NoForce>) -> ForceSample {
-    let now = Some(SystemTime::now().into());
-    let nothing = ForceSample { patch: patch.to_owned(), sent: now, ..ForceSample::default() };
-    match judged {
-        Ok(Force { age, sample, .. }) => ForceSample { age_s: Some(age.as_secs_f64()), sent: now, ..sample },
-        Err(NoForce::Sample(judge::NoForce::State(state, reasons, codes))) => {
-            let causes = codes.into_iter().map(|code| ForceReason { code: code.into(), ..ForceReason::default() });
-            let none = withheld(&nothing, ReasonCode::Unspecified, String::new());
-            ForceSample { state: state.into(), reasons, causes: causes.collect(), ..none }
-        }
-        Err(NoForce::Sample(why)) => withheld(&nothing, why.code(), why.to_string()),
-        Err(why) => withheld(&nothing, ReasonCode::NoStream, format!("no stream from the daemon: {why}")),
+/// The sample as it goes on now, with its age by now: without any figure of the force where it has become too old.
+fn passed_on(received: &Received, now: Moment) -> ForceSample {
+    let (age, sent) = (received.age(now), Some(SystemTime::now().into()));
+    let sample = ForceSample { age_s: age.map(|age| age.as_secs_f64()), sent, ..received.sample().clone() };
+    match received.force(now, None) {
+        Err(old @ NoForce::TooOld(..)) => withheld(&sample, old.code(), old.to_string()),
+        _ => sample,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_proto::v1::ForceState;
+    use taxel_proto::v1::{ForceState, ReasonCode};
 
     #[test]
-    fn what_goes_on_carries_its_age_by_now() {
-        let sample = ForceSample { age_s: Some(0.02), total_n: Some(4.9), ..ForceSample::default() };
-        let sent = passed_on("arm", Ok(Force { total_n: 4.9, age: Duration::from_millis(50), sample }));
-        assert_eq!((sent.age_s, sent.total_n), (Some(0.05), Some(4.9)));
-    }
-
-    #[test]
-    fn where_there_is_no_force_the_state_and_the_reason_go_on_without_a_figure() {
-        let ms = Duration::from_millis;
-        let sample = NoForce::Sample;
-        let tare =
-            judge::NoForce::State(ForceState::TareInvalid, vec!["no rest".into()], vec![ReasonCode::RestNotProven]);
-        let cases = [
-            (sample(tare), ForceState::TareInvalid, ReasonCode::RestNotProven, "no rest"),
-            (sample(judge::NoForce::TooOld(ms(520), ms(150))), ForceState::Stale, ReasonCode::FrameOld, "520 ms old"),
-            (NoForce::Lost("refused".into()), ForceState::Stale, ReasonCode::NoStream, "no stream from the daemon"),
-            (NoForce::NothingYet(None), ForceState::Stale, ReasonCode::NoStream, "no sample yet"),
-        ];
-        for (why, state, code, words) in cases {
-            let sent = passed_on("arm", Err(why));
-            assert_eq!((sent.patch.as_str(), sent.state(), sent.total_n), ("arm", state, None));
-            assert_eq!(sent.causes[0].code(), code);
-            assert!(sent.reasons[0].contains(words), "{:?}", sent.reasons);
-        }
+    fn a_sample_goes_on_with_its_age_by_now_and_without_a_figure_once_it_is_too_old() {
+        let received = Received::now(ForceSample {
+            state: ForceState::Ok.into(),
+            total_n: Some(4.9),
+            age_s: Some(0.02),
+            max_age_s: 0.15,
+            model_set: "m-1".into(),
+            simulated: true,
+            sent: Some(SystemTime::now().into()),
+            ..ForceSample::default()
+        });
+        let soon = passed_on(&received, Moment::now() + Duration::from_millis(50));
+        assert!(soon.total_n == Some(4.9) && soon.age_s >= Some(0.07), "{soon:?}");
+        let late = passed_on(&received, Moment::now() + Duration::from_millis(500));
+        assert_eq!(
+            (late.state(), late.total_n, late.causes[0].code()),
+            (ForceState::Stale, None, ReasonCode::FrameOld)
+        );
+        assert_eq!((late.max_age_s, late.model_set.as_str(), late.simulated), (0.15, "m-1", true));
     }
 }

@@ -2,25 +2,24 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
-use prost::Message;
+use prost::{DecodeError, Message};
 use taxel_client::Moment;
 use tokio::time::{Instant, MissedTickBehavior, interval_at};
 use zenoh::handlers::FifoChannel;
 use zenoh::sample::Sample;
 
 use crate::config::ZenohSection;
-use crate::fleet::book::{Book, Now};
+use crate::fleet::book::Book;
 use crate::fleet::keys::{self, Told};
 use crate::fleet::table;
 use crate::link::{self, tried};
 use crate::signals::asked_to_end;
+use crate::wall;
 
 /// Messages that may wait here: a hundred from each of a hundred robots. Beyond that Zenoh waits, and the router drops.
 const QUEUE: usize = 10_000;
-/// A force sample has some hundred bytes, the health of a robot with ten buses some ten thousand.
-const MESSAGE_BYTES_MAX: usize = 256 << 10;
 /// From one table to the next.
 const SHOW_EVERY: Duration = Duration::from_secs(1);
 /// A single table shows what came in this time: everything that a robot tells comes once a second.
@@ -74,43 +73,32 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     }
 }
 
-fn now() -> Now {
-    Now { at: Moment::now(), wall: SystemTime::now() }
-}
-
 /// Writes down what a robot told.
 fn take(book: &mut Book, sample: &Sample) {
     let key = sample.key_expr().as_str();
     let Some((robot, told)) = keys::split(key) else { return };
     let taken = match told {
-        Told::Force(patch) => decoded(sample).map(|force| book.force(robot, patch, force, now())),
+        Told::Force(patch) => decoded(sample).map(|force| book.force(robot, patch, force)),
         Told::Model(patch) => decoded(sample).map(|model| book.model(robot, patch, model)),
-        Told::Health => decoded(sample).map(|health| book.health(robot, health, now())),
+        Told::Health => decoded(sample).map(|health| book.health(robot, health)),
     };
     if let Err(error) = taken {
         tracing::warn!(key, "a message that cannot be read: {error}");
     }
 }
 
-fn decoded<M: Message + Default>(sample: &Sample) -> Result<M, String> {
-    let bytes = sample.payload().to_bytes();
-    if bytes.len() > MESSAGE_BYTES_MAX {
-        return Err(format!("{} bytes, expected at most {MESSAGE_BYTES_MAX}", bytes.len()));
-    }
-    M::decode(&*bytes).map_err(|error| error.to_string())
+fn decoded<M: Message + Default>(sample: &Sample) -> Result<M, DecodeError> {
+    M::decode(&*sample.payload().to_bytes())
 }
 
 fn print(book: &Book, json: bool) -> anyhow::Result<()> {
-    let now = now();
-    let rows = book.rows(now);
+    let rows = book.rows(Moment::now());
     let mut out = std::io::stdout().lock();
     if json {
         writeln!(out, "{}", serde_json::json!({ "rows": rows }))?;
     } else {
         let clear = if out.is_terminal() { CLEAR } else { "" };
-        let more = if book.is_full() { "there are more patches than these\n" } else { "" };
-        let now_s = now.wall.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
-        write!(out, "{clear}{more}{}", table::text(&rows, i64::try_from(now_s).unwrap_or(i64::MAX)))?;
+        write!(out, "{clear}{}", table::text(&rows, wall::now_ns() / 1_000_000_000))?;
     }
     Ok(out.flush()?)
 }

@@ -30,7 +30,7 @@ fn world(friction: [f64; 2]) -> World {
         creep_share: 0.0,
         ..DielectricConfig::default()
     };
-    World::new(small_skin(), Config { dielectric, ..Config::seeded(3) }).unwrap()
+    World::new(small_skin(), Config { dielectric, ..Config::seeded(3) })
 }
 
 /// On the falling branch, with the bag still at about 61 kPa.

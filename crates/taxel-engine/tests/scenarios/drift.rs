@@ -27,7 +27,7 @@ fn warming_at(drift_gain: u8, kelvin: f64, follow: bool) -> Bench {
     let thermal = ThermalConfig { warm_up_k: kelvin, warm_up_s: 600.0, swing_k: 0.0, ..ThermalConfig::default() };
     let boards = BoardsConfig { start_streaming: true, drift_gain, ..BoardsConfig::default() };
     let config = Config { dielectric, thermal, boards, ..Config::seeded(3) };
-    let world = World::new(small_skin(), config).unwrap();
+    let world = World::new(small_skin(), config);
     let patch = PatchPlan {
         bring_up: Vec::new(),
         drift: DriftPlan { follow, ..DriftPlan::default() },

@@ -31,7 +31,7 @@ fn lost_frames_keep_the_force_and_are_counted_as_orphans() {
     bench.repair(Fault::FramesLost { probability: 0.0 });
     bench.seconds(0.5);
     let orphans: u64 = bench.host.health().boards.iter().map(|b| b.orphans).sum();
-    let lost = bench.world.frame_counts().lost;
+    let lost = bench.world.frames_lost();
     assert!(lost > 50 && orphans > lost / 2 && orphans <= lost, "{orphans} orphans of {lost} lost frames");
 }
 

@@ -43,7 +43,7 @@ pub fn calibrated_in(bag: BagConfig) -> (Bench, Arc<ModelSet>) {
         creep_share: 0.0,
         ..DielectricConfig::default()
     };
-    let world = World::new(small_skin(), Config { dielectric, bag, ..Config::seeded(5) }).unwrap();
+    let world = World::new(small_skin(), Config { dielectric, bag, ..Config::seeded(5) });
     let mut bench = Bench::new(
         world,
         plan(PatchPlan {

@@ -497,7 +497,7 @@ fn a_sample_has_all_boards_of_one_scan_and_none_of_the_next() {
     let plan = plan(patch_plan(&skin));
     let mut mixed = 0;
     for seed in 1..=8 {
-        let world = World::new(skin.clone(), Config::seeded(seed)).unwrap();
+        let world = World::new(skin.clone(), Config::seeded(seed));
         let mut bench = Bench::new(world, Arc::clone(&plan), Restored::default());
         bench.brought_up();
         bench.start_session(None);

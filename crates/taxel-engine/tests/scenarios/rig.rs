@@ -34,7 +34,7 @@ pub fn small_skin() -> Skin {
 pub fn small_world() -> World {
     let dielectric =
         DielectricConfig { tare_bias_counts: 1.0, tare_residue_counts: 0.5, ..DielectricConfig::default() };
-    World::new(small_skin(), Config { dielectric, ..Config::seeded(3) }).unwrap()
+    World::new(small_skin(), Config { dielectric, ..Config::seeded(3) })
 }
 
 /// What `taxeld` makes of a scene that asks for everything.

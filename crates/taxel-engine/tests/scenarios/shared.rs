@@ -26,7 +26,7 @@ pub struct Calibrated {
 /// The vacuum bag paper's forearm, at a ramp of 2 kPa/s.
 pub fn forearm() -> &'static Calibrated {
     static FOREARM: OnceLock<Calibrated> = OnceLock::new();
-    FOREARM.get_or_init(|| calibrate(World::new(Skin::forearm().unwrap(), Config::seeded(7)).unwrap(), 2.0))
+    FOREARM.get_or_init(|| calibrate(World::new(Skin::forearm().unwrap(), Config::seeded(7)), 2.0))
 }
 
 /// 80 taxels, at a ramp of 4 kPa/s.
@@ -38,7 +38,7 @@ pub fn small() -> &'static Calibrated {
 /// 80 taxels of an ordinary skin, whose boards leave as much of a zero as those of the forearm.
 pub fn ordinary() -> &'static Calibrated {
     static ORDINARY: OnceLock<Calibrated> = OnceLock::new();
-    ORDINARY.get_or_init(|| calibrate(World::new(small_skin(), Config::seeded(11)).unwrap(), 4.0))
+    ORDINARY.get_or_init(|| calibrate(World::new(small_skin(), Config::seeded(11)), 4.0))
 }
 
 /// The same under a soft layer, which spreads a fingertip to the taxels beside it.
@@ -46,7 +46,7 @@ pub fn layered() -> &'static Calibrated {
     static LAYERED: OnceLock<Calibrated> = OnceLock::new();
     LAYERED.get_or_init(|| {
         let config = Config { loads: LoadPath::Layer(Layer::default()), ..Config::seeded(11) };
-        calibrate(World::new(small_skin(), config).unwrap(), 4.0)
+        calibrate(World::new(small_skin(), config), 4.0)
     })
 }
 

@@ -154,7 +154,7 @@ fn loads_that_are_laid_and_lifted_many_times_cost_no_force() {
 
 #[test]
 fn a_retare_in_a_ramp_fails_the_ramp_and_nothing_of_the_new_zero_is_in_the_session() {
-    let ordinary = || World::new(small_skin(), Config::seeded(11)).unwrap();
+    let ordinary = || World::new(small_skin(), Config::seeded(11));
     let worlds: [(&str, &dyn Fn() -> World); 2] = [("small residues", &small_world), ("ordinary", &ordinary)];
     for (name, world) in worlds {
         for kpa_per_s in [2.0, 4.0] {

@@ -127,7 +127,7 @@ fn a_contact_on_a_taxel_that_cannot_be_read_bears_no_more_than_those_beside_it_s
     let geometry = Geometry::parse(&skin.positions_file(), skin.patch()).unwrap();
     let (neighbours, area_mm2) = (Neighbours::new(&geometry), skin.taxel_area().0);
     let config = Config { loads: LoadPath::Layer(Layer::default()), ..Config::seeded(1) };
-    let mut world = World::new(skin.clone(), config).unwrap();
+    let mut world = World::new(skin.clone(), config);
     let (mut amid, mut at_rim) = (0.0_f64, 0.0_f64);
     for missing in (0..230).step_by(7) {
         for (radius_mm, offset_mm) in

@@ -119,7 +119,7 @@ fn worlds() -> Vec<World> {
         let boards = parts.iter().flat_map(|(part, list)| boards(0, part, list)).collect();
         let mut config = Config::seeded(1 + bus as u64);
         config.gauge.signal.id = GAUGE; // its usual one is that of a module of the arm
-        World::new(Skin::sleeve(Patch::new("bus", boards).unwrap()), config).unwrap()
+        World::new(Skin::sleeve(Patch::new("bus", boards).unwrap()), config)
     };
     ROBOT.iter().enumerate().map(world).collect()
 }

@@ -12,10 +12,9 @@ impl World {
     /// Makes something go wrong, from now on.
     ///
     /// # Errors
-    /// [`FaultError`] for a board or taxel that does not exist, or a number that makes no sense.
+    /// [`FaultError`] for a board or taxel that does not exist.
     pub fn inject(&mut self, fault: Fault) -> Result<(), FaultError> {
-        fault.validate()?;
-        self.set_fault(fault, true)
+        self.set_board_fault(fault, true)
     }
 
     /// Ends a fault of this kind at this place; its numbers do not matter. What happens once cannot be repaired.
@@ -23,30 +22,7 @@ impl World {
     /// # Errors
     /// [`FaultError`] for a board or taxel that does not exist.
     pub fn repair(&mut self, fault: Fault) -> Result<(), FaultError> {
-        self.set_fault(fault, false)
-    }
-
-    fn set_fault(&mut self, fault: Fault, on: bool) -> Result<(), FaultError> {
-        match fault {
-            Fault::BoardSilent(_)
-            | Fault::PowerCycle { .. }
-            | Fault::Glitch { .. }
-            | Fault::SilentRetare(_)
-            | Fault::OtherPeriod { .. }
-            | Fault::ForeignNode { .. } => self.set_board_fault(fault, on),
-            Fault::ModuleSilent(..)
-            | Fault::ModuleUnplugged(..)
-            | Fault::ModuleNoAck(..)
-            | Fault::ModuleFlicker { .. } => self.set_module_fault(fault, on),
-            Fault::TaxelFrozen(_)
-            | Fault::TaxelStuck { .. }
-            | Fault::TaxelNoisy { .. }
-            | Fault::TaxelFlicker { .. } => self.set_taxel_fault(fault, on),
-            other => {
-                self.set_other_fault(other, on);
-                Ok(())
-            }
-        }
+        self.set_board_fault(fault, false)
     }
 
     fn set_board_fault(&mut self, fault: Fault, on: bool) -> Result<(), FaultError> {
@@ -54,20 +30,20 @@ impl World {
             Fault::BoardSilent(board) => {
                 let index = self.faulty_board(board)?;
                 self.boards[index].silent = on;
-                self.counts.unsent += self.bus.discard(index);
+                self.bus.discard(index);
             }
             Fault::PowerCycle { board, off } => {
                 let index = self.faulty_board(board)?;
                 if on {
                     self.boards[index].power_off(self.now + off);
-                    self.counts.unsent += self.bus.discard(index);
+                    self.bus.discard(index);
                 }
             }
             Fault::Glitch { board, off } => {
                 let index = self.faulty_board(board)?;
                 if on {
                     self.boards[index].hang(self.now + off);
-                    self.counts.unsent += self.bus.discard(index);
+                    self.bus.discard(index);
                 }
             }
             Fault::SilentRetare(board) => {
@@ -84,7 +60,7 @@ impl World {
                 let index = self.faulty_board(board)?;
                 self.foreign[index] = on.then(|| self.foreign_node(index, sends));
             }
-            _ => {}
+            _ => return self.set_module_fault(fault, on),
         }
         Ok(())
     }
@@ -104,7 +80,7 @@ impl World {
                 let flicker = on.then_some(Flicker { probability, depth_counts });
                 self.module(board, module)?.ailments.flicker = flicker;
             }
-            _ => {}
+            _ => return self.set_taxel_fault(fault, on),
         }
         Ok(())
     }
@@ -120,7 +96,10 @@ impl World {
             Fault::TaxelFlicker { taxel, probability } => {
                 (taxel, TaxelAilment::Flicker { probability, on: false, rng: rng(taxel) })
             }
-            _ => return Ok(()),
+            other => {
+                self.set_other_fault(other, on);
+                return Ok(());
+            }
         };
         let patch = self.skin.patch();
         let taxels = patch.taxels().len();

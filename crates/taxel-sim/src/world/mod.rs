@@ -10,7 +10,7 @@ mod truth;
 use crate::bag::{Bag, PumpCommand, STEP_NS};
 use crate::board::{Board, bring_up};
 use crate::bus::Bus;
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::dielectric::Fabric;
 use crate::foreign::ForeignNode;
 use crate::gauge::Gauge;
@@ -27,8 +27,6 @@ use taxel_wire::{Frame, TimedFrame};
 
 /// One grid step of the bag.
 const BAG_STEP: Duration = Duration::from_nanos(STEP_NS as u64);
-/// Commands that wait for their time; a host sends a few dozen at once.
-const INBOX_FRAMES: usize = 4096;
 
 /// What happens next, in the order in which simultaneous events are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,25 +36,11 @@ enum Event {
     Command,
     Conversion(usize),
     Scan(usize),
-    Thermometer(usize),
     Gauge,
     Bus,
     Recover(usize),
     Foreign(usize),
     Receiver,
-}
-
-/// What became of the frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FrameCounts {
-    /// Frames that the receiver got.
-    pub received: u64,
-    /// Frames that went over the wire and were lost at the receiver ([`crate::Fault::FramesLost`]).
-    pub lost: u64,
-    /// Frames that never left their sender because the bus was full, or that a dying sender took along.
-    pub unsent: u64,
-    /// Frames from the host that no board understood, or that came when too many were waiting.
-    pub ignored: u64,
 }
 
 /// A skin in a bag, with boards, gauge, pump and masses, on one CAN bus.
@@ -76,7 +60,6 @@ pub struct World {
     bus: Bus,
     receiver: Receiver,
     inbox: VecDeque<TimedFrame>,
-    insensitive: Vec<bool>,
     loads: Loads,
     /// Of the bag's pressure, by taxel.
     bag_share: Vec<f64>,
@@ -84,18 +67,14 @@ pub struct World {
     day_gain_sd: [f64; 2],
     /// Bag and loads together, of the last conversion; kept to save an allocation.
     pressures_kpa: Vec<f64>,
-    counts: FrameCounts,
 }
 
 impl World {
     /// A world at rest: no vacuum, no load.
-    ///
-    /// # Errors
-    /// [`ConfigError`] for a field out of its range.
-    pub fn new(skin: Skin, config: Config) -> Result<Self, ConfigError> {
-        config.validate()?;
+    #[must_use]
+    pub fn new(skin: Skin, config: Config) -> Self {
         let Config { seed, start, .. } = config;
-        let taxels = skin.sites().len();
+        let taxels = skin.poses().len();
         let mut fabric = Fabric::new(&config.dielectric, taxels, Rng::new(seed, Stream::Fabric));
         let mut boards = Vec::new();
         let mut first_taxel = 0;
@@ -105,7 +84,7 @@ impl World {
             boards.push(Board::new(name, &board.modules, first_taxel, &mut fabric, &config.boards, origin));
             first_taxel += board.modules.iter().map(|(_, kind)| kind.taxel_slots().len()).sum::<usize>();
         }
-        Ok(Self {
+        Self {
             seed,
             start,
             now: start,
@@ -123,11 +102,9 @@ impl World {
             foreign: vec![None; boards.len()],
             boards,
             inbox: VecDeque::new(),
-            insensitive: fabric.insensitive().to_vec(),
             pressures_kpa: vec![0.0; taxels],
-            counts: FrameCounts::default(),
             skin,
-        })
+        }
     }
 
     /// Lets time pass up to and including `until`; appends the frames that the host receives, in order of time.
@@ -147,10 +124,6 @@ impl World {
 
     /// The host sends a frame at `time`, or now if that is past. Boards understand the commands of `taxel_wire`.
     pub fn send(&mut self, time: Time, frame: &Frame) {
-        if self.inbox.len() >= INBOX_FRAMES {
-            self.counts.ignored += 1;
-            return;
-        }
         let time = time.max(self.now);
         let place = self.inbox.partition_point(|waiting| waiting.time <= time);
         self.inbox.insert(place, TimedFrame { time, frame: *frame });
@@ -226,7 +199,6 @@ impl World {
         for (index, board) in self.boards.iter().enumerate() {
             offer(Some(board.next_conversion), Event::Conversion(index));
             offer(board.next_scan, Event::Scan(index));
-            offer(board.next_thermometer, Event::Thermometer(index));
             offer(board.power_on_at, Event::PowerOn(index));
             offer(board.hung_until, Event::Recover(index));
         }
@@ -253,30 +225,19 @@ impl World {
                 self.boards[index].convert(&self.pressures_kpa, temperature);
             }
             Event::Scan(index) => self.scan(index, time),
-            Event::Thermometer(index) => {
-                let celsius = self.temperature.celsius(time.seconds_since(self.start));
-                let frame = self.boards[index].thermometer(time, celsius);
-                self.emit(index, time, frame);
-            }
             Event::Gauge => {
                 if let Some(frame) = self.gauge.read(self.bag_kpa(time)) {
-                    self.queue(self.boards.len(), time, frame);
+                    self.bus.queue(self.boards.len(), time, frame);
                 }
             }
             Event::Bus => {
                 if let Some(frame) = self.bus.step(time) {
-                    let before = out.len();
                     self.receiver.take(frame, out);
-                    self.counts.received += (out.len() - before) as u64;
                 }
             }
             Event::Recover(index) => self.boards[index].recover(),
             Event::Foreign(index) => self.pretend(index, time),
-            Event::Receiver => {
-                let before = out.len();
-                self.receiver.step(time, out);
-                self.counts.received += (out.len() - before) as u64;
-            }
+            Event::Receiver => self.receiver.step(time, out),
         }
     }
 
@@ -284,10 +245,7 @@ impl World {
         let Some(waiting) = self.inbox.pop_front() else { return };
         let command = Command::decode(&waiting.frame);
         let index = command.and_then(|(address, _)| self.board(address));
-        let (Some((_, command)), Some(index)) = (command, index) else {
-            self.counts.ignored += 1;
-            return;
-        };
+        let (Some((_, command)), Some(index)) = (command, index) else { return };
         if let Some(reply) = self.boards[index].command(now, command) {
             self.emit(index, now, reply.encode());
         }
@@ -306,25 +264,15 @@ impl World {
     fn pretend(&mut self, index: usize, now: Time) {
         let frames = self.foreign[index].as_mut().map(|node| node.scan().to_vec()).unwrap_or_default();
         for frame in frames {
-            self.queue(self.boards.len() + 1 + index, now, frame);
+            self.bus.queue(self.boards.len() + 1 + index, now, frame);
         }
     }
 
-    /// A board sends, if it can.
+    /// A board sends, if it can. What its queue has no room for is lost, as in the firmware.
     fn emit(&mut self, index: usize, now: Time, frame: Frame) {
-        if !self.boards[index].speaks() || self.queue(index, now, frame) {
-            return;
+        if self.boards[index].speaks() {
+            self.bus.queue(index, now, frame);
         }
-        if let Some(notice) = self.boards[index].overflow() {
-            self.counts.unsent += self.bus.discard(index);
-            self.queue(index, now, notice);
-        }
-    }
-
-    fn queue(&mut self, port: usize, now: Time, frame: Frame) -> bool {
-        let taken = self.bus.queue(port, now, frame);
-        self.counts.unsent += u64::from(!taken);
-        taken
     }
 
     fn bag_kpa(&self, time: Time) -> f64 {

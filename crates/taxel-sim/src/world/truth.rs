@@ -1,13 +1,13 @@
 //! What is true of a world, to judge others by.
 
-use super::{FrameCounts, World};
+use super::World;
 use taxel_skin::{Kilopascal, Newton, SquareMillimetre, TaxelIndex};
 
 impl World {
-    /// What became of the frames so far.
+    /// Frames that went over the wire and were lost at the receiver ([`crate::Fault::FramesLost`]).
     #[must_use]
-    pub const fn frame_counts(&self) -> FrameCounts {
-        FrameCounts { lost: self.receiver.frames_lost, ..self.counts }
+    pub const fn frames_lost(&self) -> u64 {
+        self.receiver.frames_lost
     }
 
     /// The true differential pressure of the bag.
@@ -37,23 +37,5 @@ impl World {
         let taxels = (0..self.skin.poses().len()).filter(|taxel| these(TaxelIndex(*taxel as u16))).count();
         let bag = self.true_pressure().on(SquareMillimetre(self.skin.taxel_area().0 * taxels as f64));
         bag + Newton(self.loads.force_about_n(self.now, &these))
-    }
-
-    /// The same as a vector in newton: the sum of force times *outward* normal, as calibrated skin reports it. The push on
-    /// the limb is its opposite.
-    #[must_use]
-    pub fn true_force_vector(&self) -> [f64; 3] {
-        let mut sum = self.loads.vector_n(self.now, &self.skin);
-        let force = self.true_pressure().on(self.skin.taxel_area()).0;
-        for pose in self.skin.poses() {
-            sum.iter_mut().zip(pose.normal).for_each(|(sum, n)| *sum += force * n);
-        }
-        sum
-    }
-
-    /// Which taxels were made insensitive, in the patch's order.
-    #[must_use]
-    pub fn insensitive_taxels(&self) -> &[bool] {
-        &self.insensitive
     }
 }

@@ -18,12 +18,12 @@ pub fn board(address: u8) -> BoardAddress {
 pub fn streaming(seed: u64) -> World {
     let mut config = Config::seeded(seed);
     config.boards.start_streaming = true;
-    World::new(Skin::forearm().unwrap(), config).unwrap()
+    World::new(Skin::forearm().unwrap(), config)
 }
 
 /// A world whose boards wait for commands.
 pub fn silent(seed: u64) -> World {
-    World::new(Skin::forearm().unwrap(), Config::seeded(seed)).unwrap()
+    World::new(Skin::forearm().unwrap(), Config::seeded(seed))
 }
 
 pub fn advance(world: &mut World, until_s: f64) -> Vec<TimedFrame> {

@@ -13,7 +13,6 @@ pub(super) const FIRMWARE_VERSION: u8 = 0x1C;
 /// The destination that all boards of a bus obey.
 pub(super) const EVERYONE: u8 = 15;
 const SET_TRANSMIT_MODE: u8 = 0x07;
-const SET_THERMOMETER_PERIOD: u8 = 0x3A;
 const SET_BOARD_CONFIG: u8 = 0x4D;
 const SET_TRIANGLE_CONFIG: u8 = 0x50;
 /// The sense is inverted on the wire: 0 starts.
@@ -65,11 +64,6 @@ pub enum Command {
         /// The protocol that the host needs: major, minor.
         protocol: (u8, u8),
     },
-    /// How often the thermometer is sent.
-    SetThermometerPeriod {
-        /// Seconds between messages; 0 stops them.
-        seconds: u8,
-    },
 }
 
 impl Command {
@@ -88,7 +82,6 @@ impl Command {
             Self::Start => Frame::of(id, [SET_TRANSMIT_MODE, START]),
             Self::Stop => Frame::of(id, [SET_TRANSMIT_MODE, STOP]),
             Self::QueryFirmware { protocol: (major, minor) } => Frame::of(id, [FIRMWARE_VERSION, major, minor]),
-            Self::SetThermometerPeriod { seconds } => Frame::of(id, [SET_THERMOMETER_PERIOD, seconds]),
         }
     }
 
@@ -119,7 +112,6 @@ impl Command {
             [SET_TRANSMIT_MODE, START] => Self::Start,
             [SET_TRANSMIT_MODE, STOP] => Self::Stop,
             [FIRMWARE_VERSION, major, minor] => Self::QueryFirmware { protocol: (major, minor) },
-            [SET_THERMOMETER_PERIOD, seconds] => Self::SetThermometerPeriod { seconds },
             _ => return None,
         };
         Some((board, command))

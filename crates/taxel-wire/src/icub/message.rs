@@ -245,18 +245,6 @@ fn wrong_length(frame: &Frame, expected: &'static [u8]) -> Refusal {
 }
 
 impl Message {
-    /// The board that speaks.
-    #[must_use]
-    pub const fn board(&self) -> BoardAddress {
-        match *self {
-            Self::Head { board, .. }
-            | Self::Tail { board, .. }
-            | Self::Thermometer { board, .. }
-            | Self::FirmwareVersion { board, .. }
-            | Self::BoardOverflow { board } => board,
-        }
-    }
-
     /// The frame that a board of today sends: skin data in class 4, thermometers with type 0xE.
     #[must_use]
     pub fn encode(&self) -> Frame {

@@ -139,12 +139,6 @@ impl Pairer {
         }
     }
 
-    /// Whether a head waits for its tail.
-    #[must_use]
-    pub const fn is_pending(&self) -> bool {
-        self.pending.is_some()
-    }
-
     /// Halves without a partner since the start.
     #[must_use]
     pub const fn orphans(&self) -> Orphans {

@@ -188,7 +188,7 @@ async fn a_second_after_a_second(frozen: bool) -> (u64, bool) {
     let mut bench = Bench::new();
     let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
     let config = Config { start: BEGUN, boards, ..Config::seeded(1) };
-    let mut world = World::new(Skin::forearm().unwrap(), config).unwrap();
+    let mut world = World::new(Skin::forearm().unwrap(), config);
     // As a bus task does: what does not fit into the queue waits outside.
     let (to_bus, mut bus) = mpsc::unbounded_channel();
     let batches = bench.batches.clone();

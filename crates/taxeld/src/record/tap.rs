@@ -46,7 +46,7 @@ mod tests {
     use std::collections::BTreeMap;
     use std::time::Duration;
 
-    use taxel_can::{Batch, BusError, BusEvent, FrameSource, RecordedFrames, SendError, SourceError};
+    use taxel_can::{Batch, BusError, BusEvent, FrameSource, NotSent, RecordedFrames, SendError, SourceError};
     use taxel_mcap::{Folder, FrameTap, Limits, Recorder, Recording, Topic, open_file};
     use taxel_skin::{BusIndex, Time};
     use taxel_wire::{CanId, Frame, FrameKind};
@@ -73,7 +73,7 @@ mod tests {
         }
 
         async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-            Err(SendError::Log { id: frame.id })
+            Err(SendError { id: frame.id, why: NotSent::Log })
         }
     }
 

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
-use taxel_can::{Batch, BusEvent, FrameSource, LogReport, Pace, Replay, SocketCan, SocketCanOptions, SourceError};
+use taxel_can::{Batch, BusEvent, FrameSource, LogReport, Replay, SocketCan, SocketCanOptions, SourceError};
 use taxel_skin::BusIndex;
 
 use crate::check::read;
@@ -138,7 +138,7 @@ async fn listen(args: &ScanArgs, scene: Option<(&(Config, Scene), BusIndex)>) ->
 /// All frames of one interface of a log: of the one that is wanted, or of the only one that there is.
 async fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<Heard> {
     let reader = open_log(log, Wanted::interface(wanted.clone()))?;
-    let (mut replay, mut survey) = (Replay::new(reader, Pace::AsFastAsPossible), Survey::default());
+    let (mut replay, mut survey) = (Replay::new(reader, None), Survey::default());
     if let Err(fault) = take_all(&mut replay, &mut survey, true).await {
         cut_off(&fault);
     }
