@@ -53,7 +53,7 @@ impl fmt::Display for NoForce {
                 write!(
                     f,
                     "there is no page to be read: no daemon runs, it has another patch, this account is not in the \
-                     page's group, or another account can have put it there"
+                     page's group, or others may write in it or in its folder"
                 )
             }
             Self::NothingYet => write!(f, "no sample yet"),

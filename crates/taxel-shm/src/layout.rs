@@ -12,17 +12,12 @@ pub const PAGE_BYTES: usize = 4096;
 pub(crate) const PAGE_WORDS: usize = PAGE_BYTES / 8;
 /// The first eight bytes.
 pub(crate) const MAGIC: [u8; 8] = *b"TAXELFRC";
-/// Bytes for the patch's name.
-pub(crate) const NAME_BYTES: usize = 64;
 
 // The header, by word. It is written before the page has its name and never again.
 pub(crate) const AT_MAGIC: usize = 0;
 pub(crate) const AT_VERSION_AND_BYTES: usize = 1;
-pub(crate) const AT_GENERATION: usize = 2;
-pub(crate) const AT_PID: usize = 3;
 pub(crate) const AT_AGE_LIMIT: usize = 4;
 pub(crate) const AT_BEAT_LIMIT: usize = 5;
-pub(crate) const AT_NAME: usize = 6;
 
 // What changes.
 /// How many samples were written: sample n is in place n % 2.
@@ -75,7 +70,6 @@ const SIMULATED: u32 = 1 << 8;
 
 // Every part is inside of the page, and no two overlap.
 const _: () = {
-    assert!(AT_NAME + NAME_BYTES / 8 <= AT_WRITES);
     assert!(AT_CLOSED < AT_SAMPLES[0] && AT_SAMPLES[0] + SAMPLE_WORDS <= AT_SAMPLES[1]);
     assert!(AT_SAMPLES[1] + SAMPLE_WORDS <= PAGE_WORDS);
     assert!(MODEL_SET + MODEL_SET_BYTES / 8 <= REASONS && REASONS + REASON_BYTES / 8 <= CHECK);
