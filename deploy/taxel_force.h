@@ -174,9 +174,9 @@ static inline int taxel_force_open(taxel_force_reader *reader) {
     return 0;
 }
 
-/* `count` figures, if their flag is set and they are numbers; else NaN. */
-static inline void taxel_figures_(const uint64_t *words, int count, int there, double *figures) {
-    int i;
+/* `count` figures, if all of them are numbers; else NaN. */
+static inline void taxel_figures_(const uint64_t *words, int count, double *figures) {
+    int i, there = 1;
     for (i = 0; i < count; i++) figures[i] = taxel_double_(words[i]);
     for (i = 0; i < count; i++) there = there && isfinite(figures[i]);
     for (i = 0; i < count && !there; i++) figures[i] = (double)NAN;
@@ -197,14 +197,14 @@ static inline void taxel_decode_(const uint64_t *words, taxel_force *force) {
     force->wall_ns = (int64_t)words[2];
     force->written_ns = (int64_t)words[3];
     force->state = taxel_half_(words[4], 0);
-    force->lower_bound = (flags >> 7) & 1u;
-    force->simulated = (flags >> 8) & 1u;
-    taxel_figures_(words + 5, 1, (flags >> 1) & 1u, &force->total_n);
-    taxel_figures_(words + 6, 1, (flags >> 2) & 1u, &force->sigma_n);
-    taxel_figures_(words + 7, 1, (flags >> 3) & 1u, &force->detection_floor_n);
-    taxel_figures_(words + 8, 3, (flags >> 4) & 1u, force->resultant_n);
-    taxel_figures_(words + 11, 3, (flags >> 5) & 1u, force->moment_nm);
-    taxel_figures_(words + 14, 3, (flags >> 6) & 1u, force->centre_of_pressure_m);
+    force->lower_bound = (flags >> 1) & 1u;
+    force->simulated = (flags >> 2) & 1u;
+    taxel_figures_(words + 5, 1, &force->total_n);
+    taxel_figures_(words + 6, 1, &force->sigma_n);
+    taxel_figures_(words + 7, 1, &force->detection_floor_n);
+    taxel_figures_(words + 8, 3, force->resultant_n);
+    taxel_figures_(words + 11, 3, force->moment_nm);
+    taxel_figures_(words + 14, 3, force->centre_of_pressure_m);
     force->active = taxel_half_(words[17], 0);
     force->excluded = taxel_half_(words[17], 1);
     force->stale = taxel_half_(words[18], 0);

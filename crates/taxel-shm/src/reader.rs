@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::clock::now_ns;
 use crate::error::PageError;
 use crate::folder::OTHERS_WRITE;
-use crate::force::{Force, Found, Limits, NoForce, judge};
+use crate::force::{Force, Limits, NoForce, judge};
 use crate::latch;
 use crate::layout::{
     AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_MAGIC, AT_VERSION_AND_BYTES, MAGIC, PAGE_BYTES, VERSION,
@@ -86,14 +86,13 @@ impl Page {
     pub fn force(&self, age_max: Option<Duration>) -> Result<Force, NoForce> {
         let word = |at: usize| self.map.words()[at].load(Ordering::Relaxed);
         let sample = self.newest();
-        let (beat_ns, closed) = (word(AT_BEAT).cast_signed(), word(AT_CLOSED) != 0);
-        // Read last: nothing that was found can be of a later moment, unless it has another clock.
-        let now_ns = now_ns();
-        let Some(sample) = sample else {
-            return Err(if closed { NoForce::Closed } else { NoForce::NothingYet });
-        };
+        let beat_ns = word(AT_BEAT).cast_signed();
+        if word(AT_CLOSED) != 0 {
+            return Err(NoForce::Closed);
+        }
         let age = age_max.map_or(self.limits.age, |own| own.min(self.limits.age));
-        judge(&Found { sample, beat_ns, closed, now_ns }, Limits { age, ..self.limits })
+        // The clock is read last: nothing that was found can be of a later moment, unless it has another clock.
+        judge(&sample.ok_or(NoForce::NothingYet)?, beat_ns, now_ns(), Limits { age, ..self.limits })
     }
 }
 

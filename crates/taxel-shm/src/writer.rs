@@ -6,14 +6,15 @@ use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use crate::clock::now_ns;
 use crate::error::PageError;
 use crate::force::Limits;
 use crate::latch;
 use crate::layout::{
-    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_MAGIC, AT_VERSION_AND_BYTES, MAGIC, PAGE_BYTES, PAGE_WORDS,
-    VERSION, encode, pair,
+    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_MAGIC, AT_VERSION_AND_BYTES, MAGIC, PAGE_BYTES, VERSION,
+    encode, pair,
 };
 use crate::map::Map;
 use crate::sample::Sample;
@@ -56,7 +57,7 @@ impl PageWriter {
         let path = folder.join(patch);
         let new = folder.join(format!(".{patch}.new"));
         let _ = std::fs::remove_file(&new); // of a daemon that was killed at this very place; else it is not there
-        let made = make(&new, header(limits), group).and_then(|made| {
+        let made = make(&new, limits, group).and_then(|made| {
             std::fs::rename(&new, &path).map_err(PageError::of(&path, "naming the page"))?;
             Ok(made)
         });
@@ -84,33 +85,27 @@ impl PageWriter {
 }
 
 /// Makes the file of a page, complete but for its name.
-fn make(new: &Path, header: [u64; PAGE_WORDS], group: Option<u32>) -> Result<Map, PageError> {
+fn make(new: &Path, limits: Limits, group: Option<u32>) -> Result<Map, PageError> {
     let mut options = OpenOptions::new();
     options.read(true).write(true).create_new(true).mode(0o600);
     let mut file = options.open(new).map_err(PageError::of(new, "making the page"))?;
     // Written and not only sized, so that the memory is there, and its want is told here and not by a signal later.
     file.write_all(&[0; PAGE_BYTES]).map_err(PageError::of(new, "making the page"))?;
     let map = Map::for_writing(&file).map_err(PageError::of(new, "mapping the page"))?;
-    for (word, value) in map.words().iter().zip(header) {
-        word.store(value, Ordering::Relaxed);
-    }
+    let ns = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
+    let header = [
+        (AT_MAGIC, u64::from_ne_bytes(MAGIC)),
+        (AT_VERSION_AND_BYTES, pair(VERSION, PAGE_BYTES as u32)),
+        (AT_AGE_LIMIT, ns(limits.age)),
+        (AT_BEAT_LIMIT, ns(limits.beat)),
+        (AT_BEAT, now_ns().cast_unsigned()),
+    ];
+    header.iter().for_each(|&(at, word)| map.words()[at].store(word, Ordering::Relaxed));
     std::os::unix::fs::fchown(&file, None, group)
         .map_err(PageError::of(new, "giving the page to the group, of which the daemon has to be a member"))?;
     file.set_permissions(std::fs::Permissions::from_mode(MODE))
         .map_err(PageError::of(new, "setting the page's mode"))?;
     Ok(map)
-}
-
-/// What is in a page before its first sample.
-fn header(limits: Limits) -> [u64; PAGE_WORDS] {
-    let mut words = [0; PAGE_WORDS];
-    let ns = |span: std::time::Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
-    words[AT_MAGIC] = u64::from_ne_bytes(MAGIC);
-    words[AT_VERSION_AND_BYTES] = pair(VERSION, PAGE_BYTES as u32);
-    words[AT_AGE_LIMIT] = ns(limits.age);
-    words[AT_BEAT_LIMIT] = ns(limits.beat);
-    words[AT_BEAT] = now_ns().cast_unsigned();
-    words
 }
 
 impl Drop for PageWriter {

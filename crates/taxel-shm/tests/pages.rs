@@ -247,7 +247,7 @@ fn a_page_is_believed_if_nobody_but_its_owner_can_write_in_it_or_in_its_folder()
         mode(&page, of_page);
         mode(place.path(), of_folder);
         writer.beat();
-        let said = Page::open(&page).and_then(|page| Ok(page.force(None))).map(|force| force.unwrap().total_n);
+        let said = Page::open(&page).map(|page| page.force(None).unwrap().total_n);
         match status {
             0 => assert_eq!(said.unwrap(), 1.0),
             _ => assert!(said.unwrap_err().to_string().contains("others may write in it or in its folder")),

@@ -36,11 +36,13 @@ pub enum StoreEvent {
 /// Who hears the [`StoreEvent`]s. It runs between commits and must not wait.
 pub type Notify = Box<dyn Fn(StoreEvent) + Send>;
 
+/// Reads something, and tells it.
+type Ask = Box<dyn FnOnce(&Connection, &mut Writer) + Send>;
+
 /// What the thread is asked for, in one order.
 pub(crate) enum Work {
     Write(Entry),
-    /// Reads something, and tells it.
-    Ask(Box<dyn FnOnce(&Connection, &mut Writer) + Send>),
+    Ask(Ask),
 }
 
 /// The thread's end of its queue.

@@ -113,21 +113,21 @@ def _decode(fields: tuple) -> Tuple[dict, Optional[int]]:
     (sequence, frame_ns, wall_ns, written_ns, state, flags, total, sigma, floor, *vectors) = fields[:18]
     active, excluded, stale, out_of_range, filled, _, filled_share, uncovered_share, models, reasons = fields[18:28]
 
-    def known(bit: int, *figures: float):
-        there = flags >> bit & 1 and all(map(math.isfinite, figures))
+    def known(*figures: float):
+        there = all(map(math.isfinite, figures))
         return (figures[0] if len(figures) == 1 else figures) if there else None
 
     sample = {
         "sequence": sequence,
         "state": state_name(state),
-        "total_n": known(1, total),
-        "sigma_n": known(2, sigma),
-        "detection_floor_n": known(3, floor),
-        "resultant_n": known(4, *vectors[0:3]),
-        "moment_nm": known(5, *vectors[3:6]),
-        "centre_of_pressure_m": known(6, *vectors[6:9]),
-        "lower_bound": bool(flags >> 7 & 1),
-        "simulated": bool(flags >> 8 & 1),
+        "total_n": known(total),
+        "sigma_n": known(sigma),
+        "detection_floor_n": known(floor),
+        "resultant_n": known(*vectors[0:3]),
+        "moment_nm": known(*vectors[3:6]),
+        "centre_of_pressure_m": known(*vectors[6:9]),
+        "lower_bound": bool(flags >> 1 & 1),
+        "simulated": bool(flags >> 2 & 1),
         "active": active,
         "excluded": excluded,
         "stale": stale,
