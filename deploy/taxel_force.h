@@ -15,9 +15,8 @@
  * taxel_force_follow does the same, and looks for a new page, at most every 50 ms, while the daemon does not live.
  * A reader belongs to one thread at a time.
  *
- * A page that another account can have made is none: it has to belong to root or to this account, or to the one that
- * taxel_force_trust names, or lie where nobody else can write in any folder of its path, which begins with /. A program in
- * C11 defines _POSIX_C_SOURCE as 200809L before it includes anything.
+ * A page in which others may write, or in whose folder, is none. A program in C11 defines _POSIX_C_SOURCE as 200809L before it
+ * includes anything.
  */
 #ifndef TAXEL_FORCE_H
 #define TAXEL_FORCE_H
@@ -86,7 +85,6 @@ typedef struct taxel_force {
 /* Fields are the header's own. */
 typedef struct taxel_force_reader {
     char path[512];
-    uid_t owner; /* 0: root, who may anyway */
     const uint64_t *page; /* NULL: none */
     dev_t device;
     ino_t inode;
@@ -131,23 +129,15 @@ static inline int taxel_force_init(taxel_force_reader *reader, const char *path)
     return 0;
 }
 
-/* Believes pages of this account, too. */
-static inline void taxel_force_trust(taxel_force_reader *reader, uid_t owner) { reader->owner = owner; }
-
-/* Whether the open page is of root, of this account or of `owner`, or of any account where none of the folders that its path
-   names can be written by others. */
-static inline int taxel_trusted_(const char *path, const struct stat *page, uid_t owner) {
+/* Whether nobody but its owner can write in the open page, nor in its folder. */
+static inline int taxel_private_(const char *path, const struct stat *page) {
     struct stat about;
     char folder[512], *end;
-    if ((page->st_mode & (S_IWGRP | S_IWOTH)) != 0) return 0;
-    if (page->st_uid == 0 || page->st_uid == geteuid() || page->st_uid == owner) return 1;
-    if (path[0] != '/' || strlen(path) >= sizeof folder) return 0;
     strcpy(folder, path);
-    while ((end = strrchr(folder, '/')) != folder) {
-        *end = '\0';
-        if (stat(folder, &about) != 0 || (about.st_mode & (S_IWGRP | S_IWOTH)) != 0) return 0;
-    }
-    return stat("/", &about) == 0 && (about.st_mode & (S_IWGRP | S_IWOTH)) == 0;
+    end = strrchr(folder, '/');
+    if (end == NULL) strcpy(folder, ".");
+    else end[end == folder] = '\0';
+    return stat(folder, &about) == 0 && ((page->st_mode | about.st_mode) & (S_IWGRP | S_IWOTH)) == 0;
 }
 
 /* Lets the page go. */
@@ -163,7 +153,7 @@ static inline int taxel_force_open(taxel_force_reader *reader) {
     if (file < 0) return 0;
     if (fstat(file, &about) == 0 && S_ISREG(about.st_mode) && about.st_size >= (off_t)TAXEL_FORCE_BYTES &&
         !(reader->page != NULL && about.st_dev == reader->device && about.st_ino == reader->inode) &&
-        taxel_trusted_(reader->path, &about, reader->owner)) {
+        taxel_private_(reader->path, &about)) {
         void *mapped = mmap(NULL, TAXEL_FORCE_BYTES, PROT_READ, MAP_SHARED, file, 0);
         if (mapped != MAP_FAILED) {
             const uint64_t *page = (const uint64_t *)mapped;
@@ -184,9 +174,9 @@ static inline int taxel_force_open(taxel_force_reader *reader) {
     return 0;
 }
 
-/* `count` figures, if their flag is set and they are numbers; else NaN. */
-static inline void taxel_figures_(const uint64_t *words, int count, int there, double *figures) {
-    int i;
+/* `count` figures, if all of them are numbers; else NaN. */
+static inline void taxel_figures_(const uint64_t *words, int count, double *figures) {
+    int i, there = 1;
     for (i = 0; i < count; i++) figures[i] = taxel_double_(words[i]);
     for (i = 0; i < count; i++) there = there && isfinite(figures[i]);
     for (i = 0; i < count && !there; i++) figures[i] = (double)NAN;
@@ -207,14 +197,14 @@ static inline void taxel_decode_(const uint64_t *words, taxel_force *force) {
     force->wall_ns = (int64_t)words[2];
     force->written_ns = (int64_t)words[3];
     force->state = taxel_half_(words[4], 0);
-    force->lower_bound = (flags >> 7) & 1u;
-    force->simulated = (flags >> 8) & 1u;
-    taxel_figures_(words + 5, 1, (flags >> 1) & 1u, &force->total_n);
-    taxel_figures_(words + 6, 1, (flags >> 2) & 1u, &force->sigma_n);
-    taxel_figures_(words + 7, 1, (flags >> 3) & 1u, &force->detection_floor_n);
-    taxel_figures_(words + 8, 3, (flags >> 4) & 1u, force->resultant_n);
-    taxel_figures_(words + 11, 3, (flags >> 5) & 1u, force->moment_nm);
-    taxel_figures_(words + 14, 3, (flags >> 6) & 1u, force->centre_of_pressure_m);
+    force->lower_bound = (flags >> 1) & 1u;
+    force->simulated = (flags >> 2) & 1u;
+    taxel_figures_(words + 5, 1, &force->total_n);
+    taxel_figures_(words + 6, 1, &force->sigma_n);
+    taxel_figures_(words + 7, 1, &force->detection_floor_n);
+    taxel_figures_(words + 8, 3, force->resultant_n);
+    taxel_figures_(words + 11, 3, force->moment_nm);
+    taxel_figures_(words + 14, 3, force->centre_of_pressure_m);
     force->active = taxel_half_(words[17], 0);
     force->excluded = taxel_half_(words[17], 1);
     force->stale = taxel_half_(words[18], 0);
@@ -317,7 +307,7 @@ static inline const char *taxel_force_words(taxel_force_status status) {
     case TAXEL_FORCE_GOOD: return "good";
     case TAXEL_FORCE_NO_PAGE:
         return "there is no page to be read: no daemon runs, it has another patch, this account is not in the page's group, "
-               "or another account can have put it there";
+               "or others may write in it or in its folder";
     case TAXEL_FORCE_NOTHING_YET: return "no sample yet";
     case TAXEL_FORCE_CLOSED: return "the daemon has ended";
     case TAXEL_FORCE_WRITER_GONE: return "the daemon's engine does not run";

@@ -92,15 +92,6 @@ def has_no_privilege():
     told(f"account {status['Uid'].split()[0]}, no capability, no way to one, system calls filtered")
 
 
-def knows_the_start_of_the_machine():
-    """A recording needs it, and the unit hides the kernel's file of it."""
-    with open("/proc/sys/kernel/random/boot_id", encoding="ascii") as file:
-        boot = file.read().strip().replace("-", "")
-    with open(f"/proc/{state('MainPID')}/environ", encoding="utf-8") as environment:
-        assert f"TAXELD_BOOT_ID={boot}" in environment.read().split("\0"), boot
-    told(f"it is told of the start {boot} of the machine")
-
-
 def lets_in_whom_the_example_says():
     """By taxeld.toml of deploy/: root is an admin over the socket, whoever comes over loopback an observer."""
     nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
@@ -178,7 +169,6 @@ def main():
     start = install(taxeld)
     starts_when_its_bus_is_there(start)
     has_no_privilege()
-    knows_the_start_of_the_machine()
     lets_in_whom_the_example_says()
     boards = os.path.join(ROOT, "tests", "e2e", "boards.py")
     with subprocess.Popen([sys.executable, boards, "can0", log], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL) as bus:

@@ -1,10 +1,13 @@
 //! What a taxel reads at rest, and from where on it counts as touched.
 
+use serde::{Deserialize, Serialize};
+
 /// Rest noise cannot be known better than the quantisation of one count: 1/sqrt(12).
 pub const NOISE_FLOOR_COUNTS: f64 = 0.29;
 
 /// What a taxel reads at rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TaxelBaseline {
     /// Mean, counts.
     pub mean: f64,

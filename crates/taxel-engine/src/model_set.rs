@@ -1,7 +1,10 @@
 //! A model set: what a session produced for a patch, with all it depends on.
+//!
+//! What is serializable here is so by the names of its fields: they are the format of MODELS.json, and its id depends on them.
 
 mod doubt;
 
+use serde::{Deserialize, Serialize};
 use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 
 use crate::baseline::TaxelBaseline;
@@ -70,7 +73,8 @@ pub const EARLIER_MAX: usize = 32;
 const SAME_AREA_SHARE: f64 = 1e-9;
 
 /// How a set came of another one by known loads.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Recalibrated {
     /// Id of the set that was corrected.
     pub derived_from: String,
@@ -237,7 +241,8 @@ impl RecordedTaxel {
 }
 
 /// What a fit to rising and falling pressure, of a recording or a session, knows of the skin in use.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Recorded {
     /// Counts were averaged over so many seconds, and are to be when the models are applied; 0 is not at all.
     pub smooth_s: f64,
@@ -271,7 +276,8 @@ impl Recorded {
 }
 
 /// How far taxels end from their zero, counts.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ZeroReturn {
     /// Root mean square over the taxels.
     pub rms: f64,
@@ -290,7 +296,8 @@ impl ZeroReturn {
 
 /// The clock of a gauge that another logger has recorded: at the counts' time t its own shows
 /// `t + offset_s + rate (t - t0)`, t0 being the middle of the recording.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct GaugeClock {
     /// How late the gauge's times are in the middle of the recording, seconds.
     pub offset_s: f64,
@@ -303,7 +310,8 @@ pub struct GaugeClock {
 }
 
 /// One taxel in use.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RecordedTaxel {
     /// Root mean square of the pressure read, as it is read in use, less that of the gauge; kPa.
     pub rmse_kpa: f64,

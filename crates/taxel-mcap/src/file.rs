@@ -1,9 +1,8 @@
 //! One MCAP file, written so that each chunk can be read as soon as it is on the disk.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io::{self, Write as _};
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -13,16 +12,9 @@ use mcap::{Compression, WriteOptions, Writer};
 use thiserror::Error;
 
 use crate::schema::{PACKAGE, schema_of};
-use crate::sink::{Durable, Sink};
 
 /// A chunk that is larger is closed before its time, in bytes before compression.
 const CHUNK_BYTES: u64 = 1 << 20;
-
-/// By this name a file has what it says of itself, as metadata.
-pub(crate) const ABOUT: &str = "taxeld";
-
-/// Among that: since which start of the computer it was recorded, 32 hexadecimal digits.
-pub const BOOT: &str = "boot";
 
 /// A stream of messages of one kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,27 +53,41 @@ impl McapFault {
     }
 }
 
+/// A file that counts, and whose flush goes down to the disk: the MCAP writer owns it and has no other way to ask for that.
+struct Durable {
+    file: File,
+    written: Arc<AtomicU64>,
+}
+
+impl Write for Durable {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes)?;
+        self.written.fetch_add(written as u64, Ordering::Relaxed);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.sync_data()
+    }
+}
+
 /// A file that is being written.
 pub struct McapFile {
     writer: Writer<NoSeek<Durable>>,
     /// A channel for each topic, and how many messages it has.
     channels: Vec<(u16, u32)>,
     written: Arc<AtomicU64>,
-    is_file: bool,
-    /// Up to here the file consists of whole chunks.
-    whole: u64,
     pending: bool,
 }
 
 impl McapFile {
-    /// Begins a file with these topics; `about` is kept in it as metadata under the name `taxeld`, see [`BOOT`].
+    /// Begins a file with these topics; `about` is kept in it as metadata under the name `taxeld`.
     ///
     /// # Errors
     /// [`McapFault`]
-    pub fn begin(sink: Box<dyn Sink>, topics: &[Topic], about: BTreeMap<String, String>) -> Result<Self, McapFault> {
+    pub fn begin(file: File, topics: &[Topic], about: BTreeMap<String, String>) -> Result<Self, McapFault> {
         let written = Arc::new(AtomicU64::new(0));
-        let is_file = sink.is_file();
-        let durable = Durable { sink, written: Arc::clone(&written) };
+        let durable = Durable { file, written: Arc::clone(&written) };
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
             .chunk_size(Some(CHUNK_BYTES))
@@ -89,14 +95,14 @@ impl McapFile {
             .disable_seeking(true)
             .library(concat!("taxeld ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(NoSeek::new(durable))?;
-        writer.write_metadata(&Metadata { name: ABOUT.to_owned(), metadata: about })?;
+        writer.write_metadata(&Metadata { name: "taxeld".to_owned(), metadata: about })?;
         let mut channels = Vec::with_capacity(topics.len());
         for topic in topics {
             let data = schema_of(topic.message).ok_or(McapFault::NoMessage(topic.message))?;
             let schema = writer.add_schema(&format!("{PACKAGE}.{}", topic.message), "protobuf", &data)?;
             channels.push((writer.add_channel(schema, &topic.name, "protobuf", &BTreeMap::new())?, 0));
         }
-        let mut file = Self { writer, channels, written, is_file, whole: 0, pending: true };
+        let mut file = Self { writer, channels, written, pending: true };
         file.flush()?; // definitions are in the first chunk, so that every later one can be understood
         Ok(file)
     }
@@ -123,7 +129,6 @@ impl McapFile {
         if self.pending {
             self.writer.flush()?;
             self.pending = false;
-            self.whole = self.bytes();
         }
         Ok(())
     }
@@ -134,36 +139,17 @@ impl McapFile {
         self.written.load(Ordering::Relaxed)
     }
 
-    /// Whether all that was written is in the file of this name: somebody may have removed it or cut it short.
-    ///
-    /// # Errors
-    /// What has become of it, or the system's answer.
-    pub fn in_place(&self, name: &Path) -> io::Result<()> {
-        let written = self.bytes();
-        let length = if self.is_file { fs::metadata(name)?.len() } else { written };
-        if length < written {
-            return Err(io::Error::other(format!(
-                "the file was cut to {length} bytes, of {written} that were written"
-            )));
-        }
-        Ok(())
-    }
-
-    /// Ends the file with its summary, which lets readers jump to a time. Gives its size.
+    /// Ends the file with its summary, which lets readers jump to a time.
     ///
     /// # Errors
     /// [`McapFault`]
-    pub fn finish(mut self) -> Result<u64, McapFault> {
+    pub fn finish(mut self) -> Result<(), McapFault> {
         self.writer.finish()?;
-        let written = Arc::clone(&self.written);
-        self.writer.into_inner().into_inner().flush()?;
-        Ok(written.load(Ordering::Relaxed))
+        Ok(self.writer.into_inner().into_inner().flush()?)
     }
 
-    /// Gives a file up that cannot be written on: what lies behind its last whole chunk is cut off.
+    /// Gives a file up that cannot be written on: its whole chunks can be read.
     pub fn give_up(self) {
-        let whole = self.whole;
-        let mut durable = self.writer.into_inner().into_inner();
-        let _ = durable.sink.cut(whole); // the reader copes with a chunk that is not whole, too
+        drop(self.writer.into_inner());
     }
 }

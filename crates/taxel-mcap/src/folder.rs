@@ -1,6 +1,5 @@
 //! A folder of recordings within its budget: the oldest go first, and nothing goes that we did not write.
 
-use std::collections::VecDeque;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -11,9 +10,6 @@ use crate::name::FileName;
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
-    /// Oldest first, with their bytes.
-    files: VecDeque<(FileName, u64)>,
-    next: u32,
     /// Keeps other processes out.
     lock: File,
 }
@@ -38,9 +34,7 @@ impl Folder {
             TryLockError::WouldBlock => io::Error::other("another process records into this folder"),
             TryLockError::Error(error) => error,
         })?;
-        let files = Self::list(path)?;
-        let next = files.back().map_or(1, |(name, _)| name.number().saturating_add(1));
-        Ok(Self { path: path.to_owned(), files, next, lock })
+        Ok(Self { path: path.to_owned(), lock })
     }
 
     /// Its path.
@@ -49,20 +43,11 @@ impl Folder {
         &self.path
     }
 
-    /// Counts the recordings that are there now: somebody may have removed some.
-    ///
-    /// # Errors
-    /// The system's answer; those of before then count on.
-    pub fn count_again(&mut self) -> io::Result<()> {
-        self.files = Self::list(&self.path)?;
-        Ok(())
-    }
-
     /// The recordings of a folder, oldest first, with their bytes.
     ///
     /// # Errors
     /// The system's answer.
-    pub fn list(path: &Path) -> io::Result<VecDeque<(FileName, u64)>> {
+    pub fn list(path: &Path) -> io::Result<Vec<(FileName, u64)>> {
         let mut files = Vec::new();
         for entry in fs::read_dir(path)? {
             let entry = entry?;
@@ -75,47 +60,40 @@ impl Folder {
             }
         }
         files.sort();
-        Ok(files.into())
+        Ok(files)
     }
 
     /// The path of the next file, which begins at so many nanoseconds since 1970.
-    pub fn next_file(&mut self, wall_ns: i64) -> (FileName, PathBuf) {
-        let name = FileName::new(self.next, wall_ns);
-        self.next = self.next.saturating_add(1);
-        let path = self.path_of(&name);
-        (name, path)
-    }
-
-    /// The path of a file of this name.
-    #[must_use]
-    pub fn path_of(&self, name: &FileName) -> PathBuf {
-        self.path.join(name.to_string())
-    }
-
-    /// A file is complete.
-    pub fn add(&mut self, name: FileName, bytes: u64) {
-        self.files.push_back((name, bytes));
-    }
-
-    /// Bytes of all complete files.
-    #[must_use]
-    pub fn bytes(&self) -> u64 {
-        self.files.iter().map(|(_, bytes)| bytes).sum()
-    }
-
-    /// Deletes the oldest files until all complete ones take at most so many bytes. Gives how many went.
     ///
     /// # Errors
-    /// The system's answer; the file then counts on.
-    pub fn keep(&mut self, bytes: u64) -> io::Result<usize> {
+    /// The system's answer.
+    pub fn next_file(&self, wall_ns: i64) -> io::Result<PathBuf> {
+        let newest = Self::list(&self.path)?.last().map_or(0, |(name, _)| name.number());
+        Ok(self.path.join(FileName::new(newest.saturating_add(1), wall_ns).to_string()))
+    }
+
+    /// Bytes of all recordings that are there now: somebody may have removed some.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        Self::list(&self.path).map_or(0, |files| files.iter().map(|(_, bytes)| bytes).sum())
+    }
+
+    /// Deletes the oldest files, but never the newest, until all take at most so many bytes. Gives how many went.
+    ///
+    /// # Errors
+    /// The system's answer.
+    pub fn keep(&self, bytes: u64) -> io::Result<usize> {
+        let files = Self::list(&self.path)?;
+        let mut left: u64 = files.iter().map(|(_, bytes)| bytes).sum();
         let mut gone = 0;
-        while self.bytes() > bytes {
-            let Some((name, _)) = self.files.front() else { break };
-            match fs::remove_file(self.path_of(name)) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => drop(self.files.pop_front()), // gone, by us or by somebody else
+        for (name, bytes_of_it) in &files[..files.len().saturating_sub(1)] {
+            if left <= bytes {
+                break;
             }
-            gone += 1;
+            match fs::remove_file(self.path.join(name.to_string())) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => (left, gone) = (left - bytes_of_it, gone + 1), // gone, by us or by somebody else
+            }
         }
         Ok(gone)
     }
@@ -135,17 +113,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_is_free_again_though_a_process_that_is_being_started_has_a_copy_of_its_lock() {
-        let scratch = tempfile::tempdir().unwrap();
-        let folder = Folder::open(scratch.path()).unwrap();
-        let copy = folder.lock.try_clone().unwrap();
-        assert!(Folder::open(scratch.path()).unwrap_err().to_string().contains("another process"));
-        drop(folder);
-        assert!(Folder::open(scratch.path()).is_ok());
-        drop(copy);
-    }
-
-    #[test]
     fn the_oldest_of_our_files_go_first_and_no_other_file_ever() {
         let scratch = tempfile::tempdir().unwrap();
         let at = |name: &str| scratch.path().join(name);
@@ -156,20 +123,21 @@ mod tests {
         }
         fs::create_dir(at("taxeld-00000002-20261122T071402Z.mcap")).unwrap();
         std::os::unix::fs::symlink(at("notes.mcap"), at("taxeld-00000001-20261122T071402Z.mcap")).unwrap();
-        let mut folder = Folder::open(scratch.path()).unwrap();
+        let folder = Folder::open(scratch.path()).unwrap();
         assert_eq!(folder.bytes(), 200);
-        assert_eq!(folder.next_file(0).0, FileName::new(5, 0));
-        assert_eq!(folder.keep(150).unwrap(), 1);
+        assert_eq!(folder.next_file(0).unwrap(), at(&FileName::new(5, 0).to_string()));
+        assert_eq!((folder.keep(200).unwrap(), folder.keep(0).unwrap()), (0, 1));
         assert!(!at(&old).exists() && at(&newer).exists());
-        assert_eq!(folder.keep(0).unwrap(), 1);
-        assert_eq!(fs::read_dir(scratch.path()).unwrap().count(), 4, "what is not ours is still there");
-        assert_eq!(folder.bytes(), 0);
+        assert_eq!(fs::read_dir(scratch.path()).unwrap().count(), 5, "what is not ours is still there");
+        assert_eq!(folder.bytes(), 100);
     }
 
+    /// Also where a process that is being started has a copy of the lock.
     #[test]
     fn one_process_at_a_time_records_into_a_folder() {
         let scratch = tempfile::tempdir().unwrap();
         let folder = Folder::open(scratch.path()).unwrap();
+        let _copy = folder.lock.try_clone().unwrap();
         let second = Folder::open(scratch.path()).unwrap_err().to_string();
         assert!(second.contains("another process records"), "{second}");
         drop(folder);

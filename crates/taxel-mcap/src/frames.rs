@@ -16,18 +16,13 @@ pub struct FrameTap {
     /// Frames that found no room since the last that did.
     not_recorded: u64,
     kernel_lost: u64,
-    /// Error frames since then.
-    errors: Vec<TimedFrame>,
 }
-
-/// So many error frames may wait for room: a controller that goes off tells it in a few. Of more the newest are kept.
-const ERRORS_WAITING_MAX: usize = 16;
 
 impl FrameTap {
     /// The tap of a bus, by its name and its network interface, whose frames are this topic.
     #[must_use]
     pub const fn new(queue: Queue, topic: usize, bus: String, interface: String) -> Self {
-        Self { queue, topic, bus, interface, not_recorded: 0, kernel_lost: 0, errors: Vec::new() }
+        Self { queue, topic, bus, interface, not_recorded: 0, kernel_lost: 0 }
     }
 
     /// The kernel lost so many frames.
@@ -38,27 +33,20 @@ impl FrameTap {
     /// Copies frames on their way to the engine, and the error frames of the controller that came with them, of which the engine
     /// hears first. Never waits. `wall_offset_ns` is what to add to a time of the run's clock for nanoseconds since 1970.
     pub fn take(&mut self, frames: &[TimedFrame], errors: &[TimedFrame], wall_offset_ns: i64) {
-        let things = frames.len() as u64;
-        self.errors.extend(errors);
-        let frames = [&self.errors, frames].concat();
+        let frames = [errors, frames].concat();
         let Some(first) = frames.first() else { return };
         let wall_ns = first.time.as_nanos().saturating_add(wall_offset_ns);
         let (bus, interface) = (self.bus.clone(), self.interface.clone());
         let (kernel_lost, not_recorded) = (self.kernel_lost, self.not_recorded);
+        let things = frames.len() as u64;
         let weight = (things, frames.len() * size_of::<TimedFrame>());
         let encode = move || {
             let message = frames_message(&frames, wall_ns);
             CanFrames { bus, interface, kernel_lost, not_recorded, ..message }.encode_to_vec()
         };
         match self.queue.give_later(self.topic, u64::try_from(wall_ns).unwrap_or(0), weight, encode) {
-            Given::Taken => {
-                (self.kernel_lost, self.not_recorded) = (0, 0);
-                self.errors.clear();
-            }
-            Given::Lost => {
-                self.not_recorded = self.not_recorded.saturating_add(things);
-                self.errors.drain(..self.errors.len().saturating_sub(ERRORS_WAITING_MAX));
-            }
+            Given::Taken => (self.kernel_lost, self.not_recorded) = (0, 0),
+            Given::Lost => self.not_recorded = self.not_recorded.saturating_add(things),
         }
     }
 }

@@ -6,30 +6,25 @@
 //! 2. Every second what was gathered becomes a chunk of the file and goes to the disk. Whatever happens then, that chunk
 //!    can be read, also without the summary that only a file that was closed has.
 //! 3. Only files of our own pattern are ever counted or deleted ([`Folder`]).
-//! 4. What is read may be hostile: every length is checked before memory is taken for it ([`Recording`]).
+//! 4. No record that is read takes more than 32 MB of memory, and no chunk with a wrong checksum is read ([`Recording`]).
 
 mod file;
 mod folder;
 mod frames;
-mod messages;
 mod name;
 mod queue;
 mod recorder;
 mod recording;
 mod schema;
-mod sink;
-mod status;
 
 /// What every MCAP file begins with.
 pub const MAGIC_BYTES: &[u8] = mcap::MAGIC;
 
-pub use file::{BOOT, McapFault, McapFile, Topic};
+pub use file::{McapFault, McapFile, Topic};
 pub use folder::Folder;
 pub use frames::{FrameTap, frames_message};
 pub use name::FileName;
-pub use queue::{Given, Queue};
+pub use queue::{Given, Queue, Status};
 pub use recorder::{Limits, Opener, Recorder, open_file};
 pub use recording::Recording;
 pub use schema::schema_of;
-pub use sink::Sink;
-pub use status::Status;

@@ -6,14 +6,8 @@ use std::fmt;
 
 use prost_types::Timestamp;
 
-/// Digits of the number.
-const DIGITS: usize = 8;
-/// Those of the greatest.
-const DIGITS_MAX: usize = 10;
 const PREFIX: &str = "taxeld-";
 const SUFFIX: &str = ".mcap";
-/// As in `20261122T071402Z`.
-const MOMENT_BYTES: usize = 16;
 
 /// The name of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -33,18 +27,11 @@ impl FileName {
     #[must_use]
     pub fn parse(name: &str) -> Option<Self> {
         let (number, moment) = name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX)?.split_once('-')?;
-        // Beyond 99,999,999 a number has more digits.
-        let is_number =
-            (DIGITS..=DIGITS_MAX).contains(&number.len()) && number.bytes().all(|byte| byte.is_ascii_digit());
-        let is_moment = moment.len() == MOMENT_BYTES
-            && moment.bytes().enumerate().all(|(at, byte)| match at {
-                8 => byte == b'T',
-                15 => byte == b'Z',
-                _ => byte.is_ascii_digit(),
-            });
-        let number = number.parse().ok().filter(|_| is_number && is_moment)?;
-        let ours = Self { number, moment: moment.to_owned() };
-        (ours.to_string() == name).then_some(ours)
+        // As in `20261122T071402Z`.
+        let pattern = |byte: u8| if byte.is_ascii_digit() { b'0' } else { byte };
+        let is_moment = moment.bytes().map(pattern).eq(*b"00000000T000000Z");
+        let ours = Self { number: number.parse().ok()?, moment: moment.to_owned() };
+        (is_moment && ours.to_string() == name).then_some(ours)
     }
 
     /// Its number.
@@ -56,7 +43,7 @@ impl FileName {
 
 impl fmt::Display for FileName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{PREFIX}{:0width$}-{}{SUFFIX}", self.number, self.moment, width = DIGITS)
+        write!(f, "{PREFIX}{:08}-{}{SUFFIX}", self.number, self.moment)
     }
 }
 

@@ -1,11 +1,32 @@
 //! What waits for the recorder's thread: bounded by its weight, and never waited for.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::status::Shared;
+/// What a recorder is at.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Status {
+    /// Why it does not record; `None` if it does.
+    pub problem: Option<String>,
+    /// The file that is written, or was last.
+    pub file: String,
+    /// Bytes of all recordings in the folder.
+    pub bytes: u64,
+    /// Frames and messages that are not in the recording.
+    pub lost: u64,
+}
+
+/// A status that two threads share. Only its fields are read and written while it is locked.
+#[derive(Debug, Default)]
+pub(crate) struct Shared(Mutex<Status>);
+
+impl Shared {
+    pub(crate) fn get(&self) -> MutexGuard<'_, Status> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// Bytes that may wait. A full bus of 9,009 frames/s makes about 0.9 MB/s here: the disk may be nine seconds behind.
 pub(crate) const WAITING_BYTES_MAX: usize = 8 << 20;

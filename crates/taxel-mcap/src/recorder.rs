@@ -1,7 +1,7 @@
 //! The recorder's thread: takes what waits, writes it, begins new files and lets old ones go.
 
 use std::collections::BTreeMap;
-use std::fs::{self, OpenOptions};
+use std::fs::{self, File};
 use std::io;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
@@ -12,10 +12,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use crate::file::{McapFault, McapFile, Topic};
 use crate::folder::Folder;
-use crate::name::FileName;
-use crate::queue::{Item, Queue, Waiting};
-use crate::sink::Sink;
-use crate::status::{Shared, Status};
+use crate::queue::{Item, Queue, Shared, Status, Waiting};
 
 /// Kept free of the budget for what is written until the next look at it: chunks of a MiB, and a file's summary.
 const RESERVE_BYTES: u64 = 4 << 20;
@@ -44,15 +41,14 @@ pub struct Limits {
 }
 
 /// Makes a new file.
-pub type Opener = Box<dyn FnMut(&Path) -> io::Result<Box<dyn Sink>> + Send>;
+pub type Opener = Box<dyn FnMut(&Path) -> io::Result<File> + Send>;
 
-/// Makes a new file on the disk; one that is there already is an error. It is written at its end, so that one which
-/// somebody cuts short stays short and is found out.
+/// Makes a new file on the disk; one that is there already is an error.
 ///
 /// # Errors
 /// The system's answer.
-pub fn open_file(path: &Path) -> io::Result<Box<dyn Sink>> {
-    Ok(Box::new(OpenOptions::new().append(true).create_new(true).mode(MODE).open(path)?))
+pub fn open_file(path: &Path) -> io::Result<File> {
+    File::options().write(true).create_new(true).mode(MODE).open(path)
 }
 
 /// A recording under way. Dropped, it ends: what was given before is written and the file closed.
@@ -125,7 +121,7 @@ impl Drop for Recorder {
 /// The file that is being written.
 struct Open {
     file: McapFile,
-    name: FileName,
+    path: PathBuf,
     begun: Instant,
     /// Things in it, and those of them that are not yet on the disk.
     things: u64,
@@ -165,15 +161,16 @@ impl Worker {
         while let Ok(Some(item)) = waiting.next(Duration::ZERO) {
             self.take(item);
         }
-        if let Err(why) = self.in_place().and_then(|()| self.flushed()) {
+        if let Err(why) = self.flushed() {
             self.failed(&why);
         }
         self.close();
     }
 
-    /// Everything that was taken is on the disk.
+    /// Everything that was taken is on the disk, in a file that somebody finds: it may have been removed.
     fn flushed(&mut self) -> Result<(), String> {
         let Some(open) = &mut self.open else { return Ok(()) };
+        fs::metadata(&open.path).map_err(|error| format!("{}: {error}", open.path.display()))?;
         open.file.flush().map_err(|fault| fault.words())?;
         open.unflushed = 0;
         open.looked_bytes = open.file.bytes();
@@ -205,13 +202,10 @@ impl Worker {
         if let Err(why) = self.looked() {
             self.failed(&why);
         }
-        let current = self.open.as_ref().map_or(0, |open| open.file.bytes());
-        self.status.get().bytes = self.folder.bytes() + current;
+        self.status.get().bytes = self.folder.bytes();
     }
 
     fn looked(&mut self) -> Result<(), String> {
-        self.in_place()?;
-        let path = self.folder.path().display().to_string();
         self.flushed()?;
         if let Some(open) = &self.open {
             let full = open.looked_bytes >= self.limits.file_bytes;
@@ -219,13 +213,13 @@ impl Worker {
                 self.close();
             }
         }
-        let current = self.open.as_ref().map_or(0, |open| open.file.bytes());
-        let others = self.limits.budget_bytes.saturating_sub(current + RESERVE_BYTES);
-        let gone = self.folder.keep(others).map_err(|error| format!("an old recording cannot be deleted: {error}"))?;
+        let path = self.folder.path().display().to_string();
+        fs::create_dir_all(self.folder.path()).map_err(|error| format!("{path}: {error}"))?;
+        let budget = self.limits.budget_bytes.saturating_sub(RESERVE_BYTES);
+        let gone = self.folder.keep(budget).map_err(|error| format!("an old recording cannot be deleted: {error}"))?;
         if gone > 0 {
             tracing::debug!(gone, "old recordings were deleted to stay within the budget");
         }
-        fs::create_dir_all(self.folder.path()).map_err(|error| format!("{path}: {error}"))?;
         let free = self.folder.free_bytes().map_err(|error| error.to_string())?;
         if free < self.limits.keep_free_bytes {
             let [free, keep] = [free, self.limits.keep_free_bytes].map(|bytes| bytes / 1_000_000);
@@ -237,30 +231,24 @@ impl Worker {
         Ok(())
     }
 
-    /// Whether what is written is there: somebody may have removed the file or its folder.
-    fn in_place(&self) -> Result<(), String> {
-        let Some(open) = &self.open else { return Ok(()) };
-        let path = self.folder.path_of(&open.name);
-        open.file.in_place(&path).map_err(|error| format!("{}: {error}", path.display()))
-    }
-
     fn begin(&mut self) -> Result<(), McapFault> {
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let (name, path) = self.folder.next_file(i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX));
-        let sink = (self.opener)(&path)?;
-        let file = McapFile::begin(sink, &self.topics, self.about.clone()).inspect_err(|_| remove(&path))?;
-        let looked_bytes = file.bytes();
-        self.open = Some(Open { file, name, begun: Instant::now(), things: 0, unflushed: 0, looked_bytes });
-        let file = path.display().to_string();
+        let path = self.folder.next_file(i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX))?;
+        let new = (self.opener)(&path)?;
+        // What could not even be begun is not left, if it can be removed.
+        let file =
+            McapFile::begin(new, &self.topics, self.about.clone()).inspect_err(|_| drop(fs::remove_file(&path)))?;
+        let (name, looked_bytes) = (path.display().to_string(), file.bytes());
+        self.open = Some(Open { file, path, begun: Instant::now(), things: 0, unflushed: 0, looked_bytes });
         // Nothing is logged under the lock: the engine's thread may wait for it, and a log may be slow.
         let news = {
             let mut status = self.status.get();
             let news = status.problem.take().is_some() || status.file.is_empty();
-            status.file.clone_from(&file);
+            status.file.clone_from(&name);
             news
         };
         if news {
-            tracing::info!(%file, "recording");
+            tracing::info!(file = name, "recording");
         }
         Ok(())
     }
@@ -268,13 +256,10 @@ impl Worker {
     /// Ends the present file, of which all is on the disk, with its summary.
     fn close(&mut self) {
         let Some(open) = self.open.take() else { return };
-        let before = open.file.bytes();
-        let bytes = open.file.finish().unwrap_or_else(|fault| {
+        if let Err(fault) = open.file.finish() {
             // Its chunks are whole and it can be read, but for the summary.
             tracing::warn!(why = fault.words(), "a recording could not be closed cleanly");
-            before
-        });
-        self.folder.add(open.name, bytes);
+        }
         self.status.get().bytes = self.folder.bytes();
     }
 
@@ -285,27 +270,17 @@ impl Worker {
         if let Some(open) = self.open.take() {
             lost = open.unflushed;
             open.file.give_up();
-            // What is left of it, and of the others.
-            if let Err(error) = self.folder.count_again() {
-                tracing::debug!(%error, "the recordings that are there are not counted");
-            }
         }
+        let bytes = self.folder.bytes();
         let news = {
             let mut status = self.status.get();
             status.lost += lost;
-            status.bytes = self.folder.bytes();
+            status.bytes = bytes;
             status.problem.replace(why.to_owned()).as_deref() != Some(why)
         };
         if news {
             let seconds = self.limits.retry_after.as_secs();
             tracing::error!(why, "the recording stopped; it is tried again every {seconds} s");
         }
-    }
-}
-
-/// Removes a file that could not even be begun.
-fn remove(path: &PathBuf) {
-    if let Err(error) = fs::remove_file(path) {
-        tracing::debug!(%error, path = %path.display(), "a file that could not be begun is left");
     }
 }

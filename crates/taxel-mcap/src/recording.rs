@@ -5,15 +5,22 @@ use std::fs::File;
 use std::io::Read;
 use std::path::PathBuf;
 
+use mcap::McapError;
+use mcap::io::MessageReader;
+use mcap::sans_io::LinearReaderOptions;
+use prost::Message as _;
 use taxel_can::{LogFault, LogReport, RecordedFrames};
 use taxel_proto::v1::CanFrames;
 use taxel_skin::Time;
 use taxel_wire::{FrameKind, TimedFrame};
 
 use crate::frames::frame_of;
-use crate::messages::{Found, Messages};
+use crate::schema::PACKAGE;
 
-/// Buses are recorded side by side: a clock that goes back by less than this goes on.
+/// Largest record, and largest chunk before and after compression, in bytes. Our own have about one MiB.
+const CHUNK_BYTES_MAX: usize = 32 << 20;
+
+/// Buses are recorded side by side: a clock that goes back by less than this goes on. By more it does at a start of the computer.
 const BACK_NS: i64 = 5_000_000_000;
 
 /// No bus is silent for so long while a daemon runs: somebody put recordings together.
@@ -21,6 +28,14 @@ const FORWARD_NS: i64 = 24 * 3600 * 1_000_000_000;
 
 /// What is taken to have passed while a computer was started anew: no zero outlives a silence of this length.
 const OFF_NS: i64 = 10_000_000_000;
+
+/// The messages of a file, as far as it is whole.
+type Messages = MessageReader<Box<dyn Read + Send>>;
+
+fn messages(file: impl Read + Send + 'static) -> Messages {
+    let options = LinearReaderOptions::default().with_prevalidate_chunk_crcs(true);
+    MessageReader::new_with_options(Box::new(file), options.with_record_length_limit(CHUNK_BYTES_MAX))
+}
 
 /// The frames of some files, one after the other. A file that cannot be read to its end is told in the report.
 pub struct Recording {
@@ -53,28 +68,39 @@ impl Recording {
     /// The same of something that is open already; `name` is for messages.
     #[must_use]
     pub fn of_reader(name: String, reader: impl Read + Send + 'static, wanted: Option<String>) -> Self {
-        let open = Some((name, Messages::new(Box::new(reader))));
+        let open = Some((name, messages(reader)));
         Self { open, ..Self::of_files([], wanted) }
     }
 
     /// Takes what comes next of the files; `false` at their end.
     fn read_on(&mut self) -> bool {
-        let Some((name, messages)) = &mut self.open else {
+        let Some((name, open)) = &mut self.open else {
             let Some(path) = self.files.pop_front() else { return false };
             let name = path.display().to_string();
             match File::open(&path) {
-                Ok(file) => self.open = Some((name, Messages::new(Box::new(file)))),
+                Ok(file) => self.open = Some((name, messages(file))),
                 Err(error) => self.report.faults.push(format!("{name}: {error}")),
             }
             return true;
         };
-        match messages.next() {
-            Ok(Some(Found::Frames(message))) => self.take(&message),
-            Ok(Some(Found::Boot(boot))) => self.clock.begin(boot),
-            Ok(Some(Found::Bad)) => self.refuse(),
-            Ok(None) => self.open = None,
-            Err(fault) => {
-                self.report.faults.push(format!("{name}: {fault}"));
+        match open.next() {
+            Some(Ok(message)) => {
+                let schema = message.channel.schema.as_ref();
+                if schema.is_some_and(|schema| schema.name.strip_prefix(PACKAGE) == Some(".CanFrames")) {
+                    match CanFrames::decode(&*message.data) {
+                        Ok(frames) => self.take(&frames),
+                        Err(_) => self.refuse(),
+                    }
+                }
+            }
+            None => self.open = None,
+            Some(Err(fault)) => {
+                self.report.faults.push(match fault {
+                    McapError::UnexpectedEof => {
+                        format!("{name}: the file was cut off: it was not closed, or is still being written")
+                    }
+                    fault => format!("{name}: {fault}"),
+                });
                 self.open = None;
             }
         }
@@ -147,17 +173,9 @@ impl RecordedFrames for Recording {
 struct Clock {
     /// The newest moment on the daemon's clock, in ns, and what to add to it.
     newest: Option<(i64, i64)>,
-    boot: Option<String>,
-    is_anew: bool,
 }
 
 impl Clock {
-    /// What follows was recorded since this start of a computer.
-    fn begin(&mut self, boot: String) {
-        self.is_anew |= self.boot.as_ref().is_some_and(|before| *before != boot);
-        self.boot = Some(boot);
-    }
-
     /// What to add to the daemon's clock.
     fn offset(&mut self, message: &CanFrames) -> i64 {
         let now = message.monotonic_ns;
@@ -167,16 +185,14 @@ impl Clock {
                 let wall = label.seconds.saturating_mul(1_000_000_000).saturating_add(i64::from(label.nanos));
                 wall.saturating_sub(now)
             }
-            Some((newest, offset)) => {
-                let expected = newest.saturating_sub(BACK_NS)..=newest.saturating_add(FORWARD_NS);
-                if self.is_anew || !expected.contains(&now) {
-                    newest.saturating_add(offset).saturating_add(OFF_NS).saturating_sub(now)
-                } else {
-                    offset
-                }
+            Some((newest, offset))
+                if (newest.saturating_sub(BACK_NS)..=newest.saturating_add(FORWARD_NS)).contains(&now) =>
+            {
+                offset
             }
+            Some((newest, offset)) => newest.saturating_add(offset).saturating_add(OFF_NS).saturating_sub(now),
         };
-        (self.newest, self.is_anew) = (Some((now, offset)), false);
+        self.newest = Some((now, offset));
         offset
     }
 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// Which way a taxel answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Sign {
     /// Counts rise with pressure.
     Rising,

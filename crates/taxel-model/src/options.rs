@@ -25,6 +25,7 @@ impl Default for Order {
 
 /// Which least-squares problem is solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Estimator {
     /// The paper's equation, made fit for use: the sum of (P - P(C))^2 over all samples off the rails, on a range of
     /// counts that were seen more than once or twice, its curve repaired to be monotone. Noise in the counts flattens the curve

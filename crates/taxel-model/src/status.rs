@@ -5,6 +5,7 @@ use std::fmt;
 
 /// Whether a curve may be used, and if not, why.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "status", content = "figures", rename_all = "snake_case")]
 pub enum Status {
     /// The curve may be used.
     Ok,

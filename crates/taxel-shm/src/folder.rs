@@ -1,6 +1,6 @@
 //! The folder in which one daemon publishes its pages.
 
-use std::fs::{DirBuilder, OpenOptions, TryLockError};
+use std::fs::{DirBuilder, File, TryLockError};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,40 +10,42 @@ use nix::unistd::geteuid;
 
 use crate::error::PageError;
 use crate::force::Limits;
-use crate::lock::Lock;
-use crate::trust::OTHERS_WRITE;
-use crate::writer::{PageWriter, Permissions};
+use crate::writer::{Lock, PageWriter};
 
 /// Locked for as long as a daemon publishes in the folder.
 const LOCK: &str = ".lock";
+
+/// Write permission of the group and of all others.
+pub(crate) const OTHERS_WRITE: u32 = 0o022;
 
 /// A folder that this process alone publishes in.
 #[derive(Clone, Debug)]
 pub struct Folder {
     path: PathBuf,
-    permissions: Permissions,
+    group: Option<u32>,
     lock: Arc<Lock>,
 }
 
 impl Folder {
-    /// Takes the folder, made if it is not there. Owner and mode are checked here and never again.
+    /// Takes the folder, made if it is not there. Owner and mode are checked here and never again. The pages are for the group with
+    /// this number to read, else for that of the process.
     ///
     /// # Errors
     /// [`PageError`]: it is not on a tmpfs, not this account's alone to write in, or another daemon publishes there.
-    pub fn open(path: &Path, permissions: Permissions) -> Result<Self, PageError> {
+    pub fn open(path: &Path, group: Option<u32>) -> Result<Self, PageError> {
         if std::fs::symlink_metadata(path).is_err() {
-            make(path, permissions)?;
+            make(path, group)?;
         }
         private_in_memory(path)?;
         let at = path.join(LOCK);
-        let mut options = OpenOptions::new();
+        let mut options = File::options();
         options.read(true).write(true).create(true).truncate(false).mode(0o600).custom_flags(nix::libc::O_NOFOLLOW);
-        let lock = options.open(&at).map_err(PageError::of(&at, "opening the lock"))?;
-        let lock = Lock::take(lock).map_err(|error| match error {
-            TryLockError::WouldBlock => wrong(path, "another daemon publishes its pages there"),
-            TryLockError::Error(source) => PageError::of(&at, "locking")(source),
+        let file = options.open(&at).map_err(PageError::of(&at, "opening the lock"))?;
+        file.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => PageError::refused(path, "another daemon publishes its pages there"),
+            TryLockError::Error(error) => PageError::of(&at, "locking")(error),
         })?;
-        Ok(Self { path: path.to_owned(), permissions, lock: Arc::new(lock) })
+        Ok(Self { path: path.to_owned(), group, lock: Arc::new(Lock(file)) })
     }
 
     /// Makes the page of a patch, in the place of one that an earlier daemon left.
@@ -51,19 +53,15 @@ impl Folder {
     /// # Errors
     /// [`PageError`], where the system says no.
     pub fn page(&self, patch: &str, limits: Limits) -> Result<PageWriter, PageError> {
-        PageWriter::create((&self.path, Arc::clone(&self.lock)), patch, limits, self.permissions)
+        PageWriter::create((&self.path, Arc::clone(&self.lock)), patch, limits, self.group)
     }
-}
-
-fn wrong(path: &Path, problem: &str) -> PageError {
-    PageError::Refused { path: path.to_owned(), problem: problem.to_owned() }
 }
 
 /// Whether what has the path is a folder of this account alone, and on a tmpfs.
 fn private_in_memory(path: &Path) -> Result<(), PageError> {
     let about = std::fs::symlink_metadata(path).map_err(PageError::of(path, "looking at the folder"))?;
     if !about.is_dir() {
-        return Err(wrong(path, "is there and is not a folder"));
+        return Err(PageError::refused(path, "is there and is not a folder"));
     }
     if about.uid() != geteuid().as_raw() || about.mode() & OTHERS_WRITE != 0 {
         let (owner, mode) = (about.uid(), about.mode() & 0o7777);
@@ -72,25 +70,22 @@ fn private_in_memory(path: &Path) -> Result<(), PageError> {
              folder of this account in which nobody else writes; remove it, or name another in a folder where not \
              everybody may make one, as in /run/taxeld"
         );
-        return Err(wrong(path, &problem));
+        return Err(PageError::refused(path, problem));
     }
-    let system = statfs(path).map_err(|error| PageError::of(path, "looking at the file system")(error.into()))?;
+    let system = statfs(path).map_err(PageError::of(path, "looking at the file system"))?;
     if system.filesystem_type() != TMPFS_MAGIC {
         let why = "a disk could hold the engine up: expected a folder on a tmpfs, as in /dev/shm or /run";
-        return Err(wrong(path, why));
+        return Err(PageError::refused(path, why));
     }
     Ok(())
 }
 
-/// Whoever may read pages may look into the folder.
-fn make(path: &Path, permissions: Permissions) -> Result<(), PageError> {
+/// The group that may read pages may look into the folder.
+fn make(path: &Path, group: Option<u32>) -> Result<(), PageError> {
     let mut builder = DirBuilder::new();
     builder.recursive(true).mode(0o755).create(path).map_err(PageError::of(path, "making the folder"))?;
-    if permissions.group.is_some() {
-        std::os::unix::fs::chown(path, None, permissions.group)
-            .map_err(PageError::of(path, "giving the folder to the group, of which the daemon has to be a member"))?;
-    }
-    let mode = if permissions.mode & 0o004 != 0 { 0o755 } else { 0o750 };
-    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode))
+    std::os::unix::fs::chown(path, None, group)
+        .map_err(PageError::of(path, "giving the folder to the group, of which the daemon has to be a member"))?;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o750))
         .map_err(PageError::of(path, "setting the folder's mode"))
 }

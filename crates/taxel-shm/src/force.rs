@@ -53,7 +53,7 @@ impl fmt::Display for NoForce {
                 write!(
                     f,
                     "there is no page to be read: no daemon runs, it has another patch, this account is not in the \
-                     page's group, or another account can have put it there"
+                     page's group, or others may write in it or in its folder"
                 )
             }
             Self::NothingYet => write!(f, "no sample yet"),
@@ -66,26 +66,13 @@ impl fmt::Display for NoForce {
     }
 }
 
-/// What a reader found, at a reading of its clock that was made after all of it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Found {
-    pub(crate) sample: Sample,
-    pub(crate) beat_ns: i64,
-    pub(crate) closed: bool,
-    pub(crate) now_ns: i64,
-}
-
-/// The force, if it may be acted on.
-pub(crate) fn judge(found: &Found, limits: Limits) -> Result<Force, NoForce> {
-    let Found { sample, beat_ns, closed, now_ns } = found;
-    if *closed {
-        return Err(NoForce::Closed);
-    }
+/// The force, if it may be acted on at `now_ns`, a reading of the clock that was made after all else was found.
+pub(crate) fn judge(sample: &Sample, beat_ns: i64, now_ns: i64, limits: Limits) -> Result<Force, NoForce> {
     let since = |then_ns: i64| match now_ns.checked_sub(then_ns).and_then(|ns| u64::try_from(ns).ok()) {
         Some(ns) => Ok(Duration::from_nanos(ns)),
         None => Err(NoForce::OtherClock),
     };
-    let silence = since(*beat_ns)?;
+    let silence = since(beat_ns)?;
     if silence > limits.beat {
         return Err(NoForce::WriterGone(silence));
     }
@@ -106,15 +93,13 @@ mod tests {
     const MS: i64 = 1_000_000;
     const LIMITS: Limits = Limits { age: Duration::from_millis(150), beat: Duration::from_millis(100) };
 
-    fn good() -> Found {
-        let sample =
-            Sample { state: State::Ok, total_n: Some(4.9), monotonic_ns: Some(1_000 * MS), ..Sample::default() };
-        Found { sample, beat_ns: 1_060 * MS, closed: false, now_ns: 1_080 * MS }
+    fn good() -> Sample {
+        Sample { state: State::Ok, total_n: Some(4.9), monotonic_ns: Some(1_000 * MS), ..Sample::default() }
     }
 
     #[test]
     fn a_force_is_good_up_to_both_limits_and_not_beyond() {
-        let force = judge(&good(), LIMITS).unwrap();
+        let force = judge(&good(), 1_060 * MS, 1_080 * MS, LIMITS).unwrap();
         assert_eq!((force.total_n, force.age), (4.9, Duration::from_millis(80)));
         for (now_ms, beat_ms, expected) in [
             (1_150, 1_060, Ok(150)),
@@ -127,8 +112,8 @@ mod tests {
             (999, 900, Err("stamps of the future: reader and daemon do not have the same clock")),
             (1_059, 1_060, Err("stamps of the future: reader and daemon do not have the same clock")),
         ] {
-            let found = Found { now_ns: now_ms * MS, beat_ns: beat_ms * MS, ..good() };
-            let judged = judge(&found, LIMITS).map(|force| force.age.as_millis()).map_err(|why| why.to_string());
+            let judged = judge(&good(), beat_ms * MS, now_ms * MS, LIMITS);
+            let judged = judged.map(|force| force.age.as_millis()).map_err(|why| why.to_string());
             assert_eq!(judged, expected.map_err(str::to_owned), "now {now_ms}, beat {beat_ms}");
         }
     }
@@ -136,22 +121,20 @@ mod tests {
     #[test]
     fn clocks_that_differ_by_any_amount_give_no_force() {
         for (now_ns, frame_ns) in [(i64::MAX, i64::MIN), (i64::MIN, i64::MAX), (0, i64::MIN), (-1, 0)] {
-            let sample = Sample { monotonic_ns: Some(frame_ns), ..good().sample };
-            let found = Found { sample, now_ns, beat_ns: now_ns, ..good() };
-            assert!(judge(&found, LIMITS).is_err(), "{now_ns} {frame_ns}");
+            let sample = Sample { monotonic_ns: Some(frame_ns), ..good() };
+            assert!(judge(&sample, now_ns, now_ns, LIMITS).is_err(), "{now_ns} {frame_ns}");
         }
     }
 
     #[test]
     fn only_ok_and_degraded_of_a_living_writer_with_a_frame_and_a_number_are_forces() {
-        let of = |sample: Sample| judge(&Found { sample, ..good() }, LIMITS);
+        let of = |sample: Sample| judge(&sample, 1_060 * MS, 1_080 * MS, LIMITS);
         for state in [State::Unspecified, State::Stale, State::TareInvalid, State::Uncalibrated] {
-            let why = of(Sample { state, reasons: Text::new("unload"), ..good().sample }).unwrap_err();
+            let why = of(Sample { state, reasons: Text::new("unload"), ..good() }).unwrap_err();
             assert_eq!(why.to_string(), format!("{}: unload", state.name()));
         }
-        assert!(of(Sample { state: State::Degraded, ..good().sample }).is_ok());
-        assert!(of(Sample { total_n: None, ..good().sample }).is_err());
-        assert!(of(Sample { monotonic_ns: None, ..good().sample }).is_err());
-        assert_eq!(judge(&Found { closed: true, ..good() }, LIMITS), Err(NoForce::Closed));
+        assert!(of(Sample { state: State::Degraded, ..good() }).is_ok());
+        assert!(of(Sample { total_n: None, ..good() }).is_err());
+        assert!(of(Sample { monotonic_ns: None, ..good() }).is_err());
     }
 }

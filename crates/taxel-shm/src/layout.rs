@@ -12,17 +12,12 @@ pub const PAGE_BYTES: usize = 4096;
 pub(crate) const PAGE_WORDS: usize = PAGE_BYTES / 8;
 /// The first eight bytes.
 pub(crate) const MAGIC: [u8; 8] = *b"TAXELFRC";
-/// Bytes for the patch's name.
-pub(crate) const NAME_BYTES: usize = 64;
 
 // The header, by word. It is written before the page has its name and never again.
 pub(crate) const AT_MAGIC: usize = 0;
 pub(crate) const AT_VERSION_AND_BYTES: usize = 1;
-pub(crate) const AT_GENERATION: usize = 2;
-pub(crate) const AT_PID: usize = 3;
 pub(crate) const AT_AGE_LIMIT: usize = 4;
 pub(crate) const AT_BEAT_LIMIT: usize = 5;
-pub(crate) const AT_NAME: usize = 6;
 
 // What changes.
 /// How many samples were written: sample n is in place n % 2.
@@ -62,20 +57,13 @@ const REASONS: usize = 30;
 /// CRC-32 of all words before it, for readers whose language has no memory barriers.
 const CHECK: usize = 63;
 
-// Flags: what is there.
+// Flags. A figure that is not there is NaN.
 const SEEN: u32 = 1;
-const HAS_TOTAL: u32 = 1 << 1;
-const HAS_SIGMA: u32 = 1 << 2;
-const HAS_FLOOR: u32 = 1 << 3;
-const HAS_RESULTANT: u32 = 1 << 4;
-const HAS_MOMENT: u32 = 1 << 5;
-const HAS_CENTRE: u32 = 1 << 6;
-const LOWER_BOUND: u32 = 1 << 7;
-const SIMULATED: u32 = 1 << 8;
+const LOWER_BOUND: u32 = 1 << 1;
+const SIMULATED: u32 = 1 << 2;
 
 // Every part is inside of the page, and no two overlap.
 const _: () = {
-    assert!(AT_NAME + NAME_BYTES / 8 <= AT_WRITES);
     assert!(AT_CLOSED < AT_SAMPLES[0] && AT_SAMPLES[0] + SAMPLE_WORDS <= AT_SAMPLES[1]);
     assert!(AT_SAMPLES[1] + SAMPLE_WORDS <= PAGE_WORDS);
     assert!(MODEL_SET + MODEL_SET_BYTES / 8 <= REASONS && REASONS + REASON_BYTES / 8 <= CHECK);
@@ -109,45 +97,35 @@ pub(crate) fn get_bytes<const N: usize>(words: &[u64]) -> [u8; N] {
     bytes
 }
 
-/// A figure and its flag; one that is absent or no number is NaN and has none.
-fn put<const N: usize>(words: &mut SampleWords, at: usize, flag: u32, figure: Option<[f64; N]>) -> u32 {
-    let known = figure.filter(|parts| parts.iter().all(|part| part.is_finite()));
-    let parts = known.unwrap_or([f64::NAN; N]);
-    for (word, part) in words[at..].iter_mut().zip(parts) {
-        *word = part.to_bits();
-    }
-    if known.is_some() { flag } else { 0 }
+/// A figure; one that is absent or no number is NaN.
+fn put<const N: usize>(words: &mut SampleWords, at: usize, figure: Option<[f64; N]>) {
+    let parts = figure.filter(|parts| parts.iter().all(|part| part.is_finite())).unwrap_or([f64::NAN; N]);
+    words[at..at + N].copy_from_slice(&parts.map(f64::to_bits));
 }
 
-/// A figure, if its flag says that it is there and it is a number.
-fn get<const N: usize>(words: &SampleWords, at: usize, flag: u32, flags: u32) -> Option<[f64; N]> {
-    let mut parts = [f64::NAN; N];
-    for (part, word) in parts.iter_mut().zip(&words[at..]) {
-        *part = f64::from_bits(*word);
-    }
-    Some(parts).filter(|parts| flags & flag != 0 && parts.iter().all(|part| part.is_finite()))
+/// A figure, if it is a number.
+fn get<const N: usize>(words: &SampleWords, at: usize) -> Option<[f64; N]> {
+    let parts: [f64; N] = std::array::from_fn(|part| f64::from_bits(words[at + part]));
+    Some(parts).filter(|parts| parts.iter().all(|part| part.is_finite()))
 }
 
 /// The sample as words.
 pub(crate) fn encode(sample: &Sample) -> SampleWords {
     let mut words = [0; SAMPLE_WORDS];
-    let one = |figure: Option<f64>| figure.map(|figure| [figure]);
     words[SEQUENCE] = sample.sequence;
     words[MONOTONIC] = sample.monotonic_ns.unwrap_or_default().cast_unsigned();
     words[WALL] = sample.wall_ns.cast_unsigned();
     words[WRITTEN] = sample.written_ns.cast_unsigned();
-    let flags = [
-        if sample.monotonic_ns.is_some() { SEEN } else { 0 },
-        if sample.lower_bound { LOWER_BOUND } else { 0 },
-        if sample.simulated { SIMULATED } else { 0 },
-        put(&mut words, TOTAL, HAS_TOTAL, one(sample.total_n)),
-        put(&mut words, SIGMA, HAS_SIGMA, one(sample.sigma_n)),
-        put(&mut words, FLOOR, HAS_FLOOR, one(sample.detection_floor_n)),
-        put(&mut words, RESULTANT, HAS_RESULTANT, sample.resultant_n),
-        put(&mut words, MOMENT, HAS_MOMENT, sample.moment_nm),
-        put(&mut words, CENTRE, HAS_CENTRE, sample.centre_of_pressure_m),
-    ];
-    words[STATE_AND_FLAGS] = pair(sample.state as u32, flags.iter().fold(0, |all, flag| all | flag));
+    let flags =
+        [(sample.monotonic_ns.is_some(), SEEN), (sample.lower_bound, LOWER_BOUND), (sample.simulated, SIMULATED)];
+    let flags = flags.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, flag)| all | flag);
+    words[STATE_AND_FLAGS] = pair(sample.state as u32, flags);
+    for (at, figure) in [(TOTAL, sample.total_n), (SIGMA, sample.sigma_n), (FLOOR, sample.detection_floor_n)] {
+        put(&mut words, at, figure.map(|figure| [figure]));
+    }
+    put(&mut words, RESULTANT, sample.resultant_n);
+    put(&mut words, MOMENT, sample.moment_nm);
+    put(&mut words, CENTRE, sample.centre_of_pressure_m);
     words[ACTIVE_AND_EXCLUDED] = pair(sample.active, sample.excluded);
     words[STALE_AND_OUT_OF_RANGE] = pair(sample.stale, sample.out_of_range);
     words[FILLED] = pair(sample.filled, 0);
@@ -162,7 +140,7 @@ pub(crate) fn encode(sample: &Sample) -> SampleWords {
 /// The sample of these words, whatever they are.
 pub(crate) fn decode(words: &SampleWords) -> Sample {
     let (state, flags) = unpair(words[STATE_AND_FLAGS]);
-    let one = |at: usize, flag: u32| get::<1>(words, at, flag, flags).map(|[figure]| figure);
+    let one = |at: usize| get::<1>(words, at).map(|[figure]| figure);
     let (active, excluded) = unpair(words[ACTIVE_AND_EXCLUDED]);
     let (stale, out_of_range) = unpair(words[STALE_AND_OUT_OF_RANGE]);
     Sample {
@@ -173,12 +151,12 @@ pub(crate) fn decode(words: &SampleWords) -> Sample {
         state: State::of_number(state),
         lower_bound: flags & LOWER_BOUND != 0,
         simulated: flags & SIMULATED != 0,
-        total_n: one(TOTAL, HAS_TOTAL),
-        sigma_n: one(SIGMA, HAS_SIGMA),
-        detection_floor_n: one(FLOOR, HAS_FLOOR),
-        resultant_n: get(words, RESULTANT, HAS_RESULTANT, flags),
-        moment_nm: get(words, MOMENT, HAS_MOMENT, flags),
-        centre_of_pressure_m: get(words, CENTRE, HAS_CENTRE, flags),
+        total_n: one(TOTAL),
+        sigma_n: one(SIGMA),
+        detection_floor_n: one(FLOOR),
+        resultant_n: get(words, RESULTANT),
+        moment_nm: get(words, MOMENT),
+        centre_of_pressure_m: get(words, CENTRE),
         active,
         excluded,
         stale,

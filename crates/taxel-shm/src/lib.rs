@@ -6,7 +6,8 @@
 //!    nothing any more, so what it wrote grows old and is refused ([`Page::force`]).
 //! 2. A sample is whole or refused. The page holds two samples; the writer never touches the newest one (`latch`).
 //! 3. Readers map the page read-only. Nothing that they do, or leave undone, reaches the writer, which never waits.
-//! 4. A page that another account can have put there is none ([`Page::open`], [`Reader::trusting`]).
+//! 4. Pages lie in a folder of one daemon, in which nobody else can write: the daemon takes no other ([`Folder`]), a reader believes no
+//!    other ([`Page::open`]).
 //! 5. A page is complete before it has its name, and no page is used again: a new daemon makes new ones.
 //!
 //! Every byte of a page is described in `deploy/shared-memory.md` of the repository; `deploy/taxel_force.h` reads the same
@@ -18,13 +19,11 @@ mod folder;
 mod force;
 mod latch;
 mod layout;
-mod lock;
 #[allow(unsafe_code)]
 mod map;
 mod reader;
 mod sample;
 mod text;
-mod trust;
 mod writer;
 
 pub use clock::now_ns;
@@ -35,4 +34,4 @@ pub use layout::{PAGE_BYTES, VERSION};
 pub use reader::{Page, Reader};
 pub use sample::{Sample, State};
 pub use text::Text;
-pub use writer::{PageWriter, Permissions};
+pub use writer::PageWriter;

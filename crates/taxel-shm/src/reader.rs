@@ -1,7 +1,6 @@
 //! A controller's side: the newest force of a page, judged now.
 
 use std::fs::OpenOptions;
-use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -9,16 +8,15 @@ use std::time::Duration;
 
 use crate::clock::now_ns;
 use crate::error::PageError;
-use crate::force::{Force, Found, Limits, NoForce, judge};
+use crate::folder::OTHERS_WRITE;
+use crate::force::{Force, Limits, NoForce, judge};
 use crate::latch;
 use crate::layout::{
-    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_VERSION_AND_BYTES, MAGIC,
-    NAME_BYTES, PAGE_BYTES, VERSION, decode, get_bytes, unpair,
+    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_MAGIC, AT_VERSION_AND_BYTES, MAGIC, PAGE_BYTES, VERSION,
+    decode, unpair,
 };
 use crate::map::Map;
 use crate::sample::Sample;
-use crate::text::Text;
-use crate::trust::believe;
 
 /// How often a [`Reader`] without a living page looks for a new one.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -33,26 +31,22 @@ pub struct Page {
 }
 
 impl Page {
-    /// Maps the page of this file, read-only, if nobody but root and this account can have put it there.
+    /// Maps the page of this file, read-only.
     ///
     /// # Errors
-    /// [`PageError`], if there is none, it may not be read, another account can have made it, or its layout is another one.
+    /// [`PageError`], if there is none, it may not be read, others may write in it or in its folder, or its layout is another one.
     pub fn open(path: &Path) -> Result<Self, PageError> {
-        Self::open_of(path, None)
-    }
-
-    /// The same, where the account with the number `owner` may have put it there, too.
-    ///
-    /// # Errors
-    /// As of [`Page::open`].
-    pub fn open_of(path: &Path, owner: Option<u32>) -> Result<Self, PageError> {
         // What is no file must not hold a control loop up, as a pipe would.
         let mut options = OpenOptions::new();
         let file = options.read(true).custom_flags(nix::libc::O_NONBLOCK).open(path);
         let file = file.map_err(PageError::of(path, "opening the page"))?;
         let about = file.metadata().map_err(PageError::of(path, "looking at the page"))?;
-        believe(path, &about, owner)?;
-        let wrong = |problem: String| PageError::Refused { path: path.to_owned(), problem };
+        let wrong = |problem: String| PageError::refused(path, problem);
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let of_folder = std::fs::metadata(folder).map_err(PageError::of(folder, "looking at the folder"))?;
+        if (about.mode() | of_folder.mode()) & OTHERS_WRITE != 0 {
+            return Err(wrong("others may write in it or in its folder: expected those of a daemon alone".to_owned()));
+        }
         if !about.is_file() || about.len() < PAGE_BYTES as u64 {
             return Err(wrong(format!("{} bytes, expected a file of {PAGE_BYTES}", about.len())));
         }
@@ -78,20 +72,6 @@ impl Page {
         self.limits
     }
 
-    /// Name of the patch.
-    #[must_use]
-    pub fn patch(&self) -> Text<NAME_BYTES> {
-        let words = &self.map.words()[AT_NAME..AT_NAME + NAME_BYTES / 8];
-        let words: [u64; NAME_BYTES / 8] = std::array::from_fn(|at| words[at].load(Ordering::Relaxed));
-        Text::of_bytes(get_bytes(&words))
-    }
-
-    /// Another number for each page that was ever made: the wall clock in ns when that was.
-    #[must_use]
-    pub fn generation(&self) -> u64 {
-        self.map.words()[AT_GENERATION].load(Ordering::Relaxed)
-    }
-
     /// The newest sample as it was written, good or not; `None` before the first one. Not for controllers.
     #[must_use]
     pub fn newest(&self) -> Option<Sample> {
@@ -106,14 +86,13 @@ impl Page {
     pub fn force(&self, age_max: Option<Duration>) -> Result<Force, NoForce> {
         let word = |at: usize| self.map.words()[at].load(Ordering::Relaxed);
         let sample = self.newest();
-        let (beat_ns, closed) = (word(AT_BEAT).cast_signed(), word(AT_CLOSED) != 0);
-        // Read last: nothing that was found can be of a later moment, unless it has another clock.
-        let now_ns = now_ns();
-        let Some(sample) = sample else {
-            return Err(if closed { NoForce::Closed } else { NoForce::NothingYet });
-        };
+        let beat_ns = word(AT_BEAT).cast_signed();
+        if word(AT_CLOSED) != 0 {
+            return Err(NoForce::Closed);
+        }
         let age = age_max.map_or(self.limits.age, |own| own.min(self.limits.age));
-        judge(&Found { sample, beat_ns, closed, now_ns }, Limits { age, ..self.limits })
+        // The clock is read last: nothing that was found can be of a later moment, unless it has another clock.
+        judge(&sample.ok_or(NoForce::NothingYet)?, beat_ns, now_ns(), Limits { age, ..self.limits })
     }
 }
 
@@ -121,7 +100,6 @@ impl Page {
 #[derive(Debug)]
 pub struct Reader {
     path: PathBuf,
-    owner: Option<u32>,
     age_max: Option<Duration>,
     page: Option<Page>,
     look_at_ns: i64,
@@ -132,15 +110,7 @@ impl Reader {
     /// stricter one than the daemon.
     #[must_use]
     pub fn new(path: impl Into<PathBuf>, age_max: Option<Duration>) -> Self {
-        Self { path: path.into(), owner: None, age_max, page: None, look_at_ns: i64::MIN }
-    }
-
-    /// Believes pages of the account with this number, too. Without it only those that nobody but root and this account can
-    /// have put there, which is so where the daemon runs under the same account, or has its pages in a folder like
-    /// `/run/taxeld`, where nobody else can make any.
-    #[must_use]
-    pub fn trusting(self, owner: u32) -> Self {
-        Self { owner: Some(owner), ..self }
+        Self { path: path.into(), age_max, page: None, look_at_ns: i64::MIN }
     }
 
     /// The newest force, if it may be acted on now. While there is no living page it looks for a new one, at most every
@@ -153,10 +123,7 @@ impl Reader {
         // A page without a sample may be that of a daemon that was killed as it started.
         let lost =
             matches!(judged, Err(NoForce::NoPage | NoForce::NothingYet | NoForce::Closed | NoForce::WriterGone(_)));
-        if !lost || !self.is_due() || !self.finds_another() {
-            return judged;
-        }
-        self.judged()
+        if lost && self.finds_another() { self.judged() } else { judged }
     }
 
     /// The page that is read at present.
@@ -169,25 +136,17 @@ impl Reader {
         self.page.as_ref().map_or(Err(NoForce::NoPage), |page| page.force(self.age_max))
     }
 
-    fn is_due(&mut self) -> bool {
-        let now_ns = now_ns();
-        let due = now_ns >= self.look_at_ns;
-        if due {
-            self.look_at_ns = now_ns.saturating_add(LOOK_EVERY.as_nanos() as i64);
-        }
-        due
-    }
-
     /// Whether there is a page under the name that is not the present one, which it then is.
     fn finds_another(&mut self) -> bool {
-        let about: io::Result<(u64, u64)> = std::fs::metadata(&self.path).map(|about| (about.dev(), about.ino()));
-        let other = about.is_ok_and(|file| self.page.as_ref().is_none_or(|page| page.file != file));
-        if !other {
+        let now_ns = now_ns();
+        if now_ns < self.look_at_ns {
             return false;
         }
-        let opened = Page::open_of(&self.path, self.owner).ok();
-        let found = opened.is_some();
-        self.page = opened.or(self.page.take());
-        found
+        self.look_at_ns = now_ns.saturating_add(LOOK_EVERY.as_nanos() as i64);
+        let other = |page: &Page| self.page.as_ref().is_none_or(|known| known.file != page.file);
+        let found = Page::open(&self.path).ok().filter(other);
+        let is_found = found.is_some();
+        self.page = found.or(self.page.take());
+        is_found
     }
 }

@@ -46,15 +46,9 @@ impl State {
         }
     }
 
-    pub(crate) const fn of_number(number: u32) -> Self {
-        match number {
-            1 => Self::Ok,
-            2 => Self::Degraded,
-            3 => Self::Stale,
-            4 => Self::TareInvalid,
-            5 => Self::Uncalibrated,
-            _ => Self::Unspecified,
-        }
+    pub(crate) fn of_number(number: u32) -> Self {
+        let known = [Self::Ok, Self::Degraded, Self::Stale, Self::TareInvalid, Self::Uncalibrated];
+        known.into_iter().find(|state| *state as u32 == number).unwrap_or_default()
     }
 }
 

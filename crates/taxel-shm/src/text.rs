@@ -20,11 +20,7 @@ impl<const N: usize> Text<N> {
     #[must_use]
     pub fn as_str(&self) -> &str {
         let end = self.0.iter().position(|&byte| byte == 0).unwrap_or(N);
-        let bytes = &self.0[..end];
-        match std::str::from_utf8(bytes) {
-            Ok(text) => text,
-            Err(error) => std::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default(),
-        }
+        self.0[..end].utf8_chunks().next().map_or("", |chunk| chunk.valid())
     }
 
     pub(crate) const fn of_bytes(bytes: [u8; N]) -> Self {

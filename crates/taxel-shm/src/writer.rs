@@ -1,33 +1,37 @@
 //! The daemon's side: the one writer of a page.
 
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use crate::clock::now_ns;
 use crate::error::PageError;
 use crate::force::Limits;
 use crate::latch;
 use crate::layout::{
-    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_PID, AT_VERSION_AND_BYTES,
-    MAGIC, NAME_BYTES, PAGE_BYTES, PAGE_WORDS, VERSION, encode, pair, put_bytes,
+    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_MAGIC, AT_VERSION_AND_BYTES, MAGIC, PAGE_BYTES, VERSION,
+    encode, pair,
 };
-use crate::lock::Lock;
 use crate::map::Map;
 use crate::sample::Sample;
-use crate::text::Text;
 
-/// Who may read pages.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Permissions {
-    /// Mode of the pages; nobody but their owner may write.
-    pub mode: u32,
-    /// Number of their group; else that of the process.
-    pub group: Option<u32>,
+/// The daemon writes a page, its group reads it.
+const MODE: u32 = 0o640;
+
+/// That this process alone publishes there, also for as long as there is a page.
+#[derive(Debug)]
+pub(crate) struct Lock(pub(crate) File);
+
+impl Drop for Lock {
+    /// To close the file would not be enough: a process that another thread starts just now has a copy of it until it runs its
+    /// own program, and keeps the lock with that.
+    fn drop(&mut self) {
+        let _ = self.0.unlock(); // it fails where the system has lost the file, and the lock with that
+    }
 }
 
 /// Writes a page: some hundred bytes of memory a sample, no system call but that of the clock, no waiting.
@@ -48,12 +52,12 @@ impl PageWriter {
         (folder, lock): (&Path, Arc<Lock>),
         patch: &str,
         limits: Limits,
-        permissions: Permissions,
+        group: Option<u32>,
     ) -> Result<Self, PageError> {
         let path = folder.join(patch);
         let new = folder.join(format!(".{patch}.new"));
         let _ = std::fs::remove_file(&new); // of a daemon that was killed at this very place; else it is not there
-        let made = make(&new, header(patch, limits), permissions).and_then(|made| {
+        let made = make(&new, limits, group).and_then(|made| {
             std::fs::rename(&new, &path).map_err(PageError::of(&path, "naming the page"))?;
             Ok(made)
         });
@@ -81,39 +85,27 @@ impl PageWriter {
 }
 
 /// Makes the file of a page, complete but for its name.
-fn make(new: &Path, header: [u64; PAGE_WORDS], permissions: Permissions) -> Result<Map, PageError> {
+fn make(new: &Path, limits: Limits, group: Option<u32>) -> Result<Map, PageError> {
     let mut options = OpenOptions::new();
     options.read(true).write(true).create_new(true).mode(0o600);
     let mut file = options.open(new).map_err(PageError::of(new, "making the page"))?;
     // Written and not only sized, so that the memory is there, and its want is told here and not by a signal later.
     file.write_all(&[0; PAGE_BYTES]).map_err(PageError::of(new, "making the page"))?;
     let map = Map::for_writing(&file).map_err(PageError::of(new, "mapping the page"))?;
-    for (word, value) in map.words().iter().zip(header) {
-        word.store(value, Ordering::Relaxed);
-    }
-    if permissions.group.is_some() {
-        std::os::unix::fs::fchown(&file, None, permissions.group)
-            .map_err(PageError::of(new, "giving the page to the group, of which the daemon has to be a member"))?;
-    }
-    file.set_permissions(std::fs::Permissions::from_mode(permissions.mode))
+    let ns = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
+    let header = [
+        (AT_MAGIC, u64::from_ne_bytes(MAGIC)),
+        (AT_VERSION_AND_BYTES, pair(VERSION, PAGE_BYTES as u32)),
+        (AT_AGE_LIMIT, ns(limits.age)),
+        (AT_BEAT_LIMIT, ns(limits.beat)),
+        (AT_BEAT, now_ns().cast_unsigned()),
+    ];
+    header.iter().for_each(|&(at, word)| map.words()[at].store(word, Ordering::Relaxed));
+    std::os::unix::fs::fchown(&file, None, group)
+        .map_err(PageError::of(new, "giving the page to the group, of which the daemon has to be a member"))?;
+    file.set_permissions(std::fs::Permissions::from_mode(MODE))
         .map_err(PageError::of(new, "setting the page's mode"))?;
     Ok(map)
-}
-
-/// What is in a page before its first sample.
-fn header(patch: &str, limits: Limits) -> [u64; PAGE_WORDS] {
-    let mut words = [0; PAGE_WORDS];
-    let ns = |span: std::time::Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
-    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    words[AT_MAGIC] = u64::from_ne_bytes(MAGIC);
-    words[AT_VERSION_AND_BYTES] = pair(VERSION, PAGE_BYTES as u32);
-    words[AT_GENERATION] = ns(since_1970);
-    words[AT_PID] = u64::from(std::process::id());
-    words[AT_AGE_LIMIT] = ns(limits.age);
-    words[AT_BEAT_LIMIT] = ns(limits.beat);
-    put_bytes(&mut words[AT_NAME..], Text::<NAME_BYTES>::new(patch).bytes());
-    words[AT_BEAT] = now_ns().cast_unsigned();
-    words
 }
 
 impl Drop for PageWriter {

@@ -21,7 +21,6 @@ int main(int argc, char **argv) {
     taxel_force force;
     taxel_force_status status;
     if (argc < 2 || taxel_force_init(&reader, argv[1]) != 0) return 2;
-    if (argc > 2) taxel_force_trust(&reader, (uid_t)atoi(argv[2])); /* usage: print PAGE [OWNER] */
     status = taxel_force_follow(&reader, 0, &force);
     printf("status %d\n", (int)status);
     printf("sequence %" PRIu64 " stamps %" PRId64 " %" PRId64 " %" PRId64 "\n", force.sequence, force.monotonic_ns,

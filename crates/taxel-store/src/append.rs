@@ -1,6 +1,6 @@
 //! Records become rows, in the order they happened: all of a batch or none.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 use taxel_engine::audit::Answered;
@@ -8,71 +8,53 @@ use taxel_engine::calibration::SessionView;
 use taxel_engine::record::{Record, Sample};
 
 use crate::audit;
+use crate::db::State;
 use crate::error::StoreError;
 use crate::facts::{self, Key};
 use crate::restore::{ACTIVE, Active, GENERATION, LOAD, NEXT_SESSION, SESSION, ZEROS};
 use crate::samples::{self, Block};
 use crate::sets;
-use crate::stored::{StoredLoad, StoredView, StoredZeros};
 use crate::watch::Watch;
-
-/// What must be known of the rows between transactions.
-#[derive(Debug, Default)]
-pub(crate) struct Appender {
-    /// How many commits the file has had.
-    pub(crate) generation: u64,
-    /// How many samples each session has, and so which comes next.
-    pub(crate) samples: BTreeMap<u64, u64>,
-    /// Requests of this run that have no result yet: their entries, by their numbers in the run.
-    asked: HashMap<u64, u64>,
-    /// Something was deleted that the log or the copy still holds.
-    pub(crate) erasing: bool,
-    /// Something was written that the copy has to have.
-    pub(crate) copy_due: bool,
-}
 
 /// A transaction on its way.
 struct Change<'a> {
     transaction: &'a Transaction<'a>,
-    appender: &'a mut Appender,
+    state: &'a mut State,
     /// Samples that are not written yet.
     block: Option<Block>,
     /// Sessions that got samples.
     grown: BTreeMap<u64, u64>,
 }
 
-impl Appender {
-    pub(crate) fn new(generation: u64, samples: BTreeMap<u64, u64>) -> Self {
-        Self { generation, samples, ..Self::default() }
-    }
-
+impl State {
     /// Writes all records or none, and returns once the disk has them: per session that grew, how many samples it has now.
     pub(crate) fn write<'r>(
         &mut self,
         connection: &Connection,
-        watch: Option<&mut Watch>,
-        records: impl Iterator<Item = &'r Record>,
-    ) -> Result<Vec<(u64, u64)>, StoreError> {
+        mut records: impl Iterator<Item = &'r Record>,
+    ) -> Result<BTreeMap<u64, u64>, StoreError> {
+        if let Some(first) = &self.failure {
+            return Err(StoreError::ReadOnly(first.to_string()));
+        }
         // What is appended to a log that was cut off would hide that.
-        watch.as_deref().map_or(Ok(()), Watch::check)?;
+        self.check()?;
         let transaction = Transaction::new_unchecked(connection, TransactionBehavior::Immediate)?;
         let generation = self.generation + 1;
-        let mut change = Change { transaction: &transaction, appender: self, block: None, grown: BTreeMap::new() };
-        records.into_iter().try_for_each(|record| change.append(record))?;
+        let mut change = Change { transaction: &transaction, state: self, block: None, grown: BTreeMap::new() };
+        records.try_for_each(|record| change.append(record))?;
         change.write_block()?;
-        let grown = std::mem::take(&mut change.grown);
+        let grown = change.grown;
         facts::put(&transaction, GENERATION, &generation)?;
         if let Err(error) = transaction.commit() {
-            let failed = StoreError::from(error);
             // What was refused is in the log with all its pages, where the next start would find it.
-            return Err(watch.as_deref().map_or(Ok(()), Watch::cut_log).err().map_or(failed.clone(), |why| {
-                failed.with(&format!("; the next start may find what was refused, as it could not be cut off: {why}"))
-            }));
+            let Some(Err(why)) = self.watch.as_ref().map(Watch::cut_log) else { return Err(error.into()) };
+            let left = "the next start may find what was refused, as it could not be cut off";
+            return Err(StoreError::Disk(format!("{error}; {left}: {why}")));
         }
         self.generation = generation;
         // A commit into a file that nobody finds again is none.
-        watch.map_or(Ok(()), Watch::committed)?;
-        Ok(grown.into_iter().collect())
+        self.watch.as_mut().map_or(Ok(()), Watch::committed)?;
+        Ok(grown)
     }
 }
 
@@ -90,25 +72,20 @@ impl Change<'_> {
             Record::Activated { patch, model_set, wall_ns } => self.activated(patch, model_set, *wall_ns),
             Record::ModelSetDeleted { model_set, .. } => self.delete_set(model_set),
             Record::SessionDeleted { session, .. } => self.delete_session(*session),
-            Record::Load(load) => {
-                let load = StoredLoad((**load).clone());
-                facts::put(connection, Key::numbered(LOAD, load.0.number), &load)
-            }
+            Record::Load(load) => facts::put(connection, Key::numbered(LOAD, load.number), &**load),
             Record::Asked(asked) => {
-                self.appender.asked.insert(asked.request, audit::put_asked(connection, asked)?);
+                self.state.asked.insert(asked.request, audit::put_asked(connection, asked)?);
                 Ok(())
             }
             Record::Answered(answered) => self.answered(answered),
-            Record::BoardZeros { patch, zeros, .. } => {
-                facts::put(connection, Key::named(ZEROS, patch), &StoredZeros::of(zeros))
-            }
+            Record::BoardZeros { patch, zeros, .. } => facts::put(connection, Key::named(ZEROS, patch), zeros),
             // The audit log says who took it; nothing is restored from it.
             Record::Tared { .. } | Record::Sample { .. } => Ok(()),
         }
     }
 
     fn sample(&mut self, session: u64, index: u64, sample: &Sample) -> Result<(), StoreError> {
-        let next = self.appender.samples.entry(session).or_default();
+        let next = self.state.samples.entry(session).or_default();
         if index != *next {
             let what = format!("sample {index} of session {session}");
             return Err(StoreError::Unstorable { what, reason: format!("sample {next} is the next one") });
@@ -127,25 +104,25 @@ impl Change<'_> {
     }
 
     fn session(&mut self, view: &SessionView) -> Result<(), StoreError> {
-        self.appender.copy_due |= !view.state.is_open();
+        self.state.copy_due |= !view.state.is_open();
         let next: u64 = crate::restore::state(self.transaction, NEXT_SESSION)?;
         if view.number >= next {
             facts::put(self.transaction, NEXT_SESSION, &(view.number + 1))?;
         }
-        facts::put(self.transaction, Key::numbered(SESSION, view.number), &StoredView(view.clone()))
+        facts::put(self.transaction, Key::numbered(SESSION, view.number), view)
     }
 
     fn activated(&mut self, patch: &str, model_set: &str, wall_ns: i64) -> Result<(), StoreError> {
         if !matches!(sets::text(self.transaction, model_set)?, Some(Ok(_))) {
             return Err(missing(format!("activation of model set `{model_set}` on patch `{patch}`")));
         }
-        self.appender.copy_due = true;
+        self.state.copy_due = true;
         let active = Active { model_set: model_set.to_owned(), wall_ns };
         facts::put(self.transaction, Key::named(ACTIVE, patch), &active)
     }
 
     fn delete_set(&mut self, id: &str) -> Result<(), StoreError> {
-        (self.appender.erasing, self.appender.copy_due) = (true, true);
+        (self.state.erasing, self.state.copy_due) = (true, true);
         for row in facts::all::<Active>(self.transaction, ACTIVE)? {
             if row.fact.is_ok_and(|active| active.model_set == id) {
                 facts::delete(self.transaction, Key::named(ACTIVE, &row.name))?;
@@ -156,16 +133,16 @@ impl Change<'_> {
     }
 
     fn delete_session(&mut self, session: u64) -> Result<(), StoreError> {
-        (self.appender.erasing, self.appender.copy_due) = (true, true);
+        (self.state.erasing, self.state.copy_due) = (true, true);
         let there = facts::delete(self.transaction, Key::numbered(SESSION, session))?;
         samples::delete(self.transaction, session)?;
-        self.appender.samples.remove(&session);
+        self.state.samples.remove(&session);
         self.grown.remove(&session);
         if there { Ok(()) } else { Err(missing(format!("the deletion of session {session}"))) }
     }
 
     fn answered(&mut self, answered: &Answered) -> Result<(), StoreError> {
-        match self.appender.asked.remove(&answered.request) {
+        match self.state.asked.remove(&answered.request) {
             Some(entry) => audit::put_answered(self.transaction, entry, answered),
             None => Err(missing(format!("the result of request {}", answered.request))),
         }

@@ -1,7 +1,6 @@
 //! The audit log: requests, and what came of them. A request without a result is one that the daemon did not live to answer.
 
 use rusqlite::{Connection, params};
-use serde::{Deserialize, Serialize};
 use taxel_engine::audit::{Answered, Asked, AuditEntry};
 
 use crate::error::StoreError;
@@ -14,50 +13,17 @@ const ANSWERED: &str = "answered";
 /// Most entries that are read at a time: commits wait so long.
 const ENTRIES_MAX: u32 = 1000;
 
-#[derive(Serialize, Deserialize)]
-struct StoredAsked(#[serde(with = "AskedFields")] Asked);
-
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "Asked")]
-struct AskedFields {
-    #[serde(skip)]
-    request: u64,
-    wall_ns: i64,
-    who: String,
-    role: String,
-    transport: String,
-    place: String,
-    method: String,
-    what: String,
-    claimed: String,
-    patch: String,
-    before: String,
-}
-
-#[derive(Serialize, Deserialize)]
-struct StoredAnswered(#[serde(with = "AnsweredFields")] Answered);
-
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "Answered")]
-struct AnsweredFields {
-    #[serde(skip)]
-    request: u64,
-    wall_ns: i64,
-    result: String,
-    after: String,
-}
-
 /// Adds a request. Gives the number of its entry.
 pub(crate) fn put_asked(connection: &Connection, asked: &Asked) -> Result<u64, StoreError> {
     let newest = "SELECT coalesce(max(number), 0) FROM facts WHERE kind = ?1 AND name = ''";
     let newest: u64 = connection.prepare_cached(newest)?.query_row([ASKED], |row| row.get(0))?;
-    facts::put(connection, Key::numbered(ASKED, newest + 1), &StoredAsked(asked.clone()))?;
+    facts::put(connection, Key::numbered(ASKED, newest + 1), asked)?;
     Ok(newest + 1)
 }
 
 /// Adds what came of the request of an entry.
 pub(crate) fn put_answered(connection: &Connection, entry: u64, answered: &Answered) -> Result<(), StoreError> {
-    facts::put(connection, Key::numbered(ANSWERED, entry), &StoredAnswered(answered.clone()))
+    facts::put(connection, Key::numbered(ANSWERED, entry), answered)
 }
 
 /// Entries with numbers below `before`, at most so many, newest first.
@@ -71,16 +37,10 @@ pub(crate) fn read(connection: &Connection, before: u64, most: u32) -> rusqlite:
 }
 
 fn entry(connection: &Connection, number: u64) -> rusqlite::Result<AuditEntry> {
-    let mut entry = AuditEntry { number, ..AuditEntry::default() };
-    match facts::get(connection, Key::numbered(ASKED, number))? {
-        Some(Ok(StoredAsked(asked))) => entry.asked = Some(asked),
-        Some(Err(why)) => entry.damage = format!("the request: {why}"),
-        None => {}
-    }
-    match facts::get(connection, Key::numbered(ANSWERED, number))? {
-        Some(Ok(StoredAnswered(answered))) => entry.answered = Some(answered),
-        Some(Err(why)) => entry.damage = format!("the result: {why}"),
-        None => {}
-    }
-    Ok(entry)
+    let asked = facts::get(connection, Key::numbered(ASKED, number))?.transpose();
+    let answered = facts::get(connection, Key::numbered(ANSWERED, number))?.transpose();
+    let damage = |what: &str, why: Option<&String>| why.map(|why| format!("the {what}: {why}"));
+    let damage = [damage("request", asked.as_ref().err()), damage("result", answered.as_ref().err())];
+    let damage = damage.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    Ok(AuditEntry { number, asked: asked.ok().flatten(), answered: answered.ok().flatten(), damage })
 }

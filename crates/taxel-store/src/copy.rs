@@ -6,68 +6,45 @@
 use std::path::{Path, PathBuf};
 
 use rusqlite::Connection;
-use rusqlite::backup::{Backup, StepResult};
+use rusqlite::backup::Backup;
 
 use crate::connect;
 use crate::error::StoreError;
-use crate::facts;
+use crate::facts::{self, Key};
 use crate::files::{self, COPY, COPY_PART, NEW, beside};
-use crate::restore::{self, Found, GENERATION, OPEN};
+use crate::restore::{self, Found, GENERATION, NEXT_SESSION, OPEN, ZEROS};
 use crate::schema;
-use crate::stored::StoredZeros;
 
 /// So many pages of 4 KiB are copied before commits have their turn again.
-const PAGES_AT_A_TIME: i32 = 256;
+pub(crate) const PAGES_AT_A_TIME: i32 = 256;
 
-/// A copy that is being made of a database.
-pub(crate) struct Copying<'a> {
-    backup: Backup<'a, 'a>,
+/// A file of this database's, to be filled. What is lost with it was never there, so that nothing is flushed.
+fn new(database: &Path, suffix: &str) -> Result<Connection, StoreError> {
+    let path = beside(database, suffix);
+    files::make_new(&path, database)?;
+    let connection = Connection::open(&path)?;
+    without_journal(&connection)?;
+    Ok(connection)
 }
 
-/// Where a copy is made, until it is whole.
-pub(crate) struct Part {
-    database: PathBuf,
-    part: PathBuf,
-    connection: Connection,
-}
-
-impl Part {
-    pub(crate) fn make(database: &Path) -> Result<Self, StoreError> {
-        let part = beside(database, COPY_PART);
-        files::make_new(&part, database).map_err(|error| StoreError::changing(&part, &error))?;
-        let connection = Connection::open(&part)?;
-        without_journal(&connection)?;
-        Ok(Self { database: database.to_path_buf(), part, connection })
-    }
-
-    /// Begins to copy; what is committed meanwhile is in the copy as well.
-    pub(crate) fn begin<'a>(&'a mut self, from: &'a Connection) -> Result<Copying<'a>, StoreError> {
-        Ok(Copying { backup: Backup::new(from, &mut self.connection)? })
-    }
-
-    /// Has the copy take the place of the one before.
-    pub(crate) fn finish(self) -> Result<(), StoreError> {
-        let Self { database, part, connection } = self;
-        connection.pragma_update_and_check(None, "journal_mode", "delete", |_| Ok(()))?;
-        without_journal(&connection)?;
-        // Nobody has it open, so that none of its log is missed.
-        facts::put(&connection, OPEN, &false)?;
-        connection.close().map_err(|(_, error)| StoreError::from(error))?;
-        files::put_in_place(&part, &beside(&database, COPY))
-    }
-}
-
-/// What is lost with a file that is being made was never there.
 fn without_journal(connection: &Connection) -> rusqlite::Result<()> {
     connection.pragma_update(None, "synchronous", "off")?;
     connection.pragma_update_and_check(None, "journal_mode", "off", |_| Ok(()))
 }
 
-impl Copying<'_> {
-    /// Copies some more; whether that was the last of it.
-    pub(crate) fn step(&self) -> Result<bool, StoreError> {
-        Ok(matches!(self.backup.step(PAGES_AT_A_TIME)?, StepResult::Done))
-    }
+/// Where a copy is made, until it is whole.
+pub(crate) fn begin(database: &Path) -> Result<Connection, StoreError> {
+    new(database, COPY_PART)
+}
+
+/// Has the copy that is whole take the place of the one before.
+pub(crate) fn finish(part: Connection, database: &Path) -> Result<(), StoreError> {
+    part.pragma_update_and_check(None, "journal_mode", "delete", |_| Ok(()))?;
+    without_journal(&part)?;
+    // Nobody has it open, so that none of its log is missed.
+    facts::put(&part, OPEN, &false)?;
+    part.close().map_err(|(_, error)| StoreError::from(error))?;
+    files::put_in_place(&beside(database, COPY_PART), &beside(database, COPY))
 }
 
 /// What the copy of a store holds; nothing if there is none, or why it cannot be used.
@@ -76,41 +53,34 @@ pub(crate) fn read(database: &Path) -> Result<Option<Found>, StoreError> {
     if !copy.exists() {
         return Ok(None);
     }
-    let connection = open(&copy)?;
-    restore::read(&connection).map(Some)
-}
-
-/// Opens the copy of a store, which is proven to be whole.
-pub(crate) fn open(copy: &Path) -> Result<Connection, StoreError> {
-    let connection = connect::to_read(copy)?;
-    connect::check(&connection, copy)?;
-    Ok(connection)
+    restore::read(&connect::to_read(&copy)?).map(Some)
 }
 
 /// Makes a database of the copy, or an empty one, and puts it in the place of what is there, which is set aside. Every zero
 /// that it knows of needs confirmation. Gives the name of what was set aside.
 pub(crate) fn take_its_place(path: &Path, copy: bool) -> Result<Option<PathBuf>, StoreError> {
-    let new = beside(path, NEW);
     let there = path.symlink_metadata().is_ok() || beside(path, files::LOG).symlink_metadata().is_ok();
-    files::make_new(&new, path).map_err(|error| StoreError::changing(&new, &error))?;
-    let mut connection = Connection::open(&new)?;
-    without_journal(&connection)?;
+    let mut connection = new(path, NEW)?;
     if copy {
-        let from = open(&beside(path, COPY))?;
+        let from = connect::to_read(&beside(path, COPY))?;
         Backup::new(&from, &mut connection)?.step(-1)?;
-    }
-    schema::bring_up_to_date(&mut connection)?;
-    if copy {
+        schema::bring_up_to_date(&mut connection)?;
         doubt_zeros(&connection)?;
     } else {
-        facts::put(&connection, GENERATION, &0)?;
-        facts::put(&connection, restore::NEXT_SESSION, &1)?;
-        facts::put(&connection, OPEN, &false)?;
+        make_empty(&mut connection)?;
     }
     connection.close().map_err(|(_, error)| StoreError::from(error))?;
     let aside = if there { Some(files::set_aside(path)?) } else { None };
-    files::put_in_place(&new, path)?;
+    files::put_in_place(&beside(path, NEW), path)?;
     Ok(aside)
+}
+
+/// Makes an empty store of a database without tables.
+pub(crate) fn make_empty(connection: &mut Connection) -> Result<(), StoreError> {
+    schema::bring_up_to_date(connection)?;
+    facts::put(connection, GENERATION, &0)?;
+    facts::put(connection, NEXT_SESSION, &1)?;
+    facts::put(connection, OPEN, &false)
 }
 
 /// Writes down that every zero of a database needs confirmation.
@@ -118,7 +88,7 @@ pub(crate) fn doubt_zeros(connection: &Connection) -> Result<(), StoreError> {
     let Found { mut restored, generation, .. } = restore::read(connection)?;
     restore::doubt_zeros(&mut restored);
     for (patch, zeros) in &restored.board_zeros {
-        facts::put(connection, facts::Key::named(restore::ZEROS, patch), &StoredZeros::of(zeros))?;
+        facts::put(connection, Key::named(ZEROS, patch), zeros)?;
     }
     facts::put(connection, GENERATION, &(generation + 1))
 }

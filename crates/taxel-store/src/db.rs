@@ -1,16 +1,14 @@
 //! An open database, and what must be known of it between transactions.
 
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, Transaction, TransactionBehavior};
-use taxel_engine::record::Record;
 
-use crate::append::Appender;
 use crate::error::StoreError;
 use crate::facts;
 use crate::lock::StoreLock;
-use crate::restore::{self, Found, GENERATION, NEXT_SESSION, OPEN};
-use crate::retention::Size;
+use crate::restore::{self, Found, GENERATION, OPEN};
 use crate::watch::Watch;
 use crate::{connect, copy, schema};
 
@@ -27,35 +25,45 @@ pub(crate) struct Db {
 pub(crate) struct State {
     /// The file; `None` if all is in memory.
     pub(crate) path: Option<PathBuf>,
-    pub(crate) appender: Appender,
     /// The files that are open; `None` where nothing is written to any.
     pub(crate) watch: Option<Watch>,
     /// The first failure of a change, after which nothing is tried again: once a flush has failed, the kernel may have dropped
     /// what it could not write, and a second flush would succeed without it.
     pub(crate) failure: Option<StoreError>,
+    /// How many commits the file has had.
+    pub(crate) generation: u64,
+    /// How many samples each session has, and so which comes next.
+    pub(crate) samples: BTreeMap<u64, u64>,
+    /// Requests of this run that have no result yet: their entries, by their numbers in the run.
+    pub(crate) asked: HashMap<u64, u64>,
+    /// Something was deleted that the log or the copy still holds.
+    pub(crate) erasing: bool,
+    /// Something was written that the copy has to have.
+    pub(crate) copy_due: bool,
 }
 
 impl Db {
     /// A store that ends with the process.
     pub(crate) fn in_memory() -> Result<Self, StoreError> {
         let mut connection = Connection::open_in_memory()?;
-        schema::bring_up_to_date(&mut connection)?;
-        facts::put(&connection, GENERATION, &0)?;
-        facts::put(&connection, NEXT_SESSION, &1)?;
+        copy::make_empty(&mut connection)?;
         Ok(Self { connection, state: State::default(), lock: None })
     }
 
     /// Writes down that it is open, and that every zero needs confirmation if those are `doubted`. The log is folded back, so
     /// that the file alone says so.
-    pub(crate) fn begin(&mut self, doubted: bool) -> Result<(), StoreError> {
+    pub(crate) fn begin(&mut self, path: &Path, doubted: bool) -> Result<(), StoreError> {
+        schema::use_log(&self.connection)?;
         let transaction = Transaction::new_unchecked(&self.connection, TransactionBehavior::Immediate)?;
         if doubted {
             copy::doubt_zeros(&transaction)?;
         }
         facts::put(&transaction, OPEN, &true)?;
-        self.state.appender.generation = restore::state(&transaction, GENERATION)?;
+        self.state.generation = restore::state(&transaction, GENERATION)?;
         transaction.commit()?;
-        self.state.fold_log(&self.connection)
+        self.state.fold_log(&self.connection)?;
+        self.state.watch = Some(Watch::of(path)?);
+        Ok(())
     }
 
     /// Folds the log back and closes the file.
@@ -78,23 +86,11 @@ impl Db {
 
 impl State {
     pub(crate) fn of(found: &Found, path: &Path) -> Self {
-        let appender = Appender::new(found.generation, found.samples.clone());
-        Self { path: Some(path.to_path_buf()), appender, ..Self::default() }
+        let (generation, samples) = (found.generation, found.samples.clone());
+        Self { path: Some(path.to_path_buf()), generation, samples, ..Self::default() }
     }
 
-    /// Writes all records or none, and returns once the disk has them: per session that grew, how many samples it has now.
-    pub(crate) fn write<'r>(
-        &mut self,
-        connection: &Connection,
-        records: impl Iterator<Item = &'r Record>,
-    ) -> Result<Vec<(u64, u64)>, StoreError> {
-        if let Some(first) = &self.failure {
-            return Err(StoreError::ReadOnly { reason: first.to_string() });
-        }
-        self.appender.write(connection, self.watch.as_mut(), records)
-    }
-
-    fn check(&self) -> Result<(), StoreError> {
+    pub(crate) fn check(&self) -> Result<(), StoreError> {
         self.watch.as_ref().map_or(Ok(()), Watch::check)
     }
 
@@ -103,7 +99,7 @@ impl State {
     /// SQLite would do so by itself, but it ignores an error there and tries again later; after a failed flush the kernel may
     /// have dropped the pages and call the second try a success. Here the error is seen and is final.
     pub(crate) fn tidy_log(&mut self, connection: &Connection) -> Result<(), StoreError> {
-        let erasing = std::mem::take(&mut self.appender.erasing);
+        let erasing = std::mem::take(&mut self.erasing);
         let is_long = self.watch.as_ref().is_some_and(|watch| watch.log_bytes() > schema::LOG_BYTES_MAX);
         if erasing || is_long { self.fold_log(connection) } else { Ok(()) }
     }
@@ -116,12 +112,5 @@ impl State {
         self.check()?;
         connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))?;
         self.watch.as_mut().map_or(Ok(()), Watch::folded)
-    }
-
-    /// What the database holds.
-    pub(crate) fn size(&self, connection: &Connection) -> rusqlite::Result<Size> {
-        let number = |pragma: &str| connection.pragma_query_value(None, pragma, |row| row.get::<_, u64>(0));
-        let pages = number("page_count")?.saturating_sub(number("freelist_count")?);
-        Ok(Size { samples: self.appender.samples.values().sum(), bytes: pages * number("page_size")? })
     }
 }

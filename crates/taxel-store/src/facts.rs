@@ -1,6 +1,6 @@
-//! Facts: small rows, each a JSON text that its checksum proves.
+//! Facts: rows of text, each proven by its checksum. All but the texts of model sets are JSON of one type.
 
-use rusqlite::{Connection, OptionalExtension, params};
+use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
@@ -58,9 +58,14 @@ pub(crate) fn put(connection: &Connection, key: Key<'_>, fact: &impl Serialize) 
         what: format!("{} {}{}", key.kind, key.name, key.number),
         reason: error.to_string(),
     })?;
+    put_text(connection, key, &body)
+}
+
+/// Writes a fact that is a text.
+pub(crate) fn put_text(connection: &Connection, key: Key<'_>, body: &str) -> Result<(), StoreError> {
     connection
         .prepare_cached("INSERT OR REPLACE INTO facts (kind, name, number, body, sum) VALUES (?1, ?2, ?3, ?4, ?5)")?
-        .execute(params![key.kind, key.name, key.number, body, sum_of(key, &body)])?;
+        .execute(params![key.kind, key.name, key.number, body, sum_of(key, body)])?;
     Ok(())
 }
 
@@ -69,40 +74,46 @@ pub(crate) fn get<T: DeserializeOwned>(
     connection: &Connection,
     key: Key<'_>,
 ) -> rusqlite::Result<Option<Result<T, String>>> {
-    let mut statement =
-        connection.prepare_cached("SELECT body, sum FROM facts WHERE kind = ?1 AND name = ?2 AND number = ?3")?;
-    let read = |row: &rusqlite::Row<'_>| proven(key, row.get(0), row.get(1));
-    statement.query_row(params![key.kind, key.name, key.number], |row| Ok(read(row))).optional()
+    Ok(get_text(connection, key)?.map(|text| parsed(text)))
+}
+
+/// The text with this key; nothing if there is none.
+pub(crate) fn get_text(connection: &Connection, key: Key<'_>) -> rusqlite::Result<Option<Result<String, String>>> {
+    connection
+        .prepare_cached("SELECT body, sum FROM facts WHERE kind = ?1 AND name = ?2 AND number = ?3")?
+        .query_row(params![key.kind, key.name, key.number], |row| Ok(proven(key, row)))
+        .optional()
 }
 
 /// All facts of a kind, in the order of their names and numbers.
 pub(crate) fn all<T: DeserializeOwned>(connection: &Connection, kind: &'static str) -> rusqlite::Result<Vec<Found<T>>> {
     let mut statement =
-        connection.prepare_cached("SELECT name, number, body, sum FROM facts WHERE kind = ?1 ORDER BY name, number")?;
-    let mut rows = statement.query([kind])?;
-    let mut found = Vec::new();
-    while let Some(row) = rows.next()? {
-        let (name, number): (String, u64) = (row.get(0)?, row.get(1)?);
-        let fact = proven(Key { kind, name: &name, number }, row.get(2), row.get(3));
-        found.push(Found { name, number, fact });
-    }
-    Ok(found)
+        connection.prepare_cached("SELECT body, sum, name, number FROM facts WHERE kind = ?1 ORDER BY name, number")?;
+    let found = statement.query_map([kind], |row| {
+        let (name, number): (String, u64) = (row.get(2)?, row.get(3)?);
+        let fact = parsed(proven(Key { kind, name: &name, number }, row));
+        Ok(Found { name, number, fact })
+    })?;
+    found.collect()
 }
 
-/// Deletes a fact.
+/// Deletes a fact; whether there was one.
 pub(crate) fn delete(connection: &Connection, key: Key<'_>) -> rusqlite::Result<bool> {
     let mut statement = connection.prepare_cached("DELETE FROM facts WHERE kind = ?1 AND name = ?2 AND number = ?3")?;
     Ok(statement.execute(params![key.kind, key.name, key.number])? > 0)
 }
 
-fn proven<T: DeserializeOwned>(
-    key: Key<'_>,
-    body: rusqlite::Result<String>,
-    sum: rusqlite::Result<Vec<u8>>,
-) -> Result<T, String> {
-    let (body, sum) = body.and_then(|body| Ok((body, sum?))).map_err(|error| error.to_string())?;
-    if sum != sum_of(key, &body) {
-        return Err("its checksum is wrong".to_owned());
-    }
-    serde_json::from_str(&body).map_err(|error| error.to_string())
+/// Deletes all facts of a kind with this name.
+pub(crate) fn delete_all(connection: &Connection, kind: &str, name: &str) -> rusqlite::Result<()> {
+    connection.execute("DELETE FROM facts WHERE kind = ?1 AND name = ?2", [kind, name]).map(drop)
+}
+
+fn proven(key: Key<'_>, row: &Row<'_>) -> Result<String, String> {
+    let (body, sum): (String, Vec<u8>) =
+        row.get(0).and_then(|body| Ok((body, row.get(1)?))).map_err(|error| error.to_string())?;
+    if sum == sum_of(key, &body) { Ok(body) } else { Err("its checksum is wrong".to_owned()) }
+}
+
+fn parsed<T: DeserializeOwned>(text: Result<String, String>) -> Result<T, String> {
+    serde_json::from_str(&text?).map_err(|error| error.to_string())
 }

@@ -24,7 +24,6 @@ mod schema;
 mod sets;
 mod store;
 mod store_file;
-mod stored;
 #[cfg(test)]
 mod tests;
 mod thread;
@@ -32,8 +31,8 @@ mod watch;
 mod work;
 
 pub use error::{Quarantined, StoreError};
-pub use files::{real, size_on_disk};
-pub use retention::{Retention, Size, session_to_go, sets_to_go, to_be_judged};
+pub use files::size_on_disk;
+pub use retention::session_to_go;
 pub use store::{Reader, Store};
 pub use store_file::{Checked, StoreFile, check};
 pub use thread::{Notify, StoreEvent};

@@ -1,100 +1,90 @@
-//! MODELS.json: a model set as text, for export and import, for files, and as the blob in the store.
+//! MODELS.json: a model set as text, for export and import, for files, and as it lies in the store.
 //!
 //! Every finite f64 comes back bit for bit. The id is the hash of the content, so a file that was changed by accident is
-//! refused; one that was changed on purpose has to drop its `id` and gets a new one. When a set was made, and the number of
-//! its session, are no part of that content: the same samples fitted with the same options give the same id whenever and
-//! wherever that is done.
+//! refused; one that was changed on purpose has to drop its `id` and gets a new one. When a set was made, by what, and the
+//! number of its session are no part of that content: the same samples fitted with the same options give the same id
+//! whenever and wherever that is done.
 //!
-//! A text is read once, straight into the set that it describes, and every string and list of it has a bound: what a
-//! hostile text can cost is a few times its own size.
+//! The names of fields here, in `taxel_engine::model_set` and in `taxel_model` are the format.
 
-pub(crate) mod limits;
-mod recalibrated;
-mod recorded;
-mod taxel;
+use std::fmt::Display;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::{Maker, ModelSet};
-use taxel_model::bounded::{List, Text};
+use taxel_engine::model_set::{EARLIER_MAX, Maker, ModelSet, Recalibrated, Recorded};
+use taxel_engine::recalibration::{LoadPoint, POINTS_MAX};
+use taxel_model::{
+    Curve, Estimator, Flag, GaugeUncertainty, Quality, SigmaProfile, Sign, Status, TERMS_MAX, TaxelModel, figure,
+};
 use thiserror::Error;
 
-use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length, shown};
+/// The word by which a file of this kind is known, and the version that is written and read.
+const FORMAT: &str = "taxeld-models";
+const VERSION: u64 = 1;
 
-/// The word by which a file of this kind is known.
-pub const FORMAT: &str = "taxeld-models";
+/// Longest text that is read or written. 2,880 taxels, all that fit on one bus, take 20 MB with every figure there is.
+const TEXT_BYTES_MAX: usize = 32 << 20;
 
-/// The version that is written and read.
-pub const VERSION: u64 = 1;
+/// Longest string of a set, which lists show: the settings of a board with 16 modules take 800 bytes.
+const WORDS_BYTES_MAX: usize = 2 << 10;
 
-/// Why a text is no model set, or a model set cannot be written.
+/// So many characters of a text that is not understood are shown.
+const SHOWN_CHARS_MAX: usize = 200;
+
+/// Why a text is no model set, or a model set cannot be written: what, where, and what was expected.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-pub enum ModelsJsonError {
-    /// It is no JSON; the parser's words, with line and column.
-    #[error("not JSON: {0}")]
-    Syntax(String),
-    /// More than is read: what, where, and the limit.
-    #[error("{0}")]
-    TooLarge(String),
-    /// It is JSON, but not a file of this kind.
-    #[error("`format` is {0}, expected \"{FORMAT}\"")]
-    Format(String),
-    /// Another version of this format.
-    #[error("`version` is {0}, this programme reads version {VERSION}")]
-    Version(String),
-    /// A field of the set is missing or cannot be so.
-    #[error("{0}")]
-    Set(String),
-    /// Something about one taxel is missing or cannot be so.
-    #[error("taxel {taxel}: {problem}")]
-    Taxel {
-        /// Its number.
-        taxel: usize,
-        /// What is wrong and what was expected.
-        problem: String,
-    },
-    /// The content is not the one that the id was made for.
-    #[error("`id` is {given}, but the content's id is {content}: it was changed; remove `id` if that was meant")]
-    Id {
-        /// The id in the file.
-        given: String,
-        /// The id that the content has.
-        content: String,
-    },
-}
-
-/// A string of a set.
-type Words = Text<WORDS_BYTES_MAX>;
+#[error("{0}")]
+pub struct ModelsJsonError(String);
 
 /// The file, field by field.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    format: Words,
+    format: String,
     version: u64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    id: Option<Words>,
-    patch: Words,
+    id: Option<String>,
+    patch: String,
     created_wall_ns: i64,
     session: Option<u64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    fitted_by: Option<Words>,
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(default)]
+    fitted_by: String,
+    #[serde(default)]
     simulated: bool,
-    method: Words,
-    board_settings: List<Words, SETTINGS_MAX>,
-    /// `null` for a taxel that never gave a value at rest; NaN in memory.
-    baseline: List<Option<Baseline>, TAXELS_MAX>,
+    method: String,
+    board_settings: Vec<String>,
+    /// `null` for a taxel that never gave a value without a load; NaN in memory.
+    baseline: Vec<Option<TaxelBaseline>>,
     pressure_max_kpa: f64,
     gauge_gain_rel: f64,
     gauge_offset_kpa: f64,
+    recorded: Option<Recorded>,
+    recalibrated: Option<Recalibrated>,
+    taxels: Vec<Entry>,
+}
+
+/// A taxel's model. `curve` is what the daemon serves from; `coefficients` are in ascending powers of the raw count.
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    taxel: usize,
+    #[serde(flatten)]
+    status: Status,
+    /// The status in words, for people; not read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    recorded: Option<recorded::Part>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    recalibrated: Option<recalibrated::Part>,
-    taxels: List<taxel::Entry, TAXELS_MAX>,
+    reason: Option<String>,
+    order: u8,
+    coefficients: Vec<f64>,
+    range: Option<[f64; 2]>,
+    sign: Sign,
+    curve: Option<Curve>,
+    sigma: Option<SigmaProfile>,
+    estimator: Estimator,
+    repaired: bool,
+    gauge: GaugeUncertainty,
+    quality: Quality,
+    flags: Vec<Flag>,
 }
 
 /// What tells the kind of a file, whatever else it holds.
@@ -106,34 +96,14 @@ struct Kind {
     version: Value,
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Baseline {
-    mean: f64,
-    noise: f64,
-}
-
 /// Writes a model set: one line of what concerns all, then one line per taxel.
 ///
 /// # Errors
 /// [`ModelsJsonError`] if it contradicts itself or holds a number that is not finite: it could not be read again.
 pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
-    let (head, mut content) = (head(set, Some(&set.id), Origin::of(set)), Id::begin(set));
-    let mut text = head.strip_suffix("]}").unwrap_or(&head).to_owned();
-    for (taxel, model) in set.taxels.iter().enumerate() {
-        let line = to_text(&taxel::mirror(taxel, model));
-        content.add(&line);
-        text += if taxel == 0 { "\n" } else { ",\n" };
-        text += &line;
-    }
-    text += "\n]}\n";
-    // What cannot be read again is not written: all limits, and that a number that is not finite is `null`, show there.
-    read(&text)?;
-    let content = content.end();
-    if content == set.id {
-        return Ok(text);
-    }
-    Err(ModelsJsonError::Id { given: set.id.clone(), content })
+    let text = text_of(&File { id: Some(set.id.clone()), ..File::of(set) }, set);
+    from_json(&text)?;
+    Ok(text)
 }
 
 /// Reads a model set. The order of keys and white space do not matter.
@@ -141,18 +111,29 @@ pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
 /// # Errors
 /// [`ModelsJsonError`], with the place and what was expected.
 pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
-    let (mut set, given) = read(text)?;
-    let mut content = Id::begin(&set);
-    for (taxel, model) in set.taxels.iter().enumerate() {
-        content.add(&to_text(&taxel::mirror(taxel, model)));
+    // Some editors put the mark of an encoding before a text.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    ensure(text.len() <= TEXT_BYTES_MAX, || {
+        format!("the text takes {} bytes, the limit is {TEXT_BYTES_MAX}", text.len())
+    })?;
+    // Of a file of another kind nothing else means anything.
+    let kind: Kind = serde_json::from_str(text).map_err(|error| wrong(format!("not JSON: {error}")))?;
+    ensure(kind.format == FORMAT && kind.version == VERSION, || {
+        let Kind { format, version } = kind;
+        format!("`format` is {format} and `version` is {version}, expected \"{FORMAT}\" and {VERSION}")
+    })?;
+    let file = serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text));
+    let file: File = file.map_err(|error| wrong(format!("`{}`: {}", error.path(), error.inner())))?;
+    let given = file.id.clone();
+    let mut set = file.read()?;
+    set.id = content_id(&set);
+    match given {
+        Some(given) if given != set.id => Err(wrong(format!(
+            "`id` is {given}, but the content's id is {}: it was changed; remove `id` if that was meant",
+            set.id
+        ))),
+        _ => Ok(set),
     }
-    let content = content.end();
-    set.id = match given {
-        Some(given) if content == given => given,
-        Some(given) => return Err(ModelsJsonError::Id { given, content }),
-        None => content,
-    };
-    Ok(set)
 }
 
 /// Reads a model set that comes from elsewhere. Which session it says it was made in counts for nothing: the sessions there
@@ -161,187 +142,247 @@ pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
 /// # Errors
 /// As [`from_json`].
 pub fn from_elsewhere(text: &str) -> Result<ModelSet, ModelsJsonError> {
-    from_json(text).map(of_no_session)
+    from_json(text).map(|set| ModelSet { session: None, ..set })
 }
 
-/// The same models of no session.
-#[must_use]
-pub fn of_no_session(set: ModelSet) -> ModelSet {
-    ModelSet { session: None, ..set }
-}
-
-/// The set, without an id, and the id that the text gives.
-fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
-    // Some editors put the mark of an encoding before a text.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    check_length(text.len()).map_err(ModelsJsonError::TooLarge)?;
-    check_kind(text)?;
-    let file: File =
-        serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text)).map_err(located)?;
-    let taxels: Result<Vec<_>, _> = file
-        .taxels
-        .0
-        .into_iter()
-        .enumerate()
-        .map(|(taxel, entry)| taxel::read(taxel, entry).map_err(|problem| ModelsJsonError::Taxel { taxel, problem }))
-        .collect();
-    let absent = TaxelBaseline { mean: f64::NAN, noise: f64::NAN };
-    let baseline =
-        |rest: Option<Baseline>| rest.map_or(absent, |Baseline { mean, noise }| TaxelBaseline { mean, noise });
-    let set = ModelSet {
-        id: String::new(),
-        patch: file.patch.0,
-        created_wall_ns: file.created_wall_ns,
-        session: file.session,
-        method: file.method.0,
-        board_settings: file.board_settings.0.into_iter().map(|line| line.0).collect(),
-        baseline: file.baseline.0.into_iter().map(baseline).collect(),
-        pressure_max_kpa: file.pressure_max_kpa,
-        gauge_gain_rel: file.gauge_gain_rel,
-        gauge_offset_kpa: file.gauge_offset_kpa,
-        taxels: taxels?,
-        recorded: file.recorded.map(recorded::Part::read),
-        recalibrated: file.recalibrated.map(|part| part.0),
-        maker: Maker { software: file.fitted_by.map(|words| words.0).unwrap_or_default(), simulated: file.simulated },
-    };
-    check(&set)?;
-    Ok((set, file.id.map(|id| id.0)))
-}
-
-/// An error of the parser with the place in the file, which is JSON; one in the list of taxels names the taxel.
-fn located(error: serde_path_to_error::Error<serde_json::Error>) -> ModelsJsonError {
-    let path = error.path().to_string();
-    let words = shown(&error.into_inner().to_string());
-    let of_taxel = path.strip_prefix("taxels[").and_then(|rest| rest.split_once(']'));
-    match of_taxel.and_then(|(taxel, rest)| Some((taxel.parse().ok()?, rest.trim_start_matches('.')))) {
-        Some((taxel, "")) => ModelsJsonError::Taxel { taxel, problem: words },
-        Some((taxel, field)) => ModelsJsonError::Taxel { taxel, problem: format!("{words}, in `{}`", shown(field)) },
-        None => ModelsJsonError::Set(format!("{words}, in `{}`", shown(&path))),
-    }
-}
-
-/// The id of a set's content: `m-` and the first 16 hexadecimal digits of a SHA-256. Hashed are the compact JSON without
-/// `id`, with 0 for `created_wall_ns`, `null` for `session`, without what made it (`fitted_by`, `simulated`), and with an empty list of taxels, and then that of each taxel.
+/// The id of a set's content: `m-` and the first 16 hexadecimal digits of the SHA-256 of its text without `id`, with 0 for
+/// `created_wall_ns`, `null` for `session`, and without what made it.
 #[must_use]
 pub fn content_id(set: &ModelSet) -> String {
-    let mut content = Id::begin(set);
-    for (taxel, model) in set.taxels.iter().enumerate() {
-        content.add(&to_text(&taxel::mirror(taxel, model)));
-    }
-    content.end()
+    let content =
+        File { created_wall_ns: 0, session: None, fitted_by: String::new(), simulated: false, ..File::of(set) };
+    let hash = Sha256::digest(text_of(&content, set));
+    hash[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"))
 }
 
-/// When, in which session and by what a set was made.
-#[derive(Clone, Copy)]
-struct Origin<'a> {
-    wall_ns: i64,
-    session: Option<u64>,
-    maker: Option<&'a Maker>,
+/// The text of a file with the set's taxels. Compact JSON of strings, numbers and lists: there is no error to lose.
+fn text_of(head: &File, set: &ModelSet) -> String {
+    let head = serde_json::to_string(head).unwrap_or_default();
+    let line = |(taxel, model)| serde_json::to_string(&Entry::of(taxel, model)).unwrap_or_default();
+    let lines: Vec<_> = set.taxels.iter().enumerate().map(line).collect();
+    format!("{}\n{}\n]}}\n", head.strip_suffix("]}").unwrap_or(&head), lines.join(",\n"))
 }
 
-impl<'a> Origin<'a> {
-    /// What stands in its place where it must not matter.
-    const NONE: Self = Self { wall_ns: 0, session: None, maker: None };
+impl File {
+    /// All but the id and the taxels.
+    fn of(set: &ModelSet) -> Self {
+        let baseline = |rest: &TaxelBaseline| (!rest.mean.is_nan() || !rest.noise.is_nan()).then_some(*rest);
+        Self {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            id: None,
+            patch: set.patch.clone(),
+            created_wall_ns: set.created_wall_ns,
+            session: set.session,
+            fitted_by: set.maker.software.clone(),
+            simulated: set.maker.simulated,
+            method: set.method.clone(),
+            board_settings: set.board_settings.clone(),
+            baseline: set.baseline.iter().map(baseline).collect(),
+            pressure_max_kpa: set.pressure_max_kpa,
+            gauge_gain_rel: set.gauge_gain_rel,
+            gauge_offset_kpa: set.gauge_offset_kpa,
+            recorded: set.recorded.clone(),
+            recalibrated: set.recalibrated.clone(),
+            taxels: Vec::new(),
+        }
+    }
 
-    const fn of(set: &'a ModelSet) -> Self {
-        Self { wall_ns: set.created_wall_ns, session: set.session, maker: Some(&set.maker) }
+    /// The set, without its id.
+    fn read(self) -> Result<ModelSet, ModelsJsonError> {
+        let misplaced = self.taxels.iter().enumerate().find(|(taxel, entry)| entry.taxel != *taxel);
+        ensure(misplaced.is_none(), || {
+            format!("`taxels`: entry {} says that it is another `taxel`", misplaced.map_or(0, |of| of.0))
+        })?;
+        let set = ModelSet {
+            id: String::new(),
+            patch: self.patch,
+            created_wall_ns: self.created_wall_ns,
+            session: self.session,
+            method: self.method,
+            board_settings: self.board_settings,
+            baseline: self.baseline.into_iter().map(|rest| rest.unwrap_or(TaxelBaseline::UNKNOWN)).collect(),
+            pressure_max_kpa: self.pressure_max_kpa,
+            gauge_gain_rel: self.gauge_gain_rel,
+            gauge_offset_kpa: self.gauge_offset_kpa,
+            taxels: self.taxels.into_iter().map(Entry::read).collect(),
+            recorded: self.recorded,
+            recalibrated: self.recalibrated,
+            maker: Maker { software: self.fitted_by, simulated: self.simulated },
+        };
+        check(&set).map(|()| set)
     }
 }
 
-/// The id of a set on its way: the head, then the line of each taxel.
-struct Id(Sha256);
-
-impl Id {
-    fn begin(set: &ModelSet) -> Self {
-        Self(Sha256::new_with_prefix(head(set, None, Origin::NONE)))
+impl Entry {
+    fn of(taxel: usize, model: &TaxelModel) -> Self {
+        Self {
+            taxel,
+            status: model.status,
+            reason: (!model.status.is_ok()).then(|| model.status.to_string()),
+            order: model.order,
+            coefficients: model.raw_coefficients.clone(),
+            range: model.range,
+            sign: model.sign,
+            curve: model.curve.clone(),
+            sigma: model.sigma.clone(),
+            estimator: model.estimator,
+            repaired: model.repaired,
+            gauge: model.gauge,
+            quality: model.quality.clone(),
+            flags: model.flags.clone(),
+        }
     }
 
-    fn add(&mut self, line: &str) {
-        self.0.update(line);
-    }
-
-    fn end(self) -> String {
-        self.0.finalize()[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"))
+    fn read(self) -> TaxelModel {
+        TaxelModel {
+            status: self.status,
+            flags: self.flags,
+            estimator: self.estimator,
+            order: self.order,
+            sign: self.sign,
+            range: self.range,
+            curve: self.curve,
+            raw_coefficients: self.coefficients,
+            sigma: self.sigma,
+            gauge: self.gauge,
+            quality: self.quality,
+            repaired: self.repaired,
+        }
     }
 }
 
-/// Everything but the taxels, as one line that ends with an empty list of them.
-fn head(set: &ModelSet, id: Option<&str>, origin: Origin<'_>) -> String {
-    let words = |text: &str| Text(text.to_owned());
-    let baseline = |rest: &TaxelBaseline| {
-        let known = !rest.mean.is_nan() || !rest.noise.is_nan();
-        known.then_some(Baseline { mean: rest.mean, noise: rest.noise })
-    };
-    let file = File {
-        format: words(FORMAT),
-        version: VERSION,
-        id: id.map(words),
-        patch: words(&set.patch),
-        created_wall_ns: origin.wall_ns,
-        session: origin.session,
-        fitted_by: origin.maker.map(|maker| &maker.software).filter(|name| !name.is_empty()).map(|name| words(name)),
-        simulated: origin.maker.is_some_and(|maker| maker.simulated),
-        method: words(&set.method),
-        board_settings: List(set.board_settings.iter().map(|line| words(line)).collect()),
-        baseline: List(set.baseline.iter().map(baseline).collect()),
-        pressure_max_kpa: set.pressure_max_kpa,
-        gauge_gain_rel: set.gauge_gain_rel,
-        gauge_offset_kpa: set.gauge_offset_kpa,
-        recorded: set.recorded.as_ref().map(recorded::Part::mirror),
-        recalibrated: set.recalibrated.clone().map(recalibrated::Part),
-        taxels: List(Vec::new()),
-    };
-    to_text(&file)
+fn wrong(problem: impl Display) -> ModelsJsonError {
+    let problem = problem.to_string();
+    let end = problem.char_indices().nth(2 * SHOWN_CHARS_MAX).map(|(end, _)| format!("{}...", &problem[..end]));
+    ModelsJsonError(end.unwrap_or(problem))
 }
 
-/// Compact JSON. Strings, numbers and lists with text keys have one always; there is no error to lose.
-fn to_text(value: &impl Serialize) -> String {
-    serde_json::to_string(value).unwrap_or_default()
+fn ensure(is_so: bool, problem: impl FnOnce() -> String) -> Result<(), ModelsJsonError> {
+    if is_so { Ok(()) } else { Err(wrong(problem())) }
 }
 
-/// Kind and version come first: of a file of another kind nothing else means anything.
-fn check_kind(text: &str) -> Result<(), ModelsJsonError> {
-    let kind: Kind = serde_json::from_str(text).map_err(|error| ModelsJsonError::Syntax(shown(&error.to_string())))?;
-    let found = |value: &Value| if value.is_null() { "missing".to_owned() } else { shown(&value.to_string()) };
-    if kind.format != FORMAT {
-        return Err(ModelsJsonError::Format(found(&kind.format)));
-    }
-    if kind.version != VERSION {
-        return Err(ModelsJsonError::Version(found(&kind.version)));
-    }
-    Ok(())
+/// What is NaN is not there.
+fn at_least(place: &str, value: f64, least: f64) -> Result<(), ModelsJsonError> {
+    ensure(value.is_nan() || value >= least, || format!("`{place}` is {}, expected {least} or more", figure(value)))
 }
 
 /// Everything that a type cannot say. Numbers that are read are finite.
 fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
-    let wrong = |problem: String| Err(ModelsJsonError::Set(problem));
-    if set.patch.is_empty() {
-        return wrong("`patch` is empty, expected the name of a patch".to_owned());
+    let taxels = set.taxels.len();
+    ensure(!set.patch.is_empty(), || "`patch` is empty, expected the name of a patch".to_owned())?;
+    ensure((1..=usize::from(u16::MAX)).contains(&taxels), || {
+        format!("`taxels` has {taxels} entries, expected 1 to {}", u16::MAX)
+    })?;
+    for (list, given) in
+        [("baseline", Some(set.baseline.len())), ("recorded.taxels", set.recorded.as_ref().map(|of| of.taxels.len()))]
+    {
+        ensure(given.is_none_or(|given| given == taxels), || {
+            format!("`{list}` has {} entries, expected {taxels}, one per taxel", given.unwrap_or_default())
+        })?;
     }
-    if set.taxels.is_empty() {
-        return wrong("`taxels` has 0 entries, expected 1 or more".to_owned());
+    for words in [&set.patch, &set.method].into_iter().chain(&set.board_settings) {
+        ensure(words.len() <= WORDS_BYTES_MAX, || {
+            format!("a text of {} bytes, the limit is {WORDS_BYTES_MAX}: {words}", words.len())
+        })?;
     }
-    if set.baseline.len() != set.taxels.len() {
-        let (given, expected) = (set.baseline.len(), set.taxels.len());
-        return wrong(format!("`baseline` has {given} entries, expected {expected}, one per taxel"));
-    }
-    for (name, value) in [("gauge_gain_rel", set.gauge_gain_rel), ("gauge_offset_kpa", set.gauge_offset_kpa)] {
-        if value < 0.0 {
-            return wrong(format!("`{name}` is {value}, expected 0 or more"));
-        }
-    }
-    if let Some(recorded) = &set.recorded {
-        recorded::check(recorded, set.taxels.len()).map_err(ModelsJsonError::Set)?;
-    }
-    if let Some(recalibrated) = &set.recalibrated {
-        recalibrated::check(recalibrated).map_err(ModelsJsonError::Set)?;
-    }
+    at_least("gauge_gain_rel", set.gauge_gain_rel, 0.0)?;
+    at_least("gauge_offset_kpa", set.gauge_offset_kpa, 0.0)?;
+    set.recorded.as_ref().map_or(Ok(()), check_recorded)?;
+    set.recalibrated.as_ref().map_or(Ok(()), check_recalibrated)?;
     for (taxel, (rest, model)) in set.baseline.iter().zip(&set.taxels).enumerate() {
-        if rest.noise < 0.0 {
-            let problem = format!("its baseline has noise {}, expected 0 or more", rest.noise);
-            return Err(ModelsJsonError::Taxel { taxel, problem });
-        }
-        taxel::check(model).map_err(|problem| ModelsJsonError::Taxel { taxel, problem })?;
+        at_least(&format!("baseline[{taxel}].noise"), rest.noise, 0.0)?;
+        check_taxel(model).map_err(|problem| wrong(format!("taxel {taxel}: {problem}")))?;
     }
     Ok(())
+}
+
+fn check_recorded(recorded: &Recorded) -> Result<(), ModelsJsonError> {
+    ensure(recorded.module_size > 0, || "`recorded.module_size` is 0, expected 1 or more".to_owned())?;
+    at_least("recorded.smooth_s", recorded.smooth_s, 0.0)?;
+    for (number, taxel) in recorded.taxels.iter().enumerate() {
+        let Some(taxel) = taxel else { continue };
+        let of = |name: &str| format!("recorded.taxels[{number}].{name}");
+        at_least(&of("rmse_kpa"), taxel.rmse_kpa, 0.0)?;
+        at_least(&of("sensitivity"), taxel.sensitivity, f64::MIN_POSITIVE)?;
+        let Some(plays) = &taxel.plays else { continue };
+        for value in plays.radii_counts.iter().chain(&plays.weights_kpa) {
+            at_least(&of("plays"), *value, 0.0)?;
+        }
+        at_least(&of("plays.range"), plays.range[1], plays.range[0])?;
+        at_least(&of("plays.curve.half_width"), plays.curve.half_width, f64::MIN_POSITIVE)?;
+        let terms = plays.curve.chebyshev.len();
+        ensure((1..=TERMS_MAX).contains(&terms), || {
+            format!("`{}` has {terms} terms, expected 1 to {TERMS_MAX}", of("plays.curve"))
+        })?;
+    }
+    Ok(())
+}
+
+fn check_recalibrated(of: &Recalibrated) -> Result<(), ModelsJsonError> {
+    for (list, entries, most) in [("earlier", of.earlier.len(), EARLIER_MAX), ("points", of.points.len(), POINTS_MAX)] {
+        ensure(entries <= most, || format!("`recalibrated.{list}` has {entries} entries, the limit is {most}"))?;
+    }
+    let (above, sigma) = (f64::MIN_POSITIVE, 0.0);
+    for (name, value, least) in [
+        ("gain", of.gain, above),
+        ("gain_in_all", of.gain_in_all, above),
+        ("area_mm2", of.area_mm2.unwrap_or(above), above),
+        ("gain_sigma", of.gain_sigma, sigma),
+        ("offset_sigma_kpa", of.offset_sigma_kpa, sigma),
+        ("place_rel", of.place_rel, sigma),
+        ("relative_sigma", of.relative_sigma, sigma),
+    ] {
+        at_least(&format!("recalibrated.{name}"), value, least)?;
+    }
+    let problem = of.points.iter().find_map(LoadPoint::problem);
+    problem.map_or(Ok(()), |problem| Err(wrong(format!("`recalibrated.points`: {problem}"))))
+}
+
+fn check_taxel(model: &TaxelModel) -> Result<(), String> {
+    model.validate().map_err(|error| error.to_string())?;
+    let sigma = model.sigma.as_ref().map(|sigma| sigma.sigma_kpa.len());
+    if sigma == Some(0) || (model.status.is_ok() && sigma.is_none()) {
+        return Err("`sigma` has no values, which a model in use needs".to_owned());
+    }
+    let terms = model.curve.as_ref().map_or(0, |curve| curve.chebyshev.len());
+    if (model.raw_coefficients.len(), usize::from(model.order)) != (terms, terms.saturating_sub(1)) {
+        let (given, order) = (model.raw_coefficients.len(), model.order);
+        return Err(format!("`curve` has {terms} terms, `coefficients` has {given}, and `order` is {order}"));
+    }
+    match (&model.curve, model.range) {
+        (Some(curve), Some(range)) => check_coefficients(&model.raw_coefficients, curve, range),
+        _ => Ok(()),
+    }
+}
+
+/// Two polynomials that agree at one place more than their order are the same.
+fn check_coefficients(coefficients: &[f64], curve: &Curve, [low, high]: [f64; 2]) -> Result<(), String> {
+    let terms = coefficients.len();
+    for place in 0..=terms {
+        let count = low + (high - low) * place as f64 / terms as f64;
+        let (printed, error) = horner(coefficients, count);
+        let served = curve.evaluate(count);
+        let error = error + ROUNDING * curve.chebyshev.iter().map(|c| c.abs()).sum::<f64>();
+        // Of what overflows nothing can be told, and it agrees with nothing.
+        if !error.is_finite() || !served.is_finite() || (printed - served).abs() > error {
+            let [count, printed, served] = [count, printed, served].map(figure);
+            return Err(format!(
+                "at count {count} `coefficients` give {printed} kPa and `curve` gives {served} kPa: they are not the \
+                 same polynomial (the daemon serves `curve`)"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Bound on the relative rounding of an evaluation at order 10, with a factor in hand: 64 x 2^-52.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// The polynomial in powers of the count, and what its evaluation may be off by: gamma_2n sum |a_k| |C|^k
+/// (Higham, Accuracy and Stability of Numerical Algorithms, 2002, 5.1).
+fn horner(coefficients: &[f64], count: f64) -> (f64, f64) {
+    let value = coefficients.iter().rev().fold(0.0, |sum, a| sum * count + a);
+    let size = coefficients.iter().rev().fold(0.0, |sum, a| sum * count.abs() + a.abs());
+    (value, ROUNDING * size)
 }

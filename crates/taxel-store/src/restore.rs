@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::known_set::KnownSet;
+use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::BoardZeros;
 
 use crate::error::{Quarantined, StoreError};
 use crate::facts::{self, Key};
-use crate::stored::{StoredLoad, StoredView, StoredZeros};
 use crate::{samples, sets};
 
 /// Kinds of facts.
@@ -41,8 +41,8 @@ pub(crate) struct Active {
 pub(crate) struct Found {
     pub(crate) restored: Restored,
     pub(crate) damage: Vec<Quarantined>,
-    /// Patches whose set in use cannot be had, with its id; without a patch if it may be any's.
-    pub(crate) without_set: Vec<(Option<String>, String)>,
+    /// A model set in use cannot be had.
+    pub(crate) lacks_set: bool,
     /// What was noted of the boards' zeros of some patch is damaged.
     pub(crate) zeros_damaged: bool,
     pub(crate) generation: u64,
@@ -55,7 +55,7 @@ pub(crate) struct Found {
 /// A fact of the store itself. One that is damaged is an error: what it counts cannot be guessed.
 pub(crate) fn state<T: DeserializeOwned>(connection: &Connection, key: Key<'_>) -> Result<T, StoreError> {
     let found = facts::get(connection, key)?.unwrap_or_else(|| Err("it is missing".to_owned()));
-    found.map_err(|why| StoreError::Corrupt(format!("its {}: {why}", key.name)))
+    found.map_err(|why| StoreError::Damaged(format!("its {}: {why}", key.name)))
 }
 
 /// Reads all that the engine starts from. A row that is wrong is left out and told.
@@ -70,17 +70,17 @@ pub(crate) fn read(connection: &Connection) -> Result<Found, StoreError> {
     found.restored.model_sets = listed.into_iter().map(KnownSet::stored).collect();
     read_active(connection, &mut found)?;
     read_sessions(connection, &mut found)?;
-    for row in facts::all::<StoredLoad>(connection, LOAD)? {
+    for row in facts::all::<Load>(connection, LOAD)? {
         found.restored.next_load = row.number;
         match row.fact {
-            Ok(StoredLoad(load)) => found.restored.loads.push(Arc::new(load)),
+            Ok(load) => found.restored.loads.push(Arc::new(load)),
             Err(why) => found.damage.push(Quarantined::new(format!("load {}", row.number), why)),
         }
     }
     found.restored.next_load += 1;
-    for row in facts::all::<StoredZeros>(connection, ZEROS)? {
+    for row in facts::all::<BoardZeros>(connection, ZEROS)? {
         match row.fact {
-            Ok(zeros) => found.restored.board_zeros.push((row.name, zeros.zeros())),
+            Ok(zeros) => found.restored.board_zeros.push((row.name, zeros)),
             Err(why) => {
                 found.zeros_damaged = true;
                 found.damage.push(Quarantined::new("what was noted of the boards' zeros", why));
@@ -93,22 +93,20 @@ pub(crate) fn read(connection: &Connection) -> Result<Found, StoreError> {
 
 fn read_active(connection: &Connection, found: &mut Found) -> Result<(), StoreError> {
     for row in facts::all::<Active>(connection, ACTIVE)? {
-        match row.fact {
-            Ok(Active { model_set, .. }) => match sets::read(connection, &model_set)? {
-                Ok(set) if set.patch == row.name => serve(&mut found.restored, Arc::new(set)),
-                Ok(set) => found.without_set.push((Some(row.name), set.id)),
-                Err(why) => {
-                    let damage = Quarantined::new(sets::name_of(&model_set), why);
-                    found.restored.model_sets.retain(|set| set.id != model_set);
-                    if !found.damage.iter().any(|known| known.what == damage.what) {
-                        found.damage.push(damage);
-                    }
-                    found.without_set.push((Some(row.name), model_set));
-                }
-            },
+        let set = match row.fact {
+            Ok(Active { model_set, .. }) => {
+                let set = sets::read(connection, &model_set)?.map_err(|why| format!("{model_set}: {why}"));
+                set.and_then(|set| {
+                    if set.patch == row.name { Ok(set) } else { Err(format!("{model_set}: it is for another patch")) }
+                })
+            }
+            Err(why) => Err(format!("which one that is: {why}")),
+        };
+        match set {
+            Ok(set) => serve(&mut found.restored, Arc::new(set)),
             Err(why) => {
-                found.damage.push(Quarantined::new("which model set is in use on a patch", why));
-                found.without_set.push((None, String::new()));
+                found.lacks_set = true;
+                found.damage.push(Quarantined::new(format!("the model set in use on patch `{}`", row.name), why));
             }
         }
     }
@@ -116,8 +114,7 @@ fn read_active(connection: &Connection, found: &mut Found) -> Result<(), StoreEr
 }
 
 /// Has a set in use on its patch.
-pub(crate) fn serve(restored: &mut Restored, set: Arc<ModelSet>) {
-    restored.active.retain(|(patch, _)| *patch != set.patch);
+fn serve(restored: &mut Restored, set: Arc<ModelSet>) {
     restored.active.push((set.patch.clone(), set.id.clone()));
     match restored.model_sets.iter_mut().find(|known| known.id == set.id) {
         Some(known) => known.at_hand = Some(set),
@@ -127,10 +124,10 @@ pub(crate) fn serve(restored: &mut Restored, set: Arc<ModelSet>) {
 
 fn read_sessions(connection: &Connection, found: &mut Found) -> Result<(), StoreError> {
     let mut next: u64 = state(connection, NEXT_SESSION)?;
-    for row in facts::all::<StoredView>(connection, SESSION)? {
+    for row in facts::all::<SessionView>(connection, SESSION)? {
         next = next.max(row.number + 1);
         match row.fact {
-            Ok(StoredView(mut view)) => {
+            Ok(mut view) => {
                 view.durable = view.accepted;
                 interrupt(connection, &mut view, found.samples.get(&row.number).copied().unwrap_or(0))?;
                 found.restored.sessions.push(Arc::new(view));

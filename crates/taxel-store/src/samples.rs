@@ -17,6 +17,11 @@ use crate::facts::{self, Key, checksum};
 /// The kind of fact that a ramp is: by the number of its session and its own.
 const RAMP: &str = "ramp";
 
+/// How findings name the samples of a session.
+pub(crate) fn name_of(session: u64) -> String {
+    format!("samples of session {session}")
+}
+
 /// A ramp's zero: mean and noise of each taxel, without a number where there is none.
 #[derive(Serialize, Deserialize)]
 struct StoredRamp {
@@ -153,8 +158,7 @@ pub(crate) fn read(connection: &Connection, session: u64) -> Result<SessionSampl
 /// Deletes all ramps and samples of a session.
 pub(crate) fn delete(connection: &Connection, session: u64) -> rusqlite::Result<()> {
     connection.execute("DELETE FROM samples WHERE session = ?1", [session])?;
-    connection.execute("DELETE FROM facts WHERE kind = ?1 AND name = ?2", params![RAMP, session.to_string()])?;
-    Ok(())
+    facts::delete_all(connection, RAMP, &session.to_string())
 }
 
 fn words(error: rusqlite::Error) -> String {

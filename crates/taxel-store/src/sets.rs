@@ -1,14 +1,16 @@
-//! Model sets on disk: listed by their summaries, and read one at a time.
+//! Model sets on disk: two facts each, what lists show of it and its text, which is read when somebody needs it.
 
-use rusqlite::{Connection, ErrorCode, OptionalExtension, Row, params};
-use sha2::{Digest, Sha256};
+use rusqlite::{Connection, ErrorCode};
 use taxel_engine::known_set::SetSummary;
 use taxel_engine::model_set::ModelSet;
 
 use crate::error::{Quarantined, StoreError};
-use crate::facts::checksum;
+use crate::facts::{self, Key};
 use crate::models_json;
-use crate::stored::StoredSummary;
+
+/// The kinds of these facts. A summary has the set's position in the list for its number.
+const SUMMARY: &str = "summary";
+const TEXT: &str = "model set";
 
 /// How findings name a set.
 pub(crate) fn name_of(id: &str) -> String {
@@ -17,70 +19,38 @@ pub(crate) fn name_of(id: &str) -> String {
 
 /// Writes a set, unless it is there: the id is the content's hash. One that is damaged is written anew.
 pub(crate) fn put(connection: &Connection, set: &ModelSet) -> Result<(), StoreError> {
-    let unstorable = |reason: String| StoreError::Unstorable { what: name_of(&set.id), reason };
     if matches!(text(connection, &set.id), Ok(Some(Ok(_)))) {
         return Ok(());
     }
-    let json = models_json::to_json(set).map_err(|error| unstorable(error.to_string()))?;
-    let summary = serde_json::to_string(&StoredSummary(SetSummary::of(set)));
-    let summary = summary.map_err(|error| unstorable(error.to_string()))?;
-    let sha256 = Sha256::digest(&json).to_vec();
-    let sum = sum_of(&set.id, &summary, &sha256);
-    connection.execute(
-        "INSERT OR REPLACE INTO model_sets (id, summary, sha256, sum, json) VALUES (?1, ?2, ?3, ?4, ?5)",
-        params![set.id, summary, sha256, sum, json.as_bytes()],
-    )?;
-    Ok(())
-}
-
-fn sum_of(id: &str, summary: &str, sha256: &[u8]) -> Vec<u8> {
-    checksum(&[b"model set", id.as_bytes(), summary.as_bytes(), sha256])
+    let unstorable = |error: models_json::ModelsJsonError| StoreError::Unstorable {
+        what: name_of(&set.id),
+        reason: error.to_string(),
+    };
+    let json = models_json::to_json(set).map_err(unstorable)?;
+    delete(connection, &set.id)?;
+    let newest = facts::all::<SetSummary>(connection, SUMMARY)?.iter().map(|row| row.number).max();
+    let number = newest.map_or(1, |newest| newest + 1);
+    facts::put(connection, Key { kind: SUMMARY, name: &set.id, number }, &SetSummary::of(set))?;
+    facts::put_text(connection, Key::named(TEXT, &set.id), &json)
 }
 
 /// What lists show of every set, oldest first. One that is damaged is reported and not listed.
 pub(crate) fn list(connection: &Connection, damage: &mut Vec<Quarantined>) -> rusqlite::Result<Vec<SetSummary>> {
-    let mut statement = connection.prepare("SELECT id, summary, sha256, sum FROM model_sets ORDER BY seq")?;
-    let mut rows = statement.query([])?;
-    let mut sets = Vec::new();
-    while let Some(row) = rows.next()? {
-        let id: String = row.get(0)?;
-        match summary(row, &id) {
-            Ok(summary) => sets.push(summary),
-            Err(reason) => damage.push(Quarantined::new(name_of(&id), reason)),
-        }
-    }
-    Ok(sets)
-}
-
-fn summary(row: &Row<'_>, id: &str) -> Result<SetSummary, String> {
-    let words = |error: rusqlite::Error| error.to_string();
-    let (text, sha256): (String, Vec<u8>) = (row.get(1).map_err(words)?, row.get(2).map_err(words)?);
-    if sum_of(id, &text, &sha256) != row.get::<_, Vec<u8>>(3).map_err(words)? {
-        return Err("its checksum is wrong".to_owned());
-    }
-    let StoredSummary(summary) = serde_json::from_str(&text).map_err(|error| error.to_string())?;
-    Ok(summary)
+    let mut rows = facts::all::<SetSummary>(connection, SUMMARY)?;
+    rows.sort_by_key(|row| row.number);
+    let mut report = |row: facts::Found<SetSummary>| {
+        row.fact.map_err(|why| damage.push(Quarantined::new(name_of(&row.name), why))).ok()
+    };
+    Ok(rows.into_iter().filter_map(&mut report).collect())
 }
 
 /// The text of a set as it was written, or why it is not that; nothing if there is no such set.
 pub(crate) fn text(connection: &Connection, id: &str) -> rusqlite::Result<Option<Result<String, String>>> {
-    let mut statement =
-        connection.prepare_cached("SELECT id, summary, sha256, sum, json FROM model_sets WHERE id = ?1")?;
-    match statement.query_row([id], |row| Ok(proven_text(row, id))).optional() {
+    match facts::get_text(connection, Key::named(TEXT, id)) {
         // A page that is damaged says nothing of the others.
         Err(error) if error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt) => Ok(Some(Err(error.to_string()))),
         read => read,
     }
-}
-
-fn proven_text(row: &Row<'_>, id: &str) -> Result<String, String> {
-    summary(row, id)?;
-    let words = |error: rusqlite::Error| error.to_string();
-    let (sha256, json): (Vec<u8>, Vec<u8>) = (row.get(2).map_err(words)?, row.get(4).map_err(words)?);
-    if sha256 != Sha256::digest(&json).to_vec() {
-        return Err("its checksum is wrong".to_owned());
-    }
-    String::from_utf8(json).map_err(|error| error.to_string())
 }
 
 /// A set, or why it cannot be had.
@@ -91,5 +61,6 @@ pub(crate) fn read(connection: &Connection, id: &str) -> rusqlite::Result<Result
 
 /// Deletes a set; whether there was one.
 pub(crate) fn delete(connection: &Connection, id: &str) -> rusqlite::Result<bool> {
-    Ok(connection.execute("DELETE FROM model_sets WHERE id = ?1", [id])? > 0)
+    facts::delete_all(connection, SUMMARY, id)?;
+    facts::delete(connection, Key::named(TEXT, id))
 }

@@ -1,10 +1,12 @@
 //! The handle to the store's thread, and what reads from it.
 
 use std::path::Path;
-use std::sync::mpsc::TrySendError;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 
+use rusqlite::Connection;
 use taxel_engine::Restored;
 use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
@@ -12,27 +14,44 @@ use taxel_engine::calibration::SessionSamples;
 use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
 use crate::open::{Opened, open};
-use crate::retention::{Retention, Size};
-use crate::thread::{Ask, Notify, Turn, Writer};
-use crate::work::{
-    Batch, Entry, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Tell, Waiting, Work, WorkQueue, work_queue,
-};
+use crate::thread::{Notify, Work, WorkSource, Writer, run};
+use crate::work::{Batch, Entry, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Tell, Waiting};
 
 /// The handle to the thread. All methods return at once, but [`Store::open`] and [`Store::close`].
 #[derive(Debug)]
 pub struct Store {
     /// The thread holds the receiver; dropping this ends it after a last flush.
-    queue: Arc<WorkQueue<Ask>>,
+    queue: Arc<Queue>,
     /// Its result is that of the last flush.
     thread: JoinHandle<Result<(), StoreError>>,
+}
+
+#[derive(Debug)]
+struct Queue {
+    work: Sender<Work>,
+    waiting: Arc<AtomicUsize>,
+}
+
+impl Queue {
+    /// Takes a place for work, while fewer than so many are taken.
+    fn has_place(&self, most: usize) -> bool {
+        let has_place = self.waiting.fetch_add(1, Ordering::Relaxed) < most;
+        if !has_place {
+            self.waiting.fetch_sub(1, Ordering::Relaxed);
+        }
+        has_place
+    }
+
+    fn put(&self, work: Work) {
+        let _ = self.work.send(work); // whoever waits for a thread that has ended is told as this is dropped
+    }
 }
 
 impl Store {
     /// Opens or creates the store at `path` and starts its thread.
     ///
-    /// Gives what the engine starts from, and what was found damaged or lost: all of that, where the lines in
-    /// [`Restored::problems`] are bounded. A file that is damaged, or older than its copy, is set aside, and the copy takes its
-    /// place.
+    /// Gives what the engine starts from, and what was found damaged or lost: that is also in [`Restored::problems`]. A file that
+    /// is damaged, or older than its copy, is set aside, and the copy takes its place.
     ///
     /// Where the disk takes nothing, what can be read is handed out all the same: [`StoreEvent::Failed`](crate::StoreEvent::Failed) comes at once, and
     /// every batch is refused with the reason.
@@ -41,63 +60,35 @@ impl Store {
     /// [`StoreError`] if the file is another process's, another programme's or a newer version's; or if it cannot be read, and
     /// its copy neither.
     pub fn open(path: &Path, notify: Notify) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
-        Self::open_keeping(path, &Retention::default(), notify)
-    }
-
-    /// As [`Store::open`], and deletes what is beyond `limits`, oldest first, but nothing that is in use.
-    ///
-    /// # Errors
-    /// As [`Store::open`].
-    pub fn open_keeping(
-        path: &Path,
-        limits: &Retention,
-        notify: Notify,
-    ) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
-        let Opened { db, restored, findings } = open(path, limits)?;
+        let Opened { db, restored, findings } = open(path)?;
         Ok((Self::start(db, findings.clone(), notify)?, restored, findings))
     }
 
     /// A store that ends with the process, for the demo and for tests.
     ///
     /// # Errors
-    /// [`StoreError::Io`] if memory or a thread is not to be had.
+    /// [`StoreError::Disk`] if memory or a thread is not to be had.
     pub fn in_memory(notify: Notify) -> Result<Self, StoreError> {
         Self::start(Db::in_memory()?, Vec::new(), notify)
     }
 
-    /// As [`Store::open`], but the file may grow by no more than so many pages of 4 KiB: for tests that meet a full disk.
-    ///
-    /// # Errors
-    /// As [`Store::open`].
-    #[cfg(any(test, feature = "fixtures"))]
-    pub fn open_with_room(path: &Path, pages: u32, notify: Notify) -> Result<(Self, Restored), StoreError> {
-        let Opened { db, restored, .. } = open(path, &Retention::default())?;
-        let now: u32 = db.connection.pragma_query_value(None, "page_count", |row| row.get(0))?;
-        db.connection.pragma_update_and_check(None, "max_page_count", now + pages, |_| Ok(()))?;
-        Ok((Self::start(db, Vec::new(), notify)?, restored))
-    }
-
     fn start(db: Db, found: Vec<Quarantined>, notify: Notify) -> Result<Self, StoreError> {
-        let (queue, work) = work_queue();
-        let writer = Writer::new(db, found, notify);
+        let (sender, work) = channel();
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let source = WorkSource { work, waiting: Arc::clone(&waiting) };
         let thread = std::thread::Builder::new()
             .name("store".to_owned())
-            .spawn(move || writer.run(&work))
-            .map_err(|error| StoreError::Io(format!("cannot start its thread: {error}")))?;
-        Ok(Self { queue: Arc::new(queue), thread })
+            .spawn(move || run(db, found, notify, &source))
+            .map_err(|error| StoreError::Disk(format!("cannot start its thread: {error}")))?;
+        Ok(Self { queue: Arc::new(Queue { work: sender, waiting }), thread })
     }
 
     /// Hands a batch to the thread. Never waits.
     ///
     /// # Errors
     /// [`QueueFull`] with the batch, nothing of which is stored.
-    pub fn submit(&self, Batch { records, on_durable }: Batch) -> Result<(), QueueFull> {
-        match self.queue.try_send(Work::Write(Entry { records, waiting: Waiting(on_durable) })) {
-            Err(TrySendError::Full(Work::Write(Entry { records, mut waiting }))) => {
-                Err(QueueFull { batch: Batch { records, on_durable: waiting.0.take() }, most: QUEUE_BATCHES })
-            }
-            _ => Ok(()), // whoever waits for a thread that has ended was told as this was dropped
-        }
+    pub fn submit(&self, batch: Batch) -> Result<(), QueueFull> {
+        self.submit_within(batch, QUEUE_BATCHES)
     }
 
     /// As [`Store::submit`], for what somebody asks for: it is refused while more than [`QUEUE_BATCHES_ASKED`] wait, so that
@@ -106,10 +97,15 @@ impl Store {
     /// # Errors
     /// [`QueueFull`] with the batch, nothing of which is stored.
     pub fn submit_asked(&self, batch: Batch) -> Result<(), QueueFull> {
-        if self.queue.waiting() >= QUEUE_BATCHES_ASKED {
-            return Err(QueueFull { batch, most: QUEUE_BATCHES_ASKED });
+        self.submit_within(batch, QUEUE_BATCHES_ASKED)
+    }
+
+    fn submit_within(&self, batch: Batch, most: usize) -> Result<(), QueueFull> {
+        if !self.queue.has_place(most) {
+            return Err(QueueFull { batch, most });
         }
-        self.submit(batch)
+        self.queue.put(Work::Write(Entry { records: batch.records, waiting: Waiting(batch.on_durable) }));
+        Ok(())
     }
 
     /// What reads from the store.
@@ -131,35 +127,39 @@ impl Store {
 /// Reads from a store, after all that was submitted before. It does not keep the store open, and is cheap to clone; of a store
 /// that is closed the answer is [`StoreError::Closed`]. No method waits.
 #[derive(Clone, Debug)]
-pub struct Reader(Weak<WorkQueue<Ask>>);
+pub struct Reader(Weak<Queue>);
 
 impl Reader {
     /// The samples of a session.
     pub fn samples(&self, session: u64, tell: Tell<SessionSamples>) {
-        self.ask(tell, move |turn| turn.samples(session));
+        self.ask(tell, move |connection, writer| writer.samples(connection, session));
     }
 
     /// The text of a model set as it was written, MODELS.json.
     pub fn model_set(&self, id: String, tell: Tell<String>) {
-        self.ask(tell, move |turn| turn.model_set(id));
+        self.ask(tell, move |connection, writer| writer.model_set(connection, id));
     }
 
     /// Entries of the audit log with numbers below `before`, newest first: at most so many, and at most 1000.
     pub fn audit(&self, before: u64, most: u32, tell: Tell<Vec<AuditEntry>>) {
-        self.ask(tell, move |turn| turn.audit(before, most));
+        self.ask(tell, move |connection, writer| writer.audit(connection, before, most));
     }
 
-    /// How much there is.
-    pub fn size(&self, tell: Tell<Size>) {
-        self.ask(tell, |turn| turn.size());
+    /// Bytes of the database that are in use.
+    pub fn size(&self, tell: Tell<u64>) {
+        self.ask(tell, |connection, writer| writer.size(connection));
     }
 
-    fn ask<T: 'static>(&self, tell: Tell<T>, read: impl FnOnce(Turn<'_>) -> Result<T, StoreError> + Send + 'static) {
+    fn ask<T: 'static>(
+        &self,
+        tell: Tell<T>,
+        read: impl FnOnce(&Connection, &mut Writer) -> Result<T, StoreError> + Send + 'static,
+    ) {
         let Some(queue) = self.0.upgrade() else { return tell(Err(StoreError::Closed)) };
-        let waiting = Waiting(Some(tell));
-        let ask: Ask = Box::new(move |turn| waiting.tell(turn.and_then(read)));
-        if let Err(TrySendError::Full(Work::Ask(ask))) = queue.try_send(Work::Ask(ask)) {
-            ask(Err(StoreError::Behind { waiting: QUEUE_BATCHES }));
+        if !queue.has_place(QUEUE_BATCHES) {
+            return tell(Err(StoreError::Behind { waiting: QUEUE_BATCHES }));
         }
+        let waiting = Waiting(Some(tell));
+        queue.put(Work::Ask(Box::new(move |connection, writer| waiting.tell(read(connection, writer)))));
     }
 }

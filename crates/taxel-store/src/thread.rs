@@ -1,21 +1,21 @@
 //! The store's thread: it alone reads and writes the file. Acknowledgements go out from the thread itself.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::RecvTimeoutError;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
 use rusqlite::Connection;
+use rusqlite::backup::{Backup, StepResult};
 use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
 use taxel_engine::catalogue::StoreDamage;
 
-use crate::copy::Part;
 use crate::db::{Db, State};
-use crate::error::{Quarantined, StoreError, lines};
-use crate::lock::StoreLock;
-use crate::retention::Size;
-use crate::work::{Durability, Group, Work, WorkSource};
-use crate::{audit, samples, sets};
+use crate::error::{Quarantined, StoreError};
+use crate::work::{Durability, Entry, Group};
+use crate::{audit, copy, samples, schema, sets};
 
 /// What the store tells without being asked, on its thread.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,18 +36,37 @@ pub enum StoreEvent {
 /// Who hears the [`StoreEvent`]s. It runs between commits and must not wait.
 pub type Notify = Box<dyn Fn(StoreEvent) + Send>;
 
-/// A question, with what is done with the answer.
-pub(crate) type Ask = Box<dyn FnOnce(Result<Turn<'_>, StoreError>) + Send>;
+/// Reads something, and tells it.
+type Ask = Box<dyn FnOnce(&Connection, &mut Writer) + Send>;
 
-/// The thread's state.
-pub(crate) struct Writer {
-    connection: Connection,
-    desk: Desk,
-    lock: Option<StoreLock>,
+/// What the thread is asked for, in one order.
+pub(crate) enum Work {
+    Write(Entry),
+    Ask(Ask),
 }
 
-/// All of it but the connection, which a copy that is being made holds.
-pub(crate) struct Desk {
+/// The thread's end of its queue.
+pub(crate) struct WorkSource {
+    pub(crate) work: Receiver<Work>,
+    /// How much waits.
+    pub(crate) waiting: Arc<AtomicUsize>,
+}
+
+impl WorkSource {
+    /// The next work, which is waited for: so long at most, or for ever.
+    fn next(&self, most: Option<Duration>) -> Result<Work, RecvTimeoutError> {
+        let next = match most {
+            Some(most) => self.work.recv_timeout(most),
+            None => self.work.recv().map_err(RecvTimeoutError::from),
+        };
+        next.inspect(|_| {
+            self.waiting.fetch_sub(1, Ordering::Relaxed);
+        })
+    }
+}
+
+/// The thread's state; the connection is beside it, as a copy that is being made holds that.
+pub(crate) struct Writer {
     state: State,
     notify: Notify,
     group: Group,
@@ -55,89 +74,80 @@ pub(crate) struct Desk {
     found: Vec<Quarantined>,
 }
 
-/// Whoever asks has this for as long as it reads.
-pub(crate) struct Turn<'a> {
-    connection: &'a Connection,
-    desk: &'a mut Desk,
+/// Serves all work, until nobody is left who could ask. Gives how closing the file went.
+pub(crate) fn run(
+    Db { connection, state, lock }: Db,
+    found: Vec<Quarantined>,
+    notify: Notify,
+    work: &WorkSource,
+) -> Result<(), StoreError> {
+    let mut writer = Writer { state, notify, group: Group::default(), found };
+    if let Some(first) = &writer.state.failure {
+        (writer.notify)(StoreEvent::Failed(first.to_string()));
+    }
+    // A fault of this programme ends all writing, as a failing disk does, and nobody waits for ever.
+    while catch_unwind(AssertUnwindSafe(|| writer.serve(&connection, work))).is_err() {
+        writer.fail(StoreError::Panicked);
+    }
+    Db { connection, state: writer.state, lock }.close()
 }
 
 impl Writer {
-    pub(crate) fn new(Db { connection, state, lock }: Db, found: Vec<Quarantined>, notify: Notify) -> Self {
-        Self { connection, desk: Desk { state, notify, group: Group::default(), found }, lock }
-    }
-
-    pub(crate) fn run(mut self, work: &WorkSource<Ask>) -> Result<(), StoreError> {
-        if let Some(first) = &self.desk.state.failure {
-            (self.desk.notify)(StoreEvent::Failed(first.to_string()));
-        }
-        // A fault of this programme ends all writing, as a failing disk does, and nobody waits for ever.
-        while catch_unwind(AssertUnwindSafe(|| self.serve(work))).is_err() {
-            self.desk.fail(StoreError::Panicked);
-        }
-        let Self { connection, desk: Desk { state, .. }, lock } = self;
-        Db { connection, state, lock }.close()
-    }
-
-    fn serve(&mut self, work: &WorkSource<Ask>) {
+    fn serve(&mut self, connection: &Connection, work: &WorkSource) {
         loop {
-            let goes_on = self.desk.turn(&self.connection, work, None);
-            self.copy_if_due(work);
-            if !goes_on {
+            let turn = self.turn(connection, work, None);
+            if std::mem::take(&mut self.state.copy_due)
+                && self.state.failure.is_none()
+                && let Err(error) = self.copy(connection, work)
+            {
+                // It ends nothing.
+                let what = format!("it could not be made: {error}");
+                self.tell(Quarantined::lost("the copy of the store", what), |_| ());
+            }
+            if turn == Err(RecvTimeoutError::Disconnected) {
                 return;
             }
         }
     }
 
-    /// Makes a copy if something was written that it has to have. That it cannot be made ends nothing, and is told.
-    fn copy_if_due(&mut self, work: &WorkSource<Ask>) {
-        let appender = &mut self.desk.state.appender;
-        if !std::mem::take(&mut appender.copy_due) || self.desk.state.failure.is_some() {
-            return;
-        }
-        if let Err(error) = self.copy(work) {
-            self.desk
-                .tell(Quarantined::lost("the copy of the store", format!("it could not be made: {error}")), |_| ());
-        }
-    }
-
     /// Copies the database, a part at a time: commits and whoever asks have their turns in between.
-    fn copy(&mut self, work: &WorkSource<Ask>) -> Result<(), StoreError> {
-        let Some(path) = self.desk.state.path.clone() else { return Ok(()) };
-        let mut part = Part::make(&path)?;
-        let copying = part.begin(&self.connection)?;
-        while !copying.step()? {
-            while work.is_waiting() && self.desk.turn(&self.connection, work, Some(Duration::ZERO)) {}
-            self.desk.flush(&self.connection);
-            if let Some(failure) = &self.desk.state.failure {
+    fn copy(&mut self, connection: &Connection, work: &WorkSource) -> Result<(), StoreError> {
+        let Some(path) = self.state.path.clone() else { return Ok(()) };
+        let mut part = copy::begin(&path)?;
+        let backup = Backup::new(connection, &mut part)?;
+        while !matches!(backup.step(copy::PAGES_AT_A_TIME)?, StepResult::Done) {
+            while self.turn(connection, work, Some(Duration::ZERO)).is_ok() {}
+            if let Some(failure) = &self.state.failure {
                 return Err(failure.clone());
             }
         }
-        drop(copying);
-        part.finish()
+        drop(backup);
+        copy::finish(part, &path)
     }
-}
 
-impl Desk {
-    /// Serves what comes next; false once nothing will come any more.
-    fn turn(&mut self, connection: &Connection, work: &WorkSource<Ask>, most: Option<Duration>) -> bool {
+    /// Serves what comes next, within `most`.
+    ///
+    /// # Errors
+    /// Nothing came, or nothing will come any more: all that came before is on the disk.
+    fn turn(
+        &mut self,
+        connection: &Connection,
+        work: &WorkSource,
+        most: Option<Duration>,
+    ) -> Result<(), RecvTimeoutError> {
         let next = match self.group.wait() {
             _ if self.group.is_full() => Err(RecvTimeoutError::Timeout),
             Some(wait) => work.next(Some(most.map_or(wait, |most| most.min(wait)))),
             None => work.next(most),
         };
-        match next {
-            Ok(Work::Write(entry)) => self.group.push(entry),
-            Ok(Work::Ask(ask)) => {
-                self.flush(connection);
-                ask(Ok(Turn { connection, desk: self }));
-            }
-            Err(RecvTimeoutError::Timeout) => self.flush(connection),
-            Err(RecvTimeoutError::Disconnected) => {
-                self.flush(connection);
-                return false;
-            }
+        if !matches!(next, Ok(Work::Write(_))) {
+            self.flush(connection);
         }
-        true
+        match next? {
+            Work::Write(entry) => self.group.push(entry),
+            Work::Ask(ask) => ask(connection, self),
+        }
+        Ok(())
     }
 
     /// Commits the group, then tells everyone.
@@ -169,9 +179,9 @@ impl Desk {
         if self.state.failure.is_some() {
             return;
         }
-        let error =
-            error.with_corrupt("; the force goes on, and a restart looks at the file and takes the copy if it has to");
-        tracing::error!("{error}; nothing is stored any more until the programme is started again");
+        tracing::error!(
+            "{error}; the force goes on, and nothing is stored any more until the programme is started again"
+        );
         (self.notify)(StoreEvent::Failed(error.to_string()));
         self.state.failure = Some(error);
     }
@@ -183,42 +193,36 @@ impl Desk {
         }
         tracing::error!("{damage}");
         self.found.push(damage);
-        let mut told = StoreDamage { problems: lines(&self.found), ..StoreDamage::default() };
+        let problems = self.found.iter().map(ToString::to_string).collect();
+        let mut told = StoreDamage { problems, ..StoreDamage::default() };
         what(&mut told);
         (self.notify)(StoreEvent::Damaged(told));
     }
-}
 
-impl Turn<'_> {
-    pub(crate) fn samples(self, session: u64) -> Result<SessionSamples, StoreError> {
-        samples::read(self.connection, session).map_err(|findings| {
-            let damage = Quarantined::new(samples_of(session), &findings);
-            self.desk.tell(damage, |told| told.sessions.push((session, findings.clone())));
-            StoreError::DamagedSamples { session, findings }
+    pub(crate) fn samples(&mut self, connection: &Connection, session: u64) -> Result<SessionSamples, StoreError> {
+        samples::read(connection, session).map_err(|findings| {
+            let damage = Quarantined::new(samples::name_of(session), &findings);
+            self.tell(damage.clone(), |told| told.sessions.push((session, findings)));
+            StoreError::DamagedRow(damage)
         })
     }
 
-    pub(crate) fn model_set(self, id: String) -> Result<String, StoreError> {
-        let Some(text) = sets::text(self.connection, &id)? else {
-            return Err(StoreError::NoModelSet { model_set: id });
-        };
+    pub(crate) fn model_set(&mut self, connection: &Connection, id: String) -> Result<String, StoreError> {
+        let Some(text) = sets::text(connection, &id)? else { return Err(StoreError::NoModelSet(id)) };
         text.map_err(|findings| {
-            let damage = Quarantined::new(sets::name_of(&id), &findings);
-            self.desk.tell(damage, |told| told.model_sets.push(id.clone()));
-            StoreError::DamagedModelSet { model_set: id, findings }
+            let damage = Quarantined::new(sets::name_of(&id), findings);
+            self.tell(damage.clone(), |told| told.model_sets.push(id));
+            StoreError::DamagedRow(damage)
         })
     }
 
-    pub(crate) fn audit(self, before: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
-        Ok(audit::read(self.connection, before, most)?)
+    pub(crate) fn audit(&self, connection: &Connection, before: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
+        Ok(audit::read(connection, before, most)?)
     }
 
-    pub(crate) fn size(self) -> Result<Size, StoreError> {
-        Ok(self.desk.state.size(self.connection)?)
+    /// Bytes of the database that are in use.
+    pub(crate) fn size(&self, connection: &Connection) -> Result<u64, StoreError> {
+        let [pages, free, bytes] = schema::pages(connection)?;
+        Ok(pages.saturating_sub(free) * bytes)
     }
-}
-
-/// How findings name the samples of a session.
-pub(crate) fn samples_of(session: u64) -> String {
-    format!("samples of session {session}")
 }

@@ -1,13 +1,13 @@
 //! Whether the files are still those that were opened: what is written into one that was removed, replaced, emptied or cut is
 //! lost, and SQLite does not notice.
 
-use std::fs::{self, File, Metadata};
+use std::fs::{self, File};
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::error::StoreError;
-use crate::files::{LOG, beside, length};
+use crate::files::{LOG, beside};
 
 /// The files that are open, and how long they have to be.
 #[derive(Debug)]
@@ -26,26 +26,21 @@ struct Watched {
 
 impl Watched {
     fn of(path: PathBuf) -> Result<Self, StoreError> {
-        let found = fs::metadata(&path).map_err(|error| StoreError::changing(&path, &error))?;
-        Ok(Self { identity: identity(&found), bytes: found.len(), path })
+        let found = fs::metadata(&path).map_err(|error| StoreError::of_file(&path, &error))?;
+        Ok(Self { identity: (found.dev(), found.ino()), bytes: found.len(), path })
     }
 
+    /// Its length now.
     fn check(&self) -> Result<u64, StoreError> {
-        let bad = |how: String| Err(StoreError::Replaced { path: self.path.clone(), how });
+        let bad = |how: &str| Err(StoreError::Disk(format!("{} was {how} while it was open", self.path.display())));
         match fs::metadata(&self.path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => bad("removed".to_owned()),
-            Err(error) => Err(StoreError::changing(&self.path, &error)),
-            Ok(found) if identity(&found) != self.identity => bad("replaced".to_owned()),
-            Ok(found) if found.len() < self.bytes => {
-                bad(format!("cut to {} bytes, expected at least {}", found.len(), self.bytes))
-            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => bad("removed"),
+            Err(error) => Err(StoreError::of_file(&self.path, &error)),
+            Ok(found) if (found.dev(), found.ino()) != self.identity => bad("replaced"),
+            Ok(found) if found.len() < self.bytes => bad(&format!("cut to {} bytes", found.len())),
             Ok(found) => Ok(found.len()),
         }
     }
-}
-
-fn identity(file: &Metadata) -> (u64, u64) {
-    (file.dev(), file.ino())
 }
 
 impl Watch {
@@ -56,14 +51,13 @@ impl Watch {
 
     /// Refuses to go on with files that are not those that were opened, or have lost something.
     pub(crate) fn check(&self) -> Result<(), StoreError> {
-        self.database.check()?;
-        self.log.check().map(drop)
+        self.database.check().and_then(|_| self.log.check()).map(drop)
     }
 
     /// After a commit, which has made the log longer.
     pub(crate) fn committed(&mut self) -> Result<(), StoreError> {
-        self.check()?;
-        self.log.bytes = length(&self.log.path);
+        self.database.check()?;
+        self.log.bytes = self.log.check()?;
         Ok(())
     }
 

@@ -1,9 +1,6 @@
-//! What the store's thread is asked for, and the one queue in which that waits.
+//! What the store's thread is asked for, and who waits for it.
 
 use std::fmt;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 use taxel_engine::record::Record;
@@ -90,73 +87,6 @@ impl<T> Drop for Waiting<T> {
 pub(crate) struct Entry {
     pub(crate) records: Vec<Record>,
     pub(crate) waiting: Waiting<Durability>,
-}
-
-/// What the store's thread is asked for, in one order; `A` is a question with what is done with the answer.
-pub(crate) enum Work<A> {
-    Write(Entry),
-    Ask(A),
-}
-
-/// The end of the queue into which work is put.
-pub(crate) struct WorkQueue<A> {
-    work: SyncSender<Work<A>>,
-    waiting: Arc<AtomicUsize>,
-}
-
-/// The other end, of the store's thread.
-pub(crate) struct WorkSource<A> {
-    work: Receiver<Work<A>>,
-    waiting: Arc<AtomicUsize>,
-}
-
-/// A queue of [`QUEUE_BATCHES`].
-pub(crate) fn work_queue<A>() -> (WorkQueue<A>, WorkSource<A>) {
-    let (sender, work) = sync_channel(QUEUE_BATCHES);
-    let waiting = Arc::new(AtomicUsize::new(0));
-    (WorkQueue { work: sender, waiting: Arc::clone(&waiting) }, WorkSource { work, waiting })
-}
-
-impl<A> fmt::Debug for WorkQueue<A> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("WorkQueue").field("waiting", &self.waiting()).finish_non_exhaustive()
-    }
-}
-
-impl<A> WorkQueue<A> {
-    /// Puts work in, or gives it back. Never waits.
-    pub(crate) fn try_send(&self, work: Work<A>) -> Result<(), TrySendError<Work<A>>> {
-        self.waiting.fetch_add(1, Ordering::Relaxed);
-        self.work.try_send(work).inspect_err(|_| {
-            self.waiting.fetch_sub(1, Ordering::Relaxed);
-        })
-    }
-
-    /// How much work waits.
-    pub(crate) fn waiting(&self) -> usize {
-        self.waiting.load(Ordering::Relaxed)
-    }
-}
-
-impl<A> WorkSource<A> {
-    /// The next work, which is waited for: so long at most, or for ever.
-    ///
-    /// # Errors
-    /// That none came in time, or that none will come any more.
-    pub(crate) fn next(&self, most: Option<Duration>) -> Result<Work<A>, RecvTimeoutError> {
-        let next = match most {
-            Some(most) => self.work.recv_timeout(most),
-            None => self.work.recv().map_err(RecvTimeoutError::from),
-        };
-        next.inspect(|_| {
-            self.waiting.fetch_sub(1, Ordering::Relaxed);
-        })
-    }
-
-    /// Whether work waits.
-    pub(crate) fn is_waiting(&self) -> bool {
-        self.waiting.load(Ordering::Relaxed) > 0
-    }
 }
 
 /// Batches that go to disk in one transaction.

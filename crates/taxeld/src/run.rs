@@ -13,7 +13,6 @@ use taxel_engine::snapshot::Health;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
 use taxel_rpc::{Clocks, Handle, Limits, Server, handle::channel};
 use taxel_skin::BusIndex;
-use taxel_store::Retention;
 use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
@@ -82,7 +81,7 @@ impl Daemon {
         let (pages, no_pages) = pages(config, &plan, &clock)?;
         let kept = match &store {
             StoreAt::File(_, kept) => *kept,
-            StoreAt::Memory => Retention::default(),
+            StoreAt::Memory => None,
         };
         let (store, restored) = open_store(store, &tell_done)?;
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
@@ -289,9 +288,8 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     logs::filter(config.log.filter.as_deref()).map_err(anyhow::Error::msg)?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let store = &config.store;
-    let bytes = store.keep_mb.map(|mb| mb.saturating_mul(1_000_000));
-    let retention = Retention { bytes, ..Retention::default() };
-    let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, retention), RunClock::Live).await?;
+    let kept = store.keep_mb.map(|mb| mb.saturating_mul(1_000_000));
+    let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, kept), RunClock::Live).await?;
     daemon.reload = Some((hangup, reload));
     match daemon.add_buses(&config) {
         Ok(()) => daemon.until_the_end().await,

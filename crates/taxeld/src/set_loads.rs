@@ -48,7 +48,7 @@ fn read_set(text: Result<String, StoreError>) -> Result<Arc<ModelSet>, NotLoaded
             Ok(set) => Ok(Arc::new(set)),
             Err(why) => Err(NotLoaded::Damaged(why.to_string())),
         },
-        Err(StoreError::DamagedModelSet { findings, .. }) => Err(NotLoaded::Damaged(findings)),
+        Err(StoreError::DamagedRow(damage)) => Err(NotLoaded::Damaged(damage.reason)),
         Err(error) => Err(NotLoaded::Unavailable(error.to_string())),
     }
 }

@@ -8,12 +8,9 @@ use anyhow::Context;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 use taxel_rpc::STALLED_AFTER;
-use taxel_shm::{Folder, Limits, PageWriter, Permissions, Sample, State, Text};
+use taxel_shm::{Folder, Limits, PageWriter, Sample, State, Text};
 
 use crate::config::SharedMemorySection;
-
-/// The daemon writes a page, its group reads it.
-const PAGE_MODE: u32 = 0o640;
 
 /// The pages of a daemon. Dropped, each says that nobody is behind it any more.
 #[derive(Debug, Default)]
@@ -30,7 +27,7 @@ impl Pages {
     /// If there is no such group.
     pub fn make(section: Option<&SharedMemorySection>, plan: &Plan) -> anyhow::Result<(Self, Vec<String>)> {
         let Some(section) = section else { return Ok((Self::default(), Vec::new())) };
-        let folder = Folder::open(&section.path, permissions(section)?);
+        let folder = Folder::open(&section.path, group(section)?);
         let mut problems = Vec::new();
         let mut page = |patch: &PatchPlan| {
             let (name, limits) = (patch.patch.name(), Limits { age: patch.live.stale_after, beat: STALLED_AFTER });
@@ -64,11 +61,11 @@ impl Pages {
     }
 }
 
-fn permissions(section: &SharedMemorySection) -> anyhow::Result<Permissions> {
+fn group(section: &SharedMemorySection) -> anyhow::Result<Option<u32>> {
     let group = section.group.as_ref().map(|name| {
         taxel_rpc::group_id(name).with_context(|| format!("shared_memory.group: there is no group `{name}`"))
     });
-    Ok(Permissions { mode: PAGE_MODE, group: group.transpose()? })
+    group.transpose()
 }
 
 /// Takes the folder of the section, and gives it back at once.
@@ -77,7 +74,7 @@ fn permissions(section: &SharedMemorySection) -> anyhow::Result<Permissions> {
 /// Why it cannot be had.
 #[cfg(feature = "sim")]
 pub fn try_folder(section: &SharedMemorySection) -> anyhow::Result<()> {
-    Folder::open(&section.path, permissions(section)?).map(drop).context("shared_memory.path")
+    Folder::open(&section.path, group(section)?).map(drop).context("shared_memory.path")
 }
 
 /// The snapshot as a page has it.

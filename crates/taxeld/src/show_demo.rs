@@ -13,7 +13,6 @@ use taxel_engine::plan::{Outputs, Plan};
 use taxel_rpc::Rules;
 use taxel_sim::STANDARD_GRAVITY;
 use taxel_skin::{BusIndex, Geometry};
-use taxel_store::models_json;
 
 use crate::clock::RunClock;
 use crate::config::{self, Config, Door, Doors, Scene, SharedMemorySection};
@@ -79,7 +78,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
 fn of_no_session(models: &ModelSet) -> ModelSet {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
-    models_json::of_no_session(ModelSet { created_wall_ns, ..models.clone() })
+    ModelSet { created_wall_ns, session: None, ..models.clone() }
 }
 
 /// The configuration of the simulated forearm.

@@ -4,14 +4,14 @@ use std::path::Path;
 
 use anyhow::Context;
 use taxel_engine::Restored;
-use taxel_store::{Retention, Store, StoreFile};
+use taxel_store::{Store, StoreFile};
 
 use crate::queues::TellDone;
 
 /// Where records go.
 pub enum StoreAt<'a> {
-    /// A file, and how much of it is kept.
-    File(&'a Path, Retention),
+    /// A file, and how many bytes of it are kept.
+    File(&'a Path, Option<u64>),
     /// Nowhere that outlives the process.
     Memory,
 }
@@ -19,11 +19,11 @@ pub enum StoreAt<'a> {
 pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Store, Restored)> {
     match at {
         StoreAt::Memory => Ok((Store::in_memory(tell_done.of_store())?, Restored::default())),
-        StoreAt::File(path, retention) => {
+        StoreAt::File(path, _) => {
             if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
                 std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
             }
-            let opened = Store::open_keeping(path, &retention, tell_done.of_store());
+            let opened = Store::open(path, tell_done.of_store());
             // What was found damaged is in the log already, and in `restored` for the health.
             let (store, restored, _) = opened.with_context(|| format!("opening {}", path.display()))?;
             Ok((store, restored))
@@ -36,7 +36,7 @@ pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Stor
 /// # Errors
 /// As [`StoreFile::open`].
 pub fn read_store(path: &Path) -> anyhow::Result<StoreFile> {
-    let store = StoreFile::open(path)?;
+    let store = StoreFile::open(path).with_context(|| path.display().to_string())?;
     for damage in store.damage() {
         crate::say::error_line(format_args!("taxeld: {}: {damage}", path.display()));
     }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::{Args, Subcommand};
 
 #[derive(Debug, Args)]
@@ -27,7 +28,7 @@ enum What {
 pub fn store(args: &StoreArgs) -> anyhow::Result<()> {
     match &args.what {
         What::Check { store } => {
-            let found = taxel_store::check(store)?;
+            let found = taxel_store::check(store).with_context(|| store.display().to_string())?;
             let mb = found.bytes as f64 / 1e6;
             say!("{} model sets, {} sessions, {} samples, {mb:.1} MB", found.model_sets, found.sessions, found.samples);
             for damage in &found.damage {

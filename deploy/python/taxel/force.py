@@ -53,7 +53,7 @@ class Why(enum.Enum):
 
 _WORDS = {
     Why.NO_PAGE: "there is no page to be read: no daemon runs, it has another patch, "
-    "this account is not in the page's group, or another account can have put it there",
+    "this account is not in the page's group, or others may write in it or in its folder",
     Why.NOTHING_YET: "no sample yet",
     Why.CLOSED: "the daemon has ended",
     Why.WRITER_GONE: "the daemon's engine does not run",

@@ -7,8 +7,7 @@
     else:
         do_without(force.why)
 
-A page that another account can have made is none: it has to belong to root, to this account or to `owner`, or lie where
-nobody else can write in any folder of its path.
+A page in which others may write, or in whose folder, is none.
 
 The layout of a page is in deploy/shared-memory.md. Python has no memory barriers, so a sample is also checked by its CRC.
 """
@@ -18,7 +17,6 @@ from __future__ import annotations
 import math
 import mmap
 import os
-import pathlib
 import struct
 import time
 import zlib
@@ -47,25 +45,16 @@ def _text(raw: bytes) -> str:
     return raw.split(b"\0", 1)[0].decode("utf-8", "ignore")
 
 
-def _believe(path: str, page: os.stat_result, owner: Optional[int]) -> None:
-    """Refuses a page that somebody else than root, this account and `owner` can have made."""
-    if page.st_mode & 0o022:
-        raise ValueError(f"{path}: others may write in it")
-    if page.st_uid in (0, os.geteuid(), owner):
-        return
-    for folder in pathlib.Path(os.path.abspath(path)).parents:
-        if os.stat(folder).st_mode & 0o022:
-            raise ValueError(f"{path}: it belongs to user {page.st_uid}, and others may write in {folder}")
-
-
 class _Page:
     """One page of one run of a daemon."""
 
-    def __init__(self, path: str, owner: Optional[int] = None):
+    def __init__(self, path: str):
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         try:
             about = os.fstat(descriptor)
-            _believe(path, about, owner)
+            folder = os.stat(os.path.dirname(path) or ".")
+            if (about.st_mode | folder.st_mode) & 0o022:
+                raise ValueError(f"{path}: others may write in it or in its folder")
             if about.st_size < PAGE_BYTES:
                 raise ValueError(f"{path}: {about.st_size} bytes, expected {PAGE_BYTES}")
             self._memory = mmap.mmap(descriptor, PAGE_BYTES, mmap.MAP_SHARED, mmap.PROT_READ)
@@ -124,21 +113,21 @@ def _decode(fields: tuple) -> Tuple[dict, Optional[int]]:
     (sequence, frame_ns, wall_ns, written_ns, state, flags, total, sigma, floor, *vectors) = fields[:18]
     active, excluded, stale, out_of_range, filled, _, filled_share, uncovered_share, models, reasons = fields[18:28]
 
-    def known(bit: int, *figures: float):
-        there = flags >> bit & 1 and all(map(math.isfinite, figures))
+    def known(*figures: float):
+        there = all(map(math.isfinite, figures))
         return (figures[0] if len(figures) == 1 else figures) if there else None
 
     sample = {
         "sequence": sequence,
         "state": state_name(state),
-        "total_n": known(1, total),
-        "sigma_n": known(2, sigma),
-        "detection_floor_n": known(3, floor),
-        "resultant_n": known(4, *vectors[0:3]),
-        "moment_nm": known(5, *vectors[3:6]),
-        "centre_of_pressure_m": known(6, *vectors[6:9]),
-        "lower_bound": bool(flags >> 7 & 1),
-        "simulated": bool(flags >> 8 & 1),
+        "total_n": known(total),
+        "sigma_n": known(sigma),
+        "detection_floor_n": known(floor),
+        "resultant_n": known(*vectors[0:3]),
+        "moment_nm": known(*vectors[3:6]),
+        "centre_of_pressure_m": known(*vectors[6:9]),
+        "lower_bound": bool(flags >> 1 & 1),
+        "simulated": bool(flags >> 2 & 1),
         "active": active,
         "excluded": excluded,
         "stale": stale,
@@ -158,12 +147,8 @@ def _decode(fields: tuple) -> Tuple[dict, Optional[int]]:
 class Reader:
     """Follows a patch over restarts of its daemon, each of which makes a new page under the same name."""
 
-    def __init__(
-        self, path: Union[str, "os.PathLike[str]"], age_max_s: Optional[float] = None, owner: Optional[int] = None
-    ):
-        """`age_max_s`: the caller's own limit, if it has a stricter one than the daemon. `owner`: the number of an account
-        whose pages are believed beside those that nobody but root and this account can have put there."""
-        self._owner = owner
+    def __init__(self, path: Union[str, "os.PathLike[str]"], age_max_s: Optional[float] = None):
+        """`age_max_s`: the caller's own limit, if it has a stricter one than the daemon."""
         self._path = os.fspath(path)
         self._age_max_s = age_max_s
         self._page: Optional[_Page] = None
@@ -190,7 +175,7 @@ class Reader:
             about = os.stat(self._path)
             if self._page and self._page.file == (about.st_dev, about.st_ino):
                 return False
-            self._page = _Page(self._path, self._owner)
+            self._page = _Page(self._path)
         except (OSError, ValueError):
             return False
         return True

@@ -7,7 +7,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
 
 from taxel.shm import Reader  # noqa: E402
 
-force = Reader(sys.argv[1], owner=int(sys.argv[2]) if len(sys.argv) > 2 else None).force()
+force = Reader(sys.argv[1]).force()
 sample = vars(force) if force else force.sample
 if sample is None:
     sys.exit(f"status {force.why.value}")

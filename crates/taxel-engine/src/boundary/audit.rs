@@ -1,8 +1,10 @@
 //! Who asked for what, and what came of it: rows of the audit log. The engine knows nothing of callers; the rows go
 //! through its records because their order on disk is that of what happened.
 
+use serde::{Deserialize, Serialize};
+
 /// Somebody asked for something that changes the daemon's state. Written before the engine hears of it.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Asked {
     /// Number of the request in this run of the daemon; ties the answer to it.
     pub request: u64,
@@ -29,7 +31,7 @@ pub struct Asked {
 }
 
 /// What came of a request.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answered {
     /// Number of the request in this run of the daemon.
     pub request: u64,

@@ -1,7 +1,9 @@
 //! The branches of a hysteresis loop: which of them a session gathers, and at which of them it is.
 
+use serde::{Deserialize, Serialize};
+
 /// Which branches of the pressure are fitted, and gathered by a session.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Branch {
     /// Rising pressure, as in the paper.
     #[default]
@@ -23,7 +25,7 @@ pub enum PlaysChoice {
 }
 
 /// Which way the pressure goes while samples enter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Direction {
     /// It rises.
     #[default]

@@ -1,12 +1,15 @@
 //! What the world sees of a session.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
 
 use crate::calibration::branch::{Branch, Direction};
 use crate::request::{ErrorReason, Rejection};
 
 /// Where a session stands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SessionState {
     /// Watches the skin at rest before a ramp.
     #[default]
@@ -127,7 +130,8 @@ impl SampleRefusal {
 }
 
 /// How many scans were refused, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "BTreeMap<String, u64>", into = "BTreeMap<String, u64>")]
 pub struct RefusalCounts(pub [u64; SampleRefusal::ALL.len()]);
 
 impl RefusalCounts {
@@ -148,8 +152,22 @@ impl RefusalCounts {
     }
 }
 
+/// By the names of the reasons; one that this version does not know is left out.
+impl From<BTreeMap<String, u64>> for RefusalCounts {
+    fn from(named: BTreeMap<String, u64>) -> Self {
+        Self(SampleRefusal::ALL.map(|why| named.get(why.name()).copied().unwrap_or_default()))
+    }
+}
+
+impl From<RefusalCounts> for BTreeMap<String, u64> {
+    fn from(counts: RefusalCounts) -> Self {
+        SampleRefusal::ALL.into_iter().map(|why| (why.name().to_owned(), counts.get(why))).collect()
+    }
+}
+
 /// A session at one moment.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// What is kept of it on disk has these names there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SessionView {
     /// Its number.
     pub number: u64,
@@ -188,23 +206,30 @@ pub struct SessionView {
     /// Scans that did not.
     pub refused: RefusalCounts,
     /// Scans that are on disk.
+    #[serde(skip)]
     pub durable: u64,
     /// The newest pressure in kPa, if one came lately; from the first ramp on, above what the gauge read at rest.
+    #[serde(skip)]
     pub pressure_kpa: Option<f64>,
     /// What the gauge read at rest before the newest ramp, in kPa: what pressures are counted from. 0 before the first ramp
     /// and where it is not known; not kept on disk.
+    #[serde(skip)]
     pub gauge_zero_kpa: f64,
     /// Its rate of rise in kPa/s over the last second.
+    #[serde(skip)]
     pub rate_kpa_per_s: Option<f64>,
     /// Share of the 1 kPa steps from 0 to the target that hold a sample, 0 to 1.
     pub coverage: f64,
     /// Taxels that responded so far, and all taxels.
     pub responding: (u32, u32),
     /// Those that did not, ascending; empty where only the numbers are known.
+    #[serde(skip)]
     pub not_responding: Arc<[u16]>,
     /// Time to the end of the branch at the present rate, in seconds.
+    #[serde(skip)]
     pub remaining_s: Option<f64>,
     /// What should have been seen to when it began, a line each; not kept on disk.
+    #[serde(skip)]
     pub look: Arc<[String]>,
     /// The model set it produced.
     pub model_set: Option<Arc<str>>,

@@ -1,5 +1,6 @@
 //! A known load and what the skin read under it.
 
+use serde::{Deserialize, Serialize};
 use taxel_skin::Newton;
 
 use crate::request::Rejection;
@@ -64,7 +65,7 @@ fn invalid(field: &'static str, problem: String) -> Rejection {
 }
 
 /// What the live force was over the time of the watch.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
     /// Scans that it was read from.
     pub scans: u32,
@@ -87,7 +88,7 @@ pub struct Reading {
 }
 
 /// A known load, what was read under it, and all that the reading depends on. Never changed.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Load {
     /// Its number, from 1; unique in a store.
     pub number: u64,

@@ -1,9 +1,12 @@
 //! What a recalibration is made of: a known load, and what the skin read under it.
 
+use serde::{Deserialize, Serialize};
+
 use crate::loads::load::Load;
 
 /// One load point. `read` and `known` are in one unit: newton for loads, kilopascal for a recording with its gauge.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LoadPoint {
     /// By what it is known to people: the number of the load.
     pub number: u64,

@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use serde::{Deserialize, Deserializer, Serialize};
+
 use crate::baseline::TaxelBaseline;
 use crate::statistics::{MEDIAN_DEVIATIONS, mean, median};
 
@@ -14,7 +16,7 @@ const CHANCE_SIGMAS: f64 = 4.0;
 const APART_MIN_COUNTS: f64 = 0.1;
 
 /// What is known of the zeros of the boards of a patch.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BoardZeros {
     /// Why the counts cannot show whether the skin is at rest, if that is so: a board took a zero of its own under a load, or
     /// nobody saw what lay on it.
@@ -26,14 +28,22 @@ pub struct BoardZeros {
 }
 
 /// What the zeros of the boards hide: a load that a look let pass, and where the temperature was.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HiddenCounts {
     /// By how many counts each taxel lay from the rest of the models when the boards took their zeros, one per taxel; 0 where
     /// nothing is known.
+    #[serde(deserialize_with = "with_gaps")]
     pub counts: Vec<f32>,
     /// What each taxel read right then, with these zeros, or with those before as long as nobody knows; NaN where it was not
     /// read, empty before anybody knew. What it read with the zeros before is no substitute: a board draws counts anew.
+    #[serde(deserialize_with = "with_gaps")]
     pub reads: Vec<f32>,
+}
+
+/// JSON has `null` for a number that is none.
+fn with_gaps<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f32>, D::Error> {
+    let numbers = Vec::<Option<f32>>::deserialize(deserializer)?;
+    Ok(numbers.into_iter().map(|number| number.unwrap_or(f32::NAN)).collect())
 }
 
 impl HiddenCounts {

@@ -2,12 +2,12 @@
 
 use prost::Message as _;
 use taxel_can::RecordedFrames as _;
-use taxel_mcap::{BOOT, FrameTap, Limits, McapFile, Recording, frames_message, open_file};
+use taxel_mcap::{FrameTap, McapFile, Recording, frames_message, open_file};
 use taxel_proto::v1::CanFrames;
 use taxel_skin::Time;
 use taxel_wire::{CanId, Frame, FrameKind, TimedFrame};
 
-use crate::{WALL_NS, frame, labelled, limits, read_files, read_folder, start, topics, wait};
+use crate::{WALL_NS, frame, labelled, limits, read_files, read_folder, start, topics};
 
 /// The controller goes off when this frame comes.
 fn off(number: u64) -> TimedFrame {
@@ -50,40 +50,14 @@ fn frames_that_were_lost_are_told_where_they_are_missing() {
     assert_eq!((frames.len(), recording.take_lost()), (3, 0));
 }
 
-/// The disk may be behind just then, and the zero is lost all the same.
-#[test]
-fn an_error_that_found_no_room_comes_with_what_does() {
-    let scratch = tempfile::tempdir().unwrap();
-    let (recorder, queue) = start(scratch.path(), Limits { file_bytes: 1 << 30, budget_bytes: 1 << 32, ..limits() });
-    let status = recorder.status();
-    wait("the first file", || !status().file.is_empty());
-    let mut tap = FrameTap::new(queue, 0, "can0".to_owned(), String::new());
-    let frames: Vec<TimedFrame> = (0..2_000).map(frame).collect();
-    let mut errors = 0;
-    wait("a loss", || {
-        errors += 1;
-        tap.take(&frames, &[off(errors)], WALL_NS);
-        status().lost > 0
-    });
-    let (lost, mut after) = (status().lost, 0);
-    wait("room", || {
-        after += 1;
-        tap.take(&frames[..1], &[], WALL_NS);
-        status().lost == lost + after - 1
-    });
-    recorder.finish();
-    assert_eq!(read_folder(scratch.path()).1.errors, errors);
-}
-
-/// When two frames of each file were received, by what was read of them, in ms after the first. Of each file are given: which
-/// start of the machine it names, and the clock of the daemon and that of the wall at its first frame.
-fn through_starts(files: &[(Option<&str>, i64, i64)]) -> Vec<i64> {
+/// When two frames of each file were received, by what was read of them, in ms after the first. Of each file are given the
+/// clock of the daemon and that of the wall at its first frame.
+fn through_starts(files: &[(i64, i64)]) -> Vec<i64> {
     let scratch = tempfile::tempdir().unwrap();
     let mut paths = Vec::new();
-    for (number, &(boot, clock_ms, wall_ms)) in files.iter().enumerate() {
+    for (number, &(clock_ms, wall_ms)) in files.iter().enumerate() {
         let path = scratch.path().join(number.to_string());
-        let about = boot.map(|boot| (BOOT.to_owned(), boot.to_owned())).into_iter().collect();
-        let mut file = McapFile::begin(open_file(&path).unwrap(), &topics(), about).unwrap();
+        let mut file = McapFile::begin(open_file(&path).unwrap(), &topics(), Default::default()).unwrap();
         for after_ms in [0, 50] {
             let time = Time::from_nanos((clock_ms + after_ms) * 1_000_000);
             let frames = [TimedFrame { time, ..frame(7) }];
@@ -102,14 +76,12 @@ fn through_starts(files: &[(Option<&str>, i64, i64)]) -> Vec<i64> {
 /// A robot without a battery clock may say nothing of how long it was off, and its boards are off with it.
 #[test]
 fn a_start_of_the_machine_is_a_silence_of_ten_seconds() {
-    let (one, other) = (Some("0123456789abcdef"), Some("fedcba9876543210"));
-    let same = through_starts(&[(one, 20_000, 0), (one, 20_100, 7_000)]);
+    let same = through_starts(&[(20_000, 0), (20_100, 7_000)]);
     assert_eq!(same, [0, 50, 100, 150], "of one start, whatever the wall clock was set to");
     let anew = [0, 50, 10_050, 10_100];
-    assert_eq!(through_starts(&[(one, 20_000, 0), (other, 20_100, 100)]), anew, "as if the clock went on");
-    assert_eq!(through_starts(&[(one, 90_000, 0), (other, 9_000, 300_000)]), anew);
-    assert_eq!(through_starts(&[(one, 90_000, 0), (other, 9_000, -300_000)]), anew);
-    assert_eq!(through_starts(&[(None, 0, 0), (None, 2 * 86_400_000, 0)]), anew, "two days between two files");
-    let by_the_clock = through_starts(&[(None, 90_000, 0), (None, 9_000, 100), (None, 9_100, 0)]);
-    assert_eq!(by_the_clock, [0, 50, 10_050, 10_100, 10_150, 10_200], "of files that say nothing");
+    assert_eq!(through_starts(&[(90_000, 0), (9_000, 300_000)]), anew);
+    assert_eq!(through_starts(&[(90_000, 0), (9_000, -300_000)]), anew);
+    assert_eq!(through_starts(&[(0, 0), (2 * 86_400_000, 0)]), anew, "two days between two files");
+    let twice = through_starts(&[(90_000, 0), (9_000, 100), (9_100, 0)]);
+    assert_eq!(twice, [0, 50, 10_050, 10_100, 10_150, 10_200]);
 }

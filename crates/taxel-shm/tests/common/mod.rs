@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use taxel_shm::{Folder, Limits, NoForce, Page, Permissions, Sample, State, Text, now_ns};
+use taxel_shm::{Folder, Limits, NoForce, Page, Sample, State, Text, now_ns};
 
 /// Limits that a busy machine does not reach by itself; stamps of tests lie hours beyond them.
 pub const LIMITS: Limits = Limits { age: Duration::from_secs(30), beat: Duration::from_secs(10) };
@@ -15,12 +15,8 @@ pub fn in_memory() -> tempfile::TempDir {
     tempfile::Builder::new().prefix("taxel-shm-test-").tempdir_in("/dev/shm").unwrap()
 }
 
-pub fn plain() -> Permissions {
-    Permissions { mode: 0o640, group: None }
-}
-
 pub fn folder(place: &tempfile::TempDir) -> Folder {
-    Folder::open(place.path(), plain()).unwrap()
+    Folder::open(place.path(), None).unwrap()
 }
 
 pub fn repository() -> PathBuf {
@@ -165,7 +161,7 @@ pub fn child() {
             whole(&page.newest().unwrap());
         }
     }
-    let mut writer = Folder::open(Path::new(arguments[0]), plain()).unwrap().page(arguments[1], short()).unwrap();
+    let mut writer = Folder::open(Path::new(arguments[0]), None).unwrap().page(arguments[1], short()).unwrap();
     let mut sequence = 1;
     writer.write(&good(sequence));
     println!("at work");

@@ -1,81 +1,27 @@
-//! The disk fails, fills, goes read-only, hangs, or the process dies: at every single call with which the store changes a
+//! The disk fails, fills, goes read-only, or the process dies: at every single call with which the store changes a
 //! file, through all that the daemon asks of it. `disk_faults.c` is preloaded into a process of its own for each.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
-use std::sync::mpsc::channel;
 
-use taxel_engine::calibration::SessionState;
-use taxel_engine::record::Record;
 use tempfile::TempDir;
 
 use super::fixture::*;
-use crate::{Batch, Store};
+use super::power::check::check;
+use super::power::plan::Plan;
+use crate::Store;
 
 const CHILD: &str = "TAXEL_STORE_DISK_CHILD";
-const HOLDING_CHILD: &str = "TAXEL_STORE_HOLDING_CHILD";
+const SEED: u64 = 1;
+const EVENTS: usize = 16;
 
-/// Everything that the daemon asks of its store, each waited for before the next.
-fn steps() -> Vec<Vec<Record>> {
-    let [first, second] = [model_set(1), model_set(2)];
-    vec![
-        vec![session(1, SessionState::Ramping), ramp(1, 0)],
-        (0..3).map(|index| sample_record(1, index)).collect(),
-        vec![Record::ModelSet(Arc::new(first.clone()))],
-        vec![activated(&first)],
-        vec![asked(1)],
-        vec![answered(1)],
-        vec![session(1, SessionState::Review)],
-        vec![Record::ModelSet(Arc::new(second.clone())), activated(&second)],
-        vec![Record::ModelSetDeleted { model_set: first.id, wall_ns: 9 }],
-        vec![session(2, SessionState::Aborted)],
-        vec![Record::SessionDeleted { session: 2, wall_ns: 11 }],
-    ]
+/// What is done to the store: of this seed the first events have all kinds of records.
+fn plan() -> Plan {
+    Plan::new(SEED, EVENTS)
 }
 
-/// What a store holds: its model sets, the active one, sessions, samples of the first, requests and results.
-type Held = (Vec<String>, Option<String>, Vec<u64>, u64, usize, usize);
-
-/// What it holds after so many steps.
-fn after(steps: usize) -> Held {
-    let [first, second] = [model_set(1).id, model_set(2).id];
-    let between = |from: usize, to: usize| (from..to).contains(&steps);
-    let known = [(between(3, 9), &first), (steps >= 8, &second)];
-    let active = [(between(4, 8), &first), (steps >= 8, &second)];
-    let sessions = [(steps >= 1, 1), (between(10, 11), 2)];
-    (
-        known.iter().filter(|(there, _)| *there).map(|(_, id)| (*id).clone()).collect(),
-        active.iter().find(|(there, _)| *there).map(|(_, id)| (*id).clone()),
-        sessions.iter().filter(|(there, _)| *there).map(|(_, number)| *number).collect(),
-        if steps >= 2 { 3 } else { 0 },
-        usize::from(steps >= 5),
-        usize::from(steps >= 6),
-    )
-}
-
-fn held(path: &Path, what: &str) -> Held {
-    let opened = Store::open(path, Box::new(|_| ()));
-    let (store, restored, quarantined) = opened.unwrap_or_else(|error| panic!("{what}: {error}"));
-    assert_eq!(quarantined, [], "{what}");
-    let samples = samples_of(&store, 1).map_or(0, |found| found.samples.len() as u64);
-    let log = entries(&store, u64::MAX, u32::MAX).unwrap();
-    let answered = log.iter().filter(|entry| entry.answered.is_some()).count();
-    // It takes new ones again.
-    write(&store, vec![session(7, SessionState::Aborted)]).unwrap_or_else(|error| panic!("{what}: {error}"));
-    store.close().unwrap_or_else(|error| panic!("{what}: {error}"));
-    (
-        restored.model_sets.iter().map(|set| set.id.clone()).collect(),
-        restored.active.first().map(|(_, id)| id.clone()),
-        restored.sessions.iter().map(|view| view.number).collect(),
-        samples,
-        log.len(),
-        answered,
-    )
-}
-
-/// Runs in the child: one step after the other, and what came of each.
+/// Runs in the child: one event after the other, each waited for before the next, and what came of it.
 #[test]
 fn disk_child() {
     let Ok(path) = std::env::var(CHILD) else { return };
@@ -83,8 +29,8 @@ fn disk_child() {
         Ok((store, ..)) => store,
         Err(error) => return println!("\nrefused open: {error}"),
     };
-    for (number, records) in steps().into_iter().enumerate() {
-        match write(&store, records) {
+    for (number, records) in plan().writes() {
+        match write(&store, records.to_vec()) {
             Ok(_) => println!("\ndone {}", number + 1),
             Err(error) => println!("\nrefused {}: {error}", number + 1),
         }
@@ -144,7 +90,7 @@ fn at_every_call(fault: &str, expected: &[&str]) {
         let done = lines.iter().filter_map(|line| line.strip_prefix("done ")?.parse::<usize>().ok()).max().unwrap_or(0);
         let mut refused = lines.iter().skip_while(|line| !line.starts_with("refused"));
         // What a kill interrupts nobody was told of.
-        let mut next = (done + 1).min(steps().len());
+        let mut next = plan().writes().map(|(number, _)| number + 1).find(|next| *next > done).unwrap_or(done);
         if let Some(first) = refused.next() {
             refusals += 1;
             // A start says what could not be done with the store, a step what the disk said.
@@ -155,9 +101,7 @@ fn at_every_call(fault: &str, expected: &[&str]) {
                 next = done;
             }
         }
-        let there = held(&path, &what);
-        let may_be = [after(done), after(next)];
-        assert!(may_be.contains(&there), "{what}: after step {done} there is {there:?}, told was {lines:?}");
+        check(&path, &plan(), done, next).unwrap_or_else(|lost| panic!("{what}: {lost}, told was {lines:?}"));
     }
     println!("{fault} at each of {calls} calls: {refusals} were told as a refusal, nothing acknowledged was lost");
     assert!(calls > 50 && (expected.is_empty() || refusals > 20), "{calls} calls, {refusals} refusals");
@@ -186,44 +130,4 @@ fn a_kill_at_any_call_loses_nothing_acknowledged() {
 #[test]
 fn a_kill_in_the_middle_of_any_write_loses_nothing_acknowledged() {
     at_every_call("torn", &[]);
-}
-
-/// Runs in the child: the disk takes nothing until all of this was submitted.
-#[test]
-fn holding_child() {
-    let Ok(path) = std::env::var(HOLDING_CHILD) else { return };
-    let path = Path::new(&path);
-    let (store, ..) = Store::open(path, Box::new(|_| ())).unwrap();
-    let hangs = std::env::var("FAULT_WHEN").unwrap();
-    fs::write(&hangs, "").unwrap();
-    let (tell, answer) = channel();
-    let on_durable: crate::OnDurable = Box::new(move |outcome| tell.send(outcome).unwrap());
-    let records = vec![session(1, SessionState::Ramping)];
-    store.submit(Batch { records, on_durable: Some(on_durable) }).unwrap();
-    for index in 0..1000 {
-        store.submit(quiet(vec![sample_record(1, index)])).unwrap();
-    }
-    println!("\nsubmitted, and {} yet", if answer.try_recv().is_ok() { "an answer" } else { "no answer" });
-    fs::remove_file(hangs).unwrap();
-    answer.recv().unwrap().unwrap();
-    store.close().unwrap();
-    println!("\nclosed");
-}
-
-#[test]
-fn a_disk_that_hangs_holds_nobody_up_and_what_waited_is_stored_when_it_is_back() {
-    let tools = folder();
-    let shim = shim(&tools);
-    let opened = folder();
-    Store::open(&opened.path().join("store.db"), Box::new(|_| ())).unwrap().0.close().unwrap();
-    let path = opened.path().join("store.db");
-    let hangs = tools.path().join("hangs");
-    let fault = [("FAULT", "hold"), ("FAULT_WHEN", hangs.to_str().unwrap())];
-    let lines = told(&shim, "tests::disk::holding_child", HOLDING_CHILD, &path, &fault);
-    assert!(lines.iter().any(|line| line == "submitted, and no answer yet"), "{lines:?}");
-    assert!(lines.iter().any(|line| line == "closed"), "{lines:?}");
-    let (store, _, quarantined, _events) = open(&path);
-    assert_eq!(quarantined, []);
-    assert_eq!(samples_of(&store, 1).unwrap().samples.len(), 1000);
-    store.close().unwrap();
 }

@@ -7,38 +7,12 @@ use taxel_engine::calibration::SessionState;
 use taxel_engine::record::Record;
 
 use super::fixture::*;
-use crate::{Batch, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Store, StoreError, StoreEvent};
-
-#[test]
-fn a_full_disk_ends_all_writing_and_loses_nothing_acknowledged() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
-    let (tell, events) = channel();
-    let (store, _) = Store::open_with_room(&path, 8, Box::new(move |event| drop(tell.send(event)))).unwrap();
-    write(&store, vec![session(1, SessionState::Ramping)]).unwrap();
-    let mut acknowledged = 0;
-    let refused = loop {
-        match write(&store, vec![sample_record(1, acknowledged)]) {
-            Ok(_) => acknowledged += 1,
-            Err(error) => break error,
-        }
-    };
-    assert!(matches!(refused, StoreError::Full(_)), "{refused}");
-    let later = write(&store, vec![session(1, SessionState::Aborted)]).unwrap_err();
-    assert_eq!(later, StoreError::ReadOnly { reason: refused.to_string() });
-    assert_eq!(store.close(), Err(refused.clone()));
-    let failures: Vec<_> = events.iter().filter(|event| matches!(event, StoreEvent::Failed(_))).collect();
-    assert_eq!(failures, [StoreEvent::Failed(refused.to_string())], "told once");
-    let (_, restored, quarantined, _events) = open(&path);
-    assert_eq!(quarantined, []);
-    assert_eq!(restored.sessions[0].accepted, acknowledged);
-    assert!(acknowledged > 0);
-}
+use crate::{Batch, Notify, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Store, StoreError, StoreEvent};
 
 /// A store with a session whose writer waits for a word.
-fn held_store() -> (Store, Sender<()>) {
+fn held_store(notify: Notify) -> (Store, Sender<()>) {
     let (release, hold) = channel::<()>();
-    let store = Store::in_memory(Box::new(|_| ())).unwrap();
+    let store = Store::in_memory(notify).unwrap();
     let (tell, told) = channel();
     let blocker = Box::new(move |_| {
         tell.send(()).unwrap();
@@ -51,7 +25,7 @@ fn held_store() -> (Store, Sender<()>) {
 
 #[test]
 fn a_full_queue_is_told_and_never_waits() {
-    let (store, release) = held_store();
+    let (store, release) = held_store(Box::new(|_| ()));
     for index in 0..QUEUE_BATCHES as u64 {
         store.submit(quiet(vec![sample_record(1, index)])).unwrap();
     }
@@ -66,7 +40,7 @@ fn a_full_queue_is_told_and_never_waits() {
 #[test]
 fn whoever_reads_gets_an_answer_also_of_a_full_queue_and_of_no_store() {
     let (tell, told) = channel();
-    let (store, release) = held_store();
+    let (store, release) = held_store(Box::new(|_| ()));
     let reader = store.reader();
     let ask = || {
         let [samples, set, audit, size] = std::array::from_fn(|_| tell.clone());
@@ -84,7 +58,7 @@ fn whoever_reads_gets_an_answer_also_of_a_full_queue_and_of_no_store() {
     assert_eq!(told.try_iter().collect::<Vec<_>>(), [(); 4].map(|()| behind.clone()));
     release.send(()).unwrap();
     store.close().unwrap();
-    let no_set = Err(StoreError::NoModelSet { model_set: "m-0".to_owned() });
+    let no_set = Err(StoreError::NoModelSet("m-0".to_owned()));
     assert_eq!(told.try_iter().collect::<Vec<_>>(), [Ok(()), no_set, Ok(()), Ok(())]);
     ask();
     assert_eq!(told.try_iter().collect::<Vec<_>>(), [(); 4].map(|()| Err(StoreError::Closed)));
@@ -93,7 +67,7 @@ fn whoever_reads_gets_an_answer_also_of_a_full_queue_and_of_no_store() {
 /// What people ask for never takes the room of what happens by itself.
 #[test]
 fn of_what_is_asked_for_a_quarter_of_the_queue_may_wait() {
-    let (store, release) = held_store();
+    let (store, release) = held_store(Box::new(|_| ()));
     let taken = (0..).take_while(|&index| store.submit_asked(quiet(vec![sample_record(1, index)])).is_ok()).count();
     assert_eq!(taken, QUEUE_BATCHES_ASKED);
     let QueueFull { batch, most } = store.submit_asked(quiet(vec![sample_record(1, 9999)])).unwrap_err();
@@ -109,16 +83,8 @@ fn of_what_is_asked_for_a_quarter_of_the_queue_may_wait() {
 /// A disk that takes seconds for a flush keeps up all the same: all that came meanwhile goes with the next one.
 #[test]
 fn all_that_waits_for_a_slow_disk_goes_with_one_flush() {
-    let (release, hold) = channel::<()>();
-    let (tell, told) = channel();
     let (tell_event, events) = channel();
-    let store = Store::in_memory(Box::new(move |event| drop(tell_event.send(event)))).unwrap();
-    let blocker = Box::new(move |_| {
-        tell.send(()).unwrap();
-        hold.recv().unwrap();
-    });
-    store.submit(Batch { records: vec![session(1, SessionState::Ramping)], on_durable: Some(blocker) }).unwrap();
-    told.recv().unwrap(); // the writer is in the callback now
+    let (store, release) = held_store(Box::new(move |event| drop(tell_event.send(event))));
     let waiting = QUEUE_BATCHES as u64;
     (0..waiting).for_each(|index| store.submit(quiet(vec![sample_record(1, index)])).unwrap());
     release.send(()).unwrap();
@@ -187,7 +153,7 @@ fn when_the_writers_thread_panics_everyone_who_waits_is_told_and_nothing_more_is
     assert_eq!(answers.len(), 4, "{answers:?}");
     assert!(answers.iter().all(Result::is_err), "{answers:?}");
     let later = write(&store, vec![sample_record(1, 4)]).unwrap_err();
-    assert_eq!(later, StoreError::ReadOnly { reason: StoreError::Panicked.to_string() });
+    assert_eq!(later, StoreError::ReadOnly(StoreError::Panicked.to_string()));
     assert_eq!(store.close(), Err(StoreError::Panicked));
     let failures: Vec<_> = events.iter().filter(|event| matches!(event, StoreEvent::Failed(_))).collect();
     assert_eq!(failures, [StoreEvent::Failed(StoreError::Panicked.to_string())]);

@@ -1,8 +1,6 @@
 //! What the store promises, tried on real files.
 
 mod codec;
-mod crash;
-mod curves;
 mod disk;
 mod failure;
 pub(crate) mod fixture;

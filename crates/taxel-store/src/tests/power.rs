@@ -1,19 +1,20 @@
-//! The power fails: the two halves of `tests/power`, which has a disk that can be put back to any moment. One process does
-//! to a store what a daemon does for days, and says what is acknowledged; another one opens what a cut has left and says
-//! whether that is a state in which the store has been.
+//! What was acknowledged is on disk, and what was deleted is not: a process is killed at any moment, or the power fails. One
+//! process does to a store what a daemon does for days, and says what is acknowledged; another one opens what is left and says
+//! whether that is a state in which the store has been. For power cuts `tests/power` has a disk that can be put back to any
+//! moment.
 
-use std::io::BufRead;
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
+use std::process::{Command, Stdio};
 use std::sync::mpsc::channel;
 
-use super::crash::say;
 use super::fixture::*;
 use crate::{Batch, Store};
 use check::check;
 use plan::{Event, Plan};
 
-mod check;
-mod plan;
+pub mod check;
+pub mod plan;
 
 /// The store of the writing process.
 const WRITER: &str = "TAXEL_STORE_POWER_WRITER";
@@ -21,6 +22,15 @@ const WRITER: &str = "TAXEL_STORE_POWER_WRITER";
 const LOOKER: &str = "TAXEL_STORE_POWER_LOOKER";
 /// Seed and number of events, with a blank between.
 const PLAN: &str = "TAXEL_STORE_POWER_PLAN";
+
+/// Kills unless the environment says otherwise: `TAXEL_STORE_KILLS=1000 cargo test -p taxel-store kills`.
+const KILLS: usize = 50;
+
+/// One line to the parent; the test harness must not hold it back.
+fn say(line: &str) {
+    // The parent kills this process when it has read enough: a closed pipe is no fault.
+    let _ = std::io::stdout().write_all(format!("\n{line}\n").as_bytes());
+}
 
 fn plan_of_environment() -> Plan {
     let text = std::env::var(PLAN).unwrap();
@@ -106,6 +116,44 @@ fn looking_child() {
             Err(lost) => say(&format!("lost {}", lost.replace('\n', " "))),
         }
     }
+}
+
+/// What a child says before it is killed, when so many of its lines have been read. A last line that may be torn is left out.
+fn said_until_killed(path: &Path, plan: &str, lines: usize) -> Vec<String> {
+    let mut child = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "tests::power::writing_child", "--nocapture"])
+        .envs([(WRITER, path.to_str().unwrap()), (PLAN, plan)])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let _goes_on = child.stdin.take().map(|mut to| to.write_all(&[b'\n'; 100]).map(|()| to));
+    let mut from = BufReader::new(child.stdout.take().unwrap());
+    let mut said = String::new();
+    (0..lines).for_each(|_| assert!(from.read_line(&mut said).is_ok()));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    from.read_to_string(&mut said).unwrap();
+    said.rsplit_once('\n').map_or("", |(whole, _)| whole).lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn what_was_acknowledged_survives_fifty_kills() {
+    let kills = std::env::var("TAXEL_STORE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(KILLS);
+    let mut acknowledged = 0;
+    for kill in 0..kills {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        // Not the same place twice: how many lines are read before the kill wanders.
+        let said = said_until_killed(&path, &format!("{kill} 60"), 8 + kill * 37 % 150);
+        let last = |word: &str| said.iter().filter_map(|line| line.strip_prefix(word)?.trim().parse().ok()).max();
+        let (done, begun) = (last("done").unwrap_or(0), last("begins").unwrap_or(0));
+        let plan = Plan::new(kill as u64, 60);
+        check(&path, &plan, done, begun).unwrap_or_else(|lost| panic!("kill {kill}, {done} acknowledged: {lost}"));
+        acknowledged += done;
+    }
+    assert!(acknowledged > 10 * kills, "the children got somewhere: {acknowledged} events");
 }
 
 /// What the looking process takes for sound and for lost, without any cut.

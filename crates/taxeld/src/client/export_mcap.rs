@@ -68,5 +68,5 @@ fn begin(output: &Output) -> Result<McapFile, McapFault> {
     let topic = |name: &str, message| Topic { name: format!("/taxeld/session{name}"), message };
     let topics = [topic("", "Session"), topic("/zeros", "RampZero"), topic("/samples", "SessionSample")];
     let about = BTreeMap::from([("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
-    McapFile::begin(Box::new(output.file()?), &topics, about)
+    McapFile::begin(output.file()?, &topics, about)
 }

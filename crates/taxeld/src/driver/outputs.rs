@@ -141,7 +141,7 @@ impl Driver {
         let done = self.tell_done.clone();
         let on_samples = Box::new(move |outcome: Result<SessionSamples, StoreError>| {
             let result = outcome.map_err(|error| match error {
-                StoreError::DamagedSamples { findings, .. } => NotLoaded::Damaged(findings),
+                StoreError::DamagedRow(damage) => NotLoaded::Damaged(damage.reason),
                 error => NotLoaded::Unavailable(error.to_string()),
             });
             done.tell(Done::Loaded(ticket, result));

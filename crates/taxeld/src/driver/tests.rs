@@ -239,26 +239,21 @@ async fn what_the_store_has_is_known_before_the_first_turn() {
 }
 
 #[tokio::test]
-async fn on_a_full_disk_a_commit_is_refused_with_the_reason_and_changes_nothing() {
+async fn a_commit_that_the_disk_refuses_is_refused_with_the_reason_and_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("store.db");
-    let mut bench = Bench::with_store(|notify| Store::open_with_room(&path, 40, notify).unwrap().0);
-    let mut stored = Vec::new();
-    let why = loop {
-        match bench.reply(import(stored.len() as i64)).await {
-            Ok(taxel_engine::command::Done::Imported { model_set }) => stored.push(model_set),
-            Err(Rejection::Unavailable(_, why)) => break why,
-            other => panic!("{other:?}"),
-        }
-    };
-    assert!(why.contains("nothing has changed: no space is left for the store"), "{why}");
-    let later = bench.refused_import(-1).await;
-    assert!(later.contains("the store"), "{later}");
-    assert!(!stored.is_empty());
+    let [path, elsewhere] = ["store.db", "elsewhere.db"].map(|name| folder.path().join(name));
+    let mut bench = Bench::with_store(|notify| Store::open(&path, notify).unwrap().0);
+    let Ok(taxel_engine::command::Done::Imported { model_set }) = bench.reply(import(1)).await else { panic!() };
+    std::fs::rename(&path, &elsewhere).unwrap();
+    let why = bench.refused_import(2).await;
+    assert!(why.contains("nothing has changed: the store failed") && why.contains("was removed"), "{why}");
+    let later = bench.refused_import(3).await;
+    assert!(later.contains("the store takes no more writes"), "{later}");
+    std::fs::rename(&elsewhere, &path).unwrap();
     let Bench { driver, .. } = bench;
     driver.store.close().unwrap_err();
     let (store, restored, quarantined) = Store::open(&path, Box::new(|_| ())).unwrap();
-    assert_eq!(restored.model_sets.iter().map(|set| set.id.clone()).collect::<Vec<_>>(), stored);
+    assert_eq!(restored.model_sets.iter().map(|set| set.id.clone()).collect::<Vec<_>>(), [model_set]);
     assert_eq!(quarantined, []);
     store.close().unwrap();
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use taxel_engine::plan::Plan;
-use taxel_mcap::{BOOT, Folder, FrameTap, Limits, Queue, Recorder, Status, Topic, open_file};
+use taxel_mcap::{Folder, FrameTap, Limits, Queue, Recorder, Status, Topic, open_file};
 use taxel_proto::v1::RecordingHealth;
 use taxel_rpc::Handle;
 use tokio_util::sync::CancellationToken;
@@ -102,18 +102,7 @@ fn limits(section: &RecordSection) -> Limits {
 fn about(plan: &Plan) -> BTreeMap<String, String> {
     let patches: Vec<&str> = plan.patches.iter().map(|patch| patch.patch.name()).collect();
     let known = [("version", env!("CARGO_PKG_VERSION").to_owned()), ("patches", patches.join(", "))];
-    let boot = boot().map(|boot| (BOOT, boot));
-    known.into_iter().chain(boot).map(|(key, value)| (key.to_owned(), value)).collect()
-}
-
-/// By this variable the unit tells of which start of the machine this is: it keeps the kernel's file from the daemon.
-const BOOT_VARIABLE: &str = "TAXELD_BOOT_ID";
-
-/// Of which start of the machine this is, 32 hexadecimal digits; without it a reader has to tell by the clocks.
-fn boot() -> Option<String> {
-    let said = std::env::var(BOOT_VARIABLE).or_else(|_| std::fs::read_to_string("/proc/sys/kernel/random/boot_id"));
-    let digits: String = said.ok()?.chars().filter(char::is_ascii_hexdigit).collect();
-    (digits.len() == 32).then_some(digits)
+    known.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 fn health(status: Status) -> RecordingHealth {

@@ -107,6 +107,14 @@ impl Plan {
         })
     }
 
+    /// What is written, one event after the other.
+    pub fn writes(&self) -> impl Iterator<Item = (usize, &[Record])> {
+        self.events.iter().enumerate().filter_map(|(number, event)| match event {
+            Event::Write(records) => Some((number, records.as_slice())),
+            Event::Refused(_) | Event::Reopen => None,
+        })
+    }
+
     /// What a store holds after the first so many events.
     pub fn after(&self, events: usize) -> Held {
         self.events.iter().take(events).fold(Held::default(), Held::with)
@@ -114,10 +122,7 @@ impl Plan {
 
     /// Sessions that the first so many events delete.
     pub fn deleted(&self, events: usize) -> impl Iterator<Item = u64> {
-        let records = self.events.iter().take(events).flat_map(|event| match event {
-            Event::Write(records) => records.as_slice(),
-            Event::Refused(_) | Event::Reopen => &[],
-        });
+        let records = self.writes().take_while(move |(number, _)| *number < events).flat_map(|(_, records)| records);
         records.filter_map(|record| match record {
             Record::SessionDeleted { session, .. } => Some(*session),
             _ => None,
