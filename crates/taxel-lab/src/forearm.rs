@@ -12,7 +12,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Gauge, Outputs, PatchPlan};
 use taxel_engine::zero::rest::RestStatistics;
 use taxel_sim::{BoardsConfig, Config, Effect, GaugeConfig, Mass, PumpCommand, World};
-use taxel_skin::{BusIndex, Geometry, Kilopascal, TaxelIndex, Time};
+use taxel_skin::{BusIndex, Geometry, Kilopascal, ModuleSite, TaxelIndex, Time};
 use taxel_wire::TimedFrame;
 use taxel_wire::icub::{Message, Pairer, decode};
 use taxel_wire::signal::SignalSpec;
@@ -139,10 +139,8 @@ impl Forearm {
     fn take(&mut self, frame: &TimedFrame) -> Option<usize> {
         let patch = self.world.skin().patch();
         let module_of = |address, module| {
-            let is_it = |site: &taxel_skin::ModuleSite| {
-                patch.boards()[usize::from(site.board)].address == address && site.module == module
-            };
-            patch.modules().iter().position(is_it)
+            let board = |site: &ModuleSite| patch.boards()[usize::from(site.board)].address;
+            patch.modules().iter().position(|site| site.module == module && board(site) == address)
         };
         let (at, scan) = match decode(&frame.frame).ok()? {
             Message::Head { board, module, values } => {
@@ -190,27 +188,21 @@ impl Forearm {
         self.world.pump(PumpCommand::Off);
     }
 
-    /// Lays a mass about a taxel on 600 mm2, a disc of 28 mm, lets it settle, reads it, takes it away and waits.
-    fn weigh(&mut self, kilogram: f64, taxel: usize) -> anyhow::Result<Weighed> {
-        let centre = TaxelIndex(u16::try_from(taxel).context("a taxel beyond 65,535")?);
-        let true_n = self.world.lay(Mass::on_disc(kilogram, centre, 600.0))?.0;
-        let (before, scans) = (self.watch(LOAD_S), self.watch(0.5));
-        self.world.clear();
-        Ok(Weighed { kilogram, true_n, before, scans, after: self.watch(2.0 * LOAD_S) })
-    }
-
-    /// All masses on all places, which are evenly spread and a few taxels on with each mass and `skin`, so that no place
-    /// is special.
+    /// All masses on discs of 600 mm2, each laid on, read and taken away, on all places. These are evenly spread and a few taxels
+    /// on with each mass and `skin`, so that no place is special.
     ///
     /// # Errors
     /// A mass that cannot lie there, which all of them can.
     pub fn weigh_all(&mut self, skin: usize) -> anyhow::Result<Vec<Weighed>> {
-        let mut all = Vec::new();
+        let (mut all, taxels) = (Vec::new(), self.counts.len());
         for (m, kilogram) in MASSES_KG.into_iter().enumerate() {
             for place in 0..PLACES {
-                let taxels = self.counts.len();
-                let centre = (place * taxels / PLACES + 20 * m + 7 * skin) % taxels;
-                all.push(self.weigh(kilogram, centre)?);
+                let taxel = (place * taxels / PLACES + 20 * m + 7 * skin) % taxels;
+                let centre = TaxelIndex(u16::try_from(taxel).context("a taxel beyond 65,535")?);
+                let true_n = self.world.lay(Mass::on_disc(kilogram, centre, 600.0))?.0;
+                let (before, scans) = (self.watch(LOAD_S), self.watch(0.5));
+                self.world.clear();
+                all.push(Weighed { kilogram, true_n, before, scans, after: self.watch(2.0 * LOAD_S) });
             }
         }
         Ok(all)
@@ -251,7 +243,7 @@ pub(crate) fn forces(
         force
     };
     let forces = weighings.iter().map(&mut force).collect();
-    (forces, median(&times_us))
+    (forces, median(times_us))
 }
 
 /// The engine's force on bare counts, scan after scan.

@@ -44,12 +44,9 @@ pub fn is_standard(path: &Path) -> bool {
 /// # Errors
 /// An output that is an input.
 pub fn announce(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
-    let real = |path: &Path| std::fs::canonicalize(path).ok().filter(|path| path.is_file());
     for output in outputs {
-        let Some(there) = real(output) else { continue };
-        // A shell may have opened it as the standard input.
-        let named = |input: &Path| if is_standard(input) { real(Path::new("/dev/stdin")) } else { real(input) };
-        let is_input = inputs.iter().any(|input| named(input).as_ref() == Some(&there));
+        let there = std::fs::canonicalize(output).ok();
+        let is_input = inputs.iter().any(|input| there.is_some() && std::fs::canonicalize(input).ok() == there);
         ensure!(!is_input, "the output {} is an input: name another file", output.display());
     }
     ASIDE.store(outputs.iter().any(|output| is_standard(output)), Ordering::Relaxed);

@@ -17,76 +17,53 @@ enum Solver {
     Normal,
 }
 
-/// A way to fit a polynomial.
-#[derive(Clone, Copy)]
-pub struct Peer {
-    /// The same everywhere.
-    pub name: &'static str,
-    basis: Basis,
-    solver: Solver,
-}
-
-/// What most would take first, and what the aim for precision is about.
-pub(crate) const RAW_SVD: &str = "raw powers by SVD";
-
-/// All of them, in the same order everywhere.
-pub const PEERS: [Peer; 4] = [
-    Peer { name: "Chebyshev by QR", basis: Basis::Chebyshev, solver: Solver::Qr },
-    Peer { name: "raw powers by QR", basis: Basis::Powers, solver: Solver::Qr },
-    Peer { name: RAW_SVD, basis: Basis::Powers, solver: Solver::Svd },
-    Peer { name: "raw powers by normal equations", basis: Basis::Powers, solver: Solver::Normal },
-];
-
-impl Peer {
-    /// The polynomial of `order`; `None` where the method finds no finite one.
-    #[must_use]
-    pub fn fit(&self, samples: &Samples<'_>, order: usize) -> Option<Polynomial> {
-        solve(samples, order, self.basis, self.solver)
-    }
-}
-
-/// What is fitted: `x`, `y` and, where there are any, the weights `w`, one value a sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Samples<'a> {
-    /// Abscissae.
-    pub x: &'a [f64],
-    /// Ordinates.
-    pub y: &'a [f64],
-    /// Weights; none means that all are 1.
-    pub w: Option<&'a [f64]>,
-}
-
-impl Samples<'_> {
-    fn root_of_weight(&self, k: usize) -> f64 {
-        self.w.map_or(1.0, |w| w[k].sqrt())
-    }
-}
-
 /// The functions that a polynomial is a sum of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Basis {
+enum Basis {
     /// 1, t, t^2, ..
     Powers,
     /// 1, t, 2 t^2 - 1, ..
     Chebyshev,
 }
 
-/// What a peer gives: a polynomial in t = (x - centre) / half_width.
+/// A way to fit a polynomial.
+#[derive(Clone, Copy)]
+pub(crate) struct Peer {
+    /// The same everywhere.
+    pub name: &'static str,
+    basis: Basis,
+    solver: Solver,
+}
+
+/// All of them, in the same order everywhere.
+pub(crate) const PEERS: [Peer; 4] = [
+    Peer { name: "Chebyshev by QR", basis: Basis::Chebyshev, solver: Solver::Qr },
+    Peer { name: "raw powers by QR", basis: Basis::Powers, solver: Solver::Qr },
+    Peer { name: "raw powers by SVD", basis: Basis::Powers, solver: Solver::Svd },
+    Peer { name: "raw powers by normal equations", basis: Basis::Powers, solver: Solver::Normal },
+];
+
+/// What is fitted: `x`, `y` and, where there are any, the weights `w`, one value a sample.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Samples<'a> {
+    pub x: &'a [f64],
+    pub y: &'a [f64],
+    /// None means that all are 1.
+    pub w: Option<&'a [f64]>,
+}
+
+/// What a peer gives: a polynomial in t = (x - centre) / half_width, which is x itself where the abscissa is taken raw.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Polynomial {
-    /// What the coefficients belong to.
-    pub basis: Basis,
-    /// 0 where the abscissa is taken raw.
-    pub centre: f64,
-    /// 1 where the abscissa is taken raw; above 0.
-    pub half_width: f64,
+pub(crate) struct Polynomial {
+    basis: Basis,
+    centre: f64,
+    half_width: f64,
     /// Ascending.
-    pub coefficients: Vec<f64>,
+    coefficients: Vec<f64>,
 }
 
 impl Polynomial {
     /// The value at `x`: Horner's scheme for powers, Clenshaw's for Chebyshev polynomials.
-    #[must_use]
     pub fn evaluate(&self, x: f64) -> f64 {
         let (t, terms) = ((x - self.centre) / self.half_width, self.coefficients.iter().rev());
         match self.basis {
@@ -99,33 +76,37 @@ impl Polynomial {
     }
 }
 
-fn solve(samples: &Samples<'_>, order: usize, basis: Basis, solver: Solver) -> Option<Polynomial> {
-    let Samples { x, y, .. } = *samples;
-    if x.is_empty() || x.len() != y.len() {
-        return None;
-    }
-    let (mut centre, mut half_width) = (0.0, 1.0);
-    if basis == Basis::Chebyshev {
-        let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
-        (centre, half_width) = (low / 2.0 + high / 2.0, high / 2.0 - low / 2.0);
-        if !(half_width > 0.0 && half_width.is_finite()) {
+impl Peer {
+    /// The polynomial of `order`; `None` where the method finds no finite one.
+    pub fn fit(&self, &Samples { x, y, w }: &Samples<'_>, order: usize) -> Option<Polynomial> {
+        if x.is_empty() || x.len() != y.len() {
             return None;
         }
-    }
-    let mut matrix = DMatrix::zeros(x.len(), order + 1);
-    for (k, x) in x.iter().enumerate() {
-        let (root, t) = (samples.root_of_weight(k), (x - centre) / half_width);
-        let (mut now, mut next) = (1.0, t);
-        for j in 0..=order {
-            matrix[(k, j)] = root * now;
-            let after = if basis == Basis::Chebyshev { 2.0 * t * next - now } else { t * next };
-            (now, next) = (next, after);
+        let (mut centre, mut half_width) = (0.0, 1.0);
+        if self.basis == Basis::Chebyshev {
+            let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
+            (centre, half_width) = (low / 2.0 + high / 2.0, high / 2.0 - low / 2.0);
+            if !(half_width > 0.0 && half_width.is_finite()) {
+                return None;
+            }
         }
+        let root_of_weight = |k: usize| w.map_or(1.0, |w| w[k].sqrt());
+        let mut matrix = DMatrix::zeros(x.len(), order + 1);
+        for (k, x) in x.iter().enumerate() {
+            let (root, t) = (root_of_weight(k), (x - centre) / half_width);
+            let (mut now, mut next) = (1.0, t);
+            for j in 0..=order {
+                matrix[(k, j)] = root * now;
+                let after = if self.basis == Basis::Chebyshev { 2.0 * t * next - now } else { t * next };
+                (now, next) = (next, after);
+            }
+        }
+        let right = DVector::from_fn(x.len(), |k, _| root_of_weight(k) * y[k]);
+        let solution = self.solver.solve(matrix, right)?;
+        let finite = solution.iter().all(|c| c.is_finite());
+        let coefficients = solution.as_slice().to_vec();
+        finite.then_some(Polynomial { basis: self.basis, centre, half_width, coefficients })
     }
-    let right = DVector::from_fn(x.len(), |k, _| samples.root_of_weight(k) * y[k]);
-    let solution = solver.solve(matrix, right)?;
-    let finite = solution.iter().all(|c| c.is_finite());
-    finite.then(|| Polynomial { basis, centre, half_width, coefficients: solution.as_slice().to_vec() })
 }
 
 impl Solver {

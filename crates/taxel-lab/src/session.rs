@@ -86,8 +86,8 @@ fn gauge(recording: &Recording) -> GaugeUncertainty {
 fn modules(recording: &Recording, size: usize) -> anyhow::Result<(Vec<Range<usize>>, Vec<u16>)> {
     let taxels = recording.counts.len();
     let Some(figure) = recording.figure("module") else {
-        let size = size.max(1);
-        return Ok(((0..taxels).step_by(size).map(|first| first..(first + size).min(taxels)).collect(), Vec::new()));
+        let module = |first: usize| first..(first + size).min(taxels);
+        return Ok(((0..taxels).step_by(size.max(1)).map(module).collect(), Vec::new()));
     };
     // Neighbouring cells that are equal are a module; NaN is one of the session was without.
     let same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());

@@ -7,10 +7,8 @@ use taxel_engine::plan::{Outputs, PatchPlan};
 use taxel_model::Estimator;
 
 use super::data::{Data, Weighing, Weighings};
+use super::figures::RUNS;
 use crate::forearm::{Forearm, Weighed, forces, recording};
-
-/// As many runs as the paper shows the repeatability of.
-const RUNS: usize = 3;
 
 /// The highest pressure, and how fast it rises and falls.
 const TARGET_KPA: f64 = 70.0;

@@ -1,17 +1,18 @@
 //! The error table, and what the calibration came to.
 
+use serde_json::Value;
+use taxel_engine::statistics::median;
 use taxel_model::{Flag, Status, TaxelModel};
 
 use super::data::{Data, Weighing, Weighings};
-use super::figures::swing;
-use super::statistics::{loop_counts, quantile, repeatability_counts};
-use crate::document::{Cell, Table, row};
+use super::figures::{RUNS, swing};
+use crate::document::{Table, row};
 use crate::numbers::mean;
 
 /// What the calibration came to.
 pub(super) fn calibration(data: &Data, models: &[TaxelModel], min_swing: f64) -> Table {
     let usable: Vec<usize> = (0..models.len()).filter(|&taxel| models[taxel].is_usable()).collect();
-    let median = |of: &dyn Fn(&TaxelModel) -> f64| quantile(usable.iter().map(|&t| of(&models[t])).collect(), 0.5);
+    let median_of = |of: &dyn Fn(&TaxelModel) -> f64| median(usable.iter().map(|&taxel| of(&models[taxel])));
     let weak =
         |model: &&TaxelModel| matches!(model.status, Status::InsufficientSwing { .. }) || swing(model) < min_swing;
     let excluded = models.iter().filter(weak).count();
@@ -28,12 +29,35 @@ pub(super) fn calibration(data: &Data, models: &[TaxelModel], min_swing: f64) ->
         row!["pressure", format!("{low:.1} to {high:.1} kPa")],
         row!["runs", data.branches(true).count().to_string()],
         row!["scans", format!("{}, {} of them of rising pressure", data.scans(), data.rising_scans())],
-        row!["swing, median", known(median(&swing), "counts")],
-        row!["residual of the fit, root mean square, median", known(median(&|model| model.quality.rmse_kpa), "kPa")],
+        row!["swing, median", known(median_of(&swing), "counts")],
+        row!["residual of the fit, root mean square, median", known(median_of(&|model| model.quality.rmse_kpa), "kPa")],
         row!["repeatability of the runs, standard deviation", known(repeatability_counts(data, &usable), "counts")],
         row!["distance of the branches, median", known(loop_counts(data, &usable), "counts")],
     ];
     Table::new("calibration", "The calibration.", ["what", "how much"], rows)
+}
+
+/// How far runs lie apart at equal pressure: root mean square over bins and `taxels` of the standard deviation between
+/// the first three runs, counts. `None` with a single run.
+fn repeatability_counts(data: &Data, taxels: &[usize]) -> Option<f64> {
+    let runs: Vec<_> = data.branches(true).take(RUNS).collect();
+    if runs.len() < 2 {
+        return None;
+    }
+    let variance = |counts: Vec<f64>| {
+        let mean = mean(counts.iter().copied());
+        counts.iter().map(|count| (count - mean).powi(2)).sum::<f64>() / (counts.len() - 1) as f64
+    };
+    let variances = taxels.iter().flat_map(|&taxel| data.common(taxel, &runs).map(variance));
+    Some(mean(variances).sqrt()).filter(|counts| counts.is_finite())
+}
+
+/// How far the branches of a run lie apart at equal pressure: median over `taxels` of the mean over the bins of the
+/// distance, counts. `None` without both branches.
+fn loop_counts(data: &Data, taxels: &[usize]) -> Option<f64> {
+    let (rise, fall) = data.run_with_both()?;
+    let width = |&taxel: &usize| mean(data.common(taxel, &[rise, fall]).map(|counts| (counts[0] - counts[1]).abs()));
+    median(taxels.iter().map(width))
 }
 
 /// Known loads that were read in one way: a row a mass.
@@ -49,11 +73,11 @@ pub(super) fn errors(at: usize, loads: &Weighings) -> Table {
     Table::new(&format!("force-errors-{at}"), caption, columns, rows)
 }
 
-fn error_row(loads: &[Weighing]) -> Vec<Cell> {
+fn error_row(loads: &[Weighing]) -> Vec<Value> {
     let over = |of: &dyn Fn(&Weighing) -> f64| mean(loads.iter().map(of));
     let kilogram = loads.first().and_then(|load| load.kilogram);
     row![
-        kilogram.map_or_else(|| Cell::from(""), Cell::from),
+        kilogram.map_or_else(|| "".into(), Value::from),
         over(&|load| load.true_n),
         loads.len() as f64,
         over(&|load| load.measured_n),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context;
+use serde_json::Value;
 use taxel_engine::calibration::fit::{ApplyRecipe, Branch, FitRecipe, OneByOne, PlaysChoice, apply, fit, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Outputs, PatchPlan};
@@ -14,9 +15,9 @@ use taxel_sim::Effect;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, area};
 
 use super::args::ReportArgs;
-use crate::document::{Aim, Axis, Figure, Level, Line, Section, Table, row};
+use crate::document::{Aim, Axis, Figure, Line, Look, Section, Table, row};
 use crate::forearm::{Forearm, Live, Weighed, forces, recording};
-use crate::numbers::{mean, median, three_digits};
+use crate::numbers::{mean, median};
 use crate::recording::Recording;
 
 /// From scan to scan of a skin at 20 Hz, us.
@@ -102,7 +103,6 @@ pub(super) fn section(args: &ReportArgs) -> anyhow::Result<Section> {
         }
         None => text.push("SKIPPED: the recordings of a real skin are not here (--data).".to_owned()),
     }
-    text.extend(sources.iter().map(in_words));
     Ok(Section {
         text,
         aims: sources.iter().flat_map(aims).collect(),
@@ -114,15 +114,18 @@ pub(super) fn section(args: &ReportArgs) -> anyhow::Result<Section> {
 
 /// The models of a recipe, and the median time of a fit in ms.
 fn fitted(recording: &Recording, recipe: &Recipe, repetitions: usize) -> anyhow::Result<(Arc<ModelSet>, f64)> {
-    let (scans, mut times_ms) = (recording.as_scans(), Vec::new());
-    loop {
+    let scans = recording.as_scans();
+    let once = |_| {
         let begun = Instant::now();
         let set = fit(&scans, &recipe.fit, &OneByOne)?;
-        times_ms.push(1e3 * begun.elapsed().as_secs_f64());
-        if times_ms.len() >= repetitions {
-            return Ok((Arc::new(set), median(&times_ms)));
-        }
-    }
+        Ok((set, 1e3 * begun.elapsed().as_secs_f64()))
+    };
+    let (mut sets, times_ms): (Vec<_>, Vec<_>) = (0..repetitions).map(once).collect::<anyhow::Result<_>>()?;
+    Ok((Arc::new(sets.pop().context("no fit was asked for")?), median(times_ms)))
+}
+
+fn usable(set: &ModelSet) -> usize {
+    set.taxels.iter().filter(|model| model.is_usable()).count()
 }
 
 /// Simulated forearms with everything that the simulator knows to be in the way, and known masses on them.
@@ -131,14 +134,17 @@ fn forearms(seed: u64, quick: bool) -> anyhow::Result<Source> {
     let tried = (0..skins).map(|skin| Tried::new(seed.wrapping_add(skin), skin as usize));
     let tried = tried.collect::<anyhow::Result<Vec<Tried>>>()?;
     let outcome = |recipe: Recipe| {
-        let (mut percent, mut first) = (Vec::new(), None);
-        for tried in &tried {
-            let (outcome, errors) = tried.weigh(&recipe, repetitions)?;
-            first.get_or_insert(outcome);
-            percent.extend(errors);
+        let (mut errors, mut of_first) = (Vec::new(), None);
+        for Tried { calibration, plans, rest, weighings } in &tried {
+            let (set, fit_ms) = fitted(calibration, &recipe, repetitions)?;
+            let usable = usable(&set);
+            let (read, scan_us) = forces(set, &plans[usize::from(recipe.fit.is_paper())], rest, weighings);
+            errors.extend(read.iter().zip(weighings).map(|(n, one)| 100.0 * (n / one.true_n - 1.0).abs()));
+            of_first.get_or_insert((usable, fit_ms, scan_us));
         }
-        let error_percent = vec![mean(percent.into_iter())];
-        Ok(Outcome { error_percent, ..first.context("no skin was tried")? })
+        let (usable, fit_ms, scan_us) = of_first.context("no skin was tried")?;
+        let error_percent = vec![mean(errors.into_iter())];
+        Ok(Outcome { usable, fit_ms, scan_us, error_percent, within_percent: f64::NAN })
     };
     Ok(Source {
         id: "forearm",
@@ -173,17 +179,6 @@ impl Tried {
         let weighings = forearm.weigh_all(skin)?;
         Ok(Self { calibration, plans: [plan, equal], rest, weighings })
     }
-
-    /// What a recipe costs on this skin, and the absolute error of each weighing, percent.
-    fn weigh(&self, recipe: &Recipe, repetitions: usize) -> anyhow::Result<(Outcome, Vec<f64>)> {
-        let (set, fit_ms) = fitted(&self.calibration, recipe, repetitions)?;
-        let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
-        let plan = &self.plans[usize::from(recipe.fit.is_paper())];
-        let (read, scan_us) = forces(set, plan, &self.rest, &self.weighings);
-        let errors = read.into_iter().zip(&self.weighings).map(|(n, one)| 100.0 * (n / one.true_n - 1.0).abs());
-        let outcome = Outcome { usable, fit_ms, scan_us, error_percent: Vec::new(), within_percent: f64::NAN };
-        Ok((outcome, errors.collect()))
-    }
 }
 
 /// The recordings of a real skin: a 280-taxel insole in a pressure chamber (Belli et al., Sensors 2023, 23(9), 4501). The
@@ -208,10 +203,9 @@ fn insole(folder: &Path, quick: bool) -> anyhow::Result<Source> {
             error_percent.push(score.area_percent);
             within_percent = score.coverage_percent.unwrap_or(f64::NAN).min(within_percent);
         }
-        let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
         let mut live = Live::new(Arc::clone(&set), &plan, &set.baseline);
         let scan_us = scan_us(&calibration, &mut live);
-        Ok(Outcome { usable, fit_ms, scan_us, error_percent, within_percent })
+        Ok(Outcome { usable: usable(&set), fit_ms, scan_us, error_percent, within_percent })
     };
     Ok(Source {
         id: "insole",
@@ -233,7 +227,7 @@ fn scan_us(recording: &Recording, live: &mut Live) -> f64 {
         std::hint::black_box(live.read(&counts));
         1e6 * begun.elapsed().as_secs_f64()
     };
-    median(&(0..recording.scans()).step_by(step).map(time).collect::<Vec<f64>>())
+    median((0..recording.scans()).step_by(step).map(time))
 }
 
 /// What was promised of the shipped default for recordings.
@@ -247,33 +241,20 @@ fn aims(source: &Source) -> Vec<Aim> {
     errors.zip(promised).map(aim).collect()
 }
 
-fn height(outcome: &Outcome) -> f64 {
-    mean(outcome.error_percent.iter().copied())
-}
-
-/// The shipped defaults and the paper's recipe.
-fn in_words(source: &Source) -> String {
-    let said = recipes().into_iter().zip(&source.outcomes).take(3).map(|(recipe, outcome)| {
-        let [percent, fit, scan] = [height(outcome), outcome.fit_ms, outcome.scan_us].map(three_digits);
-        format!("{}: {percent} %, {fit} ms a fit, {scan} us a scan", recipe.name)
-    });
-    format!("On {}: {}.", source.skin, said.collect::<Vec<_>>().join("; "))
-}
-
 fn figure(source: &Source) -> Figure {
     let line = |(recipe, outcome): (Recipe, &Outcome)| {
-        let ends = [outcome.scan_us, outcome.fit_ms * 1e3].map(|x| (x, height(outcome))).to_vec();
-        let ours = recipe.name.contains("shipped default");
-        Line { name: recipe.name.to_owned(), ours, points: ends, ..Line::default() }
+        let look = if recipe.name.contains("shipped default") { Look::Ours } else { Look::Signs };
+        let height = mean(outcome.error_percent.iter().copied());
+        Line::new(recipe.name, look, [outcome.scan_us, outcome.fit_ms * 1e3].map(|x| (x, height)))
     };
     Figure {
         id: format!("force-{}", source.id),
         title: format!("Error of the force against run time: {}", source.skin),
         caption: source.caption.clone(),
-        x: Axis::log("time for the whole skin, us: of a scan (left ends), of a fit (right ends)"),
-        y: Axis::linear("error of the force on unseen data, %"),
+        x: Axis { label: "time for the whole skin, us: of a scan (left ends), of a fit (right ends)", log: true },
+        y: Axis { label: "error of the force on unseen data, %", log: false },
         lines: recipes().into_iter().zip(&source.outcomes).map(line).collect(),
-        levels: vec![Level::new(BETWEEN_SCANS_US, "from scan to scan at 20 Hz")],
+        levels: vec![(BETWEEN_SCANS_US, "from scan to scan at 20 Hz".to_owned())],
         ..Figure::default()
     }
 }
@@ -284,7 +265,7 @@ fn table(source: &Source) -> Table {
     let columns = std::iter::once("recipe".to_owned()).chain(errors).chain(costs);
     let line = |(recipe, of): (Recipe, &Outcome)| {
         let mut cells = row![recipe.name];
-        cells.extend(of.error_percent.iter().map(|percent| crate::document::Cell::from(*percent)));
+        cells.extend(of.error_percent.iter().map(|percent| Value::from(*percent)));
         cells.extend(row![of.within_percent, of.fit_ms, of.scan_us, of.usable as f64]);
         cells
     };
