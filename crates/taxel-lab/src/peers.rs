@@ -10,37 +10,23 @@ use nalgebra::{DMatrix, DVector};
 /// that is not finite would be iterated for ever.
 const MAX_SVD_ITERATIONS: usize = 10_000;
 
-#[derive(Clone, Copy)]
-enum Solver {
-    Qr,
-    Svd,
-    Normal,
-}
-
-/// The functions that a polynomial is a sum of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Basis {
-    /// 1, t, t^2, ..
-    Powers,
-    /// 1, t, 2 t^2 - 1, ..
-    Chebyshev,
-}
-
 /// A way to fit a polynomial.
 #[derive(Clone, Copy)]
 pub(crate) struct Peer {
     /// The same everywhere.
     pub name: &'static str,
-    basis: Basis,
-    solver: Solver,
+    /// A sum of Chebyshev polynomials on the range of the data instead of powers of the raw abscissa.
+    chebyshev: bool,
+    /// Matrix, one row a sample, and right side.
+    solve: fn(DMatrix<f64>, DVector<f64>) -> Option<DVector<f64>>,
 }
 
 /// All of them, in the same order everywhere.
 pub(crate) const PEERS: [Peer; 4] = [
-    Peer { name: "Chebyshev by QR", basis: Basis::Chebyshev, solver: Solver::Qr },
-    Peer { name: "raw powers by QR", basis: Basis::Powers, solver: Solver::Qr },
-    Peer { name: "raw powers by SVD", basis: Basis::Powers, solver: Solver::Svd },
-    Peer { name: "raw powers by normal equations", basis: Basis::Powers, solver: Solver::Normal },
+    Peer { name: "Chebyshev by QR", chebyshev: true, solve: qr },
+    Peer { name: "raw powers by QR", chebyshev: false, solve: qr },
+    Peer { name: "raw powers by SVD", chebyshev: false, solve: svd },
+    Peer { name: "raw powers by normal equations", chebyshev: false, solve: normal },
 ];
 
 /// What is fitted: `x`, `y` and, where there are any, the weights `w`, one value a sample.
@@ -55,7 +41,7 @@ pub(crate) struct Samples<'a> {
 /// What a peer gives: a polynomial in t = (x - centre) / half_width, which is x itself where the abscissa is taken raw.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Polynomial {
-    basis: Basis,
+    chebyshev: bool,
     centre: f64,
     half_width: f64,
     /// Ascending.
@@ -66,29 +52,23 @@ impl Polynomial {
     /// The value at `x`: Horner's scheme for powers, Clenshaw's for Chebyshev polynomials.
     pub fn evaluate(&self, x: f64) -> f64 {
         let (t, terms) = ((x - self.centre) / self.half_width, self.coefficients.iter().rev());
-        match self.basis {
-            Basis::Powers => terms.fold(0.0, |sum, c| sum * t + c),
-            Basis::Chebyshev => {
-                let (b1, b2) = terms.fold((0.0, 0.0), |(b1, b2), c| (2.0 * t * b1 - b2 + c, b1));
-                b1 - t * b2
-            }
+        if !self.chebyshev {
+            return terms.fold(0.0, |sum, c| sum * t + c);
         }
+        let (b1, b2) = terms.fold((0.0, 0.0), |(b1, b2), c| (2.0 * t * b1 - b2 + c, b1));
+        b1 - t * b2
     }
 }
 
 impl Peer {
     /// The polynomial of `order`; `None` where the method finds no finite one.
     pub fn fit(&self, &Samples { x, y, w }: &Samples<'_>, order: usize) -> Option<Polynomial> {
-        if x.is_empty() || x.len() != y.len() {
+        let chebyshev = self.chebyshev;
+        let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
+        let (centre, half_width) =
+            if chebyshev { (low / 2.0 + high / 2.0, high / 2.0 - low / 2.0) } else { (0.0, 1.0) };
+        if x.is_empty() || x.len() != y.len() || half_width <= 0.0 || !half_width.is_finite() {
             return None;
-        }
-        let (mut centre, mut half_width) = (0.0, 1.0);
-        if self.basis == Basis::Chebyshev {
-            let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
-            (centre, half_width) = (low / 2.0 + high / 2.0, high / 2.0 - low / 2.0);
-            if !(half_width > 0.0 && half_width.is_finite()) {
-                return None;
-            }
         }
         let root_of_weight = |k: usize| w.map_or(1.0, |w| w[k].sqrt());
         let mut matrix = DMatrix::zeros(x.len(), order + 1);
@@ -97,37 +77,34 @@ impl Peer {
             let (mut now, mut next) = (1.0, t);
             for j in 0..=order {
                 matrix[(k, j)] = root * now;
-                let after = if self.basis == Basis::Chebyshev { 2.0 * t * next - now } else { t * next };
-                (now, next) = (next, after);
+                (now, next) = (next, if chebyshev { 2.0 * t * next - now } else { t * next });
             }
         }
-        let right = DVector::from_fn(x.len(), |k, _| root_of_weight(k) * y[k]);
-        let solution = self.solver.solve(matrix, right)?;
-        let finite = solution.iter().all(|c| c.is_finite());
+        let solution = (self.solve)(matrix, DVector::from_fn(x.len(), |k, _| root_of_weight(k) * y[k]))?;
         let coefficients = solution.as_slice().to_vec();
-        finite.then_some(Polynomial { basis: self.basis, centre, half_width, coefficients })
+        let finite = coefficients.iter().all(|c| c.is_finite());
+        finite.then_some(Polynomial { chebyshev, centre, half_width, coefficients })
     }
 }
 
-impl Solver {
-    fn solve(self, matrix: DMatrix<f64>, mut right: DVector<f64>) -> Option<DVector<f64>> {
-        let columns = matrix.ncols();
-        match self {
-            Self::Qr if matrix.nrows() < columns => None,
-            Self::Qr => {
-                let qr = matrix.qr();
-                qr.q_tr_mul(&mut right);
-                qr.unpack_r().solve_upper_triangular(&right.rows(0, columns))
-            }
-            Self::Svd if matrix.iter().chain(right.iter()).any(|value| !value.is_finite()) => None,
-            // Cut at the machine's epsilon times the largest singular value.
-            Self::Svd => {
-                let svd = matrix.try_svd(true, true, 5.0 * f64::EPSILON, MAX_SVD_ITERATIONS)?;
-                svd.solve(&right, f64::EPSILON * svd.singular_values.max()).ok()
-            }
-            Self::Normal => Some(matrix.tr_mul(&matrix).cholesky()?.solve(&matrix.tr_mul(&right))),
-        }
+fn qr(matrix: DMatrix<f64>, mut right: DVector<f64>) -> Option<DVector<f64>> {
+    let columns = matrix.ncols();
+    let qr = (matrix.nrows() >= columns).then(|| matrix.qr())?;
+    qr.q_tr_mul(&mut right);
+    qr.unpack_r().solve_upper_triangular(&right.rows(0, columns))
+}
+
+/// Cut at the machine's epsilon times the largest singular value.
+fn svd(matrix: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {
+    if matrix.iter().chain(right.iter()).any(|value| !value.is_finite()) {
+        return None;
     }
+    let svd = matrix.try_svd(true, true, 5.0 * f64::EPSILON, MAX_SVD_ITERATIONS)?;
+    svd.solve(&right, f64::EPSILON * svd.singular_values.max()).ok()
+}
+
+fn normal(matrix: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {
+    Some(matrix.tr_mul(&matrix).cholesky()?.solve(&matrix.tr_mul(&right)))
 }
 
 #[cfg(test)]

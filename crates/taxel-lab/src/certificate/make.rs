@@ -238,24 +238,16 @@ fn limits(evidence: &Evidence, usable: usize) -> Vec<String> {
     say(excluded > 0, &without);
     let rising = evidence.branches == Branch::Rising;
     say(rising, "Rising pressure only: the hysteresis was not measured and is not in the uncertainties.");
-    say(
-        samples.ramps.len() < 2,
-        "A single ramp: repeatability and the shift of the zero were not determined and are not in the uncertainties.",
-    );
-    say(
-        (0..taxels).any(|taxel| set.plays(taxel).is_some()),
-        "In use the hysteresis is compensated. The uncertainties are those without compensation, which are greater.",
-    );
-    say(
-        stated.traceability.is_none() || stated.reference_certificate.is_none(),
-        "Traceability of the reference sensor is not stated: the pressures are traceable to nothing.",
-    );
+    let single = samples.ramps.len() < 2;
+    say(single, "A single ramp: repeatability and shift of the zero are unknown and not in the uncertainties.");
+    let compensated = (0..taxels).any(|taxel| set.plays(taxel).is_some());
+    say(compensated, "In use the hysteresis is compensated. The uncertainties are those without, which are greater.");
+    let traceable = stated.traceability.is_some() && stated.reference_certificate.is_some();
+    say(!traceable, "Traceability of the reference sensor is not stated: the pressures are traceable to nothing.");
     let of_zero_kpa = samples.gauge_zero_doubt_kpa(set) * (1.0 + ROUNDING);
     let in_set = set.gauge_gain_rel > 0.0 || set.gauge_offset_kpa > of_zero_kpa;
-    say(
-        !in_set && stated.reference_expanded_uncertainty_kpa.is_none(),
-        "The uncertainty of the reference sensor is not stated and counts as 0.",
-    );
+    let known = in_set || stated.reference_expanded_uncertainty_kpa.is_some();
+    say(!known, "The uncertainty of the reference sensor is not stated and counts as 0.");
     say(stated.temperature_c.is_none(), "The temperature during the calibration is not stated.");
     let Some(session) = &evidence.session else { return lines };
     let other = format!(

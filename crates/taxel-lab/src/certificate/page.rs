@@ -37,16 +37,14 @@ const PARTS: [Part; 14] = [
         "session",
         "Procedure",
         "number started branches target_kpa unloaded_confirmed_by scans counts_per_unit",
-        "The skin lies in a bag whose pressure below the ambient is changed slowly; the atmosphere presses on all taxels alike. \
-         Before each ramp the unloaded skin gives the zero; counts of all ramps are brought to the zero of the first.",
+        "The atmosphere presses on the skin in an evacuated bag. Counts of all ramps are brought to the zero of the first.",
     ),
     (
         "ramps",
         "Ramps",
         "ramp scans_rising scans_falling from_kpa top_kpa to_kpa rise_kpa_per_s fall_kpa_per_s zero_mean_counts zero_rms_counts \
          gauge_zero_kpa",
-        "Shifts of the zero are against the first ramp, over the usable taxels. What the reference read unloaded is taken off \
-         the pressures of the ramp.",
+        "Shifts of the zero are against the first ramp. The reference's unloaded reading is taken off the pressures.",
     ),
     (
         "levels",
@@ -64,8 +62,8 @@ const PARTS: [Part; 14] = [
         "budget",
         "Uncertainty budget",
         "name evaluation taxel_kpa mean_kpa combined",
-        "Standard uncertainties by the Guide to the Expression of Uncertainty in Measurement. Those that are combined are added \
-         as root sum of squares and multiplied by k = 2. One taxel: root mean square over the usable taxels, a single reading.",
+        "Standard uncertainties by the GUM (JCGM 100). Combined: their root sum of squares, times k = 2. One taxel: root mean \
+         square over the usable taxels, a single reading.",
     ),
     (
         "loads",
@@ -83,16 +81,14 @@ const PARTS: [Part; 14] = [
         "taxel order count_min count_max sensitivity_counts_per_kpa linearity_percent rmse_kpa bias_kpa max_error_kpa \
          hysteresis_kpa hysteresis_percent repeatability_kpa zero_counts zero_noise_counts zero_shift_counts lower_limit_kpa \
          outside_share expanded_uncertainty_kpa",
-        "Figures over all scans of the session. Linearity: greatest distance of the curve from the straight line between its \
-         ends, in % of its span. Lower limit: 2.4 standard deviations of the errors, no less than one count (after ASTM E74). \
-         Coefficients of every curve are in the JSON.",
+        "Over all scans of the session. Linearity: greatest distance of the curve from a straight line, in % of its span. Lower \
+         limit: 2.4 standard deviations of the errors, no less than one count (after ASTM E74). The JSON has the curves.",
     ),
     (
         "hashes",
         "Data",
         "samples_csv models_json",
-        "SHA-256 of the files as `taxeld sessions export` and `taxeld models export` write them. The number of the certificate \
-         is made of its content.",
+        "SHA-256 of what `taxeld sessions export` and `taxeld models export` write.",
     ),
 ];
 

@@ -86,11 +86,6 @@ impl Data {
         self.samples(taxel, 0..self.scans(), |i| self.rising[i])
     }
 
-    /// Scans of rising pressure.
-    pub fn rising_scans(&self) -> usize {
-        self.rising.iter().filter(|rising| **rising).count()
-    }
-
     /// The branches of one way, each with enough scans to be one.
     pub fn branches(&self, up: bool) -> impl Iterator<Item = &Range<usize>> {
         let long = move |leg: &&Leg| leg.rising == up && leg.scans.len() >= BRANCH_SCANS_MIN;
@@ -119,12 +114,6 @@ impl Data {
     /// A taxel's means over one branch.
     pub fn branch(&self, taxel: usize, scans: &Range<usize>) -> Vec<Option<(f64, f64)>> {
         self.binned(self.samples(taxel, scans.clone(), |_| true))
-    }
-
-    /// The counts of a taxel in each of `runs`, in the bins where all of these have samples.
-    pub fn common(&self, taxel: usize, runs: &[&Range<usize>]) -> impl Iterator<Item = Vec<f64>> {
-        let runs: Vec<_> = runs.iter().map(|run| self.branch(taxel, run)).collect();
-        (0..BINS).filter_map(move |bin| runs.iter().map(|run| Some(run[bin]?.1)).collect())
     }
 
     /// Least and greatest pressure, kPa.

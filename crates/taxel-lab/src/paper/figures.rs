@@ -262,11 +262,9 @@ fn histograms(sets: &[(&str, Vec<f64>)]) -> Vec<Line> {
     let all = || sets.iter().flat_map(|(_, values)| values).copied();
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
     let width = ((high - low) / BARS).ceil().max(1.0);
-    let width = if width.is_finite() { width } else { 1.0 };
     let bin = |value: f64| (value / width).floor();
-    let first = if low.is_finite() { bin(low) } else { 0.0 };
-    let bars = if high.is_finite() { (bin(high) - first) as usize + 1 } else { 0 };
-    let mut below = vec![0.0; bars];
+    let first = bin(low);
+    let mut below = vec![0.0; (bin(high) - first) as usize + 1];
     let mut series: Vec<Line> = Vec::new();
     for (name, values) in sets.iter().rev() {
         for value in values {

@@ -5,7 +5,7 @@ use taxel_engine::statistics::median;
 use taxel_model::{Flag, Status, TaxelModel};
 
 use super::data::{Data, Weighing, Weighings};
-use super::figures::{RUNS, swing};
+use super::figures::swing;
 use crate::document::{Table, row};
 use crate::numbers::mean;
 
@@ -28,36 +28,11 @@ pub(super) fn calibration(data: &Data, models: &[TaxelModel], min_swing: f64) ->
         row!["curves that turn within their range", format!("{turning} of {}", usable.len())],
         row!["pressure", format!("{low:.1} to {high:.1} kPa")],
         row!["runs", data.branches(true).count().to_string()],
-        row!["scans", format!("{}, {} of them of rising pressure", data.scans(), data.rising_scans())],
+        row!["scans", data.scans()],
         row!["swing, median", known(median_of(&swing), "counts")],
         row!["residual of the fit, root mean square, median", known(median_of(&|model| model.quality.rmse_kpa), "kPa")],
-        row!["repeatability of the runs, standard deviation", known(repeatability_counts(data, &usable), "counts")],
-        row!["distance of the branches, median", known(loop_counts(data, &usable), "counts")],
     ];
     Table::new("calibration", "The calibration.", ["what", "how much"], rows)
-}
-
-/// How far runs lie apart at equal pressure: root mean square over bins and `taxels` of the standard deviation between
-/// the first three runs, counts. `None` with a single run.
-fn repeatability_counts(data: &Data, taxels: &[usize]) -> Option<f64> {
-    let runs: Vec<_> = data.branches(true).take(RUNS).collect();
-    if runs.len() < 2 {
-        return None;
-    }
-    let variance = |counts: Vec<f64>| {
-        let mean = mean(counts.iter().copied());
-        counts.iter().map(|count| (count - mean).powi(2)).sum::<f64>() / (counts.len() - 1) as f64
-    };
-    let variances = taxels.iter().flat_map(|&taxel| data.common(taxel, &runs).map(variance));
-    Some(mean(variances).sqrt()).filter(|counts| counts.is_finite())
-}
-
-/// How far the branches of a run lie apart at equal pressure: median over `taxels` of the mean over the bins of the
-/// distance, counts. `None` without both branches.
-fn loop_counts(data: &Data, taxels: &[usize]) -> Option<f64> {
-    let (rise, fall) = data.run_with_both()?;
-    let width = |&taxel: &usize| mean(data.common(taxel, &[rise, fall]).map(|counts| (counts[0] - counts[1]).abs()));
-    median(taxels.iter().map(width))
 }
 
 /// Known loads that were read in one way: a row a mass.

@@ -9,23 +9,19 @@ use anyhow::Context;
 use serde_json::Value;
 use taxel_engine::calibration::fit::{ApplyRecipe, Branch, FitRecipe, OneByOne, PlaysChoice, apply, fit, judge};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{Outputs, PatchPlan};
+use taxel_engine::plan::PatchPlan;
 use taxel_model::{Estimator, FitOptions, Order};
 use taxel_sim::Effect;
-use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, area};
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
 use super::args::ReportArgs;
 use crate::document::{Aim, Axis, Figure, Line, Look, Section, Table, row};
-use crate::forearm::{Forearm, Live, Weighed, forces, recording};
+use crate::forearm::{Live, TARGET_KPA, Tried};
 use crate::numbers::{mean, median};
 use crate::recording::Recording;
 
 /// From scan to scan of a skin at 20 Hz, us.
 const BETWEEN_SCANS_US: f64 = 50_000.0;
-
-/// The simulated bag's highest pressure, and how fast it rises and falls.
-const TARGET_KPA: f64 = 70.0;
-const KPA_PER_S: f64 = 1.0;
 
 /// Boards of the real skin with so many triangles, as `deploy/insole.toml` has them.
 const INSOLE_BOARDS: [(u8, u8); 2] = [(13, 16), (12, 12)];
@@ -131,15 +127,15 @@ fn usable(set: &ModelSet) -> usize {
 /// Simulated forearms with everything that the simulator knows to be in the way, and known masses on them.
 fn forearms(seed: u64, quick: bool) -> anyhow::Result<Source> {
     let (skins, repetitions) = if quick { (1, 1) } else { (10, 5) };
-    let tried = (0..skins).map(|skin| Tried::new(seed.wrapping_add(skin), skin as usize));
+    let tried = (0..skins).map(|skin| Tried::new(&Effect::ALL, seed.wrapping_add(skin), 1, skin as usize));
     let tried = tried.collect::<anyhow::Result<Vec<Tried>>>()?;
     let outcome = |recipe: Recipe| {
         let (mut errors, mut of_first) = (Vec::new(), None);
-        for Tried { calibration, plans, rest, weighings } in &tried {
-            let (set, fit_ms) = fitted(calibration, &recipe, repetitions)?;
+        for skin in &tried {
+            let (set, fit_ms) = fitted(&skin.calibration, &recipe, repetitions)?;
             let usable = usable(&set);
-            let (read, scan_us) = forces(set, &plans[usize::from(recipe.fit.is_paper())], rest, weighings);
-            errors.extend(read.iter().zip(weighings).map(|(n, one)| 100.0 * (n / one.true_n - 1.0).abs()));
+            let (read, scan_us) = skin.forces(set, &recipe.fit);
+            errors.extend(read.iter().zip(&skin.weighings).map(|(n, one)| 100.0 * (n / one.true_n - 1.0).abs()));
             of_first.get_or_insert((usable, fit_ms, scan_us));
         }
         let (usable, fit_ms, scan_us) = of_first.context("no skin was tried")?;
@@ -156,29 +152,6 @@ fn forearms(seed: u64, quick: bool) -> anyhow::Result<Source> {
         exams: vec!["masses"],
         outcomes: recipes().into_iter().map(outcome).collect::<anyhow::Result<_>>()?,
     })
-}
-
-/// A skin that was in the bag and under masses.
-struct Tried {
-    calibration: Recording,
-    /// With everything, and as the paper has it: equal areas, active taxels only.
-    plans: [PatchPlan; 2],
-    rest: Vec<taxel_engine::baseline::TaxelBaseline>,
-    weighings: Vec<Weighed>,
-}
-
-impl Tried {
-    fn new(seed: u64, skin: usize) -> anyhow::Result<Self> {
-        let mut forearm = Forearm::new(&Effect::ALL, seed)?;
-        let mut plan = forearm.plan()?;
-        let equal = PatchPlan { geometry: None, outputs: Outputs::default(), ..plan.clone() };
-        plan.areas = area::template(&plan.patch, plan.areas[0]);
-        let calibration = recording(&forearm.cycle(TARGET_KPA, KPA_PER_S));
-        forearm.vent();
-        let rest = forearm.rest();
-        let weighings = forearm.weigh_all(skin)?;
-        Ok(Self { calibration, plans: [plan, equal], rest, weighings })
-    }
 }
 
 /// The recordings of a real skin: a 280-taxel insole in a pressure chamber (Belli et al., Sensors 2023, 23(9), 4501). The
