@@ -132,32 +132,31 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
 impl FitArgs {
     /// The models, and what there is to say of the recording.
     fn models(&self, recording: &mut Recording) -> anyhow::Result<(ModelSet, Vec<String>)> {
+        let is_session = session::is_session(recording);
+        let notes = if is_session { Vec::new() } else { check(recording, Purpose::Fit)? };
+        let is_skin = !is_session && recording.as_scans().is_recording();
         let of_skin = [
             (self.gauge_zero, "--gauge-zero"),
             (self.max_clock.is_some(), "--max-clock"),
             (self.module_size.is_some(), "--module-size"),
+            (self.plays == Some(PlaysChoice::On) && !is_session, "--plays on"),
         ];
-        let asked = of_skin.iter().find(|(asked, _)| *asked).map(|(_, option)| *option);
-        if session::is_session(recording) {
-            if let Some(option) = asked {
-                bail!("{option} is not for an export of a session: the file has modules and zeros, on one clock");
-            }
-            let plays = self.plays.unwrap_or(PlaysChoice::Off);
-            let recipe = FitRecipe { curve: Branch::Rising, plays, ..self.recipe() };
-            return Ok((session::fit(recording, recipe, self.branch)?, Vec::new()));
-        }
-        let notes = check(recording, Purpose::Fit)?;
-        let scans = recording.as_scans();
-        if scans.is_recording() {
-            return Ok((fit_skin(&scans, &self.recipe(), &AllCores)?, notes));
-        }
-        if let Some(option) = asked.or((self.plays == Some(PlaysChoice::On)).then_some("--plays on")) {
+        if let Some((_, option)) = of_skin.iter().find(|(asked, _)| *asked && !is_skin) {
             bail!(
                 "{option} needs a recording of a skin, {MIN_BINNED_SAMPLES} rows and more of 8-bit counts in two columns \
-                 and more; this is fitted column by column as a table"
+                 and more; this is an export of a session or fitted column by column as a table"
             );
         }
-        Ok((self.fit_table(recording)?, notes))
+        let set = if is_session {
+            let plays = self.plays.unwrap_or(PlaysChoice::Off);
+            let recipe = FitRecipe { curve: Branch::Rising, plays, ..self.recipe() };
+            session::fit(recording, recipe, self.branch)?
+        } else if is_skin {
+            fit_skin(&recording.as_scans(), &self.recipe(), &AllCores)?
+        } else {
+            self.fit_table(recording)?
+        };
+        Ok((set, notes))
     }
 
     fn recipe(&self) -> FitRecipe {

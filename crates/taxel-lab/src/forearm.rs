@@ -316,24 +316,3 @@ impl Live {
         self.force.sample(&scan, 0, &ZeroState::default()).sample.total.map_or(f64::NAN, |total| total.0)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_cycle_rises_from_rest_and_comes_back() {
-        let mut forearm = Forearm::new(&[], 4).unwrap();
-        let rest = forearm.rest();
-        assert_eq!(rest.len(), 230);
-        assert!(rest.iter().all(|taxel| (200.0..=255.0).contains(&taxel.mean)));
-        let scans = forearm.cycle(40.0, 5.0);
-        let recording = recording(&scans);
-        let kpa = recording.pressure_kpa.unwrap();
-        let top = kpa.iter().copied().fold(0.0, f64::max);
-        assert!(kpa[0].abs() < 1.0 && (39.0..42.0).contains(&top) && kpa[kpa.len() - 1] < 1.0, "{top}");
-        let at_top = kpa.iter().position(|kpa| *kpa == top).unwrap();
-        let moved = recording.counts.iter().filter(|counts| counts[0] - counts[at_top] > 20.0).count();
-        assert!(moved > 200, "{moved}");
-    }
-}

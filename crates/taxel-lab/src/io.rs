@@ -118,32 +118,3 @@ fn finish(to: impl Write, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
 pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
     write(path, |out| out.write_all(text.as_bytes()))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_file_is_replaced_as_a_whole_or_left_as_it_was() {
-        let folder = tempfile::tempdir().unwrap();
-        let place = folder.path().join("models.json");
-        write_text(&place, "first").unwrap();
-        let failed = write(&place, |out| out.write_all(b"half").and(Err(io::Error::other("no more"))));
-        assert!(format!("{:#}", failed.unwrap_err()).contains("models.json: no more"));
-        assert_eq!(read_text(&place).unwrap(), "first");
-        write_text(&place, "second").unwrap();
-        assert_eq!(read_text(&place).unwrap(), "second");
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        write_text(Path::new("/dev/null"), "gone").unwrap();
-        assert!(write_text(&place.join("below"), "").is_err());
-    }
-
-    #[test]
-    fn an_output_that_is_an_input_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let data = folder.path().join("data.csv");
-        std::fs::write(&data, "t_s").unwrap();
-        assert!(announce(&[&folder.path().join("./data.csv")], &[&data]).is_err());
-        announce(&[&folder.path().join("models.json"), Path::new("-")], &[&data, Path::new("-")]).unwrap();
-    }
-}

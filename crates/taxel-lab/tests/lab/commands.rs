@@ -106,16 +106,6 @@ fn counts_of_another_scale_are_refused() {
     assert!(!std::path::Path::new(&pressure).exists());
 }
 
-#[test]
-fn what_a_file_holds_is_not_echoed_at_length() {
-    let (folder, [_, models, _]) = scratch();
-    let strange = folder.path().join("strange.csv");
-    let header: Vec<String> = (0..9_000).map(|column| format!("column{column}")).collect();
-    std::fs::write(&strange, format!("{}\n1,2\n", header.join(","))).unwrap();
-    let said = fails(&lab(&["fit", strange.to_str().unwrap(), "--out", &models]));
-    assert!(said.contains("begins with `column0,column1,") && said.len() < 400, "{} bytes: {said}", said.len());
-}
-
 /// A command of which no file may have more than one block, as on a disk that is full by then.
 fn with_a_block_a_file(arguments: &[&str]) -> Output {
     let mut command = Command::new("sh");
