@@ -230,7 +230,7 @@ mod tests {
             for first in hostile {
                 let points = hostile.map(|second| (first, second)).to_vec();
                 let axis = Axis { label: "a < b", log };
-                let line = Line { name: "<name> \"x\"".to_owned(), look, points, ..Line::default() };
+                let line = Line { name: "<name> \"x\"".to_owned(), look, points };
                 let figure = Figure { x: axis, y: axis, lines: vec![line], ..Figure::default() };
                 let picture = svg(&figure);
                 assert!(

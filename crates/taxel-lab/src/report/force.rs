@@ -228,7 +228,6 @@ fn figure(source: &Source) -> Figure {
         y: Axis { label: "error of the force on unseen data, %", log: false },
         lines: recipes().into_iter().zip(&source.outcomes).map(line).collect(),
         levels: vec![(BETWEEN_SCANS_US, "from scan to scan at 20 Hz".to_owned())],
-        ..Figure::default()
     }
 }
 
