@@ -124,7 +124,7 @@ fn section((field, heading, shown, note): Part, value: &Value) -> Section {
         other => other.clone(),
     };
     let names: Vec<&str> = shown.split_whitespace().collect();
-    let mut text = vec![note.to_owned()];
+    let mut text: Vec<String> = [note].into_iter().filter(|note| !note.is_empty()).map(str::to_owned).collect();
     let (columns, rows) = match value {
         Value::Object(fields) => {
             let row = |name: &&str| vec![label(name).into(), cell(&fields[*name])];
