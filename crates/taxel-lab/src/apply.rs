@@ -11,7 +11,7 @@ use taxel_store::models_json;
 use crate::fit::parse_number;
 use crate::io;
 use crate::recording::Recording;
-use crate::soundness::{Wanted, check};
+use crate::soundness::{Purpose, check};
 
 /// Counts that are all so many calibrated widths away are of another scale.
 const FAR_WIDTHS: f64 = 1.0;
@@ -76,7 +76,7 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     let mut recording = Recording::read(&args.data)?;
     let named = || args.data.display().to_string();
     refuse_other_counts(&set, &recording).with_context(named)?;
-    let notes = if set.is_of_skin() { check(&mut recording, Wanted::APPLY).with_context(named)? } else { Vec::new() };
+    let notes = if set.is_of_skin() { check(&mut recording, Purpose::Apply).with_context(named)? } else { Vec::new() };
     let recipe = ApplyRecipe {
         tare: args.tare,
         smooth_s: args.smooth,
@@ -93,10 +93,9 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     if let Some(gauge_kpa) = &recording.pressure_kpa {
         print_score(&applied, gauge_kpa);
     }
-    let decimals = set.recorded.is_some().then_some(4);
-    write(&args.out, "p", &recording.time_s, &applied.pressure_kpa, decimals)?;
+    write(&args.out, "p", &recording.time_s, &applied.pressure_kpa)?;
     if let Some(path) = &args.sigma {
-        write(path, "s", &recording.time_s, &applied.sigma_kpa, decimals)?;
+        write(path, "s", &recording.time_s, &applied.sigma_kpa)?;
     }
     say!("written to {}", args.out.display());
     Ok(())
@@ -120,12 +119,13 @@ fn print_score(applied: &Applied, gauge_kpa: &[f64]) {
 
 /// Refuses counts of another scale than the models', for example of 16 bits where the models are for 8.
 fn refuse_other_counts(set: &ModelSet, recording: &Recording) -> anyhow::Result<()> {
-    let ranges = set.taxels.iter().filter(|model| model.is_usable()).filter_map(|model| model.range);
-    let Some([low, high]) = ranges.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)]) else { return Ok(()) };
-    let counts = recording.counts.iter().flatten().copied().filter(|count| count.is_finite());
-    let Some((least, most)) = counts.map(|c| (c, c)).reduce(|(a, b), (c, d)| (a.min(c), b.max(d))) else {
-        return Ok(());
+    let ends = |values: &mut dyn Iterator<Item = f64>| {
+        values.map(|value| (value, value)).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)))
     };
+    let calibrated =
+        ends(&mut set.taxels.iter().filter(|model| model.is_usable()).filter_map(|model| model.range).flatten());
+    let counts = ends(&mut recording.counts.iter().flatten().copied().filter(|count| count.is_finite()));
+    let (Some((low, high)), Some((least, most))) = (calibrated, counts) else { return Ok(()) };
     // All of them far outside: neither a load beyond the calibrated one nor a zero that moved does that.
     let far = FAR_WIDTHS * (high - low).max(1.0);
     if least > high + far || most < low - far {
@@ -155,31 +155,20 @@ fn print_applied(data: &Path, notes: &[String], applied: &Applied) {
     }
 }
 
-/// Writes one column per taxel; NaN and empty columns are empty cells.
-fn write(
-    path: &Path,
-    letter: &str,
-    time_s: &[f64],
-    columns: &[Vec<f64>],
-    decimals: Option<usize>,
-) -> anyhow::Result<()> {
+/// Writes one column per taxel, to a tenth of a pascal; NaN and empty columns are empty cells.
+fn write(path: &Path, letter: &str, time_s: &[f64], columns: &[Vec<f64>]) -> anyhow::Result<()> {
     io::write(path, |out| {
         write!(out, "t_s")?;
-        for taxel in 0..columns.len() {
-            write!(out, ",{letter}{taxel}")?;
-        }
-        writeln!(out)?;
+        (0..columns.len()).try_for_each(|taxel| write!(out, ",{letter}{taxel}"))?;
         for (i, time_s) in time_s.iter().enumerate() {
-            write!(out, "{time_s}")?;
+            write!(out, "\n{time_s}")?;
             for column in columns {
-                match (column.get(i).filter(|value| value.is_finite()), decimals) {
-                    (None, _) => write!(out, ",")?,
-                    (Some(value), Some(decimals)) => write!(out, ",{value:.decimals$}")?,
-                    (Some(value), None) => write!(out, ",{value}")?,
+                match column.get(i).filter(|value| value.is_finite()) {
+                    Some(value) => write!(out, ",{value:.4}")?,
+                    None => write!(out, ",")?,
                 }
             }
-            writeln!(out)?;
         }
-        Ok(())
+        writeln!(out)
     })
 }

@@ -16,6 +16,9 @@ use taxel_proto::v1::{
 /// Largest answer: a model set as text, with the framing around it.
 const ANSWER_BYTES_MAX: usize = 17 << 20;
 
+/// The daemon lists so many model sets at a time; an older one is asked for by its whole id.
+const SETS_MAX: u32 = 1000;
+
 /// Which daemon, and which patch of it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Server {
@@ -82,20 +85,14 @@ impl Daemon {
     }
 
     async fn full_id(&self, wanted: &str) -> anyhow::Result<String> {
-        let (mut ids, mut page_token) = (Vec::new(), String::new());
-        loop {
-            let request = ListModelSetsRequest { patch: self.patch.clone(), page_size: 100, page_token };
-            let page = self.models().list_model_sets(request).await.map_err(refused)?.into_inner();
-            ids.extend(page.model_sets.into_iter().map(|set| set.model_set));
-            page_token = page.next_page_token;
-            if page_token.is_empty() {
-                break;
-            }
-        }
+        let request = ListModelSetsRequest { patch: self.patch.clone(), page_size: SETS_MAX, ..Default::default() };
+        let sets = self.models().list_model_sets(request).await.map_err(refused)?.into_inner().model_sets;
+        let mut ids: Vec<String> = sets.into_iter().map(|set| set.model_set).collect();
         if wanted == "newest" {
-            return ids.into_iter().next().context("the daemon has no model set");
+            ids.truncate(1);
+        } else {
+            ids.retain(|id| id.starts_with(wanted));
         }
-        ids.retain(|id| id.starts_with(wanted));
         ensure!(ids.len() < 2, "several model sets begin with `{wanted}`: {}", ids.join(", "));
         ids.pop().with_context(|| format!("there is no model set `{wanted}`: see `taxeld models list`"))
     }

@@ -19,7 +19,7 @@ mod summary;
 use crate::io;
 use crate::recording::{Recording, keep};
 use crate::session;
-use crate::soundness::{Wanted, check};
+use crate::soundness::{Purpose, check};
 
 /// Fits models to DATA.csv and writes MODELS.json.
 #[derive(Debug, clap::Args)]
@@ -42,17 +42,11 @@ pub struct FitArgs {
     order: Option<Order>,
     /// The paper's method and nothing else: its equation over all samples of rising pressure, every fault and outlier
     /// included, the curve as it comes out, monotone or not. Only --min-swing excludes a taxel.
-    #[arg(long, conflicts_with_all = ["estimator", "branch", "plays", "smooth", "max_lag", "bin_width"])]
+    #[arg(long, conflicts_with_all = ["estimator", "branch", "plays", "smooth"])]
     paper: bool,
     /// Least-squares problem [default: pressure-binned, and per-sample for tables of fewer than 280 rows].
     #[arg(long, value_parser = one_of(["per-sample", "pressure-binned"], [Estimator::PerSample, Estimator::PressureBinned]))]
     estimator: Option<Estimator>,
-    /// Solve in double-double throughout, for audits and reference values.
-    #[arg(long)]
-    exact: bool,
-    /// Width of a pressure bin in kPa [default: about 140 bins].
-    #[arg(long, value_name = "KPA", value_parser = parse_number)]
-    bin_width: Option<f64>,
     /// Which part of a recording is fitted [default: both, and of a session what it gathered].
     #[arg(long, value_parser = one_of(["both", "rising"], [Branch::Both, Branch::Rising]))]
     branch: Option<Branch>,
@@ -66,9 +60,6 @@ pub struct FitArgs {
     /// Neighbouring columns that form a module (a triangle) [default: 10].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     module_size: Option<u16>,
-    /// Look for one constant lag of at most so many seconds between gauge and counts, and take it out.
-    #[arg(long, value_name = "S", value_parser = parse_number)]
-    max_lag: Option<f64>,
     /// Look for a clock of the gauge's own, late by at most so many seconds and fast or slow by up to 2 %, and use it
     /// where it wins on a stretch that it was not found on; 0 is not at all [default: 8].
     #[arg(long, value_name = "S", value_parser = parse_number)]
@@ -141,33 +132,31 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
 impl FitArgs {
     /// The models, and what there is to say of the recording.
     fn models(&self, recording: &mut Recording) -> anyhow::Result<(ModelSet, Vec<String>)> {
+        let is_session = session::is_session(recording);
+        let notes = if is_session { Vec::new() } else { check(recording, Purpose::Fit)? };
+        let is_skin = !is_session && recording.as_scans().is_recording();
         let of_skin = [
             (self.gauge_zero, "--gauge-zero"),
-            (self.max_lag.is_some(), "--max-lag"),
             (self.max_clock.is_some(), "--max-clock"),
             (self.module_size.is_some(), "--module-size"),
+            (self.plays == Some(PlaysChoice::On) && !is_session, "--plays on"),
         ];
-        let asked = of_skin.iter().find(|(asked, _)| *asked).map(|(_, option)| *option);
-        if session::is_session(recording) {
-            if let Some(option) = asked {
-                bail!("{option} is not for an export of a session: the file has modules and zeros, on one clock");
-            }
-            let plays = self.plays.unwrap_or(PlaysChoice::Off);
-            let recipe = FitRecipe { curve: Branch::Rising, plays, ..self.recipe() };
-            return Ok((session::fit(recording, recipe, self.branch)?, Vec::new()));
-        }
-        let notes = check(recording, Wanted::FIT)?;
-        let scans = recording.as_scans();
-        if scans.is_recording() {
-            return Ok((fit_skin(&scans, &self.recipe(), &AllCores)?, notes));
-        }
-        if let Some(option) = asked.or((self.plays == Some(PlaysChoice::On)).then_some("--plays on")) {
+        if let Some((_, option)) = of_skin.iter().find(|(asked, _)| *asked && !is_skin) {
             bail!(
                 "{option} needs a recording of a skin, {MIN_BINNED_SAMPLES} rows and more of 8-bit counts in two columns \
-                 and more; this is fitted column by column as a table"
+                 and more; this is an export of a session or fitted column by column as a table"
             );
         }
-        Ok((self.fit_table(recording)?, notes))
+        let set = if is_session {
+            let plays = self.plays.unwrap_or(PlaysChoice::Off);
+            let recipe = FitRecipe { curve: Branch::Rising, plays, ..self.recipe() };
+            session::fit(recording, recipe, self.branch)?
+        } else if is_skin {
+            fit_skin(&recording.as_scans(), &self.recipe(), &AllCores)?
+        } else {
+            self.fit_table(recording)?
+        };
+        Ok((set, notes))
     }
 
     fn recipe(&self) -> FitRecipe {
@@ -178,7 +167,6 @@ impl FitArgs {
             plays_order: self.order.unwrap_or(Plays::DEFAULT_ORDER),
             module_size: usize::from(self.module_size.unwrap_or(10)),
             smooth_s: self.smooth,
-            max_lag_s: self.max_lag.unwrap_or(0.0),
             max_clock_s: self.max_clock.unwrap_or(8.0),
             gauge_zero: self.gauge_zero,
             ..FitRecipe::default()
@@ -189,8 +177,6 @@ impl FitArgs {
         let mut options = FitOptions {
             order: self.order.unwrap_or_default(),
             estimator: if self.paper { Estimator::Paper } else { self.estimator.unwrap_or(usual) },
-            exact: self.exact,
-            bin_width_kpa: self.bin_width,
             ..FitOptions::default()
         };
         options.exclusion.min_swing_counts = self.min_swing;
@@ -245,20 +231,12 @@ struct AllCores;
 impl Workers for AllCores {
     fn each(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
         let next = AtomicUsize::new(0);
-        let work = || {
-            loop {
-                let number = next.fetch_add(1, Ordering::Relaxed);
-                if number >= jobs {
-                    return;
-                }
-                job(number);
-            }
-        };
+        let take = || Some(next.fetch_add(1, Ordering::Relaxed)).filter(|number| *number < jobs);
         let cores = thread::available_parallelism().map_or(1, usize::from);
         thread::scope(|scope| {
-            // Where no thread can be had this one does it all.
-            (1..cores.min(jobs)).for_each(|_| _ = thread::Builder::new().spawn_scoped(scope, work));
-            work();
+            for _ in 0..cores.min(jobs) {
+                scope.spawn(|| std::iter::from_fn(take).for_each(job));
+            }
         });
     }
 }

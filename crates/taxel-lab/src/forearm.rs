@@ -6,13 +6,14 @@ use std::time::Duration;
 
 use anyhow::Context;
 use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::fit::FitRecipe;
 use taxel_engine::force::Force;
 use taxel_engine::force::owner::ZeroState;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Gauge, Outputs, PatchPlan};
 use taxel_engine::zero::rest::RestStatistics;
 use taxel_sim::{BoardsConfig, Config, Effect, GaugeConfig, Mass, PumpCommand, World};
-use taxel_skin::{BusIndex, Geometry, Kilopascal, TaxelIndex, Time};
+use taxel_skin::{BusIndex, Geometry, Kilopascal, ModuleSite, TaxelIndex, Time, area};
 use taxel_wire::TimedFrame;
 use taxel_wire::icub::{Message, Pairer, decode};
 use taxel_wire::signal::SignalSpec;
@@ -97,7 +98,7 @@ impl Forearm {
     ///
     /// # Errors
     /// Geometry that cannot be read, which the simulator's own is not.
-    pub fn plan(&self) -> anyhow::Result<PatchPlan> {
+    fn plan(&self) -> anyhow::Result<PatchPlan> {
         let skin = self.world.skin();
         let patch = skin.patch().clone();
         Ok(PatchPlan {
@@ -139,10 +140,8 @@ impl Forearm {
     fn take(&mut self, frame: &TimedFrame) -> Option<usize> {
         let patch = self.world.skin().patch();
         let module_of = |address, module| {
-            let is_it = |site: &taxel_skin::ModuleSite| {
-                patch.boards()[usize::from(site.board)].address == address && site.module == module
-            };
-            patch.modules().iter().position(is_it)
+            let board = |site: &ModuleSite| patch.boards()[usize::from(site.board)].address;
+            patch.modules().iter().position(|site| site.module == module && board(site) == address)
         };
         let (at, scan) = match decode(&frame.frame).ok()? {
             Message::Head { board, module, values } => {
@@ -184,33 +183,27 @@ impl Forearm {
     }
 
     /// Vents the bag and waits until the fabric has settled.
-    pub fn vent(&mut self) {
+    fn vent(&mut self) {
         self.world.pump(PumpCommand::Vent);
         self.watch(SETTLE_S);
         self.world.pump(PumpCommand::Off);
     }
 
-    /// Lays a mass about a taxel on 600 mm2, a disc of 28 mm, lets it settle, reads it, takes it away and waits.
-    fn weigh(&mut self, kilogram: f64, taxel: usize) -> anyhow::Result<Weighed> {
-        let centre = TaxelIndex(u16::try_from(taxel).context("a taxel beyond 65,535")?);
-        let true_n = self.world.lay(Mass::on_disc(kilogram, centre, 600.0))?.0;
-        let (before, scans) = (self.watch(LOAD_S), self.watch(0.5));
-        self.world.clear();
-        Ok(Weighed { kilogram, true_n, before, scans, after: self.watch(2.0 * LOAD_S) })
-    }
-
-    /// All masses on all places, which are evenly spread and a few taxels on with each mass and `skin`, so that no place
-    /// is special.
+    /// All masses on discs of 600 mm2, each laid on, read and taken away, on all places. These are evenly spread and a few taxels
+    /// on with each mass and `skin`, so that no place is special.
     ///
     /// # Errors
     /// A mass that cannot lie there, which all of them can.
-    pub fn weigh_all(&mut self, skin: usize) -> anyhow::Result<Vec<Weighed>> {
-        let mut all = Vec::new();
+    fn weigh_all(&mut self, skin: usize) -> anyhow::Result<Vec<Weighed>> {
+        let (mut all, taxels) = (Vec::new(), self.counts.len());
         for (m, kilogram) in MASSES_KG.into_iter().enumerate() {
             for place in 0..PLACES {
-                let taxels = self.counts.len();
-                let centre = (place * taxels / PLACES + 20 * m + 7 * skin) % taxels;
-                all.push(self.weigh(kilogram, centre)?);
+                let taxel = (place * taxels / PLACES + 20 * m + 7 * skin) % taxels;
+                let centre = TaxelIndex(u16::try_from(taxel).context("a taxel beyond 65,535")?);
+                let true_n = self.world.lay(Mass::on_disc(kilogram, centre, 600.0))?.0;
+                let (before, scans) = (self.watch(LOAD_S), self.watch(0.5));
+                self.world.clear();
+                all.push(Weighed { kilogram, true_n, before, scans, after: self.watch(2.0 * LOAD_S) });
             }
         }
         Ok(all)
@@ -230,28 +223,58 @@ pub(crate) fn recording(scans: &[Scan]) -> Recording {
     }
 }
 
-/// The engine's own force of each weighing at the zero `rest`, N, and the median time of a scan, us.
-pub(crate) fn forces(
-    set: Arc<ModelSet>,
-    plan: &PatchPlan,
-    rest: &[TaxelBaseline],
-    weighings: &[Weighed],
-) -> (Vec<f64>, f64) {
-    let (mut live, mut times_us) = (Live::new(set, plan, rest), Vec::new());
-    let mut force = |weighed: &Weighed| {
-        let mut read = |scans: &[Scan]| {
-            let begun = std::time::Instant::now();
-            let force = mean(scans.iter().map(|scan| live.read(&scan.counts)));
-            times_us.push(1e6 * begun.elapsed().as_secs_f64() / scans.len().max(1) as f64);
+/// The simulated bag's highest pressure, and how fast it rises and falls.
+pub(crate) const TARGET_KPA: f64 = 70.0;
+const KPA_PER_S: f64 = 1.0;
+
+/// A skin that was in the bag and then under masses.
+pub(crate) struct Tried {
+    pub calibration: Recording,
+    pub weighings: Vec<Weighed>,
+    /// With everything, and as the paper has it: equal areas, active taxels only.
+    plans: [PatchPlan; 2],
+    rest: Vec<TaxelBaseline>,
+}
+
+impl Tried {
+    /// The forearm of a seed, after so many runs in the bag. The masses lie elsewhere with each `skin`.
+    ///
+    /// # Errors
+    /// A simulation that cannot be set up, which it can.
+    pub fn new(effects: &[Effect], seed: u64, runs: usize, skin: usize) -> anyhow::Result<Self> {
+        let mut forearm = Forearm::new(effects, seed)?;
+        let mut plan = forearm.plan()?;
+        let equal = PatchPlan { geometry: None, outputs: Outputs::default(), ..plan.clone() };
+        plan.areas = area::template(&plan.patch, plan.areas[0]);
+        let mut scans = Vec::new();
+        for _ in 0..runs {
+            scans.extend(forearm.cycle(TARGET_KPA, KPA_PER_S));
+            forearm.vent();
+        }
+        let rest = forearm.rest();
+        let weighings = forearm.weigh_all(skin)?;
+        Ok(Self { calibration: recording(&scans), weighings, plans: [plan, equal], rest })
+    }
+
+    /// The engine's own force of each weighing with the models of a recipe, N, and the median time of a scan, us.
+    pub fn forces(&self, set: Arc<ModelSet>, recipe: &FitRecipe) -> (Vec<f64>, f64) {
+        let plan = &self.plans[usize::from(recipe.is_paper())];
+        let (mut live, mut times_us) = (Live::new(set, plan, &self.rest), Vec::new());
+        let mut force = |weighed: &Weighed| {
+            let mut read = |scans: &[Scan]| {
+                let begun = std::time::Instant::now();
+                let force = mean(scans.iter().map(|scan| live.read(&scan.counts)));
+                times_us.push(1e6 * begun.elapsed().as_secs_f64() / scans.len().max(1) as f64);
+                force
+            };
+            read(&weighed.before);
+            let force = read(&weighed.scans);
+            read(&weighed.after);
             force
         };
-        read(&weighed.before);
-        let force = read(&weighed.scans);
-        read(&weighed.after);
-        force
-    };
-    let forces = weighings.iter().map(&mut force).collect();
-    (forces, median(&times_us))
+        let forces = self.weighings.iter().map(&mut force).collect();
+        (forces, median(times_us))
+    }
 }
 
 /// The engine's force on bare counts, scan after scan.
@@ -291,26 +314,5 @@ impl Live {
         self.now = self.now + self.period;
         self.force.follow(&scan);
         self.force.sample(&scan, 0, &ZeroState::default()).sample.total.map_or(f64::NAN, |total| total.0)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_cycle_rises_from_rest_and_comes_back() {
-        let mut forearm = Forearm::new(&[], 4).unwrap();
-        let rest = forearm.rest();
-        assert_eq!(rest.len(), 230);
-        assert!(rest.iter().all(|taxel| (200.0..=255.0).contains(&taxel.mean)));
-        let scans = forearm.cycle(40.0, 5.0);
-        let recording = recording(&scans);
-        let kpa = recording.pressure_kpa.unwrap();
-        let top = kpa.iter().copied().fold(0.0, f64::max);
-        assert!(kpa[0].abs() < 1.0 && (39.0..42.0).contains(&top) && kpa[kpa.len() - 1] < 1.0, "{top}");
-        let at_top = kpa.iter().position(|kpa| *kpa == top).unwrap();
-        let moved = recording.counts.iter().filter(|counts| counts[0] - counts[at_top] > 20.0).count();
-        assert!(moved > 200, "{moved}");
     }
 }

@@ -1,32 +1,30 @@
-//! Sections as files: one self-contained page, the figures as `ID.svg`, and all numbers in one JSON file.
-//!
-//! `index.html` has the figures within it and needs no other file and no script. It is written last.
+//! Sections as one self-contained page, for a screen and for paper; as files with the figures as `ID.svg` and all numbers in
+//! one JSON file.
 
 use std::path::Path;
 
 use anyhow::Context as _;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde_json::Value;
 
-use crate::document::{Cell, Figure, Section, Table};
+use crate::document::{Figure, Section, Table, words};
 use crate::io;
 use crate::svg::svg;
-
-/// A table with more rows is folded away until somebody wants it.
-const LONG_ROWS: usize = 16;
 
 /// A page with what stands on it.
 #[derive(Clone, Copy, Debug)]
 pub struct Page<'a> {
     /// The heading, and the name in a browser's tab.
     pub title: &'a str,
-    /// A paragraph below it.
-    pub introduction: &'a str,
+    /// Paragraphs below it.
+    pub introduction: &'a [String],
     /// What follows.
     pub sections: &'a [Section],
 }
 
 impl Page<'_> {
-    /// Writes the page and what goes with it into `out`, which is made if it is not there. All numbers are in `data`.json.
+    /// Writes the page and what goes with it into `out`, which is made if it is not there. All numbers are in `data`.json. The
+    /// page comes last and needs no other file.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -37,11 +35,13 @@ impl Page<'_> {
         }
         let data = format!("{data}.json");
         io::write_text(&out.join(&data), &serde_json::to_string_pretty(self.sections)?)?;
-        io::write_text(&out.join("index.html"), &self.html(&data).into_string())
+        io::write_text(&out.join("index.html"), &self.html(Some(&data)))
     }
 
-    fn html(&self, data: &str) -> Markup {
-        html! {
+    /// The page alone; `data` is the file of all numbers beside it.
+    #[must_use]
+    pub fn html(&self, data: Option<&str>) -> String {
+        let page = html! {
             (DOCTYPE)
             html lang="en" {
                 head {
@@ -52,28 +52,26 @@ impl Page<'_> {
                 }
                 body {
                     h1 { (self.title) }
-                    p { (self.introduction) }
+                    @for paragraph in self.introduction { p { (paragraph) } }
                     (self.aims())
-                    ul { @for section in self.sections { li { a href={ "#section-" (section.id) } { (section.title) } } } }
                     @for section in self.sections { (self::section(section)) }
-                    p { "All numbers: " a href=(data) { (data) } "." }
+                    @if let Some(data) = data { p { "All numbers: " a href=(data) { (data) } "." } }
                 }
             }
-        }
+        };
+        page.into_string()
     }
 
     /// The first screen: what was promised, with its verdict.
     fn aims(&self) -> Markup {
-        let aims = self.sections.iter().flat_map(|section| section.aims.iter().map(move |aim| (section, aim)));
-        let judged: Vec<_> = aims.filter_map(|(section, aim)| Some((section, aim, aim.met?))).collect();
-        let met = judged.iter().filter(|aim| aim.2).count();
-        html! { @if !judged.is_empty() {
-            p { (met) " of " (judged.len()) " aims are met; a section's text says why one is missed." }
+        let aims = || self.sections.iter().flat_map(|section| section.aims.iter().map(move |aim| (section, aim)));
+        html! { @if aims().next().is_some() {
+            p { (aims().filter(|(_, aim)| aim.met).count()) " of " (aims().count()) " aims are met; a section's text says why one is missed." }
             div class="scroll" { table class="aims" {
                 thead { tr { @for column in ["", "aim", "measured", "promised", "section"] { th { (column) } } } }
-                tbody { @for (section, aim, met) in &judged { tr {
-                    td class=(if *met { "pass" } else { "fail" }) { (if *met { "met" } else { "missed" }) }
-                    td { (aim.what) } td class="n" { (Cell::from(aim.measured).words()) } td { (aim.aim) }
+                tbody { @for (section, aim) in aims() { tr {
+                    td class=(if aim.met { "pass" } else { "fail" }) { (if aim.met { "met" } else { "missed" }) }
+                    td { (aim.what) } td class="n" { (words(&aim.measured.into())) } td { (aim.aim) }
                     td { a href={ "#section-" (section.id) } { (section.id) } }
                 } } }
             } }
@@ -82,14 +80,12 @@ impl Page<'_> {
 }
 
 fn section(section: &Section) -> Markup {
-    let beside = section.aims.iter().filter(|aim| aim.met.is_none());
     html! {
         section id={ "section-" (section.id) } {
             h2 { (section.title) }
             @for paragraph in &section.text { p { (paragraph) } }
-            ul { @for aim in beside { li { (aim.what) ": " (Cell::from(aim.measured).words()) } } }
             @for one in &section.figures { (figure(one)) }
-            @for one in &section.tables { (table(one)) }
+            @for one in section.tables.iter().filter(|table| !table.rows.is_empty()) { (table(one)) }
         }
     }
 }
@@ -104,32 +100,27 @@ fn figure(figure: &Figure) -> Markup {
 }
 
 fn table(table: &Table) -> Markup {
-    let class = |cell: &Cell| match cell {
-        Cell::Text(_) => None,
-        Cell::Number(_) => Some("n"),
-        Cell::Verdict(true) => Some("pass"),
-        Cell::Verdict(false) => Some("fail"),
+    let class = |cell: &Value| match cell {
+        Value::Number(_) => Some("n"),
+        Value::Bool(true) => Some("pass"),
+        Value::Bool(false) => Some("fail"),
+        _ => None,
     };
-    let whole = html! {
-        div class="scroll" { table {
+    html! {
+        div class="scroll" { table class=[(table.columns.len() > 12).then_some("dense")] {
             caption { (table.caption) }
             thead { tr { @for column in &table.columns { th { (column) } } } }
             tbody { @for row in &table.rows { tr {
-                @for cell in row { td class=[class(cell)] { (cell.words()) } }
+                @for cell in row { td class=[class(cell)] { (words(cell)) } }
             } } }
         } }
-    };
-    html! {
-        @if table.rows.len() > LONG_ROWS {
-            details { summary { "Table of " (table.rows.len()) " rows" } (whole) }
-        } @else { (whole) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::document::{Aim, Axis, Line};
+    use crate::document::{Aim, Axis, Line, row};
 
     #[test]
     fn a_page_is_whole_and_no_text_becomes_markup() {
@@ -138,28 +129,28 @@ mod tests {
             id: "a-figure".to_owned(),
             title: "time < error".to_owned(),
             caption: "errors < 1 </figcaption><script>alert(1)</script>".to_owned(),
-            x: Axis::log("x <b>"),
+            x: Axis { label: "x <b>", log: true },
             lines,
             ..Figure::default()
         };
-        let rows = vec![vec![Cell::from("a < b"), Cell::from(1.0 / 3.0), Cell::from(false)]];
+        let rows = vec![row!["a < b", 1.0 / 3.0, false]];
         let section = Section {
-            id: "a".to_owned(),
+            id: "a",
             text: vec!["first <p>".to_owned()],
-            aims: vec![Aim::at_most("kept", 0.25, 1.0), Aim::at_least("missed", 0.25, 1.0), Aim::beside("beside", 2.0)],
+            aims: vec![Aim::at_most("kept", 0.25, 1.0), Aim::at_most("missed", 2.0, 1.0)],
             figures: vec![figure],
             tables: vec![Table::new("a-table", "a <table>", ["case", "us", "holds"], rows)],
             ..Section::default()
         };
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("new/page");
-        Page { title: "Title", introduction: "what", sections: &[section] }.write(&out, "data").unwrap();
+        Page { title: "Title", introduction: &[], sections: &[section] }.write(&out, "data").unwrap();
         let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
         let page = read("index.html");
         for text in ["<script", "<name>", "<b>", "a < b", "first <p>", "src=", "<link"] {
             assert!(!page.contains(text), "{text}");
         }
-        for text in ["1 of 2 aims are met", "beside: 2", "0.333", ">FAIL<", "<svg "] {
+        for text in ["1 of 2 aims are met", "0.3333", ">FAIL<", "<svg "] {
             assert!(page.contains(text), "{text}");
         }
         assert!(read("a-figure.svg").starts_with("<svg "));

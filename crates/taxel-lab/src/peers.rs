@@ -10,143 +10,101 @@ use nalgebra::{DMatrix, DVector};
 /// that is not finite would be iterated for ever.
 const MAX_SVD_ITERATIONS: usize = 10_000;
 
-#[derive(Clone, Copy)]
-enum Solver {
-    Qr,
-    Svd,
-    Normal,
-}
-
 /// A way to fit a polynomial.
 #[derive(Clone, Copy)]
-pub struct Peer {
+pub(crate) struct Peer {
     /// The same everywhere.
     pub name: &'static str,
-    basis: Basis,
-    solver: Solver,
+    /// A sum of Chebyshev polynomials on the range of the data instead of powers of the raw abscissa.
+    chebyshev: bool,
+    /// Matrix, one row a sample, and right side.
+    solve: fn(DMatrix<f64>, DVector<f64>) -> Option<DVector<f64>>,
 }
-
-/// What most would take first, and what the aim for precision is about.
-pub(crate) const RAW_SVD: &str = "raw powers by SVD";
 
 /// All of them, in the same order everywhere.
-pub const PEERS: [Peer; 4] = [
-    Peer { name: "Chebyshev by QR", basis: Basis::Chebyshev, solver: Solver::Qr },
-    Peer { name: "raw powers by QR", basis: Basis::Powers, solver: Solver::Qr },
-    Peer { name: RAW_SVD, basis: Basis::Powers, solver: Solver::Svd },
-    Peer { name: "raw powers by normal equations", basis: Basis::Powers, solver: Solver::Normal },
+pub(crate) const PEERS: [Peer; 4] = [
+    Peer { name: "Chebyshev by QR", chebyshev: true, solve: qr },
+    Peer { name: "raw powers by QR", chebyshev: false, solve: qr },
+    Peer { name: "raw powers by SVD", chebyshev: false, solve: svd },
+    Peer { name: "raw powers by normal equations", chebyshev: false, solve: normal },
 ];
-
-impl Peer {
-    /// The polynomial of `order`; `None` where the method finds no finite one.
-    #[must_use]
-    pub fn fit(&self, samples: &Samples<'_>, order: usize) -> Option<Polynomial> {
-        solve(samples, order, self.basis, self.solver)
-    }
-}
 
 /// What is fitted: `x`, `y` and, where there are any, the weights `w`, one value a sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Samples<'a> {
-    /// Abscissae.
+pub(crate) struct Samples<'a> {
     pub x: &'a [f64],
-    /// Ordinates.
     pub y: &'a [f64],
-    /// Weights; none means that all are 1.
+    /// None means that all are 1.
     pub w: Option<&'a [f64]>,
 }
 
-impl Samples<'_> {
-    fn root_of_weight(&self, k: usize) -> f64 {
-        self.w.map_or(1.0, |w| w[k].sqrt())
-    }
-}
-
-/// The functions that a polynomial is a sum of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Basis {
-    /// 1, t, t^2, ..
-    Powers,
-    /// 1, t, 2 t^2 - 1, ..
-    Chebyshev,
-}
-
-/// What a peer gives: a polynomial in t = (x - centre) / half_width.
+/// What a peer gives: a polynomial in t = (x - centre) / half_width, which is x itself where the abscissa is taken raw.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Polynomial {
-    /// What the coefficients belong to.
-    pub basis: Basis,
-    /// 0 where the abscissa is taken raw.
-    pub centre: f64,
-    /// 1 where the abscissa is taken raw; above 0.
-    pub half_width: f64,
+pub(crate) struct Polynomial {
+    chebyshev: bool,
+    centre: f64,
+    half_width: f64,
     /// Ascending.
-    pub coefficients: Vec<f64>,
+    coefficients: Vec<f64>,
 }
 
 impl Polynomial {
     /// The value at `x`: Horner's scheme for powers, Clenshaw's for Chebyshev polynomials.
-    #[must_use]
     pub fn evaluate(&self, x: f64) -> f64 {
         let (t, terms) = ((x - self.centre) / self.half_width, self.coefficients.iter().rev());
-        match self.basis {
-            Basis::Powers => terms.fold(0.0, |sum, c| sum * t + c),
-            Basis::Chebyshev => {
-                let (b1, b2) = terms.fold((0.0, 0.0), |(b1, b2), c| (2.0 * t * b1 - b2 + c, b1));
-                b1 - t * b2
-            }
+        if !self.chebyshev {
+            return terms.fold(0.0, |sum, c| sum * t + c);
         }
+        let (b1, b2) = terms.fold((0.0, 0.0), |(b1, b2), c| (2.0 * t * b1 - b2 + c, b1));
+        b1 - t * b2
     }
 }
 
-fn solve(samples: &Samples<'_>, order: usize, basis: Basis, solver: Solver) -> Option<Polynomial> {
-    let Samples { x, y, .. } = *samples;
-    if x.is_empty() || x.len() != y.len() {
-        return None;
-    }
-    let (mut centre, mut half_width) = (0.0, 1.0);
-    if basis == Basis::Chebyshev {
+impl Peer {
+    /// The polynomial of `order`; `None` where the method finds no finite one.
+    pub fn fit(&self, &Samples { x, y, w }: &Samples<'_>, order: usize) -> Option<Polynomial> {
+        let chebyshev = self.chebyshev;
         let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
-        (centre, half_width) = (low / 2.0 + high / 2.0, high / 2.0 - low / 2.0);
-        if !(half_width > 0.0 && half_width.is_finite()) {
+        let (centre, half_width) =
+            if chebyshev { (low / 2.0 + high / 2.0, high / 2.0 - low / 2.0) } else { (0.0, 1.0) };
+        if x.is_empty() || x.len() != y.len() || half_width <= 0.0 || !half_width.is_finite() {
             return None;
         }
-    }
-    let mut matrix = DMatrix::zeros(x.len(), order + 1);
-    for (k, x) in x.iter().enumerate() {
-        let (root, t) = (samples.root_of_weight(k), (x - centre) / half_width);
-        let (mut now, mut next) = (1.0, t);
-        for j in 0..=order {
-            matrix[(k, j)] = root * now;
-            let after = if basis == Basis::Chebyshev { 2.0 * t * next - now } else { t * next };
-            (now, next) = (next, after);
+        let root_of_weight = |k: usize| w.map_or(1.0, |w| w[k].sqrt());
+        let mut matrix = DMatrix::zeros(x.len(), order + 1);
+        for (k, x) in x.iter().enumerate() {
+            let (root, t) = (root_of_weight(k), (x - centre) / half_width);
+            let (mut now, mut next) = (1.0, t);
+            for j in 0..=order {
+                matrix[(k, j)] = root * now;
+                (now, next) = (next, if chebyshev { 2.0 * t * next - now } else { t * next });
+            }
         }
+        let solution = (self.solve)(matrix, DVector::from_fn(x.len(), |k, _| root_of_weight(k) * y[k]))?;
+        let coefficients = solution.as_slice().to_vec();
+        let finite = coefficients.iter().all(|c| c.is_finite());
+        finite.then_some(Polynomial { chebyshev, centre, half_width, coefficients })
     }
-    let right = DVector::from_fn(x.len(), |k, _| samples.root_of_weight(k) * y[k]);
-    let solution = solver.solve(matrix, right)?;
-    let finite = solution.iter().all(|c| c.is_finite());
-    finite.then(|| Polynomial { basis, centre, half_width, coefficients: solution.as_slice().to_vec() })
 }
 
-impl Solver {
-    fn solve(self, matrix: DMatrix<f64>, mut right: DVector<f64>) -> Option<DVector<f64>> {
-        let columns = matrix.ncols();
-        match self {
-            Self::Qr if matrix.nrows() < columns => None,
-            Self::Qr => {
-                let qr = matrix.qr();
-                qr.q_tr_mul(&mut right);
-                qr.unpack_r().solve_upper_triangular(&right.rows(0, columns))
-            }
-            Self::Svd if matrix.iter().chain(right.iter()).any(|value| !value.is_finite()) => None,
-            // Cut at the machine's epsilon times the largest singular value.
-            Self::Svd => {
-                let svd = matrix.try_svd(true, true, 5.0 * f64::EPSILON, MAX_SVD_ITERATIONS)?;
-                svd.solve(&right, f64::EPSILON * svd.singular_values.max()).ok()
-            }
-            Self::Normal => Some(matrix.tr_mul(&matrix).cholesky()?.solve(&matrix.tr_mul(&right))),
-        }
+fn qr(matrix: DMatrix<f64>, mut right: DVector<f64>) -> Option<DVector<f64>> {
+    let columns = matrix.ncols();
+    let qr = (matrix.nrows() >= columns).then(|| matrix.qr())?;
+    qr.q_tr_mul(&mut right);
+    qr.unpack_r().solve_upper_triangular(&right.rows(0, columns))
+}
+
+/// Cut at the machine's epsilon times the largest singular value.
+fn svd(matrix: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {
+    if matrix.iter().chain(right.iter()).any(|value| !value.is_finite()) {
+        return None;
     }
+    let svd = matrix.try_svd(true, true, 5.0 * f64::EPSILON, MAX_SVD_ITERATIONS)?;
+    svd.solve(&right, f64::EPSILON * svd.singular_values.max()).ok()
+}
+
+fn normal(matrix: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {
+    Some(matrix.tr_mul(&matrix).cholesky()?.solve(&matrix.tr_mul(&right)))
 }
 
 #[cfg(test)]

@@ -67,11 +67,6 @@ pub struct Refused {
 }
 
 impl Refused {
-    fn row(&mut self, why: String) {
-        self.rows += 1;
-        self.tell(why);
-    }
-
     fn tell(&mut self, why: String) {
         if self.told.len() < TOLD_MAX {
             self.told.push(why);
@@ -145,26 +140,25 @@ impl Recording {
     }
 
     fn take_row(&mut self, row: &[&[u8]], line: u64) {
+        if let Err(why) = self.try_row(row, line) {
+            self.refused.rows += 1;
+            self.refused.tell(format!("line {line}: {why}"));
+        }
+    }
+
+    fn try_row(&mut self, row: &[&[u8]], line: u64) -> Result<(), String> {
         let own = 1 + usize::from(self.pressure_kpa.is_some()) + self.counts.len();
         let columns = own + self.ramps.as_ref().map_or(0, |_| LAST_COLUMNS.len());
         if row.len() != columns {
-            return self.refused.row(format!("line {line}: {} cells, the header has {columns}", row.len()));
+            return Err(format!("{} cells, the header has {columns}", row.len()));
         }
-        let ramp = match self.last_columns(row, own) {
-            Ok(Some(ramp)) => ramp,
-            Ok(None) => return, // a figure
-            Err(why) => return self.refused.row(format!("line {line}: {why}")),
-        };
-        let mut cells = row.iter().copied().take(own);
-        let first = cells.next().unwrap_or_default();
-        let Some(time) = number(first) else {
-            return self.refused.row(format!("line {line}: t_s is `{}`, expected seconds", shown(first)));
-        };
+        let Some(ramp) = self.last_columns(row, own)? else { return Ok(()) };
+        let time = number(row[0]).ok_or_else(|| format!("t_s is `{}`, expected seconds", shown(row[0])))?;
         self.time_s.push(time);
         self.lines.push(line);
         self.ramps.iter_mut().for_each(|ramps| ramps.push(ramp));
         let columns = self.pressure_kpa.as_mut().into_iter().chain(&mut self.counts);
-        for ((cell, column), position) in cells.zip(columns).zip(2..) {
+        for ((cell, column), position) in row[1..].iter().zip(columns).zip(2..) {
             let value = number(cell).unwrap_or(f64::NAN);
             column.push(value);
             if value.is_nan() && !cell.is_empty() {
@@ -173,6 +167,7 @@ impl Recording {
                 self.refused.tell(format!("line {line}: `{}` (cell {position}) {why}", shown(cell)));
             }
         }
+        Ok(())
     }
 
     /// The ramp of a scan, by the cells after its own; `None` if the row is a figure of a session, which is kept.
@@ -180,8 +175,7 @@ impl Recording {
         if self.ramps.is_none() {
             return Ok(Some(0));
         }
-        let cell = |position: usize| row.get(position).copied().unwrap_or_default();
-        let (ramp, name) = (cell(own), cell(own + 1));
+        let (ramp, name) = (row[own], row[own + 1]);
         // A tool that knows no empty integers writes 1.0.
         let ramp = match number(ramp) {
             Some(ramp) if ramp.fract() == 0.0 && (1.0..=f64::from(u16::MAX)).contains(&ramp) => ramp as u16,
@@ -191,7 +185,7 @@ impl Recording {
         if name.is_empty() {
             return Ok(Some(ramp));
         }
-        let value = |position: usize| number(cell(position)).unwrap_or(f64::NAN);
+        let value = |position: usize| number(row[position]).unwrap_or(f64::NAN);
         let (kpa, first) = if self.pressure_kpa.is_some() { (value(1), 2) } else { (f64::NAN, 1) };
         let name = String::from_utf8_lossy(name).into_owned();
         self.figures.push(Figure { name, ramp, kpa, cells: (first..own).map(value).collect() });

@@ -55,7 +55,7 @@ pub fn fit(recording: &Recording, mut recipe: FitRecipe, branch: Option<Branch>)
         wall_ns: 0,
         board_settings: Vec::new(),
         samples: Arc::new(samples),
-        simulated: is_simulated(recording),
+        simulated: recording.figure("simulated").is_some(),
         modules,
         left_out,
         recipe,
@@ -64,13 +64,13 @@ pub fn fit(recording: &Recording, mut recipe: FitRecipe, branch: Option<Branch>)
     Ok(ModelSet { session: None, ..ModelSet::clone(&set) })
 }
 
+/// What is said of a table that somebody has changed.
+const NOT_EXPORTED: &str = "not as `taxeld sessions export` writes it: export the session again";
+
 /// The range of the converters; eight bits unless it is told.
 fn count_range(recording: &Recording) -> anyhow::Result<CountRange> {
-    let Some(top) = recording.figure("count_max").and_then(|figure| figure.cells.first().copied()) else {
-        return Ok(CountRange::BYTE);
-    };
-    let range = if top.fract() == 0.0 && (1.0..=65_535.0).contains(&top) { CountRange::to(top as u16) } else { None };
-    range.with_context(|| format!("`count_max` is {top}, expected an integer from 1 to 65535"))
+    let Some(top) = recording.figure("count_max").map(|figure| figure.cells[0]) else { return Ok(CountRange::BYTE) };
+    CountRange::to(top as u16).with_context(|| format!("the row `count_max` is {NOT_EXPORTED}"))
 }
 
 fn gauge(recording: &Recording) -> GaugeUncertainty {
@@ -86,8 +86,8 @@ fn gauge(recording: &Recording) -> GaugeUncertainty {
 fn modules(recording: &Recording, size: usize) -> anyhow::Result<(Vec<Range<usize>>, Vec<u16>)> {
     let taxels = recording.counts.len();
     let Some(figure) = recording.figure("module") else {
-        let size = size.max(1);
-        return Ok(((0..taxels).step_by(size).map(|first| first..(first + size).min(taxels)).collect(), Vec::new()));
+        let module = |first: usize| first..(first + size).min(taxels);
+        return Ok(((0..taxels).step_by(size.max(1)).map(module).collect(), Vec::new()));
     };
     // Neighbouring cells that are equal are a module; NaN is one of the session was without.
     let same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
@@ -109,52 +109,41 @@ pub fn gathered(recording: &Recording) -> Branch {
     if recording.figure("both").is_some() { Branch::Both } else { Branch::Rising }
 }
 
-/// Whether a simulator or a replayed log sent the samples.
-#[must_use]
-pub fn is_simulated(recording: &Recording) -> bool {
-    recording.figure("simulated").is_some()
-}
-
 /// The samples of the session, and the range of its converters.
 ///
 /// # Errors
-/// What is missing or cannot be, with its line.
+/// Which line is not as it was exported.
 pub fn samples(recording: &Recording) -> anyhow::Result<(SessionSamples, CountRange)> {
     let range = count_range(recording)?;
     let (Some(pressure), Some(ramp_of)) = (&recording.pressure_kpa, &recording.ramps) else {
         bail!("there is no column `pressure_kpa` to fit to");
     };
-    let zeros = recording.figures.iter().filter(|figure| figure.name == "zero");
-    let ramps: Vec<RampBaseline> = zeros.map(|zero| ramp(recording, zero)).collect::<anyhow::Result<_>>()?;
-    let sample = |scan: usize| -> anyhow::Result<Sample> {
-        let line = recording.lines[scan];
-        let place = |what: &str| format!("line {line}: {what}");
+    let of = |name: &'static str| recording.figures.iter().filter(move |figure| figure.name == name);
+    let ramp = |(zero, noise): (&Figure, &Figure)| {
+        let rest = zero.cells.iter().zip(&noise.cells).map(|(&mean, &noise)| TaxelBaseline { mean, noise });
+        let gauge_kpa = Some(zero.kpa).filter(|kpa| kpa.is_finite());
+        RampBaseline { ramp: zero.ramp.saturating_sub(1), taxels: rest.collect(), gauge_kpa }
+    };
+    let ramps: Vec<RampBaseline> = of("zero").zip(of("noise")).map(ramp).collect();
+    let sample = |scan: usize| {
         let ramp = ramp_of[scan].saturating_sub(1);
-        ensure!(ramps.iter().any(|zero| zero.ramp == ramp), place(&format!("there is no zero of ramp {}", ramp + 1)));
-        let pressure_kpa = pressure[scan];
-        ensure!(pressure_kpa.is_finite(), place("there is no pressure"));
-        let count = |column: &Vec<f64>| {
-            let count = column[scan];
-            let fits = count.fract() == 0.0 && (0.0..=f64::from(range.top())).contains(&count);
-            ensure!(fits, place(&format!("a count is {count}, expected an integer from 0 to {}", range.top())));
-            Ok(count as u16)
-        };
-        let raw: Vec<u16> = recording.counts.iter().map(count).collect::<anyhow::Result<_>>()?;
+        let count = |column: &Vec<f64>| Some(column[scan] as u16).filter(|count| f64::from(*count) == column[scan]);
+        let raw: Vec<u16> = recording.counts.iter().map(count).collect::<Option<_>>()?;
+        let is_whole = pressure[scan].is_finite() && raw.iter().all(|count| *count <= range.top());
         let counts = if range.is_byte() {
             raw.iter().map(|count| *count as u8).collect()
         } else {
             SharedCounts::from(Counts::Words(&raw, range))
         };
-        Ok(Sample { ramp, time_ns: (recording.time_s[scan] * 1e9).round() as i64, pressure_kpa, counts })
+        let time_ns = (recording.time_s[scan] * 1e9).round() as i64;
+        (is_whole && ramps.iter().any(|zero| zero.ramp == ramp)).then_some(Sample {
+            ramp,
+            time_ns,
+            pressure_kpa: pressure[scan],
+            counts,
+        })
     };
-    let samples = (0..recording.scans()).map(sample).collect::<anyhow::Result<_>>()?;
+    let told = |scan: usize| sample(scan).with_context(|| format!("line {} is {NOT_EXPORTED}", recording.lines[scan]));
+    let samples = (0..recording.scans()).map(told).collect::<anyhow::Result<_>>()?;
     Ok((SessionSamples { ramps, samples }, range))
-}
-
-fn ramp(recording: &Recording, zero: &Figure) -> anyhow::Result<RampBaseline> {
-    let noise = recording.figures.iter().find(|figure| figure.name == "noise" && figure.ramp == zero.ramp);
-    let noise = noise.with_context(|| format!("there is no row `noise` of ramp {}", zero.ramp))?;
-    let rest = zero.cells.iter().zip(&noise.cells).map(|(&mean, &noise)| TaxelBaseline { mean, noise });
-    let ramp = zero.ramp.checked_sub(1).context("a row `zero` is of no ramp: expected a number from 1")?;
-    Ok(RampBaseline { ramp, taxels: rest.collect(), gauge_kpa: Some(zero.kpa).filter(|kpa| kpa.is_finite()) })
 }

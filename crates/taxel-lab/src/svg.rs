@@ -1,10 +1,8 @@
 //! A figure as one self-contained SVG, for a screen and for paper. The legend is below the plot.
 
-use std::fmt::Write;
+use maud::{Markup, html};
 
-use maud::html;
-
-use crate::document::{Axis, Figure, Level, Line, Look};
+use crate::document::{Axis, Figure, Line, Look};
 
 const WIDTH_PX: f64 = 760.0;
 const LEFT_PX: f64 = 80.0;
@@ -22,11 +20,6 @@ const DASHES: [&str; 4] = ["none", "7 3", "2 3", "9 3 2 3"];
 /// More labels than this crowd an axis.
 const LABELS_MAX: i32 = 10;
 
-/// Writes a line of SVG. Writing to a string cannot fail.
-macro_rules! put {
-    ($out:expr, $($text:tt)*) => { let _ = writeln!($out, $($text)*); };
-}
-
 /// One axis with its range and where it lies.
 struct Scale {
     log: bool,
@@ -39,7 +32,7 @@ struct Scale {
 
 impl Scale {
     /// Spans all values that have a place, in whole decades or whole steps.
-    fn new(axis: &Axis, values: impl Iterator<Item = f64>, [from_px, to_px]: [f64; 2]) -> Self {
+    fn new(axis: Axis, values: impl Iterator<Item = f64>, [from_px, to_px]: [f64; 2]) -> Self {
         let drawn = values.filter_map(|value| measure(axis.log, value));
         let (low, high) = drawn.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
         let (low, high) = if low > high { (0.0, 1.0) } else { (low, high) };
@@ -58,7 +51,7 @@ impl Scale {
     /// Where a value is drawn; `None` if it has no place.
     fn px(&self, value: f64) -> Option<f64> {
         let share = (measure(self.log, value)? - self.from) / (self.to - self.from);
-        Some(self.from_px + share.clamp(0.0, 1.0) * (self.to_px - self.from_px))
+        Some(tenths(self.from_px + share.clamp(0.0, 1.0) * (self.to_px - self.from_px)))
     }
 
     /// Lines of the grid with their labels.
@@ -97,152 +90,133 @@ fn nice_step(span: f64) -> f64 {
     [1.0, 2.0, 5.0].into_iter().find(|factor| factor * power >= rough).unwrap_or(10.0) * power
 }
 
-/// `text` with everything replaced that has a meaning in SVG, and control characters, which XML does not allow.
-fn escape(text: &str) -> String {
-    let text = text.replace(|c: char| c.is_control(), "\u{fffd}");
-    html! { (text) }.into_string()
+fn tenths(px: f64) -> f64 {
+    (10.0 * px).round() / 10.0
 }
 
 /// Draws `figure`. Points that have no place on its axes are counted in a note.
 #[must_use]
 pub fn svg(figure: &Figure) -> String {
     let points = || figure.lines.iter().flat_map(|line| line.points.iter().map(move |point| (line.look, *point)));
-    let bars = points().flat_map(|(look, (x, _))| {
+    let widths = points().flat_map(|(look, (x, _))| {
         let half = if let Look::Bars(width) = look { 0.5 * width } else { 0.0 };
         [x - half, x + half]
     });
-    let x = Scale::new(&figure.x, bars.chain(figure.levels.iter().map(|level| level.at)), [LEFT_PX, RIGHT_PX]);
+    let x = Scale::new(figure.x, widths.chain(figure.levels.iter().map(|level| level.0)), [LEFT_PX, RIGHT_PX]);
     let floor = figure.lines.iter().any(|line| matches!(line.look, Look::Bars(_))).then_some(0.0);
-    let heights = points().map(|(_, (_, y))| y).chain(figure.bands.iter().map(|band| band.at)).chain(floor);
-    let y = Scale::new(&figure.y, heights, [BOTTOM_PX, TOP_PX]);
+    let heights = points().map(|(_, (_, y))| y).chain(floor);
+    let y = Scale::new(figure.y, heights, [BOTTOM_PX, TOP_PX]);
     let without_place = points().filter(|(_, (at, value))| x.px(*at).is_none() || y.px(*value).is_none()).count();
     let rows = figure.lines.len().div_ceil(2);
-    let height = LEGEND_PX + rows as f64 * ROW_PX + if without_place > 0 { ROW_PX } else { 0.0 };
-    let title = escape(&figure.title);
-    let mut out = String::new();
-    put!(
-        out,
-        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH_PX} {height}" role="img" aria-label="{title}" font-family="Helvetica, Arial, sans-serif" font-size="12.5" fill="black">"#
-    );
-    put!(out, r#"<rect width="{WIDTH_PX}" height="{height}" fill="white"/>"#);
-    put!(out, r#"<text x="{LEFT_PX}" y="28" font-size="16" font-weight="bold">{title}</text>"#);
-    axes(&mut out, figure, &x, &y);
-    figure.bands.iter().for_each(|band| marked_level(&mut out, band, y.px(band.at), false));
-    for (at, line) in figure.lines.iter().enumerate() {
-        draw(&mut out, line, at, &x, &y);
-    }
-    figure.levels.iter().for_each(|level| marked_level(&mut out, level, x.px(level.at), true));
-    for (at, line) in figure.lines.iter().enumerate() {
-        legend(&mut out, line, at, rows);
-    }
-    if without_place > 0 {
-        let y = LEGEND_PX + rows as f64 * ROW_PX + 4.0;
-        let note = "no finite value, or 0 on a logarithmic axis";
-        put!(out, r##"<text x="{LEFT_PX}" y="{y}" fill="#555555">Not drawn: {without_place} points ({note}).</text>"##);
-    }
-    put!(out, "</svg>");
-    out
-}
-
-fn axes(out: &mut String, figure: &Figure, x: &Scale, y: &Scale) {
-    for (px, label) in x.ticks() {
-        let below = BOTTOM_PX + 18.0;
-        put!(out, r##"<path d="M{px:.1} {TOP_PX}V{BOTTOM_PX}" stroke="#dddddd" stroke-width="0.8"/>"##);
-        put!(out, r#"<text x="{px:.1}" y="{below}" text-anchor="middle">{label}</text>"#);
-    }
-    for (px, label) in y.ticks() {
-        let (left, middle) = (LEFT_PX - 8.0, px + 4.5);
-        put!(out, r##"<path d="M{LEFT_PX} {px:.1}H{RIGHT_PX}" stroke="#dddddd" stroke-width="0.8"/>"##);
-        put!(out, r#"<text x="{left}" y="{middle:.1}" text-anchor="end">{label}</text>"#);
-    }
-    put!(out, r##"<path d="M{LEFT_PX} {TOP_PX}V{BOTTOM_PX}H{RIGHT_PX}" fill="none" stroke="#555555"/>"##);
-    let (middle, below, label) = ((LEFT_PX + RIGHT_PX) / 2.0, BOTTOM_PX + 40.0, escape(&figure.x.label));
-    put!(out, r#"<text x="{middle}" y="{below}" font-size="14" text-anchor="middle">{label}</text>"#);
-    let (left, middle, label) = (22.0, (TOP_PX + BOTTOM_PX) / 2.0, escape(&figure.y.label));
-    let turned = format!(r#"transform="rotate(-90 {left} {middle})""#);
-    put!(out, r#"<text x="{left}" y="{middle}" font-size="14" text-anchor="middle" {turned}>{label}</text>"#);
-}
-
-/// A level of an axis that means something, with its name.
-fn marked_level(out: &mut String, level: &Level, px: Option<f64>, vertical: bool) {
-    let (Some(px), label) = (px, escape(&level.label)) else { return };
-    let (path, x, y) = match vertical {
-        true => (format!("M{px:.1} {TOP_PX}V{BOTTOM_PX}"), px + 6.0, TOP_PX + 16.0),
-        false => (format!("M{LEFT_PX} {px:.1}H{RIGHT_PX}"), RIGHT_PX - 6.0, px - 5.0),
-    };
-    // Beside a vertical line on the side with more room.
-    let (x, anchor) = match vertical && px < (LEFT_PX + RIGHT_PX) / 2.0 {
-        true => (x, "start"),
-        false => (if vertical { px - 6.0 } else { x }, "end"),
-    };
-    put!(out, r##"<path d="{path}" stroke="#8a5a00" stroke-width="1.3" stroke-dasharray="6 4"/>"##);
-    let halo = r#"stroke="white" stroke-width="3" paint-order="stroke""#;
-    put!(out, r##"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}" fill="#8a5a00" {halo}>{label}</text>"##);
-}
-
-/// How the strokes of a line look: dots are strokes of no length.
-fn stroke(line: &Line, at: usize) -> String {
-    let colour = COLOURS[at % COLOURS.len()];
-    let (width, dash) = match line.look {
-        Look::Signs => (if line.ours { 2.6 } else { 1.4 }, DASHES[at % DASHES.len()]),
-        Look::Plain => (2.4, "none"),
-        Look::Dashed => (1.4, "6 4"),
-        Look::Dots => (3.0, "none"),
-        Look::Bars(_) => (1.0, "none"),
-    };
-    format!(r#"stroke="{colour}" stroke-width="{width}" stroke-dasharray="{dash}" stroke-linecap="round" fill="none""#)
-}
-
-fn draw(out: &mut String, line: &Line, at: usize, x: &Scale, y: &Scale) {
-    let colour = COLOURS[at % COLOURS.len()];
-    if let Look::Bars(width) = line.look {
-        for (middle, top) in line.points.iter().filter(|(_, top)| *top > 0.0) {
-            let ends = [x.px(middle - 0.5 * width), x.px(middle + 0.5 * width), y.px(*top), y.px(0.0)];
-            let [Some(left), Some(right), Some(top), Some(zero)] = ends else { continue };
-            let size = format!(r#"width="{:.1}" height="{:.1}""#, right - left, zero - top);
-            put!(out, r#"<rect x="{left:.1}" y="{top:.1}" {size} fill="{colour}" stroke="white"/>"#);
+    let note_px = LEGEND_PX + rows as f64 * ROW_PX + 4.0;
+    let height = note_px + if without_place > 0 { 16.0 } else { 0.0 };
+    let lines = || figure.lines.iter().enumerate();
+    let picture = html! {
+        svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (WIDTH_PX) " " (height) } role="img" aria-label=(figure.title)
+            font-family="Helvetica, Arial, sans-serif" font-size="12.5" fill="black" {
+            rect width=(WIDTH_PX) height=(height) fill="white" {}
+            text x=(LEFT_PX) y="28" font-size="16" font-weight="bold" { (figure.title) }
+            (axes(figure, &x, &y))
+            @for (at, line) in lines() { (draw(line, at, &x, &y)) }
+            @for (at, label) in &figure.levels { (mark(x.px(*at), label)) }
+            @for (at, line) in lines() { (legend(line, at, rows)) }
+            @if without_place > 0 {
+                text x=(LEFT_PX) y=(note_px) fill="#555555" {
+                    "Not drawn: " (without_place) " points (no finite value, or 0 on a logarithmic axis)."
+                }
+            }
         }
-        return;
+    };
+    picture.into_string() + "\n"
+}
+
+fn axes(figure: &Figure, x: &Scale, y: &Scale) -> Markup {
+    let (middle, centre) = ((LEFT_PX + RIGHT_PX) / 2.0, (TOP_PX + BOTTOM_PX) / 2.0);
+    html! {
+        @for (px, label) in x.ticks() {
+            path d={ "M" (px) " " (TOP_PX) "V" (BOTTOM_PX) } stroke="#dddddd" stroke-width="0.8" {}
+            text x=(px) y=(BOTTOM_PX + 18.0) text-anchor="middle" { (label) }
+        }
+        @for (px, label) in y.ticks() {
+            path d={ "M" (LEFT_PX) " " (px) "H" (RIGHT_PX) } stroke="#dddddd" stroke-width="0.8" {}
+            text x=(LEFT_PX - 8.0) y=(px + 4.5) text-anchor="end" { (label) }
+        }
+        path d={ "M" (LEFT_PX) " " (TOP_PX) "V" (BOTTOM_PX) "H" (RIGHT_PX) } fill="none" stroke="#555555" {}
+        text x=(middle) y=(BOTTOM_PX + 40.0) font-size="14" text-anchor="middle" { (figure.x.label) }
+        text x="22" y=(centre) font-size="14" text-anchor="middle" transform={ "rotate(-90 22 " (centre) ")" } {
+            (figure.y.label)
+        }
     }
+}
+
+/// A place on the horizontal axis that means something, with its name on the side with more room.
+fn mark(px: Option<f64>, label: &str) -> Markup {
+    let Some(px) = px else { return Markup::default() };
+    let (x, anchor) = if px < (LEFT_PX + RIGHT_PX) / 2.0 { (px + 6.0, "start") } else { (px - 6.0, "end") };
+    html! {
+        path d={ "M" (px) " " (TOP_PX) "V" (BOTTOM_PX) } stroke="#8a5a00" stroke-width="1.3" stroke-dasharray="6 4" {}
+        text x=(x) y=(TOP_PX + 16.0) text-anchor=(anchor) fill="#8a5a00" stroke="white" stroke-width="3" paint-order="stroke" {
+            (label)
+        }
+    }
+}
+
+fn colour(at: usize) -> &'static str {
+    COLOURS[at % COLOURS.len()]
+}
+
+/// A path in the look of a line: dots are strokes of no length.
+fn stroke(path: &str, line: &Line, at: usize) -> Markup {
+    let (width, dash) = match line.look {
+        Look::Signs => ("1.4", DASHES[at % DASHES.len()]),
+        Look::Ours => ("2.6", DASHES[at % DASHES.len()]),
+        Look::Plain => ("2.4", "none"),
+        Look::Dashed => ("1.4", "6 4"),
+        Look::Dots => ("3", "none"),
+        Look::Bars(_) => ("12", "none"),
+    };
+    html! {
+        path d=(path) stroke=(colour(at)) stroke-width=(width) stroke-dasharray=(dash) stroke-linecap="round" fill="none" {}
+    }
+}
+
+fn draw(line: &Line, at: usize, x: &Scale, y: &Scale) -> Markup {
+    if let Look::Bars(width) = line.look {
+        return html! { @for (middle, top) in line.points.iter().filter(|(_, top)| *top > 0.0) {
+            @let ends = [x.px(middle - 0.5 * width), x.px(middle + 0.5 * width), y.px(*top), y.px(0.0)];
+            @if let [Some(left), Some(right), Some(top), Some(zero)] = ends {
+                rect x=(left) y=(top) width=(tenths(right - left)) height=(tenths(zero - top)) fill=(colour(at)) stroke="white" {}
+            }
+        } };
+    }
+    let place = |(at, value): &(f64, f64)| x.px(*at).zip(y.px(*value));
     // In one path, or thousands of samples make a file of megabytes. Where a point has no place the line is broken.
     let (mut path, mut pen_down) = (String::new(), false);
-    for (at, value) in &line.points {
-        let Some((x, y)) = x.px(*at).zip(y.px(*value)) else {
-            pen_down = false;
-            continue;
-        };
-        let dots = line.look == Look::Dots;
-        let (command, end) = (if pen_down && !dots { 'L' } else { 'M' }, if dots { "h0" } else { "" });
-        let _ = write!(path, "{command}{x:.1} {y:.1}{end}");
-        pen_down = true;
-        if line.look == Look::Signs {
-            put!(out, r#"<circle cx="{x:.1}" cy="{y:.1}" r="3" fill="{colour}"/>"#);
+    for at in line.points.iter().map(place) {
+        if let Some((x, y)) = at {
+            let dots = line.look == Look::Dots;
+            let (command, end) = (if pen_down && !dots { "L" } else { "M" }, if dots { "h0" } else { "" });
+            path += &format!("{command}{x} {y}{end}");
         }
+        pen_down = at.is_some();
     }
-    put!(out, r#"<path d="{path}" {}/>"#, stroke(line, at));
+    let has_signs = matches!(line.look, Look::Signs | Look::Ours);
+    html! {
+        @for (x, y) in line.points.iter().filter_map(place).filter(|_| has_signs) {
+            circle cx=(x) cy=(y) r="3" fill=(colour(at)) {}
+        }
+        (stroke(&path, line, at))
+    }
 }
 
-fn legend(out: &mut String, line: &Line, at: usize, rows: usize) {
+fn legend(line: &Line, at: usize, rows: usize) -> Markup {
     let (column, row) = (at / rows.max(1), at % rows.max(1));
     let (x, y) = (LEFT_PX + column as f64 * (WIDTH_PX - LEFT_PX) / 2.0, LEGEND_PX + row as f64 * ROW_PX);
-    let (end, middle, text, base) = (x + 30.0, x + 15.0, x + 38.0, y + 4.5);
-    match line.look {
-        Look::Bars(_) => {
-            put!(
-                out,
-                r#"<rect x="{x}" y="{}" width="24" height="12" fill="{}"/>"#,
-                y - 6.0,
-                COLOURS[at % COLOURS.len()]
-            );
-        }
-        Look::Dots => {
-            put!(out, r#"<path d="M{middle} {y}h0" {}/>"#, stroke(line, at));
-        }
-        Look::Signs | Look::Plain | Look::Dashed => {
-            put!(out, r#"<path d="M{x} {y}H{end}" {}/>"#, stroke(line, at));
-        }
+    let path = if line.look == Look::Dots { format!("M{} {y}h0", x + 15.0) } else { format!("M{x} {y}h30") };
+    html! {
+        (stroke(&path, line, at))
+        text x=(x + 38.0) y=(y + 4.5) { (line.name) }
     }
-    put!(out, r#"<text x="{text}" y="{base}">{}</text>"#, escape(&line.name));
 }
 
 #[cfg(test)]
@@ -255,9 +229,9 @@ mod tests {
         for (log, look) in [(false, Look::Signs), (true, Look::Plain), (false, Look::Bars(1.0)), (true, Look::Dots)] {
             for first in hostile {
                 let points = hostile.map(|second| (first, second)).to_vec();
-                let axis = Axis { label: "a < b".to_owned(), log };
-                let line = Line { name: "<name> \"x\"".to_owned(), look, points, ..Line::default() };
-                let figure = Figure { x: axis.clone(), y: axis, lines: vec![line], ..Figure::default() };
+                let axis = Axis { label: "a < b", log };
+                let line = Line { name: "<name> \"x\"".to_owned(), look, points };
+                let figure = Figure { x: axis, y: axis, lines: vec![line], ..Figure::default() };
                 let picture = svg(&figure);
                 assert!(
                     !picture.contains("NaN") && !picture.contains("inf\"") && !picture.contains("<name>"),
@@ -271,8 +245,8 @@ mod tests {
     #[test]
     fn labels_are_few_and_round() {
         let labels = |log, values: &[f64]| -> Vec<String> {
-            let axis = Axis { label: String::new(), log };
-            let ticks = Scale::new(&axis, values.iter().copied(), [100.0, 200.0]).ticks();
+            let axis = Axis { label: "", log };
+            let ticks = Scale::new(axis, values.iter().copied(), [100.0, 200.0]).ticks();
             assert!(ticks.iter().all(|(px, _)| (100.0..=200.0).contains(px)));
             ticks.into_iter().map(|(_, label)| label).collect()
         };

@@ -1,4 +1,4 @@
-//! Numbers and frames out of any bytes.
+//! Frames out of any bytes.
 
 use taxel_wire::{CanId, FD_BYTES, Frame, FrameKind};
 
@@ -26,14 +26,6 @@ impl<'a> Bytes<'a> {
         self.array::<1>()[0]
     }
 
-    pub fn word(&mut self) -> u16 {
-        u16::from_le_bytes(self.array())
-    }
-
-    pub fn double(&mut self) -> f64 {
-        f64::from_le_bytes(self.array())
-    }
-
     /// At most so many.
     pub fn take(&mut self, most: usize) -> &'a [u8] {
         let (taken, rest) = self.0.split_at(most.min(self.0.len()));
@@ -43,7 +35,11 @@ impl<'a> Bytes<'a> {
 
     /// An identifier, also one with more bits than a bus carries.
     pub fn id(&mut self, extended: bool) -> CanId {
-        if extended { CanId::Extended(u32::from_le_bytes(self.array())) } else { CanId::Standard(self.word()) }
+        if extended {
+            CanId::Extended(u32::from_le_bytes(self.array()))
+        } else {
+            CanId::Standard(u16::from_le_bytes(self.array()))
+        }
     }
 
     /// A frame: a byte of kind and identifier's length, the identifier, a length and so many bytes. `None` if no frame has

@@ -8,17 +8,13 @@
 
 mod bytes;
 pub mod calls;
-pub mod candump;
 pub mod csv;
 pub mod frames;
 pub mod log;
 pub mod mcap;
-pub mod messages;
 pub mod models;
-pub mod pairing;
 pub mod positions;
 mod requests;
-pub mod signals;
 pub mod toml;
 
 // taxeld is a program and no library: the modules of it that read files are compiled once more here.
@@ -50,15 +46,11 @@ const fn target(name: &'static str, run: fn(&[u8]), changes: u32) -> Target {
 /// Every target.
 pub const TARGETS: &[Target] = &[
     target("frames", frames::run, 10_000),
-    target("pairing", pairing::run, 10_000),
-    target("signals", signals::run, 10_000),
-    target("candump", candump::run, 10_000),
     target("log", log::run, 3_000),
     target("positions", positions::run, 5_000),
     target("csv", csv::run, 5_000),
     target("toml", toml::run, 1_000),
     target("models", models::run, 2_000),
-    target("messages", messages::run, 5_000),
     target("calls", calls::run, 3_000),
     target("mcap", mcap::run, 3_000),
 ];

@@ -8,7 +8,6 @@ use std::fmt::Display;
 use std::fs;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use change::Random;
 use taxel_fuzz::{TARGETS, Target};
@@ -53,52 +52,21 @@ fn what_was_kept_holds() {
     }
 }
 
-/// Changes of what was kept, the same ones for the same seed.
-struct Changes<'a> {
-    target: &'a Target,
-    kept: Vec<Vec<u8>>,
-    random: Random,
-}
-
-impl<'a> Changes<'a> {
-    fn new(target: &'a Target, seed: &str) -> Self {
-        let kept = inputs("corpus", target).into_iter().chain(inputs("finds", target));
-        Self { target, kept: kept.map(|(_, input)| input).collect(), random: Random::new(target.name, seed) }
-    }
-
-    /// Tries one, and says which it was if it fails.
-    fn try_one(&mut self, number: u64) {
-        let mut input = self.kept[self.random.below(self.kept.len())].clone();
-        let other = &self.kept[self.random.below(self.kept.len())];
-        change::change(&mut input, other, &mut self.random);
-        input.truncate(BYTES_MAX);
-        run(self.target, &input, format_args!("change {number}"));
-    }
-}
-
+/// Changes of what was kept, the same ones in each run.
 #[test]
 fn random_changes_of_it_hold() {
     for target in TARGETS {
-        let mut changes = Changes::new(target, "");
-        (0..u64::from(target.changes)).for_each(|number| changes.try_one(number));
+        let kept = inputs("corpus", target).into_iter().chain(inputs("finds", target));
+        let kept: Vec<Vec<u8>> = kept.map(|(_, input)| input).collect();
+        let mut random = Random::new(target.name);
+        for number in 0..target.changes {
+            let mut input = kept[random.below(kept.len())].clone();
+            let other = &kept[random.below(kept.len())];
+            change::change(&mut input, other, &mut random);
+            input.truncate(BYTES_MAX);
+            run(target, &input, format_args!("change {number}"));
+        }
     }
-}
-
-/// `FUZZ_TARGET=frames FUZZ_SECONDS=3600 cargo test --release -p taxel-fuzz for_long -- --ignored --nocapture`, with another
-/// FUZZ_SEED other changes: without libFuzzer's counters far more of them in the same time.
-#[test]
-#[ignore = "for as long as it is told to"]
-fn random_changes_hold_for_long() {
-    let variable = |name: &str| std::env::var(name).unwrap_or_default();
-    let (name, seconds) = (variable("FUZZ_TARGET"), variable("FUZZ_SECONDS").parse().unwrap_or(60));
-    let target = TARGETS.iter().find(|target| target.name == name).expect("FUZZ_TARGET names a target");
-    let mut changes = Changes::new(target, &variable("FUZZ_SEED"));
-    let (begun, mut number) = (Instant::now(), 0);
-    while number % 1000 > 0 || begun.elapsed().as_secs() < seconds {
-        changes.try_one(number);
-        number += 1;
-    }
-    println!("{name}: {number} executions in {seconds} s");
 }
 
 /// `FUZZ_INPUT=FILE cargo test -p taxel-fuzz one_input`: a file whose path names its target, as those that failed do.

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::document::{Certificate, Stated};
-use super::evidence::Evidence;
+use super::evidence::{Evidence, Stated};
+use super::make::Certificate;
 use crate::daemon::Server;
 use crate::io;
 
@@ -55,7 +55,7 @@ pub fn certificate(args: &CertificateArgs) -> anyhow::Result<()> {
     let certificate = Certificate::of(&evidence)?;
     for path in &args.out {
         let is_json = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
-        io::write_text(path, &if is_json { certificate.to_json()? } else { certificate.to_html()? })?;
+        io::write_text(path, &if is_json { certificate.to_json() } else { certificate.to_html() })?;
         say!("certificate {} of {}: {}", certificate.number(), evidence.set.id, path.display());
     }
     Ok(())

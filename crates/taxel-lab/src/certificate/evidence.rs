@@ -1,14 +1,53 @@
 //! What a certificate is made of: a model set, the exported samples of its session, and what a daemon knows beside them.
 
 use anyhow::{Context, bail, ensure};
+use serde::{Deserialize, Serialize};
 use taxel_engine::calibration::{Branch, SessionSamples};
 use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1;
 use taxel_store::models_json;
 
-use super::document::Stated;
 use crate::recording::Recording;
 use crate::session;
+
+/// What people state of a calibration, as it stands in their file. What is `None` was not stated, and the certificate
+/// says so.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Stated {
+    /// For whom the calibration was made.
+    pub customer: Option<String>,
+    /// Who made it: laboratory or company.
+    pub laboratory: Option<String>,
+    /// Who was at the robot.
+    pub operator: Option<String>,
+    /// Where.
+    pub place: Option<String>,
+    /// The robot, with its serial number.
+    pub robot: Option<String>,
+    /// Serial number of the skin.
+    pub skin_serial: Option<String>,
+    /// Make and type of the reference pressure sensor.
+    pub reference_sensor: Option<String>,
+    /// Its serial number.
+    pub reference_serial: Option<String>,
+    /// Number of its own calibration certificate.
+    pub reference_certificate: Option<String>,
+    /// When it was calibrated.
+    pub reference_date: Option<String>,
+    /// Its expanded uncertainty (k = 2) by that certificate, in kPa.
+    pub reference_expanded_uncertainty_kpa: Option<f64>,
+    /// To which national standard it is traceable.
+    pub traceability: Option<String>,
+    /// Air temperature during the calibration, in degrees Celsius.
+    pub temperature_c: Option<f64>,
+    /// Relative humidity, in %.
+    pub humidity_percent: Option<f64>,
+    /// Ambient pressure, in kPa.
+    pub ambient_kpa: Option<f64>,
+    /// Anything else.
+    pub remarks: Option<String>,
+}
 
 /// Everything that a certificate is made of.
 #[derive(Clone, Debug)]
@@ -48,7 +87,7 @@ impl Evidence {
         check(&set, &samples)?;
         Ok(Self {
             branches: session::gathered(&recording),
-            simulated: set.maker.simulated || session::is_simulated(&recording),
+            simulated: set.maker.simulated || recording.figure("simulated").is_some(),
             number,
             set,
             models_json,
@@ -70,9 +109,8 @@ impl Evidence {
 /// Whether set and samples belong together.
 fn check(set: &ModelSet, samples: &SessionSamples) -> anyhow::Result<()> {
     let zero = samples.ramps.first().context("the samples have no zero of a ramp")?;
-    let same = |a: f64, b: f64| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
-    let is_own = zero.taxels.len() == set.baseline.len()
-        && zero.taxels.iter().zip(&set.baseline).all(|(a, b)| same(a.mean, b.mean) && same(a.noise, b.noise));
+    // Equal text is equal bits, and a taxel without a zero (NaN) equals itself.
+    let is_own = format!("{:?}", zero.taxels) == format!("{:?}", set.baseline);
     ensure!(is_own, "{} was not made of this session: its zero is not the one of the session's first ramp", set.id);
     let taxels = set.taxels.len();
     let fits = samples.samples.iter().all(|sample| sample.counts.counts().len() == taxels);

@@ -1,23 +1,18 @@
 //! The calibration certificate of a model set: what a metrologist asks for, computed once from what was exported.
 //!
 //! [`Certificate::of`] takes the set, its session with the samples, the known loads and what people state, and gives
-//! every number as values; [`Certificate::to_json`] and [`Certificate::to_html`] write the same numbers. No clock is read
-//! and nothing is measured here: the same input gives the same bytes. How each number is defined is in
-//! `doc/certificate.md`; `tests/certificate/recompute.py` recomputes them from the exported data.
+//! every number as JSON; the page shows the same numbers. No clock is read and nothing is measured here: the same input gives
+//! the same bytes. How each number is defined is in `doc/certificate.md`; `tests/certificate/recompute.py` recomputes them from
+//! the exported data.
 
 mod budget;
 mod command;
 mod course;
-mod document;
 mod evidence;
-mod figures;
-mod levels;
-mod limits;
-mod loads;
 mod make;
 mod page;
 mod taxel;
 
 pub use command::{CertificateArgs, certificate};
-pub use document::{Certificate, Stated};
-pub use evidence::Evidence;
+pub use evidence::{Evidence, Stated};
+pub use make::Certificate;

@@ -1,152 +1,147 @@
-//! The certificate as a page to be printed: what its JSON says, section by section. It loads nothing and runs nothing.
+//! The certificate as a page to be printed: what its JSON says, section by section.
 
-use std::fmt;
+use serde_json::Value;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
-use serde::Deserialize;
-use serde::de::{MapAccess, SeqAccess, Visitor};
-
-use super::document::Certificate;
-use crate::numbers::digits;
-
-const STYLE: &str = include_str!("style.css");
-
-/// Figures of the page have so many significant digits; the JSON has all.
-const DIGITS: usize = 4;
+use super::make::Certificate;
+use crate::document::{Section, Table, words};
+use crate::page::Page;
 
 /// What a certificate of no real skin says, first and last.
 const NOT_MEASURED: &str = "SIMULATED OR REPLAYED. No skin was measured for this: a simulator or a replayed log sent the counts and \
     pressures. It certifies nothing and is not to be signed.";
 
-/// Field of the certificate, heading, and what is said below it.
-const SECTIONS: [(&str, &str, &str); 14] = [
+/// Field of the certificate, heading, the fields of it that are shown, in this order, and what is said to them.
+type Part = (&'static str, &'static str, &'static str, &'static str);
+
+const PARTS: [Part; 14] = [
     (
         "expanded",
         "Expanded uncertainty of a pressure",
+        "taxel_kpa mean_kpa coverage_factor",
         "Of one taxel, and of the mean of all usable ones; k = 2, about 95 %.",
     ),
-    ("stated", "Object, parties, reference and environment", ""),
-    ("set", "Models", ""),
+    (
+        "stated",
+        "Object, parties, reference and environment",
+        "customer laboratory operator place robot skin_serial reference_sensor reference_serial reference_certificate \
+         reference_date reference_expanded_uncertainty_kpa traceability temperature_c humidity_percent ambient_kpa remarks",
+        "",
+    ),
+    (
+        "set",
+        "Models",
+        "id patch made method fitted_by board_settings taxels usable pressure_max_kpa gauge_gain_rel gauge_offset_kpa",
+        "",
+    ),
     (
         "session",
         "Procedure",
-        "The skin lies in a bag whose pressure below the ambient is changed slowly; the atmosphere presses on all taxels \
-         alike. Before each ramp the unloaded skin gives the zero; counts of all ramps are brought to the zero of the first.",
+        "number started branches target_kpa unloaded_confirmed_by scans counts_per_unit",
+        "The atmosphere presses on the skin in an evacuated bag. Counts of all ramps are brought to the zero of the first.",
     ),
     (
         "ramps",
         "Ramps",
-        "Shifts of the zero are against the first ramp, over the usable taxels. What the reference read at rest is taken \
-         off the pressures of the ramp.",
+        "ramp scans_rising scans_falling from_kpa top_kpa to_kpa rise_kpa_per_s fall_kpa_per_s zero_mean_counts zero_rms_counts \
+         gauge_zero_kpa",
+        "Shifts of the zero are against the first ramp. The reference's unloaded reading is taken off the pressures.",
     ),
-    ("levels", "Readings by level: mean of all usable taxels", ""),
-    ("mean", "The mean reading over the whole session", ""),
+    (
+        "levels",
+        "Readings by level: mean of all usable taxels",
+        "branch from_kpa to_kpa scans reference_kpa reading_kpa error_kpa spread_kpa",
+        "",
+    ),
+    (
+        "mean",
+        "The mean reading over the whole session",
+        "rmse_kpa bias_kpa max_error_kpa hysteresis_kpa repeatability_kpa zero_shift_kpa",
+        "",
+    ),
     (
         "budget",
         "Uncertainty budget",
-        "Standard uncertainties by the Guide to the Expression of Uncertainty in Measurement, added as root sum of squares \
-         and multiplied by k = 2. One taxel: root mean square over the usable taxels, a single reading.",
+        "name evaluation taxel_kpa mean_kpa combined",
+        "Standard uncertainties by the GUM (JCGM 100). Combined: their root sum of squares, times k = 2. One taxel: root mean \
+         square over the usable taxels, a single reading.",
     ),
-    ("loads", "Known loads", "Beyond -1 to 1 the normalised error says that force and reading disagree."),
-    ("loads_summary", "Known loads together", ""),
-    ("limits", "Limits of use", ""),
-    ("excluded", "Excluded taxels", ""),
+    (
+        "loads",
+        "Known loads",
+        "load time by note mass_kg force_n force_sigma_n read_n read_sigma_n read_scatter_n scans error_percent \
+         normalised_error",
+        "Beyond -1 to 1 the normalised error says that force and reading disagree.",
+    ),
+    ("loads_summary", "Known loads together", "loads mean_absolute_error_percent within", ""),
+    ("limits", "Limits of use", "", ""),
+    ("excluded", "Excluded taxels", "taxel status reason", ""),
     (
         "taxels",
         "Taxels",
-        "Figures over all scans of the session. Linearity: greatest distance of the curve from the straight line between \
-         its ends, in % of its span. Lower limit: 2.4 standard deviations of the errors, no less than one count (after ASTM \
-         E74). Coefficients of every curve are in the JSON.",
+        "taxel order count_min count_max sensitivity_counts_per_kpa linearity_percent rmse_kpa bias_kpa max_error_kpa \
+         hysteresis_kpa hysteresis_percent repeatability_kpa zero_counts zero_noise_counts zero_shift_counts lower_limit_kpa \
+         outside_share expanded_uncertainty_kpa",
+        "Over all scans of the session. Linearity: greatest distance of the curve from a straight line, in % of its span. Lower \
+         limit: 2.4 standard deviations of the errors, no less than one count (after ASTM E74). The JSON has the curves.",
     ),
     (
         "hashes",
         "Data",
-        "SHA-256 of the files as `taxeld sessions export` and `taxeld models export` write them. The number of the \
-         certificate is made of its content.",
+        "samples_csv models_json",
+        "SHA-256 of what `taxeld sessions export` and `taxeld models export` write.",
     ),
 ];
 
-/// A value of the JSON with its fields in their order.
-enum Node {
-    Nothing,
-    Text(String),
-    Number(f64),
-    List(Vec<Node>),
-    Fields(Vec<(String, Node)>),
-}
-
 impl Certificate {
     /// The page.
-    ///
-    /// # Errors
-    /// What of the certificate JSON cannot hold.
-    pub fn to_html(&self) -> anyhow::Result<String> {
-        let Node::Fields(fields) = serde_json::from_str(&self.to_json()?)? else { return Ok(String::new()) };
-        let field = |key: &str| fields.iter().find(|(name, _)| name == key).map(|(_, node)| node);
-        let kind = if self.simulated { "Specimen: not a calibration certificate" } else { "Calibration certificate" };
-        let page = html! {
-            (DOCTYPE)
-            html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    meta name="viewport" content="width=device-width, initial-scale=1";
-                    title { (kind) " " (self.number) }
-                    style { (PreEscaped(STYLE)) }
-                }
-                body {
-                    header {
-                        h1 { (kind) }
-                        p { b { (self.number) } br; "model set " (self.set.id) br; "made by " (self.software) }
-                    }
-                    @if self.simulated { p class="simulated" { (NOT_MEASURED) } }
-                    @for (key, heading, note) in SECTIONS {
-                        h2 { (heading) }
-                        (shown(field(key), if key == "stated" { "not stated" } else { "n/d" }))
-                        @if !note.is_empty() { p class="note" { (note) } }
-                    }
-                    @if self.simulated { p class="simulated" { (NOT_MEASURED) } } @else {
-                        div class="sign" { div { "Calibrated by, date, signature" } div { "Approved by, date, signature" } }
-                    }
-                }
-            }
-        };
-        Ok(page.into_string())
-    }
-}
-
-/// Fields as a list, rows as a table.
-fn shown(node: Option<&Node>, nothing: &str) -> Markup {
-    match node {
-        Some(Node::Fields(fields)) => html! {
-            dl { @for (name, node) in fields { dt { (label(name)) } dd { (words(node, nothing)) } } }
-        },
-        Some(Node::List(rows)) if matches!(rows.first(), Some(Node::Fields(_))) => table(rows, nothing),
-        Some(Node::List(lines)) if !lines.is_empty() => html! {
-            ul { @for line in lines { li { (words(line, nothing)) } } }
-        },
-        _ => html! { p class="none" { "None." } },
-    }
-}
-
-/// The fields of a row, without the lists among them, which have no room in a table.
-fn cells(row: &Node) -> Vec<&(String, Node)> {
-    match row {
-        Node::Fields(fields) => fields.iter().filter(|(_, node)| !matches!(node, Node::List(_))).collect(),
-        _ => Vec::new(),
-    }
-}
-
-fn table(rows: &[Node], nothing: &str) -> Markup {
-    let is_text = |node: &Node| matches!(node, Node::Text(_)).then_some("t");
-    let first = rows.first().map(cells).unwrap_or_default();
-    html! {
-        table class=[(first.len() > 12).then_some("dense")] {
-            thead { tr { @for (name, node) in &first { th class=[is_text(node)] { (label(name)) } } } }
-            tbody { @for row in rows { tr {
-                @for (_, node) in cells(row) { td class=[is_text(node)] { (words(node, nothing)) } }
-            } } }
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        let simulated = self.0["simulated"] == true;
+        let kind = if simulated { "Specimen: not a calibration certificate" } else { "Calibration certificate" };
+        let [set, software] = [&self.0["set"]["id"], &self.0["software"]].map(words);
+        let mut introduction = vec![format!("Model set {set}, certified by {software}.")];
+        let mut sections: Vec<Section> = PARTS.iter().map(|part| section(*part, &self.0[part.0])).collect();
+        if simulated {
+            introduction.insert(0, NOT_MEASURED.to_owned());
+            let text = vec![NOT_MEASURED.to_owned()];
+            sections.push(Section { id: "sign", title: "Not to be signed", text, ..Section::default() });
+        } else {
+            let blank = vec![vec!["\u{a0}".into(); 3]; 2];
+            let tables = vec![Table::new("sign", "", ["signature", "name", "date"], blank)];
+            sections.push(Section { id: "sign", title: "Calibrated by, approved by", tables, ..Section::default() });
         }
+        let title = format!("{kind} {}", self.number());
+        Page { title: &title, introduction: &introduction, sections: &sections }.html(None)
     }
+}
+
+/// Fields as a table of two columns, rows as one of many, lines as they are.
+fn section((field, heading, shown, note): Part, value: &Value) -> Section {
+    let nothing = if field == "stated" { "not stated" } else { "n/d" };
+    let cell = |value: &Value| match value {
+        Value::Null => nothing.into(),
+        Value::Bool(holds) => if *holds { "yes" } else { "no" }.into(),
+        other => other.clone(),
+    };
+    let names: Vec<&str> = shown.split_whitespace().collect();
+    let mut text: Vec<String> = [note].into_iter().filter(|note| !note.is_empty()).map(str::to_owned).collect();
+    let (columns, rows) = match value {
+        Value::Object(fields) => {
+            let row = |name: &&str| vec![label(name).into(), cell(&fields[*name])];
+            (Vec::new(), names.iter().map(row).collect())
+        }
+        Value::Array(all) if shown.is_empty() => {
+            text.extend(all.iter().map(words));
+            (Vec::new(), Vec::new())
+        }
+        Value::Array(all) if !all.is_empty() => {
+            let row = |one: &Value| names.iter().map(|name| cell(&one[name])).collect();
+            (names.iter().map(|name| label(name)).collect(), all.iter().map(row).collect())
+        }
+        _ => (Vec::new(), vec![vec!["None.".into()]]),
+    };
+    let tables = vec![Table::new(field, "", columns, rows)];
+    Section { id: field, title: heading, text, tables, ..Section::default() }
 }
 
 /// A field's name as a reader's words: `rise_kpa_per_s` is `rise, kPa/s`.
@@ -164,73 +159,4 @@ fn label(name: &str) -> String {
     let unit = UNITS.iter().find_map(|(end, unit)| Some((name.strip_suffix(end)?, *unit)));
     let (name, unit) = unit.unwrap_or((name, ""));
     format!("{}{unit}", name.replace('_', " "))
-}
-
-fn words(node: &Node, nothing: &str) -> String {
-    match node {
-        Node::Nothing => nothing.to_owned(),
-        Node::Text(text) => text.clone(),
-        Node::Number(value) => digits(*value, DIGITS),
-        Node::List(all) => all.iter().map(|node| words(node, nothing)).collect::<Vec<_>>().join(", "),
-        Node::Fields(fields) => {
-            let all = fields.iter().map(|(name, node)| format!("{} {}", words(node, nothing), label(name)));
-            all.collect::<Vec<_>>().join(", ")
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for Node {
-    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        from.deserialize_any(NodeVisitor)
-    }
-}
-
-struct NodeVisitor;
-
-impl<'de> Visitor<'de> for NodeVisitor {
-    type Value = Node;
-
-    fn expecting(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        to.write_str("any JSON")
-    }
-
-    fn visit_unit<E>(self) -> Result<Node, E> {
-        Ok(Node::Nothing)
-    }
-
-    fn visit_bool<E>(self, value: bool) -> Result<Node, E> {
-        Ok(Node::Text(if value { "yes" } else { "no" }.to_owned()))
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Node, E> {
-        Ok(Node::Number(value as f64))
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Node, E> {
-        Ok(Node::Number(value as f64))
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Node, E> {
-        Ok(Node::Number(value))
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<Node, E> {
-        Ok(Node::Text(text.to_owned()))
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut from: A) -> Result<Node, A::Error> {
-        let mut all = Vec::new();
-        while let Some(node) = from.next_element()? {
-            all.push(node);
-        }
-        Ok(Node::List(all))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut from: A) -> Result<Node, A::Error> {
-        let mut fields = Vec::new();
-        while let Some(field) = from.next_entry()? {
-            fields.push(field);
-        }
-        Ok(Node::Fields(fields))
-    }
 }

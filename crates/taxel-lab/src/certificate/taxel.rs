@@ -1,12 +1,12 @@
 //! The figures of one taxel, over every scan of its session.
 
+use serde_json::{Value, json};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::SessionSamples;
+use taxel_engine::counts::Counts;
 use taxel_model::{Curve, TaxelModel};
 
-use super::course::Course;
-use super::document::TaxelPart;
-use super::figures::Figures;
+use super::course::{Course, Figures};
 
 /// Points of the range at which a curve is compared with a straight line.
 const LINE_POINTS: usize = 101;
@@ -16,8 +16,8 @@ const LOWER_LIMIT_SIGMAS: f64 = 2.4;
 
 /// A usable taxel under examination.
 pub(super) struct Examined {
-    /// Its figures but for the expanded uncertainty.
-    pub part: TaxelPart,
+    /// What the certificate says of it.
+    pub part: Value,
     /// The figures of its errors.
     pub figures: Figures,
     /// Reading less reference of each scan, kPa.
@@ -26,6 +26,8 @@ pub(super) struct Examined {
     pub slope: f64,
     /// Its zero at each ramp less that at the first, counts; `None` where it was not known.
     pub zero_shifts: Vec<Option<f64>>,
+    /// The one of them that is farthest from 0.
+    pub zero_shift: Option<f64>,
 }
 
 /// Examines a taxel; `None` without a usable model.
@@ -37,63 +39,53 @@ pub(super) fn examine(
 ) -> Option<Examined> {
     let curve = model.curve.as_ref().filter(|_| model.is_usable())?;
     let [low, high] = model.range?;
-    let zeros: Vec<TaxelBaseline> =
-        samples.ramps.iter().map(|ramp| ramp.taxels.get(number).copied().unwrap_or(TaxelBaseline::UNKNOWN)).collect();
-    let zero_shifts = zero_shifts(&zeros);
-    let counts = counts(number, samples, course, &zero_shifts);
+    let zero = |ramp: usize| *samples.ramps[ramp].taxels.get(number).unwrap_or(&TaxelBaseline::UNKNOWN);
+    let shift = |ramp: usize| Some(zero(ramp).mean - zero(0).mean).filter(|shift| shift.is_finite());
+    let zero_shifts: Vec<Option<f64>> = (0..course.ramps).map(shift).collect();
+    // Counts of all ramps are brought to the zero of the first.
+    let units = samples.samples.iter().map(|sample| sample.counts.counts().units(number).unwrap_or(f64::NAN));
+    let counts: Vec<f64> =
+        units.zip(&course.ramp).map(|(count, &ramp)| count - zero_shifts[ramp].unwrap_or(0.0)).collect();
     let errors: Vec<f64> =
         counts.iter().zip(&course.kpa).map(|(count, kpa)| curve.evaluate(count.max(low).min(high)) - kpa).collect();
-    let figures = Figures::of(&errors, course);
+    let figures = course.figures(&errors);
     let (p_low, p_high) = (curve.evaluate(low), curve.evaluate(high));
     let (span_kpa, slope) = ((p_high - p_low).abs(), (p_high - p_low) / (high - low));
     let outside = counts.iter().filter(|count| !(low..=high).contains(*count)).count();
-    let greatest = |shifts: &[Option<f64>]| shifts.iter().flatten().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
-    let part = TaxelPart {
-        taxel: number,
-        order: curve.order(),
-        count_min: low,
-        count_max: high,
-        centre: curve.centre,
-        half_width: curve.half_width,
-        chebyshev_kpa: curve.chebyshev.clone(),
-        range_kpa: [p_low.min(p_high), p_low.max(p_high)],
-        sensitivity_counts_per_kpa: slope.abs().recip(),
-        linearity_percent: 100.0 * off_the_line_kpa(curve, [low, high]) / span_kpa,
-        rmse_kpa: figures.rmse_kpa,
-        bias_kpa: figures.bias_kpa,
-        max_error_kpa: figures.max_kpa,
-        hysteresis_kpa: figures.hysteresis_kpa,
-        hysteresis_percent: figures.hysteresis_kpa.map(|kpa| 100.0 * kpa.abs() / span_kpa),
-        repeatability_kpa: figures.repeatability_kpa,
-        zero_counts: zeros.first().map(|zero| zero.mean).filter(|mean| mean.is_finite()),
-        zero_noise_counts: zeros.first().map(|zero| zero.noise).filter(|noise| noise.is_finite()),
-        zero_shift_counts: zero_shifts.get(1..).and_then(greatest),
-        lower_limit_kpa: lower_limit_kpa(&errors, curve.order(), slope.abs() / per_unit(samples)),
-        outside_share: outside as f64 / counts.len().max(1) as f64,
-        expanded_uncertainty_kpa: 0.0,
-    };
-    Some(Examined { part, figures, errors, slope, zero_shifts })
+    let zero_shift = zero_shifts.iter().skip(1).flatten().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let known = |value: f64| Some(value).filter(|value| value.is_finite());
+    let part = json!({
+        "taxel": number,
+        "order": curve.order(),
+        "count_min": low,
+        "count_max": high,
+        "centre": curve.centre,
+        "half_width": curve.half_width,
+        "chebyshev_kpa": curve.chebyshev,
+        "range_kpa": [p_low.min(p_high), p_low.max(p_high)],
+        "sensitivity_counts_per_kpa": slope.abs().recip(),
+        "linearity_percent": 100.0 * off_the_line_kpa(curve, [low, high]) / span_kpa,
+        "rmse_kpa": figures.rmse,
+        "bias_kpa": figures.bias,
+        "max_error_kpa": figures.max,
+        "hysteresis_kpa": figures.hysteresis,
+        "hysteresis_percent": figures.hysteresis.map(|kpa| 100.0 * kpa.abs() / span_kpa),
+        "repeatability_kpa": figures.repeatability,
+        "zero_counts": known(zero(0).mean),
+        "zero_noise_counts": known(zero(0).noise),
+        "zero_shift_counts": zero_shift,
+        "lower_limit_kpa": lower_limit_kpa(&errors, curve.order(), slope.abs() / per_unit(samples)),
+        "outside_share": outside as f64 / counts.len().max(1) as f64,
+    });
+    Some(Examined { part, figures, errors, slope, zero_shifts, zero_shift })
 }
 
 /// Raw counts in a unit of the counts that models are in.
 pub(super) fn per_unit(samples: &SessionSamples) -> f64 {
-    use taxel_engine::counts::Counts;
     match samples.samples.first().map(|sample| sample.counts.counts()) {
         Some(Counts::Words(_, range)) => range.per_unit(),
         _ => 1.0,
     }
-}
-
-fn zero_shifts(zeros: &[TaxelBaseline]) -> Vec<Option<f64>> {
-    let first = zeros.first().map_or(f64::NAN, |zero| zero.mean);
-    zeros.iter().map(|zero| Some(zero.mean - first).filter(|shift| shift.is_finite())).collect()
-}
-
-/// The counts of a taxel, brought to the zero of the first ramp.
-fn counts(number: usize, samples: &SessionSamples, course: &Course, zero_shifts: &[Option<f64>]) -> Vec<f64> {
-    let shift = |ramp: usize| zero_shifts.get(ramp).copied().flatten().unwrap_or(0.0);
-    let units = samples.samples.iter().map(|sample| sample.counts.counts().units(number).unwrap_or(f64::NAN));
-    units.zip(&course.ramp).map(|(count, &ramp)| count - shift(ramp)).collect()
 }
 
 /// Greatest distance of a curve from the straight line between its ends, kPa.

@@ -37,9 +37,6 @@ pub(super) fn print(set: &ModelSet) {
         let use_of_it = if clock.applied { "used" } else { "not used" };
         say!("  clock of the gauge: {:+.2} s late, {:+.3} % fast: {use_of_it}", clock.offset_s, 100.0 * clock.rate);
     }
-    if recorded.lag_s != 0.0 {
-        say!("  lag of the gauge behind the counts: {:.3} s", recorded.lag_s);
-    }
 }
 
 /// The first taxels of a list.

@@ -5,8 +5,13 @@ use std::ops::Range;
 use taxel_engine::calibration::fit::legs::{Leg, legs, rising};
 use taxel_model::{Estimator, Exclusion, FitOptions, Order, Samples, TaxelModel, fit};
 
-/// Within this share of the range above the least pressure the skin is at rest.
-const REST_BAND: f64 = 0.02;
+use crate::numbers::mean;
+
+/// Within this share of the range above the least pressure the skin is unloaded.
+const UNLOADED_BAND: f64 = 0.02;
+
+/// Bins over the whole range of pressure: half a kilopascal each for the paper's 70.
+const BINS: usize = 140;
 
 /// A leg with fewer scans is no branch.
 const BRANCH_SCANS_MIN: usize = 20;
@@ -81,11 +86,6 @@ impl Data {
         self.samples(taxel, 0..self.scans(), |i| self.rising[i])
     }
 
-    /// Scans of rising pressure.
-    pub fn rising_scans(&self) -> usize {
-        self.rising.iter().filter(|rising| **rising).count()
-    }
-
     /// The branches of one way, each with enough scans to be one.
     pub fn branches(&self, up: bool) -> impl Iterator<Item = &Range<usize>> {
         let long = move |leg: &&Leg| leg.rising == up && leg.scans.len() >= BRANCH_SCANS_MIN;
@@ -98,20 +98,36 @@ impl Data {
         self.branches(true).find_map(|rise| Some((rise, fall_of(rise)?)))
     }
 
+    /// Mean pressure and mean count of the samples in each bin of equal pressure, as the paper averages them.
+    pub fn binned(&self, samples: impl Iterator<Item = (f64, f64)>) -> Vec<Option<(f64, f64)>> {
+        let (low, high) = self.range_kpa();
+        let mut sums = vec![(0.0, 0.0, 0.0); BINS];
+        for (kpa, count) in samples {
+            // A range of nothing has one bin: what is no number is 0 as an integer.
+            let at = ((kpa - low) / (high - low) * BINS as f64) as usize;
+            let (n, p, c) = sums[at.min(BINS - 1)];
+            sums[at.min(BINS - 1)] = (n + 1.0, p + kpa, c + count);
+        }
+        sums.into_iter().map(|(n, p, c)| (n > 0.0).then_some((p / n, c / n))).collect()
+    }
+
+    /// A taxel's means over one branch.
+    pub fn branch(&self, taxel: usize, scans: &Range<usize>) -> Vec<Option<(f64, f64)>> {
+        self.binned(self.samples(taxel, scans.clone(), |_| true))
+    }
+
     /// Least and greatest pressure, kPa.
     pub fn range_kpa(&self) -> (f64, f64) {
         let finite = self.kpa.iter().copied().filter(|p| p.is_finite());
         finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
     }
 
-    /// A taxel's mean count at rest before the first rise; NaN without a reading there.
+    /// A taxel's mean count unloaded, before the first rise; NaN without a reading there.
     pub fn baseline(&self, taxel: usize) -> f64 {
         let (low, high) = self.range_kpa();
-        let limit = low + REST_BAND * (high - low);
+        let limit = low + UNLOADED_BAND * (high - low);
         let end = self.branches(true).next().map_or(self.scans(), |rise| rise.end);
-        let at_rest = self.samples(taxel, 0..end, |_| true).filter(|(p, _)| *p <= limit);
-        let (sum, n) = at_rest.fold((0.0, 0.0), |(sum, n), (_, c)| (sum + c, n + 1.0));
-        sum / n
+        mean(self.samples(taxel, 0..end, |_| true).filter(|(p, _)| *p <= limit).map(|(_, count)| count))
     }
 
     /// The paper's models: its equation of order 5 over the rising samples, excluded by swing.

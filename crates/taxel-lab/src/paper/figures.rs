@@ -2,15 +2,18 @@
 
 use std::ops::Range;
 
+use taxel_engine::statistics::quantile;
 use taxel_model::TaxelModel;
 
 use super::data::Data;
-use super::statistics::{Binned, branch, quantile};
-use crate::document::{Axis, Figure, Level, Line, Look};
+use crate::document::{Axis, Figure, Line, Look};
 use crate::numbers::mean;
 
 /// Samples that a figure shows at most of one kind: more hide each other.
 const DOTS_MAX: usize = 6000;
+
+/// As many runs as the paper shows the repeatability of.
+pub(super) const RUNS: usize = 3;
 
 /// Points of a curve.
 const CURVE_POINTS: usize = 300;
@@ -31,7 +34,7 @@ pub(super) struct Figures<'a> {
 }
 
 /// A figure, or what the data lack for it.
-type Drawn = Result<Figure, String>;
+pub(super) type Drawn = Result<Figure, String>;
 
 impl<'a> Figures<'a> {
     /// For the models of `data`.
@@ -42,26 +45,18 @@ impl<'a> Figures<'a> {
     }
 
     /// All figures, in the order of the paper.
-    pub fn all(&self) -> (Vec<Figure>, Vec<(&'static str, String)>) {
-        let drawn = [
+    pub fn all(&self) -> [(&'static str, Drawn); 9] {
+        [
             ("raw counts against pressure", self.raw()),
             ("mean curve over the taxels", self.mean_curve()),
-            ("histogram of the swing", Ok(self.swings())),
+            ("histogram of the swing", self.swings()),
             ("histogram of the baseline", self.baselines()),
             ("repeatability of three runs", self.repeatability()),
             ("loop of both branches", self.both_branches()),
             ("fit over samples", self.fitted("fit-typical", "of median swing", 0.5)),
             ("fit over samples", self.fitted("fit-weak", "of little swing", 0.1)),
             ("measured against true force", self.forces()),
-        ];
-        let (mut figures, mut left_out) = (Vec::new(), Vec::new());
-        for (figure, drawn) in drawn {
-            match drawn {
-                Ok(drawn) => figures.push(drawn),
-                Err(why) => left_out.push((figure, why)),
-            }
-        }
-        (figures, left_out)
+        ]
     }
 
     /// The usable taxel below which this share of the others' swings lies.
@@ -70,25 +65,18 @@ impl<'a> Figures<'a> {
         self.usable.get(at).copied().ok_or_else(|| "no taxel has a model that may be used".to_owned())
     }
 
-    /// Whether a taxel is excluded.
-    fn is_weak(&self, taxel: usize) -> bool {
-        swing(&self.models[taxel]) < self.min_swing_counts
-    }
-
     fn raw(&self) -> Drawn {
         let (data, taxel) = (self.data, self.taxel(0.5)?);
-        let of = |up: bool| {
+        let line = |name, up| {
             let scans = data.branches(up).cloned();
-            thinned(scans.flat_map(|scans| data.samples(taxel, scans, |_| true)).collect())
+            Line::new(name, Look::Dots, thinned(scans.flat_map(|scans| data.samples(taxel, scans, |_| true)).collect()))
         };
-        let lines = [("pressure rises", of(true)), ("pressure falls", of(false))];
-        let there = lines.into_iter().filter(|(name, dots)| *name == "pressure rises" || !dots.is_empty());
         Ok(plot(
             "raw",
             format!("Raw counts of taxel {taxel} against pressure"),
             "Each dot is a scan, all runs together. The taxel is the one of median swing.",
             ["pressure, kPa", "raw count"],
-            there.map(|(name, dots)| Line::new(name, Look::Dots, dots)).collect(),
+            vec![line("pressure rises", true), line("pressure falls", false)],
         ))
     }
 
@@ -96,7 +84,8 @@ impl<'a> Figures<'a> {
         self.taxel(0.5)?;
         let curve = |&taxel: &usize| {
             let rest = self.data.baseline(taxel);
-            Binned::new(self.data, self.data.risen(taxel)).points().map(|(p, c)| (p, c - rest)).collect::<Vec<_>>()
+            let bins = self.data.binned(self.data.risen(taxel));
+            bins.into_iter().flatten().map(|(p, c)| (p, c - rest)).collect::<Vec<_>>()
         };
         let curves: Vec<Vec<(f64, f64)>> = self.usable.iter().map(curve).collect();
         let bins = curves.iter().map(Vec::len).min().unwrap_or(0);
@@ -108,9 +97,9 @@ impl<'a> Figures<'a> {
         Ok(plot(
             "mean-curve",
             format!("Mean response of {} taxels", self.usable.len()),
-            "Counts less those at rest while the pressure rises, averaged in bins of equal pressure and then over all taxels \
+            "Counts less the unloaded ones while the pressure rises, averaged in bins of equal pressure and then over all taxels \
              that are not excluded.",
-            ["pressure, kPa", "change of the count since rest, counts"],
+            ["pressure, kPa", "change of the count, counts"],
             vec![
                 Line::new("mean", Look::Plain, over(&|counts| mean(counts.into_iter()))),
                 Line::new("10 % of the taxels below", Look::Dashed, share(0.1)),
@@ -119,57 +108,69 @@ impl<'a> Figures<'a> {
         ))
     }
 
-    fn swings(&self) -> Figure {
-        let (excluded, kept): (Vec<usize>, Vec<usize>) = (0..self.models.len()).partition(|&taxel| self.is_weak(taxel));
-        let of = |taxels: &[usize]| taxels.iter().map(|&taxel| swing(&self.models[taxel])).collect();
-        let figure = plot(
+    fn swings(&self) -> Drawn {
+        let min_swing = self.min_swing_counts;
+        let figure = self.histogram(
             "swing",
-            format!("Swing of {} taxels, {} of them excluded", self.models.len(), excluded.len()),
-            "Swing is the greatest less the least count while the pressure rises. A taxel below the threshold is excluded, \
-             and nothing else excludes one.",
-            ["swing, counts", "taxels"],
-            histograms(&[("kept", of(&kept)), ("excluded", of(&excluded))]),
-        );
-        let threshold = format!("threshold: {} counts", self.min_swing_counts);
-        Figure { levels: vec![Level::new(self.min_swing_counts, threshold)], ..figure }
+            "Swing",
+            "Swing is the greatest less the least count while the pressure rises. A taxel below the threshold is excluded, and \
+             nothing else excludes one.",
+            "swing, counts",
+            &|taxel| swing(&self.models[taxel]),
+        )?;
+        Ok(Figure { levels: vec![(min_swing, format!("threshold: {min_swing} counts"))], ..figure })
     }
 
     fn baselines(&self) -> Drawn {
-        let of = |excluded: bool| {
-            let taxels = (0..self.data.taxels()).filter(|&taxel| self.is_weak(taxel) == excluded);
-            taxels.map(|taxel| self.data.baseline(taxel)).filter(|count| count.is_finite()).collect::<Vec<f64>>()
+        self.histogram(
+            "baseline",
+            "Baseline",
+            "Mean count of the unloaded skin before the first rise.",
+            "baseline, counts",
+            &|taxel| self.data.baseline(taxel),
+        )
+    }
+
+    /// How many taxels have which figure, those that are excluded by their swing apart.
+    fn histogram(
+        &self,
+        id: &str,
+        what: &str,
+        caption: &str,
+        label: &'static str,
+        figure: &dyn Fn(usize) -> f64,
+    ) -> Drawn {
+        let of = |excluded: bool| -> Vec<f64> {
+            let weak = |taxel: &usize| (swing(&self.models[*taxel]) < self.min_swing_counts) == excluded;
+            (0..self.data.taxels()).filter(weak).map(figure).filter(|figure| figure.is_finite()).collect()
         };
         let (kept, excluded) = (of(false), of(true));
         if kept.is_empty() && excluded.is_empty() {
-            return Err("no scan is at rest before the pressure rises".to_owned());
+            return Err("no taxel has it: no scan is unloaded before the pressure rises".to_owned());
         }
-        Ok(plot(
-            "baseline",
-            format!("Baseline of {} taxels", kept.len() + excluded.len()),
-            format!(
-                "Mean count at rest before the first rise. Excluded are taxels with a swing below {} counts.",
-                self.min_swing_counts
-            ),
-            ["baseline, counts", "taxels"],
-            histograms(&[("kept", kept), ("excluded by their swing", excluded)]),
-        ))
+        let title = format!("{what} of {} taxels, {} of them excluded", kept.len() + excluded.len(), excluded.len());
+        let bars = histograms(&[("kept", kept), ("excluded by their swing", excluded)]);
+        Ok(plot(id, title, caption, [label, "taxels"], bars))
     }
 
     fn repeatability(&self) -> Drawn {
-        let (taxel, runs) = (self.taxel(0.5)?, self.runs()?);
+        let taxel = self.taxel(0.5)?;
+        let runs: Vec<_> = self.data.branches(true).take(RUNS).collect();
+        if runs.len() < 2 {
+            return Err(format!("{} run in the data, three are wanted", runs.len()));
+        }
         Ok(plot(
             "repeatability",
             format!("Repeatability: taxel {taxel} in {} runs", runs.len()),
             "Mean counts in bins of equal pressure while it rises, one line a run.",
             ["pressure, kPa", "count, mean of each bin"],
-            run_lines(runs.iter().map(|run| branch(self.data, taxel, run).points().collect())),
+            (1..).zip(runs).map(|(k, run)| self.branch_line(format!("run {k}"), taxel, run)).collect(),
         ))
     }
 
-    /// The first three runs, or the two there are.
-    fn runs(&self) -> Result<Vec<&'a Range<usize>>, String> {
-        let runs: Vec<_> = self.data.branches(true).take(3).collect();
-        if runs.len() < 2 { Err(format!("{} run in the data, three are wanted", runs.len())) } else { Ok(runs) }
+    /// A taxel's means over one branch.
+    fn branch_line(&self, name: impl Into<String>, taxel: usize, scans: &Range<usize>) -> Line {
+        Line::new(name, Look::Plain, self.data.branch(taxel, scans).into_iter().flatten())
     }
 
     fn both_branches(&self) -> Drawn {
@@ -180,10 +181,7 @@ impl<'a> Figures<'a> {
             format!("Hysteresis: taxel {taxel} on both branches"),
             "Mean counts of one run in bins of equal pressure.",
             ["pressure, kPa", "count, mean of each bin"],
-            vec![
-                Line::new("pressure rises", Look::Plain, branch(self.data, taxel, rise).points()),
-                Line::new("pressure falls", Look::Plain, branch(self.data, taxel, fall).points()),
-            ],
+            vec![self.branch_line("pressure rises", taxel, rise), self.branch_line("pressure falls", taxel, fall)],
         ))
     }
 
@@ -236,14 +234,16 @@ impl<'a> Figures<'a> {
 }
 
 /// A figure with evenly divided axes of these labels.
-fn plot(id: &str, title: impl Into<String>, caption: impl Into<String>, [x, y]: [&str; 2], lines: Vec<Line>) -> Figure {
+fn plot(
+    id: &str,
+    title: impl Into<String>,
+    caption: impl Into<String>,
+    labels: [&'static str; 2],
+    lines: Vec<Line>,
+) -> Figure {
     let (id, title, caption) = (id.to_owned(), title.into(), caption.into());
-    Figure { id, title, caption, x: Axis::linear(x), y: Axis::linear(y), lines, ..Figure::default() }
-}
-
-/// A line a run.
-fn run_lines(runs: impl IntoIterator<Item = Vec<(f64, f64)>>) -> Vec<Line> {
-    (1..).zip(runs).map(|(k, run)| Line::new(format!("run {k}"), Look::Plain, run)).collect()
+    let [x, y] = labels.map(|label| Axis { label, log: false });
+    Figure { id, title, caption, x, y, lines, ..Figure::default() }
 }
 
 /// Greatest less least count of the rising samples.
@@ -262,11 +262,9 @@ fn histograms(sets: &[(&str, Vec<f64>)]) -> Vec<Line> {
     let all = || sets.iter().flat_map(|(_, values)| values).copied();
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
     let width = ((high - low) / BARS).ceil().max(1.0);
-    let width = if width.is_finite() { width } else { 1.0 };
     let bin = |value: f64| (value / width).floor();
-    let first = if low.is_finite() { bin(low) } else { 0.0 };
-    let bars = if high.is_finite() { (bin(high) - first) as usize + 1 } else { 0 };
-    let mut below = vec![0.0; bars];
+    let first = bin(low);
+    let mut below = vec![0.0; (bin(high) - first) as usize + 1];
     let mut series: Vec<Line> = Vec::new();
     for (name, values) in sets.iter().rev() {
         for value in values {

@@ -6,7 +6,6 @@
 mod data;
 mod figures;
 mod simulate;
-mod statistics;
 mod tables;
 
 use std::path::{Path, PathBuf};
@@ -16,10 +15,10 @@ use anyhow::{Context, bail, ensure};
 use self::data::{Data, Weighing, Weighings};
 use crate::document::Section;
 use crate::fit::parse_number;
-use crate::io::open;
+use crate::io::read_text;
 use crate::page::Page;
 use crate::recording::Recording;
-use crate::soundness::{Wanted, check};
+use crate::soundness::{Purpose, check};
 
 /// What can be asked of the paper's figures.
 #[derive(Debug, clap::Args)]
@@ -65,7 +64,11 @@ pub fn paper(args: &PaperArgs) -> anyhow::Result<()> {
     for line in section.text.iter().chain(section.tables.iter().map(|table| &table.caption)) {
         say!("{line}");
     }
-    let page = Page { title: "The paper's figures and tables", introduction: INTRODUCTION, sections: &[section] };
+    let page = Page {
+        title: "The paper's figures and tables",
+        introduction: &[INTRODUCTION.to_owned()],
+        sections: &[section],
+    };
     page.write(&args.out, "paper")?;
     say!("{}", args.out.join("index.html").display());
     Ok(())
@@ -73,17 +76,21 @@ pub fn paper(args: &PaperArgs) -> anyhow::Result<()> {
 
 fn section(data: &Data, min_swing: f64) -> Section {
     let models = data.models(min_swing);
-    let (figures, left_out) = figures::Figures::new(data, &models, min_swing).all();
+    let (mut figures, mut text) = (Vec::new(), vec![format!("The data: {}.", data.source)]);
+    for (figure, drawn) in figures::Figures::new(data, &models, min_swing).all() {
+        match drawn {
+            Ok(drawn) => figures.push(drawn),
+            Err(why) => text.push(format!("Left out, {figure}: {why}.")),
+        }
+    }
     let mut tables = vec![tables::calibration(data, &models, min_swing)];
     tables.extend(data.loads.iter().enumerate().map(|(at, loads)| tables::errors(at, loads)));
-    let without = left_out.into_iter().map(|(figure, why)| format!("Left out, {figure}: {why}."));
-    let text = std::iter::once(format!("The data: {}.", data.source)).chain(without).collect();
-    Section { id: "paper".to_owned(), title: "Figures".to_owned(), text, figures, tables, ..Section::default() }
+    Section { id: "paper", title: "Figures", text, figures, tables, ..Section::default() }
 }
 
 fn recording(path: &Path) -> anyhow::Result<Data> {
     let mut recording = Recording::read(path)?;
-    for note in check(&mut recording, Wanted::DRAW)? {
+    for note in check(&mut recording, Purpose::Draw)? {
         say!("{note}");
     }
     let kpa = recording.pressure_kpa.context("there is no column `pressure_kpa`")?;
@@ -94,19 +101,22 @@ fn recording(path: &Path) -> anyhow::Result<Data> {
 
 /// Known loads from a table.
 fn loads(path: &Path) -> anyhow::Result<Weighings> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(open(path)?);
-    let expected = ["kilogram", "true_n", "measured_n"];
-    if reader.headers()?.iter().ne(expected) {
-        bail!("line 1: expected the header `{}`", expected.join(","));
-    }
-    let mut all = Vec::new();
-    for row in reader.deserialize::<(Option<f64>, f64, f64)>() {
-        let (kilogram, true_n, measured_n) = row?;
-        if !(true_n > 0.0 && true_n.is_finite() && measured_n.is_finite()) {
-            bail!("load {}: {true_n} N and {measured_n} N, expected a force above 0 and a finite one", all.len() + 1);
+    const HEADER: &str = "kilogram,true_n,measured_n";
+    let text = read_text(path)?;
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
+    ensure!(lines.next().is_some_and(|(_, line)| line.trim() == HEADER), "line 1: expected the header `{HEADER}`");
+    let load = |(number, line): (u32, &str)| {
+        let cells: Vec<Option<f64>> = line.split(',').map(|cell| cell.trim().parse().ok()).collect();
+        match cells[..] {
+            [kilogram, Some(true_n), Some(measured_n)]
+                if true_n > 0.0 && true_n.is_finite() && measured_n.is_finite() =>
+            {
+                Ok(Weighing { kilogram, true_n, measured_n })
+            }
+            _ => bail!("line {number}: `{line}`, expected a mass or nothing, a force above 0 N, and a force"),
         }
-        all.push(Weighing { kilogram, true_n, measured_n });
-    }
+    };
+    let all: Vec<Weighing> = lines.map(load).collect::<anyhow::Result<_>>()?;
     ensure!(!all.is_empty(), "there is no load in it");
     Ok(Weighings { by: "as given".to_owned(), all })
 }
@@ -114,6 +124,7 @@ fn loads(path: &Path) -> anyhow::Result<Weighings> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::document::words;
 
     const ALL: [&str; 9] =
         ["raw", "mean-curve", "swing", "baseline", "repeatability", "loop", "fit-typical", "fit-weak", "force"];
@@ -148,11 +159,9 @@ mod tests {
         let section = section(&data, 10.0);
         assert_eq!(section.figures.iter().map(|figure| figure.id.as_str()).collect::<Vec<_>>(), ALL);
         assert_eq!(section.text, ["The data: by hand."]);
-        let cells = |table: usize, row: usize| {
-            section.tables[table].rows[row].iter().map(|cell| cell.words()).collect::<Vec<_>>()
-        };
+        let cells = |table: usize, row: usize| section.tables[table].rows[row].iter().map(words).collect::<Vec<_>>();
         assert_eq!(cells(0, 0)[1], "20, 18 with a model");
-        assert_eq!(cells(1, 0)[1..], ["2", "2", "2.10", "5.00", "15.0"].map(str::to_owned));
+        assert_eq!(cells(1, 0)[1..], ["2", "2", "2.100", "5.000", "15.00"].map(str::to_owned));
         assert!(section.figures.iter().flat_map(|figure| &figure.lines).all(|line| !line.points.is_empty()));
     }
 
@@ -176,8 +185,8 @@ mod tests {
         assert_eq!(loads(&path).unwrap().all[1], Weighing { kilogram: None, true_n: 5.0, measured_n: 4.5 });
         for (text, says) in [
             ("mass,true\n", "expected the header"),
-            ("kilogram,true_n,measured_n\n1,0,1\n", "load 1: 0 N"),
-            ("kilogram,true_n,measured_n\n1,x,1\n", "invalid float"),
+            ("kilogram,true_n,measured_n\n1,0,1\n", "line 2: `1,0,1`"),
+            ("kilogram,true_n,measured_n\n1,x,1\n", "line 2: `1,x,1`"),
         ] {
             std::fs::write(&path, text).unwrap();
             let error = format!("{:#}", loads(&path).unwrap_err());

@@ -1,17 +1,18 @@
 //! The error table, and what the calibration came to.
 
+use serde_json::Value;
+use taxel_engine::statistics::median;
 use taxel_model::{Flag, Status, TaxelModel};
 
 use super::data::{Data, Weighing, Weighings};
 use super::figures::swing;
-use super::statistics::{loop_counts, quantile, repeatability_counts};
-use crate::document::{Cell, Table, row};
+use crate::document::{Table, row};
 use crate::numbers::mean;
 
 /// What the calibration came to.
 pub(super) fn calibration(data: &Data, models: &[TaxelModel], min_swing: f64) -> Table {
     let usable: Vec<usize> = (0..models.len()).filter(|&taxel| models[taxel].is_usable()).collect();
-    let median = |of: &dyn Fn(&TaxelModel) -> f64| quantile(usable.iter().map(|&t| of(&models[t])).collect(), 0.5);
+    let median_of = |of: &dyn Fn(&TaxelModel) -> f64| median(usable.iter().map(|&taxel| of(&models[taxel])));
     let weak =
         |model: &&TaxelModel| matches!(model.status, Status::InsufficientSwing { .. }) || swing(model) < min_swing;
     let excluded = models.iter().filter(weak).count();
@@ -27,11 +28,9 @@ pub(super) fn calibration(data: &Data, models: &[TaxelModel], min_swing: f64) ->
         row!["curves that turn within their range", format!("{turning} of {}", usable.len())],
         row!["pressure", format!("{low:.1} to {high:.1} kPa")],
         row!["runs", data.branches(true).count().to_string()],
-        row!["scans", format!("{}, {} of them of rising pressure", data.scans(), data.rising_scans())],
-        row!["swing, median", known(median(&swing), "counts")],
-        row!["residual of the fit, root mean square, median", known(median(&|model| model.quality.rmse_kpa), "kPa")],
-        row!["repeatability of the runs, standard deviation", known(repeatability_counts(data, &usable), "counts")],
-        row!["distance of the branches, median", known(loop_counts(data, &usable), "counts")],
+        row!["scans", data.scans()],
+        row!["swing, median", known(median_of(&swing), "counts")],
+        row!["residual of the fit, root mean square, median", known(median_of(&|model| model.quality.rmse_kpa), "kPa")],
     ];
     Table::new("calibration", "The calibration.", ["what", "how much"], rows)
 }
@@ -49,11 +48,11 @@ pub(super) fn errors(at: usize, loads: &Weighings) -> Table {
     Table::new(&format!("force-errors-{at}"), caption, columns, rows)
 }
 
-fn error_row(loads: &[Weighing]) -> Vec<Cell> {
+fn error_row(loads: &[Weighing]) -> Vec<Value> {
     let over = |of: &dyn Fn(&Weighing) -> f64| mean(loads.iter().map(of));
     let kilogram = loads.first().and_then(|load| load.kilogram);
     row![
-        kilogram.map_or_else(|| Cell::from(""), Cell::from),
+        kilogram.map_or_else(|| "".into(), Value::from),
         over(&|load| load.true_n),
         loads.len() as f64,
         over(&|load| load.measured_n),

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::builder::PossibleValuesParser;
 
 /// The sections of the report.
-const NAMES: [&str; 4] = ["force", "fit", "stability", "scenes"];
+const NAMES: [&str; 3] = ["force", "stability", "scenes"];
 
 /// What can be asked of the report.
 #[derive(Clone, Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxel-lab report --out report\n  taxel-lab report --quick --only fit,stability --out report"
+    after_help = "Examples:\n  taxel-lab report --out report\n  taxel-lab report --quick --only force,stability --out report"
 )]
 pub struct ReportArgs {
     /// Folder for the page and its data; made if it is not there.

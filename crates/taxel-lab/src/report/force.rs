@@ -6,25 +6,22 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context;
+use serde_json::Value;
 use taxel_engine::calibration::fit::{ApplyRecipe, Branch, FitRecipe, OneByOne, PlaysChoice, apply, fit, judge};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{Outputs, PatchPlan};
+use taxel_engine::plan::PatchPlan;
 use taxel_model::{Estimator, FitOptions, Order};
 use taxel_sim::Effect;
-use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, area};
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
 use super::args::ReportArgs;
-use crate::document::{Aim, Axis, Figure, Level, Line, Section, Table, row};
-use crate::forearm::{Forearm, Live, Weighed, forces, recording};
-use crate::numbers::{mean, median, three_digits};
+use crate::document::{Aim, Axis, Figure, Line, Look, Section, Table, row};
+use crate::forearm::{Live, TARGET_KPA, Tried};
+use crate::numbers::{mean, median};
 use crate::recording::Recording;
 
 /// From scan to scan of a skin at 20 Hz, us.
 const BETWEEN_SCANS_US: f64 = 50_000.0;
-
-/// The simulated bag's highest pressure, and how fast it rises and falls.
-const TARGET_KPA: f64 = 70.0;
-const KPA_PER_S: f64 = 1.0;
 
 /// Boards of the real skin with so many triangles, as `deploy/insole.toml` has them.
 const INSOLE_BOARDS: [(u8, u8); 2] = [(13, 16), (12, 12)];
@@ -83,7 +80,7 @@ fn recipes() -> Vec<Recipe> {
 /// A simulation that cannot be set up, or a recording that is there and cannot be read.
 pub(super) fn section(args: &ReportArgs) -> anyhow::Result<Section> {
     let folder = args.data.as_deref().map(|data| data.join("insole")).filter(|folder| folder.is_dir());
-    let mut sources = vec![forearms(args.seed, args.quick)?];
+    let (mut sources, mut aims) = (vec![forearms(args.seed, args.quick)?], Vec::new());
     let mut text = vec![
         "How far is the force off on data that no fit saw, and what does computing it cost? Each line is one way to \
          calibrate: its left end is the time from the counts of a scan to the force of the whole skin, its right end the \
@@ -93,7 +90,14 @@ pub(super) fn section(args: &ReportArgs) -> anyhow::Result<Section> {
     ];
     match folder {
         Some(folder) => {
-            sources.insert(0, insole(&folder, args.quick)?);
+            let insole = insole(&folder, args.quick)?;
+            // Of the shipped default for recordings.
+            let aim = |(percent, (exam, most)): (&f64, &(&str, f64))| {
+                let what = format!("{}: error of the force on a recording of another day ({exam}), %", insole.skin);
+                Aim::at_most(&what, *percent, *most)
+            };
+            aims.extend(insole.outcomes[0].error_percent.iter().zip(&JUDGED).map(aim));
+            sources.insert(0, insole);
             text.push(
                 "What is missed on `validation` is the skin's gain: that day it reads 4 % more at every pressure, which no \
                  fit of another day can know and a known load can tell (`taxeld recalibrate`)."
@@ -102,10 +106,9 @@ pub(super) fn section(args: &ReportArgs) -> anyhow::Result<Section> {
         }
         None => text.push("SKIPPED: the recordings of a real skin are not here (--data).".to_owned()),
     }
-    text.extend(sources.iter().map(in_words));
     Ok(Section {
         text,
-        aims: sources.iter().flat_map(aims).collect(),
+        aims,
         figures: sources.iter().map(figure).collect(),
         tables: sources.iter().map(table).collect(),
         ..Section::default()
@@ -114,31 +117,37 @@ pub(super) fn section(args: &ReportArgs) -> anyhow::Result<Section> {
 
 /// The models of a recipe, and the median time of a fit in ms.
 fn fitted(recording: &Recording, recipe: &Recipe, repetitions: usize) -> anyhow::Result<(Arc<ModelSet>, f64)> {
-    let (scans, mut times_ms) = (recording.as_scans(), Vec::new());
-    loop {
+    let scans = recording.as_scans();
+    let once = |_| {
         let begun = Instant::now();
         let set = fit(&scans, &recipe.fit, &OneByOne)?;
-        times_ms.push(1e3 * begun.elapsed().as_secs_f64());
-        if times_ms.len() >= repetitions {
-            return Ok((Arc::new(set), median(&times_ms)));
-        }
-    }
+        Ok((set, 1e3 * begun.elapsed().as_secs_f64()))
+    };
+    let (mut sets, times_ms): (Vec<_>, Vec<_>) = (0..repetitions).map(once).collect::<anyhow::Result<_>>()?;
+    Ok((Arc::new(sets.pop().context("no fit was asked for")?), median(times_ms)))
+}
+
+fn usable(set: &ModelSet) -> usize {
+    set.taxels.iter().filter(|model| model.is_usable()).count()
 }
 
 /// Simulated forearms with everything that the simulator knows to be in the way, and known masses on them.
 fn forearms(seed: u64, quick: bool) -> anyhow::Result<Source> {
     let (skins, repetitions) = if quick { (1, 1) } else { (10, 5) };
-    let tried = (0..skins).map(|skin| Tried::new(seed.wrapping_add(skin), skin as usize));
+    let tried = (0..skins).map(|skin| Tried::new(&Effect::ALL, seed.wrapping_add(skin), 1, skin as usize));
     let tried = tried.collect::<anyhow::Result<Vec<Tried>>>()?;
     let outcome = |recipe: Recipe| {
-        let (mut percent, mut first) = (Vec::new(), None);
-        for tried in &tried {
-            let (outcome, errors) = tried.weigh(&recipe, repetitions)?;
-            first.get_or_insert(outcome);
-            percent.extend(errors);
+        let (mut errors, mut of_first) = (Vec::new(), None);
+        for skin in &tried {
+            let (set, fit_ms) = fitted(&skin.calibration, &recipe, repetitions)?;
+            let usable = usable(&set);
+            let (read, scan_us) = skin.forces(set, &recipe.fit);
+            errors.extend(read.iter().zip(&skin.weighings).map(|(n, one)| 100.0 * (n / one.true_n - 1.0).abs()));
+            of_first.get_or_insert((usable, fit_ms, scan_us));
         }
-        let error_percent = vec![mean(percent.into_iter())];
-        Ok(Outcome { error_percent, ..first.context("no skin was tried")? })
+        let (usable, fit_ms, scan_us) = of_first.context("no skin was tried")?;
+        let error_percent = vec![mean(errors.into_iter())];
+        Ok(Outcome { usable, fit_ms, scan_us, error_percent, within_percent: f64::NAN })
     };
     Ok(Source {
         id: "forearm",
@@ -150,40 +159,6 @@ fn forearms(seed: u64, quick: bool) -> anyhow::Result<Source> {
         exams: vec!["masses"],
         outcomes: recipes().into_iter().map(outcome).collect::<anyhow::Result<_>>()?,
     })
-}
-
-/// A skin that was in the bag and under masses.
-struct Tried {
-    calibration: Recording,
-    /// With everything, and as the paper has it: equal areas, active taxels only.
-    plans: [PatchPlan; 2],
-    rest: Vec<taxel_engine::baseline::TaxelBaseline>,
-    weighings: Vec<Weighed>,
-}
-
-impl Tried {
-    fn new(seed: u64, skin: usize) -> anyhow::Result<Self> {
-        let mut forearm = Forearm::new(&Effect::ALL, seed)?;
-        let mut plan = forearm.plan()?;
-        let equal = PatchPlan { geometry: None, outputs: Outputs::default(), ..plan.clone() };
-        plan.areas = area::template(&plan.patch, plan.areas[0]);
-        let calibration = recording(&forearm.cycle(TARGET_KPA, KPA_PER_S));
-        forearm.vent();
-        let rest = forearm.rest();
-        let weighings = forearm.weigh_all(skin)?;
-        Ok(Self { calibration, plans: [plan, equal], rest, weighings })
-    }
-
-    /// What a recipe costs on this skin, and the absolute error of each weighing, percent.
-    fn weigh(&self, recipe: &Recipe, repetitions: usize) -> anyhow::Result<(Outcome, Vec<f64>)> {
-        let (set, fit_ms) = fitted(&self.calibration, recipe, repetitions)?;
-        let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
-        let plan = &self.plans[usize::from(recipe.fit.is_paper())];
-        let (read, scan_us) = forces(set, plan, &self.rest, &self.weighings);
-        let errors = read.into_iter().zip(&self.weighings).map(|(n, one)| 100.0 * (n / one.true_n - 1.0).abs());
-        let outcome = Outcome { usable, fit_ms, scan_us, error_percent: Vec::new(), within_percent: f64::NAN };
-        Ok((outcome, errors.collect()))
-    }
 }
 
 /// The recordings of a real skin: a 280-taxel insole in a pressure chamber (Belli et al., Sensors 2023, 23(9), 4501). The
@@ -208,10 +183,9 @@ fn insole(folder: &Path, quick: bool) -> anyhow::Result<Source> {
             error_percent.push(score.area_percent);
             within_percent = score.coverage_percent.unwrap_or(f64::NAN).min(within_percent);
         }
-        let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
         let mut live = Live::new(Arc::clone(&set), &plan, &set.baseline);
         let scan_us = scan_us(&calibration, &mut live);
-        Ok(Outcome { usable, fit_ms, scan_us, error_percent, within_percent })
+        Ok(Outcome { usable: usable(&set), fit_ms, scan_us, error_percent, within_percent })
     };
     Ok(Source {
         id: "insole",
@@ -233,48 +207,23 @@ fn scan_us(recording: &Recording, live: &mut Live) -> f64 {
         std::hint::black_box(live.read(&counts));
         1e6 * begun.elapsed().as_secs_f64()
     };
-    median(&(0..recording.scans()).step_by(step).map(time).collect::<Vec<f64>>())
-}
-
-/// What was promised of the shipped default for recordings.
-fn aims(source: &Source) -> Vec<Aim> {
-    let errors = source.outcomes.iter().take(1).flat_map(|outcome| &outcome.error_percent);
-    let promised = source.exams.iter().filter_map(|exam| JUDGED.iter().find(|(name, _)| name == exam));
-    let aim = |(percent, (exam, most)): (&f64, &(&str, f64))| {
-        let what = format!("{}: error of the total force on a recording of another day ({exam}), %", source.skin);
-        Aim::at_most(&what, *percent, *most)
-    };
-    errors.zip(promised).map(aim).collect()
-}
-
-fn height(outcome: &Outcome) -> f64 {
-    mean(outcome.error_percent.iter().copied())
-}
-
-/// The shipped defaults and the paper's recipe.
-fn in_words(source: &Source) -> String {
-    let said = recipes().into_iter().zip(&source.outcomes).take(3).map(|(recipe, outcome)| {
-        let [percent, fit, scan] = [height(outcome), outcome.fit_ms, outcome.scan_us].map(three_digits);
-        format!("{}: {percent} %, {fit} ms a fit, {scan} us a scan", recipe.name)
-    });
-    format!("On {}: {}.", source.skin, said.collect::<Vec<_>>().join("; "))
+    median((0..recording.scans()).step_by(step).map(time))
 }
 
 fn figure(source: &Source) -> Figure {
     let line = |(recipe, outcome): (Recipe, &Outcome)| {
-        let ends = [outcome.scan_us, outcome.fit_ms * 1e3].map(|x| (x, height(outcome))).to_vec();
-        let ours = recipe.name.contains("shipped default");
-        Line { name: recipe.name.to_owned(), ours, points: ends, ..Line::default() }
+        let look = if recipe.name.contains("shipped default") { Look::Ours } else { Look::Signs };
+        let height = mean(outcome.error_percent.iter().copied());
+        Line::new(recipe.name, look, [outcome.scan_us, outcome.fit_ms * 1e3].map(|x| (x, height)))
     };
     Figure {
         id: format!("force-{}", source.id),
         title: format!("Error of the force against run time: {}", source.skin),
         caption: source.caption.clone(),
-        x: Axis::log("time for the whole skin, us: of a scan (left ends), of a fit (right ends)"),
-        y: Axis::linear("error of the force on unseen data, %"),
+        x: Axis { label: "time for the whole skin, us: of a scan (left ends), of a fit (right ends)", log: true },
+        y: Axis { label: "error of the force on unseen data, %", log: false },
         lines: recipes().into_iter().zip(&source.outcomes).map(line).collect(),
-        levels: vec![Level::new(BETWEEN_SCANS_US, "from scan to scan at 20 Hz")],
-        ..Figure::default()
+        levels: vec![(BETWEEN_SCANS_US, "from scan to scan at 20 Hz".to_owned())],
     }
 }
 
@@ -284,7 +233,7 @@ fn table(source: &Source) -> Table {
     let columns = std::iter::once("recipe".to_owned()).chain(errors).chain(costs);
     let line = |(recipe, of): (Recipe, &Outcome)| {
         let mut cells = row![recipe.name];
-        cells.extend(of.error_percent.iter().map(|percent| crate::document::Cell::from(*percent)));
+        cells.extend(of.error_percent.iter().map(|percent| Value::from(*percent)));
         cells.extend(row![of.within_percent, of.fit_ms, of.scan_us, of.usable as f64]);
         cells
     };

@@ -3,7 +3,6 @@
 //! Each section is a module with a function that measures and returns a `Section`.
 
 mod args;
-mod fit;
 mod force;
 mod scenes;
 mod stability;
@@ -20,17 +19,16 @@ use crate::page::Page;
 /// Name, heading and what measures it, in the order of the page.
 type Part = (&'static str, &'static str, fn(&ReportArgs) -> anyhow::Result<Section>);
 
-const PARTS: [Part; 4] = [
+const PARTS: [Part; 3] = [
     ("force", "Force: held-out error against run time", force::section),
-    ("fit", "Fit: error against run time", fit::section),
     ("stability", "Stability: stiff, extreme and broken taxels", stability::section),
     ("scenes", "Scenes: what is left out costs nothing", scenes::section),
 ];
 
 const INTRODUCTION: &str = "taxeld turns the raw counts of a robot's skin into the force that presses on it. It learns how \
     from a vacuum bag: while the pressure in the bag rises, one curve from counts to pressure is fitted for each sensing \
-    element (taxel). This page measures how long such a fit takes, how exact it is beside other methods, how well it \
-    predicts what it has not seen, and what a configuration costs.";
+    element (taxel). This page measures how well that predicts what no fit saw and how long it takes, how exact it is beside \
+    other methods, and what a configuration costs.";
 
 /// Measures and writes the report.
 ///
@@ -50,9 +48,9 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<()> {
             Section { text, ..Section::default() }
         });
         say!("{name}: {:.1} s", begun.elapsed().as_secs_f64());
-        sections.push(Section { id: (*name).to_owned(), title: (*title).to_owned(), ..section });
+        sections.push(Section { id: name, title, ..section });
     }
-    let introduction = format!("{INTRODUCTION} {}", machine(args));
+    let introduction = [INTRODUCTION.to_owned(), machine(args)];
     let page = Page { title: "taxeld: how right, and how fast", introduction: &introduction, sections: &sections };
     page.write(&args.out, "report")?;
     say!("{}", args.out.join("index.html").display());
@@ -62,16 +60,14 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<()> {
 
 /// What was measured on, in words.
 fn machine(args: &ReportArgs) -> String {
-    let of = |file: &str| std::fs::read_to_string(file).unwrap_or_default();
-    let cpu = of("/proc/cpuinfo");
-    let model = cpu.lines().find(|line| line.starts_with("model name") || line.starts_with("Model"));
-    let model = model.and_then(|line| line.split_once(':')).map_or("unknown processor", |(_, name)| name.trim());
+    let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = cpu.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    let model = model.map_or("unknown processor", |(_, name)| name.trim());
     let build = if cfg!(debug_assertions) { "NOT OPTIMISED, its times mean nothing" } else { "optimised" };
     format!(
-        "Measured {} on {model}, {} cores, Linux {}; build: {build}; {}, seed {}.",
+        "Measured {} on {model}, {} cores; build: {build}; {}, seed {}.",
         Timestamp::from(SystemTime::now()),
         std::thread::available_parallelism().map_or(1, usize::from),
-        of("/proc/sys/kernel/osrelease").trim(),
         if args.quick { "quick" } else { "full" },
         args.seed,
     )

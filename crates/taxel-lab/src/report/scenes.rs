@@ -21,7 +21,7 @@ use tokio::time::timeout;
 use super::args::ReportArgs;
 use crate::document::{Aim, Section, Table, row};
 use crate::forearm::{Forearm, recording};
-use crate::numbers::three_digits;
+use crate::numbers::digits;
 
 /// A daemon that does not answer by then has failed.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -37,13 +37,8 @@ const LEAN: &str = "";
 const FULL: &str = "geometry = \"positions.txt\"\noutputs = [\"resultant\", \"moment\", \"contacts\", \"fill\"]\n\
     gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n";
 
-/// What a daemon took while it was watched.
-#[derive(Clone, Copy)]
-struct Observed {
-    cpu_us_per_scan: f64,
-    bytes_per_s: f64,
-    memory_mib: f64,
-}
+/// What a daemon took while it was watched: name and value of each figure.
+type Observed = [(&'static str, f64); 3];
 
 /// Measures both.
 ///
@@ -140,35 +135,39 @@ impl Daemon {
                 bail!("no force: {}: {}", sample.state().as_str_name(), sample.reasons.join("; "));
             }
         }
-        let (before, begun) = (self.used()?, Instant::now());
-        let (mut scans, mut bytes) = (0_u32, 0);
+        let (before_s, begun) = (self.used_s()?, Instant::now());
+        let (mut scans, mut bytes) = (0.0, 0);
         while begun.elapsed() < window {
             let sample = timeout(PATIENCE, forces.message()).await??.context("the stream ended")?;
-            (scans, bytes) = (scans + 1, bytes + prost::Message::encoded_len(&sample));
+            (scans, bytes) = (scans + 1.0, bytes + prost::Message::encoded_len(&sample));
         }
-        let (used, scans) = (self.used()?, f64::from(scans.max(1)));
-        Ok(Observed {
-            cpu_us_per_scan: 1e6 * (used.cpu_s - before.cpu_s) / scans,
-            bytes_per_s: bytes as f64 / begun.elapsed().as_secs_f64(),
-            memory_mib: used.memory_mib,
-        })
+        let status = std::fs::read_to_string(self.process().join("status"))?;
+        let memory_kib =
+            status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.split_whitespace().next()?.parse().ok());
+        Ok([
+            ("processor time of the daemon, us per scan", 1e6 * (self.used_s()? - before_s) / scans),
+            ("bytes to a force subscriber, per s", bytes as f64 / begun.elapsed().as_secs_f64()),
+            ("resident memory, MiB", memory_kib.map_or(f64::NAN, |kib: f64| kib / 1024.0)),
+        ])
     }
 
-    /// What the process took so far, without its simulated bus.
-    fn used(&self) -> anyhow::Result<Used> {
-        let process = PathBuf::from(format!("/proc/{}", self.child.id()));
-        let status = std::fs::read_to_string(process.join("status"))?;
-        let mut used = Used { memory_mib: number_in(&status, "VmRSS:")? / 1024.0, cpu_s: 0.0 };
-        for task in std::fs::read_dir(process.join("task"))? {
+    fn process(&self) -> PathBuf {
+        PathBuf::from(format!("/proc/{}", self.child.id()))
+    }
+
+    /// Processor time that the process took so far, without its simulated bus, s.
+    fn used_s(&self) -> anyhow::Result<f64> {
+        let mut used_s = 0.0;
+        for task in std::fs::read_dir(self.process().join("task"))? {
             let task = task?.path();
             let read = |name: &str| std::fs::read_to_string(task.join(name)).unwrap_or_default();
             if matches!(read("comm").trim_end(), "" | SIMULATOR_THREAD) {
                 continue; // a thread that has just ended is not there any more
             }
             let ns = read("schedstat").split_whitespace().next().and_then(|ns| ns.parse::<f64>().ok());
-            used.cpu_s += 1e-9 * ns.context("no schedstat in /proc")?;
+            used_s += 1e-9 * ns.context("no schedstat in /proc")?;
         }
-        Ok(used)
+        Ok(used_s)
     }
 }
 
@@ -180,26 +179,9 @@ impl Drop for Daemon {
     }
 }
 
-struct Used {
-    cpu_s: f64,
-    memory_mib: f64,
-}
-
-/// The number behind `name` at the beginning of a line of `/proc/PID/status`.
-fn number_in(status: &str, name: &str) -> anyhow::Result<f64> {
-    let line = status.lines().find_map(|line| line.strip_prefix(name));
-    let number = line.and_then(|line| line.split_whitespace().next()?.parse().ok());
-    number.with_context(|| format!("no {name} in /proc"))
-}
-
 fn section_of(full: Observed, lean: Observed) -> Section {
-    let row = |what: &str, of: fn(&Observed) -> f64| row![what, of(&full), of(&lean), of(&full) / of(&lean)];
-    let rows = vec![
-        row("processor time of the daemon, us per scan", |of| of.cpu_us_per_scan),
-        row("bytes to a force subscriber, per s", |of| of.bytes_per_s),
-        row("resident memory, MiB", |of| of.memory_mib),
-    ];
-    let ratio = |of: fn(&Observed) -> f64| three_digits(of(&full) / of(&lean));
+    let rows = full.iter().zip(&lean).map(|((what, full), (_, lean))| row![*what, *full, *lean, full / lean]).collect();
+    let [cpu, bytes] = [0, 1].map(|at: usize| digits(full[at].1 / lean[at].1, 3));
     let columns = ["what", "full", "lean (shipped default)", "full / lean"];
     let caption = "The same simulated traffic, one force subscriber that gets each value as it comes.";
     let what = "resident memory for a forearm with every output, MiB";
@@ -208,11 +190,9 @@ fn section_of(full: Observed, lean: Observed) -> Section {
             "Two daemons on the same simulated forearm. The full one has geometry, gauge and every output, the lean one, the \
              shipped default, the total force. The processor time is that of the daemon's process without the simulator; \
              what the engine alone takes is measured by the example scan_time of taxel-engine, also of ten full buses. The \
-             full one takes {} times the processor time of the lean one and sends {} times the bytes.",
-            ratio(|of| of.cpu_us_per_scan),
-            ratio(|of| of.bytes_per_s),
+             full one takes {cpu} times the processor time of the lean one and sends {bytes} times the bytes."
         )],
-        aims: vec![Aim::at_most(what, full.memory_mib, MEMORY_AIM_MIB)],
+        aims: vec![Aim::at_most(what, full[2].1, MEMORY_AIM_MIB)],
         tables: vec![Table::new("scenes-costs", caption, columns, rows)],
         ..Section::default()
     }

@@ -3,14 +3,11 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
-fn lab(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taxel-lab")).args(arguments).stdin(Stdio::null()).output().unwrap()
-}
+use crate::{fails, lab, succeeds, text};
 
-/// The same with something on its standard input.
+/// A command with something on its standard input.
 fn piped(arguments: &[&str], input: &str) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxel-lab"));
     command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -21,21 +18,6 @@ fn piped(arguments: &[&str], input: &str) -> Output {
     let output = child.wait_with_output().unwrap();
     writer.join().unwrap();
     output
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// What a command that must fail with code 1 says.
-fn fails(output: &Output) -> String {
-    assert_eq!(output.status.code(), Some(1), "{}{}", text(&output.stdout), text(&output.stderr));
-    text(&output.stderr)
-}
-
-fn succeeds(output: &Output) -> String {
-    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
-    text(&output.stdout)
 }
 
 /// Three taxels that lose one count a kPa over 40 s, after two seconds at rest; `step` makes 16-bit counts of them.
@@ -52,10 +34,8 @@ fn recording(step: f64) -> String {
 /// A folder with a recording; the folder, and the names of files in it.
 fn scratch() -> (tempfile::TempDir, [String; 3]) {
     let folder = tempfile::tempdir().unwrap();
-    let names = ["good.csv", "models.json", "pressure.csv"].map(|name| {
-        let path: PathBuf = folder.path().join(name);
-        path.to_str().unwrap().to_owned()
-    });
+    let names = ["good.csv", "models.json", "pressure.csv"];
+    let names = names.map(|name| folder.path().join(name).to_str().unwrap().to_owned());
     std::fs::write(&names[0], recording(1.0)).unwrap();
     (folder, names)
 }
@@ -124,27 +104,6 @@ fn counts_of_another_scale_are_refused() {
     let said = fails(&lab(&["apply", &models, wide.to_str().unwrap(), "--out", &pressure]));
     assert!(said.contains("another converter or scale"), "{said}");
     assert!(!std::path::Path::new(&pressure).exists());
-}
-
-#[test]
-fn what_a_file_holds_is_not_echoed_at_length() {
-    let (folder, [_, models, _]) = scratch();
-    let strange = folder.path().join("strange.csv");
-    let header: Vec<String> = (0..9_000).map(|column| format!("column{column}")).collect();
-    std::fs::write(&strange, format!("{}\n1,2\n", header.join(","))).unwrap();
-    let said = fails(&lab(&["fit", strange.to_str().unwrap(), "--out", &models]));
-    assert!(said.contains("begins with `column0,column1,") && said.len() < 400, "{} bytes: {said}", said.len());
-}
-
-/// A shell has opened that by its name.
-#[test]
-fn no_output_takes_the_name_of_what_comes_as_the_standard_input() {
-    let (_folder, [data, ..]) = scratch();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel-lab"));
-    command.args(["fit", "-", "--out", &data]).stdin(std::fs::File::open(&data).unwrap());
-    let output = command.output().unwrap();
-    assert!(text(&output.stderr).contains("is an input"), "{}", text(&output.stderr));
-    assert_eq!(std::fs::read_to_string(&data).unwrap(), recording(1.0));
 }
 
 /// A command of which no file may have more than one block, as on a disk that is full by then.

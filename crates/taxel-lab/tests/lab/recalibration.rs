@@ -1,12 +1,12 @@
 //! What five load points correct on another day of a real skin: the figures of crates/taxeld/doc/recalibration.md.
 
-use std::path::PathBuf;
-
 use taxel_engine::calibration::fit::{Applied, ApplyRecipe, FitRecipe, OneByOne, Score, apply, fit, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::recalibration::recording::points_of;
 use taxel_engine::recalibration::{Assumptions, Recalibration, corrected};
 use taxel_lab::recording::Recording;
+
+use crate::insole;
 
 /// Scans in between that the test leaves out, to be quick: the rules know seconds, not scans.
 const EVERY: usize = 3;
@@ -14,14 +14,7 @@ const EVERY: usize = 3;
 const LOAD_POINTS: usize = 5;
 
 fn read(name: &str) -> Option<Recording> {
-    let fallback = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("TAXELD_DATA").map_or_else(fallback, PathBuf::from);
-    let path = folder.join(format!("insole/left_{name}.csv.gz"));
-    if !path.exists() {
-        eprintln!("SKIPPED: no file {}", path.display());
-        return None;
-    }
-    let mut recording = Recording::read(&path).unwrap();
+    let mut recording = Recording::read(&insole(name)?).unwrap();
     let kept: Vec<bool> = (0..recording.scans()).map(|scan| scan % EVERY == 0).collect();
     recording.retain(&kept);
     Some(recording)

@@ -4,9 +4,9 @@
 pub struct Random(u64);
 
 impl Random {
-    /// A sequence of its own for each name and seed.
-    pub fn new(name: &str, seed: &str) -> Self {
-        Self(name.bytes().chain(seed.bytes()).fold(1, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into())))
+    /// A sequence of its own for each name.
+    pub fn new(name: &str) -> Self {
+        Self(name.bytes().fold(1, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into())))
     }
 
     fn next(&mut self) -> u64 {
