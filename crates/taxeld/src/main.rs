@@ -21,7 +21,6 @@ mod force_file;
 mod log_words;
 mod logs;
 mod missing;
-mod obstacles;
 mod offline;
 mod open_log;
 mod output;

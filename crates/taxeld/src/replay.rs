@@ -316,8 +316,7 @@ mod tests {
     #[test]
     fn no_force_of_a_log_is_taken_for_that_of_a_skin_that_is_touched_now() {
         let path = Path::new("demo_config.toml");
-        let config = crate::config::parse(path, include_str!("demo_config.toml")).unwrap();
-        let mut scene = crate::config::resolve(&config, path).unwrap();
+        let (_, mut scene) = crate::config::examine_text(path, include_str!("demo_config.toml")).unwrap();
         scene.plan.patches[0].simulated = false; // as of a robot's bus
         of_a_log(&mut scene);
         let patch = &scene.plan.patches[0];

@@ -154,7 +154,7 @@ impl Daemon {
                 }
                 BusSource::Push => self.add_push_bus(bus),
                 #[cfg(feature = "sim")]
-                BusSource::Sim => self.add_sim_bus(bus, section.seed)?,
+                BusSource::Sim => self.add_sim_bus(bus, section.seed.unwrap_or(1))?,
                 #[cfg(not(feature = "sim"))]
                 BusSource::Sim => {
                     anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name)

@@ -160,8 +160,7 @@ mod tests {
     #[allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
     async fn running(database: &Path) -> Running {
         let path = Path::new("demo_config.toml");
-        let config = config::parse(path, include_str!("demo_config.toml")).unwrap();
-        let plan = Arc::new(config::resolve(&config, path).unwrap().plan);
+        let plan = Arc::new(config::examine_text(path, include_str!("demo_config.toml")).unwrap().1.plan);
         let cancel = CancellationToken::new();
         let clocks = Clocks { run: Arc::new(|| RunClock::Live.now().time), process: RunClock::Live.of_process() };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());

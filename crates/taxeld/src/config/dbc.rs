@@ -1,6 +1,5 @@
 //! Signals by the names that a DBC file gives them, and single ones in its notation.
 
-use std::cmp::Ordering;
 use std::collections::{HashMap, VecDeque};
 use std::path::Path;
 
@@ -10,6 +9,7 @@ use can_dbc::{
 };
 use taxel_wire::CanId;
 use taxel_wire::bits::{BitField, ByteOrder, FrameMatch, Selector};
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
 
 use crate::files::read_any_text;
 
@@ -39,7 +39,8 @@ type Selected<'a> = (&'a str, Vec<(i128, i128)>);
 /// A signal with all that is known of its place.
 pub struct Place<'a> {
     message: &'a Message,
-    signal: &'a Signal,
+    /// As the file has it.
+    pub signal: &'a Signal,
     /// Its name.
     pub name: &'a str,
     /// The frames that hold it.
@@ -126,7 +127,7 @@ impl DbcFile {
         if found.is_empty() {
             found = self.names.iter().filter(|(.., name)| fits(&name.short)).collect();
         }
-        found.sort_by(|(.., a), (.., b)| natural(&a.full, &b.full));
+        found.sort_by_cached_key(|(.., name)| natural(&name.full));
         if found.is_empty() {
             let nearest = self.nearest(pattern).map(|name| format!("; the nearest is `{name}`")).unwrap_or_default();
             return Err(format!("no signal is named `{pattern}` (as `Message.Signal`){nearest}"));
@@ -254,34 +255,26 @@ fn names(dbc: &Dbc) -> Vec<(usize, usize, Name)> {
 }
 
 impl Place<'_> {
-    /// First bit, as DBC files count.
-    pub fn start_bit(&self) -> u16 {
-        bits(self.signal.start_bit)
+    /// What it says of a pressure: of the difference to the ambient pressure, or where that is given, of the bag's own.
+    pub fn pressure(&self, unit: PressureUnit, ambient_kpa: Option<f64>) -> SignalSpec {
+        let Signal { start_bit, size, factor, offset, .. } = *self.signal;
+        SignalSpec {
+            id: self.frames.id,
+            start_bit: bits(start_bit),
+            length_bits: bits(size),
+            byte_order: order(self.signal),
+            signed: self.signal.value_type == ValueType::Signed,
+            scale: factor,
+            offset,
+            unit,
+            meaning: ambient_kpa
+                .map_or(PressureMeaning::Differential, |ambient_kpa| PressureMeaning::AbsoluteBag { ambient_kpa }),
+        }
     }
 
     /// Its bits.
     pub fn length_bits(&self) -> u16 {
         bits(self.signal.size)
-    }
-
-    /// Which end comes first.
-    pub fn byte_order(&self) -> ByteOrder {
-        order(self.signal)
-    }
-
-    /// Whether it is in two's complement.
-    pub fn is_signed(&self) -> bool {
-        self.signal.value_type == ValueType::Signed
-    }
-
-    /// Factor and offset.
-    pub fn scale(&self) -> (f64, f64) {
-        (self.signal.factor, self.signal.offset)
-    }
-
-    /// Its unit as the file has it.
-    pub fn unit(&self) -> &str {
-        &self.signal.unit
     }
 
     /// Who sends it.
@@ -336,24 +329,11 @@ fn matches(pattern: &[u8], name: &[u8]) -> bool {
     }
 }
 
-/// Compares names, and runs of digits in them as numbers.
-fn natural(a: &str, b: &str) -> Ordering {
-    let parts = |text: &str| -> Vec<(bool, u64, String)> {
-        let runs = text.as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit());
-        let part = |run: &[u8]| {
-            let text = String::from_utf8_lossy(run).into_owned();
-            (run[0].is_ascii_digit(), text.parse().unwrap_or(u64::MAX), text)
-        };
-        runs.map(part).collect()
-    };
-    let (a_parts, b_parts) = (parts(a), parts(b));
-    for ((a_digits, a_number, a_text), (b_digits, b_number, b_text)) in a_parts.iter().zip(&b_parts) {
-        let order = if *a_digits && *b_digits { a_number.cmp(b_number) } else { a_text.cmp(b_text) };
-        if order != Ordering::Equal {
-            return order;
-        }
-    }
-    a_parts.len().cmp(&b_parts.len()).then_with(|| a.cmp(b))
+/// By what names are ordered: runs of digits in them as numbers, for which all have as many digits.
+fn natural(name: &str) -> String {
+    let runs = name.as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()).map(String::from_utf8_lossy);
+    runs.map(|run| if run.starts_with(|c: char| c.is_ascii_digit()) { format!("{run:0>20}") } else { run.into() })
+        .collect()
 }
 
 #[cfg(test)]

@@ -44,8 +44,7 @@ impl Bench {
 
     fn with_store(open: impl FnOnce(taxel_store::Notify) -> Store) -> Self {
         let path = Path::new("demo_config.toml");
-        let config = config::parse(path, include_str!("../demo_config.toml")).unwrap();
-        let mut plan = config::resolve(&config, path).unwrap().plan;
+        let mut plan = config::examine_text(path, include_str!("../demo_config.toml")).unwrap().1.plan;
         plan.patches[0].bring_up.clear();
         let (plan, clock, cancel) = (Arc::new(plan), RunClock::of_log(1.0), CancellationToken::new());
         clock.start(BEGUN);

@@ -24,7 +24,7 @@ SIG_VALTYPE_ 257 Analog : 1;
 /// Start bits of the signals of a pattern.
 fn starts(pattern: &str, dbc: &str) -> Result<Vec<u16>, String> {
     let file = DbcFile::new(dbc)?;
-    Ok(file.matching(pattern)?.iter().map(Place::start_bit).collect())
+    Ok(file.matching(pattern)?.iter().map(|place| bits(place.signal.start_bit)).collect())
 }
 
 /// First values of what selects a signal, with the first bit of each selector.
@@ -38,14 +38,15 @@ fn selected(name: &str, dbc: &str) -> Vec<(u16, Vec<(i128, i128)>)> {
 fn names_become_signals_in_the_order_of_their_numbers() {
     let file = DbcFile::new(SKIN).unwrap();
     let taxels = file.matching("Skin.T*").unwrap();
-    let places: Vec<_> = taxels.iter().map(|t| (t.name, t.start_bit(), t.is_signed())).collect();
+    let places: Vec<_> = taxels.iter().map(|t| (t.name, t.signal.start_bit, t.field.range().0 < 0)).collect();
     let expected = [("Skin.T0", 4, false), ("Skin.T1", 16, false), ("Skin.T2", 4, false), ("Skin.T10", 16, true)];
     assert_eq!(places, expected);
     assert!(taxels.iter().all(|taxel| taxel.frames.id == CanId::Extended(0x18FE_F100)));
     assert_eq!(selected("Skin.T2", SKIN), [(0, vec![(1, 1)])]);
     let gauge = file.one("Bag.Pressure").unwrap();
-    assert_eq!((gauge.frames.id, gauge.start_bit(), gauge.length_bits()), (CanId::Standard(257), 7, 16));
-    assert_eq!((gauge.scale(), gauge.unit(), gauge.byte_order()), ((0.5, -1.0), "kPa", ByteOrder::Big));
+    let signal = gauge.pressure(PressureUnit::Kilopascal, None);
+    assert_eq!((signal.id, signal.start_bit, signal.length_bits), (CanId::Standard(257), 7, 16));
+    assert_eq!((signal.scale, signal.offset, signal.byte_order), (0.5, -1.0, ByteOrder::Big));
 }
 
 #[test]
@@ -53,8 +54,9 @@ fn a_signal_alone_is_written_as_in_a_file() {
     let of = |id: u32, signal: &str| {
         let file = DbcFile::of_signal(id, signal)?;
         let place = file.one("gauge.signal")?;
-        let number = (place.start_bit(), place.length_bits(), place.byte_order(), place.is_signed());
-        Ok::<_, String>((place.frames.id, number, place.scale()))
+        let signal = place.pressure(PressureUnit::Pascal, None);
+        let number = (signal.start_bit, signal.length_bits, signal.byte_order, signal.signed);
+        Ok::<_, String>((signal.id, number, (signal.scale, signal.offset)))
     };
     let little = (0, 32, ByteOrder::Little, true);
     assert_eq!(of(0x3A1, "0|32@1-"), Ok((CanId::Standard(0x3A1), little, (1.0, 0.0))));
@@ -173,7 +175,7 @@ fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
 fn patterns_and_names_are_matched_and_sorted_as_people_read_them() {
     assert!(matches(b"Row*.T*", b"Row12.T3") && matches(b"*", b"") && !matches(b"Row*.T", b"Row1.T2"));
     let mut names = ["T10", "T9", "T1", "S2", "T9a"];
-    names.sort_by(|a, b| natural(a, b));
+    names.sort_by_key(|name| natural(name));
     assert_eq!(names, ["S2", "T1", "T9", "T9a", "T10"]);
 }
 
