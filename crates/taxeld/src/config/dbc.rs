@@ -1,6 +1,6 @@
 //! Signals by the names that a DBC file gives them, and single ones in its notation.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 use std::path::Path;
 
 use can_dbc::{
@@ -15,8 +15,9 @@ use crate::files::read_any_text;
 
 /// The message of a DBC file that holds signals of no message.
 const INDEPENDENT: &str = "VECTOR__INDEPENDENT_SIG_MSG";
-/// Selectors of a signal, with theirs, at most.
-const MUX_MAX: usize = 8;
+/// What is said of signals that several selectors, or several values of one, select.
+const EXTENDED: &str =
+    "it has several selectors, or several values of one (extended multiplexing): expected one value of one selector";
 
 /// A DBC file.
 pub struct DbcFile {
@@ -32,9 +33,6 @@ struct Name {
     full: String,
     short: String,
 }
-
-/// A selector of a signal, and first and last of each run of values for which the signal is there.
-type Selected<'a> = (&'a str, Vec<(i128, i128)>);
 
 /// A signal with all that is known of its place.
 pub struct Place<'a> {
@@ -171,62 +169,37 @@ impl DbcFile {
         Ok(Place { message, signal, name, frames: FrameMatch { id, selectors }, field })
     }
 
-    /// What selects the frames that hold a signal: its own selectors, then theirs.
+    /// What selects the frames that hold a signal: the one selector of its message. Of several, and of several values of one, only
+    /// lines SG_MUL_VAL_ tell which is meant.
     fn selectors(&self, message: &Message, signal: &Signal) -> Result<Vec<Selector>, String> {
-        let (mut selectors, mut open): (Vec<Selector>, _) = (Vec::new(), VecDeque::from([signal]));
-        while let Some(signal) = open.pop_front() {
-            for (name, runs) in self.selected_by(message, signal)? {
-                let parent = message.signals.iter().find(|s| s.name == name);
-                let parent = parent.ok_or_else(|| format!("its selector {name} is not there"))?;
-                let field = BitField::new(bits(parent.start_bit), bits(parent.size), order(parent), false);
-                let (field, values) = (field.map_err(|e| format!("its selector {name}: {e}"))?, joined(runs));
-                if let Some((first, last)) = values.iter().find(|(a, b)| a > b || *b > field.range().1) {
-                    return Err(format!("its selector {name} has no number from {first} to {last}"));
-                }
-                selectors.push(Selector { field, values });
-                if selectors.len() > MUX_MAX {
-                    return Err("its selectors select each other".to_owned());
-                }
-                open.push_back(parent);
-            }
-        }
-        let never = |one: &Selector| selectors.iter().any(|other| other.field == one.field && other.excludes(one));
-        if selectors.iter().any(never) {
-            return Err("no number selects it: two that exclude each other are asked for".to_owned());
-        }
-        Ok(selectors)
-    }
-
-    /// The selectors of a signal and the values for which it is there: it is where all of them say so.
-    fn selected_by<'a>(&'a self, message: &'a Message, signal: &'a Signal) -> Result<Vec<Selected<'a>>, String> {
-        let mut selected: Vec<Selected<'a>> = Vec::new();
-        let own = |e: &&can_dbc::ExtendedMultiplex| e.message_id == message.id && e.signal_name == signal.name;
-        for extended in self.dbc.extended_multiplex.iter().filter(own) {
-            let selector = extended.multiplexor_signal_name.as_str();
-            let runs = extended.mappings.iter().map(|run| (run.min_value.into(), run.max_value.into()));
-            match selected.iter_mut().find(|(known, _)| *known == selector) {
-                Some((_, known)) => known.extend(runs),
-                None => selected.push((selector, runs.collect())),
-            }
-        }
-        let (MultiplexIndicator::MultiplexedSignal(value) | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value)) =
-            signal.multiplexer_indicator
-        else {
-            return Ok(selected);
+        let value = match signal.multiplexer_indicator {
+            MultiplexIndicator::MultiplexedSignal(value) => value,
+            MultiplexIndicator::MultiplexorAndMultiplexedSignal(_) => return Err(EXTENDED.to_owned()),
+            MultiplexIndicator::Plain | MultiplexIndicator::Multiplexor => return Ok(Vec::new()),
         };
-        if !selected.is_empty() {
-            return Ok(selected);
+        let is_selector = |indicator: &MultiplexIndicator| {
+            matches!(
+                indicator,
+                MultiplexIndicator::Multiplexor | MultiplexIndicator::MultiplexorAndMultiplexedSignal(_)
+            )
+        };
+        let all: Vec<&Signal> = message.signals.iter().filter(|s| is_selector(&s.multiplexer_indicator)).collect();
+        let parent = match all[..] {
+            [parent] => parent,
+            [] => return Err("it is multiplexed, and no signal of its message is the selector".to_owned()),
+            _ => return Err(EXTENDED.to_owned()),
+        };
+        let own = |e: &&can_dbc::ExtendedMultiplex| e.message_id == message.id && e.signal_name == signal.name;
+        let mut runs = self.dbc.extended_multiplex.iter().filter(own).flat_map(|extended| &extended.mappings);
+        if runs.any(|run| (run.min_value, run.max_value) != (value, value)) {
+            return Err(EXTENDED.to_owned());
         }
-        let selects = |s: &&Signal| s.multiplexer_indicator == MultiplexIndicator::Multiplexor;
-        let mut selectors = message.signals.iter().filter(selects);
-        match (selectors.next(), selectors.next()) {
-            (Some(selector), None) => Ok(vec![(selector.name.as_str(), vec![(value.into(), value.into())])]),
-            (None, _) => Err("it is multiplexed, and no signal of its message is the selector".to_owned()),
-            (Some(one), Some(other)) => Err(format!(
-                "{} and {} are both selectors of its message, and no SG_MUL_VAL_ line says which is its own",
-                one.name, other.name
-            )),
+        let field = BitField::new(bits(parent.start_bit), bits(parent.size), order(parent), false);
+        let (field, value) = (field.map_err(|e| format!("its selector {}: {e}", parent.name))?, i128::from(value));
+        if value > field.range().1 {
+            return Err(format!("its selector {} has no number {value}", parent.name));
         }
+        Ok(vec![Selector { field, values: vec![(value, value)] }])
     }
 }
 
@@ -304,19 +277,6 @@ fn order(signal: &Signal) -> ByteOrder {
         DbcOrder::LittleEndian => ByteOrder::Little,
         DbcOrder::BigEndian => ByteOrder::Big,
     }
-}
-
-/// Runs in order, those that touch as one.
-fn joined(mut runs: Vec<(i128, i128)>) -> Vec<(i128, i128)> {
-    runs.sort_unstable();
-    let mut joined: Vec<(i128, i128)> = Vec::new();
-    for (first, last) in runs {
-        match joined.last_mut().filter(|run| first <= run.1 + 1 && first <= last) {
-            Some(run) => run.1 = run.1.max(last),
-            None => joined.push((first, last)),
-        }
-    }
-    joined
 }
 
 /// Whether a name fits a pattern in which `*` stands for any letters, also none.

@@ -70,15 +70,6 @@ pub struct Doors {
 }
 
 impl Doors {
-    /// Certificates and keys, and the tokens.
-    pub fn credentials(&self) -> impl Iterator<Item = PathBuf> {
-        let of_door = |door: &Door| match door {
-            Door::Tls { files, .. } => files.to_vec(),
-            Door::Unix { .. } | Door::Tcp(_) => Vec::new(),
-        };
-        self.doors.iter().flat_map(of_door).chain(self.tokens.clone())
-    }
-
     /// The grants that reach nobody as far as the configuration goes, because an account is known on a Unix socket alone and a
     /// certificate where there is TLS: a line each.
     pub fn unreached_grants(&self) -> Vec<String> {

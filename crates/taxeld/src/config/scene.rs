@@ -145,20 +145,14 @@ fn shared_memory(section: &SharedMemorySection, rules: Option<&Rules>, faults: &
     }
 }
 
-/// The key that a contradiction is to be mended at.
+/// The patch that a contradiction is to be mended at.
 fn key_of(config: &Config, conflict: &Conflict) -> String {
-    let board_of = |patch: &String, address: u8| {
-        let section = config.patch.iter().find(|section| section.name == *patch);
-        let board = section.and_then(|section| section.boards.iter().position(|board| board.address == address));
-        board.map_or_else(String::new, |board| format!(".boards[{board}]"))
-    };
-    let (patch, below) = match conflict {
-        Conflict::SharedModule { patches: [_, patch], board, .. }
-        | Conflict::SharedBoard { patches: [_, patch], board } => (patch, board_of(patch, *board)),
-        Conflict::GaugeOnBoard { patch, .. } => (patch, ".gauge.id".to_owned()),
-        Conflict::DeviceOnBoard { patch, .. } => (patch, ".array".to_owned()),
-    };
-    config.patch_key(patch) + &below
+    match conflict {
+        Conflict::SharedModule { patches: [_, patch], .. } | Conflict::SharedBoard { patches: [_, patch], .. } => {
+            config.patch_key(patch)
+        }
+        Conflict::GaugeOnBoard { patch, .. } | Conflict::DeviceOnBoard { patch, .. } => config.patch_key(patch),
+    }
 }
 
 #[cfg(test)]

@@ -82,23 +82,6 @@ fn the_encoding_of_a_file_does_not_matter() {
     assert_eq!(DbcFile::read(&path).unwrap().matching("Skin.T*").unwrap().len(), 4);
 }
 
-#[test]
-fn nested_selectors_and_their_runs_are_followed() {
-    let dbc = r#"VERSION ""
-NS_ :
-BS_:
-BU_: Host
-BO_ 16 N: 8 Sensor
- SG_ S0 M : 0|8@1+ (1,0) [0|0] "" Host
- SG_ S1 m1M : 8|8@1+ (1,0) [0|0] "" Host
- SG_ X m3 : 16|12@1+ (1,0) [0|0] "" Host
-
-SG_MUL_VAL_ 16 S1 S0 1-2,5-5;
-SG_MUL_VAL_ 16 X S1 3-3;
-"#;
-    assert_eq!(selected("N.X", dbc), [(8, vec![(3, 3)]), (0, vec![(1, 2), (5, 5)])]);
-}
-
 /// As CANdb++ and cantools write names of more than 32 characters.
 #[test]
 fn long_names_order_and_name_the_signals() {
@@ -125,28 +108,6 @@ BA_ "SystemSignalLongSymbol" SG_ 16 CapacitiveCountsOfTheUpperArmCel "Capacitive
     assert_eq!(starts(short, dbc), Ok(vec![0]), "what is written in the file is a name, too");
 }
 
-/// As cantools' issue 506 has it: side by side, and not one within the other.
-#[test]
-fn all_selectors_of_a_signal_have_to_fit() {
-    let dbc = r#"VERSION ""
-NS_ :
-BS_:
-BU_: Host
-BO_ 16 N: 8 Sensor
- SG_ Part M : 0|4@1+ (1,0) [0|0] "" Host
- SG_ Row M : 4|4@1+ (1,0) [0|0] "" Host
- SG_ A m0 : 8|12@1+ (1,0) [0|0] "" Host
- SG_ B m0 : 8|12@1+ (1,0) [0|0] "" Host
-
-SG_MUL_VAL_ 16 A Part 1-1;
-SG_MUL_VAL_ 16 A Row 0-0;
-SG_MUL_VAL_ 16 B Part 2-2;
-SG_MUL_VAL_ 16 B Row 0-0;
-"#;
-    assert_eq!(selected("N.A", dbc), [(0, vec![(1, 1)]), (4, vec![(0, 0)])]);
-    assert_eq!(selected("N.B", dbc), [(0, vec![(2, 2)]), (4, vec![(0, 0)])]);
-}
-
 #[test]
 fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
     for (name, from, to, expected) in [
@@ -155,14 +116,20 @@ fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
         ("Skin.T*", "T1 m0 : 16|12", "T1 m0 : 56|12", "signal Skin.T1: it ends in byte 9, the message has 8"),
         ("Skin.T*", "2566844672 Skin", "70000 Skin", "signal Skin.T0: identifier 70000 has more than 11 bits"),
         ("Skin.T*", "T10 m1 : 16", "T1 m1 : 16", "two signals are named `Skin.T1`"),
-        ("Skin.T*", "T10 m1 : 16|12@1-", "T10 M : 32|12@1+", "Sel and T10 are both selectors of its message"),
+        ("Skin.T*", "T10 m1 : 16|12@1-", "T10 M : 32|12@1+", "signal Skin.T0: it has several selectors"),
         (
             "Skin.T*",
             "Sel M :",
             "Sel :",
             "signal Skin.T0: it is multiplexed, and no signal of its message is the selector",
         ),
-        ("Skin.T*", "T0 m0 :", "T0 m16 :", "signal Skin.T0: its selector Sel has no number from 16 to 16"),
+        ("Skin.T*", "T0 m0 :", "T0 m16 :", "signal Skin.T0: its selector Sel has no number 16"),
+        (
+            "Skin.T*",
+            "SIG_VALTYPE_ 257 Analog : 1;",
+            "SG_MUL_VAL_ 2566844672 T1 Sel 0-0,2-2;",
+            "signal Skin.T1: it has several",
+        ),
         ("*", "VERSION", "VERSIO", "it is no DBC file"),
     ] {
         let dbc = if from.is_empty() { SKIN.to_owned() } else { SKIN.replace(from, to) };
