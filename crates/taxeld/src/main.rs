@@ -26,7 +26,6 @@ mod open_log;
 mod output;
 mod page;
 mod pages;
-mod parts;
 mod queues;
 mod record;
 mod reload;
@@ -34,8 +33,6 @@ mod replay;
 mod run;
 mod runtime;
 mod scan;
-mod serving;
-mod set_loads;
 mod setup;
 mod shared_memory;
 #[cfg(feature = "sim")]
@@ -46,7 +43,6 @@ mod store_at;
 mod store_command;
 mod systemd;
 mod tasks;
-mod threads;
 mod upkeep;
 mod values;
 
