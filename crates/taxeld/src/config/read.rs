@@ -79,7 +79,7 @@ pub fn examine_with(
         if let Some(scene) = &scene {
             more(config, scene, &mut faults);
         }
-        faults.problems().for_each(|problem| reading.note(&problem.key, problem.message));
+        faults.problems().take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
         scene
     });
     match config.zip(scene) {
