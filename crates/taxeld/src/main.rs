@@ -80,7 +80,7 @@ enum Subcommands {
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
     },
-    /// Validates a configuration and prints what it resolves to and what it leaves out.
+    /// Validates a configuration and prints what it resolves to.
     #[command(
         after_help = "Examples:\n  taxeld check\n  taxeld check --config palm.toml\n  taxeld check --json | jq .problems"
     )]
