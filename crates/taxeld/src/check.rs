@@ -1,4 +1,4 @@
-//! `taxeld check`: what a configuration resolves to.
+//! `taxeld check`: what a configuration resolves to, and what it leaves out.
 
 use std::path::Path;
 
@@ -69,9 +69,12 @@ fn print(config: &Config, scene: &Scene) {
         tell!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
-    if !scene.remarks.is_empty() {
+    let built = left_out_of_the_build();
+    tell!("left out:");
+    left_out_buses(config, &routes).iter().chain(&scene.said.left_out).chain(&built).for_each(|line| tell!("  {line}"));
+    if !scene.said.remarks.is_empty() {
         tell!("remarks:");
-        scene.remarks.iter().for_each(|line| tell!("  {line}"));
+        scene.said.remarks.iter().for_each(|line| tell!("  {line}"));
     }
     let missing = missing(config, &scene.doors);
     if !missing.is_empty() {
@@ -219,4 +222,19 @@ fn areas(areas: &[SquareMillimetre]) -> String {
 fn listed(parts: &[(&str, bool)]) -> String {
     let words: Vec<&str> = parts.iter().filter(|(_, there)| *there).map(|(word, _)| *word).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+}
+
+fn left_out_buses(config: &Config, routes: &Routes) -> Vec<String> {
+    let unused = config.bus.iter().enumerate().filter(|(bus, _)| routes.wanted(BusIndex(*bus as u8)).is_empty());
+    unused
+        .filter(|(_, section)| section.source != BusSource::Push)
+        .map(|(_, section)| format!("bus {}: no board and no gauge is on it: nothing is read", section.name))
+        .collect()
+}
+
+/// What this build does not have.
+fn left_out_of_the_build() -> Vec<String> {
+    let features = [(cfg!(feature = "sim"), "sim", "the simulated bus and `taxeld demo`")];
+    let absent = features.iter().filter(|(built, ..)| !built);
+    absent.map(|(_, feature, what)| format!("build: {what}: cargo feature `{feature}` is not built in")).collect()
 }

@@ -79,7 +79,7 @@ enum Subcommands {
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
     },
-    /// Validates a configuration and prints what it resolves to.
+    /// Validates a configuration and prints what it resolves to and what it leaves out.
     #[command(
         after_help = "Examples:\n  taxeld check\n  taxeld check --config palm.toml\n  taxeld check --json | jq .problems"
     )]

@@ -4,7 +4,7 @@ use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_skin::BusIndex;
 
 use super::file::Config;
-use super::problem::Faults;
+use super::problem::{Faults, Said};
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
 const FRAME_S: f64 = 111e-6;
@@ -26,7 +26,7 @@ pub fn of_patch(plan: &PatchPlan) -> (f64, f64) {
 }
 
 /// Notes the buses that cannot carry what their patches send at least, and tells of those that are nearly full.
-pub fn judge(config: &Config, plan: &Plan, faults: &mut Faults, remarks: &mut Vec<String>) {
+pub fn judge(config: &Config, plan: &Plan, faults: &mut Faults, said: &mut Said) {
     let least_s = |patch: &PatchPlan| if patch.devices.is_empty() { FRAME_S } else { EMPTY_FRAME_S };
     for (bus, section) in config.bus.iter().enumerate() {
         let on_bus = |patch: &&PatchPlan| patch.pushed.is_none() && patch.patch.is_on(BusIndex(bus as u8));
@@ -37,7 +37,7 @@ pub fn judge(config: &Config, plan: &Plan, faults: &mut Faults, remarks: &mut Ve
             let key = patch.map_or_else(String::new, |patch| config.patch_key(patch.patch.name()) + ".period_ms");
             faults.note(&key, format!("{told}: raise period_ms, or put boards on another bus"));
         } else if share >= CROWDED_FROM {
-            remarks.push(format!("{told}: frames will be late; a greater period_ms leaves room"));
+            said.remarks.push(format!("{told}: frames will be late; a greater period_ms leaves room"));
         }
     }
 }

@@ -13,7 +13,7 @@ use super::dbc::DbcFile;
 use super::file::{BusSource, Config, beside};
 use super::limits::{fit_options, gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaFactorWord, AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
-use super::problem::Faults;
+use super::problem::{Faults, Said};
 use crate::files::read_any_text;
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.
@@ -31,7 +31,7 @@ pub fn patch_plan(
     config: &Config,
     section: &PatchSection,
     path: &Path,
-    (faults, said): (&mut Faults, &mut Vec<String>),
+    (faults, said): (&mut Faults, &mut Said),
 ) -> Option<PatchPlan> {
     let name = &section.name;
     if name.is_empty() || name.len() > 64 || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') {
@@ -58,11 +58,11 @@ pub fn patch_plan(
     let bus = bus?;
     let push = push(config, section, bus, faults);
     let Skin { patch, devices, setups, geometry, areas } = skin(section, file.as_ref(), bus, (path, faults))?;
-    let mut remarks = remarks(section, &patch, devices.is_empty());
-    remarks.extend(geometry.iter().flat_map(|g| &g.remarks).map(|remark| format!("geometry: {remark}")));
-    let outputs = outputs(section, geometry.as_ref(), &mut remarks);
-    said.extend(remarks.into_iter().map(|remark| format!("{name}: {remark}")));
-    let follow = section.follow_drift && !is_padless(&patch);
+    said.remarks.extend(geometry.iter().flat_map(|g| &g.remarks).map(|r| format!("{name}: geometry: {r}")));
+    let outputs = outputs(section, geometry.as_ref(), said);
+    let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
+    tell(section, (devices.is_empty(), padless), said);
+    let follow = section.follow_drift && !padless;
     Some(PatchPlan {
         areas,
         area_uncertainty: area_uncertainty(section, faults),
@@ -100,24 +100,29 @@ fn dbc_file(array: &ArraySection, path: &Path, faults: &mut Faults) -> Option<Db
     faults.take("array.dbc", read)
 }
 
-/// What a user should know of a patch with which nothing is wrong.
-fn remarks(section: &PatchSection, patch: &Patch, is_of_boards: bool) -> Vec<String> {
-    let mut found = Vec::new();
+/// What the patch leaves out, and what a user should know.
+fn tell(section: &PatchSection, (of_boards, padless): (bool, bool), said: &mut Said) {
+    let name = &section.name;
+    let mut leave_out = |why: &str| said.left_out.push(format!("{name}: {why}"));
     if section.gauge.is_none() {
-        found.push("there is no gauge, so no pressure to calibrate with".to_owned());
+        leave_out("calibration: there is no gauge, so no pressure to fit to");
     }
-    if section.follow_drift && is_padless(patch) {
-        found.push("follow_drift: no module has a thermal pad, so nothing tells the drift".to_owned());
+    if !section.tare_at_start {
+        leave_out("zero after start: tare_at_start is off, so a tare must be asked for");
     }
-    if section.period_ms < CONVERSION_MS && is_of_boards {
+    if section.listen_only {
+        leave_out("board bring-up: listen_only sends nothing");
+    }
+    if !section.follow_drift {
+        leave_out("following of thermal drift: follow_drift is off");
+    } else if padless {
+        leave_out("following of thermal drift: no module has a thermal pad");
+    }
+    if section.period_ms < CONVERSION_MS && of_boards {
         let period = section.period_ms;
-        found.push(format!("the converter needs 36.9 ms a scan: at {period} ms old values are repeated"));
+        said.remarks
+            .push(format!("{name}: the converter needs 36.9 ms a scan: at {period} ms old values are repeated"));
     }
-    found
-}
-
-fn is_padless(patch: &Patch) -> bool {
-    patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty())
 }
 
 /// Whether the scans of a patch are pushed, which its bus must say, too.
@@ -230,21 +235,27 @@ fn area_uncertainty(section: &PatchSection, faults: &mut Faults) -> f64 {
     faults.range("area_uncertainty", stated, 0.0, 1.0)
 }
 
-fn outputs(section: &PatchSection, geometry: Option<&Geometry>, remarks: &mut Vec<String>) -> Outputs {
+fn outputs(section: &PatchSection, geometry: Option<&Geometry>, said: &mut Said) -> Outputs {
+    let asked = |word| section.outputs.contains(&word);
     let directed = geometry.is_some_and(|g| g.normals == NormalsVerdict::Usable);
-    let mut decide = |word, possible: bool| {
-        let asked = section.outputs.contains(&word);
-        if asked && !possible {
-            let lacks = if geometry.is_some() { "the geometry has no usable normals" } else { "there is no geometry" };
-            remarks.push(format!("outputs: no {word:?}: {lacks}").to_lowercase());
+    let lacks = if geometry.is_some() { "the geometry has no usable normals" } else { "there is no geometry" };
+    let mut decide = |word, what: &str, possible: bool| {
+        let computed = asked(word) && possible;
+        let why = match (asked(word), possible) {
+            (true, _) => lacks.to_owned(),
+            (false, true) => "not asked for in outputs".to_owned(),
+            (false, false) => format!("not asked for in outputs, and {lacks}"),
+        };
+        if !computed {
+            said.left_out.push(format!("{}: {what}: {why}", section.name));
         }
-        asked && possible
+        computed
     };
     Outputs {
-        resultant: decide(OutputWord::Resultant, directed),
-        moment: decide(OutputWord::Moment, directed),
-        contacts: decide(OutputWord::Contacts, geometry.is_some()),
-        fill: decide(OutputWord::Fill, geometry.is_some()),
+        resultant: decide(OutputWord::Resultant, "resultant", directed),
+        moment: decide(OutputWord::Moment, "moment and centre of pressure", directed),
+        contacts: decide(OutputWord::Contacts, "contacts", geometry.is_some()),
+        fill: decide(OutputWord::Fill, "fill of excluded taxels", geometry.is_some()),
     }
 }
 

@@ -8,6 +8,15 @@ use taxel_skin::printable;
 /// After so many problems no more are looked for.
 pub const PROBLEMS_MAX: usize = 100;
 
+/// What a user should know of a configuration with which nothing is wrong.
+#[derive(Clone, Debug, Default)]
+pub struct Said {
+    /// What is left out and why, a line each.
+    pub left_out: Vec<String>,
+    /// What else, a line each.
+    pub remarks: Vec<String>,
+}
+
 /// One problem. What of the file is in its texts is written out where it is no printable character: a problem is one line, and
 /// changes no terminal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]

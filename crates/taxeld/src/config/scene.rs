@@ -1,4 +1,4 @@
-//! From the file to the plan: the one check of all values and of all that they refer to.
+//! From the file to the plan: the one check of all values and of all that they refer to, and what the scene leaves out.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::file::{BusSection, BusSource, Config, SharedMemorySection};
 use super::listen::{Doors, doors};
 use super::log_filter::log_filter;
 use super::patch::patch_plan;
-use super::problem::Faults;
+use super::problem::{Faults, Said};
 
 /// Smallest budget of recordings, in MB: less than a few files make no recording.
 const RECORD_MB_MIN: u64 = 16;
@@ -23,8 +23,8 @@ pub struct Scene {
     pub plan: Plan,
     /// Where the service listens, and who may do what.
     pub doors: Doors,
-    /// What a user should know, a line each.
-    pub remarks: Vec<String>,
+    /// What a user should know.
+    pub said: Said,
 }
 
 /// Resolves a configuration, whose path is for files relative to it. What is wrong is noted, all of it; then there is no scene.
@@ -51,7 +51,7 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
         shared_memory(section, doors.ruled.then_some(&doors.rules), faults);
     }
     let plan = Plan { buses: config.bus.len(), patches: Vec::new() };
-    let mut scene = Scene { plan, doors, remarks: Vec::new() };
+    let mut scene = Scene { plan, doors, said: Said::default() };
     if config.patch.is_empty() {
         faults.note("patch", "there is no [[patch]]: at least one is needed");
     }
@@ -61,12 +61,12 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
             if is_twice {
                 faults.note("name", "it is there twice");
             }
-            patch_plan(config, section, path, (faults, &mut scene.remarks))
+            patch_plan(config, section, path, (faults, &mut scene.said))
         });
         scene.plan.patches.extend(plan);
     }
     conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&key_of(config, conflict), conflict));
-    bus_load::judge(config, &scene.plan, faults, &mut scene.remarks);
+    bus_load::judge(config, &scene.plan, faults, &mut scene.said);
     faults.is_empty().then_some(scene)
 }
 
