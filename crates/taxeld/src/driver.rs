@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::audit::Asked;
-use taxel_engine::calibration::{Direction, SessionState};
+use taxel_engine::calibration::{Direction, SessionState, SessionView};
 use taxel_engine::command::{Command, ErrorReason, Rejection, Reply, RequestId};
 use taxel_engine::events::EventWatch;
 use taxel_engine::plan::Plan;
@@ -21,14 +21,13 @@ use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::Time;
 use taxel_store::{Batch, OnDurable, Store, StoreEvent};
 use taxel_wire::Frame;
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
 use crate::audit::Auditor;
 use crate::bus::BATCHES_WAITING_MAX;
 use crate::clock::RunClock;
 use crate::queues::{Action, BusBatch, Done, Queues, TellDone};
-use crate::set_loads::SetLoads;
 use crate::shared_memory::Pages;
 
 /// Batches taken at once after a stall, so that not even a bus that never pauses puts the next tick off for ever. The
@@ -85,13 +84,14 @@ pub struct Driver {
     engine: Engine,
     clock: RunClock,
     publisher: Publisher,
-    pages: Pages,
-    /// The state of each patch's session as it was last logged.
-    logged: Vec<Option<(u64, SessionState)>>,
-    /// What each patch's session is at.
-    stages: Vec<Option<Stage>>,
+    /// Written as well.
+    pub pages: Pages,
+    /// Each patch's session.
+    sessions: Vec<Option<Arc<SessionView>>>,
     store: Store,
-    set_loads: SetLoads,
+    /// Whose turn it is to read a model set: the text of one may have 16 MB and takes five times that while it is read, and a
+    /// patch each may ask at once.
+    set_turn: Arc<Semaphore>,
     /// One queue of frames to send per bus; a full one loses the frame, which the bring-up's proof then shows.
     buses: Vec<mpsc::Sender<Frame>>,
     waiting: HashMap<RequestId, Waiting>,
@@ -103,7 +103,7 @@ pub struct Driver {
     events: EventWatch,
     out: Vec<Output>,
     /// What the sessions are at, for whoever plays the operator's hand.
-    session_state: Option<watch::Sender<Option<Stage>>>,
+    pub session_state: Option<watch::Sender<Option<Stage>>>,
 }
 
 impl Driver {
@@ -121,13 +121,12 @@ impl Driver {
         let patches = plan.patches.iter().map(|plan| plan.patch.name());
         Self {
             events: EventWatch::new(patches, &active),
-            logged: vec![None; plan.patches.len()],
-            stages: vec![None; plan.patches.len()],
+            sessions: vec![None; plan.patches.len()],
             engine: Engine::new(plan, restored),
             clock,
             publisher,
             pages: Pages::default(),
-            set_loads: SetLoads::new(store.reader(), tell_done.clone()),
+            set_turn: Arc::new(Semaphore::new(1)),
             store,
             buses,
             waiting: HashMap::new(),
@@ -138,18 +137,6 @@ impl Driver {
             out: Vec::new(),
             session_state: None,
         }
-    }
-
-    /// Also tells what the newest session is at.
-    pub fn telling(mut self, session_state: watch::Sender<Option<Stage>>) -> Self {
-        self.session_state = Some(session_state);
-        self
-    }
-
-    /// Also writes these pages.
-    pub fn writing(mut self, pages: Pages) -> Self {
-        self.pages = pages;
-        self
     }
 
     /// Takes the engine's first step now, so that whoever asks before its task has a turn is told what the store has.
@@ -316,37 +303,26 @@ impl Driver {
     /// That somebody asked for this is on disk, or cannot be. What was true when they asked ("nothing touches the skin") may not
     /// be any more where the disk took its time.
     fn take_asked(&mut self, request: RequestId, command: Command, written: Result<(), String>) {
+        let Some(waiting) = self.waiting.remove(&request) else { return };
+        let waited = self.clock.now().time.since(waiting.since);
         match written {
-            Ok(()) => match self.waiting.get(&request).map(|waiting| self.too_late(waiting)) {
-                Some(None) => self.step(Input::Command(request, command)),
-                Some(Some(why)) => self.refuse_late(request, why),
-                None => {}
-            },
-            Err(why) => {
-                if let Some(waiting) = self.waiting.remove(&request) {
-                    let _ = waiting.reply.send(Err(unwritten(&why))); // the client may have gone
-                }
+            Err(why) => drop(waiting.reply.send(Err(unwritten(&why)))), // the client may have gone
+            Ok(()) if !waiting.reply.is_closed() && waited <= LATE_AFTER => {
+                self.waiting.insert(request, waiting);
+                self.step(Input::Command(request, command));
+            }
+            Ok(()) => {
+                let seconds = waited.as_secs_f64();
+                let why = format!(
+                    "it took {seconds:.1} s to write down who asked for it, and nothing is done so late: ask again"
+                );
+                tracing::warn!(%why, "a command was not done");
+                let refused = Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
+                let patch = waiting.patch.unwrap_or_default();
+                let row = self.audit.answered(request, self.clock.now().wall_ns, &patch, &refused);
+                self.note_refusals(vec![row], vec![(waiting.reply, refused)]);
             }
         }
-    }
-
-    /// Why something that takes effect at once is not done any more, if it was asked for too long ago.
-    fn too_late(&self, waiting: &Waiting) -> Option<String> {
-        let waited = self.clock.now().time.since(waiting.since);
-        let seconds = waited.as_secs_f64();
-        let late = waiting.reply.is_closed() || waited > LATE_AFTER;
-        late.then(|| {
-            format!("it took {seconds:.1} s to write down who asked for it, and nothing is done so late: ask again")
-        })
-    }
-
-    fn refuse_late(&mut self, request: RequestId, why: String) {
-        let Some(Waiting { reply, patch, .. }) = self.waiting.remove(&request) else { return };
-        tracing::warn!(%why, "a command was not done");
-        let refused = Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
-        let patch = patch.unwrap_or_default();
-        let row = self.audit.answered(request, self.clock.now().wall_ns, &patch, &refused);
-        self.note_refusals(vec![row], vec![(reply, refused)]);
     }
 
     fn take_done(&mut self, done: Done) {

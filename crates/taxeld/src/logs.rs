@@ -1,26 +1,33 @@
 //! Where the log goes and what it looks like. On a terminal it has colours; under the journal it has no time of its own,
 //! because the journal notes one.
 
-use std::io::{self, IsTerminal, Stderr, Write};
+use std::io::{self, IsTerminal, Write};
 use std::os::unix::fs::MetadataExt;
 use std::sync::OnceLock;
 
 use tracing_appender::non_blocking::{ErrorCounter, NonBlocking, NonBlockingBuilder, WorkerGuard};
+use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::writer::BoxMakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Layer, Registry, fmt, reload};
+use tracing_subscriber::{EnvFilter, Layer, fmt};
 
 use taxel_skin::printable;
 
-use crate::config::log_filter;
 use crate::say;
 
 /// What is logged unless somebody says otherwise.
 const FILTER: &str = "info";
 
-/// The variable that decides over the configuration.
+/// The variable that says otherwise.
 const VARIABLE: &str = "RUST_LOG";
+
+/// Before whatever filter there is these say errors alone: they warn of each frame and connection that a client spoils, as often
+/// as it likes. What the service itself says of that is bounded (`taxel-rpc/src/refusals.rs`). A filter that names them decides.
+const LIBRARIES: [&str; 6] = ["h2", "hyper", "hyper_util", "rustls", "tonic", "tower"];
+
+/// What the names of our own crates begin with.
+const OURS: &str = "taxel";
 
 /// So much of a filter that is not used is shown.
 const FILTER_CHARS_MAX: usize = 100;
@@ -37,9 +44,6 @@ pub enum LogFormat {
     /// One JSON object a line.
     Json,
 }
-
-/// The way to the filter of the running process.
-static FILTERING: OnceLock<reload::Handle<EnvFilter, Registry>> = OnceLock::new();
 
 /// Counts the lines for which there was no room.
 static DROPPED: OnceLock<ErrorCounter> = OnceLock::new();
@@ -72,14 +76,15 @@ impl Log {
 pub fn start(format: LogFormat, writes: Writes) -> Log {
     let queue = (writes == Writes::Thread).then(|| {
         let queue = NonBlockingBuilder::default().lossy(true).buffered_lines_limit(WAITING_LINES_MAX);
-        let (queue, guard) = queue.thread_name("log").finish(Lines::to(io::stderr()));
+        let (queue, guard) = queue.thread_name("log").finish(Lines::default());
         let _ = DROPPED.set(queue.error_counter()); // called once
         (queue, guard)
     });
-    let decided = decided();
-    let filter = decided.as_ref().ok().cloned().flatten().and_then(|text| log_filter(&text).ok());
-    let filter = filter.or_else(|| log_filter(FILTER).ok()).unwrap_or_default();
-    let (filter, handle) = reload::Layer::new(filter);
+    let wanted = std::env::var_os(VARIABLE).map(|text| text.to_string_lossy().into_owned());
+    let wanted = wanted.filter(|text| !text.trim().is_empty());
+    let filter = wanted.as_deref().and_then(filter_of);
+    let unused = wanted.filter(|_| filter.is_none());
+    let filter = filter.or_else(|| filter_of(FILTER)).unwrap_or_default();
     let writer = match &queue {
         Some((queue, _)) => BoxMakeWriter::new(queue.clone()),
         None => BoxMakeWriter::new(io::stderr),
@@ -92,82 +97,50 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
         (LogFormat::Json, true) => lines.json().without_time().boxed(),
     };
     tracing_subscriber::registry().with(filter).with(lines).init();
-    let _ = FILTERING.set(handle); // called once
-    if let Err(why) = decided {
-        tracing::warn!("{why}");
+    if let Some(text) = unused {
+        let shown = printable(say::short(&text, FILTER_CHARS_MAX).as_str());
+        tracing::warn!(
+            "{VARIABLE} = \"{shown}\" is not used, but \"{FILTER}\": expected off, error, warn, info, debug or trace, or targets \
+             with such levels, as in \"taxel_rpc=debug,info\""
+        );
     }
     Log(queue)
 }
 
 /// Writes the lines of the queue, and tells how many were dropped once no more are.
-struct Lines<W> {
-    to: W,
+#[derive(Default)]
+struct Lines {
     /// Dropped when a line was last written.
     seen: usize,
     /// Dropped when it was last told.
     told: usize,
 }
 
-impl Lines<Stderr> {
-    fn to(to: Stderr) -> Self {
-        Self { to, seen: 0, told: 0 }
-    }
-}
-
-impl<W> Lines<W> {
-    /// How many were dropped since it was told last, where there are any and no more came since the last line.
-    fn new_loss(&mut self, dropped: usize) -> Option<usize> {
-        let settled = std::mem::replace(&mut self.seen, dropped) == dropped && dropped > self.told;
-        settled.then(|| dropped - std::mem::replace(&mut self.told, dropped))
-    }
-}
-
-impl<W: Write> Write for Lines<W> {
+impl Write for Lines {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let dropped = DROPPED.get().map_or(0, ErrorCounter::dropped_lines);
-        if let Some(lines) = self.new_loss(dropped) {
+        if std::mem::replace(&mut self.seen, dropped) == dropped && dropped > self.told {
+            let lines = dropped - std::mem::replace(&mut self.told, dropped);
             tracing::warn!("{lines} lines of the log were dropped, since nobody read them"); // comes last in the queue
         }
-        self.to.write(bytes)
+        io::stderr().write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.to.flush()
+        io::stderr().flush()
     }
 }
 
-/// The filter of the variable; nothing where it is not set, or empty.
-///
-/// # Errors
-/// What is wrong with it.
-fn decided() -> Result<Option<String>, String> {
-    let Some(value) = std::env::var_os(VARIABLE) else { return Ok(None) };
-    let text = value.to_string_lossy();
-    if text.trim().is_empty() {
-        return Ok(None);
-    }
-    let unused = |why: String| {
-        let shown = printable(say::short(&text, FILTER_CHARS_MAX).as_str());
-        format!("{VARIABLE} = \"{shown}\" of the environment is not used, but `log.filter` of the configuration: {why}")
+/// The filter that a text is: none where all but a misspelt level would be silent.
+fn filter_of(text: &str) -> Option<EnvFilter> {
+    // A level that is misspelt is a target, and all else would not be logged.
+    let is_known = |word: &str| {
+        let is_level = !word.is_empty() && word.parse::<LevelFilter>().is_ok();
+        is_level || word.contains(['=', '[']) || word.starts_with(OURS)
     };
-    log_filter(&text).map_err(unused)?;
-    Ok(Some(text.into_owned()))
-}
-
-/// Logs what this filter lets through from now on, unless `RUST_LOG` decides. Gives what applies now.
-///
-/// # Errors
-/// What is wrong with the filter; nothing has changed then.
-pub fn filter(wanted: Option<&str>) -> Result<String, String> {
-    if let Ok(Some(decided)) = decided() {
-        return Ok(format!("`{decided}`, which {VARIABLE} decides"));
-    }
-    let wanted = wanted.unwrap_or(FILTER);
-    let filter = log_filter(wanted)?; // of a configuration that was checked
-    if let Some(handle) = FILTERING.get() {
-        handle.reload(filter).map_err(|error| error.to_string())?;
-    }
-    Ok(format!("`{wanted}`"))
+    let libraries: String = LIBRARIES.iter().map(|library| format!("{library}=error,")).collect();
+    let filter = EnvFilter::try_new(format!("{libraries}{text}")).ok()?;
+    text.split(',').map(str::trim).any(is_known).then_some(filter)
 }
 
 /// Whether standard error is the journal's: it names its device and its number.
@@ -183,9 +156,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_that_were_dropped_are_told_once_no_more_are() {
-        let mut lines = Lines { to: io::sink(), seen: 0, told: 0 };
-        let told = [0, 3, 7, 7, 7, 9, 9].map(|dropped| lines.new_loss(dropped));
-        assert_eq!(told, [None, None, None, Some(7), None, None, Some(2)]);
+    fn libraries_warn_of_nothing_unless_the_filter_names_them_and_what_is_no_level_is_refused() {
+        let shown = |text: &str| filter_of(text).unwrap().to_string();
+        assert!(shown("info").contains("h2=error"));
+        assert!(shown("h2=debug,info").contains("h2=debug") && !shown("h2=debug,info").contains("h2=error"));
+        for text in ["wran", "", " , ", "warn,taxeld=nonsense[[", "taxeld=wran"] {
+            assert!(filter_of(text).is_none(), "{text:?}");
+        }
+        for text in ["WARN", "off", "4", "taxel_rpc", "taxeld::bus", "tonic,info", "mio=trace,", "[span]=info"] {
+            assert!(filter_of(text).is_some(), "{text:?}");
+        }
     }
 }

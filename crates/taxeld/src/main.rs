@@ -4,7 +4,6 @@
 mod say;
 
 mod audit;
-mod audit_log;
 mod backend;
 mod bus;
 mod check;
@@ -21,13 +20,11 @@ mod force_file;
 mod log_words;
 mod logs;
 mod missing;
-mod obstacles;
 mod offline;
 mod open_log;
 mod output;
 mod page;
 mod pages;
-mod parts;
 mod queues;
 mod record;
 mod reload;
@@ -35,8 +32,6 @@ mod replay;
 mod run;
 mod runtime;
 mod scan;
-mod serving;
-mod set_loads;
 mod setup;
 mod shared_memory;
 #[cfg(feature = "sim")]
@@ -47,7 +42,6 @@ mod store_at;
 mod store_command;
 mod systemd;
 mod tasks;
-mod threads;
 mod upkeep;
 mod values;
 
@@ -66,7 +60,7 @@ use config::{Config, Scene};
 #[command(name = "taxeld", version)]
 struct Cli {
     /// What a line of the log on standard error looks like. RUST_LOG says what is logged, for example "warn",
-    /// "taxel_rpc=debug,info"; without it `log.filter` of the configuration does, else "info".
+    /// "taxel_rpc=debug,info"; without it "info".
     #[arg(long, global = true, value_enum, default_value_t)]
     log_format: logs::LogFormat,
     #[command(subcommand)]
@@ -93,7 +87,7 @@ enum Subcommands {
         /// Configuration.
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
-        /// Print what is wrong with it as JSON: code, file, line, key, value, what was expected; and what this machine lacks.
+        /// Print what is wrong with it as JSON: file, line, key, value, what was expected; and what this machine lacks.
         #[arg(long)]
         json: bool,
     },

@@ -34,7 +34,7 @@ async fn tidy(handle: &Handle, size: &Reader, most_bytes: u64) {
     let mut held = held(&handle.stored());
     while size_of(size).await.is_some_and(|bytes| bytes > most_bytes)
         && let Some(session) = session_to_go(&held)
-        && delete(handle, Command::DeleteSession { session }).await
+        && delete(handle, session).await
     {
         tracing::info!(session, "deleted: more is stored than store.keep_mb");
         held.sessions.retain(|view| view.number != session);
@@ -53,8 +53,8 @@ fn held(catalogue: &Catalogue) -> Restored {
 }
 
 /// Whether the engine has deleted it.
-async fn delete(handle: &Handle, command: Command) -> bool {
-    match handle.ask(command).await {
+async fn delete(handle: &Handle, session: u64) -> bool {
+    match handle.ask(Command::DeleteSession { session }).await {
         Some(Ok(_)) => true,
         Some(Err(reason)) => {
             tracing::debug!(%reason, "not deleted, although more is there than is to be kept");
@@ -144,8 +144,7 @@ mod tests {
     #[allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
     async fn running(database: &Path) -> Running {
         let path = Path::new("demo_config.toml");
-        let config = config::parse(path, include_str!("demo_config.toml")).unwrap();
-        let plan = Arc::new(config::resolve(&config, path).unwrap().plan);
+        let plan = Arc::new(config::examine_text(path, include_str!("demo_config.toml")).unwrap().1.plan);
         let cancel = CancellationToken::new();
         let clocks = Clocks { run: Arc::new(|| RunClock::Live.now().time), process: RunClock::Live.of_process() };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
@@ -155,13 +154,13 @@ mod tests {
         let (to_bus, sent) = mpsc::channel(64);
         let (frames, batches) = mpsc::channel(4);
         let driver = Driver::new(plan, restored, RunClock::Live, publisher, (store, tell_done), vec![to_bus]);
-        let end = tokio::spawn(driver.run(Queues::new(batches, commands, done), cancel.clone()));
+        let end = tokio::spawn(driver.run(Queues { batches, pushed: None, commands, done }, cancel.clone()));
         handle.first_turn().await;
         Running { handle, size, cancel, end, _ends: (sent, frames) }
     }
 
     #[tokio::test]
-    async fn while_the_daemon_runs_what_is_beyond_the_limits_goes_and_what_is_in_use_or_newest_stays() {
+    async fn while_the_daemon_runs_the_oldest_sessions_beyond_the_limits_go() {
         let folder = tempfile::tempdir().unwrap();
         let database = folder.path().join("store.db");
         let (store, ..) = Store::open(&database, Box::new(|_| ())).unwrap();

@@ -31,9 +31,6 @@ pub struct Config {
     pub shared_memory: Option<SharedMemorySection>,
     /// Recordings; none without it.
     pub record: Option<RecordSection>,
-    /// The log.
-    #[serde(default)]
-    pub log: LogSection,
     /// The buses; a patch names one of them.
     pub bus: Vec<BusSection>,
     /// The patches.
@@ -183,14 +180,6 @@ fn two_gigabytes() -> u64 {
     2048
 }
 
-/// `[log]`
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LogSection {
-    /// What is logged, as `RUST_LOG` says it, which decides where it is set.
-    pub filter: Option<String>,
-}
-
 /// `[[bus]]`
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -203,13 +192,8 @@ pub struct BusSection {
     /// The network interface, for `socketcan`; in a replay, the interface of the log.
     pub interface: Option<String>,
     /// Seed of the simulated skin, for `sim`.
-    #[serde(default = "one")]
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
-    pub seed: u64,
-}
-
-fn one() -> u64 {
-    1
+    pub seed: Option<u64>,
 }
 
 /// Where frames come from.
