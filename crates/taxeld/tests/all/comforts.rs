@@ -42,7 +42,7 @@ fn completions_and_manual_pages_come_from_the_command_line_itself() {
     let man = folder.path().join("man");
     succeeds(&taxeld(&["man", "--out", man.to_str().unwrap()]));
     let page = std::fs::read_to_string(man.join("taxeld-watch.1")).unwrap();
-    assert!(page.contains("uncertainty") && page.contains("\\-\\-csv"), "{page}");
+    assert!(page.contains("uncertainty") && page.contains("\\-\\-once"), "{page}");
     assert!(man.join("taxeld-models-show.1").exists());
 }
 
