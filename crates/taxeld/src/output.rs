@@ -43,18 +43,6 @@ impl Output {
         Ok(Self(BufWriter::with_capacity(BUFFER_BYTES, to)))
     }
 
-    /// The file itself, for a format that writes it on its own.
-    ///
-    /// # Errors
-    /// The system's reason, or that it is the standard output.
-    pub fn file(&self) -> io::Result<File> {
-        match self.0.get_ref() {
-            To::Standard(_) => Err(io::Error::other("the standard output is no file of its own")),
-            To::Open(file) => file.try_clone(),
-            To::Part(part, _) => part.as_file().try_clone(),
-        }
-    }
-
     /// It is whole: puts a file in its place, once it is on the disk.
     ///
     /// # Errors

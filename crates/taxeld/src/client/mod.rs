@@ -11,8 +11,6 @@ mod calibrate;
 mod connect;
 mod events;
 mod export;
-mod export_mcap;
-mod exported;
 mod failure;
 mod health;
 mod json;

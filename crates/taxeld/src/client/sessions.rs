@@ -63,9 +63,9 @@ enum SessionsCommand {
         #[arg(value_name = "SESSION", required = true, value_parser = clap::value_parser!(u64).range(1..))]
         sessions: Vec<u64>,
     },
-    /// Writes the samples of a session: as a table that `taxel-lab fit` reads, or as MCAP.
+    /// Writes the samples of a session as a table that `taxel-lab fit` reads.
     #[command(
-        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxel-lab fit - --order auto --patch left_forearm --out models.json"
+        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 | taxel-lab fit - --order auto --patch left_forearm --out models.json"
     )]
     Export(ExportArgs),
 }
