@@ -15,6 +15,7 @@ mod failure;
 mod health;
 mod json;
 mod load;
+mod model_set;
 mod models;
 mod places;
 mod recalibrate;
@@ -22,8 +23,6 @@ mod refit;
 mod sessions;
 mod table;
 mod tare;
-mod text;
-mod use_set;
 mod watch;
 
 use std::process::ExitCode;

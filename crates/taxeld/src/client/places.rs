@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use taxel_proto::v1::{ModuleName, Skin};
+use taxel_proto::v1::Skin;
 
 /// Most places that one line names.
 const PLACES_MAX: usize = 6;
@@ -51,13 +51,6 @@ impl Places {
             words.push(format!("taxel {}", elsewhere.join(", ")));
         }
         words.join("; ")
-    }
-
-    /// Whether a taxel belongs to one of these modules.
-    pub fn is_in(&self, taxel: u32, modules: &[ModuleName]) -> bool {
-        let place = self.taxels.get(taxel as usize);
-        place
-            .is_some_and(|(board, module, _)| modules.iter().any(|name| (name.board, name.module) == (*board, *module)))
     }
 
     fn module(&self, module: (u32, u32), taxels: &[u32]) -> String {

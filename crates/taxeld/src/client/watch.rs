@@ -11,7 +11,7 @@ use taxel_proto::v1::ForceSample;
 use super::connect::Server;
 use super::failure::{Failure, Outcome};
 use super::json;
-use super::text::style;
+use super::table::style;
 
 /// How often a line on a terminal is drawn, and how often a silent stream is noticed.
 const LOOK_EVERY: Duration = Duration::from_millis(100);

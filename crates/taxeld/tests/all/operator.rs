@@ -202,10 +202,10 @@ fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
     demo.succeeds(&["models", "export", "--out", file]);
     let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
     assert!(demo.succeeds(&["models", "import", file]).contains(&id));
-    assert!(demo.refused(&["models", "delete", &id]).contains("in use"));
+    assert!(demo.refused(&["models", "delete", &id, "--yes"]).contains("in use"));
     assert!(demo.refused(&["sessions", "show", "7"]).contains("no session 7"));
     let printed = demo.until_good(&["calibrate", "--target", "30", "--yes"]);
-    assert!(printed.contains(&format!("against {id}")), "{printed}");
+    assert!(printed.contains(&format!("; {id}, in use until now, has ")), "{printed}");
     // As in `taxeld watch --json | head -1`: it ends by itself and says nothing.
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     command.args(["watch", "--json", "--server", &demo.server]).stdout(Stdio::piped()).stderr(Stdio::piped());
