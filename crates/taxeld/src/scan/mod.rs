@@ -25,7 +25,6 @@ use survey::Survey;
 #[derive(Debug, clap::Args)]
 pub struct ScanArgs {
     /// A candump log, plain or .gz, or a recording (.mcap), in place of a bus; `-` is the standard input.
-    #[arg(required_unless_present = "interface")]
     log: Option<PathBuf>,
     /// The network interface; with a log, the interface of its frames.
     #[arg(long)]
@@ -56,9 +55,10 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         say::step_aside();
     }
     let (survey, interface) = crate::runtime::runtime()?.block_on(async {
-        match args.log.clone() {
-            Some(log) => of_log(&files::named(log), args.interface.clone()).await,
-            None => of_bus(args.interface.clone().unwrap_or_default(), args.seconds).await,
+        match (args.log.clone(), args.interface.clone()) {
+            (Some(log), interface) => of_log(&files::named(log), interface).await,
+            (None, Some(interface)) => of_bus(interface, args.seconds).await,
+            (None, None) => bail!("say what to listen to: --interface can0, or a log"),
         }
     })?;
     say!("{}", words::text(&survey));
