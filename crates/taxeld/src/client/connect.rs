@@ -51,11 +51,6 @@ pub struct Daemon {
 }
 
 impl Server {
-    /// The patch that was named, if one was.
-    pub fn patch(&self) -> Option<&str> {
-        Some(self.patch.as_str()).filter(|patch| !patch.is_empty())
-    }
-
     /// Opens the connection.
     ///
     /// # Errors

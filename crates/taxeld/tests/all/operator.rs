@@ -119,7 +119,11 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     demo.succeeds(&["models", "delete", &id, "--yes"]);
     demo.until_good(&["calibrate", "--target", "30"]); // without --yes it ends in review
     let refused = demo.refused(&["sessions", "delete", "1"]);
-    assert!(refused.contains("is not in use yet") && refused.contains("taxeld sessions delete 1 --yes"), "{refused}");
+    assert!(
+        refused.contains("delete session 1 of left_forearm (REVIEW)")
+            && refused.contains("taxeld sessions delete 1 --yes"),
+        "{refused}"
+    );
     demo.succeeds(&["sessions", "delete", "1", "--yes"]);
     assert!(demo.refused(&["sessions", "delete", "1"]).contains("no session 1"));
 }
@@ -278,8 +282,7 @@ fn a_force_that_is_long_on_its_way_is_told_as_old_as_it_is() {
     let demo = Demo::start(&[]);
     demo.until_good(&["watch", "--once"]);
     let slow = slow_line(demo.server.clone(), Duration::from_millis(300));
-    // The daemon's own limit holds: nobody asks for an older force.
-    demo.refused(&["watch", "--once", "--max-age", "5000", "--server", &slow]);
+    demo.refused(&["watch", "--once", "--server", &slow]);
     let printed = text(&demo.command(&["watch", "--json", "--count", "1", "--server", &slow]).stdout);
     let sample: serde_json::Value = serde_json::from_str(&printed).unwrap();
     assert!(sample["ageS"].as_f64().unwrap() >= 0.3, "{printed}");
