@@ -45,16 +45,9 @@ pub struct WatchArgs {
     /// End after so many samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
-    /// Values older than this are rejected, in ms, where the daemon's own limit (max_age_s) is not stricter.
-    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..))]
-    max_age: Option<u64>,
 }
 
 impl WatchArgs {
-    fn age_max(&self) -> Option<Duration> {
-        self.max_age.map(Duration::from_millis)
-    }
-
     fn rate_hz(&self) -> Option<f64> {
         let people = !self.json && !self.once;
         self.rate.or(people.then_some(10.0))
@@ -80,7 +73,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
                 let Some(received) = received? else {
                     return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream")));
                 };
-                let judged = Judged::new(received, Moment::now(), args.age_max());
+                let judged = Judged::new(received, Moment::now());
                 seen += 1;
                 let good = judged.force.is_ok();
                 if !args.once || good {
@@ -117,15 +110,14 @@ fn verdict(newest: Option<Judged>) -> Outcome {
 #[derive(Clone)]
 struct Judged {
     received: Received,
-    age_max: Option<Duration>,
     age: Option<Duration>,
     /// Or why it is not to be acted on.
     force: Result<Force, NoForce>,
 }
 
 impl Judged {
-    fn new(received: Received, at: Moment, age_max: Option<Duration>) -> Self {
-        Self { age: received.age(at), force: received.force(at, age_max), received, age_max }
+    fn new(received: Received, at: Moment) -> Self {
+        Self { age: received.age(at), force: received.force(at, None), received }
     }
 
     /// The sample with its age by now, and without a force where that is too old to be one.
@@ -139,7 +131,7 @@ impl Judged {
 
     /// The same sample at a later moment.
     fn again(&self, at: Moment) -> Self {
-        Self::new(self.received.clone(), at, self.age_max)
+        Self::new(self.received.clone(), at)
     }
 }
 
@@ -233,7 +225,7 @@ mod tests {
             reasons,
             ..ForceSample::default()
         };
-        Judged::new(Received::now(sample), Moment::now(), None)
+        Judged::new(Received::now(sample), Moment::now())
     }
 
     #[test]
