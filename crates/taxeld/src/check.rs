@@ -94,26 +94,15 @@ fn print(config: &Config, scene: &Scene) {
 }
 
 fn shared_memory(section: &SharedMemorySection) -> String {
-    let SharedMemorySection { path, group } = section;
-    let group = group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
-    let (path, mode) = (path.join("PATCH"), SharedMemorySection::MODE);
-    format!(
-        "shared memory: {} (mode {mode:03o}{group}), a page a patch, for controllers of this machine",
-        path.display()
-    )
+    let group = section.group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
+    let (path, mode) = (section.path.join("PATCH"), SharedMemorySection::MODE);
+    format!("shared memory: {} (mode {mode:03o}{group})", path.display())
 }
 
 fn recordings(section: &RecordSection) -> String {
     let taxels = if section.taxels { ", taxels" } else { "" };
-    format!(
-        "recording: frames, force, events{taxels} in {}, MCAP files of at most {} MB and {} min, {} MB together; {} MB of the disk \
-         are kept free",
-        section.path.display(),
-        section.file_mb(),
-        RecordSection::FILE_MINUTES,
-        section.budget_mb,
-        RecordSection::KEEP_FREE_MB
-    )
+    let (path, budget) = (section.path.display(), section.budget_mb);
+    format!("recording: frames, force, events{taxels} in {path}, {budget} MB of MCAP files at most")
 }
 
 /// Who may do what, a line each.

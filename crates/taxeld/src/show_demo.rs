@@ -1,13 +1,11 @@
 //! What `taxeld demo` shows: the procedure's course, its error table, and then the live service.
 
-use std::io::IsTerminal;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
-use indicatif::ProgressBar;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Outputs, Plan};
 use taxel_rpc::Rules;
@@ -99,16 +97,9 @@ fn scene(fill: bool) -> anyhow::Result<(Config, Scene)> {
 }
 
 fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>> {
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(args.skins) } else { ProgressBar::hidden() };
     let mut outcomes = Vec::new();
     for seed in args.seed..args.seed + args.skins {
-        let begun = Instant::now();
-        let outcome = procedure(plan, seed, &|what| {
-            if begun.elapsed() > Duration::from_secs(1) {
-                bar.set_message(what.to_owned());
-            }
-        })?;
-        bar.inc(1);
+        let outcome = procedure(plan, seed)?;
         let usable = outcome.models.taxels.iter().filter(|model| model.is_usable()).count();
         say!(
             "skin {seed}: ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated ({})",
@@ -120,7 +111,6 @@ fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>>
         );
         outcomes.push(outcome);
     }
-    bar.finish_and_clear();
     Ok(outcomes)
 }
 

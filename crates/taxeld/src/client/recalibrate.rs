@@ -16,10 +16,7 @@ use super::{json, table};
 pub struct RecalibrateArgs {
     #[command(flatten)]
     server: Server,
-    /// Numbers of the loads to take [default: all that were read with the active models].
-    #[arg(long, value_name = "LOAD,...", value_delimiter = ',')]
-    loads: Vec<u64>,
-    /// Numbers of loads not to take.
+    /// Numbers of loads not to take, of all that were read with the active models.
     #[arg(long, value_name = "LOAD,...", value_delimiter = ',')]
     leave_out: Vec<u64>,
     /// Relative standard deviation of what a sound skin reads from place to place, 0.01 to 0.2 [default: 0.03].
@@ -42,7 +39,7 @@ pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
     let daemon = args.server.connect().await?;
     let request = RecalibrateRequest {
         patch: daemon.patch(),
-        loads: args.loads,
+        loads: Vec::new(), // all
         leave_out: args.leave_out,
         place_uncertainty: args.place_uncertainty,
         dry_run: true,

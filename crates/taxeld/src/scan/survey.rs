@@ -64,7 +64,7 @@ impl Survey {
                 board.intervals_s.extend(since.filter(|_| board.intervals_s.len() < INTERVALS_MAX));
             }
             Ok(Message::BoardOverflow { board }) => self.notice(format!("board {board} threw its send queue away")),
-            Ok(Message::Thermometer { board, .. } | Message::FirmwareVersion { board, .. }) => drop(self.board(board)),
+            Ok(Message::Thermometer { .. } | Message::FirmwareVersion { .. }) => {}
             Err(_) => self.other(frame),
         }
     }
@@ -111,23 +111,12 @@ impl Survey {
         self.span.map(|(_, last)| last).unwrap_or_default()
     }
 
-    /// The boards of which a module's whole scan came.
+    /// The boards of which a module's whole scan came: other traffic has their identifiers, too.
     pub fn boards(&self) -> impl DoubleEndedIterator<Item = (BoardAddress, &Board)> {
         self.boards
             .iter()
             .map(|(address, board)| (*address, board))
             .filter(|(_, board)| board.modules().next().is_some())
-    }
-
-    /// Frames like a skin board's without any whole scan: modules, and boards of which there is nothing else.
-    pub fn never_whole(&self) -> Vec<String> {
-        let of = |(address, board): (&BoardAddress, &Board)| {
-            let parts = board.modules.iter().filter(|(_, module)| module.scans == 0);
-            let named: Vec<String> =
-                parts.map(|(number, _)| format!("board {address} module {}", number.get())).collect();
-            if board.modules.is_empty() { vec![format!("board {address}")] } else { named }
-        };
-        self.boards.iter().flat_map(of).collect()
     }
 }
 

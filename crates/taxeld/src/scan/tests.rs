@@ -77,10 +77,10 @@ fn boards_modules_and_faults_are_found_and_the_bag_is_told_from_clocks_constants
     let expected = [
         "board 13: modules 1-2, every 50.0 ms",
         "  module 1: 60 scans, counts 238 to 240; silent at the end for 2.0 s",
-        "  module 2: 100 scans, counts 208 to 255, pressed: triangle or fingertip; stuck values 4",
+        "  module 2: 100 scans, counts 208 to 255; stuck values 4",
         "board 14: modules 0, 8, every 50.0 ms",
         "  module 0: 100 scans, counts 238 to 240; a trouble in its status 1 times",
-        "  module 8: 100 scans, counts 208 to 240, pressed: fingertip or palm-pad11; stuck values 11; a trouble in its status 49 times",
+        "  module 8: 100 scans, counts 208 to 240; stuck values 11; a trouble in its status 49 times",
         "  could be a pressure: signed, 32 bits from bit 16, little endian, in Pa: moves at 0.21 to 20.01 kPa, differential",
         "the bus: 2 x error-warning: many errors on the bus",
     ];
@@ -102,7 +102,7 @@ fn what_was_heard_is_the_beginning_of_a_configuration() {
     let boards: Vec<u8> = plan.patch.boards().iter().map(|board| board.address.get()).collect();
     assert_eq!((boards, plan.period.as_millis()), (vec![14, 13], 50));
     assert!(plan.bring_up.is_empty() && plan.gauge.is_some(), "{text}");
-    assert!(text.contains("address = 14, modules = \"0, 8 palm-pad11\""), "{text}");
+    assert!(text.contains("address = 14, modules = \"0, 8\""), "{text}");
     assert!(text.contains("gauge = { id = 0x3A1, signal = \"16|32@1-\", unit = \"Pa\" }"), "{text}");
 }
 
@@ -117,7 +117,7 @@ fn a_board_without_a_whole_scan_is_no_board() {
         other(&mut survey, t, 0x496, &[0xC0, 1, 0x7C, 0x1F, 0, 0, 0, 0]);
     }
     let text = words::text(&survey);
-    assert!(text.contains("frames like those of board 9 module 6, board 13 module 1, but no whole scan"), "{text}");
+    assert!(text.contains("board 13: modules 2, every") && !text.contains("board 9"), "{text}");
     let beginning = words::beginning(&survey, "can0");
     assert!(beginning.contains("modules = \"2\"") && !beginning.contains("address = 9"), "{beginning}");
 }

@@ -7,7 +7,7 @@ use taxel_wire::CanId;
 
 use super::module::ModuleWatch;
 use super::pressure::Pressure;
-use super::survey::{Board, Survey};
+use super::survey::Survey;
 
 /// A text for people.
 #[must_use]
@@ -26,12 +26,6 @@ pub fn text(survey: &Survey) -> String {
             board.modules().map(|(number, module)| format!("  module {number}: {}", of_module(module, survey.end()))),
         );
     }
-    let never_whole = survey.never_whole().join(", ");
-    if !never_whole.is_empty() {
-        lines.push(format!(
-            "frames like those of {never_whole}, but no whole scan: other traffic, or halves that were lost"
-        ));
-    }
     for (id, other) in &survey.others {
         let (frames, lengths) = (other.frames, numbers(other.lengths.iter().copied()));
         lines.push(format!(
@@ -46,9 +40,6 @@ pub fn text(survey: &Survey) -> String {
 fn of_module(module: &ModuleWatch, end: Time) -> String {
     let (least, most) = module.range();
     let mut line = format!("{} scans, counts {least} to {most}", module.scans);
-    if let Some(kinds) = module.kinds() {
-        let _ = write!(line, ", pressed: {}", kinds.join(" or "));
-    }
     let times = |count: u64| if count > 0 { format!("{count} times") } else { String::new() };
     for (what, said) in [
         ("stuck values", numbers(module.stuck())),
@@ -103,7 +94,8 @@ listen_only = true # CHECK: false lets the daemon configure the boards
     }
     text.push_str("# geometry = \"FILE\" # CHECK: a position file; boards are then in its order\nboards = [\n");
     for (address, board) in survey.boards().rev() {
-        let _ = writeln!(text, "    {{ address = {address}, modules = \"{}\" }},", modules_with_kinds(board));
+        let modules = numbers(board.modules().map(|(number, _)| number));
+        let _ = writeln!(text, "    {{ address = {address}, modules = \"{modules}\" }},");
         if address.get() == 14 {
             text.push_str(
                 "    # CHECK: a hand has its fingertips and palm here: modules = \"0-4 fingertip, 8-11 palm\"\n",
@@ -118,19 +110,6 @@ listen_only = true # CHECK: false lets the daemon configure the boards
         None => text.push_str("# CHECK: nothing on the bus could be the pressure in the bag: no gauge\n"),
     }
     text
-}
-
-/// The modules; those that were pressed and cannot be triangles with what they can be.
-fn modules_with_kinds(board: &Board) -> String {
-    let kind = |module: &ModuleWatch| match module.kinds() {
-        // Fewer taxels fit less often, so they are the better guess.
-        Some(kinds) if !kinds.contains(&"triangle") => kinds.last().map_or_else(String::new, |kind| format!(" {kind}")),
-        _ => String::new(),
-    };
-    let list: Vec<(u8, String)> = board.modules().map(|(number, module)| (number, kind(module))).collect();
-    let runs = list.chunk_by(|a, b| a.0 + 1 == b.0 && a.1 == b.1);
-    let runs = runs.map(|run| numbers(run.iter().map(|(number, _)| *number)) + &run[0].1);
-    runs.collect::<Vec<_>>().join(", ")
 }
 
 fn gauge(text: &mut String, id: CanId, found: &Pressure) {

@@ -29,8 +29,6 @@ pub struct Course {
     pub asks: bool,
     /// The session as it was told last.
     pub session: Session,
-    /// The ramp of which it was asked whether it shall end where it cannot get further.
-    pub offered: Option<u32>,
 }
 
 impl Course {
@@ -53,7 +51,6 @@ impl Course {
                     let ended = || anyhow::anyhow!("the daemon ended the stream of session {}", self.session.session);
                     self.session = message?.ok_or_else(ended)?;
                     self.screen.show(&self.session)?;
-                    self.offer_to_finish().await?;
                 }
                 interrupted = tokio::signal::ctrl_c() => {
                     interrupted?;
@@ -69,34 +66,18 @@ impl Course {
         Ok(self.daemon.calibration().watch_session(request).await?.into_inner())
     }
 
-    /// Where a rise cannot get further: end it here, or wait for the pump. It is asked once a ramp.
-    async fn offer_to_finish(&mut self) -> Outcome {
-        let session = &self.session;
-        let stalled = session.state() == SessionState::Ramping && !session.falling && !session.reason.is_empty();
-        if !stalled || !self.asks || self.offered == Some(session.ramps) {
-            return Ok(());
-        }
-        self.offered = Some(session.ramps);
-        self.screen.clear();
-        bell();
-        let question = format!("{}\nf: end the ramp here and fit what there is, Enter: go on pumping.", session.reason);
-        if ask::ask(&question).await? == "f" {
-            advance(&self.daemon, session.session, SessionAction::FinishRamp).await?;
-        }
-        Ok(())
-    }
-
-    /// Ctrl-C: abort, leave, or go on.
+    /// Ctrl-C: end the ramp, abort, leave, or go on.
     async fn interrupt(&self) -> Outcome {
         let number = self.session.session;
         self.screen.clear();
-        let question = "a: abort the session, l: leave it to the daemon, Enter: go on.";
+        let question = "f: end the ramp here and fit what there is, a: abort, l: leave it to the daemon, Enter: go on.";
         let answer = if self.asks { ask::ask(question).await? } else { "l".to_owned() };
         match answer.as_str() {
             "a" => {
                 advance(&self.daemon, number, SessionAction::Abort).await?;
                 Err(Failure::refused(format!("session {number} is aborted; its samples are kept")))
             }
+            "f" => advance(&self.daemon, number, SessionAction::FinishRamp).await.map(drop),
             "l" => Err(Failure::refused(format!(
                 "session {number} goes on in the daemon; `taxeld calibrate` takes it up again"
             ))),

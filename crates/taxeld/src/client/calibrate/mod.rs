@@ -20,7 +20,7 @@ use screen::Screen;
 
 /// Guides through a calibration in the vacuum bag: zero, ramps, review, use of the new set.
 ///
-/// A session that is under way is taken up again. Ctrl-C asks whether to abort it or to leave it to the daemon. Several patches
+/// A session that is under way is taken up again. Ctrl-C asks whether to end the ramp, to abort, or to leave it to the daemon. Several patches
 /// in one bag are calibrated by one ramp: one `taxeld calibrate --patch NAME` for each, in terminals of their own; pump when
 /// all of them say so.
 #[derive(Debug, clap::Args)]
@@ -76,7 +76,7 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let asks = !args.yes && !args.json && ask::somebody();
     let screen = Screen::new(Places::of(&skin), args.json);
     let session = begin(&daemon, &args, &screen, asks).await?;
-    let mut course = Course { daemon, screen, asks, session, offered: None };
+    let mut course = Course { daemon, screen, asks, session };
     loop {
         course.follow().await?;
         if course.session.state() != SessionState::Review {
