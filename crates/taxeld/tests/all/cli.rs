@@ -141,18 +141,28 @@ fn a_board_may_serve_patches_of_several_kinds_and_contradictions_name_the_line()
     let printed = succeeds(&["check", "--config", &config]);
     assert!(printed.contains("patch tips: 80 taxels on 7 modules"), "{printed}");
     assert!(printed.contains("board 13 of bus skin: modules 2-4 fingertip, 8-11 palm"), "{printed}");
-    for (wrong, says) in [
-        (both.replace("2-4 fingertip", "1-4 fingertip"), "module 1 of board 13 is in patch `palm` and in patch `tips`"),
+    for (wrong, says, line) in [
+        (
+            both.replace("2-4 fingertip", "1-4 fingertip"),
+            "module 1 of board 13 is in patch `palm` and in patch `tips`",
+            "1-4 fingertip",
+        ),
         (
             both.replace("name = \"tips\"", "name = \"tips\"\nperiod_ms = 100"),
             "board 13 is configured by patch `palm` and by patch `tips` with other settings",
+            "2-4 fingertip",
+        ),
+        (
+            both.replace("0x3A1", "0x4D0"),
+            "the gauge of patch `palm` has identifier 4D0, with which board 13 of patch `palm` sends",
+            "0x4D0",
         ),
     ] {
         std::fs::write(&config, &wrong).unwrap();
         let said = fails(&["check", "--config", &config]);
         assert!(said.contains(says), "{said}");
-        let line = wrong.lines().count(); // of the second patch's boards
-        assert!(said.contains(&format!("t.toml:{line}: ")), "{said}");
+        let line = wrong.lines().position(|text| text.contains(line)).unwrap();
+        assert!(said.contains(&format!("t.toml:{}: ", line + 1)), "{said}");
     }
 }
 
@@ -293,45 +303,6 @@ fn the_socket_is_in_the_first_of_the_folders_that_the_service_manager_gives() {
     assert!(output.status.success() && printed.contains("on unix:/run/one/taxeld.sock (mode 660)\n"), "{printed}");
 }
 
-/// A second patch beside the one of `CONFIG`.
-fn with_a_second_patch(modules: &str, more: &str) -> String {
-    format!(
-        "{CONFIG}\n[[patch]]\nname = \"thumb\"\nbus = \"skin\"\n{more}\n\
-         boards = [{{ address = 13, modules = \"{modules}\" }}]\n"
-    )
-}
-
-#[test]
-fn two_patches_on_one_board_with_the_same_settings_are_allowed() {
-    let folder = scratch(&[("t.toml", &with_a_second_patch("2-3", "listen_only = true"))]);
-    let printed = succeeds(&["check", "--config", &path(folder.path(), "t.toml")]);
-    assert!(printed.contains("patch thumb: 20 taxels on 2 modules"), "{printed}");
-}
-
-#[test]
-fn a_configuration_that_contradicts_itself_is_refused_with_all_that_does() {
-    let module =
-        |module| format!("module {module} of board 13 is in patch `palm` and in patch `thumb`: expected in one only");
-    let settings = "board 13 is configured by patch `palm` and by patch `thumb` with other settings";
-    let gauge = "the gauge of patch `palm` has identifier 4D0, with which board 13 of patch `palm` sends";
-    let overlapping = with_a_second_patch("0-1", "listen_only = true\nperiod_ms = 20");
-    for (config, says) in [
-        (overlapping.clone(), vec![module(0), module(1), settings.to_owned()]),
-        (with_a_second_patch("2-3", "period_ms = 50"), vec![settings.to_owned()]),
-        (CONFIG.replace("0x3A1", "0x4D0"), vec![gauge.to_owned()]),
-        (overlapping.replace("0x3A1", "0x4D0"), vec![module(0), module(1), settings.to_owned(), gauge.to_owned()]),
-    ] {
-        let folder = scratch(&[("t.toml", &config)]);
-        for command in ["check", "run"] {
-            let said = fails(&[command, "--config", &path(folder.path(), "t.toml")]);
-            for problem in &says {
-                assert!(said.contains(problem), "{command}: expected `{problem}` in: {said}");
-            }
-        }
-        assert!(!folder.path().join("t.db").exists(), "nothing was begun");
-    }
-}
-
 #[test]
 fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);
@@ -350,13 +321,30 @@ fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
 }
 
 #[test]
-fn a_log_that_is_too_short_or_not_there_is_told() {
+fn completions_and_manual_pages_come_from_the_command_line_itself() {
+    for shell in ["bash", "zsh", "fish"] {
+        assert!(succeeds(&["completions", shell]).contains("calibrate"), "{shell}");
+    }
+    let folder = scratch(&[]);
+    succeeds(&["man", "--out", &path(folder.path(), "man")]);
+    let page = std::fs::read_to_string(folder.path().join("man/taxeld-watch.1")).unwrap();
+    assert!(page.contains("uncertainty") && page.contains("\\-\\-once"), "{page}");
+    assert!(folder.path().join("man/taxeld-models-show.1").exists());
+}
+
+#[test]
+fn a_log_that_is_too_short_not_understood_or_not_there_is_told() {
     let still: String = log().lines().take(100).map(|line| format!("{line}\n")).collect();
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &still)]);
     let said =
         fails(&["replay", &path(folder.path(), "t.log"), "--config", &path(folder.path(), "t.toml"), "--calibrate"]);
     let why = "the log ended while the calibration was TARING: waiting for rest: the gauge has been heard for less than a second";
     assert!(said.contains(why), "{said}");
+    // The last one comes at the end of all time that can be told.
+    let foreign = "(1600000000.000000) can0 123#00\n(1600000000.1) can0 123#01\n(9223372036.854775) can0 123#02\n";
+    std::fs::write(folder.path().join("t.log"), foreign).unwrap();
+    let said = fails(&["replay", &path(folder.path(), "t.log"), "--config", &path(folder.path(), "t.toml")]);
+    assert!(said.contains("not one of 3 frames was understood"), "{said}");
     let said = fails(&["replay", "/nowhere.log", "--config", &path(folder.path(), "t.toml")]);
     assert!(said.contains("/nowhere.log"), "{said}");
 }

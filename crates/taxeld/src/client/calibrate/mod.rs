@@ -171,7 +171,7 @@ async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
         return Err(Failure::refused(format!("not one of {} taxels got a usable model", candidate.summary.taxels)));
     }
     // Enter is no where most of the skin would be lost.
-    if !args.yes && !(course.asks && ask::yes("Activate it?", !candidate.is_much_less()).await?) {
+    if !(args.yes || course.asks && ask::yes("Activate it?", !candidate.is_much_less()).await?) {
         course.screen.tell(&format!("not in use yet: taxeld models use {}", candidate.summary.model_set));
         return Ok(());
     }
