@@ -1,9 +1,9 @@
 //! `taxeld watch`: the force, with its uncertainty, age, state and reasons.
 
 use std::io::IsTerminal;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use indicatif::ProgressBar;
+use indicatif::{ProgressBar, ProgressDrawTarget};
 use taxel_client::{Moment, Received, Samples};
 use taxel_proto::judge::{Force, NoForce, withheld, word};
 use taxel_proto::v1::ForceSample;
@@ -49,8 +49,7 @@ pub struct WatchArgs {
 
 impl WatchArgs {
     fn rate_hz(&self) -> Option<f64> {
-        let people = !self.json && !self.once;
-        self.rate.or(people.then_some(10.0))
+        self.rate.or((!self.json && !self.once).then_some(10.0))
     }
 }
 
@@ -61,42 +60,57 @@ impl WatchArgs {
 pub async fn watch(args: WatchArgs) -> Outcome {
     let daemon = args.server.connect().await?;
     let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
-    let screen = Screen::new(&args);
+    let living = (!args.json && !args.once && !args.quiet && std::io::stdout().is_terminal())
+        .then(|| ProgressBar::with_draw_target(None, ProgressDrawTarget::stdout()).with_style(style("{msg}")));
     let (mut newest, mut seen): (Option<Judged>, u64) = (None, 0);
     let mut look = tokio::time::interval(LOOK_EVERY);
     look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    let give_up = Instant::now() + Duration::from_secs_f64(args.within.min(1e9));
-    loop {
+    let within = if args.once { Duration::from_secs_f64(args.within.min(1e9)) } else { Duration::MAX };
+    let give_up = tokio::time::sleep(within);
+    tokio::pin!(give_up);
+    let shown = loop {
         tokio::select! {
-            interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
+            interrupted = tokio::signal::ctrl_c() => { interrupted?; break None; }
             received = samples.next() => {
-                let Some(received) = received? else {
-                    return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream")));
-                };
-                let judged = Judged::new(received, Moment::now());
+                let ended = || anyhow::anyhow!("the daemon ended the stream");
+                let judged = Judged::new(received?.ok_or_else(ended)?, Moment::now());
                 seen += 1;
                 let good = judged.force.is_ok();
-                if !args.once || good {
-                    screen.sample(&judged)?;
+                if living.is_none() && (good || !args.once) {
+                    show(&args, &judged)?;
                 }
                 if crate::say::reader_has_gone() {
                     return Ok(()); // as in `taxeld watch | head`
                 }
-                let enough = (args.once && good) || args.count.is_some_and(|count| seen >= count);
-                if enough {
-                    screen.end();
-                    return verdict(Some(judged)); // as it was shown, however long that took
+                if (args.once && good) || args.count.is_some_and(|count| seen >= count) {
+                    break Some(judged); // as it was shown, however long that took
                 }
                 newest = Some(judged);
             }
-            _ = look.tick() => screen.look(newest.as_ref()),
+            _ = look.tick(), if living.is_some() => {
+                let now = |newest: &Judged| describe(&newest.again(Moment::now()));
+                let text = newest.as_ref().map_or_else(|| "no sample yet".to_owned(), now);
+                living.iter().for_each(|line| line.set_message(text.clone()));
+            }
+            () = &mut give_up => break None,
         }
-        if args.once && Instant::now() > give_up {
-            break;
-        }
+    };
+    if let Some(line) = living {
+        line.abandon();
     }
-    screen.end();
-    verdict(newest.map(|newest| newest.again(Moment::now())))
+    verdict(shown.or_else(|| newest.map(|newest| newest.again(Moment::now()))))
+}
+
+fn show(args: &WatchArgs, judged: &Judged) -> Outcome {
+    if args.json {
+        return json::print("ForceSample", &judged.told());
+    }
+    if args.quiet {
+        quiet(judged).into_iter().for_each(|newton| say!("{newton}"));
+    } else {
+        say!("{}", describe(judged));
+    }
+    Ok(())
 }
 
 /// What the exit code tells.
@@ -132,50 +146,6 @@ impl Judged {
     /// The same sample at a later moment.
     fn again(&self, at: Moment) -> Self {
         Self::new(self.received.clone(), at)
-    }
-}
-
-/// Where samples are shown.
-struct Screen<'a> {
-    args: &'a WatchArgs,
-    /// On a terminal.
-    line: Option<ProgressBar>,
-}
-
-impl<'a> Screen<'a> {
-    fn new(args: &'a WatchArgs) -> Self {
-        let living = !args.json && !args.once && std::io::stdout().is_terminal();
-        let line = living.then(|| {
-            let line = ProgressBar::with_draw_target(None, indicatif::ProgressDrawTarget::stdout());
-            line.with_style(style("{msg}"))
-        });
-        Self { args, line }
-    }
-
-    fn sample(&self, judged: &Judged) -> Outcome {
-        if self.args.json {
-            return json::print("ForceSample", &judged.told());
-        }
-        if self.args.quiet {
-            quiet(judged).into_iter().for_each(|newton| say!("{newton}"));
-        } else if self.line.is_none() {
-            say!("{}", describe(judged));
-        }
-        Ok(())
-    }
-
-    fn look(&self, newest: Option<&Judged>) {
-        if let Some(line) = &self.line {
-            let now = |newest: &Judged| describe(&newest.again(Moment::now()));
-            line.set_message(newest.map_or_else(|| "no sample yet".to_owned(), now));
-            line.tick();
-        }
-    }
-
-    fn end(self) {
-        if let Some(line) = self.line {
-            line.abandon();
-        }
     }
 }
 
