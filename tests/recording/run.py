@@ -3,7 +3,7 @@
 
     tests/recording/run.py TAXELD SCRATCH
 
-Calibrates, ends the daemon and reads its recording and the session's by their summaries. Starts it anew and kills it with
+Calibrates, ends the daemon and reads its recording by its summary. Starts it anew and kills it with
 SIGKILL while it records under a load: what was recorded is read without a summary, and its replay must give the force that
 the daemon published. At last there is no room on the disk: that is told, and the force goes on.
 """
@@ -92,8 +92,6 @@ def calibrated(taxeld, scratch):
     daemon = Daemon(taxeld, scratch)
     daemon.call("calibrate", "--target", "10", "--confirmed-by", "test", "--yes")
     daemon.call("models", "export", "--out", scratch / "models.json")
-    daemon.call("sessions", "export", "1", "--out", scratch / "session.mcap")
-    daemon.call("sessions", "export", "1", "--out", scratch / "session.csv")
     health = daemon.health()["recording"]
     if not health["recording"] or health["problem"] or health["lost"] != "0":
         sys.exit(f"the recording: {health}")
@@ -105,22 +103,6 @@ def calibrated(taxeld, scratch):
         sys.exit(f"the closed recording: {({topic: len(all) for topic, all in found.items()})}, {kinds}")
     taxels = found["/taxeld/taxels/left_forearm"][-1].taxels
     print(f"closed: {', '.join(f'{topic} {len(all)}' for topic, all in found.items())}, {len(taxels)} taxels")
-    session(scratch)
-
-
-def session(scratch):
-    """The exported samples are those of the table."""
-    found, whole = messages(scratch / "session.mcap", SeekingReader, True)
-    with open(scratch / "session.csv", encoding="utf-8") as table:
-        rows = [row for row in list(csv.reader(table))[1:] if row[0]]  # rows of figures have no time
-    samples = found["/taxeld/session/samples"]
-    if not whole or len(found["/taxeld/session"]) != 1 or len(samples) != len(rows):
-        sys.exit(f"the session: {len(samples)} samples, the table has {len(rows)}")
-    for sample, row in zip(samples, rows):
-        counts = [float(count) for count in row[2:-2]]
-        if counts != list(sample.counts) or abs(float(row[1]) - sample.pressure_kpa) > 1e-6:
-            sys.exit(f"a sample differs from its row: {row[:4]}")
-    print(f"session: {len(samples)} samples, {len(found['/taxeld/session/zeros'][0].taxels)} zeros")
 
 
 def forces(found):

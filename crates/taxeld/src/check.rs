@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use taxel_engine::engine::routes::{Route, Routes};
+use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, printable};
@@ -18,9 +18,6 @@ use crate::missing::{missing, obstacles};
 macro_rules! tell {
     ($($text:tt)*) => { say!("{}", printable(&format!($($text)*))) };
 }
-
-/// One socket takes so many kernel filters (`CAN_RAW_FILTER_MAX`); beyond, `taxel-can` merges them.
-const FILTERS_MAX: usize = 512;
 
 /// Checks a configuration: prints what it resolves to, or everything that is wrong with it.
 ///
@@ -48,6 +45,19 @@ pub fn read(path: &Path) -> Result<(Config, Scene), Problems> {
     read_text(path).and_then(|text| examine_with(path, &text, obstacles))
 }
 
+/// Looks at a store that no daemon has open, and changes nothing.
+///
+/// # Errors
+/// If it cannot be opened, or something of it is damaged.
+pub fn store(path: &Path) -> anyhow::Result<()> {
+    let found = taxel_store::check(path).with_context(|| path.display().to_string())?;
+    let mb = found.bytes as f64 / 1e6;
+    say!("{} model sets, {} sessions, {} samples, {mb:.1} MB", found.model_sets, found.sessions, found.samples);
+    found.damage.iter().for_each(|damage| say!("{damage}"));
+    anyhow::ensure!(found.damage.is_empty(), "{} findings", found.damage.len());
+    Ok(())
+}
+
 /// Prints the resolved scene.
 fn print(config: &Config, scene: &Scene) {
     let store = std::path::absolute(&config.store.path).unwrap_or_else(|_| config.store.path.clone());
@@ -69,9 +79,8 @@ fn print(config: &Config, scene: &Scene) {
         tell!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
-    let built = left_out_of_the_build();
     tell!("left out:");
-    left_out_buses(config, &routes).iter().chain(&scene.said.left_out).chain(&built).for_each(|line| tell!("  {line}"));
+    left_out_buses(config, &routes).iter().chain(&scene.said.left_out).for_each(|line| tell!("  {line}"));
     if !scene.said.remarks.is_empty() {
         tell!("remarks:");
         scene.said.remarks.iter().for_each(|line| tell!("  {line}"));
@@ -84,26 +93,15 @@ fn print(config: &Config, scene: &Scene) {
 }
 
 fn shared_memory(section: &SharedMemorySection) -> String {
-    let SharedMemorySection { path, group } = section;
-    let group = group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
-    let (path, mode) = (path.join("PATCH"), SharedMemorySection::MODE);
-    format!(
-        "shared memory: {} (mode {mode:03o}{group}), a page a patch, for controllers of this machine",
-        path.display()
-    )
+    let group = section.group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
+    let (path, mode) = (section.path.join("PATCH"), SharedMemorySection::MODE);
+    format!("shared memory: {} (mode {mode:03o}{group})", path.display())
 }
 
 fn recordings(section: &RecordSection) -> String {
     let taxels = if section.taxels { ", taxels" } else { "" };
-    format!(
-        "recording: frames, force, events{taxels} in {}, MCAP files of at most {} MB and {} min, {} MB together; {} MB of the disk \
-         are kept free",
-        section.path.display(),
-        section.file_mb(),
-        RecordSection::FILE_MINUTES,
-        section.budget_mb,
-        RecordSection::KEEP_FREE_MB
-    )
+    let (path, budget) = (section.path.display(), section.budget_mb);
+    format!("recording: frames, force, events{taxels} in {path}, {budget} MB of MCAP files at most")
 }
 
 /// Who may do what, a line each.
@@ -132,33 +130,16 @@ fn access(doors: &Doors) -> Vec<String> {
 
 fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
     let section = &config.bus[bus.0 as usize];
-    let wanted = routes.wanted(bus);
-    let modules = wanted.iter().filter(|id| matches!(routes.of(bus, **id), Route::Module { .. })).count();
-    let of = |route: Route| wanted.iter().filter(|id| routes.of(bus, **id) == route).count();
-    let (gauges, devices) = (of(Route::Gauge), of(Route::Device));
-    let boards = wanted.len() - modules - gauges - devices;
-    let mut kinds = format!("{modules} of modules, {boards} of boards, {gauges} of gauges");
-    if devices > 0 {
-        kinds = format!("{kinds}, {devices} of described signals");
-    }
-    let source = match (section.source, wanted.len()) {
-        (BusSource::Push, _) => {
+    let source = match section.source {
+        BusSource::Push => {
             return format!("bus {}: none; a program pushes the scans over the service (PushScans)", section.name);
         }
-        (BusSource::Sim, ids) => format!("the simulated forearm; {ids} identifiers are read ({kinds})"),
-        (BusSource::SocketCan, ids) => {
-            let interface = section.interface.as_deref().unwrap_or_default();
-            let filters = if ids <= FILTERS_MAX {
-                format!("{ids} kernel filters, one an identifier")
-            } else {
-                format!("{ids} identifiers, merged into fewer kernel filters")
-            };
-            format!("interface {interface}; {filters} ({kinds})")
-        }
+        BusSource::Sim => "the simulated forearm".to_owned(),
+        BusSource::SocketCan => format!("interface {}", section.interface.as_deref().unwrap_or_default()),
     };
     let speaks = |p: &PatchPlan| p.configures() && p.patch.is_on(bus);
     let sends = if plan.patches.iter().any(speaks) { "sends the boards' bring-up" } else { "nothing is sent" };
-    format!("bus {}: {source}; {sends}", section.name)
+    format!("bus {}: {source}; {} identifiers are read; {sends}", section.name, routes.wanted(bus).len())
 }
 
 fn patch(config: &Config, plan: &PatchPlan) {
@@ -181,22 +162,13 @@ fn patch(config: &Config, plan: &PatchPlan) {
     }
     let outputs = plan.outputs;
     let computed = [
-        ("total normal force", true),
-        ("resultant", outputs.resultant),
-        ("moment and centre of pressure", outputs.moment),
-        ("contacts", outputs.contacts),
-        ("fill of excluded taxels", outputs.fill),
+        (", resultant", outputs.resultant),
+        (", moment and centre of pressure", outputs.moment),
+        (", contacts", outputs.contacts),
+        (", fill of excluded taxels", outputs.fill),
     ];
-    tell!("  computes: {}", listed(&computed));
-    let parts = [
-        ("geometry", plan.geometry.is_some()),
-        ("calibration with the gauge", plan.has_gauge()),
-        ("board bring-up", plan.configures()),
-        ("zero after start", plan.tare.at_start),
-        ("areas set right by known loads", plan.area_from_loads),
-        ("following of thermal drift", plan.drift.follow),
-    ];
-    tell!("  optional parts: {}", listed(&parts));
+    let computed: String = computed.iter().filter(|(_, there)| *there).map(|(words, _)| *words).collect();
+    tell!("  computes: total normal force{computed}");
     tell!("  {}", areas(&plan.areas));
 }
 
@@ -218,23 +190,10 @@ fn areas(areas: &[SquareMillimetre]) -> String {
     format!("area: {each} mm2 a taxel, {:.1} cm2 in all", total * 1e-2)
 }
 
-/// The words whose part is there.
-fn listed(parts: &[(&str, bool)]) -> String {
-    let words: Vec<&str> = parts.iter().filter(|(_, there)| *there).map(|(word, _)| *word).collect();
-    if words.is_empty() { "none".to_owned() } else { words.join(", ") }
-}
-
 fn left_out_buses(config: &Config, routes: &Routes) -> Vec<String> {
     let unused = config.bus.iter().enumerate().filter(|(bus, _)| routes.wanted(BusIndex(*bus as u8)).is_empty());
     unused
         .filter(|(_, section)| section.source != BusSource::Push)
         .map(|(_, section)| format!("bus {}: no board and no gauge is on it: nothing is read", section.name))
         .collect()
-}
-
-/// What this build does not have.
-fn left_out_of_the_build() -> Vec<String> {
-    let features = [(cfg!(feature = "sim"), "sim", "the simulated bus and `taxeld demo`")];
-    let absent = features.iter().filter(|(built, ..)| !built);
-    absent.map(|(_, feature, what)| format!("build: {what}: cargo feature `{feature}` is not built in")).collect()
 }

@@ -206,20 +206,17 @@ impl Bench {
 }
 
 /// The whole procedure on the skin of one seed.
-pub fn procedure(plan: &Arc<Plan>, seed: u64, progress: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
+pub fn procedure(plan: &Arc<Plan>, seed: u64) -> anyhow::Result<Outcome> {
     let mut bench = Bench::new(Arc::clone(plan), seed)?;
-    progress("calibrating: ramp from 0 to 70 kPa");
     let id = bench.calibrate()?;
     let session = SessionView::clone(&*bench.session()?);
     let models = bench.offline.model_sets.iter().find(|set| set.id == id).cloned().context("the fit gave no models")?;
-    progress("venting and taring");
     bench.run(Duration::from_secs(20));
     bench.tare()?;
     let mut places = Places { state: seed };
     let mut weighings = Vec::new();
     let masses = MASSES_KG.map(|kilogram| (Contact::Mass, kilogram * STANDARD_GRAVITY));
     for (contact, newton) in masses.into_iter().chain(FINGERS_N.map(|newton| (Contact::Finger, newton))) {
-        progress(&format!("laying {newton:.1} N on the skin"));
         for _ in 0..PLACES {
             let load = places.load(contact, newton, bench.world.skin())?;
             weighings.push(bench.weigh((contact, load))?);

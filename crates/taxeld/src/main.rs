@@ -39,7 +39,6 @@ mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
 mod store_at;
-mod store_command;
 mod systemd;
 mod tasks;
 mod upkeep;
@@ -81,7 +80,7 @@ enum Subcommands {
     },
     /// Validates a configuration and prints what it resolves to and what it leaves out.
     #[command(
-        after_help = "Examples:\n  taxeld check\n  taxeld check --config palm.toml\n  taxeld check --json | jq .problems"
+        after_help = "Examples:\n  taxeld check\n  taxeld check --config palm.toml\n  taxeld check --json | jq .problems\n  taxeld check --store /var/lib/taxeld/taxeld.db"
     )]
     Check {
         /// Configuration.
@@ -90,9 +89,10 @@ enum Subcommands {
         /// Print what is wrong with it as JSON: file, line, key, value, what was expected; and what this machine lacks.
         #[arg(long)]
         json: bool,
+        /// Look at this store instead, an SQLite file that no daemon has open: what it holds, and what of it is damaged or lost.
+        #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "json"])]
+        store: Option<PathBuf>,
     },
-    /// Looks at a store. Not while a daemon has it open.
-    Store(store_command::StoreArgs),
     /// A candump log, plain or .gz, or a recording (MCAP), through the same engine.
     Replay(ReplayArgs),
     /// A configuration from the robot's own files: positions and drawings of its skin, its configuration.
@@ -190,8 +190,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
             runtime.shutdown_background(); // dropped, it would wait for calls into a disk that hangs
             ended
         }
-        Subcommands::Check { config, json } => check::check(&config, json),
-        Subcommands::Store(args) => store_command::store(&args),
+        Subcommands::Check { store: Some(store), .. } => check::store(&store),
+        Subcommands::Check { config, json, .. } => check::check(&config, json),
         Subcommands::Replay(args) => {
             let (config, scene) = load(&args.config)?;
             let ReplayArgs { log, speed, calibrate, out, models, force, .. } = args;

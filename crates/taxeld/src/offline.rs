@@ -32,13 +32,9 @@ pub struct Offline {
     out: Vec<Output>,
     now: Time,
     slot_end: Option<Time>,
-    requests: u64,
-    reply: Option<(RequestId, Reply)>,
-    /// Commits that the engine waits for.
-    commits: Vec<u64>,
-    /// Samples that the engine asks for.
-    loads: Vec<u64>,
-    set_loads: Vec<(u64, String)>,
+    reply: Option<Reply>,
+    /// What the engine waits for: there is no disk, so that it comes at once.
+    answers: Vec<Input<'static>>,
     /// Fits that were asked for; they come back with the next tick, as if they took that long.
     fits: Vec<FitJob>,
     /// Newest state per patch.
@@ -66,11 +62,8 @@ impl Offline {
             out: Vec::new(),
             now: Time::default(),
             slot_end: None,
-            requests: 0,
             reply: None,
-            commits: Vec::new(),
-            loads: Vec::new(),
-            set_loads: Vec::new(),
+            answers: Vec::new(),
             fits: Vec::new(),
             snapshots: vec![Arc::default(); patches],
             published: 0,
@@ -157,14 +150,13 @@ impl Offline {
 
     /// Gives a command now. A reply that takes time comes out of [`Offline::take_reply`] later.
     pub fn command(&mut self, command: Command) -> Option<Reply> {
-        self.requests += 1;
-        self.step(Input::Command(RequestId(self.requests), command));
+        self.step(Input::Command(RequestId(0), command));
         self.take_reply()
     }
 
     /// The reply to the last command, once it is there.
     pub fn take_reply(&mut self) -> Option<Reply> {
-        self.reply.take().map(|(_, reply)| reply)
+        self.reply.take()
     }
 
     /// The present, as the data have it.
@@ -180,18 +172,8 @@ impl Offline {
             self.apply(output);
         }
         self.out = out;
-        // There is no disk: what the engine intends takes effect at once.
-        for ticket in std::mem::take(&mut self.commits) {
-            self.step(Input::Committed { ticket, result: Ok(()) });
-        }
-        for ticket in std::mem::take(&mut self.loads) {
-            let result = Err(NotLoaded::Unavailable("without a store no earlier session can go on".to_owned()));
-            self.step(Input::Loaded { ticket, result });
-        }
-        for (ticket, id) in std::mem::take(&mut self.set_loads) {
-            let found = self.model_sets.iter().find(|set| set.id == id).cloned();
-            let result = found.ok_or_else(|| NotLoaded::Unavailable("there is no store".to_owned()));
-            self.step(Input::SetLoaded { ticket, result });
+        for answer in std::mem::take(&mut self.answers) {
+            self.step(answer);
         }
     }
 
@@ -206,22 +188,27 @@ impl Offline {
             }
             Output::Session(index, view) => self.sessions[index] = Some(view),
             Output::SessionGone(index) => self.sessions[index] = None,
-            Output::Load { ticket, .. } => self.loads.push(ticket),
-            Output::LoadSet { ticket, model_set } => self.set_loads.push((ticket, model_set)),
+            Output::Load { ticket, .. } => {
+                let result = Err(NotLoaded::Unavailable("without a store no earlier session can go on".to_owned()));
+                self.answers.push(Input::Loaded { ticket, result });
+            }
+            Output::LoadSet { ticket, model_set } => {
+                let found = self.model_sets.iter().find(|set| set.id == model_set).cloned();
+                let result = found.ok_or_else(|| NotLoaded::Unavailable("there is no store".to_owned()));
+                self.answers.push(Input::SetLoaded { ticket, result });
+            }
             Output::Health(health) => self.health = health,
             Output::Send(bus, frame) => self.to_send.push((bus, frame)),
-            Output::Fit(job) => {
-                self.fits.push(job);
-            }
+            Output::Fit(job) => self.fits.push(job),
             Output::Commit { ticket, records } => {
                 let sets = records.into_iter().filter_map(|record| match record {
                     Record::ModelSet(set) => Some(set),
                     _ => None,
                 });
                 self.model_sets.extend(sets);
-                self.commits.push(ticket);
+                self.answers.push(Input::Committed { ticket, result: Ok(()) });
             }
-            Output::Reply(request, reply) => self.reply = Some((request, reply)),
+            Output::Reply(_, reply) => self.reply = Some(reply),
             Output::Record(_) | Output::Catalogue(_) => {}
         }
     }

@@ -1,7 +1,7 @@
 //! What a command writes: a file is whole, or what was there before stays. Standard output, a device or a pipe is written as it is.
 
 use std::fs::{File, Permissions};
-use std::io::{self, BufWriter, Stdout, Write};
+use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
@@ -15,14 +15,10 @@ const BUFFER_BYTES: usize = 1 << 16;
 
 /// An output, empty at first. A file is written beside its place, and [`finish`](Self::finish) puts it there; without that, what
 /// was written goes with this.
-pub struct Output(BufWriter<To>);
-
-enum To {
-    Standard(Stdout),
-    /// A device or a pipe.
-    Open(File),
-    /// A file that is not whole yet, and its place.
-    Part(NamedTempFile, PathBuf),
+pub struct Output {
+    to: BufWriter<Box<dyn Write>>,
+    /// A file that is not whole yet, and its place; neither of standard output, a device or a pipe.
+    part: Option<(NamedTempFile, PathBuf)>,
 }
 
 impl Output {
@@ -31,71 +27,40 @@ impl Output {
     /// # Errors
     /// The system's reason.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let to = if files::is_standard(path) {
-            To::Standard(io::stdout())
+        let (to, part): (Box<dyn Write>, _) = if files::is_standard(path) {
+            (Box::new(io::stdout()), None)
         } else if is_replaced(path) {
             // Through a link its target is replaced.
             let place = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-            To::Part(begin(&place)?, place)
+            let part = begin(&place)?;
+            (Box::new(part.as_file().try_clone()?), Some((part, place)))
         } else {
-            To::Open(File::create(path)?)
+            (Box::new(File::create(path)?), None)
         };
-        Ok(Self(BufWriter::with_capacity(BUFFER_BYTES, to)))
-    }
-
-    /// The file itself, for a format that writes it on its own.
-    ///
-    /// # Errors
-    /// The system's reason, or that it is the standard output.
-    pub fn file(&self) -> io::Result<File> {
-        match self.0.get_ref() {
-            To::Standard(_) => Err(io::Error::other("the standard output is no file of its own")),
-            To::Open(file) => file.try_clone(),
-            To::Part(part, _) => part.as_file().try_clone(),
-        }
+        Ok(Self { to: BufWriter::with_capacity(BUFFER_BYTES, to), part })
     }
 
     /// It is whole: puts a file in its place, once it is on the disk.
     ///
     /// # Errors
     /// The system's reason; what was there before is there still.
-    pub fn finish(self) -> io::Result<()> {
-        match self.0.into_inner().map_err(io::IntoInnerError::into_error)? {
-            To::Standard(mut to) => to.flush(),
-            To::Open(mut to) => to.flush(),
-            To::Part(part, place) => {
-                part.as_file().sync_all()?;
-                part.persist(place).map(drop).map_err(|failed| failed.error)
-            }
+    pub fn finish(mut self) -> io::Result<()> {
+        self.to.flush()?;
+        if let Some((part, place)) = self.part {
+            part.as_file().sync_all()?;
+            part.persist(place).map_err(|failed| failed.error)?;
         }
+        Ok(())
     }
 }
 
 impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.write(bytes)
+        self.to.write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()
-    }
-}
-
-impl Write for To {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match self {
-            Self::Standard(to) => to.write(bytes),
-            Self::Open(to) => to.write(bytes),
-            Self::Part(to, _) => to.write(bytes),
-        }
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        match self {
-            Self::Standard(to) => to.flush(),
-            Self::Open(to) => to.flush(),
-            Self::Part(to, _) => to.flush(),
-        }
+        self.to.flush()
     }
 }
 

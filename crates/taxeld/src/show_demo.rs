@@ -1,13 +1,11 @@
 //! What `taxeld demo` shows: the procedure's course, its error table, and then the live service.
 
-use std::io::IsTerminal;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
-use indicatif::ProgressBar;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Outputs, Plan};
 use taxel_rpc::Rules;
@@ -21,6 +19,9 @@ use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, proced
 use crate::run::Daemon;
 use crate::shared_memory::try_folder;
 use crate::store_at::StoreAt;
+
+/// Where the service is, unless another has the port.
+const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 50_051);
 
 /// What can be asked of the demo.
 #[derive(Debug, clap::Args)]
@@ -56,10 +57,10 @@ pub struct DemoArgs {
 /// # Errors
 /// If a calibration does not come to its end, or the service cannot start.
 pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
-    let (config, scene) = scene(!args.no_fill)?;
+    let (mut config, scene) = scene(!args.no_fill)?;
     let plan = Arc::new(scene.plan.clone());
-    if args.shared_memory.is_some() {
-        try_folder(&pages_section(args)?)?; // what cannot be had is told before the work, and not after it
+    if !args.once {
+        config.shared_memory = shared_memory(args)?; // what cannot be had is told before the work, and not after it
     }
     say!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
     let outcomes = if args.bare { Vec::new() } else { procedures(args, &plan)? };
@@ -69,13 +70,13 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     if args.once {
         return Ok(());
     }
-    let models = outcomes.first().map(|outcome| of_no_session(&outcome.models));
+    let models = outcomes.first().map(|outcome| outside_of_sessions(&outcome.models));
     let runtime = crate::runtime::runtime()?;
     runtime.block_on(serve_live(args, config, scene, models))
 }
 
 /// The models of the table's own session, which the live daemon does not know.
-fn of_no_session(models: &ModelSet) -> ModelSet {
+fn outside_of_sessions(models: &ModelSet) -> ModelSet {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
     ModelSet { created_wall_ns, session: None, ..models.clone() }
@@ -95,16 +96,9 @@ fn scene(fill: bool) -> anyhow::Result<(Config, Scene)> {
 }
 
 fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>> {
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(args.skins) } else { ProgressBar::hidden() };
     let mut outcomes = Vec::new();
     for seed in args.seed..args.seed + args.skins {
-        let begun = Instant::now();
-        let outcome = procedure(plan, seed, &|what| {
-            if begun.elapsed() > Duration::from_secs(1) {
-                bar.set_message(what.to_owned());
-            }
-        })?;
-        bar.inc(1);
+        let outcome = procedure(plan, seed)?;
         let usable = outcome.models.taxels.iter().filter(|model| model.is_usable()).count();
         say!(
             "skin {seed}: ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated ({})",
@@ -116,7 +110,6 @@ fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>>
         );
         outcomes.push(outcome);
     }
-    bar.finish_and_clear();
     Ok(outcomes)
 }
 
@@ -156,41 +149,20 @@ fn print_table(args: &DemoArgs, outcomes: &[Outcome]) {
     say!("({what}; the paper reports about 12 % for masses on the real forearm)");
 }
 
-/// Gives the demo its page, on another port if the usual one is taken. Its address.
-///
-/// The port is kept from here on: of several demos that start at one moment each has its own.
-fn with_page(config: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
-    let bound = crate::page::bind_some(PageSection::default().listen).context("a port for the page")?;
-    let listen = bound.local_addr()?;
-    config.page = Some(PageSection { listen, bound: Some(Arc::new(bound)), ..PageSection::default() });
-    config.metrics = Some(MetricsSection::default());
-    Ok(Some(listen))
-}
-
-/// Gives the demo its page in shared memory, in the folder that was asked for, or in the usual one if it can be had. The
-/// folder, if there is one.
-fn with_shared_memory(args: &DemoArgs, config: &mut Config) -> anyhow::Result<Option<PathBuf>> {
-    let section = pages_section(args)?;
+/// The demo's page in shared memory, in the folder that was asked for, or in the usual one if it can be had.
+fn shared_memory(args: &DemoArgs) -> anyhow::Result<Option<SharedMemorySection>> {
+    let mut section = SharedMemorySection::default();
+    if let Some(path) = &args.shared_memory {
+        section.path = std::path::absolute(path)?;
+    }
     match try_folder(&section) {
-        Ok(()) => {} // the daemon takes it
-        Err(error) if args.shared_memory.is_some() => return Err(error),
+        Err(error) if args.shared_memory.is_some() => Err(error),
         Err(error) => {
             say!("*** No force in shared memory: {error:#}");
-            return Ok(None);
+            Ok(None)
         }
+        Ok(()) => Ok(Some(section)),
     }
-    let folder = section.path.clone();
-    config.shared_memory = Some(section);
-    Ok(Some(folder))
-}
-
-/// Where the demo's page in shared memory is to be.
-fn pages_section(args: &DemoArgs) -> anyhow::Result<SharedMemorySection> {
-    let usual = SharedMemorySection::default();
-    Ok(match &args.shared_memory {
-        Some(path) => SharedMemorySection { path: std::path::absolute(path)?, ..usual },
-        None => usual,
-    })
 }
 
 /// The same skin live: an operator can calibrate it, a controller can subscribe.
@@ -200,10 +172,12 @@ async fn serve_live(
     mut scene: Scene,
     models: Option<ModelSet>,
 ) -> anyhow::Result<()> {
-    let usual = SocketAddr::from((Ipv4Addr::LOCALHOST, 50_051));
-    let listen = address(args.listen, usual)?;
-    let page = with_page(&mut config)?;
-    let memory = with_shared_memory(args, &mut config)?;
+    let listen = address(args.listen)?;
+    // The port is kept from here on: of several demos that start at one moment each has its own.
+    let bound = crate::page::bind_some(PageSection::default().listen).context("a port for the page")?;
+    let page = bound.local_addr()?;
+    config.page = Some(PageSection { listen: page, bound: Some(Arc::new(bound)), ..PageSection::default() });
+    config.metrics = Some(MetricsSection::default());
     // Whoever plays with a simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::Live).await?;
@@ -215,24 +189,15 @@ async fn serve_live(
     if calibrated {
         daemon.vouch_for_boards("taxeld demo").await?; // its mass is not there yet
     }
-    say!();
-    if listen.port() != usual.port() && args.listen.is_none() {
-        say!("*** PORT {} IS TAKEN: THIS DEMO LISTENS ON {listen}. Tell the commands below so with", usual.port());
-        say!("***   export TAXELD_SERVER=http://{listen}");
-    }
     let what = if calibrated { "calibrated and live" } else { "live, and not calibrated yet," };
+    say!();
     say!("The same skin is now {what} on {listen}.");
-    if let Some(page) = page {
-        say!("Its page, from which to calibrate and check it: http://{page}/");
+    say!("Its page, from which to calibrate and check it: http://{page}/");
+    if let Some(section) = &config.shared_memory {
+        say!("In shared memory: {}", section.path.join("left_forearm").display());
     }
-    if let Some(folder) = memory {
-        say!("In shared memory: {}", folder.join("left_forearm").display());
-    }
-    if args.listen.is_some() && listen != usual {
-        say!("In another terminal, after export TAXELD_SERVER=http://{listen}:");
-    } else {
-        say!("In another terminal:");
-    }
+    let export = if listen == USUAL { String::new() } else { format!(", after export TAXELD_SERVER=http://{listen}") };
+    say!("In another terminal{export}:");
     for (command, what) in [
         ("taxeld watch", "its force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
         ("taxeld load 0.5", "compares the force with that mass while it lies there"),
@@ -246,13 +211,10 @@ async fn serve_live(
 }
 
 /// The address to listen on: the one asked for, or the usual one, or one with another port if that is taken.
-fn address(asked: Option<SocketAddr>, usual: SocketAddr) -> anyhow::Result<SocketAddr> {
-    if let Some(asked) = asked {
-        let bound = TcpListener::bind(asked).with_context(|| format!("--listen {asked}"))?;
-        return Ok(bound.local_addr()?);
-    }
-    match TcpListener::bind(usual) {
-        Ok(bound) => Ok(bound.local_addr()?),
-        Err(_) => Ok(TcpListener::bind((usual.ip(), 0))?.local_addr()?),
+fn address(asked: Option<SocketAddr>) -> anyhow::Result<SocketAddr> {
+    let bind = |address: SocketAddr| TcpListener::bind(address).and_then(|bound| bound.local_addr());
+    match asked {
+        Some(asked) => bind(asked).with_context(|| format!("--listen {asked}")),
+        None => Ok(bind(USUAL).or_else(|_| bind(SocketAddr::new(USUAL.ip(), 0)))?),
     }
 }

@@ -17,11 +17,6 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "expected a finite number of 0 or more".to_owned())
 }
 
-/// A finite number above 0.
-pub fn parse_positive(text: &str) -> Result<f64, String> {
-    parse_seconds(text).ok().filter(|v| *v > 0.0).ok_or_else(|| "expected a finite number above 0".to_owned())
-}
-
 /// Least, median and greatest of the finite values.
 pub fn spread(mut values: Vec<f64>) -> Option<(f64, f64, f64)> {
     values.retain(|v| v.is_finite());

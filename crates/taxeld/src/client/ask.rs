@@ -25,27 +25,26 @@ pub async fn ask(question: &str) -> Outcome<String> {
     Ok(tokio::task::spawn_blocking(read).await.map_err(std::io::Error::other)??)
 }
 
-/// Asks for yes or no where somebody is there to be asked; Enter is no. `yes` answers for scripts, with the option of that name.
+/// Asks for yes or no where somebody is there to be asked; Enter is no. `agreed` answers for scripts: the option `--yes`.
 ///
 /// # Errors
 /// The answer is no, or nobody can be asked: `command` is what to type instead.
-pub async fn agree(yes: bool, question: &str, command: &str) -> Outcome {
-    if yes {
+pub async fn agree(agreed: bool, question: &str, command: &str) -> Outcome {
+    if agreed {
         return Ok(());
     }
     if !somebody() {
         let words = format!("{question}: there is no terminal to answer on. If that is meant: {command} --yes");
         return Err(Failure::refused(words));
     }
-    let answer = ask(&format!("{question} [y/N]")).await?;
-    if matches!(answer.as_str(), "y" | "yes") { Ok(()) } else { Err(Failure::refused("nothing was changed")) }
+    if yes(question, false).await? { Ok(()) } else { Err(Failure::refused("nothing was changed")) }
 }
 
-/// Asks for yes or no; Enter is yes.
+/// Asks for yes or no; `enter` is what just Enter means.
 ///
 /// # Errors
 /// If standard input cannot be read.
-pub async fn yes(question: &str) -> Outcome<bool> {
-    let answer = ask(&format!("{question} [Y/n]")).await?;
-    Ok(matches!(answer.as_str(), "" | "y" | "yes"))
+pub async fn yes(question: &str, enter: bool) -> Outcome<bool> {
+    let answer = ask(&format!("{question} {}", if enter { "[Y/n]" } else { "[y/N]" })).await?;
+    Ok(if answer.is_empty() { enter } else { matches!(answer.as_str(), "y" | "yes") })
 }

@@ -4,13 +4,16 @@ use taxel_proto::v1;
 
 use super::connect::Server;
 use super::failure::Outcome;
+use super::table;
 
 /// Entries of one question.
 const PAGE: u32 = 500;
 
-/// Who changed what, the newest last: the audit log of a running daemon, which asks for the role operator.
+/// Who changed what, the newest last. It asks for the role operator.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  taxeld audit # the last 50\n  taxeld audit --token bench.token --last 500")]
+#[command(
+    after_help = "Examples:\n  taxeld audit                                        # the last 50\n  taxeld audit --token bench.token --last 500"
+)]
 pub struct AuditArgs {
     #[command(flatten)]
     server: Server,
@@ -25,20 +28,16 @@ pub struct AuditArgs {
 /// No daemon, or one that refuses.
 pub async fn audit(args: AuditArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let (mut lines, mut page_token) = (Vec::new(), String::new());
-    while lines.len() < args.last as usize {
-        let left = args.last as usize - lines.len();
-        // Of one patch nobody knows how far back they lie.
-        let page_size = args.server.patch().map_or(PAGE.min(left as u32), |_| PAGE);
-        let request = v1::ListAuditRequest { page_size, page_token };
+    let (mut lines, mut page_token, last) = (Vec::new(), String::new(), args.last as usize);
+    loop {
+        let request = v1::ListAuditRequest { page_size: PAGE.min(args.last), page_token };
         let answer = daemon.audit().list_audit(request).await?.into_inner();
-        // What an entry is about may be what is damaged.
-        let about = |entry: &&v1::AuditEntry| {
-            args.server.patch().is_none_or(|patch| patch == entry.patch || !entry.damage.is_empty())
-        };
-        lines.extend(answer.entries.iter().filter(about).take(left).map(line));
+        let patch = daemon.patch();
+        // What an entry was about may be what is damaged of it.
+        let about = |entry: &&v1::AuditEntry| patch.is_empty() || entry.patch == patch || !entry.damage.is_empty();
+        lines.extend(answer.entries.iter().filter(about).take(last - lines.len()).map(line));
         page_token = answer.next_page_token;
-        if page_token.is_empty() {
+        if page_token.is_empty() || lines.len() == last {
             break;
         }
     }
@@ -49,38 +48,37 @@ pub async fn audit(args: AuditArgs) -> Outcome {
     Ok(())
 }
 
-/// An entry is one line, whatever was written into it.
 fn line(entry: &v1::AuditEntry) -> String {
+    let time = entry.time.as_ref().map_or_else(|| "unknown time".to_owned(), |time| table::moment(Some(time)));
     let v1::AuditEntry { entry: number, who, role, transport, from, method, .. } = entry;
-    let time = entry.time.as_ref().map_or_else(|| "unknown time".to_owned(), ToString::to_string);
     let mut text = format!("{number} {time} {who} ({role}, {transport} {from}): {method}");
     for (word, value) in [("", &entry.request), ("patch ", &entry.patch), ("says to be ", &entry.claimed_name)] {
         if !value.is_empty() {
             text += &format!(", {word}{value}");
         }
     }
-    let [before, after] =
-        [&entry.model_set_before, &entry.model_set_after].map(|set| if set.is_empty() { "none" } else { set });
-    let lost = "no result was written down: the daemon stopped, or the disk took no more";
-    let result = if entry.result.is_empty() { lost } else { &entry.result };
+    let or = |text: &str, other: &str| if text.is_empty() { other.to_owned() } else { text.to_owned() };
+    let (before, after) = (or(&entry.model_set_before, "none"), or(&entry.model_set_after, "none"));
+    let result = or(&entry.result, "no result was written down: the daemon stopped, or the disk took no more");
     text += &format!("; model set {before} -> {after}; {result}");
     if !entry.damage.is_empty() {
         text += &format!("; DAMAGED ON DISK: {}", entry.damage);
     }
-    taxel_skin::printable(&text)
+    taxel_skin::printable(&text) // an entry is one line, whatever was written into it
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// What a client sent is part of a refusal, and older rows have it as it came.
+    /// What a client sent is part of a refusal.
     #[test]
     fn an_entry_is_one_line_whatever_was_written_into_it() {
         let result =
-            "refused: no model set `m-x`; done\n2 2026-11-25T09:00:00Z ann (admin): DeleteSession; done\n\u{1b}[8m";
-        let text = line(&v1::AuditEntry { result: result.to_owned(), ..v1::AuditEntry::default() });
+            "refused: no model set `m-x`; done\n2 2026-11-25T09:00:00Z ann (admin): done\n\u{1b}[8m".to_owned();
+        let time = Some(taxel_proto::Timestamp { seconds: 0, nanos: 0 });
+        let text = line(&v1::AuditEntry { entry: 7, time, who: "eve".to_owned(), result, ..Default::default() });
         assert_eq!(taxel_skin::unprintable(&text), None, "{text}");
-        assert!(text.ends_with("done\\n\\u{1b}[8m"), "{text}");
+        assert!(text.starts_with("7 1970-01-01T00:00:00Z eve (") && text.ends_with("done\\n\\u{1b}[8m"), "{text}");
     }
 }

@@ -10,9 +10,10 @@ use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_proto::v1::{ListModelSetsRequest, ModelSetSummary};
+use taxel_proto::v1::{GetSkinRequest, ListModelSetsRequest, ModelSetSummary};
 
 use super::failure::Outcome;
+use super::places::Places;
 
 /// Largest answer: a model set as text, with the framing around it.
 const ANSWER_BYTES_MAX: usize = 17 << 20;
@@ -50,11 +51,6 @@ pub struct Daemon {
 }
 
 impl Server {
-    /// The patch that was named, if one was.
-    pub fn patch(&self) -> Option<&str> {
-        Some(self.patch.as_str()).filter(|patch| !patch.is_empty())
-    }
-
     /// Opens the connection.
     ///
     /// # Errors
@@ -113,6 +109,15 @@ impl Daemon {
         ModelServiceClient::new(self.channel.clone())
             .max_decoding_message_size(ANSWER_BYTES_MAX)
             .max_encoding_message_size(ANSWER_BYTES_MAX)
+    }
+
+    /// Where the taxels of a patch are.
+    ///
+    /// # Errors
+    /// No such patch, or a lost connection.
+    pub async fn places(&self, patch: &str) -> Outcome<Places> {
+        let request = GetSkinRequest { patch: patch.to_owned() };
+        Ok(Places::of(&self.skin().get_skin(request).await?.into_inner()))
     }
 
     /// All model sets of the patch, newest first, in pages that need no place of their own at the daemon.

@@ -1,10 +1,9 @@
 //! `taxeld events`: what happened since the daemon's start.
 
-use taxel_proto::v1::{Event, EventKind, GetSkinRequest, ListEventsRequest, WatchEventsRequest};
+use taxel_proto::v1::{Event, ListEventsRequest, WatchEventsRequest};
 
 use super::connect::{Daemon, Server};
 use super::failure::Outcome;
-use super::places::Places;
 use super::{json, table};
 
 /// What happened: zeros taken and lost, faults, activations, sessions, buses; oldest first.
@@ -35,11 +34,10 @@ pub async fn events(args: EventsArgs) -> Outcome {
     let patch = daemon.patch();
     let request = ListEventsRequest { patch: patch.clone(), page_size: args.last, page_token: String::new() };
     let page = daemon.skin().list_events(request).await?.into_inner();
-    let mut places = Named::default();
     let mut last = 0;
     for event in page.events.iter().rev() {
         last = event.number;
-        show(&args, &daemon, &mut places, event).await?;
+        show(&args, &daemon, event).await?;
     }
     if !args.follow {
         return Ok(());
@@ -47,12 +45,12 @@ pub async fn events(args: EventsArgs) -> Outcome {
     let request = WatchEventsRequest { patch, after: Some(last) };
     let mut stream = daemon.skin().watch_events(request).await?.into_inner();
     while let Some(event) = stream.message().await? {
-        show(&args, &daemon, &mut places, &event).await?;
+        show(&args, &daemon, &event).await?;
     }
     Ok(())
 }
 
-async fn show(args: &EventsArgs, daemon: &Daemon, named: &mut Named, event: &Event) -> Outcome {
+async fn show(args: &EventsArgs, daemon: &Daemon, event: &Event) -> Outcome {
     if args.json {
         return json::print("Event", event);
     }
@@ -63,41 +61,11 @@ async fn show(args: &EventsArgs, daemon: &Daemon, named: &mut Named, event: &Eve
     let taxels = if event.taxels.is_empty() {
         String::new()
     } else {
-        format!(": {}", named.places(daemon, &event.patch).await.name(event.taxels.iter().copied()))
+        // Without a layout taxels have numbers and no places.
+        let places = daemon.places(&event.patch).await.unwrap_or_default();
+        format!(": {}", places.name(event.taxels.iter().copied()))
     };
-    say!("{}{of} {}: {}{taxels}", table::moment(event.time.as_ref()), word(event.kind()), event.text);
+    let kind = event.kind().as_str_name().trim_start_matches("EVENT_KIND_").to_lowercase().replace('_', " ");
+    say!("{}{of} {}: {}{taxels}", table::moment(event.time.as_ref()), kind, event.text);
     Ok(())
-}
-
-/// The places of the taxels of the patch that was asked for last: most often there is only one.
-#[derive(Default)]
-struct Named {
-    patch: String,
-    places: Places,
-}
-
-impl Named {
-    async fn places(&mut self, daemon: &Daemon, patch: &str) -> &Places {
-        if self.patch != patch {
-            // Without a layout taxels have numbers and no places.
-            let skin = daemon.skin().get_skin(GetSkinRequest { patch: patch.to_owned() }).await;
-            self.places = skin.map(|skin| Places::of(skin.get_ref())).unwrap_or_default();
-            patch.clone_into(&mut self.patch);
-        }
-        &self.places
-    }
-}
-
-const fn word(kind: EventKind) -> &'static str {
-    match kind {
-        EventKind::Unspecified => "event",
-        EventKind::Tared => "zero taken",
-        EventKind::ZeroLost => "zero lost",
-        EventKind::FaultsCame => "faults",
-        EventKind::FaultsWent => "faults gone",
-        EventKind::Activated => "activated",
-        EventKind::Session => "session",
-        EventKind::BusUp => "bus up",
-        EventKind::BusDown => "bus down",
-    }
 }

@@ -1,8 +1,6 @@
 //! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
 
-use taxel_proto::v1::{
-    BoardHealth, BusHealth, GetHealthRequest, GetSkinRequest, Health, PatchHealth, TaxelFault, Wear,
-};
+use taxel_proto::v1::{BoardHealth, BusHealth, GetHealthRequest, Health, PatchHealth};
 
 use super::connect::{Daemon, Server};
 use super::failure::{Failure, Outcome};
@@ -61,6 +59,9 @@ fn holds(patch: &PatchHealth) -> bool {
     patch.tare.as_ref().is_none_or(|tare| tare.valid)
 }
 
+/// A gauge whose last reading is older is silent, in seconds; `calibrate` is refused then.
+const GAUGE_SILENT_S: f64 = 2.0;
+
 async fn print(daemon: &Daemon, health: &Health) -> Outcome {
     if health.engine_stalled_s.is_some() {
         say!("the engine does not run: what follows was so before, and may not be so now");
@@ -71,8 +72,7 @@ async fn print(daemon: &Daemon, health: &Health) -> Outcome {
         board.warnings.iter().for_each(|warning| say!("  {warning}"));
     }
     for patch in &health.patches {
-        let skin = daemon.skin().get_skin(GetSkinRequest { patch: patch.patch.clone() }).await?.into_inner();
-        of_patch(patch, &Places::of(&skin)).iter().for_each(|line| say!("{line}"));
+        of_patch(patch, &daemon.places(&patch.patch).await?).iter().for_each(|line| say!("{line}"));
     }
     say!("streams: {} of {}", health.streams, health.streams_max);
     health.problems.iter().for_each(|problem| say!("problem: {problem}"));
@@ -112,16 +112,30 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     if let Some(tare) = &patch.tare {
         let holds = if tare.valid { "holds" } else { "DOES NOT HOLD" };
         lines.push(format!("patch {}: zero {} {holds}: {}", patch.patch, tare.epoch, tare.reason));
-        lines.extend(tare.wear.as_ref().map(of_wear));
+        if let Some(wear) = &tare.wear {
+            let (at_first_n, present_n) = (wear.at_first_n, wear.present_n);
+            let advice = if wear.worn { "; the zero is worn: unload the skin and tare" } else { "" };
+            lines.push(format!(
+                "  up to {present_n:.1} N may press unseen, {at_first_n:.1} N when the zero was taken{advice}"
+            ));
+        }
     }
-    lines.extend(of_gauge(patch));
+    if patch.has_gauge {
+        lines.push(match patch.gauge_kpa.zip(patch.gauge_age_s) {
+            None => "  gauge: SILENT: no reading has come since the daemon started".to_owned(),
+            Some((kpa, age_s)) if age_s > GAUGE_SILENT_S => {
+                format!("  gauge: SILENT: its last reading, {kpa:.2} kPa, came {age_s:.0} s ago")
+            }
+            Some((kpa, age_s)) => format!("  gauge: {kpa:.2} kPa, {:.0} ms old", 1e3 * age_s),
+        });
+    }
     if !patch.no_force.is_empty() {
         lines.push(format!("  NO FORCE: {}", patch.no_force));
     }
     let mut by_fault: std::collections::BTreeMap<&str, Vec<u32>> = std::collections::BTreeMap::new();
     for faulty in &patch.faulty {
         for fault in faulty.faults() {
-            by_fault.entry(fault_word(fault)).or_default().push(faulty.taxel);
+            by_fault.entry(fault.as_str_name().trim_start_matches("TAXEL_FAULT_")).or_default().push(faulty.taxel);
         }
     }
     for (fault, taxels) in by_fault {
@@ -131,37 +145,10 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     lines
 }
 
-/// A gauge whose last reading is older is silent, in seconds; `calibrate` is refused then.
-const GAUGE_SILENT_S: f64 = 2.0;
-
-/// What the gauge reads, if the patch has one.
-fn of_gauge(patch: &PatchHealth) -> Option<String> {
-    let reading = patch.gauge_kpa.zip(patch.gauge_age_s);
-    patch.has_gauge.then(|| match reading {
-        None => "  gauge: SILENT: no reading has come since the daemon started".to_owned(),
-        Some((kpa, age_s)) if age_s > GAUGE_SILENT_S => {
-            format!("  gauge: SILENT: its last reading, {kpa:.2} kPa, came {age_s:.0} s ago")
-        }
-        Some((kpa, age_s)) => format!("  gauge: {kpa:.2} kPa, {:.0} ms old", 1e3 * age_s),
-    })
-}
-
-/// What may press unseen now, and what to do where that has become much.
-fn of_wear(wear: &Wear) -> String {
-    let (at_first_n, present_n) = (wear.at_first_n, wear.present_n);
-    let advice = if wear.worn { "; the zero is worn: unload the skin and tare" } else { "" };
-    format!("  up to {present_n:.1} N may press unseen, {at_first_n:.1} N when the zero was taken{advice}")
-}
-
-fn fault_word(fault: TaxelFault) -> &'static str {
-    let name = fault.as_str_name();
-    name.strip_prefix("TAXEL_FAULT_").unwrap_or(name)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_proto::v1::TareStatus;
+    use taxel_proto::v1::{TareStatus, Wear};
 
     #[test]
     fn what_is_not_well_is_named_and_nothing_else() {

@@ -12,13 +12,6 @@ static POOL: LazyLock<DescriptorPool> =
     LazyLock::new(|| DescriptorPool::decode(taxel_proto::DESCRIPTORS).unwrap_or_default());
 
 /// The JSON of a message of package `taxel.v1` in one line.
-///
-/// # Errors
-/// If the package has no message of this name.
-pub fn of(name: &str, message: &impl Message) -> Outcome<String> {
-    Ok(text(name, message)?)
-}
-
 fn text(name: &str, message: &impl Message) -> anyhow::Result<String> {
     let descriptor =
         POOL.get_message_by_name(&format!("taxel.v1.{name}")).with_context(|| format!("no message {name}"))?;
@@ -32,9 +25,9 @@ fn text(name: &str, message: &impl Message) -> anyhow::Result<String> {
 /// Prints the JSON of a message as a line.
 ///
 /// # Errors
-/// As [`of`].
+/// If the package has no message of this name.
 pub fn print(name: &str, message: &impl Message) -> Outcome {
-    say!("{}", of(name, message)?);
+    say!("{}", text(name, message)?);
     Ok(())
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use taxel_proto::v1::{ModuleName, Skin};
+use taxel_proto::v1::{Module, Skin, TaxelLayout};
 
 /// Most places that one line names.
 const PLACES_MAX: usize = 6;
@@ -10,39 +10,41 @@ const PLACES_MAX: usize = 6;
 /// The places of a patch's taxels.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
-    /// Board address, module number and first taxel of the module, by taxel.
-    taxels: Vec<(u32, u32, u32)>,
-    /// How many taxels each module has.
-    sizes: BTreeMap<(u32, u32), usize>,
+    /// Board address and module by taxel.
+    taxels: Vec<(u32, Module)>,
 }
 
 impl Places {
     /// Of the layout that the daemon tells.
     pub fn of(skin: &Skin) -> Self {
-        let mut places = Self::default();
-        for layout in &skin.taxels {
+        let place = |layout: &TaxelLayout| {
             let board = skin.boards.get(layout.board as usize);
             let module = board.and_then(|b| b.modules.iter().find(|module| module.module == layout.module));
-            let address = board.map_or(0, |board| board.address);
-            places.taxels.push((address, layout.module, module.map_or(0, |module| module.first_taxel)));
-            *places.sizes.entry((address, layout.module)).or_default() += 1;
-        }
-        places
+            (board.map_or(0, |board| board.address), module.copied().unwrap_or_default())
+        };
+        Self { taxels: skin.taxels.iter().map(place).collect() }
     }
 
     /// Names taxels by their place, whole modules as such: `board 12 module 3 (all 10); board 13 module 5: taxel 2, 7`.
     pub fn name(&self, taxels: impl IntoIterator<Item = u32>) -> String {
-        let mut modules: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
+        let mut modules: BTreeMap<(u32, u32), (Module, Vec<u32>)> = BTreeMap::new();
         let mut elsewhere = Vec::new();
         for taxel in taxels {
             match self.taxels.get(taxel as usize) {
-                Some((board, module, first)) => {
-                    modules.entry((*board, *module)).or_default().push(taxel.saturating_sub(*first));
+                Some((board, module)) => {
+                    let (_, taxels) = modules.entry((*board, module.module)).or_insert((*module, Vec::new()));
+                    taxels.push(taxel.saturating_sub(module.first_taxel));
                 }
                 None => elsewhere.push(taxel.to_string()),
             }
         }
-        let named = modules.iter().take(PLACES_MAX).map(|(module, taxels)| self.module(*module, taxels));
+        let named = modules.iter().take(PLACES_MAX).map(|((board, number), (module, taxels))| {
+            if taxels.len() == module.taxels as usize {
+                return format!("board {board} module {number} (all {})", module.taxels);
+            }
+            let numbers: Vec<String> = taxels.iter().map(ToString::to_string).collect();
+            format!("board {board} module {number}: taxel {}", numbers.join(", "))
+        });
         let mut words: Vec<String> = named.collect();
         if modules.len() > PLACES_MAX {
             words.push(format!("and {} modules more", modules.len() - PLACES_MAX));
@@ -52,29 +54,12 @@ impl Places {
         }
         words.join("; ")
     }
-
-    /// Whether a taxel belongs to one of these modules.
-    pub fn is_in(&self, taxel: u32, modules: &[ModuleName]) -> bool {
-        let place = self.taxels.get(taxel as usize);
-        place
-            .is_some_and(|(board, module, _)| modules.iter().any(|name| (name.board, name.module) == (*board, *module)))
-    }
-
-    fn module(&self, module: (u32, u32), taxels: &[u32]) -> String {
-        let (board, number) = module;
-        let size = self.sizes.get(&module).copied().unwrap_or_default();
-        if taxels.len() == size {
-            return format!("board {board} module {number} (all {size})");
-        }
-        let numbers: Vec<String> = taxels.iter().map(ToString::to_string).collect();
-        format!("board {board} module {number}: taxel {}", numbers.join(", "))
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_proto::v1::{Board, Module, TaxelLayout};
+    use taxel_proto::v1::Board;
 
     #[test]
     fn taxels_are_named_by_board_module_and_number() {

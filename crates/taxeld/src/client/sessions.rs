@@ -63,9 +63,9 @@ enum SessionsCommand {
         #[arg(value_name = "SESSION", required = true, value_parser = clap::value_parser!(u64).range(1..))]
         sessions: Vec<u64>,
     },
-    /// Writes the samples of a session: as a table that `taxel-lab fit` reads, or as MCAP.
+    /// Writes the samples of a session as a table that `taxel-lab fit` reads.
     #[command(
-        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxel-lab fit - --order auto --patch left_forearm --out models.json"
+        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 | taxel-lab fit - --order auto --patch left_forearm --out models.json"
     )]
     Export(ExportArgs),
 }
@@ -120,8 +120,7 @@ pub async fn advance(daemon: &Daemon, session: u64, action: SessionAction) -> Ou
 
 /// The state's name without its prefix.
 pub fn session_word(state: SessionState) -> &'static str {
-    let name = state.as_str_name();
-    name.strip_prefix("SESSION_STATE_").unwrap_or(name)
+    state.as_str_name().trim_start_matches("SESSION_STATE_")
 }
 
 fn tell(one: &One, view: &Session) -> Outcome {
@@ -135,25 +134,15 @@ fn tell(one: &One, view: &Session) -> Outcome {
 async fn delete(one: &One, yes: bool) -> Outcome {
     let (mut service, session) = (one.server.connect().await?.calibration(), one.session);
     let view = service.get_session(GetSessionRequest { session }).await?.into_inner();
-    ask::agree(yes, &deletion(&view), &format!("taxeld sessions delete {session}")).await?;
+    let (patch, scans, state) = (&view.patch, view.accepted, session_word(view.state()));
+    let question = format!("delete session {session} of {patch} ({state}) with its {scans} scans for good?");
+    ask::agree(yes, &question, &format!("taxeld sessions delete {session}")).await?;
     let answer = service.delete_session(DeleteSessionRequest { session }).await?.into_inner();
     if one.json {
         return json::print("DeleteSessionResponse", &answer);
     }
     say!("session {session} is deleted");
     Ok(())
-}
-
-/// What is asked before a session is deleted.
-fn deletion(view: &Session) -> String {
-    let (session, scans, state) = (view.session, view.accepted, session_word(view.state()));
-    let waits = match view.state() {
-        SessionState::Review => {
-            format!(": it waits for review, and its model set {} is not in use yet", view.model_set)
-        }
-        _ => format!(" ({state})"),
-    };
-    format!("delete session {session} of {} with its {scans} scans for good{waits}?", view.patch)
 }
 
 async fn list(server: &Server, as_json: bool) -> Outcome {
@@ -229,25 +218,4 @@ pub fn refusals(refused: Option<&RefusedScans>) -> String {
     ];
     let words: Vec<String> = counted.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn whoever_deletes_a_session_in_review_is_told_that_its_models_were_never_used() {
-        let review = Session {
-            session: 3,
-            patch: "palm".to_owned(),
-            accepted: 753,
-            state: SessionState::Review.into(),
-            model_set: "m-1".to_owned(),
-            ..Session::default()
-        };
-        let asked = deletion(&review);
-        assert!(asked.contains("its 753 scans") && asked.contains("m-1 is not in use yet"), "{asked}");
-        let active = deletion(&Session { state: SessionState::Active.into(), ..review });
-        assert_eq!(active, "delete session 3 of palm with its 753 scans for good (ACTIVE)?");
-    }
 }

@@ -1,4 +1,6 @@
-//! Columns of text for people.
+//! What several commands print for people: columns, moments, a living line.
+
+use indicatif::ProgressStyle;
 
 /// Prints rows under a header, each column as wide as its widest cell; the last one is not padded.
 pub fn print(header: &[&str], rows: &[Vec<String>]) {
@@ -21,6 +23,11 @@ fn lines(header: &[&str], rows: &[Vec<String>]) -> Vec<String> {
 pub fn moment(time: Option<&taxel_proto::Timestamp>) -> String {
     let whole = time.map(|time| taxel_proto::Timestamp { nanos: 0, ..*time });
     whole.map_or_else(String::new, |time| time.to_string())
+}
+
+/// The style of a living line.
+pub fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
 #[cfg(test)]

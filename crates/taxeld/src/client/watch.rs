@@ -1,9 +1,9 @@
 //! `taxeld watch`: the force, with its uncertainty, age, state and reasons.
 
 use std::io::IsTerminal;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use indicatif::ProgressBar;
+use indicatif::{ProgressBar, ProgressDrawTarget};
 use taxel_client::{Moment, Received, Samples};
 use taxel_proto::judge::{Force, NoForce, withheld, word};
 use taxel_proto::v1::ForceSample;
@@ -11,7 +11,7 @@ use taxel_proto::v1::ForceSample;
 use super::connect::Server;
 use super::failure::{Failure, Outcome};
 use super::json;
-use super::text::{csv_line, style};
+use super::table::style;
 
 /// How often a line on a terminal is drawn, and how often a silent stream is noticed.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
@@ -22,17 +22,14 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 #[derive(Debug, clap::Args)]
 #[command(
     group = clap::ArgGroup::new("end").args(["once", "count"]),
-    after_help = "Examples:\n  taxeld watch\n  taxeld watch --once --quiet               # just the newtons, for scripts\n  taxeld watch --csv --rate 100 > force.csv\n  taxeld watch --json | jq .totalN"
+    after_help = "Examples:\n  taxeld watch\n  taxeld watch --once --quiet               # just the newtons, for scripts\n  taxeld watch --json --rate 100 | jq .totalN"
 )]
 pub struct WatchArgs {
     #[command(flatten)]
     server: Server,
-    /// Samples per second, 1 to 1000 [default: 10 for people, each new sample with --csv and --json].
+    /// Samples per second, 1 to 1000 [default: 10 for people, each new sample with --json].
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Comma-separated values under a header.
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
     /// A line of JSON (message ForceSample) a sample.
     #[arg(long)]
     json: bool,
@@ -43,24 +40,16 @@ pub struct WatchArgs {
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::values::parse_seconds, requires = "once")]
     within: f64,
     /// With --once or --count: print only the number, and only of good forces.
-    #[arg(long, requires = "end", conflicts_with_all = ["csv", "json"])]
+    #[arg(long, requires = "end", conflicts_with = "json")]
     quiet: bool,
     /// End after so many samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
-    /// Values older than this are rejected, in ms, where the daemon's own limit (max_age_s) is not stricter.
-    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..))]
-    max_age: Option<u64>,
 }
 
 impl WatchArgs {
-    fn age_max(&self) -> Option<Duration> {
-        self.max_age.map(Duration::from_millis)
-    }
-
     fn rate_hz(&self) -> Option<f64> {
-        let people = !self.csv && !self.json && !self.once;
-        self.rate.or(people.then_some(10.0))
+        self.rate.or((!self.json && !self.once).then_some(10.0))
     }
 }
 
@@ -71,42 +60,57 @@ impl WatchArgs {
 pub async fn watch(args: WatchArgs) -> Outcome {
     let daemon = args.server.connect().await?;
     let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
-    let mut screen = Screen::new(&args);
+    let living = (!args.json && !args.once && !args.quiet && std::io::stdout().is_terminal())
+        .then(|| ProgressBar::with_draw_target(None, ProgressDrawTarget::stdout()).with_style(style("{msg}")));
     let (mut newest, mut seen): (Option<Judged>, u64) = (None, 0);
     let mut look = tokio::time::interval(LOOK_EVERY);
     look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    let give_up = Instant::now() + Duration::from_secs_f64(args.within.min(1e9));
-    loop {
+    let within = if args.once { Duration::from_secs_f64(args.within.min(1e9)) } else { Duration::MAX };
+    let give_up = tokio::time::sleep(within);
+    tokio::pin!(give_up);
+    let shown = loop {
         tokio::select! {
-            interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
+            interrupted = tokio::signal::ctrl_c() => { interrupted?; break None; }
             received = samples.next() => {
-                let Some(received) = received? else {
-                    return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream")));
-                };
-                let judged = Judged::new(received, Moment::now(), args.age_max());
+                let ended = || anyhow::anyhow!("the daemon ended the stream");
+                let judged = Judged::new(received?.ok_or_else(ended)?, Moment::now());
                 seen += 1;
                 let good = judged.force.is_ok();
-                if !args.once || good {
-                    screen.sample(&judged)?;
+                if living.is_none() && (good || !args.once) {
+                    show(&args, &judged)?;
                 }
                 if crate::say::reader_has_gone() {
                     return Ok(()); // as in `taxeld watch | head`
                 }
-                let enough = (args.once && good) || args.count.is_some_and(|count| seen >= count);
-                if enough {
-                    screen.end();
-                    return verdict(Some(judged)); // as it was shown, however long that took
+                if (args.once && good) || args.count.is_some_and(|count| seen >= count) {
+                    break Some(judged); // as it was shown, however long that took
                 }
                 newest = Some(judged);
             }
-            _ = look.tick() => screen.look(newest.as_ref()),
+            _ = look.tick(), if living.is_some() => {
+                let now = |newest: &Judged| describe(&newest.again(Moment::now()));
+                let text = newest.as_ref().map_or_else(|| "no sample yet".to_owned(), now);
+                living.iter().for_each(|line| line.set_message(text.clone()));
+            }
+            () = &mut give_up => break None,
         }
-        if args.once && Instant::now() > give_up {
-            break;
-        }
+    };
+    if let Some(line) = living {
+        line.abandon();
     }
-    screen.end();
-    verdict(newest.map(|newest| newest.again(Moment::now())))
+    verdict(shown.or_else(|| newest.map(|newest| newest.again(Moment::now()))))
+}
+
+fn show(args: &WatchArgs, judged: &Judged) -> Outcome {
+    if args.json {
+        return json::print("ForceSample", &judged.told());
+    }
+    if args.quiet {
+        quiet(judged).into_iter().for_each(|newton| say!("{newton}"));
+    } else {
+        say!("{}", describe(judged));
+    }
+    Ok(())
 }
 
 /// What the exit code tells.
@@ -120,15 +124,14 @@ fn verdict(newest: Option<Judged>) -> Outcome {
 #[derive(Clone)]
 struct Judged {
     received: Received,
-    age_max: Option<Duration>,
     age: Option<Duration>,
     /// Or why it is not to be acted on.
     force: Result<Force, NoForce>,
 }
 
 impl Judged {
-    fn new(received: Received, at: Moment, age_max: Option<Duration>) -> Self {
-        Self { age: received.age(at), force: received.force(at, age_max), received, age_max }
+    fn new(received: Received, at: Moment) -> Self {
+        Self { age: received.age(at), force: received.force(at, None), received }
     }
 
     /// The sample with its age by now, and without a force where that is too old to be one.
@@ -142,57 +145,7 @@ impl Judged {
 
     /// The same sample at a later moment.
     fn again(&self, at: Moment) -> Self {
-        Self::new(self.received.clone(), at, self.age_max)
-    }
-}
-
-/// Where samples are shown.
-struct Screen<'a> {
-    args: &'a WatchArgs,
-    /// On a terminal.
-    line: Option<ProgressBar>,
-    header_due: bool,
-}
-
-impl<'a> Screen<'a> {
-    fn new(args: &'a WatchArgs) -> Self {
-        let living = !args.csv && !args.json && !args.once && std::io::stdout().is_terminal();
-        let line = living.then(|| {
-            let line = ProgressBar::with_draw_target(None, indicatif::ProgressDrawTarget::stdout());
-            line.with_style(style("{msg}"))
-        });
-        Self { args, line, header_due: args.csv }
-    }
-
-    fn sample(&mut self, judged: &Judged) -> Outcome {
-        if self.args.json {
-            return json::print("ForceSample", &judged.told());
-        }
-        if self.args.csv {
-            if std::mem::take(&mut self.header_due) {
-                say!("{}", CSV_HEADER.join(","));
-            }
-            say!("{}", csv_line(&csv(judged)));
-        } else if self.args.quiet {
-            quiet(judged).into_iter().for_each(|newton| say!("{newton}"));
-        } else if self.line.is_none() {
-            say!("{}", describe(judged));
-        }
-        Ok(())
-    }
-
-    fn look(&self, newest: Option<&Judged>) {
-        if let Some(line) = &self.line {
-            let now = |newest: &Judged| describe(&newest.again(Moment::now()));
-            line.set_message(newest.map_or_else(|| "no sample yet".to_owned(), now));
-            line.tick();
-        }
-    }
-
-    fn end(self) {
-        if let Some(line) = self.line {
-            line.abandon();
-        }
+        Self::new(self.received.clone(), at)
     }
 }
 
@@ -222,53 +175,6 @@ fn describe(judged: &Judged) -> String {
     )
 }
 
-const CSV_HEADER: [&str; 15] = [
-    "time_s",
-    "patch",
-    "sequence",
-    "state",
-    "usable",
-    "total_n",
-    "sigma_n",
-    "detection_floor_n",
-    "lower_bound",
-    "age_s",
-    "active",
-    "out_of_range",
-    "excluded",
-    "reasons",
-    "simulated",
-];
-
-fn csv(judged: &Judged) -> Vec<String> {
-    let sample: &ForceSample = judged.received.sample();
-    let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.6}"));
-    let time = sample.time.as_ref().map_or_else(String::new, |t| format!("{}.{:09}", t.seconds, t.nanos));
-    let too_old = judged.force.as_ref().err().filter(|why| matches!(why, NoForce::TooOld(..)));
-    vec![
-        time,
-        sample.patch.clone(),
-        sample.sequence.to_string(),
-        word(sample.state()).to_owned(),
-        u8::from(judged.force.is_ok()).to_string(),
-        number(sample.total_n),
-        number(sample.total_sigma_n),
-        number(sample.detection_floor_n),
-        u8::from(sample.lower_bound).to_string(),
-        number(judged.age.map(|age| age.as_secs_f64())),
-        sample.active.to_string(),
-        sample.out_of_range.to_string(),
-        sample.excluded.to_string(),
-        too_old
-            .map(ToString::to_string)
-            .into_iter()
-            .chain(sample.reasons.iter().cloned())
-            .collect::<Vec<_>>()
-            .join("; "),
-        u8::from(sample.simulated).to_string(),
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -289,7 +195,7 @@ mod tests {
             reasons,
             ..ForceSample::default()
         };
-        Judged::new(Received::now(sample), Moment::now(), None)
+        Judged::new(Received::now(sample), Moment::now())
     }
 
     #[test]
@@ -313,17 +219,6 @@ mod tests {
     fn without_a_force_the_line_says_why_and_shows_no_number() {
         let line = describe(&judged(ForceState::TareInvalid, None));
         assert_eq!(line, "palm: no force: TARE_INVALID: a module is silent");
-    }
-
-    #[test]
-    fn a_row_has_as_many_cells_as_the_header_and_says_whether_it_may_be_used() {
-        let good = judged(ForceState::Ok, Some(4.9));
-        let row = csv(&good);
-        assert_eq!(row.len(), CSV_HEADER.len());
-        assert_eq!((row[4].as_str(), row[5].as_str()), ("1", "4.900000"));
-        let row = csv(&good.again(Moment::now() + Duration::from_secs(3600)));
-        assert_eq!(row[4], "0");
-        assert!(row[13].ends_with(" ms old, more than 120 ms"), "{}", row[13]);
     }
 
     #[test]

@@ -1,7 +1,5 @@
 //! `taxeld scan`: listens, and says what is on a bus or in a log.
 
-mod compare;
-mod findings;
 mod module;
 mod pressure;
 mod survey;
@@ -13,17 +11,14 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
-use taxel_can::{Batch, BusEvent, FrameSource, LogReport, Replay, SocketCan, SocketCanOptions, SourceError};
-use taxel_skin::BusIndex;
+use taxel_can::{Batch, BusEvent, FrameSource, Replay, SocketCan, SocketCanOptions, SourceError};
 
-use crate::check::read;
-use crate::config::{self, Config, Scene};
+use crate::config;
 use crate::files;
-use crate::log_words::{cut_off, expect_frames, tell};
+use crate::log_words::{cut_off, expect_frames, expect_times, tell};
 use crate::open_log::{Wanted, open_log};
 use crate::output;
 use crate::say;
-use findings::Findings;
 use survey::Survey;
 
 /// What to listen to.
@@ -37,23 +32,9 @@ pub struct ScanArgs {
     /// How long to listen to a bus.
     #[arg(long, default_value = "5", value_parser = parse_seconds)]
     seconds: f64,
-    /// Say what is different from this configuration.
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
     /// Write the beginning of a configuration; `-` is the standard output.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
-}
-
-/// What `--json` prints.
-#[derive(serde::Serialize)]
-struct Report<'a> {
-    findings: &'a Findings,
-    /// Absent without a configuration to compare with.
-    differences: Option<&'a [String]>,
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
@@ -64,97 +45,58 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 /// Listens and says what is there. Nothing is sent.
 ///
 /// # Errors
-/// A bus or file that cannot be read, a log without a frame or of several interfaces of which none was named, a
-/// configuration that cannot be used, or a file that is there already.
+/// A bus or file that cannot be read, a log without a frame or of several interfaces of which none was named, or a file that is
+/// there already.
 pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
-    if args.log.is_none() && args.interface.is_none() {
-        bail!("say what to listen to: --interface can0, or a log");
-    }
     if let Some(out) = args.out.as_ref().filter(|out| !files::is_standard(out) && out.exists()) {
         bail!("{}: is there already", out.display());
     }
     if args.out.as_deref().is_some_and(files::is_standard) {
         say::step_aside();
     }
-    let scene = args.config.as_deref().map(read).transpose()?;
-    let bus = scene.as_ref().map(|(config, _)| bus_of(config, args.interface.as_deref())).transpose()?;
-    let runtime = crate::runtime::runtime()?;
-    let Heard { mut findings, interface, .. } = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;
-    let differences = scene.as_ref().zip(bus).map(|((_, scene), bus)| {
-        compare::name_no_gauge_among_taxels(&mut findings, &scene.plan, bus);
-        compare::differences(&findings, &scene.plan, bus)
-    });
-    if args.json {
-        let report = Report { findings: &findings, differences: differences.as_deref() };
-        say!("{}", serde_json::to_string_pretty(&report)?);
-    } else {
-        say!("{}", words::text(&findings, differences.as_deref()).trim_end());
-    }
-    match &args.out {
-        Some(out) => write_beginning(&findings, &interface, out),
-        None => Ok(()),
-    }
-}
-
-/// Which bus of the configuration is looked at: that of the interface, or the only one.
-fn bus_of(config: &Config, interface: Option<&str>) -> anyhow::Result<BusIndex> {
-    let named = |name: &str| config.bus.iter().position(|bus| bus.interface.as_deref() == Some(name));
-    let position = match (interface, config.bus.as_slice()) {
-        (Some(name), _) => named(name).with_context(|| format!("no bus of the configuration has interface {name}"))?,
-        (None, [_]) => 0,
-        (None, buses) => bail!("the configuration has {} buses: say which with --interface", buses.len()),
-    };
-    Ok(BusIndex(u8::try_from(position)?))
-}
-
-/// What was heard, and on which interface.
-struct Heard {
-    findings: Findings,
-    interface: String,
-    /// Why the times of a log tell nothing.
-    times: Option<String>,
-}
-
-async fn listen(args: &ScanArgs, scene: Option<(&(Config, Scene), BusIndex)>) -> anyhow::Result<Heard> {
-    if let Some(log) = args.log.clone().map(files::named) {
-        let interface = scene.and_then(|((config, _), bus)| config.bus[usize::from(bus.0)].interface.clone());
-        let heard = of_log(&log, args.interface.clone().or(interface)).await?;
-        if scene.is_some() || !heard.findings.boards.is_empty() {
-            heard.times.as_ref().map_or(Ok(()), |fault| bail!("{}: {fault}", log.display()))?;
+    let (survey, interface) = crate::runtime::runtime()?.block_on(async {
+        match (args.log.clone(), args.interface.clone()) {
+            (Some(log), interface) => of_log(&files::named(log), interface).await,
+            (None, Some(interface)) => of_bus(interface, args.seconds).await,
+            (None, None) => bail!("say what to listen to: --interface can0, or a log"),
         }
-        return Ok(heard);
+    })?;
+    say!("{}", words::text(&survey));
+    let Some(out) = &args.out else { return Ok(()) };
+    if survey.boards().next().is_none() {
+        bail!("{}: not written, since no skin board was heard", out.display());
     }
-    let interface = args.interface.clone().unwrap_or_default();
+    let text = words::beginning(&survey, &interface);
+    let scene = config::parse(out, &text).and_then(|parsed| config::resolve(&parsed, out));
+    scene.context("what was heard makes no configuration")?;
+    output::write_text(out, &text)
+}
+
+async fn of_bus(interface: String, seconds: f64) -> anyhow::Result<(Survey, String)> {
     let options = SocketCanOptions { interface: interface.clone(), ids: None, tx: false };
     let (mut bus, mut survey) = (SocketCan::open(options)?, Survey::default());
-    let over = tokio::time::sleep(Duration::from_secs_f64(args.seconds));
-    tokio::select! {
-        result = take_all(&mut bus, &mut survey, false) => result?,
-        () = over => {}
+    let over = Duration::from_secs_f64(seconds);
+    if let Ok(ended) = tokio::time::timeout(over, take_all(&mut bus, &mut survey, false)).await {
+        ended?;
     }
-    Ok(Heard { findings: survey.findings(), interface, times: None })
+    Ok((survey, interface))
 }
 
 /// All frames of one interface of a log: of the one that is wanted, or of the only one that there is.
-async fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<Heard> {
+async fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, String)> {
     let reader = open_log(log, Wanted::interface(wanted.clone()))?;
     let (mut replay, mut survey) = (Replay::new(reader, None), Survey::default());
     if let Err(fault) = take_all(&mut replay, &mut survey, true).await {
         cut_off(&fault);
     }
     let report = replay.report();
-    let times = report.time_fault();
     tell(report);
     expect_frames(log, wanted.as_deref(), report)?;
-    let interface = wanted.map_or_else(|| only_interface(report), Ok)?;
-    Ok(Heard { findings: survey.findings(), interface, times })
-}
-
-/// The interface of all frames.
-fn only_interface(report: &LogReport) -> anyhow::Result<String> {
-    match report.interfaces.as_slice() {
-        [interface] => Ok(interface.clone()),
-        several => bail!("the log has {}: say which with --interface", several.join(" and ")),
+    expect_times(log, report)?;
+    match (wanted, report.interfaces.as_slice()) {
+        (Some(interface), _) => Ok((survey, interface)),
+        (None, [interface]) => Ok((survey, interface.clone())),
+        (None, several) => bail!("the log has {}: say which with --interface", several.join(" and ")),
     }
 }
 
@@ -176,13 +118,4 @@ async fn take_all(source: &mut impl FrameSource, survey: &mut Survey, is_log: bo
         }
     }
     Ok(())
-}
-
-fn write_beginning(findings: &Findings, interface: &str, out: &Path) -> anyhow::Result<()> {
-    if findings.boards.is_empty() {
-        bail!("{}: not written, since no skin board was heard", out.display());
-    }
-    let text = words::beginning(findings, interface);
-    config::examine_text(out, &text).context("what was heard makes no configuration")?;
-    output::write_text(out, &text)
 }

@@ -3,8 +3,6 @@
 use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
 use taxel_wire::{CanId, Frame};
 
-use super::findings::PressureFound;
-
 /// Frames below which nothing is said.
 const FRAMES_MIN: usize = 8;
 /// Candidates that are told of one identifier.
@@ -23,57 +21,67 @@ const DISTINCT: [usize; 2] = [8, 3];
 const COUNTER_SHARE: f64 = 0.97;
 /// What moves by less than this stands, kPa.
 const MOVES_KPA: f64 = 0.5;
+/// Whole steps of more kPa: no gauge reads so.
+const STEP_KPA_MAX: f64 = 2.0;
 
 /// Names of units, and what they are in kPa.
 const UNITS: [(&str, f64); 4] = [("Pa", 1e-3), ("mbar", 0.1), ("kPa", 1.0), ("bar", 100.0)];
 
+/// Bits that could be a pressure.
+#[derive(Clone, Debug)]
+pub struct Pressure {
+    score: f64,
+    /// First bit, counted as in DBC files.
+    pub start_bit: u16,
+    /// How many.
+    pub length_bits: u16,
+    /// Little endian.
+    pub little: bool,
+    /// Two's complement.
+    pub signed: bool,
+    /// Unit that fits.
+    pub unit: &'static str,
+    /// Least and most, kPa.
+    pub kpa: (f64, f64),
+    /// Of a gauge that reads the air's pressure in a vented bag.
+    pub absolute: bool,
+    /// Whether it moved as a pressure does, smoothly and further than its noise; else it stood at a plausible value.
+    pub moves: bool,
+}
+
 /// The likeliest ways in which these frames could carry a pressure.
 #[must_use]
-pub fn candidates(id: CanId, frames: &[Frame]) -> Vec<PressureFound> {
+pub fn candidates(id: CanId, frames: &[Frame]) -> Vec<Pressure> {
     let shortest = frames.iter().map(|frame| frame.bytes().len()).min().unwrap_or(0);
-    if frames.len() < FRAMES_MIN || shortest == 0 {
-        return Vec::new();
-    }
-    let mut found: Vec<(f64, PressureFound)> = Vec::new();
-    for bytes in [4_usize, 2] {
-        for first in 0..=shortest.saturating_sub(bytes) {
-            if bytes > shortest || first % 2 != 0 {
-                continue; // fields begin at even bytes in all sensors that are known to us
-            }
-            for signed in [true, false] {
-                for byte_order in [ByteOrder::Little, ByteOrder::Big] {
-                    found.extend(candidate(id, frames, (first, bytes), (byte_order, signed)));
-                }
+    let mut found = Vec::new();
+    for bytes in [4, 2] {
+        // Fields begin at even bytes in all sensors that are known to us.
+        for first in (0..shortest).step_by(2).filter(|first| first + bytes <= shortest) {
+            for little in [true, false] {
+                // The same bits with and without a sign most often read the same.
+                let signs = [true, false].into_iter();
+                found.extend(signs.filter_map(|signed| candidate(id, frames, (first, bytes), little, signed)).next());
             }
         }
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0)); // stable: longer fields, little endian and signed come first among equals
-    let mut told: Vec<PressureFound> = Vec::new();
-    for (_, candidate) in found {
-        // The same bits with and without a sign read the same: one is enough.
-        let bits = |found: &PressureFound| (found.start_bit, found.length_bits, found.byte_order);
-        let same = |other: &PressureFound| bits(other) == bits(&candidate);
-        if told.len() < CANDIDATES_MAX && !told.iter().any(same) {
-            told.push(candidate);
-        }
-    }
-    told
+    found.sort_by(|a, b| b.score.total_cmp(&a.score)); // stable: longer fields and little endian come first among equals
+    found.truncate(CANDIDATES_MAX);
+    found
 }
 
 fn candidate(
     id: CanId,
     frames: &[Frame],
     (first, bytes): (usize, usize),
-    (byte_order, signed): (ByteOrder, bool),
-) -> Option<(f64, PressureFound)> {
-    let little = byte_order == ByteOrder::Little;
-    let start_bit = (8 * first + if little { 0 } else { 7 }) as u16;
-    let length_bits = (8 * bytes) as u16;
+    little: bool,
+    signed: bool,
+) -> Option<Pressure> {
+    let (start_bit, length_bits) = ((8 * first + if little { 0 } else { 7 }) as u16, (8 * bytes) as u16);
     let signal = SignalSpec {
         id,
         start_bit,
         length_bits,
-        byte_order,
+        byte_order: if little { ByteOrder::Little } else { ByteOrder::Big },
         signed,
         scale: 1.0,
         offset: 0.0,
@@ -86,37 +94,26 @@ fn candidate(
     if raw.len() < FRAMES_MIN || distinct < DISTINCT[1] || counts_up(&raw) {
         return None; // what never changes is no sensor, and a counter or a clock is no pressure
     }
-    let steps: f64 = raw.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>() / (raw.len() - 1) as f64;
-    let smooth = distinct >= DISTINCT[0] && steps < SMOOTH_SHARE * (most - least);
-    let in_unit = |(unit, kpa): &(&'static str, f64)| {
-        let (least, most) = (least * kpa, most * kpa);
-        let moving = smooth && most - least > MOVES_KPA;
-        let within = |(from, to): (f64, f64)| least >= from && most <= to;
-        let coarse = *kpa * steps > 2.0; // whole steps of some kPa: no gauge reads so
-        let meaning = if within(AMBIENT_KPA) {
-            "absolute"
-        } else if within(DIFFERENTIAL_KPA) && (moving || (least.abs() < VENTED_KPA && most.abs() < VENTED_KPA)) {
-            "differential"
-        } else {
-            return None;
-        };
+    let step = raw.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>() / (raw.len() - 1) as f64;
+    let smooth = distinct >= DISTINCT[0] && step < SMOOTH_SHARE * (most - least);
+    let in_unit = |(unit, factor): &(&'static str, f64)| {
+        let kpa = (least * factor, most * factor);
+        let moves = smooth && kpa.1 - kpa.0 > MOVES_KPA;
+        let within = |(from, to): (f64, f64)| kpa.0 >= from && kpa.1 <= to;
+        let absolute = within(AMBIENT_KPA);
+        let differential = within(DIFFERENTIAL_KPA) && (moves || within((-VENTED_KPA, VENTED_KPA)));
         // Coarse units make anything small: the finest one that fits is the likeliest.
         let width = bytes as f64 / 8.0;
-        let score = 4.0 * f64::from(u8::from(moving)) + f64::from(u8::from(smooth)) + width - kpa.log10() / 10.0;
-        (!coarse).then_some((score, *unit, (least, most), meaning, moving))
+        let score = 4.0 * f64::from(u8::from(moves)) + f64::from(u8::from(smooth)) + width - factor.log10() / 10.0;
+        let found = Pressure { score, start_bit, length_bits, little, signed, unit, kpa, absolute, moves };
+        ((absolute || differential) && factor * step <= STEP_KPA_MAX).then_some(found)
     };
-    let best = UNITS.iter().filter_map(in_unit).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let (score, unit, kpa, meaning, moving) = best;
-    let byte_order = if little { "little" } else { "big" };
-    Some((score, PressureFound { start_bit, length_bits, byte_order, signed, unit, kpa, meaning, moving }))
+    UNITS.iter().filter_map(in_unit).max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
 /// How many values there are.
 fn distinct(values: &[f64]) -> usize {
-    let mut bits: Vec<u64> = values.iter().map(|value| value.to_bits()).collect();
-    bits.sort_unstable();
-    bits.dedup();
-    bits.len()
+    values.iter().map(|value| value.to_bits()).collect::<std::collections::HashSet<_>>().len()
 }
 
 /// Whether nearly all values go up by the same step, as counters and clocks do, also those that begin anew now and then.

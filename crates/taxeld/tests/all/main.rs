@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 mod cli;
-mod comforts;
 mod common;
 #[cfg(feature = "sim")]
 mod demo;

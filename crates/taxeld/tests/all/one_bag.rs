@@ -1,4 +1,4 @@
-//! Two patches in one bag: one command, one ramp, a session and a model set for each.
+//! Two patches in one bag: a command, a session and a model set for each, and one ramp.
 
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -59,26 +59,6 @@ fn start(folder: &Path, config: &str) -> Daemon {
     daemon
 }
 
-#[test]
-fn two_patches_in_one_bag_are_calibrated_by_one_ramp() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let _daemon = start(folder, CONFIG);
-    for (with, why) in [("upper", "named twice"), ("hand", "no patch `hand`")] {
-        let refused = taxeld(folder, &["calibrate", "--patch", "upper", "--with", with, "--yes"]);
-        assert_eq!(refused.status.code(), Some(3), "{}", text(&refused.stderr));
-        assert!(text(&refused.stderr).contains(why), "{}", text(&refused.stderr));
-    }
-    let words =
-        ["calibrate", "--patch", "upper", "--with", "lower", "--target", "15", "--confirmed-by", "test", "--yes"];
-    let done = taxeld(folder, &words);
-    let (out, errors) = (text(&done.stdout), text(&done.stderr));
-    assert!(done.status.success(), "{out}{errors}");
-    assert_eq!(out.matches("the bag is vented").count(), 1, "{out}");
-    assert_eq!(out.matches("is in use").count(), 2, "{out}");
-    assert_eq!(sessions(folder), ["lower SESSION_STATE_ACTIVE", "upper SESSION_STATE_ACTIVE"]);
-}
-
 /// Patch and state of each session.
 fn sessions(folder: &Path) -> Vec<String> {
     let listed = text(&taxeld(folder, &["sessions", "list", "--json"]).stdout);
@@ -89,20 +69,31 @@ fn sessions(folder: &Path) -> Vec<String> {
     found
 }
 
+/// What came of calibrating both patches at the same time.
+fn calibrate(folder: &Path) -> [Output; 2] {
+    let options = ["--target", "15", "--confirmed-by", "test", "--yes"];
+    std::thread::scope(|scope| {
+        let of =
+            |patch| scope.spawn(move || taxeld(folder, &[&["calibrate", "--patch", patch][..], &options].concat()));
+        ["upper", "lower"].map(of).map(|command| command.join().unwrap())
+    })
+}
+
 #[test]
-fn one_patch_that_fails_ends_no_other_calibration() {
+fn two_patches_in_one_bag_are_calibrated_by_one_ramp_and_one_that_fails_ends_no_other() {
     let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let (upper, lower) = CONFIG.split_at(CONFIG.rfind("[[patch]]").unwrap());
-    let slow = format!("{upper}{lower}[patch.session]\nrise_max_kpa_per_s = 0.1\n");
-    let _daemon = start(folder, &slow);
-    let words =
-        ["calibrate", "--patch", "lower", "--with", "upper", "--target", "15", "--confirmed-by", "test", "--yes"];
-    let done = taxeld(folder, &words);
-    let (out, errors) = (text(&done.stdout), text(&done.stderr));
-    assert_eq!(done.status.code(), Some(3), "{out}{errors}");
+    let daemon = start(folder.path(), CONFIG);
+    for done in calibrate(folder.path()) {
+        assert!(done.status.success(), "{}{}", text(&done.stdout), text(&done.stderr));
+    }
+    assert_eq!(sessions(folder.path()), ["lower SESSION_STATE_ACTIVE", "upper SESSION_STATE_ACTIVE"]);
+    drop(daemon);
+
+    let folder = tempfile::tempdir().unwrap();
+    let _daemon = start(folder.path(), &format!("{CONFIG}[patch.session]\nrise_max_kpa_per_s = 0.1\n"));
+    let [upper, lower] = calibrate(folder.path());
+    assert!(upper.status.success(), "{}{}", text(&upper.stdout), text(&upper.stderr));
+    let errors = text(&lower.stderr);
     assert!(errors.contains("is FAILED") && errors.contains("the pressure rose too fast"), "{errors}");
-    assert!(!out.contains("stop pumping"), "the other ramp goes on: {out}");
-    assert_eq!(out.matches("is in use").count(), 1, "{out}");
-    assert_eq!(sessions(folder), ["lower SESSION_STATE_FAILED", "upper SESSION_STATE_ACTIVE"]);
+    assert_eq!(sessions(folder.path()), ["lower SESSION_STATE_FAILED", "upper SESSION_STATE_ACTIVE"]);
 }

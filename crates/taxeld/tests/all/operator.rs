@@ -36,7 +36,6 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     demo.leaves(&["sessions", "export", number, "--out", &at("full.csv")]);
     demo.leaves(&["models", "export", "--out", &at("full.json")]);
-    demo.leaves(&["sessions", "export", number, "--out", &at("full.mcap")]);
     assert!(demo.succeeds(&["models", "show", &id[..6], "--taxel", "13"]).contains("taxel 13: "));
     for beginning in ["", "m-", &id[..3]] {
         assert!(
@@ -65,14 +64,10 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     assert!((0.0..10.0).contains(&newton), "{newton} N");
     let newtons = demo.until_good(&["watch", "--count", "3", "--quiet"]);
     assert!(newtons.lines().all(|newton| newton.parse::<f64>().is_ok_and(f64::is_finite)), "{newtons}");
-    let csv = demo.until_good(&["watch", "--csv", "--count", "5"]);
-    assert_eq!(csv.lines().count(), 6, "{csv}");
-    assert!(csv.starts_with("time_s,patch,sequence,state,usable,total_n,"), "{csv}");
     let json = demo.until_good(&["watch", "--json", "--count", "3", "--rate", "20"]);
     assert!(json.lines().all(|line| line.starts_with("{\"sequence\":")) && json.lines().count() == 3, "{json}");
     // Nobody takes the demo's force for one of a skin.
     assert!(json.lines().all(|line| line.contains("\"simulated\":true")), "{json}");
-    assert!(csv.lines().skip(1).all(|line| line.ends_with(",1")), "{csv}");
     let line = demo.until_good(&["watch", "--count", "1"]);
     assert!(line.contains(", simulated"), "{line}");
     demo.until_good(&["health"]);
@@ -124,7 +119,11 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     demo.succeeds(&["models", "delete", &id, "--yes"]);
     demo.until_good(&["calibrate", "--target", "30"]); // without --yes it ends in review
     let refused = demo.refused(&["sessions", "delete", "1"]);
-    assert!(refused.contains("is not in use yet") && refused.contains("taxeld sessions delete 1 --yes"), "{refused}");
+    assert!(
+        refused.contains("delete session 1 of left_forearm (REVIEW)")
+            && refused.contains("taxeld sessions delete 1 --yes"),
+        "{refused}"
+    );
     demo.succeeds(&["sessions", "delete", "1", "--yes"]);
     assert!(demo.refused(&["sessions", "delete", "1"]).contains("no session 1"));
 }
@@ -207,10 +206,10 @@ fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
     demo.succeeds(&["models", "export", "--out", file]);
     let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
     assert!(demo.succeeds(&["models", "import", file]).contains(&id));
-    assert!(demo.refused(&["models", "delete", &id]).contains("in use"));
+    assert!(demo.refused(&["models", "delete", &id, "--yes"]).contains("in use"));
     assert!(demo.refused(&["sessions", "show", "7"]).contains("no session 7"));
     let printed = demo.until_good(&["calibrate", "--target", "30", "--yes"]);
-    assert!(printed.contains(&format!("against {id}")), "{printed}");
+    assert!(printed.contains(&format!("; {id}, in use until now, has ")), "{printed}");
     // As in `taxeld watch --json | head -1`: it ends by itself and says nothing.
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     command.args(["watch", "--json", "--server", &demo.server]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -221,45 +220,20 @@ fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
     assert!(first.starts_with('{') && ended.status.success() && ended.stderr.is_empty(), "{first}{ended:?}");
 }
 
-/// What a force sensor under the demo's mass would say, fifty times a second: its weight while the skin feels it.
-fn sensor(demo: &Demo, mut to: impl Write) {
-    let mut watch = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-    watch.args(["watch", "--csv", "--rate", "50"]).env("TAXELD_SERVER", &demo.server);
-    let mut watch = watch.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-    let mut tared = std::time::Instant::now();
-    for line in BufReader::new(watch.stdout.take().unwrap()).lines() {
-        let line = line.unwrap();
-        let felt = line.split(',').nth(5).and_then(|newton| newton.parse::<f64>().ok()).is_some_and(|n| n > 1.0);
-        let force = if felt { 4.903 } else { 0.0 };
-        if writeln!(to, "{force}").and_then(|()| to.flush()).is_err() {
-            break; // whoever reads has enough
-        }
-        if line.contains("TARE_INVALID") && tared.elapsed().as_secs() > 2 {
-            demo.command(&["tare"]);
-            tared = std::time::Instant::now();
-        }
-    }
-    let _ = watch.kill();
-    let _ = watch.wait();
-}
-
+/// The demo's mass lies at another of three places each time.
 #[test]
-fn a_force_sensor_recalibrates_the_skin_and_only_an_activation_uses_it() {
+fn known_loads_recalibrate_the_skin_and_only_an_activation_uses_the_result() {
     let demo = Demo::start(&[]);
-    let ended = demo.refused(&["recalibrate", "--reference", "-"]);
-    assert!(ended.contains("the reference ended after 0 of 5 loads"), "{ended}");
     assert!(demo.refused(&["recalibrate"]).contains("0 load points, expected 5"));
     let before = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-    command.args(["recalibrate", "--reference", "-", "--by", "Ada", "--accept"]).env("TAXELD_SERVER", &demo.server);
-    let mut recalibrate = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    sensor(&demo, recalibrate.stdin.take().unwrap());
-    let output = recalibrate.wait_with_output().unwrap();
-    let said = text(&output.stdout) + &text(&output.stderr);
-    assert!(output.status.success(), "{said}");
-    for part in ["(5 of 5): 4.90 N by the sensor", "gain ", "from 5 loads", "not in use. Use it: taxeld models use"] {
-        assert!(said.contains(part), "`{part}` is not in: {said}");
-    }
+    let mut said = String::new();
+    let accepted = (0..60).any(|_| {
+        demo.until_good(&["load", "0.5", "--by", "Ada"]);
+        let output = demo.command(&["recalibrate", "--accept"]);
+        said = text(&output.stdout) + &text(&output.stderr);
+        output.status.success()
+    });
+    assert!(accepted && said.contains("gain ") && said.contains("not in use. Use it: taxeld models use"), "{said}");
     let sets = demo.json(&["models", "list", "--json"]);
     let made = sets.iter().find(|set| set["derivedFrom"] == before.as_str()).unwrap();
     assert!(made["active"] != true && made["recalibrationGain"].as_f64().unwrap() > 0.5, "{made}");
@@ -308,13 +282,10 @@ fn a_force_that_is_long_on_its_way_is_told_as_old_as_it_is() {
     let demo = Demo::start(&[]);
     demo.until_good(&["watch", "--once"]);
     let slow = slow_line(demo.server.clone(), Duration::from_millis(300));
-    // The daemon's own limit holds: nobody asks for an older force.
-    demo.refused(&["watch", "--once", "--max-age", "5000", "--server", &slow]);
-    let printed = text(&demo.command(&["watch", "--csv", "--count", "1", "--server", &slow]).stdout);
-    let mut lines = printed.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let at = lines.next().unwrap().iter().position(|column| *column == "age_s").unwrap();
-    let age_s: f64 = lines.next().unwrap()[at].parse().unwrap();
-    assert!(age_s >= 0.3, "{printed}");
+    demo.refused(&["watch", "--once", "--server", &slow]);
+    let printed = text(&demo.command(&["watch", "--json", "--count", "1", "--server", &slow]).stdout);
+    let sample: serde_json::Value = serde_json::from_str(&printed).unwrap();
+    assert!(sample["ageS"].as_f64().unwrap() >= 0.3, "{printed}");
 }
 
 #[test]

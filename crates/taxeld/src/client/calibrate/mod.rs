@@ -1,25 +1,69 @@
 //! `taxeld calibrate`: a session from the zero to the models in use, guided.
 
-mod args;
-mod begin;
-mod course;
-mod guide;
-mod review;
+mod follow;
 mod screen;
 
-use crate::client::sessions::advance;
-use taxel_proto::v1::{ActivateModelSetRequest, Session, SessionAction, SessionState};
-
-pub use args::CalibrateArgs;
-use begin::{Patch, begin, patch};
-use course::{Course, Followed, follow, until_vented};
-use screen::Screen;
+use taxel_proto::v1::{
+    Branches, GetSessionRequest, GetSkinRequest, ListSessionsRequest, ModuleName, Session, SessionAction, SessionState,
+    StartSessionRequest,
+};
 
 use super::ask;
+use super::connect::{Daemon, Server};
 use super::failure::{Failure, Outcome};
 use super::json;
-use super::models::fetch;
-use super::use_set::SetInWords;
+use super::model_set::{Candidate, print_set};
+use super::places::Places;
+use super::sessions::{advance, session_word};
+use follow::Course;
+use screen::Screen;
+
+/// Guides through a calibration in the vacuum bag: zero, ramps, review, use of the new set.
+///
+/// A session that is under way is taken up again. Ctrl-C asks whether to end the ramp, to abort, or to leave it to the daemon. Several patches
+/// in one bag are calibrated by one ramp: one `taxeld calibrate --patch NAME` for each, in terminals of their own; pump when
+/// all of them say so.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12"
+)]
+pub struct CalibrateArgs {
+    #[command(flatten)]
+    server: Server,
+    /// Ramps of the session; the bag is vented between them.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
+    ramps: u32,
+    /// Gather the fall of the pressure after each rise, too.
+    #[arg(long)]
+    both: bool,
+    /// Pressure at which the rise ends, in kPa [default: as the daemon is configured].
+    #[arg(long, value_name = "KPA")]
+    target: Option<f64>,
+    /// Your name, as the one who confirms that nothing touches the skin: the zero is then taken without proof in the counts.
+    #[arg(long, value_name = "NAME", default_value = "")]
+    confirmed_by: String,
+    /// A module to do without, because it is silent or broken; may be given several times.
+    #[arg(long, value_name = "BOARD:MODULE", value_parser = parse_module)]
+    leave_out: Vec<ModuleName>,
+    /// Take up this session.
+    #[arg(long, value_name = "SESSION", conflicts_with = "new", value_parser = clap::value_parser!(u64).range(1..))]
+    session: Option<u64>,
+    /// Begin a new session although an earlier one could be taken up.
+    #[arg(long)]
+    new: bool,
+    /// Ask nothing: take up what was interrupted, use the new set.
+    #[arg(long)]
+    yes: bool,
+    /// Print the session as lines of JSON, as it changes.
+    #[arg(long)]
+    json: bool,
+}
+
+fn parse_module(text: &str) -> Result<ModuleName, String> {
+    let numbers = text.split_once(':').and_then(|(board, module)| Some((board.parse().ok()?, module.parse().ok()?)));
+    let (board, module) = numbers.ok_or_else(|| "expected BOARD:MODULE, for example 12:3".to_owned())?;
+    Ok(ModuleName { board, module })
+}
 
 /// Runs it.
 ///
@@ -27,82 +71,88 @@ use super::use_set::SetInWords;
 /// A calibration that fails or is left, what the daemon refuses, or no daemon.
 pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let mut patches = Vec::new();
-    for name in std::iter::once(&daemon.patch()).chain(&args.with) {
-        let patch = patch(&daemon, name).await?;
-        if patches.iter().any(|other: &Patch| other.daemon.patch() == patch.daemon.patch()) {
-            return Err(Failure::refused(format!("patch {} is named twice", patch.daemon.patch())));
-        }
-        patches.push(patch);
-    }
+    let skin = daemon.skin().get_skin(GetSkinRequest { patch: daemon.patch() }).await?.into_inner();
+    let daemon = daemon.about(&skin.patch);
     let asks = !args.yes && !args.json && ask::somebody();
-    let places = patches.iter().map(|patch| (patch.daemon.patch(), patch.places.clone())).collect();
-    let mut course = Course { screen: Screen::new(places, args.json), asks, offered: None };
-    let mut all = begin_all(&course, &args, &patches).await?;
-    let mut failed = ramps(&mut course, &args, &mut all).await?;
-    course.screen.end();
-    for followed in &all {
-        let Some(patch) = patches.iter().find(|patch| patch.daemon.patch() == followed.session.patch) else { continue };
-        // One patch without models takes nothing from the others.
-        if let Err(why) = conclude(&course, &args, &followed.session, patch).await
-            && let Some(earlier) = failed.replace(why)
-        {
-            course.screen.tell(&earlier.to_string());
-        }
-    }
-    failed.map_or(Ok(()), Err)
-}
-
-/// The sessions of all patches. Where one is refused, those that have just begun are ended: half a bag is no calibration.
-async fn begin_all(course: &Course, args: &CalibrateArgs, patches: &[Patch]) -> Outcome<Vec<Followed>> {
-    let mut all: Vec<Followed> = Vec::new();
-    for patch in patches {
-        match begin(course, args, patch).await {
-            Ok(followed) => all.push(followed),
-            Err(refused) => {
-                for begun in all.iter().filter(|followed| followed.begun) {
-                    let ended = advance(&begun.daemon, begun.session.session, SessionAction::Abort).await;
-                    if let Err(why) = ended {
-                        course.screen.tell(&format!("session {}: {why}", begun.session.session));
-                    }
-                }
-                return Err(refused);
-            }
-        }
-    }
-    Ok(all)
-}
-
-/// Takes all ramps. What fails is left out of those to come; the last of it is given back.
-async fn ramps(course: &mut Course, args: &CalibrateArgs, all: &mut Vec<Followed>) -> Outcome<Option<Failure>> {
-    let mut lost = None;
+    let screen = Screen::new(Places::of(&skin), args.json);
+    let session = begin(&daemon, &args, &screen, asks).await?;
+    let mut course = Course { daemon, screen, asks, session };
     loop {
-        follow(course, all).await?;
-        let ended = all.extract_if(.., |followed| followed.session.state() != SessionState::Review);
-        for ended in ended {
-            if let Some(earlier) = lost.replace(failed(&ended.session)) {
-                course.screen.tell(&earlier.to_string());
-            }
-        }
-        let Some(first) = all.first_mut() else {
+        course.follow().await?;
+        if course.session.state() != SessionState::Review {
             course.screen.end();
-            return Err(lost.unwrap_or_else(|| Failure::refused("there is no session".to_owned())));
-        };
-        until_vented(course, first).await?;
-        let taken = first.session.ramps;
+            return Err(failed(&course.session));
+        }
+        course.until_vented().await?;
+        let taken = course.session.ramps;
         if taken >= args.ramps {
-            return Ok(lost);
+            break;
         }
         course.screen.tell(&format!("ramp {} of {}", taken + 1, args.ramps));
-        for followed in all.iter_mut() {
-            followed.session = advance(&followed.daemon, followed.session.session, SessionAction::StartRamp).await?;
+        course.session = advance(&course.daemon, course.session.session, SessionAction::StartRamp).await?;
+    }
+    course.screen.end();
+    conclude(&course, &args).await
+}
+
+/// The session to follow: the one that was named, one that can be taken up, or a new one.
+async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: bool) -> Outcome<Session> {
+    if let Some(session) = args.session {
+        let session = daemon.calibration().get_session(GetSessionRequest { session }).await?.into_inner();
+        return take_up(daemon, session).await;
+    }
+    let request = ListSessionsRequest { patch: daemon.patch(), page_size: 1, page_token: String::new() };
+    let newest = daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next();
+    if let Some(session) = newest.filter(|_| !args.new)
+        && wants(&session, args, screen, asks).await?
+    {
+        return take_up(daemon, session).await;
+    }
+    let branches = if args.both { Branches::Both } else { Branches::Unspecified };
+    let request = StartSessionRequest {
+        patch: daemon.patch(),
+        target_kpa: args.target,
+        confirmed_by: args.confirmed_by.clone(),
+        branches: branches.into(),
+        leave_out: args.leave_out.clone(),
+    };
+    let session = daemon.calibration().start_session(request).await?.into_inner();
+    session.look.iter().for_each(|line| screen.tell(&format!("look: {line}")));
+    Ok(session)
+}
+
+/// Whether this earlier session is the one to go on with.
+async fn wants(session: &Session, args: &CalibrateArgs, screen: &Screen, asks: bool) -> Outcome<bool> {
+    let (number, scans) = (session.session, session.accepted);
+    match session.state() {
+        SessionState::Taring | SessionState::Ramping | SessionState::Fitting => {
+            screen.tell(&format!("session {number} is under way: following it"));
+            Ok(true)
         }
+        SessionState::Interrupted if asks => {
+            ask::yes(&format!("session {number} was interrupted with {scans} scans. Take it up?"), true).await
+        }
+        SessionState::Interrupted => Ok(args.yes),
+        SessionState::Review if asks => {
+            ask::yes(&format!("session {number} waits for review, with {scans} scans. Look at it?"), true).await
+        }
+        _ => Ok(false),
+    }
+}
+
+async fn take_up(daemon: &Daemon, session: Session) -> Outcome<Session> {
+    match session.state() {
+        // Of a session whose models are in use it begins a successor.
+        SessionState::Interrupted | SessionState::Failed | SessionState::Aborted | SessionState::Active => {
+            advance(daemon, session.session, SessionAction::StartRamp).await
+        }
+        _ => Ok(session),
     }
 }
 
 /// Why no models came of it, and what can be done.
 fn failed(session: &Session) -> Failure {
-    let (number, state) = (session.session, super::sessions::session_word(session.state()));
+    let (number, state) = (session.session, session_word(session.state()));
     let kept = session.accepted;
     Failure::refused(format!(
         "session {number} is {state}: {}; its {kept} scans are kept: `taxeld calibrate --session {number}` adds another ramp",
@@ -111,36 +161,37 @@ fn failed(session: &Session) -> Failure {
 }
 
 /// The review, and what the operator makes of it.
-async fn conclude(course: &Course, args: &CalibrateArgs, session: &Session, patch: &Patch) -> Outcome {
-    let Patch { daemon, places, active } = patch;
-    let set = fetch(daemon, &session.model_set).await?;
-    if set.taxels.iter().all(|model| !model.is_usable()) {
-        review::print(&set, None, places);
-        return Err(Failure::refused(format!("not one of {} taxels got a usable model", set.taxels.len())));
-    }
-    let before = if active.is_empty() { None } else { Some(fetch(daemon, active).await?) };
+async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
+    let candidate = Candidate::of(&course.daemon, &course.session.model_set).await?;
     if !args.json {
-        review::print(&set, before.as_ref(), places);
+        print_set(&candidate.set, &course.screen.places);
+        say!("  {}", candidate.usable());
     }
-    let words = SetInWords::of(daemon, &set.id).await?;
-    let asked = format!("{}. Activate?", words.usable());
-    let activate = match (args.yes, course.asks) {
-        (true, _) => true,
-        (false, false) => false,
-        // Enter is no where most of the skin would be lost.
-        (false, true) if words.is_much_less() => ask::agree(false, &asked, "").await.is_ok(),
-        (false, true) => ask::yes(&asked).await?,
-    };
-    if !activate {
-        course.screen.tell(&format!("not in use yet: taxeld models use {}", set.id));
+    if candidate.summary.calibrated == 0 {
+        return Err(Failure::refused(format!("not one of {} taxels got a usable model", candidate.summary.taxels)));
+    }
+    // Enter is no where most of the skin would be lost.
+    if !(args.yes || course.asks && ask::yes("Activate it?", !candidate.is_much_less()).await?) {
+        course.screen.tell(&format!("not in use yet: taxeld models use {}", candidate.summary.model_set));
         return Ok(());
     }
-    let request =
-        ActivateModelSetRequest { patch: daemon.patch(), model_set: set.id.clone(), expected: Some(active.clone()) };
-    let answer = daemon.models().activate_model_set(request).await?.into_inner();
+    let answer = candidate.activate(&course.daemon).await?;
     if args.json {
         return json::print("ActivateModelSetResponse", &answer);
     }
     say!("{} is in use. With nothing on the skin: taxeld tare, then taxeld watch", answer.model_set);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_module_is_named_by_board_and_number() {
+        assert_eq!(parse_module("12:3"), Ok(ModuleName { board: 12, module: 3 }));
+        for text in ["", "12", "12:", ":3", "a:b", "12:3:4"] {
+            assert!(parse_module(text).is_err(), "{text}");
+        }
+    }
 }

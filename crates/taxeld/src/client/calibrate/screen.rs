@@ -1,119 +1,88 @@
 //! The calibration as a living screen on a terminal, else as plain lines: one a second, and one at each change.
 
-use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
 use taxel_proto::v1::{Session, SessionState};
 
-use super::guide::{Advice, Guide};
 use crate::client::failure::Outcome;
 use crate::client::json;
 use crate::client::places::Places;
-use crate::client::sessions::refusals;
-use crate::client::sessions::session_word;
-use crate::client::text::style;
+use crate::client::sessions::{refusals, session_word};
+use crate::client::table::style;
+use crate::say::error_line;
 
 /// Plain lines come so often while nothing changes.
 const LINE_EVERY: Duration = Duration::from_secs(1);
 /// From this share of the target on it is told which taxels have not moved: before, most of them cannot have.
 const NAMED_FROM: f64 = 0.5;
+/// A rate of less than this is no movement, in kPa/s.
+const STANDS_KPA_PER_S: f64 = 0.05;
+/// Below this pressure the ramp has not begun.
+const BEGUN_KPA: f64 = 2.0;
+/// From this share of the limit on the pressure changes fast.
+const NEAR_LIMIT: f64 = 0.9;
 
 /// Where the calibration is shown.
 pub struct Screen {
-    /// By the names of the patches.
-    places: BTreeMap<String, Places>,
-    guide: Guide,
+    /// Where the taxels are.
+    pub places: Places,
     /// On a terminal.
     living: Option<(MultiProgress, ProgressBar)>,
     json: bool,
-    last: Option<Shown>,
+    /// What was shown last, and when.
+    last: Option<(Instant, Shown)>,
 }
 
-/// What was shown last.
-struct Shown {
-    session: u64,
-    at: Instant,
-    state: SessionState,
-    falling: bool,
-    advice: Advice,
-    silent: String,
-}
+/// What makes a plain line due when it changes: the state, the branch, the advice.
+type Shown = (SessionState, bool, String);
 
 impl Screen {
-    /// A screen for patches with taxels at these places; `json` for a line of JSON a message instead.
-    pub fn new(places: BTreeMap<String, Places>, json: bool) -> Self {
+    /// A screen; `json` for a line of JSON a message instead.
+    pub fn new(places: Places, json: bool) -> Self {
         let living = (!json && std::io::stderr().is_terminal()).then(|| {
             let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
             let lines = all.add(ProgressBar::new_spinner().with_style(style("{msg}")));
             (all, lines)
         });
-        Self { places, guide: Guide::default(), living, json, last: None }
+        Self { places, living, json, last: None }
     }
 
-    /// Shows a session as it is now, and was before: in full the one that leads, of another only that its state changed.
+    /// Shows a session as it is now.
     ///
     /// # Errors
     /// A session that is no JSON.
-    pub fn show(&mut self, session: &Session, before: &Session, leads: bool) -> Outcome {
+    pub fn show(&mut self, session: &Session) -> Outcome {
         if self.json {
             return json::print("Session", session);
         }
-        if leads {
-            self.draw(session);
-        } else if (session.state, session.falling) != (before.state, before.falling) {
-            self.tell(&format!("{}: {} {}", session.patch, session_word(session.state()), session.reason));
-        }
-        Ok(())
-    }
-
-    fn draw(&mut self, session: &Session) {
-        let advice = self.guide.advise(session);
-        let (state, falling, at) = (session.state(), session.falling, Instant::now());
-        // Another session may lead now.
-        let last = self.last.take().filter(|last| last.session == session.session);
-        let turned = last.as_ref().is_some_and(|last| {
-            last.state == SessionState::Ramping && (last.state != state || last.falling != falling)
-        });
-        if turned {
+        let (at, shown) = (Instant::now(), (session.state(), session.falling, advice(session)));
+        let last = self.last.as_ref();
+        if last.is_some_and(|(_, (state, falling, _))| {
+            *state == SessionState::Ramping && (*state, *falling) != (shown.0, shown.1)
+        }) {
             bell();
         }
-        let changed =
-            last.as_ref().is_none_or(|last| (last.state, last.falling) != (state, falling) || last.advice != advice);
-        match &self.living {
-            Some((_, lines)) => lines.set_message(picture(session, &advice, &self.silent(session))),
-            None => {
-                let due = last.as_ref().is_none_or(|last| at - last.at >= LINE_EVERY);
-                if !changed && !due {
-                    self.last = last;
-                    return;
-                }
-                let silent = self.silent(session);
-                // In a log the places are told when they change, not each second.
-                let told = last.as_ref().is_some_and(|last| last.silent == silent && last.state == state);
-                say!("{}", line(session, &advice, if told { "" } else { &silent }));
-            }
+        if let Some((_, lines)) = &self.living {
+            lines.set_message(parts(session, &self.silent(session)).join("\n"));
+        } else if last.is_some_and(|(before, last)| *last == shown && at - *before < LINE_EVERY) {
+            return Ok(());
+        } else {
+            say!("{}", parts(session, &self.silent(session)).join("; "));
         }
-        let silent = self.silent(session);
-        self.last = Some(Shown { session: session.session, at, state, falling, advice, silent });
+        self.last = Some((at, shown));
+        Ok(())
     }
 
-    /// Says that nothing new comes of a session, and shows nothing of it that may not be so any more.
-    ///
-    /// # Errors
-    /// A session that is no JSON.
-    pub fn stop(&mut self, session: &Session, why: String) -> Outcome {
-        let (advice, unknown) =
-            (Advice::Stop(why), Session { pressure_kpa: None, rate_kpa_per_s: None, ..session.clone() });
+    /// Says that nobody may pump on, and shows no pressure any more: it may be another one.
+    pub fn stop(&mut self, why: &str) {
         self.last = None; // what comes next is told anew
-        match &self.living {
-            _ if self.json => return json::print("Session", &unknown),
-            Some((_, lines)) => lines.set_message(picture(&unknown, &advice, "")),
-            None => self.tell(&format!("{}: {}", session.patch, advice.words())),
+        if let Some((_, lines)) = &self.living {
+            lines.set_message(String::new());
         }
+        self.tell(&format!("stop pumping: {why}"));
         bell();
-        Ok(())
     }
 
     /// Says something beside the picture.
@@ -122,7 +91,7 @@ impl Screen {
             Some((all, _)) => {
                 let _ = all.println(text); // a terminal that has gone is noticed elsewhere
             }
-            None if self.json => {}
+            None if self.json => error_line(format_args!("{text}")),
             None => say!("{text}"),
         }
     }
@@ -144,10 +113,8 @@ impl Screen {
     /// The taxels that do not respond, by place, once the pressure is high enough to tell.
     fn silent(&self, session: &Session) -> String {
         let high = session.pressure_kpa.is_some_and(|kpa| kpa > NAMED_FROM * session.target_kpa) || session.falling;
-        let told = high || matches!(session.state(), SessionState::Fitting | SessionState::Review);
-        let Some(places) = self.places.get(&session.patch).filter(|_| told) else { return String::new() };
-        let left_out = |taxel: &u32| !places.is_in(*taxel, &session.left_out);
-        places.name(session.not_responding.iter().copied().filter(left_out))
+        let told = high || session.state() == SessionState::Review;
+        if told { self.places.name(session.not_responding.iter().copied()) } else { String::new() }
     }
 }
 
@@ -159,17 +126,23 @@ pub fn bell() {
     }
 }
 
-/// The picture of a terminal: some lines that are drawn anew.
-fn picture(session: &Session, advice: &Advice, silent: &str) -> String {
-    let (number, patch, ramp) = (session.session, &session.patch, session.ramps.max(1));
-    [
-        format!("session {number} of {patch}, ramp {ramp}: {}  {}", session_word(session.state()), advice.words()),
-        format!("pressure  {}", pressure(session)),
-        format!("coverage  {}", coverage(session)),
-        taxels(session, silent),
-        scans(session),
-    ]
-    .join("\n")
+/// What is shown: lines of a terminal, else the parts of one line.
+fn parts(session: &Session, silent: &str) -> Vec<String> {
+    let state = session_word(session.state());
+    let not = if silent.is_empty() { String::new() } else { format!("; not: {silent}") };
+    let taxels = format!("{} of {} taxels respond{not}", session.taxels_responding, session.taxels);
+    match session.state() {
+        SessionState::Ramping => {
+            let left = session.remaining_s.map_or_else(String::new, |left| format!(", {left:.0} s left"));
+            let coverage = format!("coverage {:.0} %{left}", 100.0 * session.coverage);
+            vec![format!("{state} {}", pressure(session)), coverage, taxels, advice(session)]
+        }
+        SessionState::Review => {
+            let refused = refusals(session.refused.as_ref());
+            vec![format!("{state} {} scans entered, refused: {refused}", session.accepted), taxels]
+        }
+        _ => vec![format!("{state} {}", advice(session))],
+    }
 }
 
 fn pressure(session: &Session) -> String {
@@ -179,61 +152,83 @@ fn pressure(session: &Session) -> String {
     format!("{kpa} of {:.0} kPa, {rate} kPa/s of {limit:.1}", session.target_kpa)
 }
 
-fn coverage(session: &Session) -> String {
-    let left = session.remaining_s.map_or_else(String::new, |left| format!(", {left:.0} s left"));
-    format!("{:.0} %{left}", 100.0 * session.coverage)
-}
-
-fn taxels(session: &Session, silent: &str) -> String {
-    let not = if silent.is_empty() { String::new() } else { format!("; not: {silent}") };
-    format!("{} of {} taxels respond{not}", session.taxels_responding, session.taxels)
-}
-
-fn scans(session: &Session) -> String {
-    format!("{} scans entered, refused: {}", session.accepted, refusals(session.refused.as_ref()))
-}
-
-/// Everything in one line, for a log.
-fn line(session: &Session, advice: &Advice, silent: &str) -> String {
-    let state = session_word(session.state());
-    match session.state() {
-        SessionState::Ramping => format!(
-            "{state} {}; coverage {}; {}; {}",
-            pressure(session),
-            coverage(session),
-            taxels(session, silent),
-            advice.words()
-        ),
-        SessionState::Taring | SessionState::Fitting => format!("{state} {}", advice.words()),
-        SessionState::Review => format!("{state} {}; {}", scans(session), taxels(session, silent)),
-        _ => format!("{state} {}", session.reason),
-    }
+/// What an operator at the pump is to do now, in the daemon's own words where it has some.
+fn advice(session: &Session) -> String {
+    let rate = session.rate_kpa_per_s.unwrap_or(0.0);
+    let advice = match (session.state(), session.pressure_kpa) {
+        (SessionState::Fitting, _) => "fitting the models",
+        (SessionState::Ramping, None) => "no pressure reading: is the gauge on?",
+        (SessionState::Ramping, _) if session.falling && -rate > NEAR_LIMIT * session.fall_max_kpa_per_s => "slower",
+        (SessionState::Ramping, _) if session.falling && rate < -STANDS_KPA_PER_S => "go on",
+        (SessionState::Ramping, _) if session.falling => "let air in slowly",
+        _ if !session.reason.is_empty() => &session.reason,
+        (SessionState::Taring, _) => "hands off: the zero is being taken",
+        (SessionState::Ramping, _) if rate > NEAR_LIMIT * session.rise_max_kpa_per_s => "slower",
+        (SessionState::Ramping, _) if rate > STANDS_KPA_PER_S => "go on",
+        (SessionState::Ramping, Some(kpa)) if kpa < BEGUN_KPA => "pump: lower the pressure in the bag slowly",
+        (SessionState::Ramping, _) if rate < -STANDS_KPA_PER_S => "leak: the pressure falls",
+        (SessionState::Ramping, _) => "the pressure stands: pump on",
+        _ => "",
+    };
+    advice.to_owned()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn ramping(kpa: f64, rate: f64) -> Session {
+        Session {
+            state: SessionState::Ramping.into(),
+            pressure_kpa: Some(kpa),
+            rate_kpa_per_s: Some(rate),
+            rise_max_kpa_per_s: 5.0,
+            fall_max_kpa_per_s: 2.0,
+            target_kpa: 70.0,
+            ..Session::default()
+        }
+    }
+
     #[test]
     fn a_plain_line_has_pressure_rate_coverage_and_who_does_not_respond() {
         let session = Session {
-            state: SessionState::Ramping.into(),
-            pressure_kpa: Some(34.2),
-            rate_kpa_per_s: Some(2.0),
-            rise_max_kpa_per_s: 5.0,
-            target_kpa: 70.0,
             coverage: 0.48,
             remaining_s: Some(17.9),
             taxels: 230,
             taxels_responding: 220,
-            ..Session::default()
+            ..ramping(34.2, 2.0)
         };
         assert_eq!(
-            line(&session, &Advice::GoOn, "board 12 module 3 (all 10)"),
+            parts(&session, "board 12 module 3 (all 10)").join("; "),
             "RAMPING 34.2 of 70 kPa, +2.00 kPa/s of 5.0; coverage 48 %, 18 s left; \
              220 of 230 taxels respond; not: board 12 module 3 (all 10); go on"
         );
         let no_gauge = Session { pressure_kpa: None, rate_kpa_per_s: None, ..session };
-        assert!(line(&no_gauge, &Advice::NoGauge, "").starts_with("RAMPING - of 70 kPa, - kPa/s of 5.0"));
+        let line = parts(&no_gauge, "").join("; ");
+        assert!(
+            line.starts_with("RAMPING - of 70 kPa, - kPa/s of 5.0") && line.ends_with("is the gauge on?"),
+            "{line}"
+        );
+    }
+
+    #[test]
+    fn each_branch_is_guided_by_its_rate_and_other_states_by_the_daemons_words() {
+        for (kpa, rate, expected) in [
+            (0.1, 0.0, "pump: lower the pressure in the bag slowly"),
+            (1.0, 1.0, "go on"),
+            (10.0, 4.4, "go on"),
+            (20.0, 4.6, "slower"),
+            (30.0, 0.01, "the pressure stands: pump on"),
+            (29.8, -0.2, "leak: the pressure falls"),
+        ] {
+            assert_eq!(advice(&ramping(kpa, rate)), expected, "{kpa} kPa at {rate} kPa/s");
+        }
+        for (rate, expected) in [(-1.0, "go on"), (-1.9, "slower"), (0.0, "let air in slowly")] {
+            assert_eq!(advice(&Session { falling: true, ..ramping(40.0, rate) }), expected, "{rate} kPa/s");
+        }
+        let mut session = Session { state: SessionState::Taring.into(), ..Session::default() };
+        assert_eq!(advice(&session), "hands off: the zero is being taken");
+        session.reason = "waiting for rest: restless".to_owned();
+        assert_eq!(advice(&session), "waiting for rest: restless");
     }
 }

@@ -1,30 +1,22 @@
 //! `taxeld recalibrate`: known loads correct the gain of the active model set, without the bag.
 
-mod follow;
-mod reference;
-
 use taxel_proto::v1::{RecalibrateRequest, Recalibration, RecalibrationPoint};
 
-use super::connect::{Daemon, Server};
+use super::connect::Server;
 use super::failure::{Failure, Outcome};
 use super::{json, table};
 
 /// Says by what factor the skin reads too little or too much, from known loads at five places or more; with --accept keeps
 /// the corrected model set. It is not in use before `taxeld models use`.
 ///
-/// The loads are those of `taxeld load` with the active models, or come from a force sensor with --reference. Exit code 3 if
-/// the loads contradict each other: the one that does is named.
+/// The loads are those of `taxeld load` with the active models. Exit code 3 if the loads contradict each other: the one that
+/// does is named.
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  taxeld recalibrate\n  taxeld recalibrate --leave-out 7 --accept\n  ros2 topic echo --csv /ft/wrench | stdbuf -oL cut -d, -f6 | taxeld recalibrate --reference - --by Ada"
-)]
+#[command(after_help = "Examples:\n  taxeld recalibrate\n  taxeld recalibrate --leave-out 7 --accept")]
 pub struct RecalibrateArgs {
     #[command(flatten)]
     server: Server,
-    /// Numbers of the loads to take [default: all that were read with the active models].
-    #[arg(long, value_name = "LOAD,...", value_delimiter = ',', conflicts_with = "reference")]
-    loads: Vec<u64>,
-    /// Numbers of loads not to take.
+    /// Numbers of loads not to take, of all that were read with the active models.
     #[arg(long, value_name = "LOAD,...", value_delimiter = ',')]
     leave_out: Vec<u64>,
     /// Relative standard deviation of what a sound skin reads from place to place, 0.01 to 0.2 [default: 0.03].
@@ -34,12 +26,6 @@ pub struct RecalibrateArgs {
     /// Keep the corrected model set. It is not used by that.
     #[arg(long)]
     accept: bool,
-    /// Lines of a force sensor that the load presses through, as they come: newtons, or values of which the last is
-    /// newtons, with a comma between; `-` is the standard input. A load is read wherever sensor and skin both hold still.
-    #[arg(long, value_name = "FILE|-")]
-    reference: Option<std::path::PathBuf>,
-    #[command(flatten)]
-    follow: follow::FollowArgs,
     /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
@@ -51,14 +37,10 @@ pub struct RecalibrateArgs {
 /// The loads contradict each other or are too few, or no daemon.
 pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let loads = match &args.reference {
-        Some(path) => follow::follow(&daemon, path, &args.follow, args.json).await?,
-        None => args.loads.clone(),
-    };
     let request = RecalibrateRequest {
         patch: daemon.patch(),
-        loads,
-        leave_out: args.leave_out.clone(),
+        loads: Vec::new(), // all
+        leave_out: args.leave_out,
         place_uncertainty: args.place_uncertainty,
         dry_run: true,
         model_set: String::new(),
@@ -72,11 +54,10 @@ pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
     if let Some(why) = proposal.refused_because.first() {
         return Err(Failure::refused(why.clone()));
     }
-    if args.accept { accept(&args, &daemon, request, proposal.model_set).await } else { Ok(()) }
-}
-
-async fn accept(args: &RecalibrateArgs, daemon: &Daemon, request: RecalibrateRequest, model_set: String) -> Outcome {
-    let request = RecalibrateRequest { dry_run: false, model_set, ..request };
+    if !args.accept {
+        return Ok(());
+    }
+    let request = RecalibrateRequest { dry_run: false, model_set: proposal.model_set, ..request };
     let answer = daemon.validation().recalibrate(request).await?.into_inner();
     if args.json {
         return json::print("Recalibration", &answer);
@@ -114,8 +95,6 @@ fn print(proposal: &Recalibration) {
         say!("that is no more than the loads can tell: there is nothing to correct");
     }
     if let Some(factor) = proposal.area_factor {
-        say!(
-            "the area factor {factor:.3} that is applied now is of the same loads: it ends when the new set comes into use"
-        );
+        say!("the area factor {factor:.3} is of the same loads: it ends when the new set comes into use");
     }
 }

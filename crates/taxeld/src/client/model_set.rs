@@ -1,0 +1,154 @@
+//! A model set: by the beginning of its id, in words, and put to use.
+
+use std::collections::BTreeMap;
+
+use taxel_proto::v1::{
+    ActivateModelSetRequest, ActivateModelSetResponse, GetModelSetRequest, ModelSet, ModelSetSummary, TaxelModelSummary,
+};
+
+use super::connect::Daemon;
+use super::failure::{Failure, Outcome};
+use super::places::Places;
+use super::table;
+
+/// Fewer characters name no set: a script's variable that is empty would name the only one there is.
+const BEGINNING_MIN: usize = 4;
+
+/// The id that these characters begin; `newest` is the newest set of the patch.
+///
+/// # Errors
+/// No set or several begin so, or no daemon.
+pub async fn full_id(daemon: &Daemon, beginning: &str) -> Outcome<String> {
+    let mut ids: Vec<String> = daemon.model_sets().await?.into_iter().map(|set| set.model_set).collect();
+    if beginning == "newest" {
+        ids.truncate(1);
+    } else if beginning.chars().count() < BEGINNING_MIN {
+        let words =
+            format!("`{beginning}` names no model set: give at least its first {BEGINNING_MIN} characters, as in m-1e");
+        return Err(Failure::refused(words));
+    } else {
+        ids.retain(|id| id.starts_with(beginning));
+    }
+    match ids.as_slice() {
+        [one] => Ok(one.clone()),
+        [] => Err(Failure::refused(format!("there is no model set `{beginning}`; `taxeld models list` has them"))),
+        several => Err(Failure::refused(format!("`{beginning}` begins {}", several.join(", ")))),
+    }
+}
+
+/// A set with less than this share of the usable taxels of the one in use is not used without a question.
+const ENOUGH_SHARE: f64 = 0.9;
+
+/// A set that may be used, beside the one that is in use.
+pub struct Candidate {
+    /// Without curves.
+    pub set: ModelSet,
+    /// What it is.
+    pub summary: ModelSetSummary,
+    /// Of its patch.
+    pub in_use: Option<ModelSetSummary>,
+}
+
+impl Candidate {
+    /// A set of the daemon.
+    ///
+    /// # Errors
+    /// No such set, or no daemon.
+    pub async fn of(daemon: &Daemon, model_set: &str) -> Outcome<Self> {
+        let request = GetModelSetRequest { model_set: model_set.to_owned(), ..GetModelSetRequest::default() };
+        let set = daemon.models().get_model_set(request).await?.into_inner();
+        let summary = set.summary.clone().unwrap_or_default();
+        let sets = daemon.about(&summary.patch).model_sets().await?;
+        Ok(Self { set, summary, in_use: sets.into_iter().find(|other| other.active) })
+    }
+
+    /// Uses it from now on, in place of the one that was in use when this was asked for.
+    ///
+    /// # Errors
+    /// Refused with the daemon's reason, or no daemon.
+    pub async fn activate(&self, daemon: &Daemon) -> Outcome<ActivateModelSetResponse> {
+        let request = ActivateModelSetRequest {
+            patch: self.summary.patch.clone(),
+            model_set: self.summary.model_set.clone(),
+            expected: Some(self.in_use.as_ref().map(|set| set.model_set.clone()).unwrap_or_default()),
+        };
+        Ok(daemon.models().activate_model_set(request).await?.into_inner())
+    }
+
+    /// Whether it reads far fewer taxels than the set in use.
+    pub fn is_much_less(&self) -> bool {
+        let enough = |set: &ModelSetSummary| ENOUGH_SHARE * f64::from(set.calibrated);
+        self.in_use.as_ref().is_some_and(|set| f64::from(self.summary.calibrated) < enough(set))
+    }
+
+    /// How many taxels it can use, against the set in use.
+    pub fn usable(&self) -> String {
+        let ModelSetSummary { model_set, calibrated, taxels, .. } = &self.summary;
+        let other = self.in_use.as_ref().filter(|set| set.model_set != *model_set);
+        let other = other.map(|set| format!("; {}, in use until now, has {}", set.model_set, set.calibrated));
+        format!("{model_set}: {calibrated} of {taxels} taxels usable{}", other.unwrap_or_default())
+    }
+
+    /// Where its zero comes from, and what to do.
+    pub fn zero(&self) -> &'static str {
+        let knows = |taxel: &TaxelModelSummary| taxel.status == "ok" && taxel.baseline_counts.is_some();
+        if self.set.taxels.iter().any(knows) {
+            "it has the zero of its calibration. Unload the skin, then: taxeld tare"
+        } else {
+            "it has no zero of its own and takes it from the next confirmed tare. Unload the skin, then: taxeld tare \
+             --confirmed-by NAME"
+        }
+    }
+}
+
+/// Prints a set with its excluded taxels by place.
+pub fn print_set(set: &ModelSet, places: &Places) {
+    if let Some(summary) = &set.summary {
+        let session = summary.session.map_or_else(|| "a file".to_owned(), |session| format!("session {session}"));
+        let active = if summary.active { ", active" } else { "" };
+        let (id, patch, made) = (&summary.model_set, &summary.patch, table::moment(summary.created.as_ref()));
+        say!("model set {id} of {patch}, from {session}, made {made}{active}");
+        say!("  {}; up to {:.1} kPa", summary.method, summary.pressure_max_kpa);
+        say!("  {} of {} taxels usable", summary.calibrated, summary.taxels);
+    }
+    let mut excluded: BTreeMap<&str, Vec<u32>> = BTreeMap::new();
+    for taxel in set.taxels.iter().filter(|taxel| taxel.status != "ok") {
+        excluded.entry(&taxel.status).or_default().push(taxel.taxel);
+    }
+    for (reason, taxels) in excluded {
+        say!("    {} {reason}: {}", taxels.len(), places.name(taxels.iter().copied()));
+    }
+    let usable = set.taxels.iter().filter(|taxel| taxel.status == "ok");
+    if let Some((_, median, worst)) = crate::values::spread(usable.filter_map(|taxel| taxel.rmse_kpa).collect()) {
+        say!("  error of the fit: median {median:.2} kPa, at worst {worst:.2} kPa");
+    }
+    if let Some(in_use) = &set.in_use {
+        let plays = in_use.taxels_with_plays;
+        let back = in_use.zero_return_counts.map(|counts| format!("; zero after a load: {counts:.2} counts off"));
+        say!("  hysteresis compensated: {plays} taxels{}", back.unwrap_or_default());
+    }
+    set.board_settings.iter().for_each(|line| say!("  {line}"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_with_less_than_nine_tenths_of_the_usable_taxels_is_asked_about_and_none_else() {
+        let summary = |id: &str, calibrated| ModelSetSummary {
+            model_set: id.to_owned(),
+            calibrated,
+            taxels: 230,
+            ..ModelSetSummary::default()
+        };
+        let of = |usable, in_use: Option<u32>| Candidate {
+            set: ModelSet::default(),
+            summary: summary("m-2", usable),
+            in_use: in_use.map(|usable| summary("m-1", usable)),
+        };
+        assert!(of(27, Some(218)).is_much_less() && of(89, Some(100)).is_much_less());
+        assert!(!of(90, Some(100)).is_much_less() && !of(27, None).is_much_less());
+        assert_eq!(of(27, Some(218)).usable(), "m-2: 27 of 230 taxels usable; m-1, in use until now, has 218");
+    }
+}
