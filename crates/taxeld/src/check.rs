@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use anyhow::Context;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rpc::{Grant, Role, Subject};

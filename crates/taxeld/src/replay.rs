@@ -134,7 +134,7 @@ fn expect_scans(health: &Health) -> anyhow::Result<()> {
     }
     bail!(
         "{orphans} frames of the skin, and not one whole scan of them: frames of one scan have to come within half of period_ms. \
-         Compare with `taxeld scan LOG --config FILE`; an array whose frames are spread over the period needs array.sync \
+         Compare with `taxeld scan LOG`; an array whose frames are spread over the period needs array.sync \
          (doc/your-skin.md)"
     )
 }
