@@ -121,19 +121,19 @@ pub fn printed(page: &Page) -> String {
     )
 }
 
-/// A process of this test's own binary, which is killed at the end.
+/// A process of this test's own binary that writes the page `palm` of a folder, and is killed at the end.
 pub struct Child(std::process::Child);
 
 impl Child {
     /// Starts it and waits until it is at work.
-    pub fn start(role: &str, arguments: &[&str]) -> Self {
+    pub fn start(folder: &Path) -> Self {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["child", "--exact", "--ignored", "--nocapture"]).env("TAXEL_SHM_CHILD", role);
-        command.env("TAXEL_SHM_ARGUMENTS", arguments.join("\n")).stdout(Stdio::piped());
+        command.args(["child", "--exact", "--ignored", "--nocapture"]).env("TAXEL_SHM_CHILD", folder);
+        command.stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let mut until = lines.map_while(Result::ok).filter(|line| line.contains("at work"));
-        assert!(until.next().is_some(), "{role} did not start");
+        assert!(until.next().is_some(), "the writer did not start");
         Self(child)
     }
 
@@ -151,17 +151,8 @@ impl Drop for Child {
 
 /// What a child does, until it is killed.
 pub fn child() {
-    let Ok(role) = std::env::var("TAXEL_SHM_CHILD") else { return };
-    let arguments = std::env::var("TAXEL_SHM_ARGUMENTS").unwrap();
-    let arguments: Vec<&str> = arguments.lines().collect();
-    if role == "read" {
-        let page = Page::open(Path::new(arguments[0])).unwrap();
-        println!("at work");
-        loop {
-            whole(&page.newest().unwrap());
-        }
-    }
-    let mut writer = Folder::open(Path::new(arguments[0]), None).unwrap().page(arguments[1], short()).unwrap();
+    let Ok(folder) = std::env::var("TAXEL_SHM_CHILD") else { return };
+    let mut writer = Folder::open(Path::new(&folder), None).unwrap().page("palm", short()).unwrap();
     let mut sequence = 1;
     writer.write(&good(sequence));
     println!("at work");
@@ -181,7 +172,7 @@ fn short() -> Limits {
 /// On a busy machine the writer may stand still for a while: a reader goes on until it has seen the writer at work.
 pub fn stress(samples: u64, readers: u64) {
     let place = in_memory();
-    let _writer = Child::start("write", &[place.path().to_str().unwrap(), "palm"]);
+    let _writer = Child::start(place.path());
     std::thread::scope(|scope| {
         for _ in 0..readers {
             scope.spawn(|| {

@@ -13,12 +13,15 @@ use super::power::plan::Plan;
 use crate::Store;
 
 const CHILD: &str = "TAXEL_STORE_DISK_CHILD";
-const SEED: u64 = 1;
-const EVENTS: usize = 16;
+const SEED: u64 = 1189;
+const EVENTS: usize = 12;
 
 /// What is done to the store: of this seed the first events have all kinds of records.
 fn plan() -> Plan {
-    Plan::new(SEED, EVENTS)
+    let plan = Plan::new(SEED, EVENTS);
+    let all = plan.after(EVENTS);
+    assert!(all.active.is_some() && all.loads * all.answered > 0 && plan.deleted(EVENTS).count() > 0, "{all:?}");
+    plan
 }
 
 /// Runs in the child: one event after the other, each waited for before the next, and what came of it.
