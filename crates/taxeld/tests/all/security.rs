@@ -192,18 +192,17 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     // Killed and started again on the socket that it left; what was answered is in the log of the store, too.
     daemon.child.kill().unwrap();
     daemon.child.wait().unwrap();
-    let store = folder.path().join("store.db");
-    assert_eq!(daemon.audit(&["--store", store.to_str().unwrap()]), text);
-    let of_patch = |patch: &str| daemon.audit(&["--store", store.to_str().unwrap(), "--patch", patch]);
-    assert_eq!(of_patch("no-such-patch"), "the audit log is empty\n");
-    assert_eq!(of_patch("left_forearm"), text);
     drop(daemon);
     let daemon = Daemon::start(folder.path());
-    tare(&daemon.unix().await, Some(token.trim()), "Ann").await.unwrap();
-    assert_eq!(
-        daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap()]).lines().count(),
-        3
-    );
+    let unix = daemon.unix().await;
+    let of_patch = |patch: &str| {
+        let (socket, token) = (daemon.socket(), token_file.to_str().unwrap());
+        daemon.audit(&["--server", &socket, "--token", token, "--patch", patch])
+    };
+    assert_eq!(of_patch("no-such-patch"), "the audit log is empty\n");
+    assert_eq!(of_patch("left_forearm"), text);
+    tare(&unix, Some(token.trim()), "Ann").await.unwrap();
+    assert_eq!(of_patch("").lines().count(), 3);
 }
 
 #[tokio::test]
