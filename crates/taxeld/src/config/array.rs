@@ -188,7 +188,7 @@ fn command(text: &str) -> Result<(Duration, Frame), String> {
     let text = text.trim();
     let (after, frame) = text.strip_prefix('(').and_then(|rest| rest.split_once(')')).unwrap_or(("0.0", text));
     let line = format!("({after}) can {}", frame.trim());
-    let line = parse_line(&line).ok().filter(|line| line.frame.kind == FrameKind::Data);
+    let line = parse_line(line.as_bytes()).ok().filter(|line| line.frame.kind == FrameKind::Data);
     let wrong = || {
         format!(
             "array.commands: \"{text}\": expected a frame as candump writes it, up to 8 bytes, with seconds in brackets before \

@@ -129,8 +129,11 @@ fn a_log_of_nothing_but_what_a_controller_told_has_no_frame() {
     ]);
     let [log, config] = ["t.log", "t.toml"].map(|name| path(folder.path(), name));
     let none = "there is no frame of can0 in it, only error frames: 1";
-    for how in [&["replay"][..], &["replay", "--speed", "50"], &["scan"]] {
-        let said = fails(&[how, &[&log, "--config", &config]].concat());
+    let config = ["--config", &config];
+    for how in
+        [[&["replay"][..], &config], [&["replay", "--speed", "50"], &config], [&["scan", "--interface", "can0"], &[]]]
+    {
+        let said = fails(&[&how.concat()[..], &[&log]].concat());
         assert!(said.contains(none), "{how:?}: {said}");
     }
 }
