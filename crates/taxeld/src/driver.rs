@@ -84,7 +84,8 @@ pub struct Driver {
     engine: Engine,
     clock: RunClock,
     publisher: Publisher,
-    pages: Pages,
+    /// Written as well.
+    pub pages: Pages,
     /// The state of each patch's session as it was last logged.
     logged: Vec<Option<(u64, SessionState)>>,
     /// What each patch's session is at.
@@ -104,7 +105,7 @@ pub struct Driver {
     events: EventWatch,
     out: Vec<Output>,
     /// What the sessions are at, for whoever plays the operator's hand.
-    session_state: Option<watch::Sender<Option<Stage>>>,
+    pub session_state: Option<watch::Sender<Option<Stage>>>,
 }
 
 impl Driver {
@@ -139,18 +140,6 @@ impl Driver {
             out: Vec::new(),
             session_state: None,
         }
-    }
-
-    /// Also tells what the newest session is at.
-    pub fn telling(mut self, session_state: watch::Sender<Option<Stage>>) -> Self {
-        self.session_state = Some(session_state);
-        self
-    }
-
-    /// Also writes these pages.
-    pub fn writing(mut self, pages: Pages) -> Self {
-        self.pages = pages;
-        self
     }
 
     /// Takes the engine's first step now, so that whoever asks before its task has a turn is told what the store has.

@@ -10,7 +10,7 @@ use taxel_engine::engine::routes::Routes;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::Health;
-use taxel_rpc::push_line::{PushLine, Pushed, push_line};
+use taxel_rpc::push_line::push_line;
 use taxel_rpc::{Clocks, Handle, Limits, Server, handle::channel};
 use taxel_skin::BusIndex;
 use taxel_store::Retention;
@@ -91,11 +91,11 @@ impl Daemon {
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
         let (session_state, session) = watch::channel(None);
-        let (push, pushed) = push_ways(&plan);
-        let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders)
-            .telling(session_state)
-            .writing(pages)
-            .begun();
+        let is_pushed = plan.patches.iter().any(|patch| patch.pushed.is_some());
+        let (push, pushed) = is_pushed.then(|| push_line(patches)).unzip();
+        let mut driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders);
+        (driver.pages, driver.session_state) = (pages, Some(session_state));
+        let driver = driver.begun();
         tasks.parts.spawn(driver.run(Queues { batches, pushed, commands, done }, tasks.cancel.clone()));
         tasks.parts.spawn(upkeep::keep(handle.clone(), reader.clone(), kept, tasks.cancel.clone()));
         let Open { listeners, credentials } = doors::open(&scene.doors)?;
@@ -142,7 +142,7 @@ impl Daemon {
     /// # Errors
     /// What keeps one of them from being read.
     fn add_buses(&mut self, config: &Config) -> anyhow::Result<()> {
-        let routes = self.routes();
+        let routes = Routes::new(&self.plan);
         for (position, section) in config.bus.iter().enumerate() {
             let bus = BusIndex(position as u8);
             match section.source {
@@ -204,11 +204,6 @@ impl Daemon {
         reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
     }
 
-    /// Which identifiers each bus needs.
-    pub fn routes(&self) -> Routes {
-        Routes::new(&self.plan)
-    }
-
     /// The newest health; it can be looked at after the daemon's end, too.
     #[must_use]
     pub fn health(&self) -> watch::Receiver<Arc<Health>> {
@@ -254,15 +249,6 @@ async fn close(tasks: Tasks) -> anyhow::Result<()> {
     systemd::stopping();
     tracing::info!("taxeld stops");
     tasks.close().await
-}
-
-/// Both ends of the way of pushed scans, where there is a patch that has any.
-fn push_ways(plan: &Plan) -> (Option<PushLine>, Option<mpsc::Receiver<Pushed>>) {
-    if plan.patches.iter().all(|patch| patch.pushed.is_none()) {
-        return (None, None);
-    }
-    let (line, pushed) = push_line(plan.patches.len());
-    (Some(line), Some(pushed))
 }
 
 /// The pages in shared memory, where they are configured. Readers judge ages by the machine's clock, so that a log, which

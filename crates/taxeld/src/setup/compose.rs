@@ -155,22 +155,20 @@ fn addresses(
     given: bool,
     open: &mut Vec<String>,
 ) -> Result<Vec<(u8, u8)>, String> {
-    let all = source.map(|source| source.device.in_order()).unwrap_or_default();
-    let Some(source) = source.filter(|_| !all.is_empty()) else {
+    let Some(source) = source else {
         let most = part.addresses().len();
         if boards > most {
             return Err(format!("the files have modules on {boards} boards, and the part has {most} on an iCub"));
         }
-        let how = if given { "no device of the robot's files fits" } else { "the robot's own files (--xml) tell them" };
+        let how = if given {
+            "no wrapper of the robot's files has its port"
+        } else {
+            "the robot's own files (--xml) tell them"
+        };
         open.push(format!("addresses as on nearly all iCubs: {how}. `taxeld scan` shows what is on the bus"));
         return Ok(part.addresses().iter().take(boards).map(|address| (0, *address)).collect());
     };
-    // Without a port the place is that of most robots, or the end of a list that is only of this part.
-    let usual_place = match part.first_board() {
-        first if all.len() <= part.addresses().len() => first.min(all.len().saturating_sub(boards)),
-        first => first,
-    };
-    let first = source.first_board.unwrap_or(usual_place);
+    let (all, first) = (source.device.in_order(), source.first_board);
     let Some(own) = all.get(first..first + boards) else {
         let list: Vec<String> = all.iter().map(|(_, address)| address.to_string()).collect();
         return Err(format!(

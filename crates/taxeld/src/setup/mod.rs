@@ -9,7 +9,7 @@ mod settings;
 mod tests;
 mod write;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
@@ -36,12 +36,6 @@ pub struct SetupArgs {
     /// The robot's configuration: skin devices, their specifications, port wrappers.
     #[arg(long, num_args = 1.., value_name = "FILE")]
     xml: Vec<PathBuf>,
-    /// The pressure sensor of the bag, in the words of `gauge`: 'id = 0x3A1, signal = "0|32@1-", unit = "Pa"'.
-    #[arg(long, value_name = "KEYS")]
-    gauge: Option<String>,
-    /// The network interface of a bus, once a bus: left_arm=can0.
-    #[arg(long, value_name = "BUS=INTERFACE")]
-    interface: Vec<String>,
     /// The configuration to write; `-` is the standard output.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -62,14 +56,9 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     if standard {
         say::step_aside();
     }
-    let (mut drafts, mut notes) = drafts(args)?;
-    let interfaces = interfaces(args, &drafts)?;
-    // Whoever names an interface has wired the bus to it.
-    let wired = drafts.iter_mut().filter(|draft| interfaces.contains_key(&draft.bus));
-    notes.extend(wired.filter_map(|draft| draft.out_of_reach.take()));
-    let gauge = args.gauge.as_deref().map(|keys| gauge(keys, &drafts)).transpose()?;
+    let (drafts, notes) = drafts(args)?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let text = write::text(&drafts, &interfaces, gauge.as_ref(), folder);
+    let text = write::text(&drafts, folder);
     let (_, scene) =
         config::examine_text(&args.out, &text).context("what was made of the files is no configuration")?;
     output::write_text(&args.out, &text)?;
@@ -168,30 +157,4 @@ fn named(argument: &Path) -> (Option<String>, PathBuf) {
 
 fn read(path: &Path) -> anyhow::Result<String> {
     read_any_text(path).with_context(|| format!("{}", path.display()))
-}
-
-fn interfaces(args: &SetupArgs, drafts: &[PatchDraft]) -> anyhow::Result<BTreeMap<String, String>> {
-    let mut interfaces = BTreeMap::new();
-    for word in &args.interface {
-        let (bus, interface) =
-            word.split_once('=').with_context(|| format!("--interface {word}: expected BUS=INTERFACE"))?;
-        if !drafts.iter().any(|draft| draft.bus == bus) {
-            let mut buses: Vec<String> = drafts.iter().map(|draft| draft.bus.clone()).collect();
-            buses.dedup();
-            bail!("--interface {word}: there is no bus {bus}, the files need: {}", buses.join(", "));
-        }
-        interfaces.insert(bus.to_owned(), interface.to_owned());
-    }
-    Ok(interfaces)
-}
-
-/// The keys of the gauge; on a robot of several buses it says on which it is.
-fn gauge(keys: &str, drafts: &[PatchDraft]) -> anyhow::Result<toml::Table> {
-    let table: toml::Table = toml::from_str(&format!("gauge = {{ {keys} }}")).context("--gauge")?;
-    let keys = table.get("gauge").and_then(toml::Value::as_table).cloned().unwrap_or_default();
-    let buses = |draft: &PatchDraft| draft.bus.clone();
-    if !keys.contains_key("bus") && drafts.iter().any(|draft| buses(draft) != buses(&drafts[0])) {
-        bail!("--gauge: the robot has several buses: say which one the sensor is on, bus = \"{}\"", buses(&drafts[0]));
-    }
-    Ok(keys)
 }

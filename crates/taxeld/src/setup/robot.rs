@@ -1,7 +1,7 @@
 //! The skin sections of a robot's configuration: which device has a part's boards, and what they are configured with.
 //!
-//! A port names the part, its wrapper names the device, the device has the boards: that chain decides. Names of devices decide
-//! only where no wrapper is among the files, and what fits twice is refused.
+//! A port names the part, its wrapper names the device, the device has the boards: that chain decides, and what fits twice is
+//! refused.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -63,10 +63,10 @@ struct Port {
 pub struct Source<'a> {
     /// It, with all that it includes.
     pub device: &'a Device,
-    /// The place of the part's first board in the device's list, where a wrapper says it.
-    pub first_board: Option<usize>,
+    /// The place of the part's first board in the device's list.
+    pub first_board: usize,
     /// The port that has the part's values, without the robot's prefix.
-    pub port: Option<&'a str>,
+    pub port: &'a str,
 }
 
 impl Robot {
@@ -138,7 +138,7 @@ impl Robot {
         there.or_else(|| self.given.iter().find(named).cloned())
     }
 
-    /// The device of a part that the user's files call by these names; `None` where no file has one.
+    /// The device of a part that the user's files call by these names; `None` where no wrapper has a port of it.
     ///
     /// # Errors
     /// If several fit, or the one that fits is in none of the files.
@@ -151,42 +151,24 @@ impl Robot {
         };
         // As its files call it, else as it is called, else as its name begins.
         let ports = [called(names), called(&[part.name()]), all.clone()].into_iter().find(|ports| !ports.is_empty());
-        let Some(ports) = ports else {
-            let device = self.by_name(part)?;
-            return Ok(device.map(|device| Source { device, first_board: None, port: None }));
-        };
+        let Some(ports) = ports else { return Ok(None) };
         let (port, networks) = (ports[0], ports.iter().flat_map(|port| &port.networks).collect::<BTreeSet<_>>());
-        let devices: Vec<&Device> = match self.devices.as_slice() {
-            [only] if networks.is_empty() => vec![only],
-            _ if networks.is_empty() => self.by_name(part)?.into_iter().collect(),
-            all => all.iter().filter(|device| networks.contains(&device.name)).collect(),
-        };
+        // A wrapper that names no device is of the only one that there is.
+        let devices = self.devices.iter().filter(|device| networks.is_empty() || networks.contains(&device.name));
+        let devices: Vec<&Device> = devices.collect();
+        let (name, wrapper, file) = (&port.name, &port.wrapper, &port.file);
         match devices[..] {
-            [device] => {
-                Ok(Some(Source { device, first_board: Some(port.first / BOARD_VALUES), port: Some(&port.name) }))
+            [device] => Ok(Some(Source { device, first_board: port.first / BOARD_VALUES, port: name })),
+            [] => {
+                let networks = networks.into_iter().cloned().collect::<Vec<_>>().join(", ");
+                Err(format!(
+                    "{file}: {wrapper} has the values of {networks}, which is in none of the files: give its file, too (--xml)"
+                ))
             }
-            [] => Err(format!(
-                "{}: {} has the values of {}, which is in none of the files: give its file, too (--xml)",
-                port.file,
-                port.wrapper,
-                networks.into_iter().cloned().collect::<Vec<_>>().join(", ")
-            )),
-            _ => Err(several(&format!("port {}", port.name), &devices)),
-        }
-    }
-
-    /// The device whose name is of the part or, if none is, of its limb. Devices that a wrapper gives to other ports are none.
-    fn by_name(&self, part: Part) -> Result<Option<&Device>, String> {
-        let taken: BTreeSet<&String> = self.ports.iter().flat_map(|port| &port.networks).collect();
-        let free = || self.devices.iter().filter(|device| !taken.contains(&device.name));
-        let mut fit: Vec<_> = free().filter(|device| Part::named(&device.name) == Some(part)).collect();
-        if fit.is_empty() {
-            fit = free().filter(|device| part.is_of_limb(&device.name)).collect();
-        }
-        match fit[..] {
-            [] => Ok(None),
-            [one] => Ok(Some(one)),
-            _ => Err(several(&part.name(), &fit)),
+            _ => {
+                let list: Vec<String> = devices.iter().map(|d| format!("{} ({})", d.name, d.file)).collect();
+                Err(format!("several devices fit port {name}: {}. Give only one of these files", list.join(", ")))
+            }
         }
     }
 
@@ -200,7 +182,7 @@ impl Robot {
             }
             _ => return None,
         };
-        let (prefix, port) = (self.prefix.as_deref().unwrap_or("ROBOT"), source.port.unwrap_or(part));
+        let (prefix, port) = (self.prefix.as_deref().unwrap_or("ROBOT"), source.port);
         Some(format!(
             "{part}: {why}, so this robot's computer has no CAN interface for it. Its counts are on the YARP port \
              /{}/skin/{port}, which taxeld does not read yet",
@@ -232,10 +214,6 @@ impl Device {
                 let bus = value(&params, "canDeviceNum").and_then(number).and_then(|bus| bus.try_into().ok());
                 self.addresses.insert(bus.unwrap_or(0), ids);
             }
-            if value(&params, "4E_EnaL").is_some() {
-                self.open
-                    .push("configured in the older style (4C_, 4E_): compare shift and cdc_offset by hand".to_owned());
-            }
             self.settings.group(part.attribute("name").unwrap_or(""), &params);
         }
     }
@@ -256,12 +234,6 @@ impl Device {
     pub fn line(&self, bus: u8) -> String {
         if self.kind == "canBusSkin" { format!("CAN {bus}") } else { format!("{} {bus}", self.name) }
     }
-}
-
-fn several(what: &str, devices: &[&Device]) -> String {
-    let list: Vec<String> = devices.iter().map(|device| format!("{} ({})", device.name, device.file)).collect();
-    let list = list.join(", ");
-    format!("several devices fit {what}: {list}. Give the wrapper of its port (--xml), or only one of these files")
 }
 
 /// The ports of a wrapper.

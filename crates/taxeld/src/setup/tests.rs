@@ -181,33 +181,15 @@ fn the_robots_configuration_gives_addresses_periods_and_exceptions() {
          <param name=\"triangleSetCfg4\">1 11 0 0 1 4 0x1000</param></group></params>",
     );
     let out = folder.path("t.toml");
-    run(&["--positions", &torso, "--xml", &device, &spec, "--out", &out, "--interface", "torso=can4"]).unwrap();
+    let wrapper = folder.put("w.xml", &wrapper("w", "torso", "0 767 0 767", "torso-eb22-skin").1);
+    run(&["--positions", &torso, "--xml", &device, &spec, &wrapper, "--out", &out]).unwrap();
     let text = folder.written();
     let plan = &folder.resolved().plan.patches[0];
     let addresses: Vec<u8> = plan.patch.boards().iter().map(|board| board.address.get()).collect();
     assert_eq!(addresses, [7, 8, 11, 10], "as this robot has them");
-    assert_eq!((plan.period.as_millis(), plan.bring_up[0].board.kind), (30, 8));
-    assert_eq!(plan.bring_up[2].triangles[1].cdc_offset, 0x2000, "{text}");
-    assert!(text.contains("interface = \"can4\"\n"), "{text}");
-}
-
-#[test]
-fn a_gauge_is_taken_in_the_words_of_the_configuration() {
-    let folder = Folder::new();
-    let hand = folder.put("left_hand.txt", &positions("l_hand", 1, &[8, 9, 10, 11]));
-    let arm = folder.put("left_arm.txt", &positions("l_upper_arm", 4, &[2]));
-    let foot = folder.put("left_foot.txt", &positions("l_foot", 2, &[2]));
-    let out = folder.path("t.toml");
-    let gauge = "id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\"";
-    run(&["--positions", &hand, &arm, "--gauge", gauge, "--out", &out]).unwrap();
-    assert!(folder.resolved().plan.patches.iter().all(|plan| plan.gauge.is_some()));
-    assert!(folder.written().contains("gauge = { id = 0x3a1, signal = "), "{}", folder.written());
-    let refused = |arguments: &[&str]| format!("{:#}", run(arguments).unwrap_err());
-    let why = refused(&["--positions", &hand, &foot, "--gauge", gauge, "--out", &out, "--force"]);
-    assert!(why.contains("say which one the sensor is on, bus = \"left_arm\""), "{why}");
-    let wrong = refused(&["--positions", &hand, "--gauge", "id = 1, bits = 3", "--out", &out, "--force"]);
-    assert!(wrong.contains("unknown key `bits`"), "{wrong}");
-    assert!(folder.resolved().plan.patches.len() == 2, "what is refused changes nothing");
+    assert_eq!(plan.period.as_millis(), 30);
+    assert!(text.contains("modules = \"5\", board_type = 8 }"), "{text}");
+    assert!(text.contains("modules = \"0\", board_type = 8, shift = 1, cdc_offset = 0x2000 }"), "{text}");
 }
 
 /// A comment in Latin-1 is nothing that matters, to `setup` and to the daemon.
@@ -241,7 +223,6 @@ fn what_cannot_be_is_refused_with_the_file() {
         (vec!["--positions", &broken], "left_arm.txt: line 2: `1 2 3`"),
         (vec!["--positions", &hand, "--xml", &xml], "left_arm-eb1-skin.xml: not well-formed XML"),
         (vec!["--positions", &hand, &hand], "are both of left_hand"),
-        (vec!["--positions", &hand, "--interface", "left_leg_1=can0"], "there is no bus left_leg_1"),
         (vec!["--positions", "nowhere.txt"], "nowhere.txt"),
     ] {
         let why = refused(&arguments);
@@ -281,8 +262,7 @@ fn patches(parts: &[(&str, &[usize])], files: &[&(String, String)]) -> Result<Ve
     };
     let layout = parts.iter().map(drawing).collect();
     let xml = files.iter().map(|(name, text)| folder.put(name, text).into()).collect();
-    let (positions, gauge, interface, out) = (Vec::new(), None, Vec::new(), folder.path("t.toml").into());
-    let args = SetupArgs { positions, layout, xml, gauge, interface, out, force: false };
+    let args = SetupArgs { positions: Vec::new(), layout, xml, out: folder.path("t.toml").into(), force: false };
     drafts(&args).map(|(drafts, _)| drafts).map_err(|why| format!("{why:#}"))
 }
 
@@ -306,13 +286,10 @@ fn a_port_says_the_device_whatever_its_name_and_the_order_of_the_files() {
 }
 
 #[test]
-fn without_a_wrapper_names_decide_and_what_fits_twice_is_refused() {
-    let (a, b) = (device("left_arm-a-skin", &boards("14 13")), device("left_upperarm-b-skin", &boards("9")));
-    let why = patches(&[("left_forearm", &[0])], &[&a, &b]).unwrap_err();
-    let both = ["several devices fit left_forearm: left_arm-a-skin", "left_upperarm-b-skin.xml"];
-    assert!(both.iter().all(|part| why.contains(part)), "{why}");
-    let none = &patches(&[("torso", &[5])], &[&a]).unwrap()[0];
-    assert!(none.open.iter().any(|line| line.contains("no device of the robot's files fits")), "{:?}", none.open);
+fn without_a_wrapper_the_addresses_are_those_of_most_robots_and_that_is_said() {
+    let draft = &patches(&[("left_forearm", &[0])], &[&device("left_arm-a-skin", &boards("9 8"))]).unwrap()[0];
+    assert_eq!(addresses(draft), [13]);
+    assert!(draft.open.iter().any(|line| line.contains("no wrapper of the robot's files")), "{:?}", draft.open);
 }
 
 #[test]
@@ -324,7 +301,9 @@ fn a_device_on_a_can_card_has_its_parameters_in_params_and_its_settings_in_what_
                 </param></params><xi:include href='hardware/skin/setup-of-the-hand.xml' /></device>";
     let files = [("hand.xml", hand), ("setup-of-the-hand.xml", settings)]
         .map(|(name, text)| (name.to_owned(), text.to_owned()));
-    let draft = &patches(&[("left_hand", &[0])], &[&files[0], &files[1]]).unwrap()[0];
+    // It names no device: there is only one.
+    let wrapper = wrapper("w", "left_hand", "0 191 0 191", "");
+    let draft = &patches(&[("left_hand", &[0])], &[&files[0], &files[1], &wrapper]).unwrap()[0];
     assert_eq!((addresses(draft), draft.boards[0].modules[0].0), (vec![15], (0, 0x2000)));
     let out_of_reach = draft.out_of_reach.as_ref().unwrap();
     assert!(draft.is_shared_address && out_of_reach.contains("(cfw2can) has no SocketCAN driver"), "{out_of_reach}");

@@ -1,6 +1,5 @@
 //! The configuration as text, with comments where the files leave something open.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -26,14 +25,8 @@ const HEAD: &str = "# Written by `taxeld setup` from the robot's own files. Line
 path = \"/var/lib/taxeld/taxeld.db\" # sessions, samples and model sets; one SQLite file
 ";
 
-/// The text of a configuration. `interfaces` are the network interfaces of buses, where they are known; `gauge` are the keys
-/// of the gauge's section; `folder` is where the configuration will lie.
-pub fn text(
-    drafts: &[PatchDraft],
-    interfaces: &BTreeMap<String, String>,
-    gauge: Option<&toml::Table>,
-    folder: &Path,
-) -> String {
+/// The text of a configuration; `folder` is where it will lie.
+pub fn text(drafts: &[PatchDraft], folder: &Path) -> String {
     let mut text = HEAD.to_owned();
     let mut buses: Vec<&String> = Vec::new();
     for draft in drafts {
@@ -44,21 +37,22 @@ pub fn text(
     for (position, bus) in buses.into_iter().enumerate() {
         let none = drafts.iter().any(|draft| draft.bus == *bus && draft.out_of_reach.is_some());
         let question = if none { "this computer has none for" } else { "which interface is" };
-        let guess = || (format!("can{position}"), format!(" # {CHECK} {question} the bus of {bus}"));
-        let (interface, mark) = interfaces.get(bus).map_or_else(guess, |known| (known.clone(), String::new()));
-        let _ = write!(text, "\n[[bus]]\nname = \"{bus}\"\ninterface = {}{mark}\n", quoted(&interface));
+        let _ = write!(
+            text,
+            "\n[[bus]]\nname = \"{bus}\"\ninterface = \"can{position}\" # {CHECK} {question} the bus of {bus}\n"
+        );
     }
-    drafts.iter().for_each(|draft| patch(&mut text, draft, gauge, folder));
+    drafts.iter().for_each(|draft| patch(&mut text, draft, folder));
     text
 }
 
-fn patch(text: &mut String, draft: &PatchDraft, gauge: Option<&toml::Table>, folder: &Path) {
+fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
     let (name, bus) = (draft.part.name(), &draft.bus);
     let _ = writeln!(text, "\n# {name}: {} taxels", draft.taxels());
     draft.out_of_reach.iter().chain(&draft.open).for_each(|line| comment(text, &format!("{CHECK} {line}")));
     let (listen_only, why) = match draft {
         draft if draft.is_shared_address => (true, "a command to board 15 would go to all boards of the bus"),
-        draft if draft.out_of_reach.is_some() => (true, "the robot's own software configures the boards"),
+        draft if draft.out_of_reach.is_some() => (true, "false where you have wired the bus to this computer"),
         _ => (false, "true: the robot's own software configures the boards, nothing is sent to them"),
     };
     let _ = write!(
@@ -78,18 +72,10 @@ fn patch(text: &mut String, draft: &PatchDraft, gauge: Option<&toml::Table>, fol
         board.modules.iter().for_each(|(values, modules)| entry(text, board, &modules_written(modules), *values));
     }
     text.push_str("]\n");
-    let Some(keys) = gauge else {
-        let words = "without the bag's pressure sensor there is no calibration, only force. Put in the identifier of yours: \
-                     `taxeld scan` shows frames that could be a pressure";
-        comment(text, &format!("{CHECK} {words}"));
-        text.push_str("# gauge = { id = 0x5F1, signal = \"0|32@1-\", unit = \"Pa\" }\n");
-        return;
-    };
-    let key = |(key, value): (&String, &toml::Value)| match value.as_integer().filter(|_| key == "id") {
-        Some(id) => format!("id = {id:#x}"),
-        None => format!("{key} = {value}"),
-    };
-    let _ = writeln!(text, "gauge = {{ {} }}", keys.iter().map(key).collect::<Vec<_>>().join(", "));
+    let words = "without the bag's pressure sensor there is no calibration, only force. Put in the identifier of yours: `taxeld \
+                 scan` shows frames that could be a pressure";
+    comment(text, &format!("{CHECK} {words}"));
+    text.push_str("# gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n");
 }
 
 /// Modules of a board that are configured alike; what is as on most boards is left out.
