@@ -4,7 +4,6 @@
 mod say;
 
 mod audit;
-mod audit_log;
 mod backend;
 mod bus;
 mod check;

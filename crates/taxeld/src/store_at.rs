@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use taxel_engine::Restored;
-use taxel_store::{Retention, Store, StoreFile};
+use taxel_store::{Retention, Store};
 
 use crate::queues::TellDone;
 
@@ -29,16 +29,4 @@ pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Stor
             Ok((store, restored))
         }
     }
-}
-
-/// Opens a store that no daemon has, to be read where it lies, and tells on standard error what of it is damaged.
-///
-/// # Errors
-/// As [`StoreFile::open`].
-pub fn read_store(path: &Path) -> anyhow::Result<StoreFile> {
-    let store = StoreFile::open(path)?;
-    for damage in store.damage() {
-        crate::say::error_line(format_args!("taxeld: {}: {damage}", path.display()));
-    }
-    Ok(store)
 }

@@ -189,21 +189,20 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     assert!(lines[0].contains("token bench (operator, unix uid "), "{text}");
     assert!(lines[1].contains("spiffe://robot/skin/operator (operator, tls 127.0.0.1:"), "{text}");
 
-    // Killed and started again on the socket that it left; what was answered is in the log of the store, too.
-    daemon.child.kill().unwrap();
-    daemon.child.wait().unwrap();
-    let store = folder.path().join("store.db");
-    assert_eq!(daemon.audit(&["--store", store.to_str().unwrap()]), text);
-    let of_patch = |patch: &str| daemon.audit(&["--store", store.to_str().unwrap(), "--patch", patch]);
+    let of_patch = |patch: &str| {
+        daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap(), "--patch", patch])
+    };
     assert_eq!(of_patch("no-such-patch"), "the audit log is empty\n");
     assert_eq!(of_patch("left_forearm"), text);
+
+    // Killed and started again on the socket that it left.
+    daemon.child.kill().unwrap();
+    daemon.child.wait().unwrap();
     drop(daemon);
     let daemon = Daemon::start(folder.path());
     tare(&daemon.unix().await, Some(token.trim()), "Ann").await.unwrap();
-    assert_eq!(
-        daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap()]).lines().count(),
-        3
-    );
+    let text = daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap()]);
+    assert_eq!(text.lines().count(), 3, "what was answered is there");
 }
 
 #[tokio::test]
