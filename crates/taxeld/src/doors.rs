@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use taxel_rpc::{Listener, Tls, TlsFiles};
 
-use crate::config::{Door, Doors, UNRULED};
+use crate::config::{Door, Doors, SOCKET_MODE, UNRULED};
 use crate::credentials::Credentials;
 
 /// The open doors, and who may come in.
@@ -34,7 +34,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
     let mut listeners = Vec::new();
     for door in &doors.doors {
         listeners.push(match door {
-            Door::Unix { path, mode, group } => Listener::Unix(bind_unix(path, *mode, group.as_deref())?),
+            Door::Unix { path, group } => Listener::Unix(bind_unix(path, group.as_deref())?),
             Door::Tcp(address) => {
                 if !address.ip().is_loopback() {
                     tracing::warn!(
@@ -82,14 +82,14 @@ fn in_the_way(path: &Path, about: &Metadata) -> Option<String> {
 }
 
 /// Binds a Unix socket.
-fn bind_unix(path: &Path, mode: u32, group: Option<&str>) -> anyhow::Result<UnixListener> {
+fn bind_unix(path: &Path, group: Option<&str>) -> anyhow::Result<UnixListener> {
     remove_old(path)?;
     let shown = path.display();
     let listener = UnixListener::bind(path).with_context(|| format!("listening on {shown}"))?;
     if let Some(group) = group {
         give_to(path, group)?;
     }
-    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).with_context(|| format!("{shown}"))?;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(SOCKET_MODE)).with_context(|| format!("{shown}"))?;
     Ok(listener)
 }
 
@@ -133,29 +133,28 @@ mod tests {
     fn an_old_socket_goes_and_anything_else_stays() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("socket");
-        let first = bind_unix(&path, 0o600, None).unwrap();
-        assert_eq!(std::fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
-        let problem = bind_unix(&path, 0o600, None).unwrap_err().to_string();
+        let first = bind_unix(&path, None).unwrap();
+        let problem = bind_unix(&path, None).unwrap_err().to_string();
         assert!(problem.ends_with("another process serves this socket"), "{problem}");
         drop(first);
-        drop(bind_unix(&path, 0o660, None).unwrap());
+        drop(bind_unix(&path, None).unwrap());
         assert_eq!(std::fs::metadata(&path).unwrap().mode() & 0o777, 0o660);
 
         std::fs::remove_file(&path).unwrap();
         std::fs::write(&path, "a file").unwrap();
-        let problem = bind_unix(&path, 0o600, None).unwrap_err().to_string();
+        let problem = bind_unix(&path, None).unwrap_err().to_string();
         assert!(problem.contains("is not a socket"), "{problem}");
         assert_eq!(std::fs::read(&path).unwrap(), b"a file");
         let link = folder.path().join("link");
         std::os::unix::fs::symlink(&path, &link).unwrap();
-        assert!(bind_unix(&link, 0o600, None).unwrap_err().to_string().contains("is not a socket"));
+        assert!(bind_unix(&link, None).unwrap_err().to_string().contains("is not a socket"));
         assert!(link.is_symlink());
     }
 
     #[test]
     fn an_unknown_group_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        let problem = bind_unix(&folder.path().join("s"), 0o660, Some("no-such-group")).unwrap_err().to_string();
+        let problem = bind_unix(&folder.path().join("s"), Some("no-such-group")).unwrap_err().to_string();
         assert!(problem.contains("there is no group `no-such-group`"), "{problem}");
     }
 }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::audit::Asked;
-use taxel_engine::calibration::{Direction, SessionState};
+use taxel_engine::calibration::{Direction, SessionState, SessionView};
 use taxel_engine::command::{Command, ErrorReason, Rejection, Reply, RequestId};
 use taxel_engine::events::EventWatch;
 use taxel_engine::plan::Plan;
@@ -86,10 +86,8 @@ pub struct Driver {
     publisher: Publisher,
     /// Written as well.
     pub pages: Pages,
-    /// The state of each patch's session as it was last logged.
-    logged: Vec<Option<(u64, SessionState)>>,
-    /// What each patch's session is at.
-    stages: Vec<Option<Stage>>,
+    /// Each patch's session.
+    sessions: Vec<Option<Arc<SessionView>>>,
     store: Store,
     /// Whose turn it is to read a model set: the text of one may have 16 MB and takes five times that while it is read, and a
     /// patch each may ask at once.
@@ -123,8 +121,7 @@ impl Driver {
         let patches = plan.patches.iter().map(|plan| plan.patch.name());
         Self {
             events: EventWatch::new(patches, &active),
-            logged: vec![None; plan.patches.len()],
-            stages: vec![None; plan.patches.len()],
+            sessions: vec![None; plan.patches.len()],
             engine: Engine::new(plan, restored),
             clock,
             publisher,
@@ -306,37 +303,26 @@ impl Driver {
     /// That somebody asked for this is on disk, or cannot be. What was true when they asked ("nothing touches the skin") may not
     /// be any more where the disk took its time.
     fn take_asked(&mut self, request: RequestId, command: Command, written: Result<(), String>) {
+        let Some(waiting) = self.waiting.remove(&request) else { return };
+        let waited = self.clock.now().time.since(waiting.since);
         match written {
-            Ok(()) => match self.waiting.get(&request).map(|waiting| self.too_late(waiting)) {
-                Some(None) => self.step(Input::Command(request, command)),
-                Some(Some(why)) => self.refuse_late(request, why),
-                None => {}
-            },
-            Err(why) => {
-                if let Some(waiting) = self.waiting.remove(&request) {
-                    let _ = waiting.reply.send(Err(unwritten(&why))); // the client may have gone
-                }
+            Err(why) => drop(waiting.reply.send(Err(unwritten(&why)))), // the client may have gone
+            Ok(()) if !waiting.reply.is_closed() && waited <= LATE_AFTER => {
+                self.waiting.insert(request, waiting);
+                self.step(Input::Command(request, command));
+            }
+            Ok(()) => {
+                let seconds = waited.as_secs_f64();
+                let why = format!(
+                    "it took {seconds:.1} s to write down who asked for it, and nothing is done so late: ask again"
+                );
+                tracing::warn!(%why, "a command was not done");
+                let refused = Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
+                let patch = waiting.patch.unwrap_or_default();
+                let row = self.audit.answered(request, self.clock.now().wall_ns, &patch, &refused);
+                self.note_refusals(vec![row], vec![(waiting.reply, refused)]);
             }
         }
-    }
-
-    /// Why something that takes effect at once is not done any more, if it was asked for too long ago.
-    fn too_late(&self, waiting: &Waiting) -> Option<String> {
-        let waited = self.clock.now().time.since(waiting.since);
-        let seconds = waited.as_secs_f64();
-        let late = waiting.reply.is_closed() || waited > LATE_AFTER;
-        late.then(|| {
-            format!("it took {seconds:.1} s to write down who asked for it, and nothing is done so late: ask again")
-        })
-    }
-
-    fn refuse_late(&mut self, request: RequestId, why: String) {
-        let Some(Waiting { reply, patch, .. }) = self.waiting.remove(&request) else { return };
-        tracing::warn!(%why, "a command was not done");
-        let refused = Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
-        let patch = patch.unwrap_or_default();
-        let row = self.audit.answered(request, self.clock.now().wall_ns, &patch, &refused);
-        self.note_refusals(vec![row], vec![(reply, refused)]);
     }
 
     fn take_done(&mut self, done: Done) {

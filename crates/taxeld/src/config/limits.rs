@@ -7,8 +7,9 @@ use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
 use taxel_model::{FitOptions, GaugeUncertainty, Order};
 use taxel_skin::Kilopascal;
 
-use super::patch_section::{BranchesWord, GaugeSection, OrderWord, PatchSection, PlaysWord, SessionSection};
+use super::patch_section::{BranchesWord, FitSection, GaugeSection, PatchSection, PlaysWord, SessionSection};
 use super::problem::Faults;
+use crate::values::parse_order;
 
 /// When a taxel counts as touched or stale.
 pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> LiveLimits {
@@ -68,15 +69,13 @@ pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) 
 }
 
 /// How models are fitted.
-pub fn fit_options(order: OrderWord, gauge: GaugeUncertainty, faults: &mut Faults) -> FitOptions {
-    let order = match order {
-        OrderWord::Fixed(order) => {
-            faults.range("fit.order", f64::from(order), 1.0, 10.0);
-            Order::Fixed(order)
-        }
-        OrderWord::Auto(_) => Order::Auto,
-    };
-    FitOptions { order, gauge, ..FitOptions::default() }
+pub fn fit_options(section: &FitSection, gauge: GaugeUncertainty, faults: &mut Faults) -> FitOptions {
+    let order = section.order.as_ref().map(|value| {
+        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        parse_order(&text).map_err(|why| format!("fit.order = {value}: {why}"))
+    });
+    let order = order.and_then(|order| faults.take("fit.order", order));
+    FitOptions { order: order.unwrap_or(Order::Fixed(5)), gauge, ..FitOptions::default() }
 }
 
 /// What is stated of what measures the pressure.

@@ -10,7 +10,7 @@ use super::file::{AccessSection, Config, beside};
 use super::problem::Faults;
 
 /// The mode of a Unix socket: its owner and its group may connect.
-const SOCKET_MODE: u32 = 0o660;
+pub const SOCKET_MODE: u32 = 0o660;
 
 /// Where the service listens if the configuration says nothing.
 const LISTEN_DEFAULT: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 50_051);
@@ -29,8 +29,6 @@ pub enum Door {
     Unix {
         /// Its path.
         path: PathBuf,
-        /// Its mode.
-        mode: u32,
         /// Its group.
         group: Option<String>,
     },
@@ -48,7 +46,7 @@ pub enum Door {
 impl fmt::Display for Door {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unix { path, mode, .. } => write!(f, "unix:{} (mode {mode:03o})", path.display()),
+            Self::Unix { path, .. } => write!(f, "unix:{} (mode {SOCKET_MODE:03o})", path.display()),
             Self::Tcp(address) if address.ip().is_loopback() => write!(f, "{address} (loopback, unencrypted)"),
             Self::Tcp(address) => write!(f, "{address} (INSECURE: unencrypted, for everybody on that net)"),
             Self::Tls { address, .. } => write!(f, "{address} (TLS 1.3 with client certificates)"),
@@ -124,7 +122,7 @@ pub fn doors(config: &Config, path: &Path, faults: &mut Faults) -> Doors {
 }
 
 fn unix(path: PathBuf, config: &Config) -> Door {
-    Door::Unix { path, mode: SOCKET_MODE, group: config.socket_group.clone() }
+    Door::Unix { path, group: config.socket_group.clone() }
 }
 
 /// Where one of `listen` is.

@@ -21,7 +21,7 @@ mod scene;
 pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection};
 #[cfg(feature = "sim")]
 pub use file::{MetricsSection, PageSection};
-pub use listen::{Door, Doors, UNRULED};
+pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
 pub use log_filter::log_filter;
 pub use modules::KindWord;
 pub use modules::written as modules_written;

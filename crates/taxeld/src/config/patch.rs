@@ -43,7 +43,7 @@ pub fn patch_plan(
     let live = live(section, period, faults);
     let session = session(&section.session, section.fit.plays, faults);
     let stated = section.gauge.as_ref().map(|gauge| gauge_uncertainty(gauge, faults)).unwrap_or_default();
-    let fit = fit_options(section.fit.order, stated, faults);
+    let fit = fit_options(&section.fit, stated, faults);
     let bus = bus_index(config, "bus", &section.bus, faults);
     let file = section.array.as_ref().and_then(|array| dbc_file(array, path, faults));
     let gauge = section.gauge.as_ref().and_then(|gauge| {

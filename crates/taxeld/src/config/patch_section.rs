@@ -231,8 +231,8 @@ pub enum BranchesWord {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FitSection {
-    /// 1 to 10, or `auto`: of the static curve. The one that plays bend is of order 3.
-    pub order: OrderWord,
+    /// 1 to 10, or `auto`, chosen per taxel: of the static curve. The one that plays bend is of order 3.
+    pub order: Option<toml::Value>,
     /// Whether the hysteresis that a session over both branches learns is compensated.
     pub plays: PlaysWord,
 }
@@ -248,28 +248,4 @@ pub enum PlaysWord {
     /// Never: the curve is that of rising pressure, and the hysteresis is in its uncertainty.
     #[default]
     Off,
-}
-
-/// Order of the polynomial.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(untagged, expecting = "expected a whole number from 1 to 10, or \"auto\"")]
-pub enum OrderWord {
-    /// This one.
-    Fixed(u8),
-    /// Chosen per taxel.
-    Auto(AutoWord),
-}
-
-impl Default for OrderWord {
-    fn default() -> Self {
-        Self::Fixed(5)
-    }
-}
-
-/// The word `auto`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum AutoWord {
-    /// Chosen per taxel by its prediction error.
-    Auto,
 }

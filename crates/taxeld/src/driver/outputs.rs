@@ -167,22 +167,22 @@ impl Driver {
     }
 
     fn hide_session(&mut self, index: usize) {
-        self.stages[index] = None;
-        if let Some((session, _)) = self.logged[index].take() {
-            tracing::info!(session, "calibration session deleted");
+        if let Some(view) = self.sessions[index].take() {
+            tracing::info!(session = view.number, "calibration session deleted");
         }
         self.publisher.session_gone(index);
     }
 
     fn show_session(&mut self, index: usize, view: Arc<SessionView>) {
-        let state = Some((view.number, view.state));
-        if std::mem::replace(&mut self.logged[index], state) != state {
-            let (session, state) = (view.number, view.state.name());
+        let (number, state) = (view.number, view.state);
+        let before = self.sessions[index].replace(Arc::clone(&view));
+        if before.is_none_or(|before| (before.number, before.state) != (number, state)) {
+            let (session, state) = (number, state.name());
             tracing::info!(session, patch = %view.patch, state, reason = %view.reason, "calibration session");
         }
-        self.stages[index] = Some(Stage { state: view.state, direction: view.direction });
         if let Some(told) = &self.session_state {
-            told.send_replace(Stage::first(self.stages.iter().copied().flatten()));
+            let stage = |view: &Arc<SessionView>| Stage { state: view.state, direction: view.direction };
+            told.send_replace(Stage::first(self.sessions.iter().flatten().map(stage)));
         }
         self.publisher.session(index, view);
     }
