@@ -86,13 +86,6 @@ fn pages(config: &Config, faults: &mut Faults) {
     if metrics.is_some() && own.is_none() && page.is_none() {
         faults.note("metrics", "[metrics]: without a [page] beside which to serve them, listen is needed");
     }
-    if let (Some(page), Some(listen)) = (page, own)
-        && page.listen == listen
-        && listen.port() != 0
-    {
-        let words = format!("metrics.listen = {listen} is page.listen: leave it out to serve both there");
-        faults.note("metrics.listen", words);
-    }
     let both = [("page.listen", page.map(|page| page.listen)), ("metrics.listen", own)];
     let both = both.into_iter().filter_map(|(key, listen)| Some((key, listen?)));
     for (key, listen) in both.filter(|(_, listen)| !listen.ip().is_loopback()) {

@@ -1,4 +1,4 @@
-//! Logs of a bus as they are found: of several interfaces, of a screen, joined, cut off, of a clock that was set.
+//! Logs of a bus as they are found: of several interfaces, cut off, of a clock that was set.
 
 use std::fmt::Write as _;
 
@@ -62,20 +62,6 @@ fn log(frames: &[(u64, String)], begin_s: impl Fn(usize) -> u64) -> String {
         writeln!(log, "({}.{:06}) can0 {frame}", time_us / 1_000_000, time_us % 1_000_000).unwrap();
     }
     log
-}
-
-/// As `candump -ta -a` shows such a log.
-fn on_a_screen(log: &str) -> String {
-    let mut text = String::new();
-    for line in log.lines() {
-        let (front, frame) = line.rsplit_once(' ').unwrap();
-        let (time, interface) = front.split_once(' ').unwrap();
-        let (id, data) = frame.split_once('#').unwrap();
-        let bytes: String =
-            data.as_bytes().chunks(2).map(|byte| format!(" {}", str::from_utf8(byte).unwrap())).collect();
-        writeln!(text, " {time}  {interface}  {id}   [{}] {bytes}   '........'", data.len() / 2).unwrap();
-    }
-    text
 }
 
 #[test]
@@ -164,18 +150,6 @@ fn the_force_of_a_replay_that_fails_replaces_nothing() {
 }
 
 #[test]
-fn two_runs_that_both_begin_at_0_give_the_force_of_both() {
-    let run = log(&frames()[..400 * SCAN_LINES], |_| 0);
-    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &format!("{run}{run}"))]);
-    let [log, config, force] = ["t.log", "t.toml", "f.csv"].map(|name| path(folder.path(), name));
-    let (printed, _) = succeeds(&["replay", &log, "--config", &config, "--force", &force]);
-    assert!(printed.contains("board 13: 2 modules, 1600 scans, 0 orphans"), "{printed}");
-    let rows = std::fs::read_to_string(&force).unwrap();
-    let times: Vec<f64> = rows.lines().skip(1).map(|row| row.split(',').next().unwrap().parse().unwrap()).collect();
-    assert!(times.is_sorted() && *times.last().unwrap() > 39.9, "until {:?}", times.last());
-}
-
-#[test]
 fn a_log_of_several_interfaces_is_scanned_by_the_name_of_one() {
     let (first, second) = (log(&frames(), |_| 0), log(&frames(), |_| 0));
     let second = second.replace("can0 4D0", "can1 4E0").replace("can0 4D1", "can1 4E1").replace("can0 3A1", "can1 3A2");
@@ -191,19 +165,6 @@ fn a_log_of_several_interfaces_is_scanned_by_the_name_of_one() {
     assert!(begun.contains("interface = \"can1\""), "{begun}");
     let said = fails(&["scan", &both, "--interface", "can2"]);
     assert!(said.contains("none of its 6400 frames is of can2: they are of can0, can1"), "{said}");
-}
-
-#[test]
-fn what_a_screen_showed_is_the_same_log() {
-    let log = log(&frames(), |_| 1_600_000_000);
-    let folder = scratch(&[("t.toml", CONFIG), ("a.log", &log), ("b.log", &on_a_screen(&log))]);
-    let config = path(folder.path(), "t.toml");
-    let models = ["a", "b"].map(|name| {
-        let [log, out] = ["log", "json"].map(|kind| path(folder.path(), &format!("{name}.{kind}")));
-        succeeds(&["replay", &log, "--config", &config, "--calibrate", "70", "--out", &out]);
-        std::fs::read_to_string(out).unwrap()
-    });
-    assert_eq!(models[0], models[1]);
 }
 
 #[test]
