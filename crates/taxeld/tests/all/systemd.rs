@@ -171,7 +171,7 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     service.signal("-HUP");
     service.until_told("RELOADING=1");
     service.until_told("READY=1");
-    service.until_logged("not reloaded, as it needs a restart: socket_group, access");
+    service.until_logged("not reloaded, as it needs a restart: access, socket_group");
     // A file that cannot be used changes nothing.
     std::fs::write(service.path("taxeld.toml"), "[store]\npath = 5\n").unwrap();
     service.signal("-HUP");

@@ -141,7 +141,7 @@ fn what_cannot_be_is_refused_with_the_key_and_what_was_expected() {
     let why = plan(all, "geometry = \"a\"", &one("0|8@1+")).unwrap_err();
     assert!(why.contains("an array has a grid and no position file"), "{why}");
     let why = plan(all, "gauge = { signal = \"A.T\" }", &one("0|8@1+")).unwrap_err();
-    assert!(why.contains("gauge.unit is missing, and the DBC file has \"\", which is none of Pa"), "{why}");
+    assert!(why.contains("gauge.unit is missing: expected one of Pa"), "{why}");
     let why = plan("taxels = [\"A.T*\"]", "gauge = { signal = \"A.T1\", unit = \"Pa\" }", &paged()).unwrap_err();
     assert!(why.contains("signal A.T1: it is multiplexed"), "{why}");
 }
