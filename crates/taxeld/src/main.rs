@@ -87,7 +87,7 @@ enum Subcommands {
         /// Configuration.
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
-        /// Print what is wrong with it as JSON: code, file, line, key, value, what was expected; and what this machine lacks.
+        /// Print what is wrong with it as JSON: file, line, key, value, what was expected; and what this machine lacks.
         #[arg(long)]
         json: bool,
     },

@@ -37,8 +37,6 @@ pub struct Device {
     file: String,
     /// Its type: `embObjSkin` behind an Ethernet board, `canBusSkin` on a CAN bus of the robot's computer.
     kind: String,
-    /// The driver of the CAN card, where it has one: `cfw2can`, `ecan`, `socketcan`.
-    card: Option<String>,
     /// Addresses on each of the device's buses, by its number.
     addresses: BTreeMap<u8, Vec<u8>>,
     settings: Settings,
@@ -173,21 +171,18 @@ impl Robot {
     }
 
     /// Why the robot's computer has no CAN interface for a part, and where its counts are, if so.
-    pub fn out_of_reach(&self, part: &str, source: &Source<'_>) -> Option<String> {
-        let Device { name, kind, card, .. } = source.device;
-        let why = match (kind.as_str(), card.as_deref()) {
-            ("embObjSkin", _) => format!("its device {name} is behind an Ethernet board (embObjSkin)"),
-            (_, Some(card)) if !card.eq_ignore_ascii_case("socketcan") => {
-                format!("the CAN card of its device {name} ({card}) has no SocketCAN driver")
-            }
-            _ => return None,
-        };
-        let (prefix, port) = (self.prefix.as_deref().unwrap_or("ROBOT"), source.port);
-        Some(format!(
-            "{part}: {why}, so this robot's computer has no CAN interface for it. Its counts are on the YARP port \
-             /{}/skin/{port}, which taxeld does not read yet",
-            prefix.trim().trim_matches('/')
-        ))
+    pub fn out_of_reach(
+        &self,
+        part: &str,
+        Source { device: Device { name, kind, .. }, port, .. }: &Source<'_>,
+    ) -> Option<String> {
+        let prefix = self.prefix.as_deref().unwrap_or("ROBOT").trim().trim_matches('/');
+        (kind == "embObjSkin").then(|| {
+            format!(
+                "{part}: its device {name} is behind an Ethernet board (embObjSkin), so this robot's computer has no CAN \
+                 interface for it. Its counts are on the YARP port /{prefix}/skin/{port}, which taxeld does not read yet"
+            )
+        })
     }
 
     /// Whether any file was given.
@@ -207,9 +202,6 @@ impl Device {
                     self.addresses.insert(bus, addresses(text));
                 }
             }
-            // A card that several devices share is named behind the one that shares it.
-            let card = value(&params, "physDevice").or(value(&params, "canbusDevice")).map(str::to_owned);
-            self.card = self.card.take().or(card);
             if let Some(ids) = value(&params, "skinCanIds").map(addresses).filter(|ids| !ids.is_empty()) {
                 let bus = value(&params, "canDeviceNum").and_then(number).and_then(|bus| bus.try_into().ok());
                 self.addresses.insert(bus.unwrap_or(0), ids);
