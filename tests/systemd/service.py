@@ -134,9 +134,9 @@ def reloads_without_a_gap(watching):
     with open(CONFIG, encoding="utf-8") as config:
         text = config.read()
     with open(CONFIG, "w", encoding="utf-8") as config:
-        config.write(text.replace("\n[log]\n", '\n[log]\nfilter = "info,taxeld=debug"\n', 1))
+        config.write(text.replace("\n[access]\n", '\n[access]\nobservers = ["unix", "loopback"]\n', 1))
     run("systemctl", "reload", UNIT)
-    until("the filter is reloaded", lambda: "reloaded; the log's filter is" in journal())
+    until("the rules are reloaded", lambda: "taxeld::reload: reloaded" in journal())
     watching.more(20)
     assert state("MainPID") == before and state("ActiveState") == "active"
     samples = watching.samples()

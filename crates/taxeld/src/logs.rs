@@ -6,21 +6,28 @@ use std::os::unix::fs::MetadataExt;
 use std::sync::OnceLock;
 
 use tracing_appender::non_blocking::{ErrorCounter, NonBlocking, NonBlockingBuilder, WorkerGuard};
+use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::writer::BoxMakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Layer, Registry, fmt, reload};
+use tracing_subscriber::{EnvFilter, Layer, fmt};
 
 use taxel_skin::printable;
 
-use crate::config::log_filter;
 use crate::say;
 
 /// What is logged unless somebody says otherwise.
 const FILTER: &str = "info";
 
-/// The variable that decides over the configuration.
+/// The variable that says otherwise.
 const VARIABLE: &str = "RUST_LOG";
+
+/// Before whatever filter there is these say errors alone: they warn of each frame and connection that a client spoils, as often
+/// as it likes. What the service itself says of that is bounded (`taxel-rpc/src/refusals.rs`). A filter that names them decides.
+const LIBRARIES: [&str; 6] = ["h2", "hyper", "hyper_util", "rustls", "tonic", "tower"];
+
+/// What the names of our own crates begin with.
+const OURS: &str = "taxel";
 
 /// So much of a filter that is not used is shown.
 const FILTER_CHARS_MAX: usize = 100;
@@ -37,9 +44,6 @@ pub enum LogFormat {
     /// One JSON object a line.
     Json,
 }
-
-/// The way to the filter of the running process.
-static FILTERING: OnceLock<reload::Handle<EnvFilter, Registry>> = OnceLock::new();
 
 /// Counts the lines for which there was no room.
 static DROPPED: OnceLock<ErrorCounter> = OnceLock::new();
@@ -76,10 +80,11 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
         let _ = DROPPED.set(queue.error_counter()); // called once
         (queue, guard)
     });
-    let decided = decided();
-    let filter = decided.as_ref().ok().cloned().flatten().and_then(|text| log_filter(&text).ok());
-    let filter = filter.or_else(|| log_filter(FILTER).ok()).unwrap_or_default();
-    let (filter, handle) = reload::Layer::new(filter);
+    let wanted = std::env::var_os(VARIABLE).map(|text| text.to_string_lossy().into_owned());
+    let wanted = wanted.filter(|text| !text.trim().is_empty());
+    let filter = wanted.as_deref().and_then(filter_of);
+    let unused = wanted.filter(|_| filter.is_none());
+    let filter = filter.or_else(|| filter_of(FILTER)).unwrap_or_default();
     let writer = match &queue {
         Some((queue, _)) => BoxMakeWriter::new(queue.clone()),
         None => BoxMakeWriter::new(io::stderr),
@@ -92,9 +97,12 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
         (LogFormat::Json, true) => lines.json().without_time().boxed(),
     };
     tracing_subscriber::registry().with(filter).with(lines).init();
-    let _ = FILTERING.set(handle); // called once
-    if let Err(why) = decided {
-        tracing::warn!("{why}");
+    if let Some(text) = unused {
+        let shown = printable(say::short(&text, FILTER_CHARS_MAX).as_str());
+        tracing::warn!(
+            "{VARIABLE} = \"{shown}\" is not used, but \"{FILTER}\": expected off, error, warn, info, debug or trace, or targets \
+             with such levels, as in \"taxel_rpc=debug,info\""
+        );
     }
     Log(queue)
 }
@@ -123,38 +131,16 @@ impl Write for Lines {
     }
 }
 
-/// The filter of the variable; nothing where it is not set, or empty.
-///
-/// # Errors
-/// What is wrong with it.
-fn decided() -> Result<Option<String>, String> {
-    let Some(value) = std::env::var_os(VARIABLE) else { return Ok(None) };
-    let text = value.to_string_lossy();
-    if text.trim().is_empty() {
-        return Ok(None);
-    }
-    let unused = |why: String| {
-        let shown = printable(say::short(&text, FILTER_CHARS_MAX).as_str());
-        format!("{VARIABLE} = \"{shown}\" of the environment is not used, but `log.filter` of the configuration: {why}")
+/// The filter that a text is: none where all but a misspelt level would be silent.
+fn filter_of(text: &str) -> Option<EnvFilter> {
+    // A level that is misspelt is a target, and all else would not be logged.
+    let is_known = |word: &str| {
+        let is_level = !word.is_empty() && word.parse::<LevelFilter>().is_ok();
+        is_level || word.contains(['=', '[']) || word.starts_with(OURS)
     };
-    log_filter(&text).map_err(unused)?;
-    Ok(Some(text.into_owned()))
-}
-
-/// Logs what this filter lets through from now on, unless `RUST_LOG` decides. Gives what applies now.
-///
-/// # Errors
-/// What is wrong with the filter; nothing has changed then.
-pub fn filter(wanted: Option<&str>) -> Result<String, String> {
-    if let Ok(Some(decided)) = decided() {
-        return Ok(format!("`{decided}`, which {VARIABLE} decides"));
-    }
-    let wanted = wanted.unwrap_or(FILTER);
-    let filter = log_filter(wanted)?; // of a configuration that was checked
-    if let Some(handle) = FILTERING.get() {
-        handle.reload(filter).map_err(|error| error.to_string())?;
-    }
-    Ok(format!("`{wanted}`"))
+    let libraries: String = LIBRARIES.iter().map(|library| format!("{library}=error,")).collect();
+    let filter = EnvFilter::try_new(format!("{libraries}{text}")).ok()?;
+    text.split(',').map(str::trim).any(is_known).then_some(filter)
 }
 
 /// Whether standard error is the journal's: it names its device and its number.
@@ -163,4 +149,22 @@ fn is_the_journal() -> bool {
     let named = stream.split_once(':').and_then(|(device, inode)| Some((device.parse().ok()?, inode.parse().ok()?)));
     let own = std::fs::metadata("/proc/self/fd/2").ok().map(|file| (file.dev(), file.ino()));
     named.is_some() && own == named
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn libraries_warn_of_nothing_unless_the_filter_names_them_and_what_is_no_level_is_refused() {
+        let shown = |text: &str| filter_of(text).unwrap().to_string();
+        assert!(shown("info").contains("h2=error"));
+        assert!(shown("h2=debug,info").contains("h2=debug") && !shown("h2=debug,info").contains("h2=error"));
+        for text in ["wran", "", " , ", "warn,taxeld=nonsense[[", "taxeld=wran"] {
+            assert!(filter_of(text).is_none(), "{text:?}");
+        }
+        for text in ["WARN", "off", "4", "taxel_rpc", "taxeld::bus", "tonic,info", "mio=trace,", "[span]=info"] {
+            assert!(filter_of(text).is_some(), "{text:?}");
+        }
+    }
 }

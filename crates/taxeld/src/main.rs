@@ -60,7 +60,7 @@ use config::{Config, Scene};
 #[command(name = "taxeld", version)]
 struct Cli {
     /// What a line of the log on standard error looks like. RUST_LOG says what is logged, for example "warn",
-    /// "taxel_rpc=debug,info"; without it `log.filter` of the configuration does, else "info".
+    /// "taxel_rpc=debug,info"; without it "info".
     #[arg(long, global = true, value_enum, default_value_t)]
     log_format: logs::LogFormat,
     #[command(subcommand)]

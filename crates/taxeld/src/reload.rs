@@ -1,5 +1,5 @@
 //! What changes while the daemon runs: on SIGHUP the configuration is read again, and with it certificates and tokens. Who may
-//! do what and the log's filter change; all else waits for a restart, and the log names it.
+//! do what changes; all else waits for a restart, and the log names it.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,6 @@ use toml::{Table, Value};
 use crate::config::{self, Scene};
 use crate::credentials::Credentials;
 use crate::files::read_utf8;
-use crate::logs;
 use crate::systemd;
 
 /// Reads files again until the daemon ends. Each time a thread for what blocks does it, so that a disk that hangs holds up
@@ -81,23 +80,18 @@ impl Reload {
     /// Applies what can be of a text with which the daemon could be started. Gives the rules, and the sections that wait.
     fn apply(&self, text: &str) -> Result<(Option<Rules>, Vec<String>), String> {
         let examined = config::examine_text(&self.path, text);
-        let (config, Scene { doors, .. }) = examined.map_err(|problems| problems.to_string().replace('\n', "; "))?;
-        let filter = logs::filter(config.log.filter.as_deref())?;
-        tracing::info!("reloaded; the log's filter is {filter}");
+        let (_, Scene { doors, .. }) = examined.map_err(|problems| problems.to_string().replace('\n', "; "))?;
+        tracing::info!("reloaded");
         let found: Table = toml::from_str(text).map_err(|error| error.to_string())?;
         let regrants = doors.ruled == self.ruled;
         Ok((regrants.then_some(doors.rules), self.waiting(&found, regrants)))
     }
 
-    /// The sections that have another value than at the start, or are here or there alone, and need a restart: not the log's
-    /// filter, and not who may do what, but where the tokens are.
+    /// The sections that have another value than at the start, or are here or there alone, and need a restart: not who may do
+    /// what, but where the tokens are.
     fn waiting(&self, found: &Table, regrants: bool) -> Vec<String> {
         let tokens = |table: &Table| table.get("access").and_then(|access| access.get("tokens")).map(Value::to_string);
-        let is_applied = |name: &str| match name {
-            "log" => true,
-            "access" => regrants && tokens(&self.started) == tokens(found),
-            _ => false,
-        };
+        let is_applied = |name: &str| name == "access" && regrants && tokens(&self.started) == tokens(found);
         let names: BTreeSet<&String> = self.started.keys().chain(found.keys()).collect();
         let changed = names.into_iter().filter(|name| self.started.get(*name) != found.get(*name));
         changed.filter(|name| !is_applied(name)).cloned().collect()

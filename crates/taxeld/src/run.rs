@@ -25,7 +25,6 @@ use crate::config::{BusSource, Config, Scene};
 use crate::credentials::Credentials;
 use crate::doors::{self, Open};
 use crate::driver::{Driver, Stage};
-use crate::logs;
 use crate::page::serve_pages;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
@@ -273,7 +272,6 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     // Where a file may not grow any more (`ulimit -f`) this signal would end the process. It does not any more once it was
     // listened to: then the write fails, as on a full disk.
     let _heard = signal(SignalKind::from_raw(nix::libc::SIGXFSZ))?;
-    logs::filter(config.log.filter.as_deref()).map_err(anyhow::Error::msg)?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let store = &config.store;
     let bytes = store.keep_mb.map(|mb| mb.saturating_mul(1_000_000));

@@ -31,9 +31,6 @@ pub struct Config {
     pub shared_memory: Option<SharedMemorySection>,
     /// Recordings; none without it.
     pub record: Option<RecordSection>,
-    /// The log.
-    #[serde(default)]
-    pub log: LogSection,
     /// The buses; a patch names one of them.
     pub bus: Vec<BusSection>,
     /// The patches.
@@ -181,14 +178,6 @@ impl RecordSection {
 
 fn two_gigabytes() -> u64 {
     2048
-}
-
-/// `[log]`
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LogSection {
-    /// What is logged, as `RUST_LOG` says it, which decides where it is set.
-    pub filter: Option<String>,
 }
 
 /// `[[bus]]`

@@ -10,7 +10,6 @@ mod dbc;
 mod file;
 mod limits;
 mod listen;
-mod log_filter;
 mod modules;
 mod patch;
 mod patch_section;
@@ -22,7 +21,6 @@ pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection
 #[cfg(feature = "sim")]
 pub use file::{MetricsSection, PageSection};
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
-pub use log_filter::log_filter;
 pub use modules::KindWord;
 pub use modules::written as modules_written;
 pub use problem::{Faults, Problems};

@@ -9,7 +9,6 @@ use taxel_rpc::{Grant, Rules, Subject};
 use super::bus_load;
 use super::file::{BusSection, BusSource, Config, SharedMemorySection};
 use super::listen::{Doors, doors};
-use super::log_filter::log_filter;
 use super::patch::patch_plan;
 use super::problem::{Faults, Said};
 
@@ -40,9 +39,6 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
     }
     if config.store.keep_mb == Some(0) {
         faults.note("store.keep_mb", "store.keep_mb = 0: expected 1 or more, or no session could be kept");
-    }
-    if let Some(filter) = &config.log.filter {
-        faults.take("log.filter", log_filter(filter).map_err(|why| format!("log.filter = \"{filter}\": {why}")));
     }
     pages(config, faults);
     record(config, faults);

@@ -150,7 +150,7 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     service.until_told("READY=1");
     let mut stream = service.stream().await;
     let mut before = next(&mut stream).await.sequence;
-    let more = "socket_group = \"skin\"\n[log]\nfilter = \"debug\"\n";
+    let more = "socket_group = \"skin\"\n";
     write_config(&service.folder, service.address, more);
     service.signal("-HUP");
     let reloading = service.until_told("RELOADING=1");
@@ -164,7 +164,6 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
         assert!(adds_up, "{sequence} after {before}, {skipped} skipped: no sample is missing that is not told");
         before = sample.sequence;
     }
-    service.until_logged("reloaded; the log's filter is `debug`");
     service.until_logged("not reloaded, as it needs a restart: socket_group");
     // Rules that grant nothing to anybody are rules, too.
     write_config(&service.folder, service.address, &format!("{more}[access]\n"));

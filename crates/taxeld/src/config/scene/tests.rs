@@ -189,7 +189,6 @@ fn names_are_there_once_and_refer_to_what_is_there() {
     assert_eq!(keys(&text("", BOARD, "").replace("t.db\"", "t.db\"\nkeep_mb = 0")), ["store.keep_mb"]);
     let wrong = text("", BOARD, "").replace("can0", "").replace("\"p\"", "\"a b\"");
     assert_eq!(keys(&wrong), ["bus[0]", "patch[0].name"]);
-    assert_eq!(keys(&text("", BOARD, "[log]\nfilter = \"wran\"")), ["log.filter"]);
 }
 
 const PUSHED: &str = "push = { taxels = 64, count_max = 4095 }\ngrid = { rows = 8, columns = 8, pitch_mm = 4.0 }";
