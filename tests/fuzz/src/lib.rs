@@ -27,6 +27,9 @@ mod files;
 #[allow(dead_code, unused_macros)]
 #[path = "../../../crates/taxeld/src/say.rs"]
 mod say;
+#[allow(dead_code)] // what only commands read
+#[path = "../../../crates/taxeld/src/values.rs"]
+mod values;
 
 /// Something that reads input from outside.
 #[derive(Clone, Copy, Debug)]
