@@ -67,8 +67,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         bail!("{}: not written, since no skin board was heard", out.display());
     }
     let text = words::beginning(&survey, &interface);
-    let scene = config::parse(out, &text).and_then(|parsed| config::resolve(&parsed, out));
-    scene.context("what was heard makes no configuration")?;
+    config::examine_text(out, &text).context("what was heard makes no configuration")?;
     output::write_text(out, &text)
 }
 
