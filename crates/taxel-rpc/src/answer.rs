@@ -10,7 +10,7 @@ use taxel_proto::refusal::complete;
 use tonic::codegen::Bytes;
 
 use crate::connections::{Call, Waiting};
-use crate::shares::Place;
+use crate::shares;
 
 /// A larger frame goes out in pieces of this size, so that a slow reader is seen to take something.
 const PIECE_BYTES: usize = 16 << 10;
@@ -19,7 +19,7 @@ const PIECE_BYTES: usize = 16 << 10;
 #[derive(Debug)]
 struct Held {
     call: Option<Call>,
-    _place: Option<Arc<Place>>,
+    _place: shares::Held,
 }
 
 /// A body under the eyes of the watch over connections.
@@ -50,7 +50,7 @@ impl<B> Answer<B> {
         Self::new(body, Some(call), None)
     }
 
-    pub(crate) fn new(body: B, call: Option<Call>, place: Option<Arc<Place>>) -> Self {
+    pub(crate) fn new(body: B, call: Option<Call>, place: shares::Held) -> Self {
         Self { body, rest: Bytes::new(), held: Arc::new(Held { call, _place: place }) }
     }
 

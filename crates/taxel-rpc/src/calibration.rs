@@ -17,7 +17,7 @@ use crate::access::caller::Caller;
 use crate::convert::{known, timestamp};
 use crate::page::page;
 use crate::service::{Service, caller, check_session, confirmed_by, held, list, strange_answer};
-use crate::status::{engine_stopped, invalid, shutting_down};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
 type Answer = Result<Response<v1::Session>, Status>;
@@ -85,8 +85,8 @@ impl CalibrationService for Service {
         &self,
         request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
-        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
-        list(held, request.page_size, move || service.page_of_sessions(&request)).await
+        let (request, service) = (request.into_inner(), self.clone());
+        list(request.page_size, move || service.page_of_sessions(&request)).await
     }
 
     type ExportSamplesStream = MessageStream<v1::SampleBlock>;
@@ -96,7 +96,7 @@ impl CalibrationService for Service {
         request: Request<v1::ExportSamplesRequest>,
     ) -> Result<Response<Self::ExportSamplesStream>, Status> {
         let session = self.session(request.get_ref().session)?.number;
-        Ok(Response::new(self.export(held(&request), session).await?))
+        Ok(Response::new(self.export(held(&request)?, session).await?))
     }
 
     async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Result<Response<v1::Refit>, Status> {
@@ -185,7 +185,7 @@ impl Watch {
         let shutdown = self.service.handle.shutdown.clone();
         let next = tokio::select! {
             biased;
-            () = shutdown.cancelled() => Err(shutting_down()),
+            () = shutdown.cancelled() => Err(unavailable(SHUTTING_DOWN).into()),
             view = self.changed() => view,
         };
         self.ended = next.as_ref().map_or(true, |view| has_ended(view.state));
@@ -209,7 +209,7 @@ impl Watch {
                 changed = self.live.changed() => changed,
                 changed = self.catalogue.changed() => changed,
             };
-            changed.map_err(|_| engine_stopped())?;
+            changed.map_err(|_| unavailable(STOPPED))?;
         }
     }
 }

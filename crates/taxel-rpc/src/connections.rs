@@ -8,7 +8,6 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
-use std::io;
 use std::net::IpAddr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,7 +16,7 @@ use std::time::{Instant, SystemTime};
 use nix::sys::socket::{Shutdown, shutdown};
 use tokio::time::MissedTickBehavior;
 
-use crate::access::origin::PeerKey;
+use crate::access::origin::peer_at;
 use crate::limits::Limits;
 use crate::refusals::Refusals;
 
@@ -42,7 +41,7 @@ struct Open {
 /// One connection, as the watch sees it.
 #[derive(Debug)]
 struct Entry {
-    key: PeerKey,
+    peer: String,
     seat: Arc<Seat>,
     /// A copy of its descriptor.
     socket: OwnedFd,
@@ -61,7 +60,7 @@ struct Activity {
     proven: bool,
     /// Calls under way, until the last byte of their answers is out.
     calls: usize,
-    /// Requests of which more has to come, and pieces of answers that are to be taken.
+    /// Pieces of answers that are to be taken.
     waiting: usize,
     /// Grows with each sign of life.
     progress: u64,
@@ -92,23 +91,19 @@ impl Connections {
 
     /// A place for a connection of this peer. If there is none, the longest idle connection is closed for it: one of the
     /// peer's own if it has all that one may have, first those that have proven nothing. `None` if none is idle.
-    pub(crate) fn arrive(&self, socket: &impl AsFd, key: PeerKey) -> Option<Ticket> {
-        let no_descriptor = |error: &io::Error| {
-            self.0.refusals.tell(("descriptor", &key), || format!("a connection was not accepted: {error}"));
-        };
-        let socket = socket.as_fd().try_clone_to_owned().inspect_err(no_descriptor).ok()?;
+    pub(crate) fn arrive(&self, socket: OwnedFd, peer: &str) -> Option<Ticket> {
         let limits = &self.0.limits;
         let mut open = self.open();
-        let of_peer = open.entries.values().filter(|entry| entry.key == key).count();
+        let of_peer = open.entries.values().filter(|entry| entry.peer == peer).count();
         let own = of_peer >= limits.connections_per_peer;
         if own || open.entries.len() >= limits.connections {
-            let candidates = open.entries.iter().filter(|(_, entry)| !own || entry.key == key);
+            let candidates = open.entries.iter().filter(|(_, entry)| !own || entry.peer == peer);
             let idle = candidates.filter_map(|(number, entry)| Some((entry.seat.idle()?, *number)));
             let Some((_, number)) = idle.min() else {
                 drop(open);
                 let most = if own { limits.connections_per_peer } else { limits.connections };
-                self.0.refusals.tell(("connection", &key), || {
-                    format!("a connection of {key} was refused: {most} have calls under way, which is the limit")
+                self.0.refusals.tell(("connection", peer), || {
+                    format!("a connection of {peer} was refused: {most} have calls under way, which is the limit")
                 });
                 return None;
             };
@@ -116,13 +111,14 @@ impl Connections {
         }
         open.arrived += 1;
         let (number, seat) = (open.arrived, Arc::new(Seat::new()));
-        open.entries.insert(number, Entry { key, seat: Arc::clone(&seat), socket, progress: 0, looks: 0 });
+        open.entries
+            .insert(number, Entry { peer: peer.to_owned(), seat: Arc::clone(&seat), socket, progress: 0, looks: 0 });
         Some(Ticket { number, seat, connections: self.clone() })
     }
 
     /// The same for a connection from this address.
     pub fn admit(&self, socket: &impl AsFd, address: IpAddr) -> Option<Ticket> {
-        self.arrive(socket, PeerKey::of(address))
+        self.arrive(socket.as_fd().try_clone_to_owned().ok()?, &peer_at(address))
     }
 
     /// Watches for ever.
@@ -150,16 +146,16 @@ impl Connections {
             if expired || entry.looks > most {
                 entry.end();
                 entry.looks = 0;
-                ended.push((entry.key.clone(), proven, expired));
+                ended.push((entry.peer.clone(), proven, expired));
             }
         }
-        for (key, proven, expired) in ended {
+        for (peer, proven, expired) in ended {
             let why = match (proven, expired) {
                 (_, true) => "its certificate has expired",
-                (true, _) => "for too long it took nothing of an answer, or sent nothing more of a request",
+                (true, _) => "for too long it took nothing of an answer",
                 (false, _) => "it sent no request in time",
             };
-            refusals.tell(("ended", &key), || format!("a connection of {key} was closed: {why}"));
+            refusals.tell(("ended", &peer), || format!("a connection of {peer} was closed: {why}"));
         }
     }
 
@@ -253,16 +249,9 @@ impl Drop for Call {
     }
 }
 
-/// It is the peer's turn to send more of a request, or to take a piece of an answer.
+/// It is the peer's turn to take a piece of an answer.
 #[derive(Debug)]
 pub(crate) struct Waiting(Arc<Seat>);
-
-impl Waiting {
-    /// The peer has done something.
-    pub(crate) fn renew(&self) {
-        self.0.sign(|_| {});
-    }
-}
 
 impl Drop for Waiting {
     fn drop(&mut self) {

@@ -12,7 +12,7 @@ use crate::convert::timestamp;
 use crate::event_log::{EventLog, Numbered};
 use crate::page::{before, page_size};
 use crate::service::Service;
-use crate::status::{engine_stopped, invalid, shutting_down};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
 impl Service {
@@ -85,12 +85,12 @@ impl<F: Fn(&Event) -> bool> Watch<F> {
             self.last = self.last.max(present); // all of them were looked at
             let ends = tokio::select! {
                 biased;
-                () = shutdown.cancelled() => shutting_down(),
+                () = shutdown.cancelled() => unavailable(SHUTTING_DOWN).into(),
                 changed = self.newest.changed() => match changed {
                     Ok(()) => continue,
-                    Err(_) => engine_stopped(),
+                    Err(_) => unavailable(STOPPED).into(),
                 },
-                () = gone(&mut health) => engine_stopped(),
+                () = gone(&mut health) => unavailable(STOPPED).into(),
             };
             self.ended = true;
             return Some(Err(ends));

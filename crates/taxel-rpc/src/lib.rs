@@ -34,7 +34,6 @@ mod reasons;
 mod recalibration;
 mod refit;
 mod refusals;
-mod request;
 mod serve;
 mod service;
 mod shares;
@@ -42,14 +41,12 @@ mod skin;
 mod status;
 mod stored_sets;
 mod stream;
-#[cfg(feature = "tls")]
 mod tls;
 mod validation;
 mod watchdog;
 
 pub use access::accounts::{group_id, user_id};
-pub use access::certificate_name::CertificateName;
-pub use access::private_file::read_private;
+pub use access::origin::check_certificate_name;
 pub use access::role::Role;
 pub use access::rules::{Access, Grant, Rules, Subject};
 pub use access::token::Tokens;
@@ -63,5 +60,4 @@ pub use heartbeat::{BEAT_EVERY, STALLED_AFTER};
 pub use limits::Limits;
 pub use listener::Listener;
 pub use serve::{Drain, ServeError, Server, SharedServices};
-#[cfg(feature = "tls")]
 pub use tls::{Tls, TlsError, TlsFiles};

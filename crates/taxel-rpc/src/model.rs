@@ -38,8 +38,8 @@ impl ModelService for Service {
         &self,
         request: Request<v1::ListModelSetsRequest>,
     ) -> Result<Response<v1::ListModelSetsResponse>, Status> {
-        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
-        list(held, request.page_size, move || service.page_of_sets(&request)).await
+        let (request, service) = (request.into_inner(), self.clone());
+        list(request.page_size, move || service.page_of_sets(&request)).await
     }
 
     async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Result<Response<v1::ModelSet>, Status> {
@@ -82,7 +82,7 @@ impl ModelService for Service {
         &self,
         request: Request<v1::ExportModelSetRequest>,
     ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
-        let (held, request) = (held(&request), request.into_inner());
+        let (held, request) = (held(&request)?, request.into_inner());
         let set = self.model_set(&request.model_set, &request.patch).await?;
         let (model_set, backend) = (set.id.clone(), Arc::clone(&self.backend));
         let json = aside(held, move || backend.to_json(&set)).await?.map_err(Refusal::fault)?;
@@ -93,7 +93,7 @@ impl ModelService for Service {
         &self,
         request: Request<v1::ImportModelSetRequest>,
     ) -> Result<Response<v1::ImportModelSetResponse>, Status> {
-        let (caller, held) = (caller(&request)?, held(&request));
+        let (caller, held) = (caller(&request)?, held(&request)?);
         let v1::ImportModelSetRequest { json, insist } = request.into_inner();
         let backend = Arc::clone(&self.backend);
         let set = aside(held, move || backend.read_foreign_json(&json)).await?;

@@ -18,8 +18,8 @@ use tonic::{Code, Request, Response, Status, Streaming};
 use crate::access::layer::Standing;
 use crate::arrivals::{Arrivals, LOOK_EVERY};
 use crate::push_line::Pusher;
-use crate::service::{Service, caller, strange_answer};
-use crate::status::{engine_stopped, invalid, shutting_down};
+use crate::service::{Service, caller, noted, strange_answer};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
 /// What a bag, a chamber or a gauge that is a little off can read.
@@ -37,9 +37,9 @@ impl IngestService for Service {
 
     async fn push_scans(
         &self,
-        mut request: Request<Streaming<v1::PushScansRequest>>,
+        request: Request<Streaming<v1::PushScansRequest>>,
     ) -> Result<Response<Self::PushScansStream>, Status> {
-        let (caller, mut standing) = (caller(&request)?, Standing::take(&mut request)?);
+        let (caller, standing): (_, Standing) = (caller(&request)?, noted(&request)?);
         let mut messages = request.into_inner();
         let first = self.next_of(&mut messages).await?;
         let arrivals = Arrivals::begin((self.handle.clock)()); // what comes from here on waits for the engine's answer
@@ -78,7 +78,7 @@ impl Service {
     ) -> Result<Option<v1::PushScansRequest>, Status> {
         let pause = self.limits.push_pause;
         tokio::select! {
-            () = self.handle.shutdown.cancelled() => Err(shutting_down()),
+            () = self.handle.shutdown.cancelled() => Err(unavailable(SHUTTING_DOWN).into()),
             next = tokio::time::timeout(pause, messages.message()) => match next {
                 Ok(next) => next.map_err(|status| completed(&status)),
                 Err(_) => {
@@ -169,7 +169,7 @@ impl PushStream {
         self.scans += 1;
         self.standing.check()?;
         if !self.pusher.is_connected() {
-            return Err(engine_stopped());
+            return Err(unavailable(STOPPED).into());
         }
         let plan = self.service.plan(self.patch);
         let name = plan.patch.name();

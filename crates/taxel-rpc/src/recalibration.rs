@@ -16,7 +16,8 @@ use tonic::Status;
 use crate::access::caller::Caller;
 use crate::backend::Backend;
 use crate::convert::wall_ns;
-use crate::service::{Held, Service, aside, strange_answer};
+use crate::service::{Service, aside, strange_answer};
+use crate::shares::Held;
 use crate::status::invalid;
 
 /// A proposal as it is told, and the set with its id.

@@ -17,7 +17,7 @@ use crate::backend::ask;
 use crate::calibration::asked_branches;
 use crate::convert::wall_ns;
 use crate::service::{Service, aside, strange_answer};
-use crate::status::{invalid, of_rejection, samples_of};
+use crate::status::{invalid, of_rejection};
 
 impl Service {
     /// Fits what these sessions gathered, and has the set kept.
@@ -51,8 +51,9 @@ impl Service {
         let sessions = refit.numbers();
         let mut samples = Vec::with_capacity(sessions.len());
         for number in &sessions {
-            let (of_session, still) = ask(turn, |told| self.backend.samples(*number, told)).await?;
-            samples.push(samples_of(*number, of_session)?);
+            let read = ask(turn, |told| self.backend.samples(*number, told)).await;
+            let (of_session, still) = read.map_err(|refusal| refusal.about("session", number))?;
+            samples.push(of_session);
             turn = still;
         }
         let scans = samples.iter().map(|samples| samples.samples.len() as u64).sum();

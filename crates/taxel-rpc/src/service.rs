@@ -3,12 +3,11 @@
 use std::sync::Arc;
 use taxel_engine::audit::Asked;
 use taxel_engine::calibration::SessionView;
-use taxel_engine::command::{Command, Done};
+use taxel_engine::command::{Command, Done, Reply};
 use taxel_engine::known_set::KnownSet;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
-use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use tokio::sync::{mpsc, oneshot, watch};
@@ -20,8 +19,8 @@ use crate::convert::Sending;
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
 use crate::page::is_long;
-use crate::shares::{Place, Shares};
-use crate::status::{SHUTTING_DOWN, STOPPED, engine_stopped, invalid, left_open, of_rejection};
+use crate::shares::{Held, Shares};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, left_open, of_rejection, unavailable};
 use crate::stored_sets::StoredSets;
 
 /// Longest text that a client may have written down, in bytes.
@@ -162,73 +161,56 @@ impl Service {
         }
         let (reply, answer) = oneshot::channel();
         let about = self.about(&command);
-        let things: Vec<_> = about.things().collect();
+        let things = about.things();
         let asked = about.asked(caller, name);
-        let mut line = Line { asked: asked.clone(), told: None };
-        self.handle.commands.try_send(Request { command, reply, asked: Some(Box::new(asked)) }).map_err(|refused| {
-            let waiting = self.handle.commands.max_capacity();
-            let status = match refused {
-                mpsc::error::TrySendError::Full(_) => {
-                    let why = format!("{waiting} commands wait for the engine already: try again later");
-                    Refusal::exhausted(ErrorReason::NoPlace, why).into()
-                }
-                mpsc::error::TrySendError::Closed(_) => engine_stopped(),
-            };
-            line.told = Some(("refused", Err(Status::clone(&status))));
-            status
+        let told = asked.clone();
+        let answer = self.answer(Request { command, reply, asked: Some(Box::new(asked)) }, answer).await;
+        let answer = answer.map_err(|refusal| Status::from(refusal.about_all(things)));
+        // Of a caller that goes away before the answer the audit log tells what came of it.
+        let Asked { who, role, place: from, what: request, claimed, .. } = &told;
+        let why = answer.as_ref().err().map(Status::message);
+        tracing::info!(
+            command = name,
+            request,
+            who,
+            role,
+            from,
+            claimed,
+            why,
+            "{}",
+            if why.is_some() { "refused" } else { "done" }
+        );
+        answer
+    }
+
+    /// Hands a command over and waits for its answer.
+    async fn answer(&self, request: Request, answer: oneshot::Receiver<Reply>) -> Result<Done, Refusal> {
+        self.handle.commands.try_send(request).map_err(|refused| match refused {
+            mpsc::error::TrySendError::Full(_) => {
+                let waiting = self.handle.commands.max_capacity();
+                let why = format!("{waiting} commands wait for the engine already: try again later");
+                Refusal::exhausted(ErrorReason::NoPlace, why)
+            }
+            mpsc::error::TrySendError::Closed(_) => unavailable(STOPPED),
         })?;
         let limit = self.limits.command;
         let answer = tokio::select! {
-            answer = tokio::time::timeout(limit, answer) => match answer {
-                Ok(Ok(answer)) => Ok(answer),
-                Ok(Err(_)) => Err(left_open(Code::Unavailable, STOPPED)),
-                Err(_) => {
-                    let why = format!("the engine has not answered within {} s", limit.as_secs_f64());
-                    Err(left_open(Code::DeadlineExceeded, why))
-                }
-            },
-            () = self.handle.shutdown.cancelled() => {
-                Err(left_open(Code::Unavailable, SHUTTING_DOWN))
-            }
+            answer = tokio::time::timeout(limit, answer) => answer.map_err(|_| {
+                let why = format!("the engine has not answered within {} s", limit.as_secs_f64());
+                left_open(Code::DeadlineExceeded, why)
+            })?,
+            () = self.handle.shutdown.cancelled() => return Err(left_open(Code::Unavailable, SHUTTING_DOWN)),
         };
-        let (told, answer) = match answer {
-            Ok(Ok(done)) => ("done", Ok(done)),
-            Ok(Err(rejection)) => ("refused", Err(Status::from(of_rejection(&rejection).about_all(things)))),
-            Err(open) => ("not answered", Err(open)),
-        };
-        line.told = Some((told, answer.as_ref().map(drop).map_err(Status::clone)));
-        answer
-    }
-}
-
-/// The line of a command in the daemon's log, written when this is dropped. Whoever gave the command may go away before the
-/// answer: most are done all the same.
-struct Line {
-    asked: Asked,
-    /// What came of it; absent where whoever asked has gone.
-    told: Option<(&'static str, Result<(), Status>)>,
-}
-
-impl Drop for Line {
-    fn drop(&mut self) {
-        let Asked { who, role, place: from, method: command, what: request, claimed, .. } = &self.asked;
-        let gone = "asked for, and whoever asked went away before the answer: `taxeld audit` says what came of it";
-        let (told, refused) = match &self.told {
-            Some((told, answer)) => (*told, answer.as_ref().err()),
-            None => (gone, None),
-        };
-        let (code, why) = (refused.map(|status| code_name(status.code())), refused.map(Status::message));
-        tracing::info!(command, request, who, role, from, claimed, code, why, "{told}");
+        answer.map_err(|_| left_open(Code::Unavailable, STOPPED))?.map_err(|rejection| of_rejection(&rejection))
     }
 }
 
 /// A list of so many items, which `make` makes: a long one beside the streams.
 pub(crate) async fn list<M: Send + 'static>(
-    held: Held,
     items: u32,
     make: impl FnOnce() -> Result<M, Status> + Send + 'static,
 ) -> Result<Response<M>, Status> {
-    let message = if is_long(items) { aside(held, make).await? } else { make() };
+    let message = if is_long(items) { aside((), make).await? } else { make() };
     message.map(Response::new)
 }
 
@@ -250,18 +232,20 @@ pub(crate) async fn aside<T: Send + 'static, H: Send + 'static>(
     Ok(done.await.map_err(|lost| Refusal::fault(format!("the work for this call was lost: {lost}")))?)
 }
 
-/// The place of a call, for work that outlives it.
-pub(crate) type Held = Option<Arc<Place>>;
-
-/// The place that the gate has taken for a call.
-pub(crate) fn held<T>(request: &tonic::Request<T>) -> Held {
-    request.extensions().get::<Arc<Place>>().cloned()
+/// What the gate has noted of a call.
+pub(crate) fn noted<T: Clone + Send + Sync + 'static, M>(request: &tonic::Request<M>) -> Result<T, Status> {
+    let unknown = || Refusal::fault("nobody has judged this call, which is a fault of this program");
+    Ok(request.extensions().get::<T>().cloned().ok_or_else(unknown)?)
 }
 
-/// Who makes a call: the gate has noted it.
-pub(crate) fn caller<T>(request: &tonic::Request<T>) -> Result<Caller, Status> {
-    let unknown = || Refusal::fault("nobody has judged who makes this call, which is a fault of this program");
-    Ok(request.extensions().get::<Caller>().cloned().ok_or_else(unknown)?)
+/// Who makes a call.
+pub(crate) fn caller<M>(request: &tonic::Request<M>) -> Result<Caller, Status> {
+    noted(request)
+}
+
+/// The place of a call.
+pub(crate) fn held<M>(request: &tonic::Request<M>) -> Result<Held, Status> {
+    noted(request)
 }
 
 /// Session numbers begin at 1, so that a field that was left out is not taken for a session.

@@ -11,7 +11,7 @@ use tonic::{Request, Response, Status};
 
 use crate::convert::{self, vector};
 use crate::freshness::not_run_for;
-use crate::service::{Service, caller, confirmed_by, held, list, strange_answer};
+use crate::service::{Service, caller, confirmed_by, list, strange_answer};
 use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
@@ -71,8 +71,8 @@ impl SkinService for Service {
         &self,
         request: Request<v1::ListEventsRequest>,
     ) -> Result<Response<v1::ListEventsResponse>, Status> {
-        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
-        list(held, request.page_size, move || service.page_of_events(&request)).await
+        let (request, service) = (request.into_inner(), self.clone());
+        list(request.page_size, move || service.page_of_events(&request)).await
     }
 
     type WatchEventsStream = MessageStream<v1::Event>;

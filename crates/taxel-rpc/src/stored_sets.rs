@@ -38,8 +38,9 @@ impl StoredSets {
             return Ok(Arc::clone(found));
         }
         let damaged = |why| Refusal::failed_precondition(ErrorReason::DataDamaged, why).about("model_set", &summary.id);
-        let (text, kept) = ask(kept, |told| self.backend.model_set(summary.id.clone(), told)).await?;
-        let (text, backend) = (text.map_err(damaged)?, Arc::clone(&self.backend));
+        let read = ask(kept, |told| self.backend.model_set(summary.id.clone(), told)).await;
+        let (text, kept) = read.map_err(|refusal| refusal.about("model_set", &summary.id))?;
+        let backend = Arc::clone(&self.backend);
         // Reading takes ten milliseconds, for which no stream should wait.
         let read = tokio::task::spawn_blocking(move || (backend.read_json(&text), kept)).await;
         let (read, mut kept) =

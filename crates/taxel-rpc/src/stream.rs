@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
+use taxel_proto::refusal::Refusal;
 use taxel_ticks::Ticks;
 use tokio::sync::watch;
 use tokio_util::sync::WaitForCancellationFutureOwned;
@@ -20,7 +21,7 @@ use tonic::Status;
 use crate::convert::Sending;
 use crate::freshness::Freshness;
 use crate::service::Service;
-use crate::status::{engine_stopped, invalid, no_timer, shutting_down};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, no_timer, unavailable};
 
 /// A stream of messages that ends with a status.
 pub(crate) type MessageStream<M> = Pin<Box<dyn Stream<Item = Result<M, Status>> + Send>>;
@@ -86,7 +87,7 @@ fn ticks(rate_hz: f64) -> Result<Ticks, Status> {
         let (low, high) = (RATE_RANGE_HZ.start(), RATE_RANGE_HZ.end());
         return Err(invalid("rate_hz", format_args!("{rate_hz} is not in {low} to {high}")));
     }
-    Ticks::every(Duration::from_secs_f64(1.0 / rate_hz)).map_err(|error| no_timer(&error))
+    Ok(Ticks::every(Duration::from_secs_f64(1.0 / rate_hz)).map_err(|error| no_timer(&error))?)
 }
 
 impl<M> Subscription<M> {
@@ -95,7 +96,7 @@ impl<M> Subscription<M> {
             if self.last.is_some()
                 && let Err(ends) = self.due().await
             {
-                return Some(Err(ends));
+                return Some(Err(ends.into()));
             }
             if let Some(message) = self.take() {
                 return Some(Ok(message));
@@ -105,16 +106,16 @@ impl<M> Subscription<M> {
     }
 
     /// Waits until a message is due.
-    async fn due(&mut self) -> Result<(), Status> {
+    async fn due(&mut self) -> Result<(), Refusal> {
         let (snapshots, wake) = (&mut self.snapshots, &mut self.wake);
         tokio::select! {
             biased;
-            () = &mut self.shutdown => Err(shutting_down()),
+            () = &mut self.shutdown => Err(unavailable(SHUTTING_DOWN)),
             tick = tick(self.ticks.as_mut()) => {
                 tick.map_err(|error| no_timer(&error))?;
-                snapshots.has_changed().map(drop).map_err(|_| engine_stopped())
+                snapshots.has_changed().map(drop).map_err(|_| unavailable(STOPPED))
             }
-            changed = snapshots.changed(), if self.ticks.is_none() => changed.map_err(|_| engine_stopped()),
+            changed = snapshots.changed(), if self.ticks.is_none() => changed.map_err(|_| unavailable(STOPPED)),
             Ok(()) = wake.changed(), if self.ticks.is_none() => Ok(()),
         }
     }

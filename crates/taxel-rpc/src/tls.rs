@@ -18,9 +18,8 @@ use x509_cert::der::oid::db::rfc4519::COMMON_NAME;
 use x509_cert::ext::pkix::SubjectAltName;
 use x509_cert::ext::pkix::name::GeneralName;
 
-use crate::access::certificate_name::CertificateName;
-use crate::access::origin::Certificate;
-use crate::access::private_file::{Others, Reader, is_readable, read_guarded, read_small};
+use crate::access::origin::{Certificate, uri_name};
+use crate::access::private_file::{Reader, SECRET, TRUSTED, is_readable, read_guarded, read_small};
 
 /// What a TLS listener is made from, all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -98,15 +97,14 @@ fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, 
     let wrong = |path: &Path, problem: String| TlsError { path: path.to_path_buf(), problem };
     let provider = Arc::new(ring::default_provider());
     let mut roots = RootCertStore::empty();
-    let authorities =
-        read_guarded(&files.client_ca, Others::Read, reader).map_err(|why| wrong(&files.client_ca, why))?;
+    let authorities = read_guarded(&files.client_ca, TRUSTED, reader).map_err(|why| wrong(&files.client_ca, why))?;
     for authority in certificates(&files.client_ca, &authorities)? {
         roots.add(authority).map_err(|error| wrong(&files.client_ca, error.to_string()))?;
     }
     let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
         .build()
         .map_err(|error| wrong(&files.client_ca, error.to_string()))?;
-    let secret = read_guarded(&files.key, Others::Nothing, reader).map_err(|why| wrong(&files.key, why))?;
+    let secret = read_guarded(&files.key, SECRET, reader).map_err(|why| wrong(&files.key, why))?;
     let key = PrivateKeyDer::from_pem_slice(&secret).map_err(|error| wrong(&files.key, error.to_string()))?;
     let own = read_small(&files.certificate).map_err(|why| wrong(&files.certificate, why))?;
     let mut config = ServerConfig::builder_with_provider(provider)
@@ -146,16 +144,16 @@ fn read_certificate(der: &[u8]) -> Result<Certificate, String> {
     let alternative = content.get_extension::<SubjectAltName>().map_err(unreadable)?;
     let alternative = alternative.map(|(_, names)| names.0).unwrap_or_default();
     let named = |name: &GeneralName| match name {
-        GeneralName::UniformResourceIdentifier(uri) => Some(CertificateName::Uri(uri.as_str().to_owned())),
-        GeneralName::DnsName(dns) => Some(CertificateName::Dns(dns.as_str().to_owned())),
+        GeneralName::UniformResourceIdentifier(uri) => Some(uri_name(uri.as_str())),
+        GeneralName::DnsName(dns) => Some(format!("DNS:{}", dns.as_str())),
         _ => None,
     };
-    let mut names: Vec<CertificateName> = alternative.iter().filter_map(named).collect();
+    let mut names: Vec<String> = alternative.iter().filter_map(named).collect();
     let subject = content.subject();
     // Programs differ in which of several they take for the name of the subject, so that none of them is.
     let is_named = subject.iter().filter(|attribute| attribute.oid == COMMON_NAME).count() == 1;
     if let Some(common) = subject.common_name().map_err(unreadable)?.filter(|_| is_named) {
-        names.push(CertificateName::Common(common.value().into_owned()));
+        names.push(format!("CN={}", common.value()));
     }
     Ok(Certificate { names, until: content.validity().not_after.to_system_time() })
 }

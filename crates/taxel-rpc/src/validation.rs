@@ -52,14 +52,14 @@ impl ValidationService for Service {
             return Ok(Response::new(v1::Validation { patch, ..v1::Validation::default() }));
         };
         let loads = view.loads.len().min(LOADS_MAX) as u32;
-        list(held(&request), loads, move || Ok(validation(&view))).await
+        list(loads, move || Ok(validation(&view))).await
     }
 
     async fn recalibrate(
         &self,
         request: Request<v1::RecalibrateRequest>,
     ) -> Result<Response<v1::Recalibration>, Status> {
-        let (caller, held) = (caller(&request)?, held(&request));
+        let (caller, held) = (caller(&request)?, held(&request)?);
         self.recalibration(&caller, held, request.get_ref()).await.map(Response::new)
     }
 }

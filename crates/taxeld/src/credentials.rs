@@ -49,7 +49,7 @@ impl Credentials {
 
     /// Other grants from the configuration; what comes of a file stays.
     pub fn regrant(&self, rules: Rules) {
-        self.access.replace_grants(rules);
+        self.access.update(|now| Rules { tokens: now.tokens.clone(), ..rules });
     }
 
     /// Reads them again if one has changed since, if one could not be read, or if somebody asks for it, and tells how that went,
@@ -74,7 +74,7 @@ impl Credentials {
     fn read_again(&self) -> Vec<String> {
         let mut problems = Vec::new();
         match tokens(self.tokens.as_deref()) {
-            Ok(tokens) => self.access.replace_tokens(tokens),
+            Ok(tokens) => self.access.update(|now| Rules { tokens, ..now.clone() }),
             Err(error) => problems.push(format!("{error}; the tokens stay as they were")),
         }
         let reloaded = self.tls.iter().filter_map(|tls| tls.reload().err());

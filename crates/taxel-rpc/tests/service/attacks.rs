@@ -80,24 +80,6 @@ async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
     }
 }
 
-/// All calls that one peer may have.
-#[tokio::test]
-async fn requests_that_do_not_come_on_are_ended_and_their_places_are_free() {
-    let limits = Limits { look: SHORT, preface_looks: 1_000, calls_per_peer: 3, ..patient() };
-    let daemon = start_with(&[FOREARM], limits).await;
-    let mut half = TcpStream::connect(daemon.address).await.unwrap();
-    let path = b"/taxel.v1.ForceService/GetForce";
-    let headers = [&[0x83, 0x86, 0x04, path.len() as u8][..], path].concat();
-    half.write_all(BEGIN).await.unwrap();
-    for call in 0..3 {
-        // A message of a hundred bytes, of which one comes.
-        let begun = [frame(1, 4, 2 * call + 1, &headers), frame(0, 0, 2 * call + 1, &[0, 0, 0, 0, 100, 1])];
-        half.write_all(&begun.concat()).await.unwrap();
-    }
-    read_to_end(&mut half).await;
-    while get_force(daemon.connect().await).await.is_err() {}
-}
-
 /// The connections answer pings and make no call: they are let live until somebody else needs their places.
 #[tokio::test]
 async fn idle_connections_make_room_for_new_programs_and_not_for_those_with_a_stream() {

@@ -205,7 +205,7 @@ async fn health_names_buses_boards_zeros_and_faults() {
     assert_eq!((drift.state(), drift.max_counts), (v1::DriftState::Bounded, -3.0));
     assert_eq!((drift.modules_following, drift.modules), (5, 8));
     assert_eq!(tare.wear, Some(v1::Wear { at_first_n: 2.0, present_n: 9.9, worn: true }));
-    assert_eq!((health.streams, health.streams_max), (0, 64));
+    assert_eq!((health.streams, health.streams_max), (0, 128));
     let (code, reason) = (Some(ReasonCode::ZeroDoubted), "board 13 was silent".to_owned());
     let doubted =
         PatchSnapshot { tare: Some(TareView { code, reason, ..TareView::default() }), ..PatchSnapshot::default() };

@@ -189,14 +189,12 @@ async fn commands_beyond_the_queue_are_refused_at_once() {
 
 #[tokio::test]
 async fn requests_beyond_their_size_are_refused() {
-    let limits = Limits { request_bytes: 1 << 10, models_bytes: 4 << 10, ..patient() };
-    let daemon = start_with(&[FOREARM], limits).await;
-    let channel = daemon.connect().await;
-    let patch = "x".repeat(2 << 10);
+    let channel = start().await.connect().await;
+    let patch = "x".repeat(65 << 10);
     let status = ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest { patch }).await.unwrap_err();
     expect(status, Code::OutOfRange, &[]);
     let request = |bytes| v1::ImportModelSetRequest { json: "x".repeat(bytes), insist: false };
     let mut models = ModelServiceClient::new(channel);
-    expect(models.import_model_set(request(2 << 10)).await.unwrap_err(), Code::InvalidArgument, &["json"]);
-    expect(models.import_model_set(request(5 << 10)).await.unwrap_err(), Code::OutOfRange, &[]);
+    expect(models.import_model_set(request(65 << 10)).await.unwrap_err(), Code::InvalidArgument, &["json"]);
+    expect(models.import_model_set(request(17 << 20)).await.unwrap_err(), Code::OutOfRange, &[]);
 }

@@ -6,12 +6,17 @@ use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel, ZeroReturn};
 use taxel_engine::snapshot::Catalogue;
 use taxel_model::{Plays, Sign};
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_rpc::Told;
 use tonic::Code;
 
 use crate::fixture::{FOREARM, Store, TAXELS, model_set, patient, start, start_backed};
+
+fn damaged(id: String) -> Refusal {
+    Refusal::failed_precondition(v1::ErrorReason::DataDamaged, format!("model set {id} is damaged on disk"))
+}
 
 fn over_both_branches(id: &str) -> ModelSet {
     let set = ModelSet::clone(&model_set(id, FOREARM));
@@ -92,7 +97,7 @@ async fn a_set_that_is_not_in_memory_is_listed_as_ever_and_read_when_it_is_asked
     let note = Arc::clone(&asked);
     let source = move |id: String, told: Told<String>| {
         note.lock().unwrap().push(id.clone());
-        told(if id == "m-1" { Ok(format!("set {id}")) } else { Err(format!("model set {id} is damaged on disk")) });
+        told(if id == "m-1" { Ok(format!("set {id}")) } else { Err(damaged(id)) });
     };
     let daemon = start_backed(Store { model_sets: Some(Box::new(source)), ..Store::default() }, patient()).await;
     let stored = |id: &str| KnownSet::stored(SetSummary::of(&model_set(id, FOREARM)));

@@ -9,7 +9,6 @@ use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::Limits;
 use tonic::{Code, Status};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
@@ -115,9 +114,9 @@ async fn however_long_a_refusal_would_be_it_fits_into_the_headers_that_clients_t
 
 #[tokio::test]
 async fn what_the_libraries_refuse_has_a_reason_too() {
-    let daemon = start_with(&[FOREARM], Limits { request_bytes: 100, ..patient() }).await;
+    let daemon = start().await;
     let channel = daemon.connect().await;
-    let request = v1::GetForceRequest { patch: "x".repeat(200) };
+    let request = v1::GetForceRequest { patch: "x".repeat(65 << 10) };
     let status = ForceServiceClient::new(channel.clone()).get_force(request).await.unwrap_err();
     assert_eq!((status.code(), reason(&status)), (Code::OutOfRange, ErrorReason::FieldInvalid));
     let request = HealthCheckRequest { service: "x.Y".to_owned() };

@@ -6,6 +6,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::snapshot::Catalogue;
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_rpc::{Limits, Told};
@@ -27,7 +28,7 @@ fn samples() -> Store {
         };
         let rest = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS];
         told(match session {
-            3 => Err("row 7 is not what was written".to_owned()),
+            3 => Err(Refusal::failed_precondition(v1::ErrorReason::DataDamaged, "session 3: row 7")),
             _ => Ok(SessionSamples {
                 ramps: vec![RampBaseline { ramp: 0, taxels: rest, gauge_kpa: Some(0.0) }],
                 samples: (0..=700).map(sample).collect(),

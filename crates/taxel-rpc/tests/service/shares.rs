@@ -42,13 +42,13 @@ async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_bes
     let (daemon, _folder, unix) = on_two_doors(Rules::open(), limits);
     let channel = daemon.connect().await;
     let mut held = Vec::new();
-    for _ in 0..100 {
+    for _ in 0..64 {
         held.push(stream(&channel).await.unwrap());
     }
     for _ in 0..300 {
         let status = stream(&channel).await.unwrap_err();
         assert_eq!(status.code(), Code::ResourceExhausted);
-        assert!(status.message().contains("100 streams of loopback TCP are being served"), "{status:?}");
+        assert!(status.message().contains("64 streams of loopback TCP are being served"), "{status:?}");
     }
     ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest::default()).await.unwrap();
     // All streams of the channel still run, and another peer has its own share.
