@@ -112,14 +112,13 @@ impl CalibrationService for Service {
         request: Request<v1::WatchSessionRequest>,
     ) -> Result<Response<Self::WatchSessionStream>, Status> {
         let number = request.get_ref().session;
-        let view = self.session(number)?;
-        let patch = self.patch(&view.patch)?;
+        let patch = self.patch(&self.session(number)?.patch)?;
         let live = self.handle.patches[patch].session.clone();
         let catalogue = self.handle.catalogue.clone();
-        let watch = Watch { service: self.clone(), number, live, catalogue, last: None, ended: false };
+        let watch = Watch { service: self.clone(), number, live, catalogue, last: None };
         Ok(Response::new(Box::pin(stream::unfold(watch, |mut watch| async {
-            let item = watch.next().await?;
-            Some((item, watch))
+            let view = watch.next().await.transpose()?;
+            Some((view.map(|view| watch.service.message(&view)), watch))
         }))))
     }
 }
@@ -174,38 +173,25 @@ struct Watch {
     /// Where it changes once its patch is at another one.
     catalogue: watch::Receiver<Arc<Catalogue>>,
     last: Option<Arc<SessionView>>,
-    ended: bool,
 }
 
 impl Watch {
-    async fn next(&mut self) -> Option<Result<v1::Session, Status>> {
-        if self.ended {
-            return None;
+    /// The session as it is at first, then whenever it is not what was sent last; nothing after its end.
+    async fn next(&mut self) -> Result<Option<Arc<SessionView>>, Status> {
+        if self.last.as_ref().is_some_and(|last| has_ended(last.state)) {
+            return Ok(None);
         }
-        let shutdown = self.service.handle.shutdown.clone();
-        let next = tokio::select! {
-            biased;
-            () = shutdown.cancelled() => Err(unavailable(SHUTTING_DOWN).into()),
-            view = self.changed() => view,
-        };
-        self.ended = next.as_ref().map_or(true, |view| has_ended(view.state));
-        Some(next.map(|view| {
-            let message = self.service.message(&view);
-            self.last = Some(view);
-            message
-        }))
-    }
-
-    /// The session as it is at first, then whenever it is not what was sent last.
-    async fn changed(&mut self) -> Result<Arc<SessionView>, Status> {
         loop {
             self.live.mark_unchanged();
             self.catalogue.mark_unchanged();
-            let view = self.service.session(self.number)?;
-            if self.last.as_ref() != Some(&view) {
+            let view = Some(self.service.session(self.number)?);
+            if self.last != view {
+                self.last.clone_from(&view);
                 return Ok(view);
             }
             let changed = tokio::select! {
+                biased;
+                () = self.service.handle.shutdown.cancelled() => return Err(unavailable(SHUTTING_DOWN).into()),
                 changed = self.live.changed() => changed,
                 changed = self.catalogue.changed() => changed,
             };

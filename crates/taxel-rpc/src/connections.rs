@@ -60,7 +60,7 @@ struct Activity {
     proven: bool,
     /// Calls under way, until the last byte of their answers is out.
     calls: usize,
-    /// Pieces of answers that are to be taken.
+    /// Calls of which something is to be taken.
     waiting: usize,
     /// Grows with each sign of life.
     progress: u64,
@@ -224,37 +224,32 @@ impl Seat {
     #[must_use]
     pub fn begin(self: &Arc<Self>) -> Call {
         self.sign(|activity| (activity.proven, activity.calls) = (true, activity.calls + 1));
-        Call(Arc::clone(self))
+        Call { seat: Arc::clone(self), waits: false }
     }
 }
 
 /// A call under way.
 #[derive(Debug)]
-pub struct Call(Arc<Seat>);
+pub struct Call {
+    seat: Arc<Seat>,
+    /// Whether it is the peer's turn to take something.
+    waits: bool,
+}
 
 impl Call {
-    /// It is the peer's turn until this is dropped.
-    pub(crate) fn wait(&self) -> Waiting {
-        self.0.activity().waiting += 1;
-        Waiting(Arc::clone(&self.0))
+    /// It is the peer's turn now, or not; either way the peer has done something.
+    pub(crate) fn waits(&mut self, waits: bool) {
+        self.seat.sign(|activity| activity.waiting = activity.waiting + usize::from(waits) - usize::from(self.waits));
+        self.waits = waits;
     }
 }
 
 impl Drop for Call {
     fn drop(&mut self) {
-        self.0.sign(|activity| {
+        self.waits(false);
+        self.seat.sign(|activity| {
             activity.calls -= 1;
             activity.idle_since = Instant::now();
         });
-    }
-}
-
-/// It is the peer's turn to take a piece of an answer.
-#[derive(Debug)]
-pub(crate) struct Waiting(Arc<Seat>);
-
-impl Drop for Waiting {
-    fn drop(&mut self) {
-        self.0.sign(|activity| activity.waiting -= 1);
     }
 }

@@ -13,7 +13,7 @@ impl ForceService for Service {
     async fn get_force(&self, request: Request<v1::GetForceRequest>) -> Result<Response<v1::ForceSample>, Status> {
         let patch = self.patch(&request.get_ref().patch)?;
         let snapshot = self.snapshot(patch);
-        let sending = self.sending(patch, &snapshot, 0);
+        let sending = self.handle.sending(patch, &snapshot, 0);
         Ok(Response::new(convert::force_in_full(self.plan(patch), &snapshot, sending)))
     }
 

@@ -15,7 +15,6 @@ use tonic::{Code, Response, Status};
 
 use crate::access::caller::Caller;
 use crate::backend::Backend;
-use crate::convert::Sending;
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
 use crate::page::is_long;
@@ -74,12 +73,6 @@ impl Service {
 
     pub(crate) fn snapshot(&self, patch: usize) -> Arc<PatchSnapshot> {
         Arc::clone(&self.handle.patches[patch].snapshot.borrow())
-    }
-
-    /// What sending this snapshot now comes to, for a reader that did not get `skipped` values before it.
-    pub(crate) fn sending(&self, patch: usize, snapshot: &PatchSnapshot, skipped: u64) -> Sending {
-        let now = (self.handle.clock)();
-        Sending { now, freshness: self.handle.freshness_at(now, patch, snapshot), skipped }
     }
 
     /// Id of the active model set of a patch.

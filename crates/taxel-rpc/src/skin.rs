@@ -11,7 +11,7 @@ use tonic::{Request, Response, Status};
 
 use crate::convert::{self, vector};
 use crate::freshness::not_run_for;
-use crate::service::{Service, caller, confirmed_by, list, strange_answer};
+use crate::service::{Service, caller, confirmed_by, strange_answer};
 use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
@@ -30,7 +30,7 @@ impl SkinService for Service {
     async fn get_taxels(&self, request: Request<v1::GetTaxelsRequest>) -> Result<Response<v1::TaxelSample>, Status> {
         let patch = self.patch(&request.get_ref().patch)?;
         let snapshot = self.snapshot(patch);
-        let sending = self.sending(patch, &snapshot, 0);
+        let sending = self.handle.sending(patch, &snapshot, 0);
         Ok(Response::new(convert::taxels(self.plan(patch), &snapshot, sending)))
     }
 
@@ -67,27 +67,19 @@ impl SkinService for Service {
         }
     }
 
-    async fn list_events(
-        &self,
-        request: Request<v1::ListEventsRequest>,
-    ) -> Result<Response<v1::ListEventsResponse>, Status> {
-        let (request, service) = (request.into_inner(), self.clone());
-        list(request.page_size, move || service.page_of_events(&request)).await
-    }
-
     type WatchEventsStream = MessageStream<v1::Event>;
 
     async fn watch_events(
         &self,
         request: Request<v1::WatchEventsRequest>,
     ) -> Result<Response<Self::WatchEventsStream>, Status> {
-        self.watch_events_of(request.get_ref()).map(Response::new)
+        self.watch_events_of(request.into_inner()).map(Response::new)
     }
 
     async fn get_health(&self, _: Request<v1::GetHealthRequest>) -> Result<Response<v1::Health>, Status> {
         let health = self.handle.health.borrow().clone();
         // Found here and not by the engine, which cannot tell that it does not run.
-        let stalled = self.handle.heartbeat.stalled_for();
+        let stalled = self.handle.stalled_for();
         let never_ran = health.buses.is_empty() && !self.handle.heartbeat.has_begun();
         let unknown = never_ran.then(|| "the engine has not run yet: nothing is known of buses and boards".to_owned());
         let recording = self.backend.recording();
@@ -122,7 +114,7 @@ impl Service {
         let snapshot = self.snapshot(patch);
         let plan = self.plan(patch);
         let active = self.active(name).is_some();
-        let force = convert::force_in_full(plan, &snapshot, self.sending(patch, &snapshot, 0));
+        let force = convert::force_in_full(plan, &snapshot, self.handle.sending(patch, &snapshot, 0));
         let no_force = active && force.total_n.is_none();
         let now = (self.handle.clock)();
         let gauge = self.handle.health.borrow().gauges.get(patch).copied().flatten();

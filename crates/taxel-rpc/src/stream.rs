@@ -52,7 +52,6 @@ struct Subscription<M> {
     /// Registered once, not for every message.
     shutdown: Pin<Box<WaitForCancellationFutureOwned>>,
     last: Option<Told>,
-    ended: bool,
 }
 
 /// A subscription to `patch`: `rate_hz` absent gives each new value, else the last one is held.
@@ -70,13 +69,12 @@ pub(crate) fn subscribe<M: Send + 'static>(
         encode,
         shutdown: Box::pin(service.handle.shutdown.clone().cancelled_owned()),
         last: None,
-        ended: false,
         service: service.clone(),
     };
+    // tonic asks for nothing after an error.
     Ok(Box::pin(stream::unfold(subscription, |mut subscription| async {
-        let item = subscription.next().await?;
-        subscription.ended = item.is_err();
-        Some((item, subscription))
+        let message = subscription.next().await.map_err(Status::from);
+        Some((message, subscription))
     })))
 }
 
@@ -91,18 +89,15 @@ fn ticks(rate_hz: f64) -> Result<Ticks, Status> {
 }
 
 impl<M> Subscription<M> {
-    async fn next(&mut self) -> Option<Result<M, Status>> {
-        while !self.ended {
-            if self.last.is_some()
-                && let Err(ends) = self.due().await
-            {
-                return Some(Err(ends.into()));
+    async fn next(&mut self) -> Result<M, Refusal> {
+        loop {
+            if self.last.is_some() {
+                self.due().await?;
             }
             if let Some(message) = self.take() {
-                return Some(Ok(message));
+                return Ok(message);
             }
         }
-        None
     }
 
     /// Waits until a message is due.
@@ -124,7 +119,7 @@ impl<M> Subscription<M> {
     fn take(&mut self) -> Option<M> {
         let snapshot = Arc::clone(&self.snapshots.borrow_and_update());
         let skipped = self.last.map_or(0, |last| snapshot.sequence.saturating_sub(last.sequence + 1));
-        let sending = self.service.sending(self.patch, &snapshot, skipped);
+        let sending = self.service.handle.sending(self.patch, &snapshot, skipped);
         let told = Told { sequence: snapshot.sequence, freshness: sending.freshness };
         let same = |last: Told| last.sequence == told.sequence && last.freshness.is_like(told.freshness);
         if self.ticks.is_none() && self.last.is_some_and(same) {

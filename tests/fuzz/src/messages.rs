@@ -50,7 +50,6 @@ const CHECKS: &[Check] = &[
     ("GetValidation", check::<v1::GetValidationRequest>),
     ("ImportModelSet", check::<v1::ImportModelSetRequest>),
     ("ListAudit", check::<v1::ListAuditRequest>),
-    ("ListEvents", check::<v1::ListEventsRequest>),
     ("ListModelSets", check::<v1::ListModelSetsRequest>),
     ("ListSessions", check::<v1::ListSessionsRequest>),
     ("PushScans", check::<v1::PushScansRequest>),

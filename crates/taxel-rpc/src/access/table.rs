@@ -39,14 +39,13 @@ const fn long(method: Method) -> Method {
 pub(crate) const PUSH: &str = "taxel.v1.IngestService/PushScans";
 
 /// Every method that is served.
-pub(crate) const METHODS: [Method; 33] = [
+pub(crate) const METHODS: [Method; 32] = [
     read("taxel.v1.ForceService/GetForce"),
     stream("taxel.v1.ForceService/StreamForce"),
     read("taxel.v1.SkinService/GetSkin"),
     read("taxel.v1.SkinService/GetTaxels"),
     stream("taxel.v1.SkinService/StreamTaxels"),
     read("taxel.v1.SkinService/GetHealth"),
-    read("taxel.v1.SkinService/ListEvents"),
     stream("taxel.v1.SkinService/WatchEvents"),
     operate("taxel.v1.SkinService/Tare"),
     operate("taxel.v1.SkinService/BringUp"),

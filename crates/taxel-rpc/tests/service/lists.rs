@@ -18,8 +18,8 @@ async fn sessions_come_newest_first_in_pages_with_the_live_state() {
     let patch_of = |number| if number % 2 == 0 { FOREARM } else { HAND };
     let sessions = (1..=5).map(|n| view(n, patch_of(n), SessionState::Discarded)).collect();
     daemon.engine().catalogue(Arc::new(Catalogue { sessions, ..Catalogue::default() }));
-    daemon.engine().session(0, view(4, FOREARM, SessionState::Review));
-    daemon.engine().session(1, view(6, HAND, SessionState::Ramping));
+    daemon.engine().session(0, Some(view(4, FOREARM, SessionState::Review)));
+    daemon.engine().session(1, Some(view(6, HAND, SessionState::Ramping)));
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
 
     let (mut numbers, mut page_token) = (Vec::new(), String::new());

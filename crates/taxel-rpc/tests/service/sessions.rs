@@ -17,7 +17,7 @@ fn view(number: u64, state: SessionState) -> SessionView {
 }
 
 fn publish(daemon: &Daemon, number: u64, state: SessionState) {
-    daemon.engine().session(0, Arc::new(view(number, state)));
+    daemon.engine().session(0, Some(Arc::new(view(number, state))));
 }
 
 fn advance(session: u64, action: v1::SessionAction) -> v1::AdvanceSessionRequest {
@@ -104,7 +104,7 @@ async fn a_session_that_is_deleted_is_found_no_more_and_its_watcher_is_told() {
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
     let mut watch = client.watch_session(v1::WatchSessionRequest { session: 2 }).await.unwrap().into_inner();
     assert_eq!(watch.message().await.unwrap().unwrap().state(), v1::SessionState::Review);
-    daemon.engine().session_gone(0);
+    daemon.engine().session(0, None);
     listed(Vec::new());
     let status = watch.message().await.unwrap_err();
     assert_eq!((status.code(), status.message()), (Code::NotFound, "there is no session 2"));

@@ -154,7 +154,7 @@ impl Driver {
         if let Some((session, _)) = self.logged[index].take() {
             tracing::info!(session, "calibration session deleted");
         }
-        self.publisher.session_gone(index);
+        self.publisher.session(index, None);
     }
 
     fn show_session(&mut self, index: usize, view: Arc<SessionView>) {
@@ -167,7 +167,7 @@ impl Driver {
         if let Some(told) = &self.session_state {
             told.send_replace(Stage::first(self.stages.iter().copied().flatten()));
         }
-        self.publisher.session(index, view);
+        self.publisher.session(index, Some(view));
     }
 
     fn send(&self, bus: BusIndex, frame: Frame) {
