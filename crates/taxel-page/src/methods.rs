@@ -167,7 +167,7 @@ mod tests {
             let refused = method.request(json.as_bytes()).unwrap_err();
             assert_eq!(refused.code(), tonic::Code::InvalidArgument, "{json}");
             let _ = wanted;
-            assert!(refused.message().contains("taxel.v1.StreamForceRequest"), "{refused}");
+            assert!(refused.message().contains("taxel.v1.StreamRequest"), "{refused}");
         }
         assert!(method.request_of(&[("speed".to_owned(), "1".to_owned())]).is_err());
     }

@@ -62,7 +62,7 @@ impl Metrics {
     /// Everything now, as far as `caller` may read it.
     pub(crate) async fn text(&self, services: &SharedServices, caller: &Caller) -> Result<String, Status> {
         let mut skin = SkinServiceClient::new(services.clone());
-        let health = skin.get_health(caller.request(v1::GetHealthRequest {})).await?.into_inner();
+        let health = skin.get_health(caller.request(())).await?.into_inner();
         let mut sheet = Sheet::new();
         sheet.registry.register_with_unit(
             "http_call_duration",
@@ -80,9 +80,9 @@ impl Metrics {
         let mut calibration = CalibrationServiceClient::new(services.clone());
         let (mut samples, mut newest) = (Vec::new(), Vec::new());
         for v1::PatchHealth { patch, .. } in &health.patches {
-            let request = caller.request(v1::GetForceRequest { patch: patch.clone() });
+            let request = caller.request(v1::PatchRequest { patch: patch.clone() });
             samples.push(force.get_force(request).await?.into_inner());
-            let request = v1::ListSessionsRequest { patch: patch.clone(), page_size: 1, ..Default::default() };
+            let request = v1::ListRequest { patch: patch.clone(), page_size: 1, ..Default::default() };
             newest.extend(calibration.list_sessions(caller.request(request)).await?.into_inner().sessions);
         }
         forces(&mut sheet, &samples);

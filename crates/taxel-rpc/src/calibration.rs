@@ -23,7 +23,7 @@ use crate::stream::MessageStream;
 type Answer = Result<Response<v1::Session>, Status>;
 
 impl Service {
-    fn page_of_sessions(&self, request: &v1::ListSessionsRequest) -> Result<v1::ListSessionsResponse, Status> {
+    fn page_of_sessions(&self, request: &v1::ListRequest) -> Result<v1::ListSessionsResponse, Status> {
         if !request.patch.is_empty() {
             self.patch(&request.patch)?;
         }
@@ -65,25 +65,22 @@ impl CalibrationService for Service {
         self.session_command(&caller, "AdvanceSession", command).await
     }
 
-    async fn delete_session(
-        &self,
-        request: Request<v1::DeleteSessionRequest>,
-    ) -> Result<Response<v1::DeleteSessionResponse>, Status> {
+    async fn delete_session(&self, request: Request<v1::SessionRequest>) -> Result<Response<()>, Status> {
         let caller = caller(&request)?;
         let session = numbered(request.get_ref().session)?;
         match self.command(&caller, "DeleteSession", Command::DeleteSession { session }).await? {
-            Done::Deleted => Ok(Response::new(v1::DeleteSessionResponse {})),
+            Done::Deleted => Ok(Response::new(())),
             other => Err(strange_answer(&other)),
         }
     }
 
-    async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Answer {
+    async fn get_session(&self, request: Request<v1::SessionRequest>) -> Answer {
         Ok(Response::new(self.message(&*self.session(request.get_ref().session)?)))
     }
 
     async fn list_sessions(
         &self,
-        request: Request<v1::ListSessionsRequest>,
+        request: Request<v1::ListRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
         let (request, service) = (request.into_inner(), self.clone());
         list(request.page_size, move || service.page_of_sessions(&request)).await
@@ -93,7 +90,7 @@ impl CalibrationService for Service {
 
     async fn export_samples(
         &self,
-        request: Request<v1::ExportSamplesRequest>,
+        request: Request<v1::SessionRequest>,
     ) -> Result<Response<Self::ExportSamplesStream>, Status> {
         let session = self.session(request.get_ref().session)?.number;
         Ok(Response::new(self.export(held(&request)?, session).await?))
@@ -109,7 +106,7 @@ impl CalibrationService for Service {
 
     async fn watch_session(
         &self,
-        request: Request<v1::WatchSessionRequest>,
+        request: Request<v1::SessionRequest>,
     ) -> Result<Response<Self::WatchSessionStream>, Status> {
         let number = request.get_ref().session;
         let patch = self.patch(&self.session(number)?.patch)?;
@@ -213,7 +210,8 @@ const fn has_ended(state: SessionState) -> bool {
 }
 
 fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
-    let refused = |reason| view.refused.get(reason);
+    let refused = SampleRefusal::ALL.into_iter().map(|reason| (reason, view.refused.get(reason)));
+    let refused = refused.filter(|(_, scans)| *scans > 0);
     let limits = plan.map(|plan| plan.session).unwrap_or_default();
     v1::Session {
         session: view.number,
@@ -226,17 +224,7 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
         target_kpa: view.target_kpa,
         ramps: u32::from(view.ramps),
         accepted: view.accepted,
-        refused: Some(v1::RefusedScans {
-            not_rising: refused(SampleRefusal::NotRising),
-            too_fast: refused(SampleRefusal::TooFast),
-            no_pressure: refused(SampleRefusal::NoPressure),
-            stale_module: refused(SampleRefusal::StaleModule),
-            gauge_spike: refused(SampleRefusal::GaugeSpike),
-            full: refused(SampleRefusal::Full),
-            not_falling: refused(SampleRefusal::NotFalling),
-            zero_in_doubt: refused(SampleRefusal::ZeroInDoubt),
-            gauge_stuck: refused(SampleRefusal::GaugeStuck),
-        }),
+        refused: refused.map(|(reason, scans)| (reason.name().to_owned(), scans)).collect(),
         durable: view.durable,
         pressure_kpa: view.pressure_kpa.and_then(known),
         rate_kpa_per_s: view.rate_kpa_per_s.and_then(known),
@@ -254,11 +242,9 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
         left_out: plan.map(|plan| left_out(plan, view)).unwrap_or_default(),
         rise_max_kpa_per_s: limits.rise_max_kpa_per_s,
         fall_max_kpa_per_s: limits.fall_max_kpa_per_s,
-        fall_end_kpa: limits.fall_end.0,
         // The bag is judged by what the gauge itself reads.
         vented_below_kpa: limits.vented_below.0 - view.gauge_zero_kpa,
         look: view.look.to_vec(),
-        predecessor: view.predecessor,
         not_responding: view.not_responding.iter().map(|taxel| u32::from(*taxel)).collect(),
     }
 }

@@ -207,11 +207,7 @@ fn drift(drift: &DriftView) -> v1::Drift {
     };
     v1::Drift {
         state: state.into(),
-        since: timestamp(drift.since_wall_ns),
         median_counts: known(drift.median_counts).unwrap_or_default(),
         max_counts: known(drift.max_counts).unwrap_or_default(),
-        sigma_counts: known(drift.sigma_counts).unwrap_or_default(),
-        modules_following: drift.following.0,
-        modules: drift.following.1,
     }
 }

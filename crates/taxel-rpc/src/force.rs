@@ -10,7 +10,7 @@ use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
 impl ForceService for Service {
-    async fn get_force(&self, request: Request<v1::GetForceRequest>) -> Result<Response<v1::ForceSample>, Status> {
+    async fn get_force(&self, request: Request<v1::PatchRequest>) -> Result<Response<v1::ForceSample>, Status> {
         let patch = self.patch(&request.get_ref().patch)?;
         let snapshot = self.snapshot(patch);
         let sending = self.handle.sending(patch, &snapshot, 0);
@@ -21,7 +21,7 @@ impl ForceService for Service {
 
     async fn stream_force(
         &self,
-        request: Request<v1::StreamForceRequest>,
+        request: Request<v1::StreamRequest>,
     ) -> Result<Response<Self::StreamForceStream>, Status> {
         let request = request.into_inner();
         let patch = self.patch(&request.patch)?;

@@ -128,10 +128,7 @@ fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation
         gain_sigma: found.gain_sigma(),
         relative_sigma: found.relative_sigma(),
         points: found.points.iter().map(point).collect(),
-        deviation_max: found.deviation_max,
         contradicts: found.contradicts.unwrap_or(0),
-        chi_squared: found.line.chi2,
-        degrees_of_freedom: found.line.dof as u32,
         needed: found.is_needed(),
         refused_because,
         place_uncertainty: found.assumptions.place_rel,
@@ -146,7 +143,6 @@ fn point(judged: &JudgedPoint) -> v1::RecalibrationPoint {
         load: point.number,
         read_n: point.read,
         known_n: point.known,
-        known_sigma_n: point.known_sigma,
         corrected_n: judged.corrected,
         deviation: judged.deviation,
     }

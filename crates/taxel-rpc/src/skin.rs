@@ -16,7 +16,7 @@ use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
 impl SkinService for Service {
-    async fn get_skin(&self, request: Request<v1::GetSkinRequest>) -> Result<Response<v1::Skin>, Status> {
+    async fn get_skin(&self, request: Request<v1::PatchRequest>) -> Result<Response<v1::Skin>, Status> {
         let plan = self.plan(self.patch(&request.get_ref().patch)?);
         let active = self.active(plan.patch.name());
         let set = match active {
@@ -27,18 +27,11 @@ impl SkinService for Service {
         Ok(Response::new(skin(plan, patches, set.as_deref())))
     }
 
-    async fn get_taxels(&self, request: Request<v1::GetTaxelsRequest>) -> Result<Response<v1::TaxelSample>, Status> {
-        let patch = self.patch(&request.get_ref().patch)?;
-        let snapshot = self.snapshot(patch);
-        let sending = self.handle.sending(patch, &snapshot, 0);
-        Ok(Response::new(convert::taxels(self.plan(patch), &snapshot, sending)))
-    }
-
     type StreamTaxelsStream = MessageStream<v1::TaxelSample>;
 
     async fn stream_taxels(
         &self,
-        request: Request<v1::StreamTaxelsRequest>,
+        request: Request<v1::StreamRequest>,
     ) -> Result<Response<Self::StreamTaxelsStream>, Status> {
         let request = request.into_inner();
         let patch = self.patch(&request.patch)?;
@@ -56,13 +49,13 @@ impl SkinService for Service {
         }
     }
 
-    async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Result<Response<v1::BringUpResponse>, Status> {
+    async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Result<Response<()>, Status> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
         let confirmed_by = confirmed_by(&request.confirmed_by)?;
         match self.command(&caller, "BringUp", Command::BringUp { patch, confirmed_by }).await? {
-            Done::BringUpStarted => Ok(Response::new(v1::BringUpResponse {})),
+            Done::BringUpStarted => Ok(Response::new(())),
             other => Err(strange_answer(&other)),
         }
     }
@@ -76,7 +69,7 @@ impl SkinService for Service {
         self.watch_events_of(request.into_inner()).map(Response::new)
     }
 
-    async fn get_health(&self, _: Request<v1::GetHealthRequest>) -> Result<Response<v1::Health>, Status> {
+    async fn get_health(&self, _: Request<()>) -> Result<Response<v1::Health>, Status> {
         let health = self.handle.health.borrow().clone();
         // Found here and not by the engine, which cannot tell that it does not run.
         let stalled = self.handle.stalled_for();
@@ -144,7 +137,6 @@ fn skin(plan: &PatchPlan, patches: Vec<String>, set: Option<&ModelSet>) -> v1::S
         model_set: set.map(|set| set.id.clone()).unwrap_or_default(),
         count_max: u32::from(plan.patch.counts().top()),
         counts_per_unit: plan.patch.counts().per_unit(),
-        scan_period_s: plan.period.as_secs_f64(),
         has_gauge: plan.has_gauge(),
         geometry_remarks: plan.geometry.as_ref().map_or_else(
             || vec!["no geometry is configured: no vector, moment or contact is served".to_owned()],
@@ -214,7 +206,6 @@ fn bus_health(bus: usize, health: &BusHealth) -> v1::BusHealth {
         malformed: health.malformed,
         last_malformed: health.last_malformed.clone(),
         dropped: health.dropped,
-        forged_errors: health.forged,
     }
 }
 

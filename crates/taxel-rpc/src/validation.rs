@@ -42,10 +42,7 @@ impl ValidationService for Service {
         }
     }
 
-    async fn get_validation(
-        &self,
-        request: Request<v1::GetValidationRequest>,
-    ) -> Result<Response<v1::Validation>, Status> {
+    async fn get_validation(&self, request: Request<v1::PatchRequest>) -> Result<Response<v1::Validation>, Status> {
         let patch = self.patch(&request.get_ref().patch)?;
         let Some(view) = self.handle.catalogue.borrow().validations.get(patch).cloned() else {
             let patch = self.plan(patch).patch.name().to_owned();
@@ -78,7 +75,6 @@ fn validation(view: &Validation) -> v1::Validation {
         patch: view.patch.clone(),
         model_set: view.model_set.clone().unwrap_or_default(),
         loads: view.loads.iter().take(LOADS_MAX).map(of_judged).collect(),
-        loads_in_all: view.loads.len() as u32,
         mean_absolute_error_percent: view.mean_absolute_error.and_then(|error| known(100.0 * error)),
         area_factor: view.factor.map(|factor| area_factor(factor, view)),
     }
@@ -100,7 +96,6 @@ fn of_judged(judged: &JudgedLoad) -> v1::Load {
     v1::Load {
         outdated_because: judged.outdated_because.clone(),
         left_out_because: judged.left_out_because.clone(),
-        in_area_factor: judged.in_factor(),
         ..load(&judged.load)
     }
 }
@@ -125,7 +120,6 @@ fn load(load: &Load) -> v1::Load {
         uncovered_share: load.read.uncovered_share,
         reasons: load.read.reasons.clone(),
         model_set: load.model_set.clone(),
-        mean_area_mm2: load.mean_area_mm2,
         area_factor: load.area_factor,
         replaces: load.replaces.unwrap_or(0),
         taxels: load.read.taxels.iter().map(|taxel| u32::from(*taxel)).collect(),

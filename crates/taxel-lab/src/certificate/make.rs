@@ -1,6 +1,5 @@
 //! From evidence to certificate.
 
-use std::collections::BTreeMap;
 use std::time::{Duration, UNIX_EPOCH};
 
 use anyhow::ensure;
@@ -8,7 +7,6 @@ use sha2::{Digest, Sha256};
 use taxel_engine::calibration::Branch;
 use taxel_model::TaxelModel;
 use taxel_proto::Timestamp;
-use taxel_proto::v1::RefusedScans;
 
 use super::budget;
 use super::course::Course;
@@ -145,25 +143,9 @@ fn session_part(evidence: &Evidence) -> SessionPart {
         target_kpa: session.map(|session| session.target_kpa),
         rest_confirmed_by: session.map(|session| session.confirmed_by.clone()).filter(|by| !by.is_empty()),
         scans: evidence.samples.samples.len(),
-        refused: session.and_then(|session| session.refused.as_ref()).map(refused).unwrap_or_default(),
+        refused: session.map(|session| session.refused.clone()).unwrap_or_default(),
         counts_per_unit: per_unit(&evidence.samples),
     }
-}
-
-/// The scans that did not enter, by reason.
-fn refused(scans: &RefusedScans) -> BTreeMap<String, u64> {
-    let all = [
-        ("not_rising", scans.not_rising),
-        ("too_fast", scans.too_fast),
-        ("no_pressure", scans.no_pressure),
-        ("stale_module", scans.stale_module),
-        ("full", scans.full),
-        ("gauge_spike", scans.gauge_spike),
-        ("not_falling", scans.not_falling),
-        ("zero_in_doubt", scans.zero_in_doubt),
-        ("gauge_stuck", scans.gauge_stuck),
-    ];
-    all.into_iter().filter(|(_, scans)| *scans > 0).map(|(reason, scans)| (reason.to_owned(), scans)).collect()
 }
 
 fn excluded(models: &[TaxelModel]) -> Vec<ExcludedPart> {

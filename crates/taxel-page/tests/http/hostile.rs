@@ -34,7 +34,7 @@ async fn bad_json_is_refused_with_what_was_expected() {
     {
         let answer = daemon.post(GET_FORCE, body).await;
         assert_eq!(answer.status, 400, "{}: {answer:?}", &body[..body.len().min(40)]);
-        assert!(answer.body.contains("taxel.v1.GetForceRequest"), "{answer:?}");
+        assert!(answer.body.contains("taxel.v1.PatchRequest"), "{answer:?}");
     }
     still_serves(&daemon).await;
 }

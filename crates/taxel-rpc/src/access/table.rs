@@ -39,11 +39,10 @@ const fn long(method: Method) -> Method {
 pub(crate) const PUSH: &str = "taxel.v1.IngestService/PushScans";
 
 /// Every method that is served.
-pub(crate) const METHODS: [Method; 32] = [
+pub(crate) const METHODS: [Method; 31] = [
     read("taxel.v1.ForceService/GetForce"),
     stream("taxel.v1.ForceService/StreamForce"),
     read("taxel.v1.SkinService/GetSkin"),
-    read("taxel.v1.SkinService/GetTaxels"),
     stream("taxel.v1.SkinService/StreamTaxels"),
     read("taxel.v1.SkinService/GetHealth"),
     stream("taxel.v1.SkinService/WatchEvents"),

@@ -25,11 +25,11 @@ async fn still_serves(daemon: &Daemon) {
 }
 
 async fn get_force(channel: Channel) -> Result<(), tonic::Status> {
-    ForceServiceClient::new(channel).get_force(v1::GetForceRequest::default()).await.map(drop)
+    ForceServiceClient::new(channel).get_force(v1::PatchRequest::default()).await.map(drop)
 }
 
 async fn stream(channel: Channel) -> Result<Streaming<v1::ForceSample>, tonic::Status> {
-    let answer = ForceServiceClient::new(channel).stream_force(v1::StreamForceRequest::default()).await;
+    let answer = ForceServiceClient::new(channel).stream_force(v1::StreamRequest::default()).await;
     answer.map(tonic::Response::into_inner)
 }
 

@@ -294,7 +294,7 @@ async fn whoever_may_push_no_more_when_the_first_message_comes_does_not_begin() 
     let mut client = IngestServiceClient::new(daemon.connect().await);
     let answer = tokio::spawn(async move { client.push_scans(ReceiverStream::new(messages)).await });
     let mut skin = SkinServiceClient::new(daemon.connect().await);
-    while skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().streams == 0 {}
+    while skin.get_health(()).await.unwrap().into_inner().streams == 0 {}
     access.update(|_| Rules::default());
     scans.send(begin(GLOVE)).await.unwrap();
     let answer = tokio::select! {

@@ -86,12 +86,12 @@ async fn the_engines_reason_comes_with_what_the_command_was_about() {
 async fn what_is_not_there_and_what_cannot_be_is_told_apart_by_name() {
     let daemon = start_with(&[FOREARM, HAND], patient()).await;
     let mut force = ForceServiceClient::new(daemon.connect().await);
-    let status = force.get_force(v1::GetForceRequest { patch: "nose".to_owned() }).await.unwrap_err();
+    let status = force.get_force(v1::PatchRequest { patch: "nose".to_owned() }).await.unwrap_err();
     assert_eq!(about(&status), (ErrorReason::PatchUnknown, pairs([("patch", "nose")])));
-    let status = force.get_force(v1::GetForceRequest::default()).await.unwrap_err();
+    let status = force.get_force(v1::PatchRequest::default()).await.unwrap_err();
     assert_eq!(about(&status), (ErrorReason::FieldInvalid, pairs([("field", "patch")])));
     let mut sessions = CalibrationServiceClient::new(daemon.connect().await);
-    let status = sessions.get_session(v1::GetSessionRequest { session: 7 }).await.unwrap_err();
+    let status = sessions.get_session(v1::SessionRequest { session: 7 }).await.unwrap_err();
     assert_eq!(about(&status), (ErrorReason::SessionUnknown, pairs([("session", "7")])));
     let mut models = ModelServiceClient::new(daemon.connect().await);
     let request = v1::GetModelSetRequest { model_set: "m-9".to_owned(), ..Default::default() };
@@ -116,7 +116,7 @@ async fn however_long_a_refusal_would_be_it_fits_into_the_headers_that_clients_t
 async fn what_the_libraries_refuse_has_a_reason_too() {
     let daemon = start().await;
     let channel = daemon.connect().await;
-    let request = v1::GetForceRequest { patch: "x".repeat(65 << 10) };
+    let request = v1::PatchRequest { patch: "x".repeat(65 << 10) };
     let status = ForceServiceClient::new(channel.clone()).get_force(request).await.unwrap_err();
     assert_eq!((status.code(), reason(&status)), (Code::OutOfRange, ErrorReason::FieldInvalid));
     let request = HealthCheckRequest { service: "x.Y".to_owned() };

@@ -154,16 +154,16 @@ async fn calls_that_are_given_up_do_not_pile_up_in_the_store() {
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
     // It is given up when the store has been asked.
     let (_, told) = tokio::select! {
-        answer = client.export_samples(v1::ExportSamplesRequest { session: 1 }) => panic!("{answer:?}"),
+        answer = client.export_samples(v1::SessionRequest { session: 1 }) => panic!("{answer:?}"),
         question = asked.recv() => question.unwrap(),
     };
-    let refused = client.export_samples(v1::ExportSamplesRequest { session: 1 }).await.unwrap_err();
+    let refused = client.export_samples(v1::SessionRequest { session: 1 }).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     let refused = client.refit_sessions(refit(1, v1::FitOptions::default())).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     // The store answers whom nobody waits for, and there is room again.
     told(Ok(SessionSamples::default()));
-    let export = client.export_samples(v1::ExportSamplesRequest { session: 1 });
+    let export = client.export_samples(v1::SessionRequest { session: 1 });
     let answer = async {
         let (session, told): (u64, Told<SessionSamples>) = asked.recv().await.unwrap();
         assert_eq!(session, 1);

@@ -107,7 +107,7 @@ async fn a_peer_that_holds_on_is_cut_at_the_deadline() {
     let daemon = start_with(&[FOREARM], limits).await;
     let mut mute = TcpStream::connect(daemon.address).await.unwrap();
     // An answer on a later connection proves that the mute one was accepted.
-    ForceServiceClient::new(daemon.connect().await).get_force(v1::GetForceRequest::default()).await.unwrap();
+    ForceServiceClient::new(daemon.connect().await).get_force(v1::PatchRequest::default()).await.unwrap();
     daemon.shutdown.cancel();
     assert_eq!(daemon.server.await.unwrap().unwrap(), Drain::Cut);
     read_to_end(&mut mute).await; // ends, so it was closed
@@ -139,7 +139,7 @@ async fn a_unix_socket_serves_the_same() {
     let server = tokio::spawn(server.serve(vec![listener]));
     let endpoint = tonic::transport::Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();
     let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
-    let status = client.get_force(v1::GetForceRequest::default()).await.unwrap_err();
+    let status = client.get_force(v1::PatchRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), tonic::Code::InvalidArgument, "there is no patch at all: {status:?}");
     shutdown.cancel();
     assert_eq!(server.await.unwrap().unwrap(), Drain::Clean);

@@ -19,7 +19,7 @@ use crate::fixture::{Daemon, FOREARM, model_set, patient, serve_on, start_with};
 type Force = Streaming<v1::ForceSample>;
 
 async fn stream(channel: &Channel) -> Result<Force, Status> {
-    let request = v1::StreamForceRequest::default();
+    let request = v1::StreamRequest::default();
     ForceServiceClient::new(channel.clone()).stream_force(request).await.map(tonic::Response::into_inner)
 }
 
@@ -50,7 +50,7 @@ async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_bes
         assert_eq!(status.code(), Code::ResourceExhausted);
         assert!(status.message().contains("64 streams of loopback TCP are being served"), "{status:?}");
     }
-    ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest::default()).await.unwrap();
+    ForceServiceClient::new(channel.clone()).get_force(v1::PatchRequest::default()).await.unwrap();
     // All streams of the channel still run, and another peer has its own share.
     for stream in &mut held {
         stream.message().await.unwrap().unwrap();
@@ -58,7 +58,7 @@ async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_bes
     stream(&unix.connect().await.unwrap()).await.unwrap();
     drop(held);
     let mut skin = SkinServiceClient::new(channel.clone());
-    while skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().streams > 0 {}
+    while skin.get_health(()).await.unwrap().into_inner().streams > 0 {}
     stream(&channel).await.unwrap();
 }
 
@@ -112,7 +112,7 @@ async fn a_large_answer_has_its_place_until_it_is_taken() {
     };
     assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::ResourceExhausted, Some("NO_PLACE")));
     assert!(status.message().contains("1 long calls of loopback TCP are being served"), "{status:?}");
-    ForceServiceClient::new(daemon.connect().await).get_force(v1::GetForceRequest::default()).await.unwrap();
+    ForceServiceClient::new(daemon.connect().await).get_force(v1::PatchRequest::default()).await.unwrap();
     untaken.abort();
     while client.export_model_set(request()).await.is_err() {}
 }

@@ -10,7 +10,7 @@ use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_proto::v1::{ListModelSetsRequest, ModelSetSummary};
+use taxel_proto::v1::{ListRequest, ModelSetSummary};
 
 use super::failure::Outcome;
 
@@ -122,7 +122,7 @@ impl Daemon {
     pub async fn model_sets(&self) -> Outcome<Vec<ModelSetSummary>> {
         let (mut sets, mut page_token) = (Vec::new(), String::new());
         loop {
-            let request = ListModelSetsRequest { patch: self.patch(), page_size: 100, page_token };
+            let request = ListRequest { patch: self.patch(), page_size: 100, page_token };
             let page = self.models().list_model_sets(request).await?.into_inner();
             sets.extend(page.model_sets);
             page_token = page.next_page_token;

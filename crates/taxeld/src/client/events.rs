@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use taxel_proto::v1::{Event, EventKind, GetSkinRequest, WatchEventsRequest};
+use taxel_proto::v1::{Event, EventKind, PatchRequest, WatchEventsRequest};
 
 use super::connect::{Daemon, Server};
 use super::failure::Outcome;
@@ -87,7 +87,7 @@ impl Named {
     async fn places(&mut self, daemon: &Daemon, patch: &str) -> &Places {
         if self.patch != patch {
             // Without a layout taxels have numbers and no places.
-            let skin = daemon.skin().get_skin(GetSkinRequest { patch: patch.to_owned() }).await;
+            let skin = daemon.skin().get_skin(PatchRequest { patch: patch.to_owned() }).await;
             self.places = skin.map(|skin| Places::of(skin.get_ref())).unwrap_or_default();
             patch.clone_into(&mut self.patch);
         }

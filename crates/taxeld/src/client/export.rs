@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use taxel_engine::calibration::export::sample_row;
-use taxel_proto::v1::{ExportSamplesRequest, SampleBlock, SessionSample};
+use taxel_proto::v1::{SampleBlock, SessionRequest, SessionSample};
 use tonic::Streaming;
 
 use super::connect::Server;
@@ -54,7 +54,7 @@ impl ExportArgs {
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let request = ExportSamplesRequest { session: args.session };
+    let request = SessionRequest { session: args.session };
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();
     let Exported { written, in_all } = match args.format() {
         Format::Csv => csv(&args.out, blocks).await?,

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 use prost::Message;
 use taxel_mcap::{McapFault, McapFile, Topic};
-use taxel_proto::v1::{GetSessionRequest, SampleBlock};
+use taxel_proto::v1::{SampleBlock, SessionRequest};
 use tonic::Streaming;
 
 use super::connect::Daemon;
@@ -26,7 +26,7 @@ pub async fn mcap(daemon: &Daemon, session: u64, out: &Path, mut blocks: Streami
     if files::is_standard(out) {
         return Err(Failure::from(anyhow::anyhow!("MCAP goes to a file: name one with --out")));
     }
-    let about = daemon.calibration().get_session(GetSessionRequest { session }).await?.into_inner();
+    let about = daemon.calibration().get_session(SessionRequest { session }).await?.into_inner();
     let started = about.started.unwrap_or_default();
     let started_ns = started.seconds.saturating_mul(1_000_000_000).saturating_add(i64::from(started.nanos));
     // Samples are on the daemon's own clock: their labels begin with the session's.

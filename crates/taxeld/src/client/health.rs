@@ -1,8 +1,6 @@
 //! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
 
-use taxel_proto::v1::{
-    BoardHealth, BusHealth, GetHealthRequest, GetSkinRequest, Health, PatchHealth, TaxelFault, Wear,
-};
+use taxel_proto::v1::{BoardHealth, BusHealth, Health, PatchHealth, PatchRequest, TaxelFault, Wear};
 
 use super::connect::{Daemon, Server};
 use super::failure::{Failure, Outcome};
@@ -29,7 +27,7 @@ pub struct HealthArgs {
 /// What is not well, or no daemon.
 pub async fn health(args: HealthArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let health = daemon.skin().get_health(GetHealthRequest {}).await?.into_inner();
+    let health = daemon.skin().get_health(()).await?.into_inner();
     if args.json {
         json::print("Health", &health)?;
     } else {
@@ -71,7 +69,7 @@ async fn print(daemon: &Daemon, health: &Health) -> Outcome {
         board.warnings.iter().for_each(|warning| say!("  {warning}"));
     }
     for patch in &health.patches {
-        let skin = daemon.skin().get_skin(GetSkinRequest { patch: patch.patch.clone() }).await?.into_inner();
+        let skin = daemon.skin().get_skin(PatchRequest { patch: patch.patch.clone() }).await?.into_inner();
         of_patch(patch, &Places::of(&skin)).iter().for_each(|line| say!("{line}"));
     }
     say!("streams: {} of {}", health.streams, health.streams_max);

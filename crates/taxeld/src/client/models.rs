@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use taxel_engine::model_set::ModelSet as EngineSet;
 use taxel_proto::v1::{
-    DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, GetSkinRequest, ImportModelSetRequest, ModelSet,
-    ModelSetSummary, TaxelModel,
+    DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, ImportModelSetRequest, ModelSet, ModelSetSummary,
+    PatchRequest, TaxelModel,
 };
 use taxel_store::models_json;
 
@@ -186,7 +186,7 @@ async fn show(of: &OfServer, model_set: Option<&str>, taxel: Option<u32>) -> Out
         return json::print("ModelSet", &set);
     }
     let patch = set.summary.as_ref().map(|summary| summary.patch.clone()).unwrap_or_default();
-    let skin = daemon.skin().get_skin(GetSkinRequest { patch }).await?.into_inner();
+    let skin = daemon.skin().get_skin(PatchRequest { patch }).await?.into_inner();
     print_set(&set, &Places::of(&skin))
 }
 
@@ -211,13 +211,13 @@ pub fn print_set(set: &ModelSet, places: &Places) -> Outcome {
         say!("    {} {reason}: {}", taxels.len(), places.name(taxels.iter().copied()));
     }
     let usable = || set.taxels.iter().filter(|taxel| taxel.status == "ok");
-    let rmse = crate::values::spread(usable().filter_map(|taxel| taxel.rmse_kpa).collect());
+    let rmse = crate::values::spread(usable().filter_map(|taxel| taxel.figures.get("rmse_kpa").copied()).collect());
     if let Some((low, middle, high)) = rmse {
         say!("  RMSE of the fit: median {middle:.3} kPa, {low:.3} to {high:.3}");
     }
-    if let Some(in_use) = &set.in_use {
-        let plays = in_use.taxels_with_plays;
-        let back = in_use.zero_return_counts.map(|counts| format!("; zero after a load: {counts:.2} counts off"));
+    if let Some(plays) = set.in_use.get("taxels_with_plays") {
+        let back = set.in_use.get("zero_return_counts");
+        let back = back.map(|counts| format!("; zero after a load: {counts:.2} counts off"));
         say!("  hysteresis compensated: {plays} taxels{}", back.unwrap_or_default());
     }
     set.board_settings.iter().for_each(|line| say!("  {line}"));

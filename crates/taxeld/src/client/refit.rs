@@ -2,7 +2,7 @@
 
 use taxel_model::Order;
 use taxel_proto::v1::{
-    Branches, FitEstimator, FitOptions, FitPlays, GetModelSetRequest, GetSkinRequest, Refit, RefitSessionsRequest,
+    Branches, FitEstimator, FitOptions, FitPlays, GetModelSetRequest, PatchRequest, Refit, RefitSessionsRequest,
 };
 
 use super::connect::{Daemon, Server};
@@ -133,11 +133,11 @@ async fn tell(args: &RefitArgs, daemon: &Daemon, answer: &Refit) -> Outcome {
         return json::print("Refit", answer);
     }
     let summary = answer.model_set.as_ref().ok_or_else(|| Failure::refused("the daemon did not say which set"))?;
-    say!("{} scans fitted in {:.2} s", answer.scans, answer.fit_s);
+    say!("{} scans fitted", answer.scans);
     let request =
         GetModelSetRequest { model_set: summary.model_set.clone(), patch: summary.patch.clone(), curves: Vec::new() };
     let set = daemon.models().get_model_set(request).await?.into_inner();
-    let skin = daemon.skin().get_skin(GetSkinRequest { patch: summary.patch.clone() }).await?.into_inner();
+    let skin = daemon.skin().get_skin(PatchRequest { patch: summary.patch.clone() }).await?.into_inner();
     print_set(&set, &Places::of(&skin))?;
     let id = &summary.model_set;
     match (answer.known, summary.active) {

@@ -75,7 +75,7 @@ impl SetInWords {
         let summary = set.summary.unwrap_or_default();
         let sets = daemon.about(&summary.patch).model_sets().await?;
         let in_use = sets.into_iter().find(|other| other.active && other.model_set != model_set);
-        let knows = |taxel: &TaxelModelSummary| taxel.status == "ok" && taxel.baseline_counts.is_some();
+        let knows = |taxel: &TaxelModelSummary| taxel.status == "ok" && taxel.figures.contains_key("baseline_counts");
         Ok(Self {
             id: summary.model_set,
             usable: summary.calibrated,

@@ -2,8 +2,7 @@
 
 use crate::client::sessions::advance;
 use taxel_proto::v1::{
-    Branches, GetSessionRequest, GetSkinRequest, ListSessionsRequest, Session, SessionAction, SessionState,
-    StartSessionRequest,
+    Branches, ListRequest, PatchRequest, Session, SessionAction, SessionRequest, SessionState, StartSessionRequest,
 };
 
 use super::args::CalibrateArgs;
@@ -28,7 +27,7 @@ pub struct Patch {
 /// # Errors
 /// There is none, or it has no gauge.
 pub async fn patch(daemon: &Daemon, name: &str) -> Outcome<Patch> {
-    let skin = daemon.skin().get_skin(GetSkinRequest { patch: name.to_owned() }).await?.into_inner();
+    let skin = daemon.skin().get_skin(PatchRequest { patch: name.to_owned() }).await?.into_inner();
     if !skin.has_gauge {
         return Err(Failure::refused(format!("patch {} has no pressure gauge: it cannot be calibrated", skin.patch)));
     }
@@ -43,7 +42,7 @@ pub async fn patch(daemon: &Daemon, name: &str) -> Outcome<Patch> {
 pub async fn begin(course: &Course, args: &CalibrateArgs, patch: &Patch) -> Outcome<Followed> {
     let daemon = patch.daemon.clone();
     if let Some(number) = args.session {
-        let request = GetSessionRequest { session: number };
+        let request = SessionRequest { session: number };
         let session = daemon.calibration().get_session(request).await?.into_inner();
         return take_up(daemon, session).await;
     }
@@ -67,7 +66,7 @@ pub async fn begin(course: &Course, args: &CalibrateArgs, patch: &Patch) -> Outc
 
 async fn newest(daemon: &Daemon) -> Outcome<Option<Session>> {
     let patch = daemon.patch();
-    let request = ListSessionsRequest { patch, page_size: 1, page_token: String::new() };
+    let request = ListRequest { patch, page_size: 1, page_token: String::new() };
     Ok(daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next())
 }
 

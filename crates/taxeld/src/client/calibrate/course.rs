@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::client::sessions::advance;
-use taxel_proto::v1::{GetHealthRequest, Session, SessionAction, SessionState, WatchSessionRequest};
+use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState};
 use tokio::sync::mpsc;
 use tonic::{Status, Streaming};
 
@@ -48,7 +48,7 @@ impl Followed {
     }
 
     async fn watch(&self) -> Outcome<Streaming<Session>> {
-        let request = WatchSessionRequest { session: self.session.session };
+        let request = SessionRequest { session: self.session.session };
         Ok(self.daemon.calibration().watch_session(request).await?.into_inner())
     }
 }
@@ -78,7 +78,7 @@ async fn watch(all: &[Followed]) -> Outcome<mpsc::Receiver<Told>> {
 /// Waits for [`QUIET`], and says why nothing can come then; `None` where the daemon runs, and nothing has changed.
 async fn stands_still(daemon: &Daemon) -> Option<String> {
     tokio::time::sleep(QUIET).await;
-    match tokio::time::timeout(ANSWER_WITHIN, daemon.skin().get_health(GetHealthRequest {})).await {
+    match tokio::time::timeout(ANSWER_WITHIN, daemon.skin().get_health(())).await {
         Err(_) => Some("it does not answer".to_owned()),
         Ok(Err(refused)) => Some(refused.message().to_owned()),
         Ok(Ok(health)) => {

@@ -190,7 +190,7 @@ fn taxels(session: &Session, silent: &str) -> String {
 }
 
 fn scans(session: &Session) -> String {
-    format!("{} scans entered, refused: {}", session.accepted, refusals(session.refused.as_ref()))
+    format!("{} scans entered, refused: {}", session.accepted, refusals(&session.refused))
 }
 
 /// Everything in one line, for a log.
