@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
-use prometheus_client::metrics::family::{Family, MetricConstructor};
+use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
@@ -32,25 +32,15 @@ type Labels = Vec<(&'static str, String)>;
 type Gauges = Family<Labels, Gauge<f64, AtomicU64>>;
 type Counters = Family<Labels, Counter>;
 
-/// Makes histograms with [`DURATIONS_S`].
-#[derive(Clone, Debug)]
-struct Durations;
-
-impl MetricConstructor<Histogram> for Durations {
-    fn new_metric(&self) -> Histogram {
-        Histogram::new(DURATIONS_S)
-    }
-}
-
 /// What is gathered between scrapes.
 pub(crate) struct Metrics {
-    durations: Family<Labels, Histogram, Durations>,
+    durations: Family<Labels, Histogram, fn() -> Histogram>,
 }
 
 impl Metrics {
     /// Nothing gathered yet.
     pub(crate) fn new() -> Self {
-        Self { durations: Family::new_with_constructor(Durations) }
+        Self { durations: Family::new_with_constructor(|| Histogram::new(DURATIONS_S)) }
     }
 
     /// A call over HTTP took so long.

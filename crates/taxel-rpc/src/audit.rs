@@ -3,19 +3,16 @@
 use taxel_engine::audit::AuditEntry;
 use taxel_proto::v1;
 use taxel_proto::v1::audit_service_server::AuditService;
-use tonic::{Request, Response, Status};
+use tonic::Request;
 
 use crate::backend::ask;
 use crate::convert::timestamp;
 use crate::page::{before, page_size};
-use crate::service::{Service, held, list};
+use crate::service::{Reply, Service, held, list};
 
 #[tonic::async_trait]
 impl AuditService for Service {
-    async fn list_audit(
-        &self,
-        request: Request<v1::ListAuditRequest>,
-    ) -> Result<Response<v1::ListAuditResponse>, Status> {
+    async fn list_audit(&self, request: Request<v1::ListAuditRequest>) -> Reply<v1::ListAuditResponse> {
         let held = held(&request)?;
         let v1::ListAuditRequest { page_size: asked, page_token } = request.into_inner();
         let size = page_size(asked)?;

@@ -16,11 +16,9 @@ use tonic::{Request, Response, Status};
 use crate::access::caller::Caller;
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, caller, check_session, confirmed_by, held, list, strange_answer};
+use crate::service::{Reply, Service, caller, check_session, confirmed_by, held, list, strange_answer};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
-
-type Answer = Result<Response<v1::Session>, Status>;
 
 impl Service {
     fn page_of_sessions(&self, request: &v1::ListRequest) -> Result<v1::ListSessionsResponse, Status> {
@@ -37,7 +35,7 @@ impl Service {
 
 #[tonic::async_trait]
 impl CalibrationService for Service {
-    async fn start_session(&self, request: Request<v1::StartSessionRequest>) -> Answer {
+    async fn start_session(&self, request: Request<v1::StartSessionRequest>) -> Reply<v1::Session> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
@@ -49,9 +47,9 @@ impl CalibrationService for Service {
         self.session_command(&caller, "StartSession", command).await
     }
 
-    async fn advance_session(&self, request: Request<v1::AdvanceSessionRequest>) -> Answer {
+    async fn advance_session(&self, request: Request<v1::AdvanceSessionRequest>) -> Reply<v1::Session> {
         let caller = caller(&request)?;
-        let (session, action) = (numbered(request.get_ref().session)?, request.get_ref().action);
+        let (session, action) = (check_session(request.get_ref().session)?, request.get_ref().action);
         let command = match v1::SessionAction::try_from(action) {
             Ok(v1::SessionAction::StartRamp) => Command::StartRamp { session },
             Ok(v1::SessionAction::FinishRamp) => Command::FinishRamp { session },
@@ -65,38 +63,32 @@ impl CalibrationService for Service {
         self.session_command(&caller, "AdvanceSession", command).await
     }
 
-    async fn delete_session(&self, request: Request<v1::SessionRequest>) -> Result<Response<()>, Status> {
+    async fn delete_session(&self, request: Request<v1::SessionRequest>) -> Reply<()> {
         let caller = caller(&request)?;
-        let session = numbered(request.get_ref().session)?;
+        let session = check_session(request.get_ref().session)?;
         match self.command(&caller, "DeleteSession", Command::DeleteSession { session }).await? {
             Done::Deleted => Ok(Response::new(())),
             other => Err(strange_answer(&other)),
         }
     }
 
-    async fn get_session(&self, request: Request<v1::SessionRequest>) -> Answer {
+    async fn get_session(&self, request: Request<v1::SessionRequest>) -> Reply<v1::Session> {
         Ok(Response::new(self.message(&*self.session(request.get_ref().session)?)))
     }
 
-    async fn list_sessions(
-        &self,
-        request: Request<v1::ListRequest>,
-    ) -> Result<Response<v1::ListSessionsResponse>, Status> {
+    async fn list_sessions(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListSessionsResponse> {
         let (request, service) = (request.into_inner(), self.clone());
         list(request.page_size, move || service.page_of_sessions(&request)).await
     }
 
     type ExportSamplesStream = MessageStream<v1::SampleBlock>;
 
-    async fn export_samples(
-        &self,
-        request: Request<v1::SessionRequest>,
-    ) -> Result<Response<Self::ExportSamplesStream>, Status> {
+    async fn export_samples(&self, request: Request<v1::SessionRequest>) -> Reply<Self::ExportSamplesStream> {
         let session = self.session(request.get_ref().session)?.number;
         Ok(Response::new(self.export(held(&request)?, session).await?))
     }
 
-    async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Result<Response<v1::Refit>, Status> {
+    async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Reply<v1::Refit> {
         let caller = caller(&request)?;
         let v1::RefitSessionsRequest { sessions, options } = request.into_inner();
         self.refit(&caller, &sessions, &options.unwrap_or_default()).await.map(Response::new)
@@ -104,10 +96,7 @@ impl CalibrationService for Service {
 
     type WatchSessionStream = MessageStream<v1::Session>;
 
-    async fn watch_session(
-        &self,
-        request: Request<v1::SessionRequest>,
-    ) -> Result<Response<Self::WatchSessionStream>, Status> {
+    async fn watch_session(&self, request: Request<v1::SessionRequest>) -> Reply<Self::WatchSessionStream> {
         let number = request.get_ref().session;
         let patch = self.patch(&self.session(number)?.patch)?;
         let live = self.handle.patches[patch].session.clone();
@@ -127,7 +116,7 @@ impl Service {
         session(plan, view)
     }
 
-    async fn session_command(&self, caller: &Caller, name: &'static str, command: Command) -> Answer {
+    async fn session_command(&self, caller: &Caller, name: &'static str, command: Command) -> Reply<v1::Session> {
         match self.command(caller, name, command).await? {
             Done::Session(view) => Ok(Response::new(self.message(&view))),
             other => Err(strange_answer(&other)),
@@ -155,10 +144,6 @@ fn module_name(name: &v1::ModuleName) -> Result<(u8, u8), Status> {
             format_args!("board {board} module {module}: expected a board of 1 to 15, a module of 0 to 15"),
         )
     })
-}
-
-fn numbered(session: u64) -> Result<u64, Status> {
-    check_session(session).map(|()| session)
 }
 
 /// One watcher of one session.

@@ -48,14 +48,17 @@ enum Bound {
     Unix(UnixListener),
 }
 
+/// A connection with who is at its other end, or why that cannot be told.
+type Known = Result<(Box<dyn Io>, Origin), String>;
+
 /// A connection of which only its other end's address or account is known.
 struct Arrival {
     /// A copy of its descriptor.
     socket: OwnedFd,
     /// Whose share of the service it takes.
     peer: String,
-    /// Who it is, or why that cannot be told. The watch over connections ends a handshake that takes too long.
-    known: Pin<Box<dyn Future<Output = Result<(Box<dyn Io>, Origin), String>> + Send>>,
+    /// The watch over connections ends a handshake that takes too long.
+    known: Pin<Box<dyn Future<Output = Known> + Send>>,
 }
 
 /// Accepts connections for ever on all listeners; no error of a connection ends it.
@@ -81,8 +84,8 @@ fn incoming(
         loop {
             match bound.accept().await {
                 Ok(Arrival { socket, peer, known }) => {
-                    if let Some(ticket) = connections.arrive(socket, &peer) {
-                        return Some(((peer, known, ticket), (bound, connections)));
+                    if let Some(seat) = connections.arrive(socket, &peer) {
+                        return Some(((peer, known, seat), (bound, connections)));
                     }
                 }
                 Err(error) => {
@@ -92,12 +95,12 @@ fn incoming(
             }
         }
     });
-    let connected = arrivals.map(move |(peer, known, ticket)| {
+    let connected = arrivals.map(move |(peer, known, seat)| {
         let refusals = Arc::clone(&refusals);
         async move {
             let refused = |why: &String| refusals.tell(("handshake", &peer), || format!("no TLS with {peer}: {why}"));
             let (io, origin) = known.await.inspect_err(refused).ok()?;
-            Some(Ok(Connection::new(io, origin, ticket)))
+            Some(Ok(Connection::new(io, origin, seat)))
         }
     });
     connected.buffer_unordered(SIDE_BY_SIDE).filter_map(std::future::ready)
@@ -139,13 +142,13 @@ impl Bound {
     }
 }
 
-async fn of_address(stream: TcpStream, address: SocketAddr, tls: Option<Tls>) -> Result<(Box<dyn Io>, Origin), String> {
+async fn of_address(stream: TcpStream, address: SocketAddr, tls: Option<Tls>) -> Known {
     let Some(tls) = tls else { return Ok((Box::new(stream), Origin::of_tcp(address))) };
     let (stream, certificate) = tls.handshake(stream).await?;
     Ok((Box::new(stream), Origin::Tls(address, certificate.into())))
 }
 
-async fn of_account(stream: UnixStream, process: UCred) -> Result<(Box<dyn Io>, Origin), String> {
+async fn of_account(stream: UnixStream, process: UCred) -> Known {
     let (uid, gid) = (process.uid(), process.gid());
     let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid));
     let account = match tokio::time::timeout(LOOK_UP_MAX, looked_up).await {

@@ -13,7 +13,7 @@ use tonic::{Request, Response, Status};
 
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, aside, caller, held, line, list, strange_answer};
+use crate::service::{Reply, Service, aside, caller, held, list, strange_answer};
 use crate::status::invalid;
 
 /// Models in full that one answer may have: each has the curve at every count.
@@ -35,15 +35,12 @@ impl Service {
 
 #[tonic::async_trait]
 impl ModelService for Service {
-    async fn list_model_sets(
-        &self,
-        request: Request<v1::ListRequest>,
-    ) -> Result<Response<v1::ListModelSetsResponse>, Status> {
+    async fn list_model_sets(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListModelSetsResponse> {
         let (request, service) = (request.into_inner(), self.clone());
         list(request.page_size, move || service.page_of_sets(&request)).await
     }
 
-    async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Result<Response<v1::ModelSet>, Status> {
+    async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Reply<v1::ModelSet> {
         let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch).await?;
         let curves = curves(&set, &request.curves)?;
@@ -61,14 +58,12 @@ impl ModelService for Service {
     async fn activate_model_set(
         &self,
         request: Request<v1::ActivateModelSetRequest>,
-    ) -> Result<Response<v1::ActivateModelSetResponse>, Status> {
+    ) -> Reply<v1::ActivateModelSetResponse> {
         let caller = caller(&request)?;
         let v1::ActivateModelSetRequest { patch, model_set, expected } = request.into_inner();
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
-        line("model_set", &model_set, ID_BYTES_MAX, "an id")?;
-        line("expected", expected.as_deref().unwrap_or_default(), ID_BYTES_MAX, "an id")?;
         let patch = self.plan(self.patch(&patch)?).patch.name().to_owned();
         match self.command(&caller, "ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
             Done::Activated { model_set, previous } => {
@@ -79,10 +74,7 @@ impl ModelService for Service {
         }
     }
 
-    async fn export_model_set(
-        &self,
-        request: Request<v1::ExportModelSetRequest>,
-    ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
+    async fn export_model_set(&self, request: Request<v1::ExportModelSetRequest>) -> Reply<v1::ExportModelSetResponse> {
         let (held, request) = (held(&request)?, request.into_inner());
         let set = self.model_set(&request.model_set, &request.patch).await?;
         let (model_set, backend) = (set.id.clone(), Arc::clone(&self.backend));
@@ -90,29 +82,24 @@ impl ModelService for Service {
         Ok(Response::new(v1::ExportModelSetResponse { model_set, json }))
     }
 
-    async fn import_model_set(
-        &self,
-        request: Request<v1::ImportModelSetRequest>,
-    ) -> Result<Response<v1::ImportModelSetResponse>, Status> {
+    async fn import_model_set(&self, request: Request<v1::ImportModelSetRequest>) -> Reply<v1::ImportModelSetResponse> {
         let (caller, held) = (caller(&request)?, held(&request)?);
         let v1::ImportModelSetRequest { json, insist } = request.into_inner();
         let backend = Arc::clone(&self.backend);
         let set = aside(held, move || backend.read_foreign_json(&json)).await?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
-        printable(&model_set)?;
         match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
             other => Err(strange_answer(&other)),
         }
     }
 
-    async fn delete_model_set(&self, request: Request<v1::DeleteModelSetRequest>) -> Result<Response<()>, Status> {
+    async fn delete_model_set(&self, request: Request<v1::DeleteModelSetRequest>) -> Reply<()> {
         let caller = caller(&request)?;
         let model_set = request.into_inner().model_set;
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
-        line("model_set", &model_set, ID_BYTES_MAX, "an id")?;
         match self.command(&caller, "DeleteModelSet", Command::DeleteModelSet { model_set }).await? {
             Done::Deleted => Ok(Response::new(())),
             other => Err(strange_answer(&other)),
@@ -120,46 +107,22 @@ impl ModelService for Service {
     }
 }
 
-/// Longer is no id of a model set.
-const ID_BYTES_MAX: usize = 256;
-
-/// Texts of a set from elsewhere are shown on terminals.
-fn printable(set: &ModelSet) -> Result<(), Status> {
-    let settings = set.board_settings.iter().map(|line| ("board_settings", line));
-    let origins = set.recalibrated.iter().flat_map(|of| of.earlier.iter().chain([&of.derived_from]));
-    let origins = origins.map(|id| ("recalibrated", id));
-    let texts =
-        [("id", &set.id), ("method", &set.method), ("patch", &set.patch)].into_iter().chain(settings).chain(origins);
-    let odd = |(name, text): (&str, &String)| Some((name.to_owned(), taxel_skin::unprintable(text)?));
-    texts.into_iter().find_map(odd).map_or(Ok(()), |(name, odd)| {
-        let code = u32::from(odd);
-        Err(invalid(
-            "json",
-            format_args!("`{name}` has the unprintable character U+{code:04X}, expected one line of text"),
-        ))
-    })
-}
-
 impl Service {
+    /// What a set is.
     pub(crate) fn summary(&self, set: &SetSummary) -> v1::ModelSetSummary {
-        summary(set, self.active(&set.patch).as_deref() == Some(set.id.as_str()))
-    }
-}
-
-/// What a set is; `active`: whether it is in use.
-pub(crate) fn summary(set: &SetSummary, active: bool) -> v1::ModelSetSummary {
-    v1::ModelSetSummary {
-        model_set: set.id.clone(),
-        patch: set.patch.clone(),
-        created: timestamp(set.created_wall_ns),
-        session: set.session,
-        method: set.method.clone(),
-        taxels: set.taxels as u32,
-        calibrated: set.calibrated as u32,
-        pressure_max_kpa: set.pressure_max_kpa,
-        active,
-        derived_from: set.origins.first().cloned().unwrap_or_default(),
-        recalibration_gain: set.recalibration_gain,
+        v1::ModelSetSummary {
+            model_set: set.id.clone(),
+            patch: set.patch.clone(),
+            created: timestamp(set.created_wall_ns),
+            session: set.session,
+            method: set.method.clone(),
+            taxels: set.taxels as u32,
+            calibrated: set.calibrated as u32,
+            pressure_max_kpa: set.pressure_max_kpa,
+            active: self.active(&set.patch).as_deref() == Some(set.id.as_str()),
+            derived_from: set.origins.first().cloned().unwrap_or_default(),
+            recalibration_gain: set.recalibration_gain,
+        }
     }
 }
 

@@ -18,7 +18,7 @@ use tonic::{Code, Request, Response, Status, Streaming};
 use crate::access::layer::Standing;
 use crate::arrivals::{Arrivals, LOOK_EVERY};
 use crate::push_line::Pusher;
-use crate::service::{Service, caller, noted, strange_answer};
+use crate::service::{Reply, Service, caller, noted, strange_answer};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
@@ -35,10 +35,7 @@ const ANSWERS_MAX: usize = 2;
 impl IngestService for Service {
     type PushScansStream = MessageStream<v1::PushScansResponse>;
 
-    async fn push_scans(
-        &self,
-        request: Request<Streaming<v1::PushScansRequest>>,
-    ) -> Result<Response<Self::PushScansStream>, Status> {
+    async fn push_scans(&self, request: Request<Streaming<v1::PushScansRequest>>) -> Reply<Self::PushScansStream> {
         let (caller, standing): (_, Standing) = (caller(&request)?, noted(&request)?);
         let mut messages = request.into_inner();
         let first = self.next_of(&mut messages).await?;

@@ -20,12 +20,8 @@ use crate::service::{Service, aside, strange_answer};
 use crate::shares::Held;
 use crate::status::invalid;
 
-/// A proposal as it is told, and the set with its id.
-struct Proposed {
-    message: v1::Recalibration,
-    /// The set, or why there is none.
-    set: Result<Arc<ModelSet>, String>,
-}
+/// A proposal as it is told, and the set with its id, or why there is none.
+type Proposed = (v1::Recalibration, Result<Arc<ModelSet>, String>);
 
 impl Service {
     /// What the known loads of a patch propose for its active set.
@@ -58,7 +54,7 @@ impl Service {
         if !request.dry_run && wanted.is_empty() {
             return Err(invalid("model_set", "must name the one that a `dry_run` told"));
         }
-        let Proposed { message, set } = self.proposal(held, request).await?;
+        let (message, set) = self.proposal(held, request).await?;
         if request.dry_run {
             return Ok(message);
         }
@@ -93,7 +89,7 @@ fn proposed(
         Arc::new(ModelSet { id, ..set })
     });
     let id = set.as_ref().map(|set| set.id.clone()).unwrap_or_default();
-    Ok(Proposed { message: message(&proposal, source, id, view), set })
+    Ok((message(&proposal, source, id, view), set))
 }
 
 /// What a request asks for.

@@ -37,7 +37,8 @@ impl Refusals {
         };
         kinds.insert(name, (Instant::now(), 0));
         let more = if untold > 0 { format!(" ({untold} more since the last such line)") } else { String::new() };
-        tracing::warn!("{}{more}", text());
+        let text = text();
+        tracing::warn!("{text}{more}");
     }
 }
 

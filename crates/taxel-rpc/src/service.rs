@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use taxel_engine::audit::Asked;
 use taxel_engine::calibration::SessionView;
-use taxel_engine::command::{Command, Done, Reply};
-use taxel_engine::known_set::KnownSet;
+use taxel_engine::command::{self, Command, Done};
+use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
@@ -14,23 +14,24 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tonic::{Code, Response, Status};
 
 use crate::access::caller::Caller;
-use crate::backend::Backend;
+use crate::backend::{Backend, ask};
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
 use crate::page::is_long;
 use crate::shares::{Held, Shares};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, left_open, of_rejection, unavailable};
-use crate::stored_sets::StoredSets;
 
 /// Longest text that a client may have written down, in bytes.
 const NAME_BYTES_MAX: usize = 256;
+
+/// What a call is answered with.
+pub(crate) type Reply<T> = Result<Response<T>, Status>;
 
 /// The implementation behind all services. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Service {
     pub(crate) handle: Handle,
     pub(crate) backend: Arc<dyn Backend>,
-    stored_sets: StoredSets,
     /// Changes when subscribers have to judge anew what they were sent last.
     pub(crate) wake: watch::Receiver<()>,
     pub(crate) limits: Arc<Limits>,
@@ -45,8 +46,7 @@ impl Service {
         limits: Limits,
         shares: Arc<Shares>,
     ) -> Self {
-        let stored_sets = StoredSets::new(Arc::clone(&backend));
-        Self { handle, backend, stored_sets, wake, limits: Arc::new(limits), shares }
+        Self { handle, backend, wake, limits: Arc::new(limits), shares }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.
@@ -102,7 +102,20 @@ impl Service {
         if let Some(set) = known.at_hand {
             return Ok(set);
         }
-        self.stored_sets.get(known.summary()).await
+        self.stored_set(known.summary()).await
+    }
+
+    /// A model set that is not in memory, with this summary.
+    async fn stored_set(&self, summary: &SetSummary) -> Result<Arc<ModelSet>, Status> {
+        let named = |refusal: Refusal| refusal.about("model_set", &summary.id);
+        let read = ask((), |told| self.backend.model_set(summary.id.clone(), told)).await;
+        let ((text, ()), backend) = (read.map_err(named)?, Arc::clone(&self.backend));
+        let damaged = |why| Refusal::failed_precondition(ErrorReason::DataDamaged, format!("{}: {why}", summary.id));
+        let set = aside((), move || backend.read_json(&text)).await?.map_err(|why| named(damaged(why)))?;
+        if SetSummary::of(&set) != *summary {
+            return Err(Refusal::fault(format!("the store gave another model set than {}", summary.id)).into());
+        }
+        Ok(Arc::new(set))
     }
 
     /// What lists show of the model set of this id.
@@ -177,7 +190,7 @@ impl Service {
     }
 
     /// Hands a command over and waits for its answer.
-    async fn answer(&self, request: Request, answer: oneshot::Receiver<Reply>) -> Result<Done, Refusal> {
+    async fn answer(&self, request: Request, answer: oneshot::Receiver<command::Reply>) -> Result<Done, Refusal> {
         self.handle.commands.try_send(request).map_err(|refused| match refused {
             mpsc::error::TrySendError::Full(_) => {
                 let waiting = self.handle.commands.max_capacity();
@@ -202,7 +215,7 @@ impl Service {
 pub(crate) async fn list<M: Send + 'static>(
     items: u32,
     make: impl FnOnce() -> Result<M, Status> + Send + 'static,
-) -> Result<Response<M>, Status> {
+) -> Reply<M> {
     let message = if is_long(items) { aside((), make).await? } else { make() };
     message.map(Response::new)
 }
@@ -242,8 +255,8 @@ pub(crate) fn held<M>(request: &tonic::Request<M>) -> Result<Held, Status> {
 }
 
 /// Session numbers begin at 1, so that a field that was left out is not taken for a session.
-pub(crate) fn check_session(number: u64) -> Result<(), Status> {
-    if number == 0 { Err(invalid("session", "0 is not a session; they are numbered from 1")) } else { Ok(()) }
+pub(crate) fn check_session(number: u64) -> Result<u64, Status> {
+    if number == 0 { Err(invalid("session", "0 is not a session; they are numbered from 1")) } else { Ok(number) }
 }
 
 /// The operator who vouches for something, if one does.

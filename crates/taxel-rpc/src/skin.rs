@@ -7,16 +7,16 @@ use taxel_engine::snapshot::{BoardHealth, BusHealth};
 use taxel_proto::v1;
 use taxel_proto::v1::skin_service_server::SkinService;
 use taxel_skin::{Board, ModuleKind, NormalsVerdict};
-use tonic::{Request, Response, Status};
+use tonic::{Request, Response};
 
 use crate::convert::{self, vector};
 use crate::freshness::not_run_for;
-use crate::service::{Service, caller, confirmed_by, strange_answer};
+use crate::service::{Reply, Service, caller, confirmed_by, strange_answer};
 use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
 impl SkinService for Service {
-    async fn get_skin(&self, request: Request<v1::PatchRequest>) -> Result<Response<v1::Skin>, Status> {
+    async fn get_skin(&self, request: Request<v1::PatchRequest>) -> Reply<v1::Skin> {
         let plan = self.plan(self.patch(&request.get_ref().patch)?);
         let active = self.active(plan.patch.name());
         let set = match active {
@@ -29,16 +29,13 @@ impl SkinService for Service {
 
     type StreamTaxelsStream = MessageStream<v1::TaxelSample>;
 
-    async fn stream_taxels(
-        &self,
-        request: Request<v1::StreamRequest>,
-    ) -> Result<Response<Self::StreamTaxelsStream>, Status> {
+    async fn stream_taxels(&self, request: Request<v1::StreamRequest>) -> Reply<Self::StreamTaxelsStream> {
         let request = request.into_inner();
         let patch = self.patch(&request.patch)?;
         subscribe(self, patch, request.rate_hz, convert::taxels).map(Response::new)
     }
 
-    async fn tare(&self, request: Request<v1::TareRequest>) -> Result<Response<v1::TareStatus>, Status> {
+    async fn tare(&self, request: Request<v1::TareRequest>) -> Reply<v1::TareStatus> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let name = self.plan(self.patch(&request.patch)?).patch.name();
@@ -49,7 +46,7 @@ impl SkinService for Service {
         }
     }
 
-    async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Result<Response<()>, Status> {
+    async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Reply<()> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
@@ -62,14 +59,11 @@ impl SkinService for Service {
 
     type WatchEventsStream = MessageStream<v1::Event>;
 
-    async fn watch_events(
-        &self,
-        request: Request<v1::WatchEventsRequest>,
-    ) -> Result<Response<Self::WatchEventsStream>, Status> {
+    async fn watch_events(&self, request: Request<v1::WatchEventsRequest>) -> Reply<Self::WatchEventsStream> {
         self.watch_events_of(request.into_inner()).map(Response::new)
     }
 
-    async fn get_health(&self, _: Request<()>) -> Result<Response<v1::Health>, Status> {
+    async fn get_health(&self, _: Request<()>) -> Reply<v1::Health> {
         let health = self.handle.health.borrow().clone();
         // Found here and not by the engine, which cannot tell that it does not run.
         let stalled = self.handle.stalled_for();

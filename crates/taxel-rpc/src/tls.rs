@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError, RwLock};
 
-use thiserror::Error;
 use tokio::net::TcpStream;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::crypto::ring;
@@ -33,14 +32,6 @@ pub struct TlsFiles {
     pub client_ca: PathBuf,
 }
 
-/// Why there is no TLS.
-#[derive(Debug, Error)]
-#[error("{}: {problem}", path.display())]
-pub struct TlsError {
-    path: PathBuf,
-    problem: String,
-}
-
 /// The certificates of a listener as they are now. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Tls {
@@ -52,8 +43,8 @@ impl Tls {
     /// Reads the files.
     ///
     /// # Errors
-    /// [`TlsError`] with the file and what is wrong with it.
-    pub fn load(files: TlsFiles) -> Result<Self, TlsError> {
+    /// The file, and what is wrong with it.
+    pub fn load(files: TlsFiles) -> Result<Self, String> {
         let config = Arc::new(RwLock::new(server_config(&files, Reader::Daemon)?));
         Ok(Self { files: Arc::new(files), config })
     }
@@ -61,8 +52,8 @@ impl Tls {
     /// Looks at the files for a daemon that may have another account. They pass where this account cannot read all of them.
     ///
     /// # Errors
-    /// [`TlsError`] with the file and what no daemon would take.
-    pub fn check(files: &TlsFiles) -> Result<(), TlsError> {
+    /// The file, and what no daemon would take.
+    pub fn check(files: &TlsFiles) -> Result<(), String> {
         let TlsFiles { certificate, key, client_ca } = files;
         let are_readable = [certificate, key, client_ca].into_iter().all(|file| is_readable(file));
         if are_readable { server_config(files, Reader::Check).map(drop) } else { Ok(()) }
@@ -71,17 +62,11 @@ impl Tls {
     /// Reads the files again. New connections get what is in them now; those that are open go on as they are.
     ///
     /// # Errors
-    /// [`TlsError`]; then everything stays as it was.
-    pub fn reload(&self) -> Result<(), TlsError> {
+    /// The file, and what is wrong with it; then everything stays as it was.
+    pub fn reload(&self) -> Result<(), String> {
         let config = server_config(&self.files, Reader::Daemon)?;
         *self.config.write().unwrap_or_else(PoisonError::into_inner) = config;
         Ok(())
-    }
-
-    /// Where it all came from.
-    #[must_use]
-    pub fn files(&self) -> &TlsFiles {
-        &self.files
     }
 
     /// Takes a client's hello, and gives the connection with what its certificate says.
@@ -93,8 +78,8 @@ impl Tls {
     }
 }
 
-fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, TlsError> {
-    let wrong = |path: &Path, problem: String| TlsError { path: path.to_path_buf(), problem };
+fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, String> {
+    let wrong = |path: &Path, problem: String| format!("{}: {problem}", path.display());
     let provider = Arc::new(ring::default_provider());
     let mut roots = RootCertStore::empty();
     let authorities = read_guarded(&files.client_ca, TRUSTED, reader).map_err(|why| wrong(&files.client_ca, why))?;
@@ -120,8 +105,8 @@ fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, 
 }
 
 /// All certificates of a file's text, at least one.
-fn certificates(path: &Path, text: &[u8]) -> Result<Vec<CertificateDer<'static>>, TlsError> {
-    let wrong = |problem: String| TlsError { path: path.to_path_buf(), problem };
+fn certificates(path: &Path, text: &[u8]) -> Result<Vec<CertificateDer<'static>>, String> {
+    let wrong = |problem: String| format!("{}: {problem}", path.display());
     let read = CertificateDer::pem_slice_iter(text).collect::<Result<Vec<_>, _>>();
     let found = read.map_err(|error| wrong(error.to_string()))?;
     if found.is_empty() { Err(wrong("there is no certificate in it".to_owned())) } else { Ok(found) }

@@ -6,10 +6,10 @@ use taxel_proto::v1;
 use taxel_proto::v1::record_load_request::Load as Laid;
 use taxel_proto::v1::validation_service_server::ValidationService;
 use taxel_skin::Newton;
-use tonic::{Request, Response, Status};
+use tonic::{Request, Response};
 
 use crate::convert::{known, timestamp};
-use crate::service::{Service, caller, held, line, list, name, strange_answer};
+use crate::service::{Reply, Service, caller, held, line, list, name, strange_answer};
 use crate::status::invalid;
 
 /// A load whose uncertainty is not given: a kitchen scale, or a mass that stands 8 degrees off the vertical.
@@ -21,7 +21,7 @@ const LOADS_MAX: usize = 1000;
 
 #[tonic::async_trait]
 impl ValidationService for Service {
-    async fn record_load(&self, request: Request<v1::RecordLoadRequest>) -> Result<Response<v1::Load>, Status> {
+    async fn record_load(&self, request: Request<v1::RecordLoadRequest>) -> Reply<v1::Load> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
@@ -42,7 +42,7 @@ impl ValidationService for Service {
         }
     }
 
-    async fn get_validation(&self, request: Request<v1::PatchRequest>) -> Result<Response<v1::Validation>, Status> {
+    async fn get_validation(&self, request: Request<v1::PatchRequest>) -> Reply<v1::Validation> {
         let patch = self.patch(&request.get_ref().patch)?;
         let Some(view) = self.handle.catalogue.borrow().validations.get(patch).cloned() else {
             let patch = self.plan(patch).patch.name().to_owned();
@@ -52,10 +52,7 @@ impl ValidationService for Service {
         list(loads, move || Ok(validation(&view))).await
     }
 
-    async fn recalibrate(
-        &self,
-        request: Request<v1::RecalibrateRequest>,
-    ) -> Result<Response<v1::Recalibration>, Status> {
+    async fn recalibrate(&self, request: Request<v1::RecalibrateRequest>) -> Reply<v1::Recalibration> {
         let (caller, held) = (caller(&request)?, held(&request)?);
         self.recalibration(&caller, held, request.get_ref()).await.map(Response::new)
     }

@@ -290,23 +290,13 @@ async fn model_sets_are_shown_activated_exported_and_imported() {
     assert_eq!(activated.unwrap().into_inner().previous, "m-b");
 }
 
-/// What a command names is written into the audit log, which has a line an entry.
+/// What a load is noted with is shown on terminals.
 #[tokio::test]
-async fn ids_and_notes_that_are_no_line_of_text_are_refused() {
+async fn a_note_that_is_no_line_of_text_is_refused() {
     let mut daemon = start().await;
-    let mut models = ModelServiceClient::new(daemon.connect().await);
-    let odd = "m-x`; done\n2 2026-11-25T09:00:00Z ann (admin): DeleteSession; done".to_owned();
-    for (model_set, expected) in [(odd.clone(), None), ("m".repeat(300), None), ("m-1".to_owned(), Some(odd.clone()))] {
-        let request = v1::ActivateModelSetRequest { patch: FOREARM.to_owned(), model_set, expected };
-        let refused = models.activate_model_set(request).await.unwrap_err();
-        assert_eq!(refused.code(), tonic::Code::InvalidArgument, "{refused:?}");
-        assert!(!refused.message().contains('\n') && refused.message().len() < 200, "{refused:?}");
-    }
-    let refused = models.delete_model_set(v1::DeleteModelSetRequest { model_set: odd.clone() }).await.unwrap_err();
-    assert_eq!(refused.code(), tonic::Code::InvalidArgument, "{refused:?}");
     let mut loads = v1::validation_service_client::ValidationServiceClient::new(daemon.connect().await);
-    let load = Some(v1::record_load_request::Load::MassKg(0.5));
-    let request = v1::RecordLoadRequest { load, note: odd, by: "Ada".to_owned(), ..v1::RecordLoadRequest::default() };
+    let (load, note) = (Some(v1::record_load_request::Load::MassKg(0.5)), "brass\nsteel".to_owned());
+    let request = v1::RecordLoadRequest { load, note, by: "Ada".to_owned(), ..v1::RecordLoadRequest::default() };
     let refused = loads.record_load(request).await.unwrap_err();
     assert!(refused.message().contains("U+000A, expected one line of text"), "{refused:?}");
     assert!(daemon.requests.try_recv().is_err(), "nothing of it reached the engine");

@@ -5,7 +5,6 @@ use std::time::Duration;
 use taxel_engine::command::{Command, Done};
 use taxel_proto::v1;
 use taxel_proto::v1::ingest_service_client::IngestServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_rpc::push_line::{PushEvent, SCANS_WAITING_MAX};
 use taxel_rpc::{Access, Limits, Listener, Role, Rules, Tokens};
 use taxel_skin::{Kilopascal, Time};
@@ -284,22 +283,4 @@ async fn a_pusher_that_the_new_rules_still_let_push_goes_on() {
         assert!(matches!(daemon.pushed.recv().await.unwrap().event, PushEvent::Scan(_)), "{role}");
     }
     drop(client.scans);
-}
-
-/// Nobody pushes yet, and the engine hears of nothing.
-#[tokio::test]
-async fn whoever_may_push_no_more_when_the_first_message_comes_does_not_begin() {
-    let (mut daemon, access) = ruled(Rules::open());
-    let (scans, messages) = mpsc::channel(1);
-    let mut client = IngestServiceClient::new(daemon.connect().await);
-    let answer = tokio::spawn(async move { client.push_scans(ReceiverStream::new(messages)).await });
-    let mut skin = SkinServiceClient::new(daemon.connect().await);
-    while skin.get_health(()).await.unwrap().into_inner().streams == 0 {}
-    access.update(|_| Rules::default());
-    scans.send(begin(GLOVE)).await.unwrap();
-    let answer = tokio::select! {
-        answer = answer => answer.unwrap(),
-        request = daemon.requests.recv() => panic!("the engine was asked: {request:?}"),
-    };
-    assert_eq!(answer.unwrap_err().code(), Code::Unauthenticated);
 }

@@ -16,7 +16,7 @@ use tonic_reflection::pb::v1::ServerReflectionRequest;
 use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
 use tonic_types::StatusExt;
 
-use crate::fixture::{FOREARM, HAND, patient, start, start_with};
+use crate::fixture::{FOREARM, start};
 
 /// Why a call was refused. Fails if the status does not say that in all the ways in which it has to.
 pub fn reason(status: &Status) -> ErrorReason {
@@ -80,23 +80,6 @@ async fn the_engines_reason_comes_with_what_the_command_was_about() {
     let (answer, ()) = tokio::join!(models.activate_model_set(request), daemon.answer(full(), |_| {}));
     let expected = pairs([("model_set", "m-1"), ("patch", FOREARM)]);
     assert_eq!(about(&answer.unwrap_err()), (ErrorReason::StoreUnavailable, expected));
-}
-
-#[tokio::test]
-async fn what_is_not_there_and_what_cannot_be_is_told_apart_by_name() {
-    let daemon = start_with(&[FOREARM, HAND], patient()).await;
-    let mut force = ForceServiceClient::new(daemon.connect().await);
-    let status = force.get_force(v1::PatchRequest { patch: "nose".to_owned() }).await.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::PatchUnknown, pairs([("patch", "nose")])));
-    let status = force.get_force(v1::PatchRequest::default()).await.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::FieldInvalid, pairs([("field", "patch")])));
-    let mut sessions = CalibrationServiceClient::new(daemon.connect().await);
-    let status = sessions.get_session(v1::SessionRequest { session: 7 }).await.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::SessionUnknown, pairs([("session", "7")])));
-    let mut models = ModelServiceClient::new(daemon.connect().await);
-    let request = v1::GetModelSetRequest { model_set: "m-9".to_owned(), ..Default::default() };
-    let status = models.get_model_set(request).await.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::ModelSetUnknown, pairs([("model_set", "m-9")])));
 }
 
 #[tokio::test]

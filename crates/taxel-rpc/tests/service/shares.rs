@@ -8,7 +8,7 @@ use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::{Access, Limits, Listener, Role, Rules};
+use taxel_rpc::{Access, Limits, Listener, Rules};
 use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status, Streaming};
 use tonic_health::pb::HealthCheckRequest;
@@ -60,25 +60,6 @@ async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_bes
     let mut skin = SkinServiceClient::new(channel.clone());
     while skin.get_health(()).await.unwrap().into_inner().streams > 0 {}
     stream(&channel).await.unwrap();
-}
-
-#[tokio::test]
-async fn observers_leave_streams_for_operators() {
-    let limits = Limits { streams: 10, streams_reserved: 3, ..patient() };
-    let rules = Rules { loopback: Some(Role::Observer), unix: Some(Role::Operator), ..Rules::default() };
-    let (daemon, _folder, unix) = on_two_doors(rules, limits);
-    let (observer, operator) = (daemon.connect().await, unix.connect().await.unwrap());
-    let mut held = Vec::new();
-    for _ in 0..7 {
-        held.push(stream(&observer).await.unwrap());
-    }
-    let status = stream(&observer).await.unwrap_err();
-    assert_eq!(status.code(), Code::ResourceExhausted);
-    assert!(status.message().contains("the last 3 streams are kept for operators"), "{status:?}");
-    for _ in 0..3 {
-        held.push(stream(&operator).await.unwrap());
-    }
-    assert!(stream(&operator).await.unwrap_err().message().contains("10 streams are being served"));
 }
 
 #[tokio::test]
