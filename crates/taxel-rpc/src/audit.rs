@@ -14,12 +14,12 @@ use crate::service::{Reply, Service, held, list};
 impl AuditService for Service {
     async fn list_audit(&self, request: Request<v1::ListAuditRequest>) -> Reply<v1::ListAuditResponse> {
         let held = held(&request)?;
-        let v1::ListAuditRequest { page_size: asked, page_token } = request.into_inner();
-        let size = page_size(asked)?;
+        let v1::ListAuditRequest { page_size: size, page_token } = request.into_inner();
+        let size = page_size(size)?;
         let before = before(&page_token)?;
         // One more than is shown tells whether there is another page.
         let (entries, _) = ask(held, |told| self.backend.audit(before, size as u32 + 1, told)).await?;
-        list(asked, move || Ok(page(entries, size))).await
+        list(move || Ok(page(entries, size))).await
     }
 }
 

@@ -78,7 +78,7 @@ impl CalibrationService for Service {
 
     async fn list_sessions(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListSessionsResponse> {
         let (request, service) = (request.into_inner(), self.clone());
-        list(request.page_size, move || service.page_of_sessions(&request)).await
+        list(move || service.page_of_sessions(&request)).await
     }
 
     type ExportSamplesStream = MessageStream<v1::SampleBlock>;
@@ -184,14 +184,7 @@ impl Watch {
 
 /// Whether nothing more comes of a session by itself or by another ramp.
 const fn has_ended(state: SessionState) -> bool {
-    match state {
-        SessionState::Active | SessionState::Discarded | SessionState::Aborted | SessionState::Failed => true,
-        SessionState::Taring
-        | SessionState::Ramping
-        | SessionState::Fitting
-        | SessionState::Review
-        | SessionState::Interrupted => false,
-    }
+    matches!(state, SessionState::Active | SessionState::Discarded | SessionState::Aborted | SessionState::Failed)
 }
 
 fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {

@@ -26,9 +26,8 @@ pub(crate) struct Report {
 impl Report {
     /// The first report, due before the first client can ask.
     pub(crate) async fn begin(handle: Handle, reporter: HealthReporter) -> Self {
-        let present = serving(&handle);
         let mut report = Self { handle, reporter, shown: [None; SERVICES.len()] };
-        report.show(present).await;
+        report.update().await;
         report
     }
 

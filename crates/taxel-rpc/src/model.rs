@@ -37,7 +37,7 @@ impl Service {
 impl ModelService for Service {
     async fn list_model_sets(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListModelSetsResponse> {
         let (request, service) = (request.into_inner(), self.clone());
-        list(request.page_size, move || service.page_of_sets(&request)).await
+        list(move || service.page_of_sets(&request)).await
     }
 
     async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Reply<v1::ModelSet> {

@@ -24,11 +24,6 @@ pub(crate) fn before(token: &str) -> Result<u64, Status> {
     }
 }
 
-/// Whether making a page of so many items takes long enough to delay the streams.
-pub(crate) const fn is_long(size: u32) -> bool {
-    size as usize > SIZE_DEFAULT
-}
-
 /// A page of `items`, which are oldest first. Gives the items newest first, and the token of the next page or nothing.
 ///
 /// The token is the name of the last item shown: positions move when an item is deleted, names do not.

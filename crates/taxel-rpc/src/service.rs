@@ -17,7 +17,6 @@ use crate::access::caller::Caller;
 use crate::backend::{Backend, ask};
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
-use crate::page::is_long;
 use crate::shares::{Held, Shares};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, left_open, of_rejection, unavailable};
 
@@ -35,7 +34,7 @@ pub(crate) struct Service {
     /// Changes when subscribers have to judge anew what they were sent last.
     pub(crate) wake: watch::Receiver<()>,
     pub(crate) limits: Arc<Limits>,
-    shares: Arc<Shares>,
+    pub(crate) shares: Arc<Shares>,
 }
 
 impl Service {
@@ -139,18 +138,11 @@ impl Service {
 
     pub(crate) fn session(&self, number: u64) -> Result<Arc<SessionView>, Status> {
         check_session(number)?;
-        let live = self.handle.patches.iter().filter_map(|feed| feed.session.borrow().clone());
-        let found = live.into_iter().find(|session| session.number == number);
-        let stored = || self.handle.catalogue.borrow().sessions.iter().find(|s| s.number == number).cloned();
-        Ok(found.or_else(stored).ok_or_else(|| {
+        let found = self.sessions().into_iter().find(|session| session.number == number);
+        Ok(found.ok_or_else(|| {
             let why = format!("there is no session {number}");
             Refusal::not_found(ErrorReason::SessionUnknown, why).about("session", number)
         })?)
-    }
-
-    /// Streams that are being served now.
-    pub(crate) fn streams_open(&self) -> usize {
-        self.shares.streams_open()
     }
 
     /// Hands a command to the engine and waits for its answer, which comes once everything before it is on disk.
@@ -211,13 +203,9 @@ impl Service {
     }
 }
 
-/// A list of so many items, which `make` makes: a long one beside the streams.
-pub(crate) async fn list<M: Send + 'static>(
-    items: u32,
-    make: impl FnOnce() -> Result<M, Status> + Send + 'static,
-) -> Reply<M> {
-    let message = if is_long(items) { aside((), make).await? } else { make() };
-    message.map(Response::new)
+/// A list that `make` makes, beside the thread on which all streams are served: a long one takes tens of milliseconds.
+pub(crate) async fn list<M: Send + 'static>(make: impl FnOnce() -> Result<M, Status> + Send + 'static) -> Reply<M> {
+    aside((), make).await?.map(Response::new)
 }
 
 /// Does work of tens of milliseconds, beside the thread on which all streams are served. What is held goes along: where the

@@ -82,7 +82,7 @@ impl SkinService for Service {
                 .chain(unrecorded)
                 .chain(self.backend.lacks())
                 .collect(),
-            streams: self.streams_open() as u32,
+            streams: self.shares.streams_open() as u32,
             streams_max: self.limits.streams as u32,
             store: Some(v1::StoreHealth {
                 whole: health.store.is_whole(),

@@ -48,8 +48,7 @@ impl ValidationService for Service {
             let patch = self.plan(patch).patch.name().to_owned();
             return Ok(Response::new(v1::Validation { patch, ..v1::Validation::default() }));
         };
-        let loads = view.loads.len().min(LOADS_MAX) as u32;
-        list(loads, move || Ok(validation(&view))).await
+        list(move || Ok(validation(&view))).await
     }
 
     async fn recalibrate(&self, request: Request<v1::RecalibrateRequest>) -> Reply<v1::Recalibration> {
