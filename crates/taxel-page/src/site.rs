@@ -10,7 +10,7 @@ use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderMap, Method as Verb, StatusCode, Uri};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{MethodRouter, get};
+use axum::routing::get;
 use http_body_util::{BodyExt, LengthLimitError, Limited};
 use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
@@ -66,25 +66,15 @@ pub(crate) fn router(site: Site, shows: Shows) -> Router {
     let site = Arc::new(site);
     let mut router = Router::new();
     if shows != Shows::Page {
-        router = router.route("/metrics", only_read(get(metrics)));
+        router = router.route("/metrics", get(metrics));
     }
-    if shows == Shows::Metrics {
-        let elsewhere =
-            || async { refusal(&Refusal::not_found(ErrorReason::MethodUnknown, "the metrics are at /metrics").into()) };
-        router = router.fallback(elsewhere);
-    } else {
+    if shows != Shows::Metrics {
         for &(path, kind, content) in assets::FILES {
-            let file = get(move || async move { ([(CONTENT_TYPE, kind)], content) });
-            router = router.route(path, only_read(file));
+            router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
         }
-        router =
-            router.route("/methods", only_read(get(methods))).route("/streams", only_read(get(streams))).fallback(call);
+        router = router.route("/methods", get(methods)).route("/streams", get(streams)).fallback(call);
     }
     router.layer(from_fn_with_state(Arc::clone(&site), guard)).with_state(site)
-}
-
-fn only_read(get: MethodRouter<Arc<Site>>) -> MethodRouter<Arc<Site>> {
-    get.fallback(|| async { wrong_method("GET, HEAD", "this is only read") })
 }
 
 /// Before all paths: who may ask, and what every answer has. The connection is busy until the answer is out.

@@ -53,6 +53,7 @@ impl EventFollower {
             // The log lives as long as its readers: that the engine is gone shows in the health.
             let mut health = self.handle.health.clone();
             tokio::select! {
+                biased; // what was told before the end still comes
                 changed = self.newest.changed() => changed.ok()?,
                 () = async { while health.changed().await.is_ok() {} } => return None,
             }

@@ -94,46 +94,6 @@ mod tests {
         Time::from_nanos(ms * 1_000_000)
     }
 
-    fn message(state: ForceState) -> ForceSample {
-        ForceSample {
-            state: state.into(),
-            total_n: Some(4.64),
-            reasons: vec!["bus 0: down".to_owned()],
-            active: 7,
-            model_set: "m-1".to_owned(),
-            ..ForceSample::default()
-        }
-    }
-
-    #[test]
-    fn a_snapshot_is_fresh_until_its_newest_frame_is_older_than_the_limit() {
-        for (newest, now_ms, stalled, expected) in [
-            (Some(ms(1_000)), 900, None, Freshness::Fresh),
-            (Some(ms(1_000)), 1_150, None, Freshness::Fresh),
-            (Some(ms(1_000)), 1_151, None, Freshness::Old { age: Duration::from_millis(151), limit: LIMIT }),
-            (None, 9_000, None, Freshness::Fresh),
-            (None, 9_000, Some(LIMIT), Freshness::Stalled { silence: LIMIT }),
-        ] {
-            assert_eq!(Freshness::of(newest, LIMIT, ms(now_ms), stalled), expected, "at {now_ms} ms");
-        }
-    }
-
-    #[test]
-    fn what_is_too_old_goes_out_without_any_figure_and_with_the_reason() {
-        let old = Freshness::Old { age: Duration::from_millis(6_040), limit: LIMIT };
-        let old = old.sent(message(ForceState::Degraded), 230);
-        assert_eq!((old.state(), old.total_n, old.active, old.stale), (ForceState::Stale, None, 0, 230));
-        assert_eq!((old.model_set.as_str(), old.uncovered_share), ("m-1", 1.0));
-        assert_eq!(old.reasons, ["the newest frame is 6040 ms old, more than 150 ms"]);
-        assert_eq!(old.causes[0].code(), ReasonCode::FrameOld);
-        let stalled = Freshness::Stalled { silence: Duration::from_millis(310) };
-        let sent = stalled.sent(message(ForceState::TareInvalid), 230);
-        assert_eq!(sent.reasons, ["the engine has not run for 0.31 s", "bus 0: down"]);
-        assert_eq!((sent.state(), sent.causes[0].code()), (ForceState::Stale, ReasonCode::EngineStalled));
-        let good = message(ForceState::Ok);
-        assert_eq!(Freshness::Fresh.sent(good.clone(), 230), good);
-    }
-
     #[test]
     fn a_taxel_loses_its_pressure_with_its_own_age_or_with_the_snapshot() {
         let taxel = TaxelState {

@@ -65,10 +65,7 @@ const CONNECTION_AHEAD_BYTES: u32 = 256 << 10;
 /// Largest block of request headers, in bytes.
 const HEADER_BYTES: u32 = 8 << 10;
 
-/// Largest request, in bytes: a few names and numbers.
-const REQUEST_BYTES: usize = 64 << 10;
-
-/// Largest request with a model set, and largest answer, in bytes.
+/// Largest request with a model set, in bytes; of others tonic takes 4 MiB.
 const MODELS_BYTES: usize = 16 << 20;
 
 /// A request has to come whole within this time, beside what a command may take.
@@ -164,11 +161,6 @@ fn tonic_server(limits: &Limits) -> tonic::transport::Server {
 }
 
 fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeError> {
-    macro_rules! limited {
-        ($server:expr, $request_bytes:expr) => {
-            $server.max_decoding_message_size($request_bytes).max_encoding_message_size(MODELS_BYTES)
-        };
-    }
     let health = tonic_health::server::HealthService::from_health_reporter(reporter.clone());
     // grpcurl up to 1.8.6 knows only v1alpha; a client asks for health by reflection as for any other service.
     let reflection = || {
@@ -177,15 +169,15 @@ fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeEr
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
     Ok(Routes::default()
-        .add_service(limited!(ForceServiceServer::new(service.clone()), REQUEST_BYTES))
-        .add_service(limited!(SkinServiceServer::new(service.clone()), REQUEST_BYTES))
-        .add_service(limited!(CalibrationServiceServer::new(service.clone()), REQUEST_BYTES))
-        .add_service(limited!(ValidationServiceServer::new(service.clone()), REQUEST_BYTES))
-        .add_service(limited!(AuditServiceServer::new(service.clone()), REQUEST_BYTES))
-        .add_service(limited!(IngestServiceServer::new(service.clone()), REQUEST_BYTES))
-        .add_service(limited!(ModelServiceServer::new(service), MODELS_BYTES))
-        .add_service(limited!(tonic_health::pb::health_server::HealthServer::new(health), REQUEST_BYTES))
-        .add_service(limited!(reflection().build_v1()?, REQUEST_BYTES))
-        .add_service(limited!(reflection().build_v1alpha()?, REQUEST_BYTES))
+        .add_service(ForceServiceServer::new(service.clone()))
+        .add_service(SkinServiceServer::new(service.clone()))
+        .add_service(CalibrationServiceServer::new(service.clone()))
+        .add_service(ValidationServiceServer::new(service.clone()))
+        .add_service(AuditServiceServer::new(service.clone()))
+        .add_service(IngestServiceServer::new(service.clone()))
+        .add_service(ModelServiceServer::new(service).max_decoding_message_size(MODELS_BYTES))
+        .add_service(tonic_health::pb::health_server::HealthServer::new(health))
+        .add_service(reflection().build_v1()?)
+        .add_service(reflection().build_v1alpha()?)
         .prepare())
 }

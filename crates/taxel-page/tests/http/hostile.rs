@@ -5,11 +5,10 @@ use std::time::Duration;
 
 use taxel_engine::snapshot::Catalogue;
 use taxel_page::Limits;
-use taxel_rpc::{Role, Rules};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpSocket;
 
-use crate::fixture::{Daemon, EXPORTED_BYTES, model_set, patient, patient_with, snapshot, start, start_as, start_with};
+use crate::fixture::{Daemon, EXPORTED_BYTES, model_set, patient, patient_with, snapshot, start, start_with};
 
 /// Nothing that is waited for takes longer, on the slowest machine.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -95,15 +94,6 @@ async fn who_takes_nothing_of_a_large_answer_is_cut_off() {
     tokio::time::timeout(PATIENCE, freed).await.expect("its place is never free");
     let _ = peer.read_to_end(&mut all).await; // cut, and maybe with a reset
     assert!(all.len() < EXPORTED_BYTES, "it was cut");
-}
-
-#[tokio::test]
-async fn who_may_not_import_is_refused_and_reads_on() {
-    let daemon = start_as(patient(), Rules { loopback: Some(Role::Observer), ..Rules::default() }).await;
-    let answer = daemon.post(IMPORT, r#"{"json": "x"}"#).await;
-    assert!(answer.status == 401 && answer.body.contains("needs the role admin"), "{answer:?}");
-    daemon.engine.patch(0, snapshot(1));
-    still_serves(&daemon).await;
 }
 
 #[tokio::test]

@@ -185,7 +185,7 @@ async fn commands_beyond_the_queue_are_refused_at_once() {
 #[tokio::test]
 async fn requests_beyond_their_size_are_refused() {
     let channel = start().await.connect().await;
-    let patch = "x".repeat(65 << 10);
+    let patch = "x".repeat(5 << 20);
     let status = ForceServiceClient::new(channel.clone()).get_force(v1::PatchRequest { patch }).await.unwrap_err();
     expect(status, Code::OutOfRange, &[]);
     let request = |bytes| v1::ImportModelSetRequest { json: "x".repeat(bytes), insist: false };

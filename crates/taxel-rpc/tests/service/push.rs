@@ -272,15 +272,3 @@ async fn a_pusher_that_may_push_no_more_is_ended_and_no_later_scan_of_it_enters(
         }
     }
 }
-
-#[tokio::test]
-async fn a_pusher_that_the_new_rules_still_let_push_goes_on() {
-    let (mut daemon, access) = ruled(holder(Role::Operator));
-    let client = Client::begin_as(&mut daemon, Some("abc")).await;
-    for role in [Role::Operator, Role::Admin, Role::Operator] {
-        access.update(|_| holder(role));
-        client.push(scan(7)).await;
-        assert!(matches!(daemon.pushed.recv().await.unwrap().event, PushEvent::Scan(_)), "{role}");
-    }
-    drop(client.scans);
-}

@@ -99,7 +99,7 @@ async fn however_long_a_refusal_would_be_it_fits_into_the_headers_that_clients_t
 async fn what_the_libraries_refuse_has_a_reason_too() {
     let daemon = start().await;
     let channel = daemon.connect().await;
-    let request = v1::PatchRequest { patch: "x".repeat(65 << 10) };
+    let request = v1::PatchRequest { patch: "x".repeat(5 << 20) };
     let status = ForceServiceClient::new(channel.clone()).get_force(request).await.unwrap_err();
     assert_eq!((status.code(), reason(&status)), (Code::OutOfRange, ErrorReason::FieldInvalid));
     let request = HealthCheckRequest { service: "x.Y".to_owned() };
