@@ -73,7 +73,8 @@ impl Tls {
     pub(crate) async fn handshake(&self, io: TcpStream) -> Result<(TlsStream<TcpStream>, Certificate), String> {
         let config = Arc::clone(&self.config.read().unwrap_or_else(PoisonError::into_inner));
         let stream = TlsAcceptor::from(config).accept(io).await.map_err(|error| error.to_string())?;
-        let certificate = read_chain(stream.get_ref().1.peer_certificates().unwrap_or_default())?;
+        let chain = stream.get_ref().1.peer_certificates().unwrap_or_default();
+        let certificate = read_certificate(chain.first().ok_or("the client showed no certificate")?)?;
         Ok((stream, certificate))
     }
 }
@@ -112,15 +113,6 @@ fn certificates(path: &Path, text: &[u8]) -> Result<Vec<CertificateDer<'static>>
     if found.is_empty() { Err(wrong("there is no certificate in it".to_owned())) } else { Ok(found) }
 }
 
-/// What the first of a client's certificates says, good until the first of all ends: the others may be of authorities between
-/// it and the one that is trusted.
-fn read_chain(certificates: &[CertificateDer<'_>]) -> Result<Certificate, String> {
-    let read = certificates.iter().map(|der| read_certificate(der)).collect::<Result<Vec<_>, _>>()?;
-    let until = read.iter().map(|certificate| certificate.until).min();
-    let first = read.into_iter().next().zip(until).ok_or("the client showed no certificate")?;
-    Ok(Certificate { until: first.1, ..first.0 })
-}
-
 /// The names and the end of a certificate that was verified.
 fn read_certificate(der: &[u8]) -> Result<Certificate, String> {
     let unreadable = |error: x509_cert::der::Error| format!("the client certificate cannot be read: {error}");
@@ -141,28 +133,4 @@ fn read_certificate(der: &[u8]) -> Result<Certificate, String> {
         names.push(format!("CN={}", common.value()));
     }
     Ok(Certificate { names, until: content.validity().not_after.to_system_time() })
-}
-
-#[cfg(test)]
-mod tests {
-    use rcgen::{CertificateParams, KeyPair, date_time_ymd};
-
-    use super::*;
-
-    #[test]
-    fn a_chain_is_good_until_the_first_of_its_certificates_ends() {
-        let of = |year| {
-            let mut params = CertificateParams::new(vec![format!("{year}.example")]).unwrap();
-            params.not_after = date_time_ymd(year, 1, 1);
-            params.self_signed(&KeyPair::generate().unwrap()).unwrap().der().clone()
-        };
-        let until = |chain: &[CertificateDer<'_>]| read_chain(chain).unwrap();
-        let (early, late) = (of(2027), of(2030));
-        let alone = [&early, &late].map(|certificate| until(std::slice::from_ref(certificate)).until);
-        assert!(alone[0] < alone[1]);
-        let both = [until(&[late.clone(), early.clone()]), until(&[early, late])];
-        assert_eq!(both.each_ref().map(|both| both.until), [alone[0]; 2]);
-        assert_ne!(both[0].names, both[1].names, "each is of the name of its first");
-        assert_eq!(read_chain(&[]).unwrap_err(), "the client showed no certificate");
-    }
 }

@@ -34,12 +34,7 @@ pub(crate) struct Gate {
 }
 
 /// What a call was let through with.
-struct Admitted {
-    caller: Caller,
-    peer: Peer,
-    method: Method,
-    place: Held,
-}
+type Admitted = (Caller, Peer, Method, Held);
 
 impl Gate {
     pub(crate) const fn new(access: Access, shares: Arc<Shares>, refusals: Arc<Refusals>) -> Self {
@@ -55,7 +50,7 @@ impl Gate {
         let path = request.uri().path();
         let admitted = self.permitted(&peer.origin, path, request.headers()).and_then(|(caller, method)| {
             let place = method.takes.map(|what| self.shares.place(what, &caller)).transpose()?;
-            Ok(Admitted { caller, peer: peer.clone(), method, place: place.map(Arc::new) })
+            Ok((caller, peer.clone(), method, place.map(Arc::new)))
         });
         admitted.inspect_err(|status| {
             let origin = &peer.origin;
@@ -167,7 +162,7 @@ where
     }
 
     fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
-        let Admitted { caller, peer, method, place } = match self.gate.admit(&request) {
+        let (caller, peer, method, place) = match self.gate.admit(&request) {
             Ok(admitted) => admitted,
             Err(status) => return Box::pin(std::future::ready(Ok(status.into_http()))),
         };
