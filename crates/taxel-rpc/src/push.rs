@@ -80,7 +80,7 @@ impl Service {
                 Ok(next) => next.map_err(|status| completed(&status)),
                 Err(_) => {
                     let why = format!("no scan was pushed for {} s", pause.as_secs_f64());
-                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::NoPlace, why).into())
+                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::SkinSilent, why).into())
                 }
             },
         }
