@@ -98,7 +98,7 @@ private:
     };
 
     grpc::Status read(grpc::ClientContext& context) {
-        taxel::v1::StreamForceRequest request;
+        taxel::v1::StreamRequest request;
         request.set_patch(patch_);
         request.set_rate_hz(200.0);
         auto stream = stub_->StreamForce(&context, request);

@@ -5,9 +5,9 @@ use std::time::Duration;
 use anyhow::Context;
 use taxel_client::{Address, Forces, Line, Options, TlsOptions};
 use taxel_proto::code_name;
+use taxel_proto::v1::Health;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_proto::v1::{GetHealthRequest, Health};
 use tokio::sync::watch;
 use tonic::{Response, Status};
 
@@ -74,7 +74,7 @@ impl Daemon {
         tokio::spawn(async move {
             while !sender.is_closed() {
                 let mut skin = daemon.skin();
-                let told = answered_within(HEALTH_WITHIN, skin.get_health(GetHealthRequest {})).await;
+                let told = answered_within(HEALTH_WITHIN, skin.get_health(())).await;
                 sender.send_modify(|health| *health = told);
                 tokio::time::sleep(HEALTH_EVERY).await;
             }

@@ -1,7 +1,7 @@
 //! The samples of one stream.
 
 use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_proto::v1::{ForceSample, StreamForceRequest};
+use taxel_proto::v1::{ForceSample, StreamRequest};
 use tonic::{Status, Streaming};
 
 use crate::connect::Line;
@@ -21,7 +21,7 @@ impl Samples {
         patch: String,
         rate_hz: Option<f64>,
     ) -> Result<Self, Status> {
-        Ok(Self(client.stream_force(StreamForceRequest { patch, rate_hz }).await?.into_inner()))
+        Ok(Self(client.stream_force(StreamRequest { patch, rate_hz }).await?.into_inner()))
     }
 
     /// The next sample; `None` once the daemon has ended the stream. A call that is dropped loses no sample.

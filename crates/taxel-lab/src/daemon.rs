@@ -8,10 +8,7 @@ use taxel_engine::calibration::export::sample_row;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_proto::v1::{
-    ExportModelSetRequest, ExportSamplesRequest, GetSessionRequest, GetValidationRequest, ListModelSetsRequest, Load,
-    Session,
-};
+use taxel_proto::v1::{ExportModelSetRequest, ListRequest, Load, PatchRequest, Session, SessionRequest};
 
 /// Largest answer: a model set as text, with the framing around it.
 const ANSWER_BYTES_MAX: usize = 17 << 20;
@@ -85,7 +82,7 @@ impl Daemon {
     }
 
     async fn full_id(&self, wanted: &str) -> anyhow::Result<String> {
-        let request = ListModelSetsRequest { patch: self.patch.clone(), page_size: SETS_MAX, ..Default::default() };
+        let request = ListRequest { patch: self.patch.clone(), page_size: SETS_MAX, ..Default::default() };
         let sets = self.models().list_model_sets(request).await.map_err(refused)?.into_inner().model_sets;
         let mut ids: Vec<String> = sets.into_iter().map(|set| set.model_set).collect();
         if wanted == "newest" {
@@ -102,7 +99,7 @@ impl Daemon {
     /// # Errors
     /// No such session, or no daemon any more.
     pub async fn session(&self, session: u64) -> anyhow::Result<Session> {
-        let request = GetSessionRequest { session };
+        let request = SessionRequest { session };
         Ok(self.calibration().get_session(request).await.map_err(refused)?.into_inner())
     }
 
@@ -111,7 +108,7 @@ impl Daemon {
     /// # Errors
     /// No samples, not all of them, or no daemon any more.
     pub async fn samples(&self, session: u64) -> anyhow::Result<String> {
-        let request = ExportSamplesRequest { session };
+        let request = SessionRequest { session };
         let mut blocks = self.calibration().export_samples(request).await.map_err(refused)?.into_inner();
         let (mut table, mut first_ns, mut written, mut in_all) = (String::new(), None, 0, 0);
         while let Some(block) = blocks.message().await.map_err(refused)? {
@@ -133,7 +130,7 @@ impl Daemon {
     /// # Errors
     /// No such patch, or no daemon any more.
     pub async fn loads(&self, patch: &str) -> anyhow::Result<Vec<Load>> {
-        let request = GetValidationRequest { patch: patch.to_owned() };
+        let request = PatchRequest { patch: patch.to_owned() };
         let validation = ValidationServiceClient::new(self.line.clone()).get_validation(request).await;
         Ok(validation.map_err(refused)?.into_inner().loads)
     }

@@ -1,6 +1,7 @@
 //! A call inside the process: through the same services, checks and limits as any that comes over gRPC.
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 
 use axum::http::header::AUTHORIZATION;
 use axum::http::uri::PathAndQuery;
@@ -8,7 +9,7 @@ use axum::http::{HeaderMap, HeaderValue};
 use prost::Message;
 use prost_reflect::{DynamicMessage, MessageDescriptor};
 use taxel_proto::refusal::Refusal;
-use taxel_rpc::SharedServices;
+use taxel_rpc::{Seat, SharedServices};
 use tonic::client::Grpc;
 use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::metadata::MetadataMap;
@@ -20,6 +21,13 @@ use crate::methods::Method;
 /// No message of the daemon is longer; its own limit is 16 MiB.
 const MESSAGE_BYTES_MAX: usize = 32 << 20;
 
+/// The other end of a connection, among the extensions of each request.
+#[derive(Clone, Debug)]
+pub(crate) struct Client {
+    pub(crate) address: SocketAddr,
+    pub(crate) seat: Arc<Seat>,
+}
+
 /// Who calls: what the layers around the services may judge it by.
 #[derive(Clone, Debug)]
 pub(crate) struct Caller {
@@ -29,8 +37,8 @@ pub(crate) struct Caller {
 }
 
 impl Caller {
-    pub(crate) fn new(address: SocketAddr, headers: &HeaderMap) -> Self {
-        Self { address, authorization: headers.get_all(AUTHORIZATION).iter().cloned().collect() }
+    pub(crate) fn new(client: &Client, headers: &HeaderMap) -> Self {
+        Self { address: client.address, authorization: headers.get_all(AUTHORIZATION).iter().cloned().collect() }
     }
 
     /// A request of this caller.

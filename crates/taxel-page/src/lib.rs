@@ -11,7 +11,6 @@
 mod answer;
 mod assets;
 mod call;
-mod client;
 mod events;
 mod limits;
 mod methods;

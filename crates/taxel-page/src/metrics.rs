@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
-use prometheus_client::metrics::family::{Family, MetricConstructor};
+use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
@@ -32,25 +32,15 @@ type Labels = Vec<(&'static str, String)>;
 type Gauges = Family<Labels, Gauge<f64, AtomicU64>>;
 type Counters = Family<Labels, Counter>;
 
-/// Makes histograms with [`DURATIONS_S`].
-#[derive(Clone, Debug)]
-struct Durations;
-
-impl MetricConstructor<Histogram> for Durations {
-    fn new_metric(&self) -> Histogram {
-        Histogram::new(DURATIONS_S)
-    }
-}
-
 /// What is gathered between scrapes.
 pub(crate) struct Metrics {
-    durations: Family<Labels, Histogram, Durations>,
+    durations: Family<Labels, Histogram, fn() -> Histogram>,
 }
 
 impl Metrics {
     /// Nothing gathered yet.
     pub(crate) fn new() -> Self {
-        Self { durations: Family::new_with_constructor(Durations) }
+        Self { durations: Family::new_with_constructor(|| Histogram::new(DURATIONS_S)) }
     }
 
     /// A call over HTTP took so long.
@@ -62,7 +52,7 @@ impl Metrics {
     /// Everything now, as far as `caller` may read it.
     pub(crate) async fn text(&self, services: &SharedServices, caller: &Caller) -> Result<String, Status> {
         let mut skin = SkinServiceClient::new(services.clone());
-        let health = skin.get_health(caller.request(v1::GetHealthRequest {})).await?.into_inner();
+        let health = skin.get_health(caller.request(())).await?.into_inner();
         let mut sheet = Sheet::new();
         sheet.registry.register_with_unit(
             "http_call_duration",
@@ -80,9 +70,9 @@ impl Metrics {
         let mut calibration = CalibrationServiceClient::new(services.clone());
         let (mut samples, mut newest) = (Vec::new(), Vec::new());
         for v1::PatchHealth { patch, .. } in &health.patches {
-            let request = caller.request(v1::GetForceRequest { patch: patch.clone() });
+            let request = caller.request(v1::PatchRequest { patch: patch.clone() });
             samples.push(force.get_force(request).await?.into_inner());
-            let request = v1::ListSessionsRequest { patch: patch.clone(), page_size: 1, ..Default::default() };
+            let request = v1::ListRequest { patch: patch.clone(), page_size: 1, ..Default::default() };
             newest.extend(calibration.list_sessions(caller.request(request)).await?.into_inner().sessions);
         }
         forces(&mut sheet, &samples);

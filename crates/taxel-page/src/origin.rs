@@ -107,20 +107,6 @@ mod tests {
     }
 
     #[test]
-    fn two_names_or_none_are_refused() {
-        let two: HeaderMap = {
-            let mut two = headers(&[(HOST, "localhost")]);
-            two.append(HOST, "evil.example".parse().unwrap());
-            two
-        };
-        for headers in [&two, &HeaderMap::new()] {
-            assert!(check_host(&Uri::from_static("/"), headers, &[]).is_err());
-        }
-        let elsewhere = Uri::from_static("http://evil.example/");
-        assert!(check_host(&elsewhere, &headers(&[(HOST, "localhost")]), &[]).is_err());
-    }
-
-    #[test]
     fn a_page_from_elsewhere_gets_nothing_and_curl_needs_to_say_nothing() {
         let host = (HOST, "localhost:8080");
         let origin = |origin| check_origin(&headers(&[host.clone(), (ORIGIN, origin)])).is_ok();

@@ -13,7 +13,7 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
-use crate::client::Client;
+use crate::call::Client;
 use crate::limits::Limits;
 use crate::site::{Shows, Site, router};
 
@@ -98,13 +98,12 @@ struct Server {
 
 impl Server {
     fn admit(&mut self, io: TcpStream, address: SocketAddr, shutdown: CancellationToken) {
-        let Some(ticket) = self.connections.admit(&io, address.ip()) else { return };
+        let Some(seat) = self.connections.admit(&io, address.ip()) else { return };
         let _ = io.set_nodelay(true); // an event is small and must not wait for the next; without it it comes late
-        let service = self.router.clone().layer(Extension(Client { address, seat: ticket.seat() }));
+        let service = self.router.clone().layer(Extension(Client { address, seat }));
         let mut http = http1::Builder::new();
         http.timer(TokioTimer::new()).header_read_timeout(self.limits.head).max_buf_size(BUFFER_BYTES);
         self.tasks.spawn(async move {
-            let _ticket = ticket;
             let served = http.serve_connection(TokioIo::new(io), TowerToHyperService::new(service));
             tokio::pin!(served);
             let ended = tokio::select! {

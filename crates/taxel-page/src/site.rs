@@ -10,20 +10,18 @@ use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderMap, Method as Verb, StatusCode, Uri};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{MethodRouter, get};
+use axum::routing::get;
 use http_body_util::{BodyExt, LengthLimitError, Limited};
-use hyper::body::Body as _;
 use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use taxel_rpc::{Answer, SharedServices};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::Semaphore;
 use tonic::{Code, Status};
 
 use crate::answer::{JSON, hardened, json_of, refusal, refusal_as, wrong_method};
 use crate::assets;
-use crate::call::{Caller, streaming, unary};
-use crate::client::Client;
+use crate::call::{Caller, Client, streaming, unary};
 use crate::events::{Source, events};
 use crate::limits::Limits;
 use crate::methods::{Method, Methods};
@@ -59,8 +57,6 @@ pub(crate) struct Site {
     names: Vec<String>,
     limits: Limits,
     streams: Arc<Semaphore>,
-    /// Held while a body above [`BODY_BYTES_MAX`] is read.
-    large_body: Arc<Semaphore>,
 }
 
 type Shared = State<Arc<Site>>;
@@ -70,25 +66,15 @@ pub(crate) fn router(site: Site, shows: Shows) -> Router {
     let site = Arc::new(site);
     let mut router = Router::new();
     if shows != Shows::Page {
-        router = router.route("/metrics", only_read(get(metrics)));
+        router = router.route("/metrics", get(metrics));
     }
-    if shows == Shows::Metrics {
-        let elsewhere =
-            || async { refusal(&Refusal::not_found(ErrorReason::MethodUnknown, "the metrics are at /metrics").into()) };
-        router = router.fallback(elsewhere);
-    } else {
+    if shows != Shows::Metrics {
         for &(path, kind, content) in assets::FILES {
-            let file = get(move || async move { ([(CONTENT_TYPE, kind)], content) });
-            router = router.route(path, only_read(file));
+            router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
         }
-        router =
-            router.route("/methods", only_read(get(methods))).route("/streams", only_read(get(streams))).fallback(call);
+        router = router.route("/methods", get(methods)).route("/streams", get(streams)).fallback(call);
     }
     router.layer(from_fn_with_state(Arc::clone(&site), guard)).with_state(site)
-}
-
-fn only_read(get: MethodRouter<Arc<Site>>) -> MethodRouter<Arc<Site>> {
-    get.fallback(|| async { wrong_method("GET, HEAD", "this is only read") })
 }
 
 /// Before all paths: who may ask, and what every answer has. The connection is busy until the answer is out.
@@ -107,7 +93,7 @@ async fn guard(State(site): Shared, Extension(client): Extension<Client>, reques
 }
 
 async fn metrics(State(site): Shared, Extension(client): Extension<Client>, headers: HeaderMap) -> Response {
-    match site.metrics.text(&site.services, &Caller::new(client.address, &headers)).await {
+    match site.metrics.text(&site.services, &Caller::new(&client, &headers)).await {
         Ok(text) => ([(CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
         Err(status) => refusal(&status),
     }
@@ -118,7 +104,7 @@ async fn methods(State(site): Shared) -> Response {
 }
 
 async fn streams(State(site): Shared, Extension(client): Extension<Client>, uri: Uri, headers: HeaderMap) -> Response {
-    let caller = Caller::new(client.address, &headers);
+    let caller = Caller::new(&client, &headers);
     let answer = match calls_of(uri.query().unwrap_or_default()) {
         Ok(calls) => site.streams(calls, &caller).await,
         Err(status) => Err(status),
@@ -128,7 +114,7 @@ async fn streams(State(site): Shared, Extension(client): Extension<Client>, uri:
 
 /// A call by its path.
 async fn call(State(site): Shared, Extension(client): Extension<Client>, request: Request) -> Response {
-    let caller = Caller::new(client.address, request.headers());
+    let caller = Caller::new(&client, request.headers());
     site.call(request, &caller).await.unwrap_or_else(|status| refusal(&status))
 }
 
@@ -139,9 +125,9 @@ impl Site {
         names: Vec<String>,
         limits: Limits,
     ) -> Result<Self, prost_reflect::DescriptorError> {
-        let (streams, large_body) = (Arc::new(Semaphore::new(limits.streams)), Arc::new(Semaphore::new(1)));
+        let streams = Arc::new(Semaphore::new(limits.streams));
         let (metrics, methods) = (Metrics::new(), Methods::new()?);
-        Ok(Self { services, metrics, methods, names, limits, streams, large_body })
+        Ok(Self { services, metrics, methods, names, limits, streams })
     }
 
     async fn call(&self, request: Request, caller: &Caller) -> Result<Response, Status> {
@@ -165,13 +151,13 @@ impl Site {
             let wrong = Refusal::unreadable("expected the header Content-Type: application/json").into();
             return Ok(refusal_as(StatusCode::UNSUPPORTED_MEDIA_TYPE, &wrong));
         }
-        let (limit, place) = self.body_limit(method, request.body())?;
+        let limit = if method.takes_models() { MODELS_BYTES_MAX } else { BODY_BYTES_MAX };
         let body = match self.body(request.into_body(), limit).await {
             Ok(body) => body,
             Err(refused) => return Ok(refused),
         };
         let message = method.request(&body)?;
-        drop((body, place));
+        drop(body);
         let begun = Instant::now();
         let answer = unary(&self.services, method, caller.request(message)).await;
         let code = answer.as_ref().map_or_else(Status::code, |_| Code::Ok);
@@ -181,35 +167,21 @@ impl Site {
 
     /// The body of a request, or why there is none.
     async fn body(&self, body: Body, limit: usize) -> Result<Bytes, Response> {
-        let too_large = || {
-            let why = format!("the body is longer than {limit} bytes");
-            let long = Refusal::new(Code::OutOfRange, ErrorReason::FieldInvalid, why).into();
-            refusal_as(StatusCode::PAYLOAD_TOO_LARGE, &long)
-        };
-        if body.size_hint().lower() > limit as u64 {
-            return Err(too_large()); // at once: the rest may never come
-        }
-        match tokio::time::timeout(self.limits.body, Limited::new(body, limit).collect()).await {
-            Ok(Ok(body)) => Ok(body.to_bytes()),
-            Ok(Err(error)) if error.is::<LengthLimitError>() => Err(too_large()),
-            Ok(Err(error)) => Err(refusal(&Refusal::unreadable(format!("the body did not come: {error}")).into())),
+        let (http, status) = match tokio::time::timeout(self.limits.body, Limited::new(body, limit).collect()).await {
+            Ok(Ok(body)) => return Ok(body.to_bytes()),
+            Ok(Err(error)) if error.is::<LengthLimitError>() => {
+                let why = format!("the body is longer than {limit} bytes");
+                let long = Refusal::new(Code::OutOfRange, ErrorReason::FieldInvalid, why);
+                (StatusCode::PAYLOAD_TOO_LARGE, long)
+            }
+            Ok(Err(error)) => (StatusCode::BAD_REQUEST, Refusal::unreadable(format!("the body did not come: {error}"))),
             Err(_) => {
                 let why = format!("the body took longer than {:?}", self.limits.body);
-                let slow = Refusal::new(Code::DeadlineExceeded, ErrorReason::FieldInvalid, why).into();
-                Err(refusal_as(StatusCode::REQUEST_TIMEOUT, &slow))
+                let slow = Refusal::new(Code::DeadlineExceeded, ErrorReason::FieldInvalid, why);
+                (StatusCode::REQUEST_TIMEOUT, slow)
             }
-        }
-    }
-
-    /// How long the body may be, with the place that a large one takes.
-    fn body_limit(&self, method: &Method, body: &Body) -> Result<(usize, Option<OwnedSemaphorePermit>), Status> {
-        let is_small = body.size_hint().exact().is_some_and(|bytes| bytes <= BODY_BYTES_MAX as u64);
-        if is_small || !method.takes_models() {
-            return Ok((BODY_BYTES_MAX, None));
-        }
-        let place = Arc::clone(&self.large_body).try_acquire_owned();
-        let busy = |_| Refusal::exhausted(ErrorReason::NoPlace, "another model set is being sent: try again later");
-        Ok((MODELS_BYTES_MAX, Some(place.map_err(busy)?)))
+        };
+        Err(refusal_as(http, &status.into()))
     }
 
     /// The answer that carries the streams of these calls. All are begun before it is sent, so that a refusal of any is

@@ -116,10 +116,10 @@ function adviser() {
     const rate = s.rateKpaPerS;
     const falling = s.falling === true;
     const heed = (text, kind) => { heeded = { until: now + HEEDED_MS, advice: [text, kind] }; };
-    if (grew("tooFast")) heed("Slower: scans at this rate do not count", "bad");
-    else if (grew("gaugeSpike") || grew("noPressure")) heed("The gauge: its readings jump or do not come", "bad");
-    else if (grew("staleModule")) heed("A module is silent", "bad");
-    else if (grew("zeroInDoubt")) heed("The zero is in doubt: does something touch the skin?", "bad");
+    if (grew("too_fast")) heed("Slower: scans at this rate do not count", "bad");
+    else if (grew("gauge_spike") || grew("no_pressure")) heed("The gauge: its readings jump or do not come", "bad");
+    else if (grew("stale_module")) heed("A module is silent", "bad");
+    else if (grew("zero_in_doubt")) heed("The zero is in doubt: does something touch the skin?", "bad");
     before = refused;
     if (now < heeded.until) return heeded.advice;
     if (rate === undefined) return ["Waiting for the pressure", "warn"];
@@ -166,7 +166,7 @@ function ramping(signal) {
 
 function refusedText(refused = {}) {
   const all = Object.entries(refused).filter(([, n]) => Number(n) > 0);
-  return all.map(([name, n]) => `${n} ${name.replace(/[A-Z]/g, (c) => ` ${c.toLowerCase()}`)}`).join(", ") || "none";
+  return all.map(([name, n]) => `${n} ${name.replaceAll("_", " ")}`).join(", ") || "none";
 }
 
 /** Taxels without a usable model, by reason. */
@@ -180,10 +180,10 @@ export function excludedTable(set) {
 /** The figures of a set that tell it from another. */
 export function figures(set) {
   const usable = (set?.taxels ?? []).filter((t) => t.status === "ok");
-  const of = (name) => median(usable.map((t) => t[name]));
+  const of = (name) => median(usable.map((t) => t.figures?.[name]));
   return {
-    usable: usable.length, taxels: set?.taxels?.length ?? 0, rmse: of("rmseKpa"), swing: of("swingCounts"), order: of("order"),
-    hysteresis: of("hysteresisKpa"), baseline: of("baselineCounts"), noise: of("noiseCounts"), top: set?.summary?.pressureMaxKpa,
+    usable: usable.length, taxels: set?.taxels?.length ?? 0, rmse: of("rmse_kpa"), swing: of("swing_counts"), order: median(usable.map((t) => t.order)),
+    hysteresis: of("hysteresis_kpa"), baseline: of("baseline_counts"), noise: of("noise_counts"), top: set?.summary?.pressureMaxKpa,
   };
 }
 

@@ -140,7 +140,7 @@ export class SkinView {
   /** What fills a taxel: its pressure, or how far its count is from rest. */
   value(reading, taxel) {
     if (this.values === "kpa") return reading.pressureKpa;
-    const rest = state.modelSet?.taxels?.[taxel]?.baselineCounts ?? this.rest?.[taxel];
+    const rest = state.modelSet?.taxels?.[taxel]?.figures?.baseline_counts ?? this.rest?.[taxel];
     return reading.count === undefined || rest === undefined ? undefined : Math.abs(reading.count - rest);
   }
 

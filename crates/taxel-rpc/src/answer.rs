@@ -1,47 +1,28 @@
-//! The body of an answer, whose call and place last until its last byte is out.
+//! The body of an answer, whose call and place last until its last byte is on its way.
 
 use std::mem;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 
 use http_body::{Body, Frame, SizeHint};
 use taxel_proto::refusal::complete;
 use tonic::codegen::Bytes;
 
-use crate::connections::{Call, Waiting};
-use crate::shares::Place;
+use crate::connections::Call;
+use crate::shares::Held;
 
 /// A larger frame goes out in pieces of this size, so that a slow reader is seen to take something.
 const PIECE_BYTES: usize = 16 << 10;
 
-/// What an answer holds.
-#[derive(Debug)]
-struct Held {
-    call: Option<Call>,
-    _place: Option<Arc<Place>>,
-}
-
-/// A body under the eyes of the watch over connections.
+/// A body under the eyes of the watch over connections. hyper asks it for more while the peer has room for that: it is the
+/// peer's turn from when hyper has something, or has not asked yet, until hyper asks again.
 #[derive(Debug)]
 pub struct Answer<B> {
     body: B,
     /// What is left of its last frame.
     rest: Bytes,
-    held: Arc<Held>,
-}
-
-/// Bytes of an answer: the peer has taken them when they are dropped.
-struct Piece {
-    bytes: Bytes,
-    _waiting: Option<Waiting>,
-    _held: Arc<Held>,
-}
-
-impl AsRef<[u8]> for Piece {
-    fn as_ref(&self) -> &[u8] {
-        &self.bytes
-    }
+    call: Option<Call>,
+    _place: Held,
 }
 
 impl<B> Answer<B> {
@@ -50,15 +31,22 @@ impl<B> Answer<B> {
         Self::new(body, Some(call), None)
     }
 
-    pub(crate) fn new(body: B, call: Option<Call>, place: Option<Arc<Place>>) -> Self {
-        Self { body, rest: Bytes::new(), held: Arc::new(Held { call, _place: place }) }
+    pub(crate) fn new(body: B, call: Option<Call>, place: Held) -> Self {
+        let mut answer = Self { body, rest: Bytes::new(), call, _place: place };
+        answer.peers_turn(true);
+        answer
+    }
+
+    fn peers_turn(&mut self, is_peers: bool) {
+        if let Some(call) = &mut self.call {
+            call.waits(is_peers);
+        }
     }
 
     fn piece(&mut self, data: Bytes) -> Frame<Bytes> {
         self.rest = data;
-        let bytes = self.rest.split_to(self.rest.len().min(PIECE_BYTES));
-        let waiting = self.held.call.as_ref().map(Call::wait);
-        Frame::data(Bytes::from_owner(Piece { bytes, _waiting: waiting, _held: Arc::clone(&self.held) }))
+        self.peers_turn(true);
+        Frame::data(self.rest.split_to(self.rest.len().min(PIECE_BYTES)))
     }
 }
 
@@ -67,6 +55,7 @@ impl<B: Body<Data = Bytes> + Unpin> Body for Answer<B> {
     type Error = B::Error;
 
     fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, B::Error>>> {
+        self.peers_turn(false);
         if !self.rest.is_empty() {
             let rest = mem::take(&mut self.rest);
             return Poll::Ready(Some(Ok(self.piece(rest))));

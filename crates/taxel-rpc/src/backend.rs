@@ -3,35 +3,39 @@
 use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
 use taxel_engine::model_set::ModelSet;
-use taxel_proto::v1::RecordingHealth;
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::{ErrorReason, RecordingHealth};
 use tokio::sync::oneshot;
-use tonic::Status;
 
 use crate::push_line::PushLine;
-use crate::status::engine_stopped;
+use crate::status::{STOPPED, unavailable};
 
 /// What is done with an answer of the store, or with the reason why there is none. It may be called on any thread.
-pub type Told<T> = Box<dyn FnOnce(Result<T, String>) + Send>;
+pub type Told<T> = Box<dyn FnOnce(Result<T, Refusal>) + Send>;
 
 /// Why a daemon without a store has none of what is asked for.
 const NOT_KEPT: &str = "this daemon has no store";
+
+fn not_kept() -> Refusal {
+    Refusal::unavailable(ErrorReason::StoreUnavailable, NOT_KEPT)
+}
 
 /// The daemon around the engine: by default one that has nothing. Questions to the store return at once; their answers come
 /// later.
 pub trait Backend: Send + Sync {
     /// Reads the samples of a stored session.
     fn samples(&self, _session: u64, told: Told<SessionSamples>) {
-        told(Err(NOT_KEPT.to_owned()));
+        told(Err(not_kept()));
     }
 
     /// Reads the text of a stored model set.
     fn model_set(&self, _id: String, told: Told<String>) {
-        told(Err(NOT_KEPT.to_owned()));
+        told(Err(not_kept()));
     }
 
     /// Reads entries of the audit log: those with numbers below `before`, at most so many, newest first.
     fn audit(&self, _before: u64, _most: u32, told: Told<Vec<AuditEntry>>) {
-        told(Err(NOT_KEPT.to_owned()));
+        told(Err(not_kept()));
     }
 
     /// Whether the disk has room for what is kept for ever.
@@ -92,8 +96,9 @@ pub trait Backend: Send + Sync {
 pub(crate) async fn ask<T: Send + 'static, H: Send + 'static>(
     held: H,
     question: impl FnOnce(Told<T>),
-) -> Result<(Result<T, String>, H), Status> {
+) -> Result<(T, H), Refusal> {
     let (tell, told) = oneshot::channel();
     question(Box::new(move |answer| drop(tell.send((answer, held)))));
-    told.await.map_err(|_| engine_stopped())
+    let (answer, held) = told.await.map_err(|_| unavailable(STOPPED))?;
+    Ok((answer?, held))
 }

@@ -16,14 +16,12 @@ use tonic::{Request, Response, Status};
 use crate::access::caller::Caller;
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, caller, check_session, confirmed_by, held, list, strange_answer};
-use crate::status::{engine_stopped, invalid, shutting_down};
+use crate::service::{Reply, Service, caller, check_session, confirmed_by, held, list, strange_answer};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
-type Answer = Result<Response<v1::Session>, Status>;
-
 impl Service {
-    fn page_of_sessions(&self, request: &v1::ListSessionsRequest) -> Result<v1::ListSessionsResponse, Status> {
+    fn page_of_sessions(&self, request: &v1::ListRequest) -> Result<v1::ListSessionsResponse, Status> {
         if !request.patch.is_empty() {
             self.patch(&request.patch)?;
         }
@@ -37,7 +35,7 @@ impl Service {
 
 #[tonic::async_trait]
 impl CalibrationService for Service {
-    async fn start_session(&self, request: Request<v1::StartSessionRequest>) -> Answer {
+    async fn start_session(&self, request: Request<v1::StartSessionRequest>) -> Reply<v1::Session> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
@@ -49,9 +47,9 @@ impl CalibrationService for Service {
         self.session_command(&caller, "StartSession", command).await
     }
 
-    async fn advance_session(&self, request: Request<v1::AdvanceSessionRequest>) -> Answer {
+    async fn advance_session(&self, request: Request<v1::AdvanceSessionRequest>) -> Reply<v1::Session> {
         let caller = caller(&request)?;
-        let (session, action) = (numbered(request.get_ref().session)?, request.get_ref().action);
+        let (session, action) = (check_session(request.get_ref().session)?, request.get_ref().action);
         let command = match v1::SessionAction::try_from(action) {
             Ok(v1::SessionAction::StartRamp) => Command::StartRamp { session },
             Ok(v1::SessionAction::FinishRamp) => Command::FinishRamp { session },
@@ -65,41 +63,32 @@ impl CalibrationService for Service {
         self.session_command(&caller, "AdvanceSession", command).await
     }
 
-    async fn delete_session(
-        &self,
-        request: Request<v1::DeleteSessionRequest>,
-    ) -> Result<Response<v1::DeleteSessionResponse>, Status> {
+    async fn delete_session(&self, request: Request<v1::SessionRequest>) -> Reply<()> {
         let caller = caller(&request)?;
-        let session = numbered(request.get_ref().session)?;
+        let session = check_session(request.get_ref().session)?;
         match self.command(&caller, "DeleteSession", Command::DeleteSession { session }).await? {
-            Done::Deleted => Ok(Response::new(v1::DeleteSessionResponse {})),
+            Done::Deleted => Ok(Response::new(())),
             other => Err(strange_answer(&other)),
         }
     }
 
-    async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Answer {
+    async fn get_session(&self, request: Request<v1::SessionRequest>) -> Reply<v1::Session> {
         Ok(Response::new(self.message(&*self.session(request.get_ref().session)?)))
     }
 
-    async fn list_sessions(
-        &self,
-        request: Request<v1::ListSessionsRequest>,
-    ) -> Result<Response<v1::ListSessionsResponse>, Status> {
-        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
-        list(held, request.page_size, move || service.page_of_sessions(&request)).await
+    async fn list_sessions(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListSessionsResponse> {
+        let (request, service) = (request.into_inner(), self.clone());
+        list(move || service.page_of_sessions(&request)).await
     }
 
     type ExportSamplesStream = MessageStream<v1::SampleBlock>;
 
-    async fn export_samples(
-        &self,
-        request: Request<v1::ExportSamplesRequest>,
-    ) -> Result<Response<Self::ExportSamplesStream>, Status> {
+    async fn export_samples(&self, request: Request<v1::SessionRequest>) -> Reply<Self::ExportSamplesStream> {
         let session = self.session(request.get_ref().session)?.number;
-        Ok(Response::new(self.export(held(&request), session).await?))
+        Ok(Response::new(self.export(held(&request)?, session).await?))
     }
 
-    async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Result<Response<v1::Refit>, Status> {
+    async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Reply<v1::Refit> {
         let caller = caller(&request)?;
         let v1::RefitSessionsRequest { sessions, options } = request.into_inner();
         self.refit(&caller, &sessions, &options.unwrap_or_default()).await.map(Response::new)
@@ -107,19 +96,15 @@ impl CalibrationService for Service {
 
     type WatchSessionStream = MessageStream<v1::Session>;
 
-    async fn watch_session(
-        &self,
-        request: Request<v1::WatchSessionRequest>,
-    ) -> Result<Response<Self::WatchSessionStream>, Status> {
+    async fn watch_session(&self, request: Request<v1::SessionRequest>) -> Reply<Self::WatchSessionStream> {
         let number = request.get_ref().session;
-        let view = self.session(number)?;
-        let patch = self.patch(&view.patch)?;
+        let patch = self.patch(&self.session(number)?.patch)?;
         let live = self.handle.patches[patch].session.clone();
         let catalogue = self.handle.catalogue.clone();
-        let watch = Watch { service: self.clone(), number, live, catalogue, last: None, ended: false };
+        let watch = Watch { service: self.clone(), number, live, catalogue, last: None };
         Ok(Response::new(Box::pin(stream::unfold(watch, |mut watch| async {
-            let item = watch.next().await?;
-            Some((item, watch))
+            let view = watch.next().await.transpose()?;
+            Some((view.map(|view| watch.service.message(&view)), watch))
         }))))
     }
 }
@@ -131,7 +116,7 @@ impl Service {
         session(plan, view)
     }
 
-    async fn session_command(&self, caller: &Caller, name: &'static str, command: Command) -> Answer {
+    async fn session_command(&self, caller: &Caller, name: &'static str, command: Command) -> Reply<v1::Session> {
         match self.command(caller, name, command).await? {
             Done::Session(view) => Ok(Response::new(self.message(&view))),
             other => Err(strange_answer(&other)),
@@ -161,10 +146,6 @@ fn module_name(name: &v1::ModuleName) -> Result<(u8, u8), Status> {
     })
 }
 
-fn numbered(session: u64) -> Result<u64, Status> {
-    check_session(session).map(|()| session)
-}
-
 /// One watcher of one session.
 struct Watch {
     service: Service,
@@ -174,60 +155,41 @@ struct Watch {
     /// Where it changes once its patch is at another one.
     catalogue: watch::Receiver<Arc<Catalogue>>,
     last: Option<Arc<SessionView>>,
-    ended: bool,
 }
 
 impl Watch {
-    async fn next(&mut self) -> Option<Result<v1::Session, Status>> {
-        if self.ended {
-            return None;
+    /// The session as it is at first, then whenever it is not what was sent last; nothing after its end.
+    async fn next(&mut self) -> Result<Option<Arc<SessionView>>, Status> {
+        if self.last.as_ref().is_some_and(|last| has_ended(last.state)) {
+            return Ok(None);
         }
-        let shutdown = self.service.handle.shutdown.clone();
-        let next = tokio::select! {
-            biased;
-            () = shutdown.cancelled() => Err(shutting_down()),
-            view = self.changed() => view,
-        };
-        self.ended = next.as_ref().map_or(true, |view| has_ended(view.state));
-        Some(next.map(|view| {
-            let message = self.service.message(&view);
-            self.last = Some(view);
-            message
-        }))
-    }
-
-    /// The session as it is at first, then whenever it is not what was sent last.
-    async fn changed(&mut self) -> Result<Arc<SessionView>, Status> {
         loop {
             self.live.mark_unchanged();
             self.catalogue.mark_unchanged();
-            let view = self.service.session(self.number)?;
-            if self.last.as_ref() != Some(&view) {
+            let view = Some(self.service.session(self.number)?);
+            if self.last != view {
+                self.last.clone_from(&view);
                 return Ok(view);
             }
             let changed = tokio::select! {
+                biased;
+                () = self.service.handle.shutdown.cancelled() => return Err(unavailable(SHUTTING_DOWN).into()),
                 changed = self.live.changed() => changed,
                 changed = self.catalogue.changed() => changed,
             };
-            changed.map_err(|_| engine_stopped())?;
+            changed.map_err(|_| unavailable(STOPPED))?;
         }
     }
 }
 
 /// Whether nothing more comes of a session by itself or by another ramp.
 const fn has_ended(state: SessionState) -> bool {
-    match state {
-        SessionState::Active | SessionState::Discarded | SessionState::Aborted | SessionState::Failed => true,
-        SessionState::Taring
-        | SessionState::Ramping
-        | SessionState::Fitting
-        | SessionState::Review
-        | SessionState::Interrupted => false,
-    }
+    matches!(state, SessionState::Active | SessionState::Discarded | SessionState::Aborted | SessionState::Failed)
 }
 
 fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
-    let refused = |reason| view.refused.get(reason);
+    let refused = SampleRefusal::ALL.into_iter().map(|reason| (reason, view.refused.get(reason)));
+    let refused = refused.filter(|(_, scans)| *scans > 0);
     let limits = plan.map(|plan| plan.session).unwrap_or_default();
     v1::Session {
         session: view.number,
@@ -240,17 +202,7 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
         target_kpa: view.target_kpa,
         ramps: u32::from(view.ramps),
         accepted: view.accepted,
-        refused: Some(v1::RefusedScans {
-            not_rising: refused(SampleRefusal::NotRising),
-            too_fast: refused(SampleRefusal::TooFast),
-            no_pressure: refused(SampleRefusal::NoPressure),
-            stale_module: refused(SampleRefusal::StaleModule),
-            gauge_spike: refused(SampleRefusal::GaugeSpike),
-            full: refused(SampleRefusal::Full),
-            not_falling: refused(SampleRefusal::NotFalling),
-            zero_in_doubt: refused(SampleRefusal::ZeroInDoubt),
-            gauge_stuck: refused(SampleRefusal::GaugeStuck),
-        }),
+        refused: refused.map(|(reason, scans)| (reason.name().to_owned(), scans)).collect(),
         durable: view.durable,
         pressure_kpa: view.pressure_kpa.and_then(known),
         rate_kpa_per_s: view.rate_kpa_per_s.and_then(known),
@@ -268,11 +220,9 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
         left_out: plan.map(|plan| left_out(plan, view)).unwrap_or_default(),
         rise_max_kpa_per_s: limits.rise_max_kpa_per_s,
         fall_max_kpa_per_s: limits.fall_max_kpa_per_s,
-        fall_end_kpa: limits.fall_end.0,
         // The bag is judged by what the gauge itself reads.
         vented_below_kpa: limits.vented_below.0 - view.gauge_zero_kpa,
         look: view.look.to_vec(),
-        predecessor: view.predecessor,
         not_responding: view.not_responding.iter().map(|taxel| u32::from(*taxel)).collect(),
     }
 }

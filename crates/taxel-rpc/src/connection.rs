@@ -10,7 +10,7 @@ use tokio::io::{AsyncRead, AsyncWrite, BufWriter, ReadBuf};
 use tonic::transport::server::Connected;
 
 use crate::access::origin::Origin;
-use crate::connections::{Seat, Ticket};
+use crate::connections::Seat;
 
 /// Length of the client's preface, RFC 9113 section 3.4.
 const PREFACE_BYTES: usize = 24;
@@ -44,16 +44,13 @@ pub(crate) struct Connection {
     origin: Arc<Origin>,
     /// Bytes of the preface still to come.
     missing: usize,
-    ticket: Ticket,
+    seat: Arc<Seat>,
 }
 
 impl Connection {
-    pub(crate) fn new(io: Box<dyn Io>, origin: Origin, ticket: Ticket) -> Self {
-        if let Origin::Tls(_, certificate) = &origin {
-            ticket.seat().expire_at(certificate.until);
-        }
+    pub(crate) fn new(io: Box<dyn Io>, origin: Origin, seat: Arc<Seat>) -> Self {
         let io = BufWriter::with_capacity(WRITE_BUFFER_BYTES, io);
-        Self { io, origin: Arc::new(origin), missing: PREFACE_BYTES, ticket }
+        Self { io, origin: Arc::new(origin), missing: PREFACE_BYTES, seat }
     }
 }
 
@@ -64,7 +61,7 @@ impl AsyncRead for Connection {
         if self.missing > 0 {
             self.missing = self.missing.saturating_sub(buf.filled().len() - before);
             if self.missing == 0 {
-                self.ticket.seat().prove();
+                self.seat.prove();
             }
         }
         read
@@ -96,6 +93,6 @@ impl Connected for Connection {
     type ConnectInfo = Peer;
 
     fn connect_info(&self) -> Peer {
-        Peer { origin: Arc::clone(&self.origin), seat: Some(self.ticket.seat()) }
+        Peer { origin: Arc::clone(&self.origin), seat: Some(Arc::clone(&self.seat)) }
     }
 }

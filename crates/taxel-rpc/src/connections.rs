@@ -8,16 +8,15 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
-use std::io;
 use std::net::IpAddr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
 use nix::sys::socket::{Shutdown, shutdown};
 use tokio::time::MissedTickBehavior;
 
-use crate::access::origin::PeerKey;
+use crate::access::origin::peer_at;
 use crate::limits::Limits;
 use crate::refusals::Refusals;
 
@@ -42,39 +41,27 @@ struct Open {
 /// One connection, as the watch sees it.
 #[derive(Debug)]
 struct Entry {
-    key: PeerKey,
-    seat: Arc<Seat>,
+    peer: String,
     /// A copy of its descriptor.
     socket: OwnedFd,
-    /// Its progress at the last look, and how many looks ago that began to be all.
-    progress: u64,
-    looks: u32,
-}
-
-/// What a connection does.
-#[derive(Debug)]
-pub struct Seat(Mutex<Activity>);
-
-#[derive(Debug)]
-struct Activity {
     /// Whether the peer speaks the protocol.
     proven: bool,
-    /// Calls under way, until the last byte of their answers is out.
+    /// Calls under way, until the last byte of their answers is on its way.
     calls: usize,
-    /// Requests of which more has to come, and pieces of answers that are to be taken.
+    /// Calls of which something is to be taken.
     waiting: usize,
+    idle_since: Instant,
     /// Grows with each sign of life.
     progress: u64,
-    idle_since: Instant,
-    /// A connection does not outlive the certificate that it was opened with.
-    expires: Option<SystemTime>,
+    /// Its progress at the last look, and how many looks ago that began to be all.
+    seen: u64,
+    looks: u32,
 }
 
 /// A connection's place, until it is dropped.
 #[derive(Debug)]
-pub struct Ticket {
+pub struct Seat {
     number: u64,
-    seat: Arc<Seat>,
     connections: Connections,
 }
 
@@ -92,37 +79,36 @@ impl Connections {
 
     /// A place for a connection of this peer. If there is none, the longest idle connection is closed for it: one of the
     /// peer's own if it has all that one may have, first those that have proven nothing. `None` if none is idle.
-    pub(crate) fn arrive(&self, socket: &impl AsFd, key: PeerKey) -> Option<Ticket> {
-        let no_descriptor = |error: &io::Error| {
-            self.0.refusals.tell(("descriptor", &key), || format!("a connection was not accepted: {error}"));
-        };
-        let socket = socket.as_fd().try_clone_to_owned().inspect_err(no_descriptor).ok()?;
+    pub(crate) fn arrive(&self, socket: OwnedFd, peer: &str) -> Option<Arc<Seat>> {
         let limits = &self.0.limits;
         let mut open = self.open();
-        let of_peer = open.entries.values().filter(|entry| entry.key == key).count();
+        let of_peer = open.entries.values().filter(|entry| entry.peer == peer).count();
         let own = of_peer >= limits.connections_per_peer;
         if own || open.entries.len() >= limits.connections {
-            let candidates = open.entries.iter().filter(|(_, entry)| !own || entry.key == key);
-            let idle = candidates.filter_map(|(number, entry)| Some((entry.seat.idle()?, *number)));
-            let Some((_, number)) = idle.min() else {
+            let candidates = open.entries.iter().filter(|(_, entry)| !own || entry.peer == peer);
+            let idle = candidates.filter(|(_, entry)| entry.calls == 0);
+            let idle = idle.map(|(number, entry)| (entry.proven, entry.idle_since, *number));
+            let Some((.., number)) = idle.min() else {
                 drop(open);
                 let most = if own { limits.connections_per_peer } else { limits.connections };
-                self.0.refusals.tell(("connection", &key), || {
-                    format!("a connection of {key} was refused: {most} have calls under way, which is the limit")
+                self.0.refusals.tell(("connection", peer), || {
+                    format!("a connection of {peer} was refused: {most} have calls under way, which is the limit")
                 });
                 return None;
             };
             open.entries.remove(&number).iter().for_each(Entry::end);
         }
         open.arrived += 1;
-        let (number, seat) = (open.arrived, Arc::new(Seat::new()));
-        open.entries.insert(number, Entry { key, seat: Arc::clone(&seat), socket, progress: 0, looks: 0 });
-        Some(Ticket { number, seat, connections: self.clone() })
+        let number = open.arrived;
+        let (proven, calls, waiting, progress, seen, looks) = (false, 0, 0, 0, 0, 0);
+        let (peer, idle_since) = (peer.to_owned(), Instant::now());
+        open.entries.insert(number, Entry { peer, socket, proven, calls, waiting, idle_since, progress, seen, looks });
+        Some(Arc::new(Seat { number, connections: self.clone() }))
     }
 
     /// The same for a connection from this address.
-    pub fn admit(&self, socket: &impl AsFd, address: IpAddr) -> Option<Ticket> {
-        self.arrive(socket, PeerKey::of(address))
+    pub fn admit(&self, socket: &impl AsFd, address: IpAddr) -> Option<Arc<Seat>> {
+        self.arrive(socket.as_fd().try_clone_to_owned().ok()?, &peer_at(address))
     }
 
     /// Watches for ever.
@@ -132,34 +118,27 @@ impl Connections {
         looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             looks.tick().await;
-            self.look(SystemTime::now());
+            self.look();
         }
     }
 
-    fn look(&self, now: SystemTime) {
+    fn look(&self) {
         let Inner { limits, refusals, .. } = &*self.0;
         let mut ended = Vec::new();
         for entry in self.open().entries.values_mut() {
-            let activity = entry.seat.activity();
-            let (proven, waits) = (activity.proven, !activity.proven || activity.waiting > 0);
-            let expired = activity.expires.is_some_and(|expires| expires <= now);
-            entry.looks = if waits && activity.progress == entry.progress { entry.looks + 1 } else { 0 };
-            entry.progress = activity.progress;
-            drop(activity);
-            let most = if proven { limits.untaken_looks } else { limits.preface_looks };
-            if expired || entry.looks > most {
+            let waits = !entry.proven || entry.waiting > 0;
+            entry.looks = if waits && entry.progress == entry.seen { entry.looks + 1 } else { 0 };
+            entry.seen = entry.progress;
+            let most = if entry.proven { limits.untaken_looks } else { limits.preface_looks };
+            if entry.looks > most {
                 entry.end();
                 entry.looks = 0;
-                ended.push((entry.key.clone(), proven, expired));
+                ended.push((entry.peer.clone(), entry.proven));
             }
         }
-        for (key, proven, expired) in ended {
-            let why = match (proven, expired) {
-                (_, true) => "its certificate has expired",
-                (true, _) => "for too long it took nothing of an answer, or sent nothing more of a request",
-                (false, _) => "it sent no request in time",
-            };
-            refusals.tell(("ended", &key), || format!("a connection of {key} was closed: {why}"));
+        for (peer, proven) in ended {
+            let why = if proven { "for too long it took nothing of an answer" } else { "it sent no request in time" };
+            refusals.tell(("ended", &peer), || format!("a connection of {peer} was closed: {why}"));
         }
     }
 
@@ -179,93 +158,52 @@ impl Entry {
     }
 }
 
-impl Ticket {
-    /// What the connection does.
-    #[must_use]
-    pub fn seat(&self) -> Arc<Seat> {
-        Arc::clone(&self.seat)
-    }
-}
-
-impl Drop for Ticket {
+impl Drop for Seat {
     fn drop(&mut self) {
         self.connections.open().entries.remove(&self.number);
     }
 }
 
 impl Seat {
-    fn new() -> Self {
-        let (proven, calls, waiting, progress) = (false, 0, 0, 0);
-        Self(Mutex::new(Activity { proven, calls, waiting, progress, idle_since: Instant::now(), expires: None }))
-    }
-
-    fn activity(&self) -> MutexGuard<'_, Activity> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Whether it is proven and since when it has no call; `None` while it has one.
-    fn idle(&self) -> Option<(bool, Instant)> {
-        let activity = self.activity();
-        (activity.calls == 0).then_some((activity.proven, activity.idle_since))
-    }
-
-    fn sign(&self, change: impl FnOnce(&mut Activity)) {
-        let mut activity = self.activity();
-        activity.progress += 1;
-        change(&mut activity);
+    fn sign(&self, change: impl FnOnce(&mut Entry)) {
+        if let Some(entry) = self.connections.open().entries.get_mut(&self.number) {
+            entry.progress += 1;
+            change(entry);
+        }
     }
 
     /// The peer has shown that it speaks the protocol.
     pub(crate) fn prove(&self) {
-        self.sign(|activity| activity.proven = true);
-    }
-
-    pub(crate) fn expire_at(&self, time: SystemTime) {
-        self.activity().expires = Some(time);
+        self.sign(|entry| entry.proven = true);
     }
 
     /// A call is under way until this is dropped.
     #[must_use]
     pub fn begin(self: &Arc<Self>) -> Call {
-        self.sign(|activity| (activity.proven, activity.calls) = (true, activity.calls + 1));
-        Call(Arc::clone(self))
+        self.sign(|entry| (entry.proven, entry.calls) = (true, entry.calls + 1));
+        Call { seat: Arc::clone(self), waits: false }
     }
 }
 
 /// A call under way.
 #[derive(Debug)]
-pub struct Call(Arc<Seat>);
+pub struct Call {
+    seat: Arc<Seat>,
+    /// Whether it is the peer's turn to take something.
+    waits: bool,
+}
 
 impl Call {
-    /// It is the peer's turn until this is dropped.
-    pub(crate) fn wait(&self) -> Waiting {
-        self.0.activity().waiting += 1;
-        Waiting(Arc::clone(&self.0))
+    /// It is the peer's turn now, or not; either way the peer has done something.
+    pub(crate) fn waits(&mut self, waits: bool) {
+        self.seat.sign(|entry| entry.waiting = entry.waiting + usize::from(waits) - usize::from(self.waits));
+        self.waits = waits;
     }
 }
 
 impl Drop for Call {
     fn drop(&mut self) {
-        self.0.sign(|activity| {
-            activity.calls -= 1;
-            activity.idle_since = Instant::now();
-        });
-    }
-}
-
-/// It is the peer's turn to send more of a request, or to take a piece of an answer.
-#[derive(Debug)]
-pub(crate) struct Waiting(Arc<Seat>);
-
-impl Waiting {
-    /// The peer has done something.
-    pub(crate) fn renew(&self) {
-        self.0.sign(|_| {});
-    }
-}
-
-impl Drop for Waiting {
-    fn drop(&mut self) {
-        self.0.sign(|activity| activity.waiting -= 1);
+        self.waits(false);
+        self.seat.sign(|entry| (entry.calls, entry.idle_since) = (entry.calls - 1, Instant::now()));
     }
 }

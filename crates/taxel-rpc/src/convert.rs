@@ -45,11 +45,6 @@ pub(crate) fn known(figure: f64) -> Option<f64> {
     figure.is_finite().then_some(figure)
 }
 
-/// Whether any frame is in it: a value without one has no time and so no age.
-fn has_frame(snapshot: &PatchSnapshot) -> bool {
-    snapshot.seen
-}
-
 /// A sample of a stream: of each reason how many taxels it is about.
 pub(crate) fn force(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
     sample(plan, snapshot, sending, reasons::counted)
@@ -67,7 +62,8 @@ fn sample(
     cause: fn(&Reason) -> v1::ForceReason,
 ) -> v1::ForceSample {
     let force = &snapshot.force;
-    let framed = has_frame(snapshot);
+    // A value without any frame has no time and so no age.
+    let framed = snapshot.seen;
     let unseen = (!framed).then(|| Reason::new(ReasonCode::NoFrame, "no frame of this patch has come yet"));
     let reasons = || unseen.iter().chain(&force.reasons);
     let message = v1::ForceSample {
@@ -108,7 +104,7 @@ fn sample(
 }
 
 pub(crate) fn taxels(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::TaxelSample {
-    let framed = has_frame(snapshot);
+    let framed = snapshot.seen;
     let Sending { now, freshness, .. } = sending;
     let sent = |taxel| reading(&freshness.taxel(taxel, plan.live.stale_after, now), now);
     v1::TaxelSample {
@@ -207,11 +203,7 @@ fn drift(drift: &DriftView) -> v1::Drift {
     };
     v1::Drift {
         state: state.into(),
-        since: timestamp(drift.since_wall_ns),
         median_counts: known(drift.median_counts).unwrap_or_default(),
         max_counts: known(drift.max_counts).unwrap_or_default(),
-        sigma_counts: known(drift.sigma_counts).unwrap_or_default(),
-        modules_following: drift.following.0,
-        modules: drift.following.1,
     }
 }

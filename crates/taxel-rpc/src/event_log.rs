@@ -59,48 +59,7 @@ impl EventLog {
         self.kept().front().map_or(1, |(number, _)| *number)
     }
 
-    /// Events with numbers below `before` that `wanted` takes, at most so many, newest first.
-    pub(crate) fn page(&self, before: u64, most: usize, wanted: impl Fn(&Event) -> bool) -> Vec<Numbered> {
-        let kept = self.kept();
-        let older = kept.iter().rev().filter(|(number, event)| *number < before && wanted(event));
-        older.take(most).cloned().collect()
-    }
-
     fn kept(&self) -> MutexGuard<'_, VecDeque<Numbered>> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use taxel_engine::events::EventKind;
-
-    fn event(wall_ns: i64) -> Event {
-        Event {
-            wall_ns,
-            kind: EventKind::Tared,
-            patch: "palm".to_owned(),
-            text: String::new(),
-            taxels: Vec::new(),
-            session: None,
-            model_set: None,
-            bus: None,
-        }
-    }
-
-    #[test]
-    fn the_oldest_go_and_numbers_go_on() {
-        let log = EventLog::new();
-        assert_eq!((log.oldest(), log.page(u64::MAX, 10, |_| true).len()), (1, 0));
-        (0..EVENTS_MAX as i64 + 3).for_each(|k| log.push(event(k)));
-        let newest = EVENTS_MAX as u64 + 3;
-        assert_eq!((log.oldest(), *log.watch().borrow()), (4, newest));
-        let numbers = |page: Vec<Numbered>| page.into_iter().map(|(number, _)| number).collect::<Vec<_>>();
-        assert_eq!(numbers(log.page(u64::MAX, 2, |_| true)), [newest, newest - 1]);
-        assert_eq!(numbers(log.page(6, 9, |_| true)), [5, 4]);
-        assert_eq!(numbers(log.page(u64::MAX, 9, |event| event.wall_ns < 5)), [5, 4]);
-        assert_eq!(log.next(0, |_| true).map(|(number, event)| (number, event.wall_ns)), Some((4, 3)));
-        assert_eq!(log.next(newest, |_| true), None);
     }
 }

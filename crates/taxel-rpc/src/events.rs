@@ -1,6 +1,4 @@
-//! `ListEvents` and `WatchEvents`: the event log in pages, and as it goes on.
-
-use std::sync::Arc;
+//! What happened, as it is kept and as it goes on: for clients and for the recording.
 
 use futures_util::stream::{self, StreamExt};
 use taxel_engine::events::{Event, EventKind};
@@ -9,103 +7,94 @@ use tokio::sync::watch;
 use tonic::Status;
 
 use crate::convert::timestamp;
-use crate::event_log::{EventLog, Numbered};
-use crate::page::{before, page_size};
+use crate::handle::Handle;
 use crate::service::Service;
-use crate::status::{engine_stopped, invalid, shutting_down};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
-impl Service {
-    /// A page of events, newest first.
-    pub(crate) fn page_of_events(&self, request: &v1::ListEventsRequest) -> Result<v1::ListEventsResponse, Status> {
-        let wanted = self.wanted(&request.patch)?;
-        let size = page_size(request.page_size)?;
-        let before = before(&request.page_token)?;
-        // One more than is shown tells whether there is another page.
-        let mut page = self.handle.events.page(before, size + 1, wanted);
-        let more = page.len() > size;
-        page.truncate(size);
-        let next_page_token = page.last().filter(|_| more).map(|(number, _)| number.to_string()).unwrap_or_default();
-        Ok(v1::ListEventsResponse { events: page.iter().map(|event| message(event, 0)).collect(), next_page_token })
-    }
-
-    /// Events after a number, and those to come.
-    pub(crate) fn watch_events_of(&self, request: &v1::WatchEventsRequest) -> Result<MessageStream<v1::Event>, Status> {
-        let wanted = self.wanted(&request.patch)?;
-        let log = Arc::clone(&self.handle.events);
-        let newest = log.watch();
-        let present = *newest.borrow();
-        let last = request.after.unwrap_or(present);
-        if last > present {
-            let problem = "of the newest event is less: the daemon was started anew, and numbers too";
-            return Err(invalid("after", format_args!("is {last}, and the number {present} {problem}")));
-        }
-        let watch = Watch { service: self.clone(), log, newest, last, wanted, ended: false };
-        let next = |mut watch: Watch<_>| async { Some((watch.next().await?, watch)) };
-        Ok(stream::unfold(watch, next).boxed())
-    }
-
-    /// Whether an event is about a patch of this name; buses are about all. An empty name takes everything.
-    fn wanted(&self, patch: &str) -> Result<impl Fn(&Event) -> bool + Send + Sync + use<>, Status> {
-        if !patch.is_empty() {
-            self.patch(patch)?;
-        }
-        let patch = patch.to_owned();
-        Ok(move |event: &Event| patch.is_empty() || event.patch.is_empty() || event.patch == patch)
-    }
-}
-
-/// One watcher.
-struct Watch<F> {
-    service: Service,
-    log: Arc<EventLog>,
+/// All events, or those of one patch and of buses, one after the other.
+pub struct EventFollower {
+    handle: Handle,
     newest: watch::Receiver<u64>,
-    /// Number of the last event that went out, or was of no concern.
+    /// Number of the last event that was taken, or was of no concern.
     last: u64,
-    wanted: F,
-    ended: bool,
+    /// Empty for all.
+    patch: String,
 }
 
-impl<F: Fn(&Event) -> bool> Watch<F> {
-    async fn next(&mut self) -> Option<Result<v1::Event, Status>> {
-        if self.ended {
-            return None;
-        }
-        let shutdown = self.service.handle.shutdown.clone();
-        // The log lives as long as its readers: that the engine is gone shows in the health.
-        let mut health = self.service.handle.health.clone();
-        loop {
-            let present = *self.newest.borrow_and_update();
-            // What is no longer kept is counted, whatever it was about.
-            let skipped = self.log.oldest().saturating_sub(self.last + 1);
-            if let Some(event) = self.log.next(self.last, &self.wanted) {
-                self.last = event.0;
-                return Some(Ok(message(&event, skipped)));
-            }
+impl EventFollower {
+    /// Follows the events of this daemon, from the first that is still kept.
+    #[must_use]
+    pub fn new(handle: &Handle) -> Self {
+        Self { handle: handle.clone(), newest: handle.events.watch(), last: 0, patch: String::new() }
+    }
+
+    /// The next event that is kept; `None` if there is none yet.
+    fn kept(&mut self) -> Option<v1::Event> {
+        let present = *self.newest.borrow_and_update();
+        // What is no longer kept is counted, whatever it was about.
+        let skipped = self.handle.events.oldest().saturating_sub(self.last + 1);
+        let patch = self.patch.as_str();
+        let wanted = |event: &Event| patch.is_empty() || event.patch.is_empty() || event.patch == patch;
+        let Some((number, event)) = self.handle.events.next(self.last, wanted) else {
             self.last = self.last.max(present); // all of them were looked at
-            let ends = tokio::select! {
-                biased;
-                () = shutdown.cancelled() => shutting_down(),
-                changed = self.newest.changed() => match changed {
-                    Ok(()) => continue,
-                    Err(_) => engine_stopped(),
-                },
-                () = gone(&mut health) => engine_stopped(),
-            };
-            self.ended = true;
-            return Some(Err(ends));
+            return None;
+        };
+        self.last = number;
+        Some(message(number, &event, skipped))
+    }
+
+    /// The next event, as soon as there is one. `None` when nobody is left who could tell one.
+    pub async fn next(&mut self) -> Option<v1::Event> {
+        loop {
+            if let Some(event) = self.kept() {
+                return Some(event);
+            }
+            // The log lives as long as its readers: that the engine is gone shows in the health.
+            let mut health = self.handle.health.clone();
+            tokio::select! {
+                biased; // what was told before the end still comes
+                changed = self.newest.changed() => changed.ok()?,
+                () = async { while health.changed().await.is_ok() {} } => return None,
+            }
         }
     }
 }
 
-/// Ends when whoever sends is gone.
-async fn gone<T>(receiver: &mut watch::Receiver<T>) {
-    while receiver.changed().await.is_ok() {}
+impl Service {
+    /// Events after a number, and with `follow` those to come.
+    pub(crate) fn watch_events_of(&self, request: v1::WatchEventsRequest) -> Result<MessageStream<v1::Event>, Status> {
+        let v1::WatchEventsRequest { patch, after, follow } = request;
+        if !patch.is_empty() {
+            self.patch(&patch)?;
+        }
+        let events = EventFollower { last: after, patch, ..EventFollower::new(&self.handle) };
+        let present = *events.newest.borrow();
+        if after > present {
+            let problem = "of the newest event is less: the daemon was started anew, and numbers too";
+            return Err(invalid("after", format_args!("is {after}, and the number {present} {problem}")));
+        }
+        let next = async move |events: &mut EventFollower| {
+            if !follow {
+                return Ok(events.kept());
+            }
+            let shutdown = events.handle.shutdown.clone();
+            tokio::select! {
+                biased;
+                () = shutdown.cancelled() => Err(unavailable(SHUTTING_DOWN).into()),
+                event = events.next() => event.map(Some).ok_or_else(|| unavailable(STOPPED).into()),
+            }
+        };
+        let next = move |mut events: EventFollower| async move {
+            next(&mut events).await.transpose().map(|event: Result<v1::Event, Status>| (event, events))
+        };
+        Ok(stream::unfold(events, next).boxed())
+    }
 }
 
-pub(crate) fn message((number, event): &Numbered, skipped: u64) -> v1::Event {
+fn message(number: u64, event: &Event, skipped: u64) -> v1::Event {
     v1::Event {
-        number: *number,
+        number,
         time: timestamp(event.wall_ns),
         kind: kind(event.kind).into(),
         patch: event.patch.clone(),

@@ -9,8 +9,8 @@ use tonic::Status;
 
 use crate::backend::ask;
 use crate::convert::known;
-use crate::service::{Held, Service};
-use crate::status::samples_of;
+use crate::service::Service;
+use crate::shares::Held;
 use crate::stream::MessageStream;
 
 /// Samples of one message: of 230 taxels 125 kB.
@@ -19,13 +19,11 @@ const BLOCK_SAMPLES: usize = 500;
 impl Service {
     /// The samples of a session that exists, as a stream of blocks, at least one.
     pub(crate) async fn export(&self, held: Held, session: u64) -> Result<MessageStream<v1::SampleBlock>, Status> {
-        let (samples, _) = ask(held, |told| self.backend.samples(session, told)).await?;
-        let samples = samples_of(session, samples)?;
-        let view = self.sessions().into_iter().find(|view| view.number == session);
-        let plan =
-            view.as_ref().and_then(|view| self.handle.plan.patches.iter().find(|p| p.patch.name() == view.patch));
-        let head = view.as_deref().zip(plan).map(|(view, plan)| table_head(&plan.about(view), &samples));
-        let head = head.unwrap_or_default();
+        let samples = ask(held, |told| self.backend.samples(session, told)).await;
+        let (samples, _) = samples.map_err(|refusal| refusal.about("session", session))?;
+        let view = self.session(session)?; // as it is now that the samples are read
+        let plan = self.handle.plan.patches.iter().find(|plan| plan.patch.name() == view.patch);
+        let head = plan.map(|plan| table_head(&plan.about(&view), &samples)).unwrap_or_default();
         let blocks = samples.samples.len().div_ceil(BLOCK_SAMPLES).max(1);
         let message = move |number| {
             let table_head = if number == 0 { head.clone() } else { String::new() };

@@ -1,12 +1,11 @@
 //! Whether a snapshot is still fresh at the moment at which it is sent.
 //!
 //! The engine marks silent modules while it runs. A snapshot is judged again where it leaves, because it can grow old
-//! between: the engine may hang, and a stream at a fixed rate sends one snapshot many times. Whether a message is a force
-//! is [`judge`]'s to say, for sender and receiver alike; here it is withheld if it is not.
+//! between: the engine may hang, and a stream at a fixed rate sends one snapshot many times.
 
 use std::time::Duration;
 use taxel_engine::snapshot::TaxelState;
-use taxel_proto::judge::{self, judge, withheld};
+use taxel_proto::judge::{NoForce, withheld};
 use taxel_proto::v1::{ForceSample, ForceState, ReasonCode};
 use taxel_skin::Time;
 
@@ -15,8 +14,13 @@ use taxel_skin::Time;
 pub(crate) enum Freshness {
     /// It may be sent as it is; also a snapshot without a frame, since it carries no value.
     Fresh,
-    /// Its newest frame is older than the limit.
-    Old,
+    /// Its newest frame is so old, which is more than the limit.
+    Old {
+        /// Its age.
+        age: Duration,
+        /// How old it may be.
+        limit: Duration,
+    },
     /// The engine does not run, so nobody judges what comes over the bus.
     Stalled {
         /// For how long it has not run.
@@ -30,7 +34,7 @@ impl Freshness {
     pub(crate) fn of(newest: Option<Time>, limit: Duration, now: Time, stalled_for: Option<Duration>) -> Self {
         match (stalled_for, newest) {
             (Some(silence), _) => Self::Stalled { silence },
-            (None, Some(newest)) if now.since(newest) > limit => Self::Old,
+            (None, Some(newest)) if now.since(newest) > limit => Self::Old { age: now.since(newest), limit },
             (None, _) => Self::Fresh,
         }
     }
@@ -48,15 +52,16 @@ impl Freshness {
     /// The message as it goes out, of a patch with so many taxels: without its force if that is too old, or if the engine
     /// does not run.
     pub(crate) fn sent(self, sample: ForceSample, taxels: usize) -> ForceSample {
+        let has_force = matches!(sample.state(), ForceState::Ok | ForceState::Degraded);
         let (code, why) = match self {
             Self::Stalled { silence } => (ReasonCode::EngineStalled, not_run_for(silence)),
-            Self::Fresh | Self::Old => match judge(&sample, Duration::ZERO, None) {
-                Err(why @ judge::NoForce::TooOld(..)) => (why.code(), format!("the newest frame is {why}")),
-                Ok(_) | Err(judge::NoForce::State(..)) => return sample,
-            },
+            Self::Old { age, limit } if has_force => {
+                (ReasonCode::FrameOld, format!("the newest frame is {}", NoForce::TooOld(age, limit)))
+            }
+            Self::Fresh | Self::Old { .. } => return sample,
         };
         let mut sent = ForceSample { stale: taxels as u32, excluded: 0, ..withheld(&sample, code, why) };
-        if !matches!(sample.state(), ForceState::Ok | ForceState::Degraded) {
+        if !has_force {
             sent.reasons.extend(sample.reasons); // there was no force before either: both reasons hold
             sent.causes.extend(sample.causes);
         }
@@ -87,47 +92,6 @@ mod tests {
 
     fn ms(ms: i64) -> Time {
         Time::from_nanos(ms * 1_000_000)
-    }
-
-    fn message(state: ForceState, age_s: f64) -> ForceSample {
-        ForceSample {
-            state: state.into(),
-            total_n: Some(4.64),
-            age_s: Some(age_s),
-            max_age_s: 0.15,
-            reasons: vec!["bus 0: down".to_owned()],
-            active: 7,
-            model_set: "m-1".to_owned(),
-            ..ForceSample::default()
-        }
-    }
-
-    #[test]
-    fn a_snapshot_is_fresh_until_its_newest_frame_is_older_than_the_limit() {
-        for (newest, now_ms, stalled, expected) in [
-            (Some(ms(1_000)), 900, None, Freshness::Fresh),
-            (Some(ms(1_000)), 1_150, None, Freshness::Fresh),
-            (Some(ms(1_000)), 1_151, None, Freshness::Old),
-            (None, 9_000, None, Freshness::Fresh),
-            (None, 9_000, Some(LIMIT), Freshness::Stalled { silence: LIMIT }),
-        ] {
-            assert_eq!(Freshness::of(newest, LIMIT, ms(now_ms), stalled), expected, "at {now_ms} ms");
-        }
-    }
-
-    #[test]
-    fn what_is_too_old_goes_out_without_any_figure_and_with_the_reason() {
-        let old = Freshness::Old.sent(message(ForceState::Degraded, 6.04), 230);
-        assert_eq!((old.state(), old.total_n, old.active, old.stale), (ForceState::Stale, None, 0, 230));
-        assert_eq!((old.model_set.as_str(), old.uncovered_share), ("m-1", 1.0));
-        assert_eq!(old.reasons, ["the newest frame is 6040 ms old, more than 150 ms"]);
-        assert_eq!(old.causes[0].code(), ReasonCode::FrameOld);
-        let stalled = Freshness::Stalled { silence: Duration::from_millis(310) };
-        let sent = stalled.sent(message(ForceState::TareInvalid, 0.02), 230);
-        assert_eq!(sent.reasons, ["the engine has not run for 0.31 s", "bus 0: down"]);
-        assert_eq!((sent.state(), sent.causes[0].code()), (ForceState::Stale, ReasonCode::EngineStalled));
-        let good = message(ForceState::Ok, 0.02);
-        assert_eq!(Freshness::Fresh.sent(good.clone(), 230), good);
     }
 
     #[test]

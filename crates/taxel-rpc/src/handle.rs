@@ -8,11 +8,11 @@ use taxel_engine::command::{Command, Reply};
 use taxel_engine::events::Event;
 use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
-use taxel_skin::Time;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
 use crate::clock::{Clock, Clocks};
+use crate::convert::Sending;
 use crate::event_log::EventLog;
 use crate::freshness::Freshness;
 use crate::heartbeat::Heartbeat;
@@ -79,37 +79,29 @@ pub fn channel(
     clocks: Clocks,
     shutdown: CancellationToken,
 ) -> (Handle, Publisher, mpsc::Receiver<Request>) {
-    let Clocks { run: clock, process } = clocks;
-    let heartbeat = Arc::new(Heartbeat::new(process));
+    let heartbeat = Arc::new(Heartbeat::new(clocks.process));
     let (commands, requests) = mpsc::channel(COMMANDS_WAITING_MAX);
-    let (health, health_seen) = watch::channel(Arc::default());
-    let (catalogue, catalogue_seen) = watch::channel(Arc::default());
-    let beats = Arc::clone(&heartbeat);
+    let (to_health, health) = watch::channel(Arc::default());
+    let (to_catalogue, catalogue) = watch::channel(Arc::default());
     let (fits, events) = (Arc::new(Semaphore::new(1)), Arc::new(EventLog::new()));
-    let mut publisher = Publisher {
-        heartbeat: beats,
-        snapshots: Vec::new(),
-        sessions: Vec::new(),
+    let (snapshots, seen): (Vec<_>, Vec<_>) = plan.patches.iter().map(|_| watch::channel(Arc::default())).unzip();
+    let (sessions, at): (Vec<_>, Vec<_>) = plan.patches.iter().map(|_| watch::channel(None)).unzip();
+    let feeds = seen.into_iter().zip(at).map(|(snapshot, session)| PatchFeed { snapshot, session });
+    let handle = Handle {
+        commands,
+        patches: feeds.collect(),
         health,
         catalogue,
+        plan,
+        clock: clocks.run,
+        heartbeat: Arc::clone(&heartbeat),
+        shutdown,
         fits: Arc::clone(&fits),
         events: Arc::clone(&events),
     };
-    let mut patches = Vec::new();
-    for _ in &plan.patches {
-        let (to_snapshot, snapshot) = watch::channel(Arc::default());
-        let (to_session, session) = watch::channel(None);
-        publisher.snapshots.push(to_snapshot);
-        publisher.sessions.push(to_session);
-        patches.push(PatchFeed { snapshot, session });
-    }
-    let patches = patches.into();
-    let (health, catalogue) = (health_seen, catalogue_seen);
-    (
-        Handle { commands, patches, health, catalogue, plan, clock, heartbeat, shutdown, fits, events },
-        publisher,
-        requests,
-    )
+    let publisher =
+        Publisher { heartbeat, snapshots, sessions, health: to_health, catalogue: to_catalogue, fits, events };
+    (handle, publisher, requests)
 }
 
 impl Publisher {
@@ -135,17 +127,10 @@ impl Publisher {
         }
     }
 
-    /// The session of the patch at this position of the plan changed.
-    pub fn session(&self, position: usize, view: Arc<SessionView>) {
+    /// The session of the patch at this position of the plan changed; `None`: it was deleted.
+    pub fn session(&self, position: usize, view: Option<Arc<SessionView>>) {
         if let Some(sender) = self.sessions.get(position) {
-            sender.send_replace(Some(view));
-        }
-    }
-
-    /// The patch at this position of the plan has no session any more: it was deleted.
-    pub fn session_gone(&self, position: usize) {
-        if let Some(sender) = self.sessions.get(position) {
-            sender.send_replace(None);
+            sender.send_replace(view);
         }
     }
 
@@ -217,36 +202,16 @@ impl Handle {
         self.shutdown.is_cancelled()
     }
 
-    /// Whether this snapshot of the patch at this position of the plan is fresh when it is sent now.
-    pub(crate) fn freshness(&self, patch: usize, snapshot: &PatchSnapshot) -> Freshness {
-        self.freshness_at((self.clock)(), patch, snapshot)
-    }
-
-    /// The same at a moment on the run's clock that was just read.
-    pub(crate) fn freshness_at(&self, now: Time, patch: usize, snapshot: &PatchSnapshot) -> Freshness {
+    /// What sending this snapshot of the patch at this position of the plan now comes to, for a reader that did not get
+    /// `skipped` values before it.
+    pub(crate) fn sending(&self, patch: usize, snapshot: &PatchSnapshot, skipped: u64) -> Sending {
+        let (now, limit) = ((self.clock)(), self.plan.patches[patch].live.stale_after);
         let newest = snapshot.seen.then_some(snapshot.time);
-        Freshness::of(newest, self.stale_after(patch), now, self.heartbeat.stalled_for())
+        Sending { now, freshness: Freshness::of(newest, limit, now, self.stalled_for()), skipped }
     }
 
     /// Whether there is an engine's task at the other end, running or not.
     pub(crate) fn is_connected(&self) -> bool {
         self.health.has_changed().is_ok()
-    }
-
-    /// The age up to which a value of the patch at this position of the plan may be believed.
-    pub(crate) fn stale_after(&self, patch: usize) -> Duration {
-        self.plan.patches[patch].live.stale_after
-    }
-}
-
-impl std::fmt::Debug for Publisher {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Publisher").field("patches", &self.snapshots.len()).finish_non_exhaustive()
-    }
-}
-
-impl std::fmt::Debug for Handle {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Handle").field("patches", &self.patches.len()).finish_non_exhaustive()
     }
 }

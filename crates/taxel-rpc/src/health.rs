@@ -26,9 +26,8 @@ pub(crate) struct Report {
 impl Report {
     /// The first report, due before the first client can ask.
     pub(crate) async fn begin(handle: Handle, reporter: HealthReporter) -> Self {
-        let present = serving(&handle);
         let mut report = Self { handle, reporter, shown: [None; SERVICES.len()] };
-        report.show(present).await;
+        report.update().await;
         report
     }
 
@@ -59,7 +58,7 @@ impl Report {
 /// Whether each of [`SERVICES`] can do what it is for.
 fn serving(handle: &Handle) -> [bool; SERVICES.len()] {
     let connected = handle.is_connected();
-    let runs = connected && handle.heartbeat.stalled_for().is_none();
+    let runs = handle.stalled_for().is_none();
     let (all_up, store) = {
         let health = handle.health.borrow();
         // There are none before the first turn of the engine.
@@ -69,7 +68,7 @@ fn serving(handle: &Handle) -> [bool; SERVICES.len()] {
     let calibrates = buses && store.problem.is_none();
     let has_force = |(patch, feed): (usize, &PatchFeed)| {
         let snapshot = feed.snapshot.borrow();
-        snapshot.force.state <= ForceState::Degraded && handle.freshness(patch, &snapshot).is_fresh()
+        snapshot.force.state <= ForceState::Degraded && handle.sending(patch, &snapshot, 0).freshness.is_fresh()
     };
     let force = runs && handle.patches.iter().enumerate().all(has_force);
     // Model sets are read without the engine.

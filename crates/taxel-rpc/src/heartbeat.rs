@@ -58,31 +58,3 @@ impl Heartbeat {
 fn silence(last_ns: i64, now: Time) -> Duration {
     if last_ns == NEVER { Duration::ZERO } else { now.since(Time::from_nanos(last_ns)) }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::sync::Arc;
-
-    fn at() -> (Arc<AtomicI64>, Heartbeat) {
-        let now = Arc::new(AtomicI64::new(0));
-        let reads = Arc::clone(&now);
-        (now, Heartbeat::new(Arc::new(move || Time::from_nanos(reads.load(Ordering::Relaxed) * 1_000_000))))
-    }
-
-    #[test]
-    fn an_engine_is_stalled_when_its_last_turn_is_more_than_100_ms_ago() {
-        let (now_ms, heart) = at();
-        now_ms.store(5_000, Ordering::Relaxed);
-        assert_eq!(heart.stalled_for(), None, "it has not begun yet");
-        assert_eq!(heart.beat(), None);
-        for (ms, stalled_for) in
-            [(5_000, None), (5_060, None), (5_100, None), (5_101, Some(101)), (11_000, Some(6_000))]
-        {
-            now_ms.store(ms, Ordering::Relaxed);
-            assert_eq!(heart.stalled_for(), stalled_for.map(Duration::from_millis), "at {ms} ms");
-        }
-        assert_eq!(heart.beat(), Some(Duration::from_secs(6)), "the one that runs again learns how long it was away");
-        assert_eq!((heart.beat(), heart.stalled_for()), (None, None));
-    }
-}

@@ -7,7 +7,8 @@ use std::time::Duration;
 pub struct Limits {
     /// Connections at once. For a further one the longest idle connection is closed; an idle one costs about 24 KiB.
     pub connections: usize,
-    /// Of one peer: an account on the Unix socket, or an address.
+    /// Of one peer: an account on the Unix socket, or an address. So many more than it may have streams and long calls that
+    /// it always has one that is idle, which makes room for the next.
     pub connections_per_peer: usize,
     /// Streams at once over all connections. Measured elsewhere: 64 subscribers at 1 kHz stay below 1 ms at the 99th
     /// percentile on two cores.
@@ -16,12 +17,6 @@ pub struct Limits {
     pub streams_per_peer: usize,
     /// Of all, those that only operators can have.
     pub streams_reserved: usize,
-    /// Calls at once that do not stream, each until its answer is out. One holds up to [`Limits::request_bytes`].
-    pub calls: usize,
-    /// Of one peer.
-    pub calls_per_peer: usize,
-    /// Of all, those that only operators can have.
-    pub calls_reserved: usize,
     /// Calls at once that take tens of milliseconds or megabytes: imports, exports, proposals.
     pub long_calls: usize,
     /// Of one peer.
@@ -38,10 +33,6 @@ pub struct Limits {
     pub push_pause: Duration,
     /// How long a command may take. A tare watches the skin for up to a minute, as it is configured.
     pub command: Duration,
-    /// Largest request, in bytes; a request is a few names and numbers.
-    pub request_bytes: usize,
-    /// Largest ImportModelSet request, and largest answer, in bytes.
-    pub models_bytes: usize,
     /// A ping goes out after so long a silence of the peer ...
     pub keepalive_interval: Duration,
     /// ... and the connection is closed if it is not answered by then.
@@ -56,11 +47,8 @@ impl Default for Limits {
             connections: 128,
             connections_per_peer: 96,
             streams: 128,
-            streams_per_peer: 100,
+            streams_per_peer: 64,
             streams_reserved: 8,
-            calls: 96,
-            calls_per_peer: 64,
-            calls_reserved: 16,
             long_calls: 8,
             long_calls_per_peer: 4,
             long_calls_reserved: 2,
@@ -69,8 +57,6 @@ impl Default for Limits {
             untaken_looks: 10,
             push_pause: Duration::from_secs(10),
             command: Duration::from_secs(90),
-            request_bytes: 64 << 10,
-            models_bytes: 16 << 20,
             keepalive_interval: Duration::from_secs(10),
             keepalive_timeout: Duration::from_secs(5),
             drain: Duration::from_secs(2),

@@ -2,7 +2,8 @@
 
 use std::io;
 use std::net::SocketAddr;
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, OwnedFd};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,11 +13,10 @@ use tokio::net::unix::UCred;
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 
 use crate::access::accounts::look_up;
-use crate::access::origin::{Account, Origin, PeerKey};
+use crate::access::origin::{Account, Origin, peer_at};
 use crate::connection::{Connection, Io};
 use crate::connections::Connections;
 use crate::refusals::Refusals;
-#[cfg(feature = "tls")]
 use crate::tls::Tls;
 
 /// A failed accept mostly means that file descriptors ran out; it is tried again after this pause.
@@ -39,24 +39,26 @@ pub enum Listener {
     /// A Unix socket: its file's mode says who may connect, the kernel says who does.
     Unix(std::os::unix::net::UnixListener),
     /// TCP with TLS 1.3 and client certificates.
-    #[cfg(feature = "tls")]
     Tls(std::net::TcpListener, Tls),
 }
 
 /// The same on a runtime.
 enum Bound {
-    Tcp(TcpListener),
+    Tcp(TcpListener, Option<Tls>),
     Unix(UnixListener),
-    #[cfg(feature = "tls")]
-    Tls(TcpListener, Tls),
 }
 
+/// A connection with who is at its other end, or why that cannot be told.
+type Known = Result<(Box<dyn Io>, Origin), String>;
+
 /// A connection of which only its other end's address or account is known.
-enum Arrival {
-    Tcp(TcpStream, SocketAddr),
-    Unix(UnixStream, UCred),
-    #[cfg(feature = "tls")]
-    Tls(TcpStream, SocketAddr, Tls),
+struct Arrival {
+    /// A copy of its descriptor.
+    socket: OwnedFd,
+    /// Whose share of the service it takes.
+    peer: String,
+    /// The watch over connections ends a handshake that takes too long.
+    known: Pin<Box<dyn Future<Output = Known> + Send>>,
 }
 
 /// Accepts connections for ever on all listeners; no error of a connection ends it.
@@ -81,9 +83,9 @@ fn incoming(
     let arrivals = stream::unfold((bound, connections), |(bound, connections)| async {
         loop {
             match bound.accept().await {
-                Ok(arrival) => {
-                    if let Some(ticket) = connections.arrive(&arrival, arrival.key()) {
-                        return Some(((arrival, ticket), (bound, connections)));
+                Ok(Arrival { socket, peer, known }) => {
+                    if let Some(seat) = connections.arrive(socket, &peer) {
+                        return Some(((peer, known, seat), (bound, connections)));
                     }
                 }
                 Err(error) => {
@@ -93,18 +95,15 @@ fn incoming(
             }
         }
     });
-    let known = arrivals.map(move |(arrival, ticket)| {
+    let connected = arrivals.map(move |(peer, known, seat)| {
         let refusals = Arc::clone(&refusals);
         async move {
-            let key = arrival.key();
-            let known = arrival.known(&refusals).await;
-            let told =
-                known.inspect_err(|why| refusals.tell(("handshake", &key), || format!("no TLS with {key}: {why}")));
-            let (io, origin) = told.ok()?;
-            Some(Ok(Connection::new(io, origin, ticket)))
+            let refused = |why: &String| refusals.tell(("handshake", &peer), || format!("no TLS with {peer}: {why}"));
+            let (io, origin) = known.await.inspect_err(refused).ok()?;
+            Some(Ok(Connection::new(io, origin, seat)))
         }
     });
-    known.buffer_unordered(SIDE_BY_SIDE).filter_map(std::future::ready)
+    connected.buffer_unordered(SIDE_BY_SIDE).filter_map(std::future::ready)
 }
 
 impl Bound {
@@ -114,88 +113,50 @@ impl Bound {
             TcpListener::from_std(listener)
         };
         Ok(match listener {
-            Listener::Tcp(listener) => Self::Tcp(tcp(listener)?),
+            Listener::Tcp(listener) => Self::Tcp(tcp(listener)?, None),
+            Listener::Tls(listener, tls) => Self::Tcp(tcp(listener)?, Some(tls)),
             Listener::Unix(listener) => {
                 listener.set_nonblocking(true)?;
                 Self::Unix(UnixListener::from_std(listener)?)
             }
-            #[cfg(feature = "tls")]
-            Listener::Tls(listener, tls) => Self::Tls(tcp(listener)?, tls),
         })
     }
 
     async fn accept(&self) -> io::Result<Arrival> {
-        Ok(match self {
-            Self::Tcp(listener) => {
-                let (stream, address) = tcp(listener).await?;
-                Arrival::Tcp(stream, address)
-            }
+        match self {
             Self::Unix(listener) => {
                 let (stream, _) = listener.accept().await?;
-                let peer = stream.peer_cred()?;
-                Arrival::Unix(stream, peer)
+                let (socket, process) = (stream.as_fd().try_clone_to_owned()?, stream.peer_cred()?);
+                let peer = format!("user id {}", process.uid());
+                Ok(Arrival { socket, peer, known: Box::pin(of_account(stream, process)) })
             }
-            #[cfg(feature = "tls")]
-            Self::Tls(listener, tls) => {
-                let (stream, address) = tcp(listener).await?;
-                Arrival::Tls(stream, address, tls.clone())
+            Self::Tcp(listener, tls) => {
+                let (stream, address) = listener.accept().await?;
+                // A force sample is small and must not wait for the next.
+                stream.set_nodelay(true)?;
+                setsockopt(&stream, sockopt::TcpUserTimeout, &TCP_USER_TIMEOUT_MS)?;
+                let (socket, peer) = (stream.as_fd().try_clone_to_owned()?, peer_at(address.ip()));
+                Ok(Arrival { socket, peer, known: Box::pin(of_address(stream, address, tls.clone())) })
             }
-        })
-    }
-}
-
-async fn tcp(listener: &TcpListener) -> io::Result<(TcpStream, SocketAddr)> {
-    let (stream, address) = listener.accept().await?;
-    // A force sample is small and must not wait for the next.
-    stream.set_nodelay(true)?;
-    setsockopt(&stream, sockopt::TcpUserTimeout, &TCP_USER_TIMEOUT_MS)?;
-    Ok((stream, address))
-}
-
-impl AsFd for Arrival {
-    fn as_fd(&self) -> BorrowedFd<'_> {
-        match self {
-            Self::Tcp(stream, _) => stream.as_fd(),
-            Self::Unix(stream, _) => stream.as_fd(),
-            #[cfg(feature = "tls")]
-            Self::Tls(stream, ..) => stream.as_fd(),
         }
     }
 }
 
-impl Arrival {
-    fn key(&self) -> PeerKey {
-        match self {
-            Self::Tcp(_, address) => PeerKey::of(address.ip()),
-            Self::Unix(_, peer) => PeerKey::User(peer.uid()),
-            #[cfg(feature = "tls")]
-            Self::Tls(_, address, _) => PeerKey::of(address.ip()),
-        }
-    }
+async fn of_address(stream: TcpStream, address: SocketAddr, tls: Option<Tls>) -> Known {
+    let Some(tls) = tls else { return Ok((Box::new(stream), Origin::of_tcp(address))) };
+    let (stream, certificate) = tls.handshake(stream).await?;
+    Ok((Box::new(stream), Origin::Tls(address, certificate.into())))
+}
 
-    /// Who it is, or why that cannot be told. The watch over connections ends a handshake that takes too long.
-    async fn known(self, refusals: &Refusals) -> Result<(Box<dyn Io>, Origin), String> {
-        Ok(match self {
-            Self::Tcp(stream, address) => (Box::new(stream), Origin::of_tcp(address)),
-            Self::Unix(stream, peer) => {
-                let (uid, gid) = (peer.uid(), peer.gid());
-                let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid));
-                let account = match tokio::time::timeout(LOOK_UP_MAX, looked_up).await {
-                    Ok(Ok(account)) => account,
-                    _ => {
-                        refusals.tell(("account", &PeerKey::User(uid)), || {
-                            format!("user id {uid}: the system does not say who that is: no grant counts for it")
-                        });
-                        Account::nameless(uid)
-                    }
-                };
-                (Box::new(stream), Origin::Unix(account.into(), peer.pid()))
-            }
-            #[cfg(feature = "tls")]
-            Self::Tls(stream, address, tls) => {
-                let (stream, certificate) = tls.handshake(stream).await?;
-                (Box::new(stream), Origin::Tls(address, certificate.into()))
-            }
-        })
-    }
+async fn of_account(stream: UnixStream, process: UCred) -> Known {
+    let (uid, gid) = (process.uid(), process.gid());
+    let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid));
+    let account = match tokio::time::timeout(LOOK_UP_MAX, looked_up).await {
+        Ok(Ok(account)) => account,
+        _ => {
+            tracing::warn!("user id {uid}: the system does not say who that is: no grant counts for it");
+            Account { uid, user: None, groups: Vec::new() }
+        }
+    };
+    Ok((Box::new(stream), Origin::Unix(account.into(), process.pid())))
 }

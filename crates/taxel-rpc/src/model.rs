@@ -1,10 +1,11 @@
 //! `ModelService`: model sets as they are stored, and which is in use.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::known_set::{KnownSet, SetSummary};
-use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
-use taxel_model::{Curve, Quality, Sign, TaxelModel};
+use taxel_engine::model_set::{ModelSet, Recorded};
+use taxel_model::{Quality, Sign, TaxelModel};
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_server::ModelService;
@@ -12,14 +13,14 @@ use tonic::{Request, Response, Status};
 
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, aside, caller, held, line, list, strange_answer};
+use crate::service::{Reply, Service, aside, caller, held, list, strange_answer};
 use crate::status::invalid;
 
 /// Models in full that one answer may have: each has the curve at every count.
 const CURVES_MAX: usize = 32;
 
 impl Service {
-    fn page_of_sets(&self, request: &v1::ListModelSetsRequest) -> Result<v1::ListModelSetsResponse, Status> {
+    fn page_of_sets(&self, request: &v1::ListRequest) -> Result<v1::ListModelSetsResponse, Status> {
         if !request.patch.is_empty() {
             self.patch(&request.patch)?;
         }
@@ -34,15 +35,12 @@ impl Service {
 
 #[tonic::async_trait]
 impl ModelService for Service {
-    async fn list_model_sets(
-        &self,
-        request: Request<v1::ListModelSetsRequest>,
-    ) -> Result<Response<v1::ListModelSetsResponse>, Status> {
-        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
-        list(held, request.page_size, move || service.page_of_sets(&request)).await
+    async fn list_model_sets(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListModelSetsResponse> {
+        let (request, service) = (request.into_inner(), self.clone());
+        list(move || service.page_of_sets(&request)).await
     }
 
-    async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Result<Response<v1::ModelSet>, Status> {
+    async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Reply<v1::ModelSet> {
         let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch).await?;
         let curves = curves(&set, &request.curves)?;
@@ -53,21 +51,19 @@ impl ModelService for Service {
             gauge_gain_rel: set.gauge_gain_rel,
             gauge_offset_kpa: set.gauge_offset_kpa,
             taxels: set.taxels.iter().enumerate().map(|(taxel, model)| taxel_summary(&set, taxel, model)).collect(),
-            in_use: set.recorded.as_ref().map(in_use),
+            in_use: set.recorded.as_ref().map(in_use).unwrap_or_default(),
         }))
     }
 
     async fn activate_model_set(
         &self,
         request: Request<v1::ActivateModelSetRequest>,
-    ) -> Result<Response<v1::ActivateModelSetResponse>, Status> {
+    ) -> Reply<v1::ActivateModelSetResponse> {
         let caller = caller(&request)?;
         let v1::ActivateModelSetRequest { patch, model_set, expected } = request.into_inner();
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
-        line("model_set", &model_set, ID_BYTES_MAX, "an id")?;
-        line("expected", expected.as_deref().unwrap_or_default(), ID_BYTES_MAX, "an id")?;
         let patch = self.plan(self.patch(&patch)?).patch.name().to_owned();
         match self.command(&caller, "ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
             Done::Activated { model_set, previous } => {
@@ -78,102 +74,72 @@ impl ModelService for Service {
         }
     }
 
-    async fn export_model_set(
-        &self,
-        request: Request<v1::ExportModelSetRequest>,
-    ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
-        let (held, request) = (held(&request), request.into_inner());
+    async fn export_model_set(&self, request: Request<v1::ExportModelSetRequest>) -> Reply<v1::ExportModelSetResponse> {
+        let (held, request) = (held(&request)?, request.into_inner());
         let set = self.model_set(&request.model_set, &request.patch).await?;
         let (model_set, backend) = (set.id.clone(), Arc::clone(&self.backend));
         let json = aside(held, move || backend.to_json(&set)).await?.map_err(Refusal::fault)?;
         Ok(Response::new(v1::ExportModelSetResponse { model_set, json }))
     }
 
-    async fn import_model_set(
-        &self,
-        request: Request<v1::ImportModelSetRequest>,
-    ) -> Result<Response<v1::ImportModelSetResponse>, Status> {
-        let (caller, held) = (caller(&request)?, held(&request));
+    async fn import_model_set(&self, request: Request<v1::ImportModelSetRequest>) -> Reply<v1::ImportModelSetResponse> {
+        let (caller, held) = (caller(&request)?, held(&request)?);
         let v1::ImportModelSetRequest { json, insist } = request.into_inner();
         let backend = Arc::clone(&self.backend);
         let set = aside(held, move || backend.read_foreign_json(&json)).await?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
-        printable(&model_set)?;
         match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
             other => Err(strange_answer(&other)),
         }
     }
 
-    async fn delete_model_set(
-        &self,
-        request: Request<v1::DeleteModelSetRequest>,
-    ) -> Result<Response<v1::DeleteModelSetResponse>, Status> {
+    async fn delete_model_set(&self, request: Request<v1::DeleteModelSetRequest>) -> Reply<()> {
         let caller = caller(&request)?;
         let model_set = request.into_inner().model_set;
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
-        line("model_set", &model_set, ID_BYTES_MAX, "an id")?;
         match self.command(&caller, "DeleteModelSet", Command::DeleteModelSet { model_set }).await? {
-            Done::Deleted => Ok(Response::new(v1::DeleteModelSetResponse {})),
+            Done::Deleted => Ok(Response::new(())),
             other => Err(strange_answer(&other)),
         }
     }
 }
 
-/// Longer is no id of a model set.
-const ID_BYTES_MAX: usize = 256;
-
-/// Texts of a set from elsewhere are shown on terminals.
-fn printable(set: &ModelSet) -> Result<(), Status> {
-    let settings = set.board_settings.iter().map(|line| ("board_settings", line));
-    let origins = set.recalibrated.iter().flat_map(|of| of.earlier.iter().chain([&of.derived_from]));
-    let origins = origins.map(|id| ("recalibrated", id));
-    let texts =
-        [("id", &set.id), ("method", &set.method), ("patch", &set.patch)].into_iter().chain(settings).chain(origins);
-    let odd = |(name, text): (&str, &String)| Some((name.to_owned(), taxel_skin::unprintable(text)?));
-    texts.into_iter().find_map(odd).map_or(Ok(()), |(name, odd)| {
-        let code = u32::from(odd);
-        Err(invalid(
-            "json",
-            format_args!("`{name}` has the unprintable character U+{code:04X}, expected one line of text"),
-        ))
-    })
-}
-
 impl Service {
+    /// What a set is.
     pub(crate) fn summary(&self, set: &SetSummary) -> v1::ModelSetSummary {
-        summary(set, self.active(&set.patch).as_deref() == Some(set.id.as_str()))
+        v1::ModelSetSummary {
+            model_set: set.id.clone(),
+            patch: set.patch.clone(),
+            created: timestamp(set.created_wall_ns),
+            session: set.session,
+            method: set.method.clone(),
+            taxels: set.taxels as u32,
+            calibrated: set.calibrated as u32,
+            pressure_max_kpa: set.pressure_max_kpa,
+            active: self.active(&set.patch).as_deref() == Some(set.id.as_str()),
+            derived_from: set.origins.first().cloned().unwrap_or_default(),
+            recalibration_gain: set.recalibration_gain,
+        }
     }
 }
 
-/// What a set is; `active`: whether it is in use.
-pub(crate) fn summary(set: &SetSummary, active: bool) -> v1::ModelSetSummary {
-    v1::ModelSetSummary {
-        model_set: set.id.clone(),
-        patch: set.patch.clone(),
-        created: timestamp(set.created_wall_ns),
-        session: set.session,
-        method: set.method.clone(),
-        taxels: set.taxels as u32,
-        calibrated: set.calibrated as u32,
-        pressure_max_kpa: set.pressure_max_kpa,
-        active,
-        derived_from: set.origins.first().cloned().unwrap_or_default(),
-        recalibration_gain: set.recalibration_gain,
-    }
+/// Those figures that are known, by their names.
+fn figures<const N: usize>(all: [(&str, Option<f64>); N]) -> BTreeMap<String, f64> {
+    all.into_iter().filter_map(|(name, figure)| Some((name.to_owned(), known(figure?)?))).collect()
 }
 
-fn in_use(recorded: &Recorded) -> v1::InUse {
+fn in_use(recorded: &Recorded) -> BTreeMap<String, f64> {
     let with_plays = recorded.taxels.iter().flatten().filter(|taxel| taxel.plays.is_some()).count();
-    v1::InUse {
-        smooth_s: recorded.smooth_s,
-        lag_s: recorded.lag_s,
-        zero_return_counts: recorded.zero_return.map(|zero| zero.rms),
-        plays_error_ratio: recorded.plays_error_ratio.and_then(known),
-        taxels_with_plays: with_plays as u32,
-    }
+    figures([
+        ("smooth_s", Some(recorded.smooth_s)),
+        ("lag_s", Some(recorded.lag_s)),
+        ("zero_return_counts", recorded.zero_return.map(|zero| zero.rms)),
+        ("plays_error_ratio", recorded.plays_error_ratio),
+        ("taxels_with_plays", Some(with_plays as f64)),
+    ])
 }
 
 fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelModelSummary {
@@ -183,13 +149,15 @@ fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelM
         status: model.status.code().to_owned(),
         status_text: model.status.to_string(),
         order: u32::from(model.order),
-        rmse_kpa: model.curve.as_ref().and_then(|_| known(model.quality.rmse_kpa)),
-        swing_counts: model.quality.swing_counts,
-        baseline_counts: rest.and_then(|rest| known(rest.mean)),
-        noise_counts: rest.and_then(|rest| known(rest.noise)),
-        rmse_in_use_kpa: in_use.and_then(|taxel| known(taxel.rmse_kpa)),
-        hysteresis_kpa: in_use.and_then(|taxel| taxel.hysteresis_kpa).and_then(known),
-        has_plays: set.plays(taxel).is_some(),
+        figures: figures([
+            ("rmse_kpa", model.curve.as_ref().map(|_| model.quality.rmse_kpa)),
+            ("swing_counts", Some(model.quality.swing_counts)),
+            ("baseline_counts", rest.map(|rest| rest.mean)),
+            ("noise_counts", rest.map(|rest| rest.noise)),
+            ("rmse_in_use_kpa", in_use.map(|taxel| taxel.rmse_kpa)),
+            ("hysteresis_kpa", in_use.and_then(|taxel| taxel.hysteresis_kpa)),
+            ("sensitivity_counts_per_kpa", in_use.map(|taxel| taxel.sensitivity)),
+        ]),
     }
 }
 
@@ -214,41 +182,28 @@ fn taxel_model(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelMod
     v1::TaxelModel {
         summary: Some(taxel_summary(set, taxel, model)),
         coefficients: model.raw_coefficients.clone(),
-        curve: model.curve.as_ref().map(curve),
         count_min: range.map(|[low, _]| low),
         count_max: range.map(|[_, high]| high),
         falling: model.sign == Sign::Falling,
         repaired: model.repaired,
         estimator: model.estimator.name().to_owned(),
-        quality: Some(quality(&model.quality, set.in_use(taxel))),
+        quality: quality(&model.quality),
         notes: model.flags.iter().map(ToString::to_string).collect(),
         points: points(model),
-        plays: set.plays(taxel).map(|plays| v1::Plays {
-            curve: Some(curve(&plays.curve)),
-            count_min: plays.range[0],
-            count_max: plays.range[1],
-            radii_counts: plays.radii_counts.to_vec(),
-            weights_kpa: plays.weights_kpa.to_vec(),
-        }),
     }
 }
 
-fn curve(curve: &Curve) -> v1::Curve {
-    v1::Curve { centre: curve.centre, half_width: curve.half_width, chebyshev_kpa: curve.chebyshev.clone() }
-}
-
-fn quality(quality: &Quality, in_use: Option<&RecordedTaxel>) -> v1::ModelQuality {
-    v1::ModelQuality {
-        samples: quality.samples,
-        distinct_counts: quality.distinct_counts,
-        rank: u32::from(quality.rank),
-        max_leverage: quality.max_leverage,
-        press_kpa: quality.press_kpa.and_then(known),
-        pure_error_kpa: quality.pure_error_kpa.and_then(known),
-        repeatability_kpa: quality.repeatability_kpa.and_then(known),
-        interval_kpa: quality.interval_kpa.and_then(known),
-        sensitivity_counts_per_kpa: in_use.and_then(|taxel| known(taxel.sensitivity)),
-    }
+fn quality(quality: &Quality) -> BTreeMap<String, f64> {
+    figures([
+        ("samples", Some(quality.samples as f64)),
+        ("distinct_counts", Some(f64::from(quality.distinct_counts))),
+        ("rank", Some(f64::from(quality.rank))),
+        ("max_leverage", Some(quality.max_leverage)),
+        ("press_kpa", quality.press_kpa),
+        ("pure_error_kpa", quality.pure_error_kpa),
+        ("repeatability_kpa", quality.repeatability_kpa),
+        ("interval_kpa", quality.interval_kpa),
+    ])
 }
 
 /// The curve at each whole 8-bit count of the calibrated range, also of a curve that may not be used.

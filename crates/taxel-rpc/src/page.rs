@@ -24,11 +24,6 @@ pub(crate) fn before(token: &str) -> Result<u64, Status> {
     }
 }
 
-/// Whether making a page of so many items takes long enough to delay the streams.
-pub(crate) const fn is_long(size: u32) -> bool {
-    size as usize > SIZE_DEFAULT
-}
-
 /// A page of `items`, which are oldest first. Gives the items newest first, and the token of the next page or nothing.
 ///
 /// The token is the name of the last item shown: positions move when an item is deleted, names do not.
@@ -58,23 +53,6 @@ pub(crate) fn page<T: Clone>(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn pages_give_every_item_once_newest_first() {
-        let items: Vec<u32> = (0..25).collect();
-        let (mut seen, mut token) = (Vec::new(), String::new());
-        loop {
-            let (page, next) = page(&items, 4, &token, u32::to_string, |n| n % 2 == 0).unwrap();
-            assert!(!page.is_empty() && page.len() <= 4);
-            seen.extend(page);
-            token = next;
-            if token.is_empty() {
-                break;
-            }
-        }
-        let even_down: Vec<u32> = (0..25).rev().filter(|n| n % 2 == 0).collect();
-        assert_eq!(seen, even_down);
-    }
 
     #[test]
     fn what_is_deleted_between_two_pages_hides_nothing_else() {

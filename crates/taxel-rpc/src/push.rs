@@ -18,8 +18,8 @@ use tonic::{Code, Request, Response, Status, Streaming};
 use crate::access::layer::Standing;
 use crate::arrivals::{Arrivals, LOOK_EVERY};
 use crate::push_line::Pusher;
-use crate::service::{Service, caller, strange_answer};
-use crate::status::{engine_stopped, invalid, shutting_down};
+use crate::service::{Reply, Service, caller, noted, strange_answer};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
 /// What a bag, a chamber or a gauge that is a little off can read.
@@ -35,11 +35,8 @@ const ANSWERS_MAX: usize = 2;
 impl IngestService for Service {
     type PushScansStream = MessageStream<v1::PushScansResponse>;
 
-    async fn push_scans(
-        &self,
-        mut request: Request<Streaming<v1::PushScansRequest>>,
-    ) -> Result<Response<Self::PushScansStream>, Status> {
-        let (caller, mut standing) = (caller(&request)?, Standing::take(&mut request)?);
+    async fn push_scans(&self, request: Request<Streaming<v1::PushScansRequest>>) -> Reply<Self::PushScansStream> {
+        let (caller, standing): (_, Standing) = (caller(&request)?, noted(&request)?);
         let mut messages = request.into_inner();
         let first = self.next_of(&mut messages).await?;
         let arrivals = Arrivals::begin((self.handle.clock)()); // what comes from here on waits for the engine's answer
@@ -78,12 +75,12 @@ impl Service {
     ) -> Result<Option<v1::PushScansRequest>, Status> {
         let pause = self.limits.push_pause;
         tokio::select! {
-            () = self.handle.shutdown.cancelled() => Err(shutting_down()),
+            () = self.handle.shutdown.cancelled() => Err(unavailable(SHUTTING_DOWN).into()),
             next = tokio::time::timeout(pause, messages.message()) => match next {
                 Ok(next) => next.map_err(|status| completed(&status)),
                 Err(_) => {
                     let why = format!("no scan was pushed for {} s", pause.as_secs_f64());
-                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::NoPlace, why).into())
+                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::SkinSilent, why).into())
                 }
             },
         }
@@ -169,7 +166,7 @@ impl PushStream {
         self.scans += 1;
         self.standing.check()?;
         if !self.pusher.is_connected() {
-            return Err(engine_stopped());
+            return Err(unavailable(STOPPED).into());
         }
         let plan = self.service.plan(self.patch);
         let name = plan.patch.name();

@@ -36,37 +36,3 @@ pub(crate) const fn code(code: ReasonCode) -> v1::ReasonCode {
         ReasonCode::ZeroDoubted => Sent::ZeroDoubted,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_reason_is_sent_under_its_own_name() {
-        let all = {
-            use ReasonCode::*;
-            [
-                NoFrame,
-                FrameOld,
-                EngineStalled,
-                TaxelsSilent,
-                TaxelsFaulty,
-                TaxelsBlind,
-                TaxelsWithoutZero,
-                TaxelsOutOfRange,
-                LoadVanished,
-                DriftBounded,
-                NoModelSet,
-                NoUsableTaxel,
-                ZeroNotTaken,
-                RestNotProven,
-                BoardsNotConfigured,
-                ZeroLost,
-                ZeroDoubted,
-            ]
-        };
-        for reason in all {
-            assert_eq!(format!("{:?}", code(reason)), format!("{reason:?}"));
-        }
-    }
-}

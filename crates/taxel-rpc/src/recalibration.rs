@@ -16,15 +16,12 @@ use tonic::Status;
 use crate::access::caller::Caller;
 use crate::backend::Backend;
 use crate::convert::wall_ns;
-use crate::service::{Held, Service, aside, strange_answer};
+use crate::service::{Service, aside, strange_answer};
+use crate::shares::Held;
 use crate::status::invalid;
 
-/// A proposal as it is told, and the set with its id.
-struct Proposed {
-    message: v1::Recalibration,
-    /// The set, or why there is none.
-    set: Result<Arc<ModelSet>, String>,
-}
+/// A proposal as it is told, and the set with its id, or why there is none.
+type Proposed = (v1::Recalibration, Result<Arc<ModelSet>, String>);
 
 impl Service {
     /// What the known loads of a patch propose for its active set.
@@ -57,7 +54,7 @@ impl Service {
         if !request.dry_run && wanted.is_empty() {
             return Err(invalid("model_set", "must name the one that a `dry_run` told"));
         }
-        let Proposed { message, set } = self.proposal(held, request).await?;
+        let (message, set) = self.proposal(held, request).await?;
         if request.dry_run {
             return Ok(message);
         }
@@ -92,7 +89,7 @@ fn proposed(
         Arc::new(ModelSet { id, ..set })
     });
     let id = set.as_ref().map(|set| set.id.clone()).unwrap_or_default();
-    Ok(Proposed { message: message(&proposal, source, id, view), set })
+    Ok((message(&proposal, source, id, view), set))
 }
 
 /// What a request asks for.
@@ -127,10 +124,7 @@ fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation
         gain_sigma: found.gain_sigma(),
         relative_sigma: found.relative_sigma(),
         points: found.points.iter().map(point).collect(),
-        deviation_max: found.deviation_max,
         contradicts: found.contradicts.unwrap_or(0),
-        chi_squared: found.line.chi2,
-        degrees_of_freedom: found.line.dof as u32,
         needed: found.is_needed(),
         refused_because,
         place_uncertainty: found.assumptions.place_rel,
@@ -145,7 +139,6 @@ fn point(judged: &JudgedPoint) -> v1::RecalibrationPoint {
         load: point.number,
         read_n: point.read,
         known_n: point.known,
-        known_sigma_n: point.known_sigma,
         corrected_n: judged.corrected,
         deviation: judged.deviation,
     }

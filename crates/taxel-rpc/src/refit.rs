@@ -1,7 +1,6 @@
 //! Stored samples fitted once more: read from the store, fitted on a thread of its own, kept by the engine.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use taxel_engine::calibration::fit::PlaysChoice;
 use taxel_engine::calibration::{Refit, RefitOptions, SessionState, SessionView, StoredSession, TOGETHER_MAX};
@@ -17,7 +16,7 @@ use crate::backend::ask;
 use crate::calibration::asked_branches;
 use crate::convert::wall_ns;
 use crate::service::{Service, aside, strange_answer};
-use crate::status::{invalid, of_rejection, samples_of};
+use crate::status::{invalid, of_rejection};
 
 impl Service {
     /// Fits what these sessions gathered, and has the set kept.
@@ -51,21 +50,20 @@ impl Service {
         let sessions = refit.numbers();
         let mut samples = Vec::with_capacity(sessions.len());
         for number in &sessions {
-            let (of_session, still) = ask(turn, |told| self.backend.samples(*number, told)).await?;
-            samples.push(samples_of(*number, of_session)?);
+            let read = ask(turn, |told| self.backend.samples(*number, told)).await;
+            let (of_session, still) = read.map_err(|refusal| refusal.about("session", number))?;
+            samples.push(of_session);
             turn = still;
         }
         let scans = samples.iter().map(|samples| samples.samples.len() as u64).sum();
-        let began = Instant::now();
         // The turn goes along: a fit whose client is gone ends by itself.
         let backend = Arc::clone(&self.backend);
         let fit = move || refit.job(samples, wall_ns()).map(|job| job.run(|set| backend.content_id(set)).result);
         let model_set = aside(turn, fit).await?.map_err(|why| of_rejection(&why))?;
         let model_set = model_set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
-        let fit_s = began.elapsed().as_secs_f64();
         match self.command(caller, "RefitSessions", Command::KeepRefit { model_set, sessions }).await? {
             Done::RefitKept { model_set, known } => {
-                Ok(v1::Refit { model_set: Some(self.summary(model_set.summary())), known, scans, fit_s })
+                Ok(v1::Refit { model_set: Some(self.summary(model_set.summary())), known, scans })
             }
             other => Err(strange_answer(&other)),
         }

@@ -1,8 +1,6 @@
 //! The server: all services on one listener, with limits, until the shutdown and no longer than the drain.
 
-use std::convert::Infallible;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::Duration;
 use taxel_proto::v1::audit_service_server::AuditServiceServer;
 use taxel_proto::v1::calibration_service_server::CalibrationServiceServer;
@@ -13,16 +11,12 @@ use taxel_proto::v1::skin_service_server::SkinServiceServer;
 use taxel_proto::v1::validation_service_server::ValidationServiceServer;
 use thiserror::Error;
 use tokio::sync::watch;
-use tonic::body::Body;
-use tonic::codegen::{Service as Serves, http};
-use tonic::server::NamedService;
 use tonic::service::Routes;
 use tonic_health::server::HealthReporter;
 use tower_layer::Layer;
 
 use crate::access::layer::{Gate, Guarded};
 use crate::access::rules::Access;
-use crate::access::table::IMPORT;
 use crate::backend::Backend;
 use crate::connections::Connections;
 use crate::handle::Handle;
@@ -71,6 +65,9 @@ const CONNECTION_AHEAD_BYTES: u32 = 256 << 10;
 /// Largest block of request headers, in bytes.
 const HEADER_BYTES: u32 = 8 << 10;
 
+/// Largest request with a model set, in bytes; of others tonic takes 4 MiB.
+const MODELS_BYTES: usize = 16 << 20;
+
 /// A request has to come whole within this time, beside what a command may take.
 const REQUEST_MAX: Duration = Duration::from_secs(5);
 
@@ -104,7 +101,7 @@ impl Server {
     /// [`ServeError`] if the compiled-in description of the service is broken.
     pub fn new(handle: Handle, backend: Arc<dyn Backend>, access: Access, limits: Limits) -> Result<Self, ServeError> {
         let (wake, woken) = watch::channel(());
-        let (shares, refusals) = (Shares::new(&limits), Arc::new(Refusals::default()));
+        let (shares, refusals) = (Shares::new(limits.clone()), Arc::new(Refusals::default()));
         let gate = Gate::new(access, Arc::clone(&shares), Arc::clone(&refusals));
         let reporter = HealthReporter::new();
         let service = Service::new(handle.clone(), backend, woken, limits.clone(), shares);
@@ -139,7 +136,6 @@ impl Server {
         tokio::select! {
             served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
             never = watchdog.keep() => match never {},
-            never = refusals.keep() => match never {},
             never = connections.keep() => match never {},
             () = overdue => {}
         }
@@ -165,12 +161,6 @@ fn tonic_server(limits: &Limits) -> tonic::transport::Server {
 }
 
 fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeError> {
-    let (small, large) = (service.limits.request_bytes, service.limits.models_bytes);
-    macro_rules! limited {
-        ($server:expr, $request_bytes:expr) => {
-            $server.max_decoding_message_size($request_bytes).max_encoding_message_size(large)
-        };
-    }
     let health = tonic_health::server::HealthService::from_health_reporter(reporter.clone());
     // grpcurl up to 1.8.6 knows only v1alpha; a client asks for health by reflection as for any other service.
     let reflection = || {
@@ -179,44 +169,15 @@ fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeEr
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
     Ok(Routes::default()
-        .add_service(limited!(ForceServiceServer::new(service.clone()), small))
-        .add_service(limited!(SkinServiceServer::new(service.clone()), small))
-        .add_service(limited!(CalibrationServiceServer::new(service.clone()), small))
-        .add_service(limited!(ValidationServiceServer::new(service.clone()), small))
-        .add_service(limited!(AuditServiceServer::new(service.clone()), small))
-        .add_service(limited!(IngestServiceServer::new(service.clone()), small))
-        .add_service(Models {
-            usual: limited!(ModelServiceServer::new(service.clone()), small),
-            import: limited!(ModelServiceServer::new(service), large),
-        })
-        .add_service(limited!(tonic_health::pb::health_server::HealthServer::new(health), small))
-        .add_service(limited!(reflection().build_v1()?, small))
-        .add_service(limited!(reflection().build_v1alpha()?, small))
+        .add_service(ForceServiceServer::new(service.clone()))
+        .add_service(SkinServiceServer::new(service.clone()))
+        .add_service(CalibrationServiceServer::new(service.clone()))
+        .add_service(ValidationServiceServer::new(service.clone()))
+        .add_service(AuditServiceServer::new(service.clone()))
+        .add_service(IngestServiceServer::new(service.clone()))
+        .add_service(ModelServiceServer::new(service).max_decoding_message_size(MODELS_BYTES))
+        .add_service(tonic_health::pb::health_server::HealthServer::new(health))
+        .add_service(reflection().build_v1()?)
+        .add_service(reflection().build_v1alpha()?)
         .prepare())
-}
-
-/// `ModelService`. A limit of requests is a service's; of this one, one method alone takes large ones.
-#[derive(Clone)]
-struct Models {
-    usual: ModelServiceServer<Service>,
-    import: ModelServiceServer<Service>,
-}
-
-impl NamedService for Models {
-    const NAME: &'static str = ModelServiceServer::<Service>::NAME;
-}
-
-impl Serves<http::Request<Body>> for Models {
-    type Response = http::Response<Body>;
-    type Error = Infallible;
-    type Future = <ModelServiceServer<Service> as Serves<http::Request<Body>>>::Future;
-
-    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
-        Poll::Ready(Ok(()))
-    }
-
-    fn call(&mut self, request: http::Request<Body>) -> Self::Future {
-        let is_import = request.uri().path().strip_prefix('/') == Some(IMPORT);
-        if is_import { self.import.call(request) } else { self.usual.call(request) }
-    }
 }

@@ -3,40 +3,38 @@
 use std::sync::Arc;
 use taxel_engine::audit::Asked;
 use taxel_engine::calibration::SessionView;
-use taxel_engine::command::{Command, Done};
-use taxel_engine::known_set::KnownSet;
+use taxel_engine::command::{self, Command, Done};
+use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
-use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use tokio::sync::{mpsc, oneshot, watch};
 use tonic::{Code, Response, Status};
 
 use crate::access::caller::Caller;
-use crate::backend::Backend;
-use crate::convert::Sending;
+use crate::backend::{Backend, ask};
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
-use crate::page::is_long;
-use crate::shares::{Place, Shares};
-use crate::status::{SHUTTING_DOWN, STOPPED, engine_stopped, invalid, left_open, of_rejection};
-use crate::stored_sets::StoredSets;
+use crate::shares::{Held, Shares};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, left_open, of_rejection, unavailable};
 
 /// Longest text that a client may have written down, in bytes.
 const NAME_BYTES_MAX: usize = 256;
+
+/// What a call is answered with.
+pub(crate) type Reply<T> = Result<Response<T>, Status>;
 
 /// The implementation behind all services. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Service {
     pub(crate) handle: Handle,
     pub(crate) backend: Arc<dyn Backend>,
-    stored_sets: StoredSets,
     /// Changes when subscribers have to judge anew what they were sent last.
     pub(crate) wake: watch::Receiver<()>,
     pub(crate) limits: Arc<Limits>,
-    shares: Arc<Shares>,
+    pub(crate) shares: Arc<Shares>,
 }
 
 impl Service {
@@ -47,8 +45,7 @@ impl Service {
         limits: Limits,
         shares: Arc<Shares>,
     ) -> Self {
-        let stored_sets = StoredSets::new(Arc::clone(&backend));
-        Self { handle, backend, stored_sets, wake, limits: Arc::new(limits), shares }
+        Self { handle, backend, wake, limits: Arc::new(limits), shares }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.
@@ -75,12 +72,6 @@ impl Service {
 
     pub(crate) fn snapshot(&self, patch: usize) -> Arc<PatchSnapshot> {
         Arc::clone(&self.handle.patches[patch].snapshot.borrow())
-    }
-
-    /// What sending this snapshot now comes to, for a reader that did not get `skipped` values before it.
-    pub(crate) fn sending(&self, patch: usize, snapshot: &PatchSnapshot, skipped: u64) -> Sending {
-        let now = (self.handle.clock)();
-        Sending { now, freshness: self.handle.freshness_at(now, patch, snapshot), skipped }
     }
 
     /// Id of the active model set of a patch.
@@ -110,7 +101,20 @@ impl Service {
         if let Some(set) = known.at_hand {
             return Ok(set);
         }
-        self.stored_sets.get(known.summary()).await
+        self.stored_set(known.summary()).await
+    }
+
+    /// A model set that is not in memory, with this summary.
+    async fn stored_set(&self, summary: &SetSummary) -> Result<Arc<ModelSet>, Status> {
+        let named = |refusal: Refusal| refusal.about("model_set", &summary.id);
+        let read = ask((), |told| self.backend.model_set(summary.id.clone(), told)).await;
+        let ((text, ()), backend) = (read.map_err(named)?, Arc::clone(&self.backend));
+        let damaged = |why| Refusal::failed_precondition(ErrorReason::DataDamaged, format!("{}: {why}", summary.id));
+        let set = aside((), move || backend.read_json(&text)).await?.map_err(|why| named(damaged(why)))?;
+        if SetSummary::of(&set) != *summary {
+            return Err(Refusal::fault(format!("the store gave another model set than {}", summary.id)).into());
+        }
+        Ok(Arc::new(set))
     }
 
     /// What lists show of the model set of this id.
@@ -134,18 +138,11 @@ impl Service {
 
     pub(crate) fn session(&self, number: u64) -> Result<Arc<SessionView>, Status> {
         check_session(number)?;
-        let live = self.handle.patches.iter().filter_map(|feed| feed.session.borrow().clone());
-        let found = live.into_iter().find(|session| session.number == number);
-        let stored = || self.handle.catalogue.borrow().sessions.iter().find(|s| s.number == number).cloned();
-        Ok(found.or_else(stored).ok_or_else(|| {
+        let found = self.sessions().into_iter().find(|session| session.number == number);
+        Ok(found.ok_or_else(|| {
             let why = format!("there is no session {number}");
             Refusal::not_found(ErrorReason::SessionUnknown, why).about("session", number)
         })?)
-    }
-
-    /// Streams that are being served now.
-    pub(crate) fn streams_open(&self) -> usize {
-        self.shares.streams_open()
     }
 
     /// Hands a command to the engine and waits for its answer, which comes once everything before it is on disk.
@@ -162,74 +159,53 @@ impl Service {
         }
         let (reply, answer) = oneshot::channel();
         let about = self.about(&command);
-        let things: Vec<_> = about.things().collect();
+        let things = about.things();
         let asked = about.asked(caller, name);
-        let mut line = Line { asked: asked.clone(), told: None };
-        self.handle.commands.try_send(Request { command, reply, asked: Some(Box::new(asked)) }).map_err(|refused| {
-            let waiting = self.handle.commands.max_capacity();
-            let status = match refused {
-                mpsc::error::TrySendError::Full(_) => {
-                    let why = format!("{waiting} commands wait for the engine already: try again later");
-                    Refusal::exhausted(ErrorReason::NoPlace, why).into()
-                }
-                mpsc::error::TrySendError::Closed(_) => engine_stopped(),
-            };
-            line.told = Some(("refused", Err(Status::clone(&status))));
-            status
+        let told = asked.clone();
+        let answer = self.answer(Request { command, reply, asked: Some(Box::new(asked)) }, answer).await;
+        let answer = answer.map_err(|refusal| Status::from(refusal.about_all(things)));
+        // Of a caller that goes away before the answer the audit log tells what came of it.
+        let Asked { who, role, place: from, what: request, claimed, .. } = &told;
+        let why = answer.as_ref().err().map(Status::message);
+        tracing::info!(
+            command = name,
+            request,
+            who,
+            role,
+            from,
+            claimed,
+            why,
+            "{}",
+            if why.is_some() { "refused" } else { "done" }
+        );
+        answer
+    }
+
+    /// Hands a command over and waits for its answer.
+    async fn answer(&self, request: Request, answer: oneshot::Receiver<command::Reply>) -> Result<Done, Refusal> {
+        self.handle.commands.try_send(request).map_err(|refused| match refused {
+            mpsc::error::TrySendError::Full(_) => {
+                let waiting = self.handle.commands.max_capacity();
+                let why = format!("{waiting} commands wait for the engine already: try again later");
+                Refusal::exhausted(ErrorReason::NoPlace, why)
+            }
+            mpsc::error::TrySendError::Closed(_) => unavailable(STOPPED),
         })?;
         let limit = self.limits.command;
         let answer = tokio::select! {
-            answer = tokio::time::timeout(limit, answer) => match answer {
-                Ok(Ok(answer)) => Ok(answer),
-                Ok(Err(_)) => Err(left_open(Code::Unavailable, STOPPED)),
-                Err(_) => {
-                    let why = format!("the engine has not answered within {} s", limit.as_secs_f64());
-                    Err(left_open(Code::DeadlineExceeded, why))
-                }
-            },
-            () = self.handle.shutdown.cancelled() => {
-                Err(left_open(Code::Unavailable, SHUTTING_DOWN))
-            }
+            answer = tokio::time::timeout(limit, answer) => answer.map_err(|_| {
+                let why = format!("the engine has not answered within {} s", limit.as_secs_f64());
+                left_open(Code::DeadlineExceeded, why)
+            })?,
+            () = self.handle.shutdown.cancelled() => return Err(left_open(Code::Unavailable, SHUTTING_DOWN)),
         };
-        let (told, answer) = match answer {
-            Ok(Ok(done)) => ("done", Ok(done)),
-            Ok(Err(rejection)) => ("refused", Err(Status::from(of_rejection(&rejection).about_all(things)))),
-            Err(open) => ("not answered", Err(open)),
-        };
-        line.told = Some((told, answer.as_ref().map(drop).map_err(Status::clone)));
-        answer
+        answer.map_err(|_| left_open(Code::Unavailable, STOPPED))?.map_err(|rejection| of_rejection(&rejection))
     }
 }
 
-/// The line of a command in the daemon's log, written when this is dropped. Whoever gave the command may go away before the
-/// answer: most are done all the same.
-struct Line {
-    asked: Asked,
-    /// What came of it; absent where whoever asked has gone.
-    told: Option<(&'static str, Result<(), Status>)>,
-}
-
-impl Drop for Line {
-    fn drop(&mut self) {
-        let Asked { who, role, place: from, method: command, what: request, claimed, .. } = &self.asked;
-        let gone = "asked for, and whoever asked went away before the answer: `taxeld audit` says what came of it";
-        let (told, refused) = match &self.told {
-            Some((told, answer)) => (*told, answer.as_ref().err()),
-            None => (gone, None),
-        };
-        let (code, why) = (refused.map(|status| code_name(status.code())), refused.map(Status::message));
-        tracing::info!(command, request, who, role, from, claimed, code, why, "{told}");
-    }
-}
-
-/// A list of so many items, which `make` makes: a long one beside the streams.
-pub(crate) async fn list<M: Send + 'static>(
-    held: Held,
-    items: u32,
-    make: impl FnOnce() -> Result<M, Status> + Send + 'static,
-) -> Result<Response<M>, Status> {
-    let message = if is_long(items) { aside(held, make).await? } else { make() };
-    message.map(Response::new)
+/// A list that `make` makes, beside the thread on which all streams are served: a long one takes tens of milliseconds.
+pub(crate) async fn list<M: Send + 'static>(make: impl FnOnce() -> Result<M, Status> + Send + 'static) -> Reply<M> {
+    aside((), make).await?.map(Response::new)
 }
 
 /// Does work of tens of milliseconds, beside the thread on which all streams are served. What is held goes along: where the
@@ -250,23 +226,25 @@ pub(crate) async fn aside<T: Send + 'static, H: Send + 'static>(
     Ok(done.await.map_err(|lost| Refusal::fault(format!("the work for this call was lost: {lost}")))?)
 }
 
-/// The place of a call, for work that outlives it.
-pub(crate) type Held = Option<Arc<Place>>;
-
-/// The place that the gate has taken for a call.
-pub(crate) fn held<T>(request: &tonic::Request<T>) -> Held {
-    request.extensions().get::<Arc<Place>>().cloned()
+/// What the gate has noted of a call.
+pub(crate) fn noted<T: Clone + Send + Sync + 'static, M>(request: &tonic::Request<M>) -> Result<T, Status> {
+    let unknown = || Refusal::fault("nobody has judged this call, which is a fault of this program");
+    Ok(request.extensions().get::<T>().cloned().ok_or_else(unknown)?)
 }
 
-/// Who makes a call: the gate has noted it.
-pub(crate) fn caller<T>(request: &tonic::Request<T>) -> Result<Caller, Status> {
-    let unknown = || Refusal::fault("nobody has judged who makes this call, which is a fault of this program");
-    Ok(request.extensions().get::<Caller>().cloned().ok_or_else(unknown)?)
+/// Who makes a call.
+pub(crate) fn caller<M>(request: &tonic::Request<M>) -> Result<Caller, Status> {
+    noted(request)
+}
+
+/// The place of a call.
+pub(crate) fn held<M>(request: &tonic::Request<M>) -> Result<Held, Status> {
+    noted(request)
 }
 
 /// Session numbers begin at 1, so that a field that was left out is not taken for a session.
-pub(crate) fn check_session(number: u64) -> Result<(), Status> {
-    if number == 0 { Err(invalid("session", "0 is not a session; they are numbered from 1")) } else { Ok(()) }
+pub(crate) fn check_session(number: u64) -> Result<u64, Status> {
+    if number == 0 { Err(invalid("session", "0 is not a session; they are numbered from 1")) } else { Ok(number) }
 }
 
 /// The operator who vouches for something, if one does.

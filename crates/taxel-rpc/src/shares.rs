@@ -3,8 +3,6 @@
 //! A peer is an account on the Unix socket, a certificate, the holder of a token, or an address: all who come over loopback
 //! TCP without a token are one.
 
-use std::collections::HashMap;
-use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use taxel_proto::refusal::Refusal;
@@ -12,122 +10,82 @@ use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
 use crate::access::caller::Caller;
-use crate::access::origin::PeerKey;
 use crate::limits::Limits;
 
-/// What a call takes a place of.
+/// What a call takes a place of. One that is answered from what is known takes none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum What {
-    /// A call that is answered from what is known.
-    Call,
     /// A call that takes tens of milliseconds, or megabytes.
     LongCall,
     /// A stream.
     Stream,
 }
 
-impl What {
-    /// Its name, in the singular.
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Call => "call",
-            Self::LongCall => "long call",
-            Self::Stream => "stream",
-        }
-    }
-}
-
-/// Places of one sort.
+/// Who has how much.
 #[derive(Debug)]
-pub(crate) struct Pool {
-    /// In all, for one peer, and of all for operators alone.
-    most: [usize; 3],
-    taken: usize,
-    by_peer: HashMap<PeerKey, usize>,
+pub(crate) struct Shares {
+    limits: Limits,
+    /// Places that are taken, and by which peer.
+    taken: Mutex<Vec<(What, String)>>,
 }
-
-impl Pool {
-    fn new(all: usize, peer: usize, reserved: usize) -> Self {
-        // Where there are few places at all, observers have half of them.
-        Self { most: [all, peer, reserved.min(all / 2)], taken: 0, by_peer: HashMap::new() }
-    }
-
-    /// Takes one, or tells why there is none.
-    fn take(&mut self, name: &str, key: &PeerKey, operator: bool) -> Result<(), String> {
-        let [all, peer, reserved] = self.most;
-        let of_peer = self.by_peer.get(key).copied().unwrap_or_default();
-        let why = if self.taken >= all {
-            format!("{all} {name}s are being served, which is the limit")
-        } else if of_peer >= peer {
-            format!("{peer} {name}s of {key} are being served, which is the limit for one")
-        } else if !operator && self.taken >= all - reserved {
-            format!("the last {reserved} {name}s are kept for operators")
-        } else {
-            self.taken += 1;
-            self.by_peer.insert(key.clone(), of_peer + 1);
-            return Ok(());
-        };
-        Err(format!("{why}: end another first"))
-    }
-
-    fn free(&mut self, key: &PeerKey) {
-        self.taken -= 1;
-        if let Some(taken) = self.by_peer.get_mut(key) {
-            *taken -= 1;
-            if *taken == 0 {
-                self.by_peer.remove(key);
-            }
-        }
-    }
-}
-
-/// Who has how much: a pool for each of [`What`].
-#[derive(Debug)]
-pub(crate) struct Shares(Mutex<[Pool; 3]>);
 
 impl Shares {
-    pub(crate) fn new(limits: &Limits) -> Arc<Self> {
-        Arc::new(Self(Mutex::new([
-            Pool::new(limits.calls, limits.calls_per_peer, limits.calls_reserved),
-            Pool::new(limits.long_calls, limits.long_calls_per_peer, limits.long_calls_reserved),
-            Pool::new(limits.streams, limits.streams_per_peer, limits.streams_reserved),
-        ])))
+    pub(crate) fn new(limits: Limits) -> Arc<Self> {
+        Arc::new(Self { limits, taken: Mutex::default() })
     }
 
-    fn pools(&self) -> MutexGuard<'_, [Pool; 3]> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    fn taken(&self) -> MutexGuard<'_, Vec<(What, String)>> {
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A place for one more of this caller's. It is free again when it is dropped.
     pub(crate) fn place(self: &Arc<Self>, what: What, caller: &Caller) -> Result<Place, Status> {
+        let limits = &self.limits;
+        let (name, all, peer, reserved) = match what {
+            What::LongCall => ("long call", limits.long_calls, limits.long_calls_per_peer, limits.long_calls_reserved),
+            What::Stream => ("stream", limits.streams, limits.streams_per_peer, limits.streams_reserved),
+        };
+        let reserved = reserved.min(all / 2); // where there are few places at all, observers have half of them
         let key = caller.key();
-        let taken = self.pools()[what as usize].take(what.name(), &key, caller.is_operator());
-        taken.map_err(|why| Refusal::exhausted(ErrorReason::NoPlace, why))?;
-        Ok(Place { shares: Arc::clone(self), what, key })
+        let mut taken = self.taken();
+        let of_peer = taken.iter().filter(|(of, by)| *of == what && *by == key).count();
+        let in_all = taken.iter().filter(|(of, _)| *of == what).count();
+        let why = if in_all >= all {
+            format!("{all} {name}s are being served, which is the limit")
+        } else if of_peer >= peer {
+            format!("{peer} {name}s of {key} are being served, which is the limit for one")
+        } else if !caller.is_operator() && in_all >= all - reserved {
+            format!("the last {reserved} {name}s are kept for operators")
+        } else {
+            taken.push((what, key.clone()));
+            return Ok(Place { shares: Arc::clone(self), what, key });
+        };
+        Err(Refusal::exhausted(ErrorReason::NoPlace, format!("{why}: end another first")).into())
     }
 
     /// Streams that are being served now.
     pub(crate) fn streams_open(&self) -> usize {
-        self.pools()[What::Stream as usize].taken
+        self.taken().iter().filter(|(of, _)| *of == What::Stream).count()
     }
 }
 
 /// A place that is taken until this is dropped.
+#[derive(Debug)]
 pub(crate) struct Place {
     shares: Arc<Shares>,
     what: What,
-    key: PeerKey,
+    key: String,
 }
+
+/// The place of a call, if it has one, for work and answers that outlive it.
+pub(crate) type Held = Option<Arc<Place>>;
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.shares.pools()[self.what as usize].free(&self.key);
-    }
-}
-
-impl fmt::Debug for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a place of {}", self.key)
+        let mut taken = self.shares.taken();
+        if let Some(position) = taken.iter().position(|(of, by)| *of == self.what && *by == self.key) {
+            taken.swap_remove(position);
+        }
     }
 }
 
@@ -140,7 +98,7 @@ mod tests {
     #[test]
     fn one_peer_leaves_places_for_others_and_all_observers_leave_some_for_operators() {
         let limits = Limits { streams: 10, streams_per_peer: 6, streams_reserved: 2, ..Limits::default() };
-        let shares = Shares::new(&limits);
+        let shares = Shares::new(limits);
         let origin = Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into()));
         let take = |name: &str, role| {
             let caller =
@@ -154,7 +112,13 @@ mod tests {
         held.extend((0..2).map(|_| take("c", Role::Operator).unwrap()));
         assert!(take("d", Role::Admin).unwrap_err().contains("10 streams are being served"));
         drop(held);
-        let pools = shares.pools();
-        assert!(pools[2].by_peer.is_empty() && pools[2].taken == 0);
+        assert!(shares.taken().is_empty());
+    }
+
+    #[test]
+    fn a_peer_that_has_all_its_streams_has_connections_left() {
+        let limits = Limits::default();
+        let busy = limits.streams_per_peer + limits.long_calls_per_peer;
+        assert!(busy < limits.connections_per_peer && limits.connections_per_peer < limits.connections);
     }
 }

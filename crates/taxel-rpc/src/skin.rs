@@ -7,16 +7,16 @@ use taxel_engine::snapshot::{BoardHealth, BusHealth};
 use taxel_proto::v1;
 use taxel_proto::v1::skin_service_server::SkinService;
 use taxel_skin::{Board, ModuleKind, NormalsVerdict};
-use tonic::{Request, Response, Status};
+use tonic::{Request, Response};
 
 use crate::convert::{self, vector};
 use crate::freshness::not_run_for;
-use crate::service::{Service, caller, confirmed_by, held, list, strange_answer};
+use crate::service::{Reply, Service, caller, confirmed_by, strange_answer};
 use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
 impl SkinService for Service {
-    async fn get_skin(&self, request: Request<v1::GetSkinRequest>) -> Result<Response<v1::Skin>, Status> {
+    async fn get_skin(&self, request: Request<v1::PatchRequest>) -> Reply<v1::Skin> {
         let plan = self.plan(self.patch(&request.get_ref().patch)?);
         let active = self.active(plan.patch.name());
         let set = match active {
@@ -27,25 +27,15 @@ impl SkinService for Service {
         Ok(Response::new(skin(plan, patches, set.as_deref())))
     }
 
-    async fn get_taxels(&self, request: Request<v1::GetTaxelsRequest>) -> Result<Response<v1::TaxelSample>, Status> {
-        let patch = self.patch(&request.get_ref().patch)?;
-        let snapshot = self.snapshot(patch);
-        let sending = self.sending(patch, &snapshot, 0);
-        Ok(Response::new(convert::taxels(self.plan(patch), &snapshot, sending)))
-    }
-
     type StreamTaxelsStream = MessageStream<v1::TaxelSample>;
 
-    async fn stream_taxels(
-        &self,
-        request: Request<v1::StreamTaxelsRequest>,
-    ) -> Result<Response<Self::StreamTaxelsStream>, Status> {
+    async fn stream_taxels(&self, request: Request<v1::StreamRequest>) -> Reply<Self::StreamTaxelsStream> {
         let request = request.into_inner();
         let patch = self.patch(&request.patch)?;
         subscribe(self, patch, request.rate_hz, convert::taxels).map(Response::new)
     }
 
-    async fn tare(&self, request: Request<v1::TareRequest>) -> Result<Response<v1::TareStatus>, Status> {
+    async fn tare(&self, request: Request<v1::TareRequest>) -> Reply<v1::TareStatus> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let name = self.plan(self.patch(&request.patch)?).patch.name();
@@ -56,38 +46,27 @@ impl SkinService for Service {
         }
     }
 
-    async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Result<Response<v1::BringUpResponse>, Status> {
+    async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Reply<()> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
         let confirmed_by = confirmed_by(&request.confirmed_by)?;
         match self.command(&caller, "BringUp", Command::BringUp { patch, confirmed_by }).await? {
-            Done::BringUpStarted => Ok(Response::new(v1::BringUpResponse {})),
+            Done::BringUpStarted => Ok(Response::new(())),
             other => Err(strange_answer(&other)),
         }
     }
 
-    async fn list_events(
-        &self,
-        request: Request<v1::ListEventsRequest>,
-    ) -> Result<Response<v1::ListEventsResponse>, Status> {
-        let (held, request, service) = (held(&request), request.into_inner(), self.clone());
-        list(held, request.page_size, move || service.page_of_events(&request)).await
-    }
-
     type WatchEventsStream = MessageStream<v1::Event>;
 
-    async fn watch_events(
-        &self,
-        request: Request<v1::WatchEventsRequest>,
-    ) -> Result<Response<Self::WatchEventsStream>, Status> {
-        self.watch_events_of(request.get_ref()).map(Response::new)
+    async fn watch_events(&self, request: Request<v1::WatchEventsRequest>) -> Reply<Self::WatchEventsStream> {
+        self.watch_events_of(request.into_inner()).map(Response::new)
     }
 
-    async fn get_health(&self, _: Request<v1::GetHealthRequest>) -> Result<Response<v1::Health>, Status> {
+    async fn get_health(&self, _: Request<()>) -> Reply<v1::Health> {
         let health = self.handle.health.borrow().clone();
         // Found here and not by the engine, which cannot tell that it does not run.
-        let stalled = self.handle.heartbeat.stalled_for();
+        let stalled = self.handle.stalled_for();
         let never_ran = health.buses.is_empty() && !self.handle.heartbeat.has_begun();
         let unknown = never_ran.then(|| "the engine has not run yet: nothing is known of buses and boards".to_owned());
         let recording = self.backend.recording();
@@ -103,7 +82,7 @@ impl SkinService for Service {
                 .chain(unrecorded)
                 .chain(self.backend.lacks())
                 .collect(),
-            streams: self.streams_open() as u32,
+            streams: self.shares.streams_open() as u32,
             streams_max: self.limits.streams as u32,
             store: Some(v1::StoreHealth {
                 whole: health.store.is_whole(),
@@ -122,7 +101,7 @@ impl Service {
         let snapshot = self.snapshot(patch);
         let plan = self.plan(patch);
         let active = self.active(name).is_some();
-        let force = convert::force_in_full(plan, &snapshot, self.sending(patch, &snapshot, 0));
+        let force = convert::force_in_full(plan, &snapshot, self.handle.sending(patch, &snapshot, 0));
         let no_force = active && force.total_n.is_none();
         let now = (self.handle.clock)();
         let gauge = self.handle.health.borrow().gauges.get(patch).copied().flatten();
@@ -152,7 +131,6 @@ fn skin(plan: &PatchPlan, patches: Vec<String>, set: Option<&ModelSet>) -> v1::S
         model_set: set.map(|set| set.id.clone()).unwrap_or_default(),
         count_max: u32::from(plan.patch.counts().top()),
         counts_per_unit: plan.patch.counts().per_unit(),
-        scan_period_s: plan.period.as_secs_f64(),
         has_gauge: plan.has_gauge(),
         geometry_remarks: plan.geometry.as_ref().map_or_else(
             || vec!["no geometry is configured: no vector, moment or contact is served".to_owned()],
@@ -222,7 +200,6 @@ fn bus_health(bus: usize, health: &BusHealth) -> v1::BusHealth {
         malformed: health.malformed,
         last_malformed: health.last_malformed.clone(),
         dropped: health.dropped,
-        forged_errors: health.forged,
     }
 }
 

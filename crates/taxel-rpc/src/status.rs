@@ -24,36 +24,22 @@ pub(crate) fn invalid(field: &str, problem: impl std::fmt::Display) -> Status {
     Refusal::invalid(field, problem).into()
 }
 
-/// The samples of a stored session, as the store has answered.
-pub(crate) fn samples_of<T>(session: u64, read: Result<T, String>) -> Result<T, Status> {
-    Ok(read.map_err(|why| {
-        let why = format!("the samples of session {session}: {why}");
-        Refusal::failed_precondition(v1::ErrorReason::DataDamaged, why).about("session", session)
-    })?)
-}
-
 pub(crate) const SHUTTING_DOWN: &str = "the daemon is shutting down";
 pub(crate) const STOPPED: &str = "the engine has stopped";
 
-/// Why streams end when the daemon stops.
-pub(crate) fn shutting_down() -> Status {
-    Refusal::unavailable(v1::ErrorReason::DaemonUnavailable, SHUTTING_DOWN).into()
+/// The daemon cannot do anything now.
+pub(crate) fn unavailable(why: &str) -> Refusal {
+    Refusal::unavailable(v1::ErrorReason::DaemonUnavailable, why)
 }
 
 /// Why a command that the engine has is not answered: it may have been handed to the disk already.
-pub(crate) fn left_open(code: Code, why: impl fmt::Display) -> Status {
+pub(crate) fn left_open(code: Code, why: impl fmt::Display) -> Refusal {
     Refusal::new(code, v1::ErrorReason::DaemonUnavailable, format!("{why}; what was asked for may still come to pass"))
-        .into()
-}
-
-/// The engine's task is gone.
-pub(crate) fn engine_stopped() -> Status {
-    Refusal::unavailable(v1::ErrorReason::DaemonUnavailable, STOPPED).into()
 }
 
 /// The system has no timer left for another fixed rate, or took one away.
-pub(crate) fn no_timer(error: &std::io::Error) -> Status {
-    Refusal::exhausted(v1::ErrorReason::NoPlace, format!("no timer for a fixed rate: {error}")).into()
+pub(crate) fn no_timer(error: &std::io::Error) -> Refusal {
+    Refusal::exhausted(v1::ErrorReason::NoPlace, format!("no timer for a fixed rate: {error}"))
 }
 
 /// The engine's reasons as programs have them: one for all that a program would answer in the same way.

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
+use taxel_proto::refusal::Refusal;
 use taxel_ticks::Ticks;
 use tokio::sync::watch;
 use tokio_util::sync::WaitForCancellationFutureOwned;
@@ -20,7 +21,7 @@ use tonic::Status;
 use crate::convert::Sending;
 use crate::freshness::Freshness;
 use crate::service::Service;
-use crate::status::{engine_stopped, invalid, no_timer, shutting_down};
+use crate::status::{SHUTTING_DOWN, STOPPED, invalid, no_timer, unavailable};
 
 /// A stream of messages that ends with a status.
 pub(crate) type MessageStream<M> = Pin<Box<dyn Stream<Item = Result<M, Status>> + Send>>;
@@ -51,7 +52,6 @@ struct Subscription<M> {
     /// Registered once, not for every message.
     shutdown: Pin<Box<WaitForCancellationFutureOwned>>,
     last: Option<Told>,
-    ended: bool,
 }
 
 /// A subscription to `patch`: `rate_hz` absent gives each new value, else the last one is held.
@@ -69,13 +69,12 @@ pub(crate) fn subscribe<M: Send + 'static>(
         encode,
         shutdown: Box::pin(service.handle.shutdown.clone().cancelled_owned()),
         last: None,
-        ended: false,
         service: service.clone(),
     };
+    // tonic asks for nothing after an error.
     Ok(Box::pin(stream::unfold(subscription, |mut subscription| async {
-        let item = subscription.next().await?;
-        subscription.ended = item.is_err();
-        Some((item, subscription))
+        let message = subscription.next().await.map_err(Status::from);
+        Some((message, subscription))
     })))
 }
 
@@ -86,35 +85,32 @@ fn ticks(rate_hz: f64) -> Result<Ticks, Status> {
         let (low, high) = (RATE_RANGE_HZ.start(), RATE_RANGE_HZ.end());
         return Err(invalid("rate_hz", format_args!("{rate_hz} is not in {low} to {high}")));
     }
-    Ticks::every(Duration::from_secs_f64(1.0 / rate_hz)).map_err(|error| no_timer(&error))
+    Ok(Ticks::every(Duration::from_secs_f64(1.0 / rate_hz)).map_err(|error| no_timer(&error))?)
 }
 
 impl<M> Subscription<M> {
-    async fn next(&mut self) -> Option<Result<M, Status>> {
-        while !self.ended {
-            if self.last.is_some()
-                && let Err(ends) = self.due().await
-            {
-                return Some(Err(ends));
+    async fn next(&mut self) -> Result<M, Refusal> {
+        loop {
+            if self.last.is_some() {
+                self.due().await?;
             }
             if let Some(message) = self.take() {
-                return Some(Ok(message));
+                return Ok(message);
             }
         }
-        None
     }
 
     /// Waits until a message is due.
-    async fn due(&mut self) -> Result<(), Status> {
+    async fn due(&mut self) -> Result<(), Refusal> {
         let (snapshots, wake) = (&mut self.snapshots, &mut self.wake);
         tokio::select! {
             biased;
-            () = &mut self.shutdown => Err(shutting_down()),
+            () = &mut self.shutdown => Err(unavailable(SHUTTING_DOWN)),
             tick = tick(self.ticks.as_mut()) => {
                 tick.map_err(|error| no_timer(&error))?;
-                snapshots.has_changed().map(drop).map_err(|_| engine_stopped())
+                snapshots.has_changed().map(drop).map_err(|_| unavailable(STOPPED))
             }
-            changed = snapshots.changed(), if self.ticks.is_none() => changed.map_err(|_| engine_stopped()),
+            changed = snapshots.changed(), if self.ticks.is_none() => changed.map_err(|_| unavailable(STOPPED)),
             Ok(()) = wake.changed(), if self.ticks.is_none() => Ok(()),
         }
     }
@@ -123,7 +119,7 @@ impl<M> Subscription<M> {
     fn take(&mut self) -> Option<M> {
         let snapshot = Arc::clone(&self.snapshots.borrow_and_update());
         let skipped = self.last.map_or(0, |last| snapshot.sequence.saturating_sub(last.sequence + 1));
-        let sending = self.service.sending(self.patch, &snapshot, skipped);
+        let sending = self.service.handle.sending(self.patch, &snapshot, skipped);
         let told = Told { sequence: snapshot.sequence, freshness: sending.freshness };
         let same = |last: Told| last.sequence == told.sequence && last.freshness.is_like(told.freshness);
         if self.ticks.is_none() && self.last.is_some_and(same) {

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError, RwLock};
 
-use thiserror::Error;
 use tokio::net::TcpStream;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::crypto::ring;
@@ -18,9 +17,8 @@ use x509_cert::der::oid::db::rfc4519::COMMON_NAME;
 use x509_cert::ext::pkix::SubjectAltName;
 use x509_cert::ext::pkix::name::GeneralName;
 
-use crate::access::certificate_name::CertificateName;
-use crate::access::origin::Certificate;
-use crate::access::private_file::{Others, Reader, is_readable, read_guarded, read_small};
+use crate::access::origin::{Certificate, uri_name};
+use crate::access::private_file::{Reader, SECRET, TRUSTED, is_readable, read_guarded, read_small};
 
 /// What a TLS listener is made from, all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,14 +32,6 @@ pub struct TlsFiles {
     pub client_ca: PathBuf,
 }
 
-/// Why there is no TLS.
-#[derive(Debug, Error)]
-#[error("{}: {problem}", path.display())]
-pub struct TlsError {
-    path: PathBuf,
-    problem: String,
-}
-
 /// The certificates of a listener as they are now. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Tls {
@@ -53,8 +43,8 @@ impl Tls {
     /// Reads the files.
     ///
     /// # Errors
-    /// [`TlsError`] with the file and what is wrong with it.
-    pub fn load(files: TlsFiles) -> Result<Self, TlsError> {
+    /// The file, and what is wrong with it.
+    pub fn load(files: TlsFiles) -> Result<Self, String> {
         let config = Arc::new(RwLock::new(server_config(&files, Reader::Daemon)?));
         Ok(Self { files: Arc::new(files), config })
     }
@@ -62,8 +52,8 @@ impl Tls {
     /// Looks at the files for a daemon that may have another account. They pass where this account cannot read all of them.
     ///
     /// # Errors
-    /// [`TlsError`] with the file and what no daemon would take.
-    pub fn check(files: &TlsFiles) -> Result<(), TlsError> {
+    /// The file, and what no daemon would take.
+    pub fn check(files: &TlsFiles) -> Result<(), String> {
         let TlsFiles { certificate, key, client_ca } = files;
         let are_readable = [certificate, key, client_ca].into_iter().all(|file| is_readable(file));
         if are_readable { server_config(files, Reader::Check).map(drop) } else { Ok(()) }
@@ -72,41 +62,35 @@ impl Tls {
     /// Reads the files again. New connections get what is in them now; those that are open go on as they are.
     ///
     /// # Errors
-    /// [`TlsError`]; then everything stays as it was.
-    pub fn reload(&self) -> Result<(), TlsError> {
+    /// The file, and what is wrong with it; then everything stays as it was.
+    pub fn reload(&self) -> Result<(), String> {
         let config = server_config(&self.files, Reader::Daemon)?;
         *self.config.write().unwrap_or_else(PoisonError::into_inner) = config;
         Ok(())
-    }
-
-    /// Where it all came from.
-    #[must_use]
-    pub fn files(&self) -> &TlsFiles {
-        &self.files
     }
 
     /// Takes a client's hello, and gives the connection with what its certificate says.
     pub(crate) async fn handshake(&self, io: TcpStream) -> Result<(TlsStream<TcpStream>, Certificate), String> {
         let config = Arc::clone(&self.config.read().unwrap_or_else(PoisonError::into_inner));
         let stream = TlsAcceptor::from(config).accept(io).await.map_err(|error| error.to_string())?;
-        let certificate = read_chain(stream.get_ref().1.peer_certificates().unwrap_or_default())?;
+        let chain = stream.get_ref().1.peer_certificates().unwrap_or_default();
+        let certificate = read_certificate(chain.first().ok_or("the client showed no certificate")?)?;
         Ok((stream, certificate))
     }
 }
 
-fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, TlsError> {
-    let wrong = |path: &Path, problem: String| TlsError { path: path.to_path_buf(), problem };
+fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, String> {
+    let wrong = |path: &Path, problem: String| format!("{}: {problem}", path.display());
     let provider = Arc::new(ring::default_provider());
     let mut roots = RootCertStore::empty();
-    let authorities =
-        read_guarded(&files.client_ca, Others::Read, reader).map_err(|why| wrong(&files.client_ca, why))?;
+    let authorities = read_guarded(&files.client_ca, TRUSTED, reader).map_err(|why| wrong(&files.client_ca, why))?;
     for authority in certificates(&files.client_ca, &authorities)? {
         roots.add(authority).map_err(|error| wrong(&files.client_ca, error.to_string()))?;
     }
     let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
         .build()
         .map_err(|error| wrong(&files.client_ca, error.to_string()))?;
-    let secret = read_guarded(&files.key, Others::Nothing, reader).map_err(|why| wrong(&files.key, why))?;
+    let secret = read_guarded(&files.key, SECRET, reader).map_err(|why| wrong(&files.key, why))?;
     let key = PrivateKeyDer::from_pem_slice(&secret).map_err(|error| wrong(&files.key, error.to_string()))?;
     let own = read_small(&files.certificate).map_err(|why| wrong(&files.certificate, why))?;
     let mut config = ServerConfig::builder_with_provider(provider)
@@ -122,20 +106,11 @@ fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, 
 }
 
 /// All certificates of a file's text, at least one.
-fn certificates(path: &Path, text: &[u8]) -> Result<Vec<CertificateDer<'static>>, TlsError> {
-    let wrong = |problem: String| TlsError { path: path.to_path_buf(), problem };
+fn certificates(path: &Path, text: &[u8]) -> Result<Vec<CertificateDer<'static>>, String> {
+    let wrong = |problem: String| format!("{}: {problem}", path.display());
     let read = CertificateDer::pem_slice_iter(text).collect::<Result<Vec<_>, _>>();
     let found = read.map_err(|error| wrong(error.to_string()))?;
     if found.is_empty() { Err(wrong("there is no certificate in it".to_owned())) } else { Ok(found) }
-}
-
-/// What the first of a client's certificates says, good until the first of all ends: the others may be of authorities between
-/// it and the one that is trusted.
-fn read_chain(certificates: &[CertificateDer<'_>]) -> Result<Certificate, String> {
-    let read = certificates.iter().map(|der| read_certificate(der)).collect::<Result<Vec<_>, _>>()?;
-    let until = read.iter().map(|certificate| certificate.until).min();
-    let first = read.into_iter().next().zip(until).ok_or("the client showed no certificate")?;
-    Ok(Certificate { until: first.1, ..first.0 })
 }
 
 /// The names and the end of a certificate that was verified.
@@ -146,40 +121,16 @@ fn read_certificate(der: &[u8]) -> Result<Certificate, String> {
     let alternative = content.get_extension::<SubjectAltName>().map_err(unreadable)?;
     let alternative = alternative.map(|(_, names)| names.0).unwrap_or_default();
     let named = |name: &GeneralName| match name {
-        GeneralName::UniformResourceIdentifier(uri) => Some(CertificateName::Uri(uri.as_str().to_owned())),
-        GeneralName::DnsName(dns) => Some(CertificateName::Dns(dns.as_str().to_owned())),
+        GeneralName::UniformResourceIdentifier(uri) => Some(uri_name(uri.as_str())),
+        GeneralName::DnsName(dns) => Some(format!("DNS:{}", dns.as_str())),
         _ => None,
     };
-    let mut names: Vec<CertificateName> = alternative.iter().filter_map(named).collect();
+    let mut names: Vec<String> = alternative.iter().filter_map(named).collect();
     let subject = content.subject();
     // Programs differ in which of several they take for the name of the subject, so that none of them is.
     let is_named = subject.iter().filter(|attribute| attribute.oid == COMMON_NAME).count() == 1;
     if let Some(common) = subject.common_name().map_err(unreadable)?.filter(|_| is_named) {
-        names.push(CertificateName::Common(common.value().into_owned()));
+        names.push(format!("CN={}", common.value()));
     }
     Ok(Certificate { names, until: content.validity().not_after.to_system_time() })
-}
-
-#[cfg(test)]
-mod tests {
-    use rcgen::{CertificateParams, KeyPair, date_time_ymd};
-
-    use super::*;
-
-    #[test]
-    fn a_chain_is_good_until_the_first_of_its_certificates_ends() {
-        let of = |year| {
-            let mut params = CertificateParams::new(vec![format!("{year}.example")]).unwrap();
-            params.not_after = date_time_ymd(year, 1, 1);
-            params.self_signed(&KeyPair::generate().unwrap()).unwrap().der().clone()
-        };
-        let until = |chain: &[CertificateDer<'_>]| read_chain(chain).unwrap();
-        let (early, late) = (of(2027), of(2030));
-        let alone = [&early, &late].map(|certificate| until(std::slice::from_ref(certificate)).until);
-        assert!(alone[0] < alone[1]);
-        let both = [until(&[late.clone(), early.clone()]), until(&[early, late])];
-        assert_eq!(both.each_ref().map(|both| both.until), [alone[0]; 2]);
-        assert_ne!(both[0].names, both[1].names, "each is of the name of its first");
-        assert_eq!(read_chain(&[]).unwrap_err(), "the client showed no certificate");
-    }
 }

@@ -6,10 +6,10 @@ use taxel_proto::v1;
 use taxel_proto::v1::record_load_request::Load as Laid;
 use taxel_proto::v1::validation_service_server::ValidationService;
 use taxel_skin::Newton;
-use tonic::{Request, Response, Status};
+use tonic::{Request, Response};
 
 use crate::convert::{known, timestamp};
-use crate::service::{Service, caller, held, line, list, name, strange_answer};
+use crate::service::{Reply, Service, caller, held, line, list, name, strange_answer};
 use crate::status::invalid;
 
 /// A load whose uncertainty is not given: a kitchen scale, or a mass that stands 8 degrees off the vertical.
@@ -21,7 +21,7 @@ const LOADS_MAX: usize = 1000;
 
 #[tonic::async_trait]
 impl ValidationService for Service {
-    async fn record_load(&self, request: Request<v1::RecordLoadRequest>) -> Result<Response<v1::Load>, Status> {
+    async fn record_load(&self, request: Request<v1::RecordLoadRequest>) -> Reply<v1::Load> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
@@ -42,24 +42,17 @@ impl ValidationService for Service {
         }
     }
 
-    async fn get_validation(
-        &self,
-        request: Request<v1::GetValidationRequest>,
-    ) -> Result<Response<v1::Validation>, Status> {
+    async fn get_validation(&self, request: Request<v1::PatchRequest>) -> Reply<v1::Validation> {
         let patch = self.patch(&request.get_ref().patch)?;
         let Some(view) = self.handle.catalogue.borrow().validations.get(patch).cloned() else {
             let patch = self.plan(patch).patch.name().to_owned();
             return Ok(Response::new(v1::Validation { patch, ..v1::Validation::default() }));
         };
-        let loads = view.loads.len().min(LOADS_MAX) as u32;
-        list(held(&request), loads, move || Ok(validation(&view))).await
+        list(move || Ok(validation(&view))).await
     }
 
-    async fn recalibrate(
-        &self,
-        request: Request<v1::RecalibrateRequest>,
-    ) -> Result<Response<v1::Recalibration>, Status> {
-        let (caller, held) = (caller(&request)?, held(&request));
+    async fn recalibrate(&self, request: Request<v1::RecalibrateRequest>) -> Reply<v1::Recalibration> {
+        let (caller, held) = (caller(&request)?, held(&request)?);
         self.recalibration(&caller, held, request.get_ref()).await.map(Response::new)
     }
 }
@@ -78,7 +71,6 @@ fn validation(view: &Validation) -> v1::Validation {
         patch: view.patch.clone(),
         model_set: view.model_set.clone().unwrap_or_default(),
         loads: view.loads.iter().take(LOADS_MAX).map(of_judged).collect(),
-        loads_in_all: view.loads.len() as u32,
         mean_absolute_error_percent: view.mean_absolute_error.and_then(|error| known(100.0 * error)),
         area_factor: view.factor.map(|factor| area_factor(factor, view)),
     }
@@ -100,7 +92,6 @@ fn of_judged(judged: &JudgedLoad) -> v1::Load {
     v1::Load {
         outdated_because: judged.outdated_because.clone(),
         left_out_because: judged.left_out_because.clone(),
-        in_area_factor: judged.in_factor(),
         ..load(&judged.load)
     }
 }
@@ -125,7 +116,6 @@ fn load(load: &Load) -> v1::Load {
         uncovered_share: load.read.uncovered_share,
         reasons: load.read.reasons.clone(),
         model_set: load.model_set.clone(),
-        mean_area_mm2: load.mean_area_mm2,
         area_factor: load.area_factor,
         replaces: load.replaces.unwrap_or(0),
         taxels: load.read.taxels.iter().map(|taxel| u32::from(*taxel)).collect(),

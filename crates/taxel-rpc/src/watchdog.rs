@@ -48,7 +48,7 @@ impl Watchdog {
 
     fn look(&mut self) {
         let running = self.handle.is_connected();
-        let stalled_for = self.handle.heartbeat.stalled_for().filter(|_| running);
+        let stalled_for = self.handle.stalled_for().filter(|_| running);
         if let Some(silence) = stalled_for.filter(|_| !self.stalled) {
             tracing::warn!("{}: nothing that it published counts as good until it does", not_run_for(silence));
         }
@@ -56,7 +56,7 @@ impl Watchdog {
         let mut changed = false;
         for (patch, found) in self.found.iter_mut().enumerate() {
             let snapshot = self.handle.patches[patch].snapshot.borrow();
-            let (sequence, freshness) = (snapshot.sequence, self.handle.freshness(patch, &snapshot));
+            let (sequence, freshness) = (snapshot.sequence, self.handle.sending(patch, &snapshot, 0).freshness);
             // A snapshot that is seen here for the first time and is old already may have been sent while it was fresh.
             changed |= !freshness.is_like(found.1) || (sequence != found.0 && !freshness.is_fresh());
             *found = (sequence, freshness);

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
 use taxel_engine::model_set::ModelSet;
-use taxel_proto::v1::RecordingHealth;
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::{ErrorReason, RecordingHealth};
 use taxel_rpc::push_line::PushLine;
 use taxel_rpc::{Backend, Told};
-use taxel_store::{Reader, models_json};
+use taxel_store::{Reader, StoreError, models_json};
 
 /// Tells the state of the recording.
 pub type Recording = Box<dyn Fn() -> RecordingHealth + Send + Sync>;
@@ -27,22 +28,28 @@ pub struct DaemonBackend {
     pub lacks: Vec<String>,
 }
 
-/// The same that takes an answer of the store with its error in words.
-fn in_words<T: 'static, E: ToString + 'static>(told: Told<T>) -> Box<dyn FnOnce(Result<T, E>) + Send> {
-    Box::new(move |answer| told(answer.map_err(|error| error.to_string())))
+/// The same that takes an answer of the store itself.
+fn of_store<T: 'static>(told: Told<T>) -> Box<dyn FnOnce(Result<T, StoreError>) + Send> {
+    let refusal = |error: StoreError| match error {
+        StoreError::Damaged(_) | StoreError::DamagedRow(_) => {
+            Refusal::failed_precondition(ErrorReason::DataDamaged, error.to_string())
+        }
+        _ => Refusal::unavailable(ErrorReason::StoreUnavailable, error.to_string()),
+    };
+    Box::new(move |answer| told(answer.map_err(refusal)))
 }
 
 impl Backend for DaemonBackend {
     fn samples(&self, session: u64, told: Told<SessionSamples>) {
-        self.store.samples(session, in_words(told));
+        self.store.samples(session, of_store(told));
     }
 
     fn model_set(&self, id: String, told: Told<String>) {
-        self.store.model_set(id, in_words(told));
+        self.store.model_set(id, of_store(told));
     }
 
     fn audit(&self, before: u64, most: u32, told: Told<Vec<AuditEntry>>) {
-        self.store.audit(before, most, in_words(told));
+        self.store.audit(before, most, of_store(told));
     }
 
     fn room(&self) -> Result<(), String> {

@@ -36,13 +36,13 @@ impl Credentials {
 
     /// Other grants from the configuration; what comes of a file stays.
     pub fn regrant(&self, rules: Rules) {
-        self.access.replace_grants(rules);
+        self.access.update(|now| Rules { tokens: now.tokens.clone(), ..rules });
     }
 
     /// Reads all files again. What is wrong stays as it was, and is told.
     pub fn read_again(&self) {
         match tokens(self.tokens.as_deref()) {
-            Ok(tokens) => self.access.replace_tokens(tokens),
+            Ok(tokens) => self.access.update(|now| Rules { tokens, ..now.clone() }),
             Err(error) => tracing::error!("{error}; the tokens stay as they were"),
         }
         for error in self.tls.iter().filter_map(|tls| tls.reload().err()) {

@@ -45,7 +45,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
                 Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)
             }
             Door::Tls { address, files } => {
-                let tls = Tls::load(tls_files(files))?;
+                let tls = Tls::load(tls_files(files)).map_err(anyhow::Error::msg)?;
                 credentials.add(tls.clone());
                 let listener = TcpListener::bind(address).with_context(|| format!("listening on {address}"))?;
                 Listener::Tls(listener, tls)
@@ -67,7 +67,7 @@ pub fn obstacle(door: &Door) -> Option<String> {
             Err(error) if error.kind() == ErrorKind::NotADirectory => Some(format!("{}: {error}", path.display())),
             Err(_) => None, // there is none yet, or this account may not look
         },
-        Door::Tls { files, .. } => Tls::check(&tls_files(files)).err().map(|error| error.to_string()),
+        Door::Tls { files, .. } => Tls::check(&tls_files(files)).err(),
     }
 }
 

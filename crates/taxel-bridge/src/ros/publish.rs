@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use taxel_client::Forces;
 use taxel_proto::Timestamp;
 use taxel_proto::judge::on_the_way;
-use taxel_proto::v1::{ForceSample, GetSkinRequest, StreamTaxelsRequest};
+use taxel_proto::v1::{ForceSample, PatchRequest, StreamRequest};
 use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval};
 use tonic::Status;
@@ -151,8 +151,8 @@ async fn one_stream(
 ) -> Result<anyhow::Result<()>, Status> {
     let patch = section.name.clone();
     // A daemon that comes back may have another configuration.
-    let skin = daemon.skin().get_skin(GetSkinRequest { patch: patch.clone() }).await?.into_inner();
-    let request = StreamTaxelsRequest { patch, rate_hz: Some(section.taxels_hz) };
+    let skin = daemon.skin().get_skin(PatchRequest { patch: patch.clone() }).await?.into_inner();
+    let request = StreamRequest { patch, rate_hz: Some(section.taxels_hz) };
     let mut stream = daemon.skin().stream_taxels(request).await?.into_inner();
     while let Some(sample) = stream.message().await? {
         if sample.taxels.len() != skin.taxels.len() {

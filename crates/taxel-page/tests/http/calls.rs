@@ -24,17 +24,6 @@ async fn a_call_by_post_answers_with_the_messages_json() {
 }
 
 #[tokio::test]
-async fn refusals_of_the_service_come_with_its_words() {
-    let daemon = start().await;
-    let answer = daemon.post("/taxel.v1.ForceService/GetForce", r#"{"patch": "nose"}"#).await;
-    assert_eq!(answer.status, 404);
-    assert!(answer.body.contains("NOT_FOUND") && answer.body.contains("there is no patch `nose`"), "{answer:?}");
-    let answer = daemon.post("/taxel.v1.CalibrationService/GetSession", "{}").await;
-    assert_eq!(answer.status, 400);
-    assert!(answer.body.contains("INVALID_ARGUMENT"), "{answer:?}");
-}
-
-#[tokio::test]
 async fn a_refusal_says_why_for_programs_too() {
     let daemon = start().await;
     for (path, body, reason) in [
@@ -42,7 +31,6 @@ async fn a_refusal_says_why_for_programs_too() {
         ("/taxel.v1.CalibrationService/GetSession", "{}", "FIELD_INVALID"),
         ("/taxel.v1.CalibrationService/GetSession", "{", "FIELD_INVALID"),
         ("/taxel.v1.CalibrationService/GetNothing", "{}", "METHOD_UNKNOWN"),
-        ("/streams", "{}", "METHOD_UNKNOWN"),
         // A proxy with rules about paths must not be passed by another spelling of one.
         ("//taxel.v1.ForceService/GetForce", "{}", "METHOD_UNKNOWN"),
         ("/taxel.v1.ForceService/GetForce/", "{}", "METHOD_UNKNOWN"),

@@ -44,7 +44,7 @@ async fn of_an_engine_that_stands_still_nobody_is_told_that_buses_and_zeros_are_
     daemon.engine.health(Arc::new(Health { buses, ..Health::default() }));
     daemon.engine.beat();
     let session = SessionView { number: 3, patch: "left_forearm".to_owned(), ..SessionView::default() };
-    daemon.engine.session(0, Arc::new(session));
+    daemon.engine.session(0, Some(Arc::new(session)));
     let well = [
         "taxeld_session_state{",
         "taxeld_bus_up{bus=\"0\"}",

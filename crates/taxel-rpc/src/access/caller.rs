@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::access::origin::{Origin, PeerKey};
+use crate::access::origin::Origin;
 use crate::access::role::Role;
 
 /// Longest name that goes into a log line, in characters.
@@ -33,11 +33,8 @@ impl Caller {
     }
 
     /// Whose share the call takes: the holder of a token has one beside that of others from the same place.
-    pub(crate) fn key(&self) -> PeerKey {
-        match &self.name {
-            Some(name) if self.by_token => PeerKey::Token(Arc::clone(name)),
-            _ => self.origin.key(),
-        }
+    pub(crate) fn key(&self) -> String {
+        if self.by_token { self.who() } else { self.origin.key() }
     }
 }
 
@@ -59,7 +56,7 @@ mod tests {
         assert_eq!(caller(Some("bench"), true).who(), "token bench");
         assert_eq!(caller(Some("a\u{1b}[2Jb\n"), false).who(), "a\\u{1b}[2Jb\\n");
         assert_eq!(caller(Some(&"x".repeat(500)), false).who().len(), NAME_CHARS_MAX);
-        assert_eq!(caller(Some("ada"), false).key(), PeerKey::Loopback);
-        assert_eq!(caller(Some("bench"), true).key().to_string(), "token bench");
+        assert_eq!(caller(Some("ada"), false).key(), "loopback TCP");
+        assert_eq!(caller(Some("bench"), true).key(), "token bench");
     }
 }

@@ -10,18 +10,17 @@ use taxel_proto::v1::ErrorReason;
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
 use tonic::transport::server::TcpConnectInfo;
-use tonic::{Code, Request, Status};
+use tonic::{Code, Status};
 use tower_layer::Layer;
 
 use crate::access::caller::Caller;
 use crate::access::origin::Origin;
-use crate::access::rules::{Access, Rules};
+use crate::access::rules::Access;
 use crate::access::table::{Method, PUSH, method};
 use crate::answer::Answer;
 use crate::connection::Peer;
 use crate::refusals::Refusals;
-use crate::request::RequestBody;
-use crate::shares::{Place, Shares};
+use crate::shares::{Held, Shares};
 
 /// Longest method name that an answer repeats, in characters.
 const NAME_CHARS_MAX: usize = 100;
@@ -35,12 +34,7 @@ pub(crate) struct Gate {
 }
 
 /// What a call was let through with.
-struct Admitted {
-    caller: Caller,
-    peer: Peer,
-    method: Method,
-    place: Arc<Place>,
-}
+type Admitted = (Caller, Peer, Method, Held);
 
 impl Gate {
     pub(crate) const fn new(access: Access, shares: Arc<Shares>, refusals: Arc<Refusals>) -> Self {
@@ -54,9 +48,9 @@ impl Gate {
         let no_origin = || Refusal::fault("the connection has no origin, which is a fault of this program");
         let peer = extensions.get::<Peer>().cloned().or_else(for_whom).ok_or_else(no_origin)?;
         let path = request.uri().path();
-        let admitted = self.permitted(&peer, path, request.headers()).and_then(|(caller, method)| {
-            let place = Arc::new(self.shares.place(method.takes, &caller)?);
-            Ok(Admitted { caller, peer: peer.clone(), method, place })
+        let admitted = self.permitted(&peer.origin, path, request.headers()).and_then(|(caller, method)| {
+            let place = method.takes.map(|what| self.shares.place(what, &caller)).transpose()?;
+            Ok((caller, peer.clone(), method, place.map(Arc::new)))
         });
         admitted.inspect_err(|status| {
             let origin = &peer.origin;
@@ -67,13 +61,18 @@ impl Gate {
     }
 
     /// Who calls what, if its role is enough for it.
-    fn permitted(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<(Caller, Method), Status> {
+    fn permitted(
+        &self,
+        origin: &Arc<Origin>,
+        path: &str,
+        headers: &http::HeaderMap,
+    ) -> Result<(Caller, Method), Status> {
         let mut credentials = headers.get_all(http::header::AUTHORIZATION).iter();
         let credential = credentials.next().map(http::HeaderValue::as_bytes);
         if credentials.next().is_some() {
             return Err(Refusal::unauthenticated("the metadata `authorization` is there twice").into());
         }
-        let caller = self.access.rules().caller(&peer.origin, credential)?;
+        let caller = self.access.rules().caller(origin, credential)?;
         let method = method(path).ok_or_else(|| {
             Refusal::new(Code::Unimplemented, ErrorReason::MethodUnknown, format!("there is no method {}", shown(path)))
         })?;
@@ -84,34 +83,20 @@ impl Gate {
     }
 }
 
-/// A call that was let through and goes on for long, by extension from the gate to the service. Once the rules are replaced
-/// it is judged anew.
+/// A call that was let through and goes on for long, by extension from the gate to the service: meanwhile the rules may be
+/// replaced.
 #[derive(Clone)]
 pub(crate) struct Standing {
     gate: Gate,
-    peer: Peer,
+    origin: Arc<Origin>,
     path: String,
     headers: http::HeaderMap,
-    /// By which it was last let through; absent at first, since the rules may have been replaced after the gate looked.
-    rules: Option<Arc<Rules>>,
 }
 
 impl Standing {
-    /// Takes it from a request that came through the gate.
-    pub(crate) fn take<T>(request: &mut Request<T>) -> Result<Self, Status> {
-        let unknown =
-            || Refusal::fault("nobody has noted how this call was let through, which is a fault of this program");
-        Ok(request.extensions_mut().remove().ok_or_else(unknown)?)
-    }
-
-    /// What a new call would be refused with by the present rules, which are replaced and never changed.
-    pub(crate) fn check(&mut self) -> Result<(), Status> {
-        let rules = self.gate.access.rules();
-        if !self.rules.as_ref().is_some_and(|last| Arc::ptr_eq(last, &rules)) {
-            self.gate.permitted(&self.peer, &self.path, &self.headers)?;
-            self.rules = Some(rules); // or newer ones, by which it is judged once more
-        }
-        Ok(())
+    /// What a new call would be refused with now.
+    pub(crate) fn check(&self) -> Result<(), Status> {
+        self.gate.permitted(&self.origin, &self.path, &self.headers).map(drop)
     }
 }
 
@@ -177,28 +162,24 @@ where
     }
 
     fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
-        let Admitted { caller, peer, method, place } = match self.gate.admit(&request) {
+        let (caller, peer, method, place) = match self.gate.admit(&request) {
             Ok(admitted) => admitted,
             Err(status) => return Box::pin(std::future::ready(Ok(status.into_http()))),
         };
         let call = peer.seat.as_ref().map(|seat| seat.begin());
-        if let Some(call) = call.as_ref().filter(|_| !method.asks_by_stream()) {
-            let waiting = call.wait();
-            request = request.map(|body| Body::new(RequestBody::new(body, waiting)));
-        }
         if method.name == PUSH {
             let (gate, path, headers) = (self.gate.clone(), request.uri().path().to_owned(), request.headers().clone());
-            request.extensions_mut().insert(Standing { gate, peer, path, headers, rules: None });
+            request.extensions_mut().insert(Standing { gate, origin: peer.origin, path, headers });
         }
         request.extensions_mut().insert(caller);
-        request.extensions_mut().insert(Arc::clone(&place));
+        request.extensions_mut().insert(place.clone());
         // The one that was ready is taken, and a clone of it stays.
         let waiting = self.inner.clone();
         let mut inner = mem::replace(&mut self.inner, waiting);
         Box::pin(async move {
             let mut answer = inner.call(request).await?;
             complete(answer.headers_mut());
-            Ok(answer.map(|body| Body::new(Answer::new(body, call, Some(place)))))
+            Ok(answer.map(|body| Body::new(Answer::new(body, call, place))))
         })
     }
 }
@@ -207,6 +188,7 @@ where
 mod tests {
     use super::*;
     use crate::access::role::Role;
+    use crate::access::rules::Rules;
     use crate::limits::Limits;
 
     #[test]
@@ -233,33 +215,15 @@ mod tests {
         assert!(nobody.message().contains("show a token"), "{nobody:?}");
     }
 
-    /// Lets nobody do anything, and refuses a call of Tare with these credentials.
-    fn refused(refusals: &Arc<Refusals>, credentials: &[&str]) -> Status {
-        let gate = Gate::new(Access::new(Rules::default()), Shares::new(&Limits::default()), Arc::clone(refusals));
-        let mut request = http::Request::builder().uri("/taxel.v1.SkinService/Tare").body(Body::empty()).unwrap();
-        request.extensions_mut().insert(Peer::of_tcp(([127, 0, 0, 1], 4000).into()));
-        for token in credentials {
-            request.headers_mut().append(http::header::AUTHORIZATION, token.parse().unwrap());
-        }
-        gate.admit(&request).err().unwrap()
-    }
-
-    /// Three times, because the first is a line at once and those that follow are counted.
-    #[tokio::test]
-    async fn the_log_is_told_what_was_refused_to_whom() {
-        let refusals = Arc::new(Refusals::default());
-        (0..3).for_each(|_| assert_eq!(refused(&refusals, &[]).code(), Code::Unauthenticated));
-        let lines = refusals.take();
-        assert_eq!(lines.len(), 1, "{lines:?}");
-        assert!(
-            lines[0].starts_with("2 more like the last") && lines[0].contains("SkinService/Tare from "),
-            "{lines:?}"
-        );
-    }
-
     #[test]
     fn a_credential_that_is_there_twice_is_none() {
-        let refused = refused(&Arc::default(), &["Bearer a", "Bearer b"]);
+        let gate = Gate::new(Access::new(Rules::open()), Shares::new(Limits::default()), Arc::default());
+        let mut request = http::Request::builder().uri("/taxel.v1.SkinService/Tare").body(Body::empty()).unwrap();
+        request.extensions_mut().insert(Peer::of_tcp(([127, 0, 0, 1], 4000).into()));
+        for token in ["Bearer a", "Bearer b"] {
+            request.headers_mut().append(http::header::AUTHORIZATION, token.parse().unwrap());
+        }
+        let refused = gate.admit(&request).err().unwrap();
         assert_eq!(refused.code(), Code::Unauthenticated);
         assert!(refused.message().contains("`authorization` is there twice"), "{refused:?}");
     }

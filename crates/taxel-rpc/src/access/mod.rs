@@ -7,7 +7,6 @@
 
 pub(crate) mod accounts;
 pub(crate) mod caller;
-pub(crate) mod certificate_name;
 pub(crate) mod layer;
 pub(crate) mod origin;
 pub(crate) mod private_file;

@@ -1,11 +1,8 @@
 //! Who is at the other end of a connection, as far as the connection itself proves it.
 
-use std::fmt;
 use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::SystemTime;
-
-use crate::access::certificate_name::CertificateName;
 
 /// An account of this machine, as the kernel names the peer of a Unix socket.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,18 +14,11 @@ pub(crate) struct Account {
     pub(crate) groups: Vec<String>,
 }
 
-impl Account {
-    /// One of which nothing but its number is known.
-    pub(crate) const fn nameless(uid: u32) -> Self {
-        Self { uid, user: None, groups: Vec::new() }
-    }
-}
-
 /// What a client certificate that was verified says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Certificate {
-    /// The names by which rules may mean it; the first is the one that is written down.
-    pub(crate) names: Vec<CertificateName>,
+    /// The names by which rules may mean it, as [`uri_name`] and its like make them; the first is the one that is written down.
+    pub(crate) names: Vec<String>,
     /// When it expires.
     pub(crate) until: SystemTime,
 }
@@ -43,43 +33,38 @@ pub(crate) enum Origin {
     /// Somebody elsewhere, over TCP without encryption.
     Insecure(SocketAddr),
     /// Somebody with a certificate.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))] // nobody has one without TLS
     Tls(SocketAddr, Arc<Certificate>),
 }
 
-/// Whose share of the service a connection takes.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) enum PeerKey {
-    User(u32),
-    /// Whoever comes over TCP from this machine: a process may take any of 16 million addresses there.
-    Loopback,
-    /// An address elsewhere; of IPv6 the network of 64 bits, all of whose addresses one host may have.
-    Address(IpAddr),
-    Certificate(CertificateName),
-    /// The holder of a token, from wherever a call comes. Connections are never so: a token comes with a call.
-    Token(Arc<str>),
+/// How a URI of a certificate is written. Names of another kind begin with `CN=` or `DNS:`, so that no URI is read as one.
+pub(crate) fn uri_name(uri: &str) -> String {
+    if has_scheme(uri) { uri.to_owned() } else { format!("URI:{uri}") }
 }
 
-impl PeerKey {
-    pub(crate) fn of(address: IpAddr) -> Self {
-        match address.to_canonical() {
-            address if address.is_loopback() => Self::Loopback,
-            IpAddr::V6(address) => Self::Address(Ipv6Addr::from_bits(address.to_bits() & (!0 << 64)).into()),
-            address => Self::Address(address),
-        }
+/// Whether a text can be a name of a certificate: `CN=ann`, `DNS:robot.example`, `spiffe://robot/operator`, `URI:urn:x`.
+///
+/// # Errors
+/// What was expected.
+pub fn check_certificate_name(text: &str) -> Result<(), String> {
+    let is_name = ["CN=", "DNS:", "URI:"].iter().any(|kind| text.len() > kind.len() && text.starts_with(kind));
+    if is_name || has_scheme(text) {
+        return Ok(());
     }
+    Err(format!("\"{text}\": expected a URI with ://, `DNS:...` or `CN=...`, or `URI:...` for any other URI"))
 }
 
-impl fmt::Display for PeerKey {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::User(uid) => write!(f, "user id {uid}"),
-            Self::Loopback => write!(f, "loopback TCP"),
-            Self::Address(IpAddr::V6(network)) => write!(f, "{network}/64"),
-            Self::Address(address) => write!(f, "{address}"),
-            Self::Certificate(name) => write!(f, "certificate {name}"),
-            Self::Token(name) => write!(f, "token {}", name.escape_debug()),
-        }
+fn has_scheme(uri: &str) -> bool {
+    let lower = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "+-.".contains(c);
+    uri.split_once("://").is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.chars().all(lower))
+}
+
+/// Whose share of the service somebody at this address takes. All of this machine are one, since a process may take any of
+/// 16 million addresses there; so are all of an IPv6 network of 64 bits, all of whose addresses one host may have.
+pub(crate) fn peer_at(address: IpAddr) -> String {
+    match address.to_canonical() {
+        address if address.is_loopback() => "loopback TCP".to_owned(),
+        IpAddr::V6(address) => format!("{}/64", Ipv6Addr::from_bits(address.to_bits() & (!0 << 64))),
+        address => address.to_string(),
     }
 }
 
@@ -112,18 +97,19 @@ impl Origin {
     pub(crate) fn name(&self) -> Option<String> {
         match self {
             Self::Unix(account, _) => Some(account.user.clone().unwrap_or_else(|| format!("uid {}", account.uid))),
-            Self::Tls(_, certificate) => certificate.names.first().map(CertificateName::to_string),
+            Self::Tls(_, certificate) => certificate.names.first().cloned(),
             Self::Loopback(_) | Self::Insecure(_) => None,
         }
     }
 
-    pub(crate) fn key(&self) -> PeerKey {
+    /// Whose share of the service it takes.
+    pub(crate) fn key(&self) -> String {
         match self {
-            Self::Unix(account, _) => PeerKey::User(account.uid),
-            Self::Loopback(address) | Self::Insecure(address) => PeerKey::of(address.ip()),
+            Self::Unix(account, _) => format!("user id {}", account.uid),
+            Self::Loopback(address) | Self::Insecure(address) => peer_at(address.ip()),
             Self::Tls(address, certificate) => match certificate.names.first() {
-                Some(name) => PeerKey::Certificate(name.clone()),
-                None => PeerKey::of(address.ip()),
+                Some(name) => format!("certificate {name}"),
+                None => peer_at(address.ip()),
             },
         }
     }

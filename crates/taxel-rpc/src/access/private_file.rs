@@ -10,25 +10,14 @@ use std::path::Path;
 /// No key, no authorities and no list of tokens are as long.
 const BYTES_MAX: u64 = 1 << 20;
 
-/// What others than the owner, who is root or the daemon's own account, may do with a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Others {
-    /// Nothing, but for the group, which may read.
-    Nothing,
-    /// Read.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))] // only certificates of authorities are so
-    Read,
-}
+/// The bits of a mode that must not be set, and what they mean.
+type Forbidden = (u32, &'static str);
 
-impl Others {
-    /// The bits of the mode that must not be set, and what they mean.
-    const fn forbidden(self) -> (u32, &'static str) {
-        match self {
-            Self::Nothing => (0o027, "others can read or change it; expected 600 or 640"),
-            Self::Read => (0o022, "others can change it; expected 600 or 644"),
-        }
-    }
-}
+/// Of a file that only its owner, who is root or the daemon's own account, and perhaps its group may read.
+pub(crate) const SECRET: Forbidden = (0o027, "others can read or change it; expected 600 or 640");
+
+/// Of a file that everybody may read.
+pub(crate) const TRUSTED: Forbidden = (0o022, "others can change it; expected 600 or 644");
 
 /// Who reads a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,14 +26,6 @@ pub(crate) enum Reader {
     Daemon,
     /// Whoever checks what a daemon will read, perhaps with another account: who may own the file is not known.
     Check,
-}
-
-/// Reads a file that only its owner, who is root or the daemon's own account, and perhaps its group can read.
-///
-/// # Errors
-/// The path, what is wrong with the file and what was expected.
-pub fn read_private(path: &Path) -> Result<Vec<u8>, String> {
-    read_guarded(path, Others::Nothing, Reader::Daemon).map_err(|problem| format!("{}: {problem}", path.display()))
 }
 
 /// Whether this account can read what has the path: a check may not find what the daemon will.
@@ -56,13 +37,13 @@ pub(crate) fn is_readable(path: &Path) -> bool {
 ///
 /// # Errors
 /// What is wrong with the file and what was expected, without its path.
-pub(crate) fn read_guarded(path: &Path, others: Others, reader: Reader) -> Result<Vec<u8>, String> {
+pub(crate) fn read_guarded(path: &Path, (forbidden, why): Forbidden, reader: Reader) -> Result<Vec<u8>, String> {
     let (file, about) = open_small(path)?;
     let (owner, own) = (about.uid(), geteuid().as_raw());
     if reader == Reader::Daemon && owner != 0 && owner != own {
         return Err(format!("belongs to user {owner}, expected root or user {own}, who runs the daemon"));
     }
-    let (mode, (forbidden, why)) = (about.mode() & 0o777, others.forbidden());
+    let mode = about.mode() & 0o777;
     if mode & forbidden != 0 {
         return Err(format!("its mode is {mode:03o}: {why}"));
     }
@@ -73,7 +54,6 @@ pub(crate) fn read_guarded(path: &Path, others: Others, reader: Reader) -> Resul
 ///
 /// # Errors
 /// What is wrong with the file and what was expected, without its path.
-#[cfg_attr(not(feature = "tls"), allow(dead_code))] // there are no certificates then
 pub(crate) fn read_small(path: &Path) -> Result<Vec<u8>, String> {
     read_open(open_small(path)?.0)
 }
@@ -104,6 +84,10 @@ mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
+    fn read_private(path: &Path) -> Result<Vec<u8>, String> {
+        read_guarded(path, SECRET, Reader::Daemon)
+    }
+
     #[test]
     fn a_file_that_others_can_read_or_change_is_refused() {
         let folder = tempfile::tempdir().unwrap();
@@ -123,7 +107,7 @@ mod tests {
         for (mode, secret, known) in cases {
             std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
             assert_eq!(read_private(&path).is_ok(), secret, "{mode:o}");
-            assert_eq!(read_guarded(&path, Others::Read, Reader::Daemon).is_ok(), known, "{mode:o}");
+            assert_eq!(read_guarded(&path, TRUSTED, Reader::Daemon).is_ok(), known, "{mode:o}");
         }
         assert!(read_private(folder.path()).unwrap_err().contains("is not a regular file"));
         assert!(read_private(&folder.path().join("absent")).unwrap_err().contains("No such file"));
@@ -154,7 +138,7 @@ mod tests {
             assert!(read_private(&path).is_ok());
             std::os::unix::fs::chown(&path, Some(12345), None).unwrap();
             assert!(read_private(&path).unwrap_err().contains("belongs to user 12345, expected root"));
-            assert_eq!(read_guarded(&path, Others::Nothing, Reader::Check).as_deref(), Ok(&b"x"[..]));
+            assert_eq!(read_guarded(&path, SECRET, Reader::Check).as_deref(), Ok(&b"x"[..]));
         }
     }
 }

@@ -10,23 +10,16 @@ pub(crate) struct Method {
     pub(crate) name: &'static str,
     /// The least role that may call it.
     pub(crate) role: Role,
-    /// What it takes a place of.
-    pub(crate) takes: What,
-}
-
-impl Method {
-    /// Whether its request is a stream, in which a client may pause for as long as it likes.
-    pub(crate) fn asks_by_stream(&self) -> bool {
-        self.name == PUSH || self.name.ends_with("/ServerReflectionInfo")
-    }
+    /// What it takes a place of, if of anything.
+    pub(crate) takes: Option<What>,
 }
 
 const fn read(name: &'static str) -> Method {
-    Method { name, role: Role::Observer, takes: What::Call }
+    Method { name, role: Role::Observer, takes: None }
 }
 
 const fn stream(name: &'static str) -> Method {
-    Method { takes: What::Stream, ..read(name) }
+    Method { takes: Some(What::Stream), ..read(name) }
 }
 
 const fn operate(name: &'static str) -> Method {
@@ -39,24 +32,19 @@ const fn administer(name: &'static str) -> Method {
 
 /// That takes long, or has a large request or answer.
 const fn long(method: Method) -> Method {
-    Method { takes: What::LongCall, ..method }
+    Method { takes: Some(What::LongCall), ..method }
 }
-
-/// The one method whose request may be large.
-pub(crate) const IMPORT: &str = "taxel.v1.ModelService/ImportModelSet";
 
 /// The one method that goes on for long and changes something all the while.
 pub(crate) const PUSH: &str = "taxel.v1.IngestService/PushScans";
 
 /// Every method that is served.
-pub(crate) const METHODS: [Method; 33] = [
+pub(crate) const METHODS: [Method; 31] = [
     read("taxel.v1.ForceService/GetForce"),
     stream("taxel.v1.ForceService/StreamForce"),
     read("taxel.v1.SkinService/GetSkin"),
-    read("taxel.v1.SkinService/GetTaxels"),
     stream("taxel.v1.SkinService/StreamTaxels"),
     read("taxel.v1.SkinService/GetHealth"),
-    read("taxel.v1.SkinService/ListEvents"),
     stream("taxel.v1.SkinService/WatchEvents"),
     operate("taxel.v1.SkinService/Tare"),
     operate("taxel.v1.SkinService/BringUp"),
@@ -72,13 +60,13 @@ pub(crate) const METHODS: [Method; 33] = [
     read("taxel.v1.ModelService/GetModelSet"),
     long(read("taxel.v1.ModelService/ExportModelSet")),
     operate("taxel.v1.ModelService/ActivateModelSet"),
-    long(administer(IMPORT)),
+    long(administer("taxel.v1.ModelService/ImportModelSet")),
     administer("taxel.v1.ModelService/DeleteModelSet"),
     read("taxel.v1.ValidationService/GetValidation"),
     operate("taxel.v1.ValidationService/RecordLoad"),
     long(operate("taxel.v1.ValidationService/Recalibrate")),
     long(operate("taxel.v1.AuditService/ListAudit")),
-    Method { takes: What::Stream, ..operate(PUSH) },
+    Method { takes: Some(What::Stream), ..operate(PUSH) },
     read("grpc.health.v1.Health/Check"),
     stream("grpc.health.v1.Health/Watch"),
     stream("grpc.reflection.v1.ServerReflection/ServerReflectionInfo"),

@@ -25,11 +25,11 @@ async fn still_serves(daemon: &Daemon) {
 }
 
 async fn get_force(channel: Channel) -> Result<(), tonic::Status> {
-    ForceServiceClient::new(channel).get_force(v1::GetForceRequest::default()).await.map(drop)
+    ForceServiceClient::new(channel).get_force(v1::PatchRequest::default()).await.map(drop)
 }
 
 async fn stream(channel: Channel) -> Result<Streaming<v1::ForceSample>, tonic::Status> {
-    let answer = ForceServiceClient::new(channel).stream_force(v1::StreamForceRequest::default()).await;
+    let answer = ForceServiceClient::new(channel).stream_force(v1::StreamRequest::default()).await;
     answer.map(tonic::Response::into_inner)
 }
 
@@ -78,24 +78,6 @@ async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
             Ok(_) => {} // it has not subscribed yet
         }
     }
-}
-
-/// All calls that one peer may have.
-#[tokio::test]
-async fn requests_that_do_not_come_on_are_ended_and_their_places_are_free() {
-    let limits = Limits { look: SHORT, preface_looks: 1_000, calls_per_peer: 3, ..patient() };
-    let daemon = start_with(&[FOREARM], limits).await;
-    let mut half = TcpStream::connect(daemon.address).await.unwrap();
-    let path = b"/taxel.v1.ForceService/GetForce";
-    let headers = [&[0x83, 0x86, 0x04, path.len() as u8][..], path].concat();
-    half.write_all(BEGIN).await.unwrap();
-    for call in 0..3 {
-        // A message of a hundred bytes, of which one comes.
-        let begun = [frame(1, 4, 2 * call + 1, &headers), frame(0, 0, 2 * call + 1, &[0, 0, 0, 0, 100, 1])];
-        half.write_all(&begun.concat()).await.unwrap();
-    }
-    read_to_end(&mut half).await;
-    while get_force(daemon.connect().await).await.is_err() {}
 }
 
 /// The connections answer pings and make no call: they are let live until somebody else needs their places.

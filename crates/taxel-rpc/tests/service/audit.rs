@@ -134,5 +134,5 @@ async fn a_log_that_cannot_be_read_says_why() {
     let mut client = AuditServiceClient::new(daemon.connect().await);
     let status = client.list_audit(v1::ListAuditRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), Code::Unavailable);
-    assert!(status.message().contains("the audit log cannot be read: there is none"), "{status:?}");
+    assert!(status.message() == "there is none", "{status:?}");
 }

@@ -30,18 +30,16 @@ async fn a_patch_must_be_named_where_there_are_several_and_must_exist() {
     let daemon = start_with(&[FOREARM, HAND], patient()).await;
     let channel = daemon.connect().await;
     let mut force = ForceServiceClient::new(channel.clone());
-    let status = force.get_force(v1::GetForceRequest::default()).await.unwrap_err();
+    let status = force.get_force(v1::PatchRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["patch", FOREARM, HAND]);
     let nose = || "nose".to_owned();
-    let status = force.get_force(v1::GetForceRequest { patch: nose() }).await.unwrap_err();
+    let status = force.get_force(v1::PatchRequest { patch: nose() }).await.unwrap_err();
     expect(status, Code::NotFound, &["patch `nose`", FOREARM, HAND]);
-    let request = v1::StreamForceRequest { patch: nose(), rate_hz: None };
+    let request = v1::StreamRequest { patch: nose(), rate_hz: None };
     expect(force.stream_force(request).await.unwrap_err(), Code::NotFound, &["nose"]);
 
     let mut skin = SkinServiceClient::new(channel.clone());
-    let status = skin.get_skin(v1::GetSkinRequest { patch: nose() }).await.unwrap_err();
-    expect(status, Code::NotFound, &["nose"]);
-    let status = skin.get_taxels(v1::GetTaxelsRequest { patch: nose() }).await.unwrap_err();
+    let status = skin.get_skin(v1::PatchRequest { patch: nose() }).await.unwrap_err();
     expect(status, Code::NotFound, &["nose"]);
     let status = skin.tare(v1::TareRequest { patch: nose(), ..Default::default() }).await.unwrap_err();
     expect(status, Code::NotFound, &["nose"]);
@@ -51,7 +49,7 @@ async fn a_patch_must_be_named_where_there_are_several_and_must_exist() {
     let mut models = ModelServiceClient::new(channel.clone());
     let status = models.get_model_set(v1::GetModelSetRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["patch"]);
-    let request = v1::ListModelSetsRequest { patch: nose(), ..Default::default() };
+    let request = v1::ListRequest { patch: nose(), ..Default::default() };
     expect(models.list_model_sets(request).await.unwrap_err(), Code::NotFound, &["nose"]);
 
     let mut sessions = CalibrationServiceClient::new(channel);
@@ -64,10 +62,10 @@ async fn rates_outside_1_to_1000_hz_are_refused() {
     let daemon = start().await;
     let channel = daemon.connect().await;
     for rate_hz in [0.0, 0.99, 1000.1, -5.0, f64::NAN, f64::INFINITY] {
-        let request = v1::StreamForceRequest { rate_hz: Some(rate_hz), ..Default::default() };
+        let request = v1::StreamRequest { rate_hz: Some(rate_hz), ..Default::default() };
         let status = ForceServiceClient::new(channel.clone()).stream_force(request).await.unwrap_err();
         expect(status, Code::InvalidArgument, &["rate_hz", "1 to 1000", &rate_hz.to_string()]);
-        let request = v1::StreamTaxelsRequest { rate_hz: Some(rate_hz), ..Default::default() };
+        let request = v1::StreamRequest { rate_hz: Some(rate_hz), ..Default::default() };
         let status = SkinServiceClient::new(channel.clone()).stream_taxels(request).await.unwrap_err();
         expect(status, Code::InvalidArgument, &["rate_hz"]);
     }
@@ -87,9 +85,6 @@ async fn sets_taxels_and_sessions_that_are_not_there_are_named() {
     expect(status, Code::InvalidArgument, &["model_set"]);
     let request = v1::ImportModelSetRequest { json: "[]".to_owned(), insist: false };
     expect(models.import_model_set(request).await.unwrap_err(), Code::InvalidArgument, &["json", "line 1", "`[]`"]);
-    let request = v1::ImportModelSetRequest { json: "set m\u{1b}[2J".to_owned(), insist: true };
-    let said = ["json: `id` has the unprintable character U+001B, expected one line of text"];
-    expect(models.import_model_set(request).await.unwrap_err(), Code::InvalidArgument, &said);
     let model_sets = vec![crate::fixture::model_set("m-a", FOREARM).into()];
     let catalogue = taxel_engine::snapshot::Catalogue { model_sets, ..Default::default() };
     daemon.engine().catalogue(std::sync::Arc::new(catalogue));
@@ -97,13 +92,13 @@ async fn sets_taxels_and_sessions_that_are_not_there_are_named() {
     expect(models.get_model_set(request).await.unwrap_err(), Code::InvalidArgument, &["curves", "20", "0 to 19"]);
 
     let mut sessions = CalibrationServiceClient::new(channel);
-    let status = sessions.get_session(v1::GetSessionRequest { session: 5 }).await.unwrap_err();
+    let status = sessions.get_session(v1::SessionRequest { session: 5 }).await.unwrap_err();
     expect(status, Code::NotFound, &["session 5"]);
-    let status = sessions.watch_session(v1::WatchSessionRequest { session: 5 }).await.unwrap_err();
+    let status = sessions.watch_session(v1::SessionRequest { session: 5 }).await.unwrap_err();
     expect(status, Code::NotFound, &["session 5"]);
     let status = sessions.advance_session(v1::AdvanceSessionRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["session", "from 1"]);
-    let status = sessions.get_session(v1::GetSessionRequest::default()).await.unwrap_err();
+    let status = sessions.get_session(v1::SessionRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["session"]);
     let request = v1::StartSessionRequest { confirmed_by: "x".repeat(257), ..Default::default() };
     let status = sessions.start_session(request).await.unwrap_err();
@@ -189,14 +184,12 @@ async fn commands_beyond_the_queue_are_refused_at_once() {
 
 #[tokio::test]
 async fn requests_beyond_their_size_are_refused() {
-    let limits = Limits { request_bytes: 1 << 10, models_bytes: 4 << 10, ..patient() };
-    let daemon = start_with(&[FOREARM], limits).await;
-    let channel = daemon.connect().await;
-    let patch = "x".repeat(2 << 10);
-    let status = ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest { patch }).await.unwrap_err();
+    let channel = start().await.connect().await;
+    let patch = "x".repeat(5 << 20);
+    let status = ForceServiceClient::new(channel.clone()).get_force(v1::PatchRequest { patch }).await.unwrap_err();
     expect(status, Code::OutOfRange, &[]);
     let request = |bytes| v1::ImportModelSetRequest { json: "x".repeat(bytes), insist: false };
     let mut models = ModelServiceClient::new(channel);
-    expect(models.import_model_set(request(2 << 10)).await.unwrap_err(), Code::InvalidArgument, &["json"]);
-    expect(models.import_model_set(request(5 << 10)).await.unwrap_err(), Code::OutOfRange, &[]);
+    expect(models.import_model_set(request(65 << 10)).await.unwrap_err(), Code::InvalidArgument, &["json"]);
+    expect(models.import_model_set(request(17 << 20)).await.unwrap_err(), Code::OutOfRange, &[]);
 }

@@ -1,4 +1,4 @@
-//! The event log: in pages, and as it goes on.
+//! The event log: what is kept, and as it goes on.
 
 use taxel_engine::events::{Event, EventKind};
 use taxel_proto::v1;
@@ -20,37 +20,24 @@ fn happens(daemon: &Daemon, patch: &str, text: &str) {
     });
 }
 
-fn texts(events: &[v1::Event]) -> Vec<&str> {
-    events.iter().map(|event| event.text.as_str()).collect()
-}
-
 #[tokio::test]
-async fn events_come_in_pages_newest_first_and_by_patch() {
+async fn what_is_kept_comes_oldest_first_and_by_patch_and_then_the_stream_ends() {
     let daemon = start_with(&[FOREARM, HAND], patient()).await;
     for (patch, text) in [(FOREARM, "a"), (HAND, "b"), ("", "bus"), (FOREARM, "c")] {
         happens(&daemon, patch, text);
     }
     let mut client = SkinServiceClient::new(daemon.connect().await);
-    let request = |patch: &str, page_size, page_token: &str| v1::ListEventsRequest {
-        patch: patch.to_owned(),
-        page_size,
-        page_token: page_token.to_owned(),
-    };
-    let page = client.list_events(request("", 3, "")).await.unwrap().into_inner();
-    assert_eq!(texts(&page.events), ["c", "bus", "b"]);
-    let event = &page.events[0];
-    assert_eq!((event.number, event.kind(), &event.taxels[..]), (4, v1::EventKind::FaultsCame, &[3, 4][..]));
-    assert_eq!((event.time.as_ref().unwrap().seconds, event.session, event.skipped), (1_700_000_000, Some(2), 0));
-    let rest = client.list_events(request("", 3, &page.next_page_token)).await.unwrap().into_inner();
-    assert_eq!((texts(&rest.events), rest.next_page_token.as_str()), (vec!["a"], ""));
-    let hand = client.list_events(request(HAND, 0, "")).await.unwrap().into_inner();
-    assert_eq!(texts(&hand.events), ["bus", "b"]);
-    for (bad, code) in [
-        (request("foot", 0, ""), Code::NotFound),
-        (request("", 1_001, ""), Code::InvalidArgument),
-        (request("", 0, "x"), Code::InvalidArgument),
-    ] {
-        assert_eq!(client.list_events(bad).await.unwrap_err().code(), code);
+    for (patch, after, texts) in [("", 0, &["a", "b", "bus", "c"][..]), (HAND, 0, &["b", "bus"]), (HAND, 2, &["bus"])] {
+        let request = v1::WatchEventsRequest { patch: patch.to_owned(), after, follow: false };
+        let mut stream = client.watch_events(request).await.unwrap().into_inner();
+        let mut events = Vec::new();
+        while let Some(event) = stream.message().await.unwrap() {
+            events.push(event);
+        }
+        assert_eq!(events.iter().map(|event| event.text.as_str()).collect::<Vec<_>>(), texts);
+        let event = &events[0];
+        assert_eq!((event.kind(), &event.taxels[..]), (v1::EventKind::FaultsCame, &[3, 4][..]));
+        assert_eq!((event.time.as_ref().unwrap().seconds, event.session, event.skipped), (1_700_000_000, Some(2), 0));
     }
 }
 
@@ -59,9 +46,9 @@ async fn a_watcher_gets_each_event_and_is_told_what_is_no_longer_kept_and_of_the
     let daemon = start_with(&[FOREARM, HAND], patient()).await;
     happens(&daemon, FOREARM, "before");
     let mut client = SkinServiceClient::new(daemon.connect().await);
-    let watch = |patch: &str, after| v1::WatchEventsRequest { patch: patch.to_owned(), after };
-    let mut live = client.watch_events(watch(FOREARM, None)).await.unwrap().into_inner();
-    let mut all = client.watch_events(watch("", Some(0))).await.unwrap().into_inner();
+    let watch = |patch: &str, after| v1::WatchEventsRequest { patch: patch.to_owned(), after, follow: true };
+    let mut live = client.watch_events(watch(FOREARM, 1)).await.unwrap().into_inner();
+    let mut all = client.watch_events(watch("", 0)).await.unwrap().into_inner();
     assert_eq!(all.message().await.unwrap().unwrap().text, "before");
     happens(&daemon, HAND, "elsewhere");
     happens(&daemon, FOREARM, "here");
@@ -69,13 +56,13 @@ async fn a_watcher_gets_each_event_and_is_told_what_is_no_longer_kept_and_of_the
     assert_eq!(all.message().await.unwrap().unwrap().text, "elsewhere");
     assert_eq!(all.message().await.unwrap().unwrap().text, "here");
     (0..4_096).for_each(|_| happens(&daemon, HAND, "flood"));
-    let mut late = client.watch_events(watch("", Some(0))).await.unwrap().into_inner();
+    let mut late = client.watch_events(watch("", 0)).await.unwrap().into_inner();
     let first = late.message().await.unwrap().unwrap();
     assert_eq!((first.number, first.skipped), (4, 3));
     assert_eq!(late.message().await.unwrap().unwrap().skipped, 0);
-    let status = client.watch_events(watch("foot", None)).await.unwrap_err();
+    let status = client.watch_events(watch("foot", 0)).await.unwrap_err();
     assert_eq!(status.code(), Code::NotFound);
-    let status = client.watch_events(watch("", Some(9_999))).await.unwrap_err();
+    let status = client.watch_events(watch("", 9_999)).await.unwrap_err();
     assert!(status.code() == Code::InvalidArgument && status.message().contains("started anew"), "{status}");
     daemon.shutdown.cancel();
     let status = live.message().await.unwrap_err();

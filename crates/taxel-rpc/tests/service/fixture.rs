@@ -12,6 +12,8 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{DevicePlan, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
 use taxel_engine::snapshot::{BusHealth, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::ErrorReason;
 use taxel_rpc::handle::channel;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
 use taxel_rpc::{
@@ -91,7 +93,7 @@ pub struct Store {
 fn answer<Q, T>(answers: &Answers<Q, T>, question: Q, told: Told<T>) {
     match answers {
         Some(answer) => answer(question, told),
-        None => told(Err("there is none".to_owned())),
+        None => told(Err(Refusal::unavailable(ErrorReason::StoreUnavailable, "there is none"))),
     }
 }
 

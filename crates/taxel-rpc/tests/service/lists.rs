@@ -18,13 +18,13 @@ async fn sessions_come_newest_first_in_pages_with_the_live_state() {
     let patch_of = |number| if number % 2 == 0 { FOREARM } else { HAND };
     let sessions = (1..=5).map(|n| view(n, patch_of(n), SessionState::Discarded)).collect();
     daemon.engine().catalogue(Arc::new(Catalogue { sessions, ..Catalogue::default() }));
-    daemon.engine().session(0, view(4, FOREARM, SessionState::Review));
-    daemon.engine().session(1, view(6, HAND, SessionState::Ramping));
+    daemon.engine().session(0, Some(view(4, FOREARM, SessionState::Review)));
+    daemon.engine().session(1, Some(view(6, HAND, SessionState::Ramping)));
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
 
     let (mut numbers, mut page_token) = (Vec::new(), String::new());
     loop {
-        let request = v1::ListSessionsRequest { page_size: 4, page_token, ..Default::default() };
+        let request = v1::ListRequest { page_size: 4, page_token, ..Default::default() };
         let page = client.list_sessions(request).await.unwrap().into_inner();
         numbers.extend(page.sessions.iter().map(|s| (s.session, s.state())));
         page_token = page.next_page_token;
@@ -36,10 +36,10 @@ async fn sessions_come_newest_first_in_pages_with_the_live_state() {
     let expected = [(6, Ramping), (5, Discarded), (4, Review), (3, Discarded), (2, Discarded), (1, Discarded)];
     assert_eq!(numbers, expected);
 
-    let request = v1::ListSessionsRequest { patch: FOREARM.to_owned(), ..Default::default() };
+    let request = v1::ListRequest { patch: FOREARM.to_owned(), ..Default::default() };
     let page = client.list_sessions(request).await.unwrap().into_inner();
     assert_eq!(page.sessions.iter().map(|s| s.session).collect::<Vec<_>>(), [4, 2]);
-    let request = v1::ListSessionsRequest { page_size: 1_001, ..Default::default() };
+    let request = v1::ListRequest { page_size: 1_001, ..Default::default() };
     let status = client.list_sessions(request).await.unwrap_err();
     assert!(status.message().contains("page_size: 1001 is not in 0 to 1000"), "{status:?}");
 }
@@ -51,13 +51,13 @@ async fn model_sets_come_newest_first_and_the_active_one_is_marked() {
     let active = vec![(FOREARM.to_owned(), Some("m-2".to_owned()))];
     daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
     let mut client = ModelServiceClient::new(daemon.connect().await);
-    let request = v1::ListModelSetsRequest { page_size: 2, ..Default::default() };
+    let request = v1::ListRequest { page_size: 2, ..Default::default() };
     let first = client.list_model_sets(request).await.unwrap().into_inner();
     let shown = |page: &v1::ListModelSetsResponse| -> Vec<(String, bool)> {
         page.model_sets.iter().map(|set| (set.model_set.clone(), set.active)).collect()
     };
     assert_eq!(shown(&first), [("m-3".to_owned(), false), ("m-2".to_owned(), true)]);
-    let request = v1::ListModelSetsRequest { page_token: first.next_page_token, ..Default::default() };
+    let request = v1::ListRequest { page_token: first.next_page_token, ..Default::default() };
     let last = client.list_model_sets(request).await.unwrap().into_inner();
     assert_eq!(shown(&last), [("m-1".to_owned(), false)]);
     assert_eq!(last.next_page_token, "");

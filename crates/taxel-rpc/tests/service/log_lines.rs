@@ -1,4 +1,4 @@
-//! The line of a command in the daemon's log, which is there whatever becomes of its caller.
+//! The line of a command in the daemon's log.
 
 use std::io::Write;
 use std::sync::{Arc, Mutex};
@@ -57,25 +57,6 @@ impl Log {
     }
 }
 
-fn tare(who: &str) -> v1::TareRequest {
-    v1::TareRequest { confirmed_by: who.to_owned(), ..Default::default() }
-}
-
-#[tokio::test]
-async fn a_command_whose_caller_goes_away_before_the_answer_is_in_the_log_with_who_it_was() {
-    let (log, _guard) = Log::begin();
-    let mut daemon = start().await;
-    let mut client = SkinServiceClient::new(daemon.connect().await);
-    let call = tokio::spawn(async move { client.tare(tare("Ann")).await });
-    let request = daemon.requests.recv().await.unwrap();
-    call.abort();
-    let line = log.line_with("went away before the answer").await;
-    for part in ["command=\"Tare\"", "claimed=\"Ann\"", "from=\"127.0.0.1:", "`taxeld audit` says what came of it"] {
-        assert!(line.contains(part), "{part}: {line}");
-    }
-    assert!(request.reply.send(Ok(Done::BringUpStarted)).is_err(), "nobody waits for it");
-}
-
 #[tokio::test]
 async fn a_command_that_is_answered_has_one_line() {
     let (log, _guard) = Log::begin();
@@ -87,4 +68,14 @@ async fn a_command_that_is_answered_has_one_line() {
     let line = log.line_with("command=\"BringUp\"").await;
     assert!(line.contains("done"), "{line}");
     assert_eq!(log.text.lock().unwrap().matches("command=").count(), 1);
+}
+
+#[tokio::test]
+async fn a_call_that_is_refused_is_in_the_log_with_whose_it_was() {
+    let (log, _guard) = Log::begin();
+    let daemon = start().await;
+    let mut request = tonic::Request::new(v1::TareRequest::default());
+    request.metadata_mut().insert("authorization", "Bearer wrong".parse().unwrap());
+    SkinServiceClient::new(daemon.connect().await).tare(request).await.unwrap_err();
+    log.line_with("a call was refused: taxel.v1.SkinService/Tare from 127.0.0.1").await;
 }

@@ -6,7 +6,6 @@ mod attacks;
 mod audit;
 mod calls;
 mod certificates;
-mod documented;
 mod errors;
 mod events;
 mod fixture;

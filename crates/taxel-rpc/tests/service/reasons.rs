@@ -9,7 +9,6 @@ use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::Limits;
 use tonic::{Code, Status};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
@@ -17,7 +16,7 @@ use tonic_reflection::pb::v1::ServerReflectionRequest;
 use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
 use tonic_types::StatusExt;
 
-use crate::fixture::{FOREARM, HAND, patient, start, start_with};
+use crate::fixture::{FOREARM, start};
 
 /// Why a call was refused. Fails if the status does not say that in all the ways in which it has to.
 pub fn reason(status: &Status) -> ErrorReason {
@@ -84,23 +83,6 @@ async fn the_engines_reason_comes_with_what_the_command_was_about() {
 }
 
 #[tokio::test]
-async fn what_is_not_there_and_what_cannot_be_is_told_apart_by_name() {
-    let daemon = start_with(&[FOREARM, HAND], patient()).await;
-    let mut force = ForceServiceClient::new(daemon.connect().await);
-    let status = force.get_force(v1::GetForceRequest { patch: "nose".to_owned() }).await.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::PatchUnknown, pairs([("patch", "nose")])));
-    let status = force.get_force(v1::GetForceRequest::default()).await.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::FieldInvalid, pairs([("field", "patch")])));
-    let mut sessions = CalibrationServiceClient::new(daemon.connect().await);
-    let status = sessions.get_session(v1::GetSessionRequest { session: 7 }).await.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::SessionUnknown, pairs([("session", "7")])));
-    let mut models = ModelServiceClient::new(daemon.connect().await);
-    let request = v1::GetModelSetRequest { model_set: "m-9".to_owned(), ..Default::default() };
-    let status = models.get_model_set(request).await.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::ModelSetUnknown, pairs([("model_set", "m-9")])));
-}
-
-#[tokio::test]
 async fn however_long_a_refusal_would_be_it_fits_into_the_headers_that_clients_take() {
     let daemon = start().await;
     let mut models = ModelServiceClient::new(daemon.connect().await);
@@ -115,9 +97,9 @@ async fn however_long_a_refusal_would_be_it_fits_into_the_headers_that_clients_t
 
 #[tokio::test]
 async fn what_the_libraries_refuse_has_a_reason_too() {
-    let daemon = start_with(&[FOREARM], Limits { request_bytes: 100, ..patient() }).await;
+    let daemon = start().await;
     let channel = daemon.connect().await;
-    let request = v1::GetForceRequest { patch: "x".repeat(200) };
+    let request = v1::PatchRequest { patch: "x".repeat(5 << 20) };
     let status = ForceServiceClient::new(channel.clone()).get_force(request).await.unwrap_err();
     assert_eq!((status.code(), reason(&status)), (Code::OutOfRange, ErrorReason::FieldInvalid));
     let request = HealthCheckRequest { service: "x.Y".to_owned() };

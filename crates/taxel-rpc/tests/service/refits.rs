@@ -6,6 +6,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::snapshot::Catalogue;
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_rpc::{Limits, Told};
@@ -27,7 +28,7 @@ fn samples() -> Store {
         };
         let rest = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS];
         told(match session {
-            3 => Err("row 7 is not what was written".to_owned()),
+            3 => Err(Refusal::failed_precondition(v1::ErrorReason::DataDamaged, "session 3: row 7")),
             _ => Ok(SessionSamples {
                 ramps: vec![RampBaseline { ramp: 0, taxels: rest, gauge_kpa: Some(0.0) }],
                 samples: (0..=700).map(sample).collect(),
@@ -153,16 +154,16 @@ async fn calls_that_are_given_up_do_not_pile_up_in_the_store() {
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
     // It is given up when the store has been asked.
     let (_, told) = tokio::select! {
-        answer = client.export_samples(v1::ExportSamplesRequest { session: 1 }) => panic!("{answer:?}"),
+        answer = client.export_samples(v1::SessionRequest { session: 1 }) => panic!("{answer:?}"),
         question = asked.recv() => question.unwrap(),
     };
-    let refused = client.export_samples(v1::ExportSamplesRequest { session: 1 }).await.unwrap_err();
+    let refused = client.export_samples(v1::SessionRequest { session: 1 }).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     let refused = client.refit_sessions(refit(1, v1::FitOptions::default())).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     // The store answers whom nobody waits for, and there is room again.
     told(Ok(SessionSamples::default()));
-    let export = client.export_samples(v1::ExportSamplesRequest { session: 1 });
+    let export = client.export_samples(v1::SessionRequest { session: 1 });
     let answer = async {
         let (session, told): (u64, Told<SessionSamples>) = asked.recv().await.unwrap();
         assert_eq!(session, 1);

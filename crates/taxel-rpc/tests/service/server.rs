@@ -5,8 +5,7 @@ use std::time::Duration;
 use taxel_engine::snapshot::{Health, StoreHealth};
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Clocks, Drain, Limits, Listener, Rules, Server};
+use taxel_rpc::{Drain, Limits};
 use taxel_skin::Time;
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
@@ -14,7 +13,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{FOREARM, Store, patient, snapshot, start, start_with, with_a_bus};
+use crate::fixture::{FOREARM, patient, snapshot, start, start_with, with_a_bus};
 
 const SERVICES: [&str; 6] = [
     "taxel.v1.ForceService",
@@ -107,7 +106,7 @@ async fn a_peer_that_holds_on_is_cut_at_the_deadline() {
     let daemon = start_with(&[FOREARM], limits).await;
     let mut mute = TcpStream::connect(daemon.address).await.unwrap();
     // An answer on a later connection proves that the mute one was accepted.
-    ForceServiceClient::new(daemon.connect().await).get_force(v1::GetForceRequest::default()).await.unwrap();
+    ForceServiceClient::new(daemon.connect().await).get_force(v1::PatchRequest::default()).await.unwrap();
     daemon.shutdown.cancel();
     assert_eq!(daemon.server.await.unwrap().unwrap(), Drain::Cut);
     read_to_end(&mut mute).await; // ends, so it was closed
@@ -122,26 +121,4 @@ pub async fn read_to_end(stream: &mut TcpStream) -> usize {
     let read = tokio::time::timeout(CLOSES_WITHIN, stream.read_to_end(&mut all)).await;
     assert!(read.is_ok(), "the peer neither closes nor resets"); // a reset is a close as well
     all.len()
-}
-
-#[tokio::test]
-async fn a_unix_socket_serves_the_same() {
-    let folder = std::env::temp_dir().join(format!("taxel-rpc-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let path = folder.join("socket");
-    let _ = std::fs::remove_file(&path);
-    let plan = Arc::new(taxel_engine::plan::Plan { buses: 0, patches: Vec::new() });
-    let shutdown = tokio_util::sync::CancellationToken::new();
-    let clocks = Clocks { run: Arc::new(Time::default), process: Arc::new(Time::default) };
-    let (handle, _publisher, _requests) = channel(plan, clocks, shutdown.clone());
-    let listener = Listener::Unix(std::os::unix::net::UnixListener::bind(&path).unwrap());
-    let server = Server::new(handle, Arc::new(Store::default()), Access::new(Rules::open()), patient()).unwrap();
-    let server = tokio::spawn(server.serve(vec![listener]));
-    let endpoint = tonic::transport::Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();
-    let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
-    let status = client.get_force(v1::GetForceRequest::default()).await.unwrap_err();
-    assert_eq!(status.code(), tonic::Code::InvalidArgument, "there is no patch at all: {status:?}");
-    shutdown.cancel();
-    assert_eq!(server.await.unwrap().unwrap(), Drain::Clean);
-    std::fs::remove_dir_all(&folder).unwrap();
 }

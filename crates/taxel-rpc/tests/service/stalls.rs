@@ -21,7 +21,7 @@ const BEGUN: Time = Time::from_nanos(10_000_000_000);
 const MS: Duration = Duration::from_millis(1);
 
 async fn subscribe(channel: &Channel, rate_hz: Option<f64>) -> Streaming<v1::ForceSample> {
-    let request = v1::StreamForceRequest { rate_hz, ..Default::default() };
+    let request = v1::StreamRequest { rate_hz, ..Default::default() };
     ForceServiceClient::new(channel.clone()).stream_force(request).await.unwrap().into_inner()
 }
 
@@ -61,7 +61,7 @@ async fn a_stalled_engine_is_told_by_every_stream_and_every_health_and_recovers(
     let channel = daemon.connect().await;
     let (mut each, mut held) = (subscribe(&channel, None).await, subscribe(&channel, Some(100.0)).await);
     let mut skin = SkinServiceClient::new(channel.clone());
-    let mut taxels = skin.stream_taxels(v1::StreamTaxelsRequest::default()).await.unwrap().into_inner();
+    let mut taxels = skin.stream_taxels(v1::StreamRequest::default()).await.unwrap().into_inner();
     assert!(!taxels.message().await.unwrap().unwrap().taxels[0].stale);
     let mut watched = Vec::new();
     for service in ["", "taxel.v1.ForceService", "taxel.v1.SkinService", "taxel.v1.CalibrationService"] {
@@ -82,9 +82,9 @@ async fn a_stalled_engine_is_told_by_every_stream_and_every_health_and_recovers(
     }
     let got = taxels.message().await.unwrap().unwrap();
     assert!(got.taxels.iter().all(|taxel| taxel.stale && taxel.pressure_kpa.is_none()), "{got:?}");
-    let got = ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest::default()).await.unwrap();
+    let got = ForceServiceClient::new(channel.clone()).get_force(v1::PatchRequest::default()).await.unwrap();
     assert_eq!((got.get_ref().state(), got.get_ref().total_n), (Stale, None));
-    let health = skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
+    let health = skin.get_health(()).await.unwrap().into_inner();
     assert_eq!(health.problems, ["the engine has not run for 0.11 s"]);
     assert_eq!(health.engine_stalled_s, Some(0.11));
     for stream in &mut watched {
@@ -109,7 +109,7 @@ async fn a_stalled_engine_is_told_by_every_stream_and_every_health_and_recovers(
     for stream in &mut watched {
         until(stream, ServingStatus::Serving).await;
     }
-    let health = skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
+    let health = skin.get_health(()).await.unwrap().into_inner();
     assert!(health.problems.is_empty() && health.engine_stalled_s.is_none(), "{health:?}");
 }
 

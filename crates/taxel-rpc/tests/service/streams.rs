@@ -15,7 +15,7 @@ type Forces = Streaming<v1::ForceSample>;
 
 async fn subscribe(daemon: &Daemon, rate_hz: Option<f64>) -> Forces {
     let mut client = ForceServiceClient::new(daemon.connect().await);
-    let request = v1::StreamForceRequest { rate_hz, ..Default::default() };
+    let request = v1::StreamRequest { rate_hz, ..Default::default() };
     client.stream_force(request).await.unwrap().into_inner()
 }
 
@@ -35,7 +35,7 @@ async fn the_first_message_comes_at_once_and_then_each_value() {
         assert_eq!((got.sequence, got.skipped, got.total_n), (sequence, 0, Some(sequence as f64)));
     }
     let mut taxels = SkinServiceClient::new(daemon.connect().await);
-    let mut taxels = taxels.stream_taxels(v1::StreamTaxelsRequest::default()).await.unwrap().into_inner();
+    let mut taxels = taxels.stream_taxels(v1::StreamRequest::default()).await.unwrap().into_inner();
     let first = taxels.message().await.unwrap().unwrap();
     assert_eq!((first.sequence, first.taxels.len()), (59, TAXELS));
     daemon.engine().patch(0, snapshot(63, Time::default()));
@@ -49,14 +49,14 @@ async fn stall(daemon: &Daemon) -> (Forces, u64) {
     daemon.engine().patch(0, snapshot(1, Time::default()));
     let endpoint = daemon.endpoint().initial_stream_window_size(256);
     let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
-    let mut stream = client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner();
+    let mut stream = client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner();
     assert_eq!(next(&mut stream).await.sequence, 1);
     let mut other = ForceServiceClient::new(daemon.connect().await);
     let last = 2_001;
     for sequence in 2..=last {
         daemon.engine().patch(0, snapshot(sequence, Time::default()));
         if sequence % 20 == 0 {
-            other.get_force(v1::GetForceRequest::default()).await.unwrap();
+            other.get_force(v1::PatchRequest::default()).await.unwrap();
         }
     }
     (stream, last)

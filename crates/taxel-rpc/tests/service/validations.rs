@@ -86,11 +86,9 @@ async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
         uncovered_share: 0.05,
         reasons: vec!["1 taxels have a fault".to_owned()],
         model_set: "m-1".to_owned(),
-        mean_area_mm2: 32.4,
         area_factor: 1.0,
         replaces: 2,
         outdated_because: String::new(),
-        in_area_factor: false,
         left_out_because: String::new(),
         taxels: vec![3, 4, 230],
         filled_share: 0.25,
@@ -134,7 +132,7 @@ async fn what_is_no_load_is_refused_before_the_engine() {
 async fn a_validation_shows_loads_errors_and_the_factor() {
     let daemon = start().await;
     let mut client = ValidationServiceClient::new(daemon.connect().await);
-    let empty = client.get_validation(v1::GetValidationRequest::default()).await.unwrap().into_inner();
+    let empty = client.get_validation(v1::PatchRequest::default()).await.unwrap().into_inner();
     assert_eq!(empty, v1::Validation { patch: FOREARM.to_owned(), ..v1::Validation::default() });
 
     let judged = |number, why: &str| JudgedLoad {
@@ -161,8 +159,8 @@ async fn a_validation_shows_loads_errors_and_the_factor() {
         not_applied_because: String::new(),
     };
     daemon.engine().catalogue(Arc::new(Catalogue { validations: vec![Arc::new(view)], ..Catalogue::default() }));
-    let got = client.get_validation(v1::GetValidationRequest::default()).await.unwrap().into_inner();
-    assert_eq!((got.model_set.as_str(), got.loads.len(), got.loads_in_all), ("m-1", 1_000, 1_299));
+    let got = client.get_validation(v1::PatchRequest::default()).await.unwrap().into_inner();
+    assert_eq!((got.model_set.as_str(), got.loads.len()), ("m-1", 1_000));
     assert_eq!(got.mean_absolute_error_percent, Some(2.0));
     let not_applied_because = String::new();
     let factor = v1::AreaFactor {
@@ -176,5 +174,5 @@ async fn a_validation_shows_loads_errors_and_the_factor() {
     };
     assert_eq!(got.area_factor, Some(factor));
     let newest = &got.loads[0];
-    assert!(newest.load == 1_299 && newest.in_area_factor && newest.within_two_sigma, "{newest:?}");
+    assert!(newest.load == 1_299 && newest.within_two_sigma, "{newest:?}");
 }

@@ -9,7 +9,7 @@ use prost_types::FileDescriptorSet;
 use rcgen::SanType;
 use taxel_engine::command::Rejection;
 use taxel_proto::v1::ErrorReason;
-use taxel_rpc::{Access, CertificateName, Grant, Listener, Role, Rules, Subject, Tls, Tokens};
+use taxel_rpc::{Access, Grant, Listener, Role, Rules, Subject, Tls, Tokens};
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
@@ -133,7 +133,7 @@ struct House {
 }
 
 fn rules() -> Rules {
-    let name = |role: Role| CertificateName::Uri(format!("spiffe://robot/{role}"));
+    let name = |role: Role| format!("spiffe://robot/{role}");
     let hash = |token: &str| {
         use sha2::Digest;
         sha2::Sha256::digest(token).iter().map(|byte| format!("{byte:02x}")).collect::<String>()
@@ -201,7 +201,7 @@ impl House {
 #[test]
 fn the_expectations_name_methods_that_exist() {
     let methods = methods();
-    assert!(methods.len() >= 31, "{methods:?}");
+    assert!(methods.len() >= 30, "{methods:?}");
     for method in OPERATOR.iter().chain(&ADMIN) {
         assert!(methods.iter().any(|name| name == method), "{method}");
     }
@@ -212,7 +212,7 @@ async fn over_loopback_each_role_may_do_what_the_table_says_and_nothing_else() {
     let house = house().await;
     let mut channel = house.daemon.connect().await;
     for role in [None, Some(Role::Observer), Some(Role::Operator), Some(Role::Admin)] {
-        house.access.replace(Rules { loopback: role, ..house.rules.clone() });
+        house.access.update(|_| Rules { loopback: role, ..house.rules.clone() });
         house.walk(&mut channel, None, Expected::Role(role, Code::Unauthenticated)).await;
     }
 }
@@ -221,7 +221,7 @@ async fn over_loopback_each_role_may_do_what_the_table_says_and_nothing_else() {
 async fn with_a_token_each_role_may_do_what_the_table_says_and_a_wrong_one_is_nobody() {
     let house = house().await;
     // A wrong token is not let through as somebody without one, either.
-    house.access.replace(Rules { loopback: Some(Role::Admin), ..house.rules.clone() });
+    house.access.update(|_| Rules { loopback: Some(Role::Admin), ..house.rules.clone() });
     let mut channel = house.daemon.connect().await;
     for role in Role::ALL {
         let token = format!("{role}-token");
@@ -241,10 +241,10 @@ async fn on_the_unix_socket_each_account_may_do_what_its_grant_says() {
     for role in Role::ALL {
         let mut rules = house.rules.clone();
         rules.grants.push(Grant { subject: Subject::User(own.clone()), role });
-        house.access.replace(rules);
+        house.access.update(|_| rules);
         house.walk(&mut channel, None, Expected::Role(Some(role), Code::PermissionDenied)).await;
     }
-    house.access.replace(house.rules.clone());
+    house.access.update(|_| house.rules.clone());
     house.walk(&mut channel, None, Expected::Role(None, Code::PermissionDenied)).await;
 }
 
@@ -268,9 +268,9 @@ async fn with_a_certificate_each_name_may_do_what_its_grant_says() {
 async fn a_name_of_a_certificate_has_no_role_of_a_name_of_another_kind() {
     let house = house().await;
     let mut rules = house.rules.clone();
-    let boss = [CertificateName::Common("boss".to_owned()), CertificateName::Dns("boss.example".to_owned())];
+    let boss = ["CN=boss".to_owned(), "DNS:boss.example".to_owned()];
     rules.grants.extend(boss.map(|name| Grant { subject: Subject::Certificate(name), role: Role::Admin }));
-    house.access.replace(rules);
+    house.access.update(|_| rules);
     let dns = |name: &str| SanType::DnsName(name.try_into().unwrap());
     let uri = |text: &str| SanType::URI(text.try_into().unwrap());
     let cases = [
@@ -320,7 +320,7 @@ async fn with_no_certificate_an_expired_one_or_one_of_another_authority_no_call_
 #[tokio::test]
 async fn what_is_not_served_is_not_found_whoever_asks() {
     let house = house().await;
-    house.access.replace(Rules { loopback: Some(Role::Admin), ..house.rules.clone() });
+    house.access.update(|_| Rules { loopback: Some(Role::Admin), ..house.rules.clone() });
     let mut channel = house.daemon.connect().await;
     for method in ["", "/", "taxel.v1.SkinService", "taxel.v1.SkinService/tare", "taxel.v1.SkinService/Tare/", "x/y"] {
         let answer = call(&mut channel, method, None).await.unwrap();

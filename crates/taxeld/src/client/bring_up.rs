@@ -4,7 +4,6 @@ use taxel_proto::v1::BringUpRequest;
 
 use super::connect::Server;
 use super::failure::Outcome;
-use super::json;
 
 /// Configures the boards of a patch anew, which then take their own zero. Nothing may touch the skin; while a force is felt the
 /// daemon refuses.
@@ -30,9 +29,10 @@ pub struct BringUpArgs {
 pub async fn bring_up(args: BringUpArgs) -> Outcome {
     let daemon = args.server.connect().await?;
     let request = BringUpRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
-    let begun = daemon.skin().bring_up(request).await?.into_inner();
+    daemon.skin().bring_up(request).await?;
     if args.json {
-        return json::print("BringUpResponse", &begun);
+        say!("{{}}");
+        return Ok(());
     }
     say!(
         "the bring-up has begun: `taxeld health` says how the boards are; then `taxeld tare`, if no zero is taken by itself"

@@ -10,7 +10,7 @@ use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_proto::v1::{GetSkinRequest, ListModelSetsRequest, ModelSetSummary};
+use taxel_proto::v1::{ListRequest, ModelSetSummary, PatchRequest};
 
 use super::failure::Outcome;
 use super::places::Places;
@@ -116,7 +116,7 @@ impl Daemon {
     /// # Errors
     /// No such patch, or a lost connection.
     pub async fn places(&self, patch: &str) -> Outcome<Places> {
-        let request = GetSkinRequest { patch: patch.to_owned() };
+        let request = PatchRequest { patch: patch.to_owned() };
         Ok(Places::of(&self.skin().get_skin(request).await?.into_inner()))
     }
 
@@ -127,7 +127,7 @@ impl Daemon {
     pub async fn model_sets(&self) -> Outcome<Vec<ModelSetSummary>> {
         let (mut sets, mut page_token) = (Vec::new(), String::new());
         loop {
-            let request = ListModelSetsRequest { patch: self.patch(), page_size: 100, page_token };
+            let request = ListRequest { patch: self.patch(), page_size: 100, page_token };
             let page = self.models().list_model_sets(request).await?.into_inner();
             sets.extend(page.model_sets);
             page_token = page.next_page_token;

@@ -1,6 +1,8 @@
 //! `taxeld events`: what happened since the daemon's start.
 
-use taxel_proto::v1::{Event, ListEventsRequest, WatchEventsRequest};
+use std::collections::VecDeque;
+
+use taxel_proto::v1::{Event, WatchEventsRequest};
 
 use super::connect::{Daemon, Server};
 use super::failure::Outcome;
@@ -32,18 +34,23 @@ pub struct EventsArgs {
 pub async fn events(args: EventsArgs) -> Outcome {
     let daemon = args.server.connect().await?;
     let patch = daemon.patch();
-    let request = ListEventsRequest { patch: patch.clone(), page_size: args.last, page_token: String::new() };
-    let page = daemon.skin().list_events(request).await?.into_inner();
-    let mut last = 0;
-    for event in page.events.iter().rev() {
-        last = event.number;
+    let request = |after, follow| WatchEventsRequest { patch: patch.clone(), after, follow };
+    let mut stream = daemon.skin().watch_events(request(0, false)).await?.into_inner();
+    let mut newest = VecDeque::new();
+    while let Some(event) = stream.message().await? {
+        if newest.len() == args.last as usize {
+            newest.pop_front();
+        }
+        newest.push_back(event);
+    }
+    for event in &newest {
         show(&args, &daemon, event).await?;
     }
     if !args.follow {
         return Ok(());
     }
-    let request = WatchEventsRequest { patch, after: Some(last) };
-    let mut stream = daemon.skin().watch_events(request).await?.into_inner();
+    let last = newest.back().map_or(0, |event| event.number);
+    let mut stream = daemon.skin().watch_events(request(last, true)).await?.into_inner();
     while let Some(event) = stream.message().await? {
         show(&args, &daemon, &event).await?;
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use taxel_engine::calibration::export::sample_row;
-use taxel_proto::v1::{ExportSamplesRequest, SessionSample};
+use taxel_proto::v1::{SessionRequest, SessionSample};
 
 use super::connect::Server;
 use super::failure::{Failure, Outcome};
@@ -31,7 +31,7 @@ pub struct ExportArgs {
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let request = ExportSamplesRequest { session: args.session };
+    let request = SessionRequest { session: args.session };
     let mut blocks = daemon.calibration().export_samples(request).await?.into_inner();
     let mut next = blocks.message().await?.filter(|block| block.samples_in_all > 0);
     let first = next.as_ref().and_then(|block| Some((block.samples_in_all, block.samples.first()?.monotonic_ns)));

@@ -1,6 +1,6 @@
 //! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
 
-use taxel_proto::v1::{BoardHealth, BusHealth, GetHealthRequest, Health, PatchHealth};
+use taxel_proto::v1::{BoardHealth, BusHealth, Health, PatchHealth};
 
 use super::connect::{Daemon, Server};
 use super::failure::{Failure, Outcome};
@@ -27,7 +27,7 @@ pub struct HealthArgs {
 /// What is not well, or no daemon.
 pub async fn health(args: HealthArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let health = daemon.skin().get_health(GetHealthRequest {}).await?.into_inner();
+    let health = daemon.skin().get_health(()).await?.into_inner();
     if args.json {
         json::print("Health", &health)?;
     } else {

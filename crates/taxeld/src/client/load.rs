@@ -1,7 +1,7 @@
 //! `taxeld load`: a known mass lies on the skin; how far the force is off.
 
 use taxel_proto::v1::record_load_request::Load as Known;
-use taxel_proto::v1::{GetValidationRequest, Load, RecordLoadRequest, Validation};
+use taxel_proto::v1::{Load, PatchRequest, RecordLoadRequest, Validation};
 
 use super::connect::Server;
 use super::failure::Outcome;
@@ -46,7 +46,7 @@ pub async fn load(args: LoadArgs) -> Outcome {
     let daemon = args.server.connect().await?;
     let known = args.mass.map(Known::MassKg).or(args.newton.map(Known::ForceN));
     if known.is_none() {
-        let request = GetValidationRequest { patch: daemon.patch() };
+        let request = PatchRequest { patch: daemon.patch() };
         let validation = daemon.validation().get_validation(request).await?.into_inner();
         return if args.json { json::print("Validation", &validation) } else { print_all(&validation) };
     }

@@ -91,7 +91,7 @@ impl Candidate {
 
     /// Where its zero comes from, and what to do.
     pub fn zero(&self) -> &'static str {
-        let knows = |taxel: &TaxelModelSummary| taxel.status == "ok" && taxel.baseline_counts.is_some();
+        let knows = |taxel: &TaxelModelSummary| taxel.status == "ok" && taxel.figures.contains_key("baseline_counts");
         if self.set.taxels.iter().any(knows) {
             "it has the zero of its calibration. Unload the skin, then: taxeld tare"
         } else {
@@ -119,12 +119,14 @@ pub fn print_set(set: &ModelSet, places: &Places) {
         say!("    {} {reason}: {}", taxels.len(), places.name(taxels.iter().copied()));
     }
     let usable = set.taxels.iter().filter(|taxel| taxel.status == "ok");
-    if let Some((_, median, worst)) = crate::values::spread(usable.filter_map(|taxel| taxel.rmse_kpa).collect()) {
+    if let Some((_, median, worst)) =
+        crate::values::spread(usable.filter_map(|taxel| taxel.figures.get("rmse_kpa").copied()).collect())
+    {
         say!("  error of the fit: median {median:.2} kPa, at worst {worst:.2} kPa");
     }
-    if let Some(in_use) = &set.in_use {
-        let plays = in_use.taxels_with_plays;
-        let back = in_use.zero_return_counts.map(|counts| format!("; zero after a load: {counts:.2} counts off"));
+    if let Some(plays) = set.in_use.get("taxels_with_plays") {
+        let back =
+            set.in_use.get("zero_return_counts").map(|counts| format!("; zero after a load: {counts:.2} counts off"));
         say!("  hysteresis compensated: {plays} taxels{}", back.unwrap_or_default());
     }
     set.board_settings.iter().for_each(|line| say!("  {line}"));

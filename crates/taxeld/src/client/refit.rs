@@ -68,7 +68,7 @@ pub async fn refit(args: &RefitArgs, sessions: Vec<u64>) -> Outcome {
     if args.json {
         return json::print("Refit", &answer);
     }
-    say!("{} scans fitted in {:.2} s", answer.scans, answer.fit_s);
+    say!("{} scans fitted", answer.scans);
     let summary = answer.model_set.unwrap_or_default();
     let (id, patch) = (summary.model_set, summary.patch);
     let request = GetModelSetRequest { model_set: id.clone(), ..GetModelSetRequest::default() };

@@ -1,8 +1,9 @@
 //! `taxeld sessions`: calibration sessions that are or were.
 
+use std::collections::BTreeMap;
+
 use taxel_proto::v1::{
-    AdvanceSessionRequest, Branches, DeleteSessionRequest, GetSessionRequest, ListSessionsRequest, RefusedScans,
-    Session, SessionAction, SessionState,
+    AdvanceSessionRequest, Branches, ListRequest, Session, SessionAction, SessionRequest, SessionState,
 };
 
 use super::connect::{Daemon, Server};
@@ -93,7 +94,7 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
         SessionsCommand::Refit { args, sessions } => refit(&args, sessions).await,
         SessionsCommand::Delete { one, yes } => delete(&one, yes).await,
         SessionsCommand::Show(one) => {
-            let request = GetSessionRequest { session: one.session };
+            let request = SessionRequest { session: one.session };
             let view = one.server.connect().await?.calibration().get_session(request).await?.into_inner();
             tell(&one, &view)
         }
@@ -133,15 +134,15 @@ fn tell(one: &One, view: &Session) -> Outcome {
 
 async fn delete(one: &One, yes: bool) -> Outcome {
     let (mut service, session) = (one.server.connect().await?.calibration(), one.session);
-    let view = service.get_session(GetSessionRequest { session }).await?.into_inner();
+    let view = service.get_session(SessionRequest { session }).await?.into_inner();
     let (patch, scans, state) = (&view.patch, view.accepted, session_word(view.state()));
     let question = format!("delete session {session} of {patch} ({state}) with its {scans} scans for good?");
     ask::agree(yes, &question, &format!("taxeld sessions delete {session}")).await?;
-    let answer = service.delete_session(DeleteSessionRequest { session }).await?.into_inner();
-    if one.json {
-        return json::print("DeleteSessionResponse", &answer);
+    service.delete_session(SessionRequest { session }).await?;
+    match one.json {
+        true => say!("{{}}"),
+        false => say!("session {session} is deleted"),
     }
-    say!("session {session} is deleted");
     Ok(())
 }
 
@@ -149,7 +150,7 @@ async fn list(server: &Server, as_json: bool) -> Outcome {
     let daemon = server.connect().await?;
     let (mut rows, mut page_token) = (Vec::new(), String::new());
     loop {
-        let request = ListSessionsRequest { patch: daemon.patch(), page_size: 100, page_token };
+        let request = ListRequest { patch: daemon.patch(), page_size: 100, page_token };
         let page = daemon.calibration().list_sessions(request).await?.into_inner();
         for view in &page.sessions {
             if as_json {
@@ -194,7 +195,7 @@ fn print(view: &Session) {
         view.ramps,
         view.target_kpa
     );
-    let refused = refusals(view.refused.as_ref());
+    let refused = refusals(&view.refused);
     say!("  {} scans entered, {} of them on disk; refused: {refused}", view.accepted, view.durable);
     say!("  coverage {:.0} %, {} of {} taxels responded", 100.0 * view.coverage, view.taxels_responding, view.taxels);
     if !view.model_set.is_empty() {
@@ -202,20 +203,8 @@ fn print(view: &Session) {
     }
 }
 
-/// Refused scans in words.
-pub fn refusals(refused: Option<&RefusedScans>) -> String {
-    let refused = refused.copied().unwrap_or_default();
-    let counted = [
-        (refused.not_rising, "not rising"),
-        (refused.not_falling, "not falling"),
-        (refused.too_fast, "too fast"),
-        (refused.no_pressure, "without pressure"),
-        (refused.stale_module, "with silent modules"),
-        (refused.gauge_spike, "with a gauge that jumps"),
-        (refused.gauge_stuck, "with a gauge that stands still"),
-        (refused.zero_in_doubt, "with a zero in doubt"),
-        (refused.full, "beyond what a session holds"),
-    ];
-    let words: Vec<String> = counted.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+/// Refused scans by reason.
+pub fn refusals(refused: &BTreeMap<String, u64>) -> String {
+    let words: Vec<String> = refused.iter().map(|(why, n)| format!("{n} {}", why.replace('_', " "))).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use taxel_rpc::{Grant, Role, Rules, Subject};
+use taxel_rpc::{Grant, Role, Rules, Subject, check_certificate_name};
 
 use super::file::{AccessSection, Config, beside};
 use super::problem::Faults;
@@ -79,7 +79,7 @@ impl Doors {
                 Subject::User(name) if !unix => ("user", name.clone(), of_unix),
                 Subject::Group(name) if !unix => ("group", name.clone(), of_unix),
                 Subject::Certificate(name) if !tls => {
-                    ("certificate", name.to_string(), "TLS: add \"tls:ADDRESS\" to listen")
+                    ("certificate", name.clone(), "TLS: add \"tls:ADDRESS\" to listen")
                 }
                 _ => return None,
             };
@@ -199,7 +199,10 @@ fn subject(text: &str) -> Result<Subject, String> {
         Some((_, "")) => Err("expected a name behind the colon".to_owned()),
         Some(("user", name)) => Ok(Subject::User(name.to_owned())),
         Some(("group", name)) => Ok(Subject::Group(name.to_owned())),
-        Some(("certificate", name)) => Ok(Subject::Certificate(name.parse()?)),
+        Some(("certificate", name)) => {
+            check_certificate_name(name)?;
+            Ok(Subject::Certificate(name.to_owned()))
+        }
         _ => {
             Err("expected user:NAME, group:NAME, certificate:NAME, or a way to come in: unix, loopback, tls, insecure"
                 .to_owned())

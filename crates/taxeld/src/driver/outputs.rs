@@ -170,7 +170,7 @@ impl Driver {
         if let Some(view) = self.sessions[index].take() {
             tracing::info!(session = view.number, "calibration session deleted");
         }
-        self.publisher.session_gone(index);
+        self.publisher.session(index, None);
     }
 
     fn show_session(&mut self, index: usize, view: Arc<SessionView>) {
@@ -184,7 +184,7 @@ impl Driver {
             let stage = |view: &Arc<SessionView>| Stage { state: view.state, direction: view.direction };
             told.send_replace(Stage::first(self.sessions.iter().flatten().map(stage)));
         }
-        self.publisher.session(index, view);
+        self.publisher.session(index, Some(view));
     }
 
     fn send(&self, bus: BusIndex, frame: Frame) {

@@ -56,7 +56,7 @@ impl Daemon {
             assert_eq!(self.child.try_wait().unwrap(), None, "the daemon ended by itself");
             assert!(begun.elapsed() < PATIENCE, "the daemon does not come up");
             if let Ok(mut client) = ForceServiceClient::connect(format!("http://{}", self.address)).await {
-                let mut stream = client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner();
+                let mut stream = client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner();
                 stream.message().await.unwrap();
                 return Channel::from_shared(format!("http://{}", self.address)).unwrap().connect().await.unwrap();
             }
@@ -163,11 +163,11 @@ impl Told {
         }
         let mut calibration = CalibrationServiceClient::new(channel.clone());
         for number in self.sessions.iter().rev().take(3) {
-            let found = calibration.get_session(v1::GetSessionRequest { session: *number }).await;
+            let found = calibration.get_session(v1::SessionRequest { session: *number }).await;
             assert!(found.is_ok(), "cycle {cycle}: session {number}: {found:?}");
         }
         let mut skin = SkinServiceClient::new(channel.clone());
-        let problems = skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().problems;
+        let problems = skin.get_health(()).await.unwrap().into_inner().problems;
         assert!(!problems.iter().any(|problem| problem.contains("store")), "cycle {cycle}: {problems:?}");
     }
 }
@@ -175,7 +175,7 @@ impl Told {
 async fn all_sets(models: &mut ModelServiceClient<Channel>) -> Vec<v1::ModelSetSummary> {
     let (mut listed, mut page_token) = (Vec::new(), String::new());
     loop {
-        let request = v1::ListModelSetsRequest { page_token, ..v1::ListModelSetsRequest::default() };
+        let request = v1::ListRequest { page_token, ..v1::ListRequest::default() };
         let page = models.list_model_sets(request).await.unwrap().into_inner();
         listed.extend(page.model_sets);
         page_token = page.next_page_token;

@@ -78,7 +78,7 @@ impl Daemon {
         let begun = Instant::now();
         loop {
             match ForceServiceClient::connect(format!("http://{}", self.address)).await {
-                Ok(mut client) => match client.stream_force(v1::StreamForceRequest::default()).await {
+                Ok(mut client) => match client.stream_force(v1::StreamRequest::default()).await {
                     Ok(stream) => return stream.into_inner(),
                     Err(error) => assert!(begun.elapsed() < PATIENCE, "the daemon takes no call: {error}"),
                 },
@@ -90,7 +90,7 @@ impl Daemon {
 
     async fn health(&self) -> v1::Health {
         let mut client = SkinServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
-        client.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner()
+        client.get_health(()).await.unwrap().into_inner()
     }
 
     async fn problems(&self) -> Vec<String> {

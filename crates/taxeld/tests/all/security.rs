@@ -95,7 +95,7 @@ impl Daemon {
         let (begun, endpoint) = (Instant::now(), Endpoint::from_shared(self.socket()).unwrap());
         let channel = endpoint.connect_lazy();
         loop {
-            match SkinServiceClient::new(channel.clone()).get_health(v1::GetHealthRequest::default()).await {
+            match SkinServiceClient::new(channel.clone()).get_health(()).await {
                 Err(error) if error.code() == Code::Unavailable => {
                     assert!(begun.elapsed() < PATIENCE, "the daemon does not come up: {error}");
                 }
@@ -276,7 +276,7 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
     let daemon = Daemon::start(folder.path());
     let (unix, operator) = (daemon.unix().await, daemon.with_certificates(folder.path()));
     let mut skin = SkinServiceClient::new(unix.clone());
-    let request = v1::StreamTaxelsRequest { patch: "left_forearm".to_owned(), ..v1::StreamTaxelsRequest::default() };
+    let request = v1::StreamRequest { patch: "left_forearm".to_owned(), ..v1::StreamRequest::default() };
     let mut stream = skin.stream_taxels(request).await.unwrap().into_inner();
     assert_eq!(tare(&unix, None, "Ann").await.unwrap_err().code(), Code::PermissionDenied);
     tare(&operator, None, "Ann").await.unwrap();

@@ -88,7 +88,7 @@ impl Service {
 
     async fn stream(&self) -> Streaming<v1::ForceSample> {
         let mut client = ForceServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
-        client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner()
+        client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner()
     }
 }
 

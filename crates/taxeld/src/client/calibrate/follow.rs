@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use taxel_proto::v1::{GetHealthRequest, Session, SessionAction, SessionState, WatchSessionRequest};
+use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState};
 use tonic::Streaming;
 
 use super::screen::{Screen, bell};
@@ -62,7 +62,7 @@ impl Course {
     }
 
     async fn watch(&self) -> Outcome<Streaming<Session>> {
-        let request = WatchSessionRequest { session: self.session.session };
+        let request = SessionRequest { session: self.session.session };
         Ok(self.daemon.calibration().watch_session(request).await?.into_inner())
     }
 
@@ -123,7 +123,7 @@ impl Course {
 /// Waits for [`QUIET`], and says why nothing can come then; `None` where the daemon runs, and nothing has changed.
 async fn stands_still(daemon: &Daemon) -> Option<String> {
     tokio::time::sleep(QUIET).await;
-    match tokio::time::timeout(ANSWER_WITHIN, daemon.skin().get_health(GetHealthRequest {})).await {
+    match tokio::time::timeout(ANSWER_WITHIN, daemon.skin().get_health(())).await {
         Err(_) => Some("it does not answer".to_owned()),
         Ok(Err(refused)) => Some(refused.message().to_owned()),
         Ok(Ok(health)) => {

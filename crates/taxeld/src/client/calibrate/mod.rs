@@ -4,7 +4,7 @@ mod follow;
 mod screen;
 
 use taxel_proto::v1::{
-    Branches, GetSessionRequest, GetSkinRequest, ListSessionsRequest, ModuleName, Session, SessionAction, SessionState,
+    Branches, ListRequest, ModuleName, PatchRequest, Session, SessionAction, SessionRequest, SessionState,
     StartSessionRequest,
 };
 
@@ -71,7 +71,7 @@ fn parse_module(text: &str) -> Result<ModuleName, String> {
 /// A calibration that fails or is left, what the daemon refuses, or no daemon.
 pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let skin = daemon.skin().get_skin(GetSkinRequest { patch: daemon.patch() }).await?.into_inner();
+    let skin = daemon.skin().get_skin(PatchRequest { patch: daemon.patch() }).await?.into_inner();
     let daemon = daemon.about(&skin.patch);
     let asks = !args.yes && !args.json && ask::somebody();
     let screen = Screen::new(Places::of(&skin), args.json);
@@ -98,10 +98,10 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
 /// The session to follow: the one that was named, one that can be taken up, or a new one.
 async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: bool) -> Outcome<Session> {
     if let Some(session) = args.session {
-        let session = daemon.calibration().get_session(GetSessionRequest { session }).await?.into_inner();
+        let session = daemon.calibration().get_session(SessionRequest { session }).await?.into_inner();
         return take_up(daemon, session).await;
     }
-    let request = ListSessionsRequest { patch: daemon.patch(), page_size: 1, page_token: String::new() };
+    let request = ListRequest { patch: daemon.patch(), page_size: 1, page_token: String::new() };
     let newest = daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next();
     if let Some(session) = newest.filter(|_| !args.new)
         && wants(&session, args, screen, asks).await?

@@ -138,7 +138,7 @@ fn parts(session: &Session, silent: &str) -> Vec<String> {
             vec![format!("{state} {}", pressure(session)), coverage, taxels, advice(session)]
         }
         SessionState::Review => {
-            let refused = refusals(session.refused.as_ref());
+            let refused = refusals(&session.refused);
             vec![format!("{state} {} scans entered, refused: {refused}", session.accepted), taxels]
         }
         _ => vec![format!("{state} {}", advice(session))],
