@@ -74,8 +74,9 @@ impl LogTimes {
         Some(format!("the clock stepped {way} by {by_s:.1} s at line {line}: times go on from there{more}"))
     }
 
-    /// Why the times of so many frames tell nothing of pace and order.
+    /// Why the times of so many frames tell nothing of pace and order; `None` where none was read from a text.
     pub(crate) fn fault(&self, frames: u64) -> Option<String> {
+        self.newest?;
         if !self.differ {
             return Some(format!("all {frames} frames share one time: record without -H"));
         }

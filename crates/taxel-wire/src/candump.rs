@@ -115,26 +115,27 @@ impl<'a> Cursor<'a> {
     }
 
     /// The number in up to `most` digits, and how many there are.
-    fn number(&mut self, radix: u32, most: usize) -> (u64, usize) {
-        let (start, mut number) = (self.at, 0);
-        while let Some(digit) = self.peek().and_then(|byte| char::from(byte).to_digit(radix))
-            && self.at - start < most
-        {
-            number = number * u64::from(radix) + u64::from(digit);
-            self.at += 1;
+    #[inline]
+    fn number<const RADIX: u32>(&mut self, most: usize) -> (u64, usize) {
+        let (mut number, mut digits) = (0, 0);
+        for byte in self.line[self.at..].iter().take(most) {
+            let Some(digit) = char::from(*byte).to_digit(RADIX) else { break };
+            number = number * u64::from(RADIX) + u64::from(digit);
+            digits += 1;
         }
-        (number, self.at - start)
+        self.at += digits;
+        (number, digits)
     }
 
     fn time(&mut self) -> Result<Time, LogError> {
         self.take(b'(', "`(` and a time: record with `candump -l` or `candump -ta`")?;
         let start = self.at;
-        let (seconds, digits) = self.number(10, 18);
+        let (seconds, digits) = self.number::<10>(18);
         if digits == 0 {
             return self.refuse("a digit of the seconds");
         }
         self.take(b'.', "`.` and the fraction of the seconds: record with `candump -l` or `candump -ta`")?;
-        let (fraction, digits) = self.number(10, 9);
+        let (fraction, digits) = self.number::<10>(9);
         if digits == 0 {
             return self.refuse("a digit of the fraction");
         }
@@ -163,7 +164,7 @@ impl<'a> Cursor<'a> {
 
     fn identifier(&mut self) -> Result<(CanId, FrameKind), LogError> {
         let start = self.at;
-        let (value, digits) = self.number(16, 8);
+        let (value, digits) = self.number::<16>(8);
         let value = value as u32; // of eight digits
         match digits {
             3 if value <= 0x7FF => Ok((CanId::Standard(value as u16), FrameKind::Data)),
@@ -182,13 +183,13 @@ impl<'a> Cursor<'a> {
         let kind = match (self.peek(), kind) {
             (Some(b'R'), FrameKind::Data) => {
                 self.at += 1;
-                let (length, _) = self.number(10, 1);
+                let (length, _) = self.number::<10>(1);
                 return self.frame(id, FrameKind::Remote, &[0; FD_BYTES], length as usize);
             }
             (Some(b'#'), FrameKind::Data) => {
                 self.at += 1;
                 // They say how it was sent, and not what.
-                if self.number(16, 1).1 == 0 {
+                if self.number::<16>(1).1 == 0 {
                     return self.refuse("a hexadecimal digit, the flags of a CAN FD frame");
                 }
                 FrameKind::Fd
@@ -208,7 +209,7 @@ impl<'a> Cursor<'a> {
     fn screen_frame(&mut self, id: CanId, kind: FrameKind) -> Result<Frame, LogError> {
         self.skip_blanks();
         self.take(b'[', "`[` and the length")?;
-        let (length, digits) = self.number(10, 2);
+        let (length, digits) = self.number::<10>(2);
         let kind = if digits == 2 && kind == FrameKind::Data { FrameKind::Fd } else { kind };
         self.take(b']', "`]` after one or two digits of the length")?;
         let (mut data, length) = ([0; FD_BYTES], length as usize);
@@ -223,7 +224,7 @@ impl<'a> Cursor<'a> {
     }
 
     fn byte(&mut self) -> Result<u8, LogError> {
-        match self.number(16, 2) {
+        match self.number::<16>(2) {
             (byte, 2) => Ok(byte as u8),
             _ => self.refuse("a data byte of two hexadecimal digits"),
         }
