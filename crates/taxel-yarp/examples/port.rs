@@ -13,7 +13,8 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut port = OutPort::open(&server, &name).await?;
     for count in 0..seconds * 50 {
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.as_secs_f64();
-        let contact = Value::List(vec![Value::floats([f64::NAN, 0.5]), Value::List(vec![Value::Int(47)]), Value::Float(9.3)]);
+        let contact =
+            Value::List(vec![Value::floats([f64::NAN, 0.5]), Value::List(vec![Value::Int(47)]), Value::Float(9.3)]);
         port.send(now, &[Value::Int(count as i64), Value::Float(1.0), Value::Text("no frame".into()), contact]);
         tokio::time::sleep(Duration::from_millis(20)).await;
     }

@@ -46,7 +46,10 @@ mod tests {
     fn the_value_at_its_place_is_the_pressure() {
         let row = GaugeRow { index: 1 };
         let frame = row.take(Time::from_nanos(7), b"3 -12.5 nan").unwrap();
-        assert_eq!((frame.time, frame.frame.bytes()), (Time::from_nanos(7), (-12_500_000_i64).to_le_bytes().as_slice()));
+        assert_eq!(
+            (frame.time, frame.frame.bytes()),
+            (Time::from_nanos(7), (-12_500_000_i64).to_le_bytes().as_slice())
+        );
         let refuse = |index, line: &[u8]| GaugeRow { index }.take(Time::default(), line).unwrap_err();
         assert_eq!(refuse(2, b"3 -12.5 nan"), "value 2 is \"nan\", expected a pressure");
         assert_eq!(refuse(5, b"3"), "value 5 is \"\", expected a pressure");

@@ -8,11 +8,12 @@
 //! - [`NameServer`]: where a port is; what a port of ours is called.
 //! - [`PortReader`]: the messages of a port.
 //! - [`Rows`]: from the vector of a skin port to the frames that its boards sent.
-//! - [`PortSource`]: a port as a bus of the daemon.
+//! - [`PortBus`]: the ports of a patch as a bus of the daemon; [`candump_of`]: recordings of ports as one.
 //! - [`OutPort`]: a port that others read.
 //! - [`Value`]: what messages consist of.
 
 mod binary;
+mod dump;
 mod errors;
 mod gauge;
 mod lines;
@@ -24,11 +25,12 @@ mod session;
 mod source;
 mod value;
 
+pub use dump::{DumpFault, candump_of, is_dump};
 pub use errors::PortError;
 pub use gauge::{GAUGE_STEP, GaugeRow, gauge_signal_id};
 pub use names::{Contact, NameServer};
 pub use out_port::OutPort;
 pub use reader::{Message, PortReader};
 pub use rows::{Rows, Unfit};
-pub use source::{Content, PortSource};
+pub use source::{Content, PortBus};
 pub use value::Value;

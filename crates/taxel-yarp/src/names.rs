@@ -223,7 +223,9 @@ mod tests {
         }
         let file = Path::new("yarp.conf");
         assert_eq!(NameServer::of_content(file, "10.0.0.2 10000 yarp\n").unwrap().to_string(), "10.0.0.2:10000");
-        assert!(NameServer::of_content(file, "nonsense").unwrap_err().to_string().starts_with("yarp.conf: \"nonsense\""));
+        assert!(
+            NameServer::of_content(file, "nonsense").unwrap_err().to_string().starts_with("yarp.conf: \"nonsense\"")
+        );
     }
 
     #[test]

@@ -57,7 +57,13 @@ impl OutPort {
         let at = listener.local_addr().map_err(unbound)?;
         server.register(name, at).await?;
         let (newest, _) = watch::channel(Written::from(""));
-        let port = Arc::new(Port { name: name.to_owned(), at, server: server.clone(), newest: newest.clone(), readers: Mutex::default() });
+        let port = Arc::new(Port {
+            name: name.to_owned(),
+            at,
+            server: server.clone(),
+            newest: newest.clone(),
+            readers: Mutex::default(),
+        });
         let mut tasks = JoinSet::new();
         tasks.spawn(Arc::clone(&port).accept(listener));
         tasks.spawn(port.stay_registered());
@@ -242,7 +248,9 @@ impl Port {
             },
             Wish::ListOut(None) => self.names().into_iter().map(Value::Text).collect(),
             Wish::ListOut(Some(to)) if self.names().contains(to) => {
-                let pair = |key: &str, value: &str| Value::List([key, value].map(|word| Value::Text(word.to_owned())).to_vec());
+                let pair = |key: &str, value: &str| {
+                    Value::List([key, value].map(|word| Value::Text(word.to_owned())).to_vec())
+                };
                 vec![pair("from", &self.name), pair("to", to), pair("carrier", "text")]
             }
             Wish::ListOut(Some(_)) => Vec::new(),

@@ -108,7 +108,9 @@ impl Rows {
             let mut values = [0; VALUES];
             values.copy_from_slice(&self.counts[triangle.row..triangle.row + VALUES]);
             if let Some(changed) = triangle.changed_at(time, values) {
-                frames.extend(triangle.frames(values).map(|message| TimedFrame { time: changed, frame: message.encode() }));
+                frames.extend(
+                    triangle.frames(values).map(|message| TimedFrame { time: changed, frame: message.encode() }),
+                );
             }
         }
         frames[begin..].sort_by_key(|frame| frame.time);
@@ -169,7 +171,10 @@ fn read_count(token: &[u8]) -> Option<u8> {
         Some(point) => (&token[..point], &token[point + 1..]),
         None => (token, &token[..0]),
     };
-    if (1..=3).contains(&whole.len()) && whole.iter().all(u8::is_ascii_digit) && fraction.iter().all(|&byte| byte == b'0') {
+    if (1..=3).contains(&whole.len())
+        && whole.iter().all(u8::is_ascii_digit)
+        && fraction.iter().all(|&byte| byte == b'0')
+    {
         let number = whole.iter().fold(0, |number: u16, digit| 10 * number + u16::from(digit - b'0'));
         return u8::try_from(number).ok();
     }

@@ -49,7 +49,9 @@ pub(crate) fn answer_to(message: &[Value]) -> Vec<Value> {
     match message.first().and_then(Value::as_text) {
         Some("ver") => vec![text("ver"), Value::Int(1), Value::Int(2), Value::Int(3)],
         Some("list") => Vec::new(), // nobody sends to this port
-        Some("help") => vec![text("[help]"), text("[ver]"), text("[add] $port"), text("[del] $port"), text("[list] [out]")],
+        Some("help") => {
+            vec![text("[help]"), text("[ver]"), text("[add] $port"), text("[del] $port"), text("[list] [out]")]
+        }
         _ => vec![Value::Int(-1), text("not understood: type help")],
     }
 }

@@ -1,10 +1,15 @@
-//! A port as a bus: found by the name server, read, and found again when it ends.
+//! Ports as a bus: found by the name server, read, and found again when they end.
+//!
+//! Each port has a task of its own, so that one that does not answer holds no other up.
 
 use std::time::Duration;
 
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
-use taxel_wire::Frame;
-use tokio::time::{Instant, sleep_until};
+use taxel_skin::Time;
+use taxel_wire::{Frame, TimedFrame};
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio::time::sleep;
 
 use crate::errors::PortError;
 use crate::gauge::GaugeRow;
@@ -17,6 +22,8 @@ const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// Pauses between attempts grow from the first to the second, so that a robot that starts is found soon and a name server
 /// that is gone costs nothing.
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
+/// Messages that may wait for the bus's task. When they do, a port's own wait in its socket, of which the newest is taken.
+const WAITING_MAX: usize = 8;
 
 /// What is on a port.
 #[derive(Clone, Debug)]
@@ -27,107 +34,150 @@ pub enum Content {
     Gauge(GaugeRow),
 }
 
-/// A port that is read as a bus. Nothing can be sent to it.
+impl Content {
+    /// Takes a message that was received at `time`, and appends the frames that it makes.
+    ///
+    /// # Errors
+    /// Why it makes none.
+    pub fn take(&mut self, time: Time, line: &[u8], frames: &mut Vec<TimedFrame>) -> Result<(), String> {
+        match self {
+            Self::Skin(rows) => rows.take(time, line, frames).map_err(|unfit| unfit.to_string()),
+            Self::Gauge(row) => row.take(time, line).map(|frame| frames.push(frame)),
+        }
+    }
+}
+
+/// What a port's task tells.
+enum Told {
+    Frames(Vec<TimedFrame>),
+    Event(BusEvent),
+}
+
+/// The ports of a patch as a bus. Nothing can be sent to it.
 #[derive(Debug)]
-pub struct PortSource {
-    /// `ADDRESS:PORT`; without one YARP's own files say it.
-    server: Option<String>,
-    port: String,
-    content: Content,
-    reader: Option<PortReader>,
-    message: Message,
-    is_up: bool,
-    /// Why no frame can come, as it was told last.
-    told: String,
-    pause: Duration,
-    not_before: Option<Instant>,
+pub struct PortBus {
+    name: String,
+    told: mpsc::Receiver<Told>,
+    _tasks: JoinSet<()>,
 }
 
-impl PortSource {
-    /// Nothing is asked before the first call of `next`.
+impl PortBus {
+    /// Reads these ports from now on; needs a running runtime. `server`: `ADDRESS:PORT`; without one YARP's own files say it.
     #[must_use]
-    pub fn new(server: Option<String>, port: String, content: Content) -> Self {
-        Self {
-            server,
-            port,
-            content,
-            reader: None,
-            message: Message::default(),
-            is_up: false,
-            told: String::new(),
-            pause: PAUSES[0],
-            not_before: None,
+    pub fn open(server: Option<&str>, ports: Vec<(String, Content)>) -> Self {
+        let (to_bus, told) = mpsc::channel(WAITING_MAX);
+        let mut tasks = JoinSet::new();
+        let name = ports.first().map_or_else(String::new, |(port, _)| port.clone());
+        for (port, content) in ports {
+            let to_bus = to_bus.clone();
+            let port =
+                Port { server: server.map(str::to_owned), port, content, to_bus, is_up: false, told: String::new() };
+            tasks.spawn(port.keep());
         }
-    }
-
-    async fn connect(&self) -> Result<PortReader, PortError> {
-        let server = match &self.server {
-            Some(address) => NameServer::at(address)?,
-            None => NameServer::of_files()?,
-        };
-        PortReader::open(&server, &self.port, &format!("/taxeld{}", self.port)).await
-    }
-
-    /// Takes the newest message; connects first if there is no connection.
-    async fn step(&mut self, batch: &mut Batch) -> Result<(), PortError> {
-        if let Some(at) = self.not_before {
-            sleep_until(at).await;
-            self.not_before = None;
-        }
-        let reader = match &mut self.reader {
-            Some(reader) => reader,
-            None => {
-                let reader = self.connect().await?;
-                if let Content::Skin(rows) = &mut self.content {
-                    rows.restart();
-                }
-                self.reader.insert(reader)
-            }
-        };
-        reader.newest(SILENT_AFTER, &mut self.message).await?;
-        let (time, line) = (ClockReading::now().time, &self.message.line);
-        let taken = match &mut self.content {
-            Content::Skin(rows) => rows.take(time, line, &mut batch.frames).map_err(|unfit| unfit.to_string()),
-            Content::Gauge(row) => row.take(time, line).map(|frame| batch.frames.push(frame)),
-        };
-        match taken {
-            Ok(()) => {
-                self.pause = PAUSES[0];
-                if !std::mem::replace(&mut self.is_up, true) {
-                    self.told.clear();
-                    batch.events.push(BusEvent::Up);
-                }
-            }
-            Err(unfit) => self.down(format!("port {}: {unfit}", self.port), batch),
-        }
-        Ok(())
-    }
-
-    /// Tells why no frame can come, once.
-    fn down(&mut self, why: String, batch: &mut Batch) {
-        self.is_up = false;
-        if why != self.told {
-            self.told.clone_from(&why);
-            batch.events.push(BusEvent::SourceDown { why });
-        }
+        Self { name, told, _tasks: tasks }
     }
 }
 
-impl FrameSource for PortSource {
+impl FrameSource for PortBus {
     async fn next(&mut self, batch: &mut Batch) -> Result<(), SourceError> {
         batch.clear();
-        while batch.is_empty() {
-            if let Err(error) = self.step(batch).await {
-                self.reader = None;
-                self.not_before = Some(Instant::now() + self.pause);
-                self.pause = (2 * self.pause).min(PAUSES[1]);
-                self.down(error.to_string(), batch);
-            }
+        match self.told.recv().await {
+            Some(Told::Frames(frames)) => batch.frames = frames,
+            Some(Told::Event(event)) => batch.events.push(event),
+            None => std::future::pending().await, // there are no ports
         }
         Ok(())
     }
 
     async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-        Err(SendError::ListenOnly { interface: self.port.clone(), id: frame.id })
+        Err(SendError::ListenOnly { interface: self.name.clone(), id: frame.id })
+    }
+}
+
+/// One port.
+struct Port {
+    server: Option<String>,
+    port: String,
+    content: Content,
+    to_bus: mpsc::Sender<Told>,
+    is_up: bool,
+    /// Why no frame can come, as it was told last.
+    told: String,
+}
+
+/// The bus is dropped.
+struct Over;
+
+impl Port {
+    async fn keep(mut self) {
+        let mut pause = PAUSES[0];
+        while !self.to_bus.is_closed() {
+            let ended = match self.connect().await {
+                Ok(reader) => self.read(reader, &mut pause).await,
+                Err(error) => Ok(error),
+            };
+            let Ok(error) = ended else { return };
+            if self.down(error.to_string()).await.is_err() {
+                return;
+            }
+            sleep(pause).await;
+            pause = (2 * pause).min(PAUSES[1]);
+        }
+    }
+
+    async fn connect(&self) -> Result<PortReader, PortError> {
+        let server = self.server.as_deref().map_or_else(NameServer::of_files, NameServer::at)?;
+        PortReader::open(&server, &self.port, &format!("/taxeld{}", self.port)).await
+    }
+
+    /// Reads until the connection ends; gives why.
+    async fn read(&mut self, mut reader: PortReader, pause: &mut Duration) -> Result<PortError, Over> {
+        if let Content::Skin(rows) = &mut self.content {
+            rows.restart();
+        }
+        let (mut message, mut frames) = (Message::default(), Vec::new());
+        loop {
+            if let Err(error) = reader.newest(SILENT_AFTER, &mut message).await {
+                return Ok(error);
+            }
+            match self.content.take(ClockReading::now().time, &message.line, &mut frames) {
+                Ok(()) => {
+                    *pause = PAUSES[0];
+                    self.up().await?;
+                }
+                Err(unfit) => self.down(format!("port {}: {unfit}", self.port)).await?,
+            }
+            if !frames.is_empty() {
+                self.tell(Told::Frames(std::mem::take(&mut frames))).await?;
+            }
+        }
+    }
+
+    async fn up(&mut self) -> Result<(), Over> {
+        if std::mem::replace(&mut self.is_up, true) {
+            return Ok(());
+        }
+        self.told.clear();
+        match self.content {
+            Content::Skin(_) => self.tell(Told::Event(BusEvent::Up)).await,
+            Content::Gauge(_) => Ok(tracing::info!(port = self.port, "the gauge's port is read")),
+        }
+    }
+
+    /// Tells why no frame can come, once. A gauge that is silent is no bus that is down; its age is judged where it is used.
+    async fn down(&mut self, why: String) -> Result<(), Over> {
+        self.is_up = false;
+        if why == self.told {
+            return Ok(());
+        }
+        self.told.clone_from(&why);
+        match self.content {
+            Content::Skin(_) => self.tell(Told::Event(BusEvent::SourceDown { why })).await,
+            Content::Gauge(_) => Ok(tracing::warn!("the gauge: {why}")),
+        }
+    }
+
+    async fn tell(&self, told: Told) -> Result<(), Over> {
+        self.to_bus.send(told).await.map_err(|_| Over)
     }
 }

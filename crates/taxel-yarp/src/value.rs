@@ -116,7 +116,10 @@ impl Value {
 /// Whether a text needs no quotation marks and cannot be taken for a number or a list.
 fn is_plain(text: &str) -> bool {
     let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '/' | ':' | '-' | '.');
-    text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '/') && text.chars().all(known) && text != "nan" && text != "inf"
+    text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '/')
+        && text.chars().all(known)
+        && text != "nan"
+        && text != "inf"
 }
 
 /// What stands between quotation marks, and what comes behind.
