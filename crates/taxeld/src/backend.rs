@@ -8,44 +8,23 @@ use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1::RecordingHealth;
 use taxel_rpc::push_line::PushLine;
 use taxel_rpc::{Backend, Told};
-use taxel_store::{Reader, Store, models_json};
-
-use crate::store_at::StoreAt;
+use taxel_store::{Reader, models_json};
 
 /// Tells the state of the recording.
 pub type Recording = Box<dyn Fn() -> RecordingHealth + Send + Sync>;
 
-/// The store's files and their budget, where there are any.
-#[derive(Debug)]
-pub struct Budget(Option<(PathBuf, u64)>);
-
-impl Budget {
-    /// So many megabytes for the store at this place.
-    pub fn of(store: &StoreAt<'_>, megabytes: u64) -> Self {
-        Self(match store {
-            StoreAt::File(path, _) => Some((path.to_path_buf(), megabytes)),
-            StoreAt::Memory => None,
-        })
-    }
-}
-
 /// The one backend.
 pub struct DaemonBackend {
-    store: Reader,
-    budget: Budget,
+    /// The store.
+    pub store: Reader,
+    /// Its file and how many megabytes it may have, where there is one.
+    pub budget: Option<(PathBuf, u64)>,
     /// The way of pushed scans, where a patch has any.
     pub push: Option<PushLine>,
     /// The recording, if there is one.
     pub recording: Option<Recording>,
     /// What the daemon could not have when it started, in words.
     pub lacks: Vec<String>,
-}
-
-impl DaemonBackend {
-    /// Over this store.
-    pub fn new(store: &Store, budget: Budget) -> Self {
-        Self { store: store.reader(), budget, push: None, recording: None, lacks: Vec::new() }
-    }
 }
 
 /// The same that takes an answer of the store with its error in words.
@@ -67,13 +46,13 @@ impl Backend for DaemonBackend {
     }
 
     fn room(&self) -> Result<(), String> {
-        let Some((path, budget_mb)) = &self.budget.0 else { return Ok(()) };
+        let Some((path, budget_mb)) = &self.budget else { return Ok(()) };
         let megabytes = taxel_store::size_on_disk(path).div_ceil(1_000_000);
         if megabytes <= *budget_mb {
             return Ok(());
         }
         Err(format!(
-            "the store has {megabytes} MB, its budget is {budget_mb} MB (store.budget_mb): delete sessions or model sets, \
+            "the store has {megabytes} MB, its budget is {budget_mb} MB (store.keep_mb): delete sessions or model sets, \
              a restart gives their space back"
         ))
     }

@@ -9,6 +9,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::queues::BusBatch;
 use crate::record::Tap;
+use crate::tasks::BusEnd;
 
 /// Batches that may wait for the engine: a batch is at least one frame, so that at the 9,009 frames/s of a full bus the
 /// engine may be 7 ms behind before a bus waits, and then the kernel's buffer holds another half second and counts.
@@ -16,17 +17,6 @@ pub const BATCHES_WAITING_MAX: usize = 64;
 
 /// Frames that may wait to be sent: a bring-up sends four commands a board to at most fourteen boards, spread in time.
 pub const FRAMES_WAITING_MAX: usize = 64;
-
-/// How a bus ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusEnd {
-    /// The daemon stops.
-    Cancelled,
-    /// The log is over.
-    LogOver,
-    /// The source cannot go on; it was logged.
-    Failed,
-}
 
 /// What a bus is connected to.
 pub struct Ends {

@@ -12,8 +12,7 @@ use crate::config::{
     BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
     modules_written, read_text,
 };
-use crate::missing::missing;
-use crate::obstacles::obstacles;
+use crate::missing::{missing, obstacles};
 
 /// Prints a line. What the configuration has in it a terminal must not act upon: that is written out.
 macro_rules! tell {

@@ -21,14 +21,13 @@ use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::Time;
 use taxel_store::{Batch, OnDurable, Store, StoreEvent};
 use taxel_wire::Frame;
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
 use crate::audit::Auditor;
 use crate::bus::BATCHES_WAITING_MAX;
 use crate::clock::RunClock;
 use crate::queues::{Action, BusBatch, Done, Queues, TellDone};
-use crate::set_loads::SetLoads;
 use crate::shared_memory::Pages;
 
 /// Batches taken at once after a stall, so that not even a bus that never pauses puts the next tick off for ever. The
@@ -85,13 +84,16 @@ pub struct Driver {
     engine: Engine,
     clock: RunClock,
     publisher: Publisher,
-    pages: Pages,
+    /// Written as well.
+    pub pages: Pages,
     /// The state of each patch's session as it was last logged.
     logged: Vec<Option<(u64, SessionState)>>,
     /// What each patch's session is at.
     stages: Vec<Option<Stage>>,
     store: Store,
-    set_loads: SetLoads,
+    /// Whose turn it is to read a model set: the text of one may have 16 MB and takes five times that while it is read, and a
+    /// patch each may ask at once.
+    set_turn: Arc<Semaphore>,
     /// One queue of frames to send per bus; a full one loses the frame, which the bring-up's proof then shows.
     buses: Vec<mpsc::Sender<Frame>>,
     waiting: HashMap<RequestId, Waiting>,
@@ -103,7 +105,7 @@ pub struct Driver {
     events: EventWatch,
     out: Vec<Output>,
     /// What the sessions are at, for whoever plays the operator's hand.
-    session_state: Option<watch::Sender<Option<Stage>>>,
+    pub session_state: Option<watch::Sender<Option<Stage>>>,
 }
 
 impl Driver {
@@ -127,7 +129,7 @@ impl Driver {
             clock,
             publisher,
             pages: Pages::default(),
-            set_loads: SetLoads::new(store.reader(), tell_done.clone()),
+            set_turn: Arc::new(Semaphore::new(1)),
             store,
             buses,
             waiting: HashMap::new(),
@@ -138,18 +140,6 @@ impl Driver {
             out: Vec::new(),
             session_state: None,
         }
-    }
-
-    /// Also tells what the newest session is at.
-    pub fn telling(mut self, session_state: watch::Sender<Option<Stage>>) -> Self {
-        self.session_state = Some(session_state);
-        self
-    }
-
-    /// Also writes these pages.
-    pub fn writing(mut self, pages: Pages) -> Self {
-        self.pages = pages;
-        self
     }
 
     /// Takes the engine's first step now, so that whoever asks before its task has a turn is told what the store has.

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read};
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -38,20 +38,6 @@ fn read_to_limit(from: impl Read, bytes: &mut Vec<u8>) -> io::Result<()> {
         0..=TEXT_BYTES_MAX => Ok(()),
         _ => Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("it has more than {TEXT_BYTES_MAX} bytes"))),
     }
-}
-
-/// Why no account can make the folder, or a file in it: something else is in its way, or the nearest folder that there is can be
-/// written by nobody.
-pub fn no_room_in(folder: &Path) -> Option<String> {
-    let named = folder.ancestors().map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
-    let (folder, there) = named.into_iter().find_map(|folder| Some((folder, std::fs::metadata(folder).ok()?)))?;
-    if !there.is_dir() {
-        return Some(format!("{} is not a folder", folder.display()));
-    }
-    if there.permissions().mode() & 0o222 == 0 {
-        return Some(format!("the folder {} is read-only", folder.display()));
-    }
-    None
 }
 
 /// Opens a file that has an end. A pipe without a writer would hold the daemon up for ever, at its start or at a reload.

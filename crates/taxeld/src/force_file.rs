@@ -9,6 +9,10 @@ use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 
 use crate::output::Output;
 
+/// The columns of the table.
+const COLUMNS: &str =
+    "time_s,patch,state,total_n,sigma_n,detection_floor_n,lower_bound,active,out_of_range,excluded,stale,reasons";
+
 /// A CSV file with one row for each snapshot of each patch.
 ///
 /// Columns: `time_s` of the log (later where its clock stepped back before), `patch`, `state` (as in the service, without its prefix), `total_n`, `sigma_n`
@@ -32,20 +36,7 @@ impl ForceFile {
     pub fn create(path: &Path, plan: &Plan) -> anyhow::Result<Self> {
         let output = Output::create(path).with_context(|| path.display().to_string())?;
         let mut csv = csv::Writer::from_writer(output);
-        csv.write_record([
-            "time_s",
-            "patch",
-            "state",
-            "total_n",
-            "sigma_n",
-            "detection_floor_n",
-            "lower_bound",
-            "active",
-            "out_of_range",
-            "excluded",
-            "stale",
-            "reasons",
-        ])?;
+        csv.write_record(COLUMNS.split(','))?;
         let patches = plan.patches.iter().map(|patch| patch.patch.name().to_owned()).collect();
         Ok(Self { path: path.to_owned(), patches, csv, rows: 0, with_force: 0 })
     }

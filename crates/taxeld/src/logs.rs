@@ -1,7 +1,7 @@
 //! Where the log goes and what it looks like. On a terminal it has colours; under the journal it has no time of its own,
 //! because the journal notes one.
 
-use std::io::{self, IsTerminal, Stderr, Write};
+use std::io::{self, IsTerminal, Write};
 use std::os::unix::fs::MetadataExt;
 use std::sync::OnceLock;
 
@@ -72,7 +72,7 @@ impl Log {
 pub fn start(format: LogFormat, writes: Writes) -> Log {
     let queue = (writes == Writes::Thread).then(|| {
         let queue = NonBlockingBuilder::default().lossy(true).buffered_lines_limit(WAITING_LINES_MAX);
-        let (queue, guard) = queue.thread_name("log").finish(Lines::to(io::stderr()));
+        let (queue, guard) = queue.thread_name("log").finish(Lines::default());
         let _ = DROPPED.set(queue.error_counter()); // called once
         (queue, guard)
     });
@@ -100,39 +100,26 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
 }
 
 /// Writes the lines of the queue, and tells how many were dropped once no more are.
-struct Lines<W> {
-    to: W,
+#[derive(Default)]
+struct Lines {
     /// Dropped when a line was last written.
     seen: usize,
     /// Dropped when it was last told.
     told: usize,
 }
 
-impl Lines<Stderr> {
-    fn to(to: Stderr) -> Self {
-        Self { to, seen: 0, told: 0 }
-    }
-}
-
-impl<W> Lines<W> {
-    /// How many were dropped since it was told last, where there are any and no more came since the last line.
-    fn new_loss(&mut self, dropped: usize) -> Option<usize> {
-        let settled = std::mem::replace(&mut self.seen, dropped) == dropped && dropped > self.told;
-        settled.then(|| dropped - std::mem::replace(&mut self.told, dropped))
-    }
-}
-
-impl<W: Write> Write for Lines<W> {
+impl Write for Lines {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let dropped = DROPPED.get().map_or(0, ErrorCounter::dropped_lines);
-        if let Some(lines) = self.new_loss(dropped) {
+        if std::mem::replace(&mut self.seen, dropped) == dropped && dropped > self.told {
+            let lines = dropped - std::mem::replace(&mut self.told, dropped);
             tracing::warn!("{lines} lines of the log were dropped, since nobody read them"); // comes last in the queue
         }
-        self.to.write(bytes)
+        io::stderr().write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.to.flush()
+        io::stderr().flush()
     }
 }
 
@@ -176,16 +163,4 @@ fn is_the_journal() -> bool {
     let named = stream.split_once(':').and_then(|(device, inode)| Some((device.parse().ok()?, inode.parse().ok()?)));
     let own = std::fs::metadata("/proc/self/fd/2").ok().map(|file| (file.dev(), file.ino()));
     named.is_some() && own == named
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_that_were_dropped_are_told_once_no_more_are() {
-        let mut lines = Lines { to: io::sink(), seen: 0, told: 0 };
-        let told = [0, 3, 7, 7, 7, 9, 9].map(|dropped| lines.new_loss(dropped));
-        assert_eq!(told, [None, None, None, Some(7), None, None, Some(2)]);
-    }
 }

@@ -1,16 +1,29 @@
-//! What a configuration needs and this machine does not have. It may be checked on another machine than the robot's, so that
-//! none of this is an error of the configuration.
+//! What a configuration needs and this machine does not have, and what would keep a daemon from starting with it here. It is told
+//! beforehand as far as that needs no change and no other account.
 
 use std::path::{Path, PathBuf};
 
 use taxel_rpc::{Subject, group_id, user_id};
 
-use crate::config::{BusSource, Config, Door, Doors};
+use crate::config::{BusSource, Config, Door, Doors, Faults, Scene};
+use crate::credentials::obstacle_of_tokens;
+use crate::doors;
 
 /// Where the kernel lists the interfaces of this machine.
 const INTERFACES: &str = "/sys/class/net";
 
-/// A line for each thing that is missing: the key that names it, and what is not there.
+/// Notes what would keep a daemon from starting.
+pub fn obstacles(config: &Config, scene: &Scene, faults: &mut Faults) {
+    let tokens = scene.doors.tokens.as_deref().and_then(obstacle_of_tokens);
+    tokens.iter().for_each(|words| faults.note("access.tokens", words));
+    for (position, door) in scene.doors.doors.iter().enumerate() {
+        let key = if config.listen.is_empty() { String::new() } else { format!("listen[{position}]") };
+        doors::obstacle(door).iter().for_each(|words| faults.note(&key, format!("listen: {words}")));
+    }
+}
+
+/// A line for each thing that is missing: the key that names it, and what is not there. The configuration may be checked on
+/// another machine than the robot's, so that none of this is an error of it.
 pub fn missing(config: &Config, doors: &Doors) -> Vec<String> {
     let interfaces = config.bus.iter().filter(|bus| bus.source == BusSource::SocketCan);
     let mut missing: Vec<String> = interfaces.filter_map(|bus| interface(bus.interface.as_deref()?)).collect();

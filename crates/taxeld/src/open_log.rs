@@ -29,34 +29,22 @@ impl Wanted {
 /// # Errors
 /// A file that cannot be read.
 pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedFrames>> {
+    let (name, bus) = (path.display().to_string(), wanted.interface.clone().or(wanted.bus));
     if path.is_dir() {
-        return recordings(path, wanted);
+        // In the order in which they were recorded.
+        let files = taxel_mcap::Folder::list(path).with_context(|| name.clone())?;
+        anyhow::ensure!(!files.is_empty(), "{name}: a folder without recordings (taxeld-NUMBER-TIME.mcap)");
+        let files = files.iter().map(|(file, _)| path.join(file.to_string()));
+        return Ok(Box::new(taxel_mcap::Recording::of_files(files, bus)));
     }
-    let mut file = File::open(path).with_context(|| path.display().to_string())?;
+    let mut file = File::open(path).with_context(|| name.clone())?;
     let mut begin = Vec::with_capacity(taxel_mcap::MAGIC_BYTES.len());
-    file.by_ref()
-        .take(taxel_mcap::MAGIC_BYTES.len() as u64)
-        .read_to_end(&mut begin)
-        .with_context(|| path.display().to_string())?;
+    let magic = file.by_ref().take(taxel_mcap::MAGIC_BYTES.len() as u64).read_to_end(&mut begin);
+    magic.with_context(|| name.clone())?;
     let is_recording = begin == taxel_mcap::MAGIC_BYTES;
     let whole = Cursor::new(begin).chain(file);
-    let name = path.display().to_string();
     if is_recording {
-        Ok(recording(name, whole, wanted))
-    } else {
-        Ok(Box::new(LogReader::from_reader(name, whole, wanted.interface)?))
+        return Ok(Box::new(taxel_mcap::Recording::of_reader(name, whole, bus)));
     }
-}
-
-fn recording(name: String, file: impl Read + Send + 'static, wanted: Wanted) -> Box<dyn RecordedFrames> {
-    Box::new(taxel_mcap::Recording::of_reader(name, file, wanted.interface.or(wanted.bus)))
-}
-
-/// The files of a folder, in the order in which they were recorded.
-fn recordings(folder: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedFrames>> {
-    let name = folder.display().to_string();
-    let files = taxel_mcap::Folder::list(folder).with_context(|| name.clone())?;
-    anyhow::ensure!(!files.is_empty(), "{name}: a folder without recordings (taxeld-NUMBER-TIME.mcap)");
-    let files = files.iter().map(|(file, _)| folder.join(file.to_string()));
-    Ok(Box::new(taxel_mcap::Recording::of_files(files, wanted.interface.or(wanted.bus))))
+    Ok(Box::new(LogReader::from_reader(name, whole, wanted.interface)?))
 }

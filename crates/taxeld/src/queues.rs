@@ -1,9 +1,8 @@
-//! What waits for the engine's task, and whose turn it is: every queue gives one item in turn, so that none starves
-//! behind another that is always full.
+//! What waits for the engine's task. Of the queues that have something any is the next one with the same chance, so that none
+//! starves behind another that is always full.
 
-use std::future::poll_fn;
+use std::future::pending;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 
 use taxel_engine::BusNotice;
 use taxel_engine::calibration::{FitOutcome, NotLoaded, SessionSamples};
@@ -83,115 +82,40 @@ pub enum Action {
     Stop,
 }
 
-/// The queues in the order in which they have their turn.
-#[derive(Clone, Copy)]
-enum Turn {
-    Batches,
-    Pushed,
-    Commands,
-    Done,
-}
-
-impl Turn {
-    const COUNT: usize = 4;
-
-    const fn next(self) -> Self {
-        match self {
-            Self::Batches => Self::Pushed,
-            Self::Pushed => Self::Commands,
-            Self::Commands => Self::Done,
-            Self::Done => Self::Batches,
-        }
-    }
-}
-
 /// Everything that waits for the engine's task. The other ends: the bus tasks, the service, and [`TellDone`].
 pub struct Queues {
-    batches: mpsc::Receiver<BusBatch>,
-    /// Absent where no patch has its scans pushed.
-    pushed: Option<mpsc::Receiver<Pushed>>,
-    commands: mpsc::Receiver<Request>,
-    done: mpsc::UnboundedReceiver<Done>,
-    turn: Turn,
+    /// What buses hand over.
+    pub batches: mpsc::Receiver<BusBatch>,
+    /// What is pushed; absent where no patch has its scans pushed.
+    pub pushed: Option<mpsc::Receiver<Pushed>>,
+    /// What is asked.
+    pub commands: mpsc::Receiver<Request>,
+    /// What is done.
+    pub done: mpsc::UnboundedReceiver<Done>,
 }
 
 impl Queues {
-    /// Frames first.
-    pub fn new(
-        batches: mpsc::Receiver<BusBatch>,
-        commands: mpsc::Receiver<Request>,
-        done: mpsc::UnboundedReceiver<Done>,
-    ) -> Self {
-        Self { batches, pushed: None, commands, done, turn: Turn::Batches }
-    }
-
-    /// The same with what is pushed.
-    pub fn with_pushed(self, pushed: Option<mpsc::Receiver<Pushed>>) -> Self {
-        Self { pushed, ..self }
-    }
-
-    /// The next item: of the queue whose turn it is, or of the next one that has any. So an item at the head of its
-    /// queue waits for at most one of each other queue. A queue whose other end is gone counts as empty for ever.
+    /// The next item, of any queue that has one with the same chance. A queue whose other end is gone counts as empty for ever.
     pub async fn next(&mut self) -> Action {
-        poll_fn(|context| self.poll_next(context)).await
+        let Self { batches, pushed, commands, done } = self;
+        let pushed = async {
+            match pushed {
+                Some(pushed) => pushed.recv().await,
+                None => None,
+            }
+        };
+        tokio::select! {
+            Some(batch) = batches.recv() => Action::Batch(batch),
+            Some(pushed) = pushed => Action::Pushed(pushed),
+            Some(command) = commands.recv() => Action::Command(command),
+            Some(done) = done.recv() => Action::Done(done),
+            else => pending().await,
+        }
     }
 
     /// A batch or a scan that waits already.
     pub fn waiting_input(&mut self) -> Option<Action> {
         let batch = self.batches.try_recv().ok().map(Action::Batch);
         batch.or_else(|| self.pushed.as_mut()?.try_recv().ok().map(Action::Pushed))
-    }
-
-    fn poll_next(&mut self, context: &mut Context<'_>) -> Poll<Action> {
-        for _ in 0..Turn::COUNT {
-            let turn = self.turn;
-            self.turn = turn.next();
-            let item = match turn {
-                Turn::Batches => self.batches.poll_recv(context).map(|item| item.map(Action::Batch)),
-                Turn::Pushed => match &mut self.pushed {
-                    Some(pushed) => pushed.poll_recv(context).map(|item| item.map(Action::Pushed)),
-                    None => Poll::Pending,
-                },
-                Turn::Commands => self.commands.poll_recv(context).map(|item| item.map(Action::Command)),
-                Turn::Done => self.done.poll_recv(context).map(|item| item.map(Action::Done)),
-            };
-            if let Poll::Ready(Some(action)) = item {
-                return Poll::Ready(action);
-            }
-        }
-        Poll::Pending
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use taxel_engine::command::Command;
-    use tokio::sync::oneshot;
-
-    #[tokio::test]
-    async fn each_queue_has_its_turn_however_full_the_others_are() {
-        let (to_batches, batches) = mpsc::channel(64);
-        let (to_commands, commands) = mpsc::channel(64);
-        let (tell, done) = TellDone::new();
-        let mut queues = Queues::new(batches, commands, done);
-        let mut seen = String::new();
-        for _ in 0..12 {
-            let _ = to_batches.try_send(BusBatch { bus: BusIndex(0), frames: Vec::new(), notices: Vec::new() });
-            let (reply, _) = oneshot::channel();
-            let _ = to_commands.try_send(Request {
-                command: Command::BringUp { patch: String::new(), confirmed_by: None },
-                reply,
-                asked: None,
-            });
-            tell.tell(Done::Store(StoreEvent::Failed(String::new())));
-            seen.push(match queues.next().await {
-                Action::Batch(_) => 'b',
-                Action::Command(_) => 'c',
-                Action::Done(_) => 'd',
-                Action::Pushed(_) | Action::Wake | Action::Stop => '?',
-            });
-        }
-        assert_eq!(seen, "bcdbcdbcdbcd");
     }
 }

@@ -1,78 +1,55 @@
-//! What changes while the daemon runs: on SIGHUP the configuration is read again, and with it certificates and tokens, which
-//! are also looked at every five seconds. Who may do what and the log's filter change; all else waits for a restart, and the
-//! log names it.
+//! What changes while the daemon runs: on SIGHUP the configuration is read again, and with it certificates and tokens. Who may
+//! do what and the log's filter change; all else waits for a restart, and the log names it.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::future::pending;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::sync::Arc;
 
 use anyhow::Context;
 use taxel_rpc::Rules;
 use tokio::signal::unix::Signal;
 use tokio_util::sync::CancellationToken;
-use toml::Value;
+use toml::{Table, Value};
 
-use crate::config::{self, Problems, Scene};
+use crate::config::{self, Scene};
 use crate::credentials::Credentials;
 use crate::files::read_utf8;
 use crate::logs;
 use crate::systemd;
 
-/// Files of certificates and tokens are looked at so often.
-const LOOK_EVERY: Duration = Duration::from_secs(5);
-
-/// Keys that change without a restart: the log's filter, and who may do what, but not where the tokens are.
-const LOG_FILTER: &str = "log.filter";
-const ACCESS: &str = "access.";
-const TOKENS: &str = "access.tokens";
-
-/// Reads files again until the daemon ends, with the configuration where there is one to read. Each time a thread for what
-/// blocks does it, so that a disk that hangs holds up nobody else.
+/// Reads files again until the daemon ends. Each time a thread for what blocks does it, so that a disk that hangs holds up
+/// nobody else.
 pub async fn keep(
-    mut credentials: Credentials,
-    mut reload: Option<(Signal, Reload)>,
+    credentials: Credentials,
+    reload: Option<(Signal, Reload)>,
     cancel: CancellationToken,
 ) -> anyhow::Result<()> {
-    loop {
-        let asked = tokio::select! {
-            () = cancel.cancelled() => return Ok(()),
-            () = hung_up(reload.as_mut().map(|(hangup, _)| hangup)) => true,
-            () = tokio::time::sleep(LOOK_EVERY) => false,
-        };
-        if asked {
-            systemd::reloading();
-        }
-        let file = reload.as_ref().filter(|_| asked).map(|(_, reload)| reload.clone());
+    let Some((mut hangup, reload)) = reload else {
+        cancel.cancelled().await;
+        return Ok(());
+    };
+    let files = Arc::new((credentials, reload));
+    while let Some(Some(())) = cancel.run_until_cancelled(hangup.recv()).await {
+        systemd::reloading();
+        let files = Arc::clone(&files);
         let read = tokio::task::spawn_blocking(move || {
-            credentials.look(asked); // before the configuration, of which a disk that hangs may be in the way
-            if let Some(rules) = file.and_then(|file| file.again()) {
-                credentials.regrant(rules);
-            }
-            credentials
+            let (credentials, reload) = &*files;
+            credentials.read_again(); // before the configuration, of which a disk that hangs may be in the way
+            reload.again().into_iter().for_each(|rules| credentials.regrant(rules));
         });
         let Some(read) = cancel.run_until_cancelled(read).await else { return Ok(()) };
         // Without it a token that is taken back would stay: the daemon ends, and the service manager starts all anew.
-        credentials = read.context("certificates and tokens are not read any more, by a fault of this program")?;
-        if asked {
-            systemd::reloaded();
-        }
+        read.context("certificates and tokens are not read any more, by a fault of this program")?;
+        systemd::reloaded();
     }
-}
-
-/// Waits for SIGHUP, where that reloads.
-async fn hung_up(hangup: Option<&mut Signal>) {
-    let Some(signal) = hangup else { return pending().await };
-    if signal.recv().await.is_none() {
-        pending().await // there are no more
-    }
+    Ok(())
 }
 
 /// The configuration that the daemon was started with.
 #[derive(Clone, Debug)]
 pub struct Reload {
     path: PathBuf,
-    started: BTreeMap<String, Value>,
+    started: Table,
     /// Whether the configuration has rules of who may do what.
     ruled: bool,
 }
@@ -80,7 +57,7 @@ pub struct Reload {
 impl Reload {
     /// Remembers what the daemon starts with: the text that its configuration was read from.
     pub fn new(path: &Path, text: &str, ruled: bool) -> Self {
-        let started = keys(text).unwrap_or_default(); // what was read as a configuration is TOML
+        let started = toml::from_str(text).unwrap_or_default(); // what was read as a configuration is TOML
         Self { path: path.to_path_buf(), started, ruled }
     }
 
@@ -101,50 +78,30 @@ impl Reload {
         rules
     }
 
-    /// Applies what can be of a text with which the daemon could be started. Gives the rules, and the keys that wait.
+    /// Applies what can be of a text with which the daemon could be started. Gives the rules, and the sections that wait.
     fn apply(&self, text: &str) -> Result<(Option<Rules>, Vec<String>), String> {
-        let in_a_line = |problems: Problems| {
-            let each: Vec<String> = problems.all().iter().map(ToString::to_string).collect();
-            each.join("; ")
-        };
-        let (config, Scene { doors, .. }) = config::examine_text(&self.path, text).map_err(in_a_line)?;
+        let examined = config::examine_text(&self.path, text);
+        let (config, Scene { doors, .. }) = examined.map_err(|problems| problems.to_string().replace('\n', "; "))?;
         let filter = logs::filter(config.log.filter.as_deref())?;
         tracing::info!("reloaded; the log's filter is {filter}");
+        let found: Table = toml::from_str(text).map_err(|error| error.to_string())?;
         let regrants = doors.ruled == self.ruled;
-        let mut waiting = self.waiting(&keys(text)?, regrants);
-        if !regrants && !waiting.iter().any(|name| name.starts_with(ACCESS)) {
-            waiting.push("access".to_owned()); // a section without keys has come or gone
-        }
-        Ok((regrants.then_some(doors.rules), waiting))
+        Ok((regrants.then_some(doors.rules), self.waiting(&found, regrants)))
     }
 
-    /// The keys that have another value than at the start, or are here or there alone, and need a restart.
-    fn waiting(&self, found: &BTreeMap<String, Value>, regrants: bool) -> Vec<String> {
+    /// The sections that have another value than at the start, or are here or there alone, and need a restart: not the log's
+    /// filter, and not who may do what, but where the tokens are.
+    fn waiting(&self, found: &Table, regrants: bool) -> Vec<String> {
+        let tokens = |table: &Table| table.get("access").and_then(|access| access.get("tokens")).map(Value::to_string);
+        let is_applied = |name: &str| match name {
+            "log" => true,
+            "access" => regrants && tokens(&self.started) == tokens(found),
+            _ => false,
+        };
         let names: BTreeSet<&String> = self.started.keys().chain(found.keys()).collect();
-        let applied = |name: &str| name == LOG_FILTER || (regrants && name.starts_with(ACCESS) && name != TOKENS);
         let changed = names.into_iter().filter(|name| self.started.get(*name) != found.get(*name));
-        changed.filter(|name| !applied(name)).cloned().collect()
+        changed.filter(|name| !is_applied(name)).cloned().collect()
     }
-}
-
-/// Every value of a text by its key, such as `store.path` and `patch[0].period_ms`.
-fn keys(text: &str) -> Result<BTreeMap<String, Value>, String> {
-    let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
-    let mut found = BTreeMap::new();
-    let mut waiting: Vec<(String, Value)> = table.into_iter().collect();
-    while let Some((name, value)) = waiting.pop() {
-        match value {
-            Value::Table(table) => {
-                waiting.extend(table.into_iter().map(|(key, value)| (format!("{name}.{key}"), value)))
-            }
-            Value::Array(list) if list.iter().any(Value::is_table) => {
-                let each = list.into_iter().enumerate().map(|(at, value)| (format!("{name}[{at}]"), value));
-                waiting.extend(each);
-            }
-            value => drop(found.insert(name, value)),
-        }
-    }
-    Ok(found)
 }
 
 #[cfg(test)]
@@ -191,6 +148,6 @@ mod tests {
         assert_eq!(reload.again(), None, "it is not there");
         let refused = |text: &str| reload.apply(text).unwrap_err();
         assert!(refused(&granting("ann").replace("user:", "usr:")).contains("expected user:NAME"));
-        assert!(refused(&granting("ann").replace("t.db", "/")).contains("store.path"));
+        assert!(refused(&granting("ann").replace("\"p\"", "\"a b\"")).contains("a name is 1 to 64"));
     }
 }

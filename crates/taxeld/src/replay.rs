@@ -1,6 +1,7 @@
 //! `taxeld replay`: a candump log through the same engine, with the service at the log's own pace or a multiple of it,
 //! or without it as fast as the log can be read.
 
+use std::collections::BTreeSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -53,7 +54,9 @@ pub struct Request {
 /// # Errors
 /// An unreadable log, or a calibration that fails.
 pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Result<()> {
-    refuse_pushed(&config)?;
+    if let Some(section) = config.bus.iter().find(|section| section.source == BusSource::Push) {
+        bail!("bus `{}` has source = \"push\": there is no log of pushed scans to replay", section.name);
+    }
     of_a_log(&mut scene);
     if request.out.iter().chain(&request.force).any(|output| files::is_standard(output)) {
         say::step_aside();
@@ -79,11 +82,10 @@ fn of_a_log(scene: &mut Scene) {
 }
 
 async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::Result<()> {
-    if config.bus.len() > 1 && !can_be_opened_again(log) {
+    let (buses, shown) = (config.bus.len(), log.display());
+    if buses > 1 && !log.is_file() && !log.is_dir() {
         bail!(
-            "{}: each of the {} buses of the configuration reads the log for itself, so it has to be a file",
-            log.display(),
-            config.bus.len()
+            "{shown}: each of the {buses} buses of the configuration reads the log for itself, so it has to be a file"
         );
     }
     let told: Vec<Arc<OnceLock<LogReport>>> = config.bus.iter().map(|_| Arc::default()).collect();
@@ -107,7 +109,9 @@ async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::
     }
     let health = daemon.health();
     daemon.until_the_end().await?;
-    tell_once(told.iter().filter_map(|told| told.get()));
+    // All buses read the same lines, so that most of it is the same for each.
+    let lines: BTreeSet<String> = told.iter().filter_map(|told| told.get()).flat_map(LogReport::words).collect();
+    lines.iter().for_each(|line| error_line(format_args!("{line}")));
     for (section, report) in config.bus.iter().zip(&told).filter_map(|(section, told)| Some((section, told.get()?))) {
         expect_times(log, report)?;
         expect_frames(log, section.interface.as_deref(), report)?;
@@ -126,8 +130,8 @@ fn expect_scans(health: &Health) -> anyhow::Result<()> {
     }
     bail!(
         "{orphans} frames of the skin, and not one whole scan of them: frames of one scan have to come within half of period_ms. \
-         Compare with `taxeld scan LOG --config FILE`; an array whose frames are spread over the period needs array.scan = \
-         \"frame\" and array.sync (doc/your-skin.md)"
+         Compare with `taxeld scan LOG --config FILE`; an array whose frames are spread over the period needs array.sync \
+         (doc/your-skin.md)"
     )
 }
 
@@ -137,32 +141,6 @@ fn expect_understood(understood: u64, others: u64) -> anyhow::Result<()> {
         bail!("not one of {others} frames was understood: do the identifiers of the configuration fit the log?");
     }
     Ok(())
-}
-
-/// Whether a log can be opened more than once, and is the same each time.
-fn can_be_opened_again(log: &Path) -> bool {
-    std::fs::metadata(log).map_or(true, |metadata| metadata.is_file() || metadata.is_dir())
-}
-
-/// Says what a user should know of the lines. All buses read the same ones, so that most of it is the same for each.
-fn tell_once<'a>(reports: impl Iterator<Item = &'a LogReport>) {
-    let mut said: Vec<String> = Vec::new();
-    for line in reports.flat_map(LogReport::words) {
-        if !said.contains(&line) {
-            error_line(format_args!("{line}"));
-            said.push(line);
-        }
-    }
-}
-
-/// No log has scans that a program pushes.
-fn refuse_pushed(config: &Config) -> anyhow::Result<()> {
-    match config.bus.iter().find(|section| section.source == BusSource::Push) {
-        Some(section) => {
-            bail!("bus `{}` has source = \"push\": there is no log of pushed scans to replay", section.name)
-        }
-        None => Ok(()),
-    }
 }
 
 fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Result<()> {
@@ -223,28 +201,22 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
     print_models(request, &offline)
 }
 
+/// Gives a command that is answered at once.
+fn ask(offline: &mut Offline, command: Command) -> anyhow::Result<()> {
+    let reply = offline.command(command).context("the engine did not answer")?;
+    reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
+}
+
 /// The models are in use from now on.
 fn use_models(offline: &mut Offline, set: &ModelSet) -> anyhow::Result<()> {
-    let model_set = Arc::new(set.clone());
-    let activate = Command::Activate { patch: set.patch.clone(), model_set: set.id.clone(), expected: None };
-    for command in [Command::Import { model_set, insist: true }, activate] {
-        let reply = offline.command(command).context("the engine did not answer")?;
-        reply.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
-    }
-    Ok(())
+    let (patch, model_set) = (set.patch.clone(), set.id.clone());
+    ask(offline, Command::Import { model_set: Arc::new(set.clone()), insist: true })?;
+    ask(offline, Command::Activate { patch, model_set, expected: None })
 }
 
 fn start_session(offline: &mut Offline, target: Option<f64>) -> anyhow::Result<()> {
-    let target = target.map(Kilopascal);
-    let started = offline.command(Command::StartSession {
-        patch: String::new(),
-        target,
-        branches: None,
-        confirmed_by: None,
-        leave_out: Vec::new(),
-    });
-    started.context("the engine did not answer")?.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
-    Ok(())
+    let (patch, target) = (String::new(), target.map(Kilopascal));
+    ask(offline, Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out: Vec::new() })
 }
 
 fn session(offline: &Offline) -> Option<Arc<SessionView>> {
@@ -253,11 +225,10 @@ fn session(offline: &Offline) -> Option<Arc<SessionView>> {
 
 /// A log that ends before its target ends the ramp.
 fn finish_session(offline: &mut Offline) -> anyhow::Result<()> {
-    if let Some(view) = session(offline).filter(|view| view.state == SessionState::Ramping) {
-        let finished = offline.command(Command::FinishRamp { session: view.number });
-        finished.context("the engine did not answer")?.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
+    match session(offline).filter(|view| view.state == SessionState::Ramping) {
+        Some(view) => ask(offline, Command::FinishRamp { session: view.number }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 fn print_report(report: &LogReport, offline: &Offline) {
@@ -316,8 +287,7 @@ mod tests {
     #[test]
     fn no_force_of_a_log_is_taken_for_that_of_a_skin_that_is_touched_now() {
         let path = Path::new("demo_config.toml");
-        let config = crate::config::parse(path, include_str!("demo_config.toml")).unwrap();
-        let mut scene = crate::config::resolve(&config, path).unwrap();
+        let (_, mut scene) = crate::config::examine_text(path, include_str!("demo_config.toml")).unwrap();
         scene.plan.patches[0].simulated = false; // as of a robot's bus
         of_a_log(&mut scene);
         let patch = &scene.plan.patches[0];

@@ -10,7 +10,7 @@ use taxel_engine::engine::routes::Routes;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::Health;
-use taxel_rpc::push_line::{PushLine, Pushed, push_line};
+use taxel_rpc::push_line::push_line;
 use taxel_rpc::{Clocks, Handle, Limits, Server, handle::channel};
 use taxel_skin::BusIndex;
 use taxel_store::Retention;
@@ -18,22 +18,23 @@ use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 
-use crate::backend::{Budget, DaemonBackend};
-use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX};
+use crate::backend::DaemonBackend;
+use crate::bus::{self, BATCHES_WAITING_MAX, Ends, FRAMES_WAITING_MAX};
 use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
 use crate::credentials::Credentials;
 use crate::doors::{self, Open};
 use crate::driver::{Driver, Stage};
 use crate::logs;
+use crate::page::serve_pages;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::{self, Reload};
-use crate::serving::{on_a_thread, serve_pages, service};
+use crate::runtime::on_a_thread;
 use crate::shared_memory::Pages;
 use crate::store_at::{StoreAt, open_store};
 use crate::systemd;
-use crate::tasks::Tasks;
+use crate::tasks::{BusEnd, Tasks};
 use crate::upkeep;
 
 /// Everything of a daemon but its buses.
@@ -73,48 +74,48 @@ impl Daemon {
         scene: Scene,
         store: StoreAt<'_>,
         clock: RunClock,
-        started: &mut Tasks,
+        tasks: &mut Tasks,
     ) -> anyhow::Result<Self> {
-        let Tasks { cancel, parts, .. } = &mut *started;
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
-        let budget = Budget::of(&store, config.store.budget_mb());
-        let (pages, no_pages) = pages(config, &plan, &clock)?;
-        let kept = match &store {
-            StoreAt::File(_, kept) => *kept,
-            StoreAt::Memory => Retention::default(),
+        let (pages, lacks) = pages(config, &plan, &clock)?;
+        let (budget, kept) = match &store {
+            StoreAt::File(path, kept) => (Some((path.to_path_buf(), config.store.budget_mb())), *kept),
+            StoreAt::Memory => (None, Retention::default()),
         };
         let (store, restored) = open_store(store, &tell_done)?;
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
-        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
-        let mut backend = DaemonBackend::new(&store, budget);
-        let size = store.reader();
+        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, tasks.cancel.clone());
+        let reader = store.reader();
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
         let (session_state, session) = watch::channel(None);
-        let (push, pushed) = push_ways(&plan);
-        backend.push = push;
-        let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders)
-            .telling(session_state)
-            .writing(pages)
-            .begun();
-        let queues = Queues::new(batches, commands, done).with_pushed(pushed);
-        parts.spawn(driver.run(queues, cancel.clone()));
-        parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
+        let is_pushed = plan.patches.iter().any(|patch| patch.pushed.is_some());
+        let (push, pushed) = is_pushed.then(|| push_line(patches)).unzip();
+        let mut driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders);
+        (driver.pages, driver.session_state) = (pages, Some(session_state));
+        let driver = driver.begun();
+        tasks.parts.spawn(driver.run(Queues { batches, pushed, commands, done }, tasks.cancel.clone()));
+        tasks.parts.spawn(upkeep::keep(handle.clone(), reader.clone(), kept, tasks.cancel.clone()));
         let Open { listeners, credentials } = doors::open(&scene.doors)?;
-        backend.lacks = no_pages;
-        let (recording, taps) = record::begin((config, live), &plan, &handle, (parts, cancel))?;
-        backend.recording = recording;
+        let (recording, taps) = record::begin((config, live), &plan, &handle, tasks)?;
+        let backend = DaemonBackend { store: reader, budget, push, recording, lacks };
         let terminate = signal(SignalKind::terminate())?;
         let server = Server::new(handle.clone(), Arc::new(backend), credentials.access(), Limits::default())?;
-        serve_pages(config, &server, (parts, cancel))?;
-        let service = service(handle.clone(), server, listeners);
-        parts.spawn_fallible(on_a_thread(service)?);
+        serve_pages(config, &server, tasks)?;
+        let lives = handle.clone();
+        let ended = on_a_thread("service", async move {
+            tokio::select! {
+                served = server.serve(listeners) => served.map(drop).context("the service ended"),
+                never = systemd::keep(lives) => match never {},
+            }
+        })?;
+        tasks.parts.spawn_fallible(async { ended.await? });
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
-        let to_buses = taps.beside(receivers);
-        let (tasks, reload) = (std::mem::take(started), None);
+        let to_buses = receivers.into_iter().zip(taps).map(Some).collect();
+        let (tasks, reload) = (std::mem::take(tasks), None);
         Ok(Self { plan, handle, to_engine, to_buses, session, credentials, tasks, terminate, reload })
     }
 
@@ -141,7 +142,7 @@ impl Daemon {
     /// # Errors
     /// What keeps one of them from being read.
     fn add_buses(&mut self, config: &Config) -> anyhow::Result<()> {
-        let routes = self.routes();
+        let routes = Routes::new(&self.plan);
         for (position, section) in config.bus.iter().enumerate() {
             let bus = BusIndex(position as u8);
             match section.source {
@@ -154,7 +155,7 @@ impl Daemon {
                 }
                 BusSource::Push => self.add_push_bus(bus),
                 #[cfg(feature = "sim")]
-                BusSource::Sim => self.add_sim_bus(bus, section.seed)?,
+                BusSource::Sim => self.add_sim_bus(bus, section.seed.unwrap_or(1))?,
                 #[cfg(not(feature = "sim"))]
                 BusSource::Sim => {
                     anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name)
@@ -203,11 +204,6 @@ impl Daemon {
         reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
     }
 
-    /// Which identifiers each bus needs.
-    pub fn routes(&self) -> Routes {
-        Routes::new(&self.plan)
-    }
-
     /// The newest health; it can be looked at after the daemon's end, too.
     #[must_use]
     pub fn health(&self) -> watch::Receiver<Arc<Health>> {
@@ -253,15 +249,6 @@ async fn close(tasks: Tasks) -> anyhow::Result<()> {
     systemd::stopping();
     tracing::info!("taxeld stops");
     tasks.close().await
-}
-
-/// Both ends of the way of pushed scans, where there is a patch that has any.
-fn push_ways(plan: &Plan) -> (Option<PushLine>, Option<mpsc::Receiver<Pushed>>) {
-    if plan.patches.iter().all(|patch| patch.pushed.is_none()) {
-        return (None, None);
-    }
-    let (line, pushed) = push_line(plan.patches.len());
-    (Some(line), Some(pushed))
 }
 
 /// The pages in shared memory, where they are configured. Readers judge ages by the machine's clock, so that a log, which

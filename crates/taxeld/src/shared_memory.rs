@@ -12,9 +12,6 @@ use taxel_shm::{Folder, Limits, PageWriter, Permissions, Sample, State, Text};
 
 use crate::config::SharedMemorySection;
 
-/// The daemon writes a page, its group reads it.
-const PAGE_MODE: u32 = 0o640;
-
 /// The pages of a daemon. Dropped, each says that nobody is behind it any more.
 #[derive(Debug, Default)]
 pub struct Pages {
@@ -68,7 +65,7 @@ fn permissions(section: &SharedMemorySection) -> anyhow::Result<Permissions> {
     let group = section.group.as_ref().map(|name| {
         taxel_rpc::group_id(name).with_context(|| format!("shared_memory.group: there is no group `{name}`"))
     });
-    Ok(Permissions { mode: PAGE_MODE, group: group.transpose()? })
+    Ok(Permissions { mode: SharedMemorySection::MODE, group: group.transpose()? })
 }
 
 /// Takes the folder of the section, and gives it back at once.

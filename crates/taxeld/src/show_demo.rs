@@ -85,8 +85,7 @@ fn of_no_session(models: &ModelSet) -> ModelSet {
 /// The configuration of the simulated forearm.
 fn scene(fill: bool) -> anyhow::Result<(Config, Scene)> {
     let path = Path::new("demo_config.toml");
-    let config = config::parse(path, include_str!("demo_config.toml"))?;
-    let mut scene = config::resolve(&config, path)?;
+    let (config, mut scene) = config::examine_text(path, include_str!("demo_config.toml"))?;
     let (skin, _) = crate::demo::skin(1)?; // all seeds have one shape
     if let Some(patch) = scene.plan.patches.first_mut() {
         // The simulator writes its positions as the robots' files are written; they are read as any other.

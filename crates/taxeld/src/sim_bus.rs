@@ -23,7 +23,7 @@ use taxel_wire::{Frame, TimedFrame};
 use tokio::sync::{mpsc, watch};
 
 use crate::driver::Stage;
-use crate::threads;
+use crate::runtime;
 
 /// The world is computed so far ahead; a command takes effect at most so much later.
 const AHEAD: Duration = Duration::from_millis(5);
@@ -86,7 +86,7 @@ impl SimBus {
         let (lag, lag_max) = (Duration::ZERO, period);
         let simulation =
             Simulation { world, begun, session, received, to_bus, pumping, places, loaded, late_after, lag, lag_max };
-        threads::start("sim-bus", move || simulation.run())?;
+        runtime::start("sim-bus", move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
 }

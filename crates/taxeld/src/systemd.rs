@@ -86,8 +86,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn the_watchdog_is_fed_only_while_the_engine_has_its_turns() {
         let path = Path::new("demo_config.toml");
-        let config = config::parse(path, include_str!("demo_config.toml")).unwrap();
-        let plan = Arc::new(config::resolve(&config, path).unwrap().plan);
+        let plan = Arc::new(config::examine_text(path, include_str!("demo_config.toml")).unwrap().1.plan);
         let now_ms = Arc::new(AtomicI64::new(1_000));
         let reads = Arc::clone(&now_ms);
         let clock = Arc::new(move || Time::from_nanos(reads.load(Ordering::Relaxed) * 1_000_000));

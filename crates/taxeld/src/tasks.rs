@@ -6,11 +6,19 @@ use anyhow::anyhow;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
-use crate::bus::BusEnd;
-use crate::parts::Parts;
-
 /// After the end was asked for, the tasks have this long to close.
 const CLOSE_WITHIN: Duration = Duration::from_secs(5);
+
+/// How a bus ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusEnd {
+    /// The daemon stops.
+    Cancelled,
+    /// The log is over.
+    LogOver,
+    /// The source cannot go on; it was logged.
+    Failed,
+}
 
 /// All tasks of a daemon, from the first that is started on: with one of them the store is closed, so that they are closed on
 /// every way out, also where a start fails.
@@ -48,5 +56,54 @@ impl Tasks {
         let late =
             |_| Err(anyhow!("some parts did not close in time, within {seconds} s: the store is as after a kill"));
         tokio::time::timeout(CLOSE_WITHIN, all).await.unwrap_or_else(late)
+    }
+}
+
+/// Parts of a daemon; where one of them ends, the others do.
+#[derive(Default)]
+pub struct Parts(JoinSet<anyhow::Result<()>>);
+
+impl Parts {
+    /// Starts one that ends by itself only when all is to end.
+    pub fn spawn(&mut self, part: impl Future<Output = ()> + Send + 'static) {
+        self.spawn_fallible(async {
+            part.await;
+            Ok(())
+        });
+    }
+
+    /// Starts one that may fail.
+    pub fn spawn_fallible(&mut self, part: impl Future<Output = anyhow::Result<()>> + Send + 'static) {
+        self.0.spawn(part);
+    }
+
+    /// Waits until one of them ends, and gives how; `None` if there is none left.
+    pub async fn next_end(&mut self) -> Option<anyhow::Result<()>> {
+        let fault = |error| Err(anyhow!("a task of the daemon ended by a fault of this program: {error}"));
+        Some(self.0.join_next().await?.unwrap_or_else(fault))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::runtime::on_a_thread;
+
+    /// Whoever starts the daemon is told that it failed.
+    #[tokio::test]
+    async fn a_part_that_fails_or_panics_is_a_failure_of_the_daemon() {
+        let mut parts = Parts::default();
+        let failing = on_a_thread("a", async { Err::<(), _>(anyhow!("no more descriptors")) }).unwrap();
+        parts.spawn_fallible(async { failing.await? });
+        let failed = parts.next_end().await.unwrap().unwrap_err();
+        assert_eq!(format!("{failed:#}"), "no more descriptors");
+        let panicking = on_a_thread("b", async { panic!("as meant") }).unwrap();
+        parts.spawn_fallible(panicking);
+        parts.spawn(async { panic!("as meant") });
+        for _ in 0..2 {
+            let panicked = parts.next_end().await.unwrap().unwrap_err();
+            assert!(format!("{panicked:#}").contains("ended by a fault of this program"), "{panicked:#}");
+        }
+        assert!(parts.next_end().await.is_none());
     }
 }

@@ -1,7 +1,6 @@
 //! Keeps the store within its limits while the daemon runs. The engine deletes, as for an operator, so that what is in use
 //! stays whatever is asked here.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use taxel_engine::Restored;
@@ -9,7 +8,7 @@ use taxel_engine::catalogue::Catalogue;
 use taxel_engine::command::Command;
 use taxel_engine::record::Record;
 use taxel_rpc::Handle;
-use taxel_store::{Reader, Retention, Size, session_to_go, sets_to_go, to_be_judged};
+use taxel_store::{Reader, Retention, Size, session_to_go};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
@@ -26,20 +25,10 @@ pub async fn keep(handle: Handle, size: Reader, limits: Retention, cancel: Cance
 
 /// Deletes what is beyond the limits, oldest first. What the engine refuses stays until the next look.
 async fn tidy(handle: &Handle, size: &Reader, limits: &Retention) {
-    let catalogue = handle.stored();
-    let spared = spared(&catalogue);
-    for record in sets_to_go(&held(&catalogue), limits) {
-        let Record::ModelSetDeleted { model_set, .. } = record else { continue };
-        if !spared.contains(&model_set)
-            && delete(handle, Command::DeleteModelSet { model_set: model_set.clone() }).await
-        {
-            tracing::info!(model_set, "deleted: more model sets than are to be kept");
-        }
-    }
-    let mut held = held(&catalogue);
+    let mut held = held(&handle.stored());
     while let Some(now) = size_of(size).await
         && let Some(Record::SessionDeleted { session, .. }) = session_to_go(&held, now, limits)
-        && delete(handle, Command::DeleteSession { session }).await
+        && delete(handle, session).await
     {
         tracing::info!(session, "deleted: more sessions than are to be kept");
         held.sessions.retain(|view| view.number != session);
@@ -57,21 +46,9 @@ fn held(catalogue: &Catalogue) -> Restored {
     }
 }
 
-/// Model sets that may be about to be used: the newest of each patch, what an operator has not judged yet, and all of a
-/// patch that uses none now. That one may not be in the configuration, or its set may not fit the configuration: once that is
-/// put back the set is in use again.
-fn spared(catalogue: &Catalogue) -> BTreeSet<String> {
-    let newest: BTreeMap<_, _> = catalogue.model_sets.iter().map(|set| (&set.patch, &set.id)).collect();
-    let is_served = |patch: &str| catalogue.active.iter().any(|(served, set)| served == patch && set.is_some());
-    let elsewhere = catalogue.model_sets.iter().filter(|set| !is_served(&set.patch)).map(|set| set.id.clone());
-    let held = held(catalogue);
-    let judged_later = to_be_judged(&held).into_iter().map(str::to_owned);
-    newest.into_values().cloned().chain(judged_later).chain(elsewhere).collect()
-}
-
 /// Whether the engine has deleted it.
-async fn delete(handle: &Handle, command: Command) -> bool {
-    match handle.ask(command).await {
+async fn delete(handle: &Handle, session: u64) -> bool {
+    match handle.ask(Command::DeleteSession { session }).await {
         Some(Ok(_)) => true,
         Some(Err(reason)) => {
             tracing::debug!(%reason, "not deleted, although more is there than is to be kept");
@@ -160,8 +137,7 @@ mod tests {
     #[allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
     async fn running(database: &Path) -> Running {
         let path = Path::new("demo_config.toml");
-        let config = config::parse(path, include_str!("demo_config.toml")).unwrap();
-        let plan = Arc::new(config::resolve(&config, path).unwrap().plan);
+        let plan = Arc::new(config::examine_text(path, include_str!("demo_config.toml")).unwrap().1.plan);
         let cancel = CancellationToken::new();
         let clocks = Clocks { run: Arc::new(|| RunClock::Live.now().time), process: RunClock::Live.of_process() };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
@@ -171,32 +147,20 @@ mod tests {
         let (to_bus, sent) = mpsc::channel(64);
         let (frames, batches) = mpsc::channel(4);
         let driver = Driver::new(plan, restored, RunClock::Live, publisher, (store, tell_done), vec![to_bus]);
-        let end = tokio::spawn(driver.run(Queues::new(batches, commands, done), cancel.clone()));
+        let end = tokio::spawn(driver.run(Queues { batches, pushed: None, commands, done }, cancel.clone()));
         handle.first_turn().await;
         Running { handle, size, cancel, end, _ends: (sent, frames) }
     }
 
-    #[test]
-    fn no_set_of_a_patch_that_uses_none_goes() {
-        let active = |set| Catalogue {
-            model_sets: (1..=3).map(|time| self::set(time).into()).collect(),
-            active: vec![(PATCH.to_owned(), set)],
-            ..Catalogue::default()
-        };
-        let ids = |times: &[i64]| times.iter().map(|time| set(*time).id.clone()).collect::<BTreeSet<_>>();
-        assert_eq!(spared(&active(Some(set(1).id.clone()))), ids(&[3]), "the newest");
-        assert_eq!(spared(&active(None)), ids(&[1, 2, 3]), "one of them may be in use with another configuration");
-    }
-
     #[tokio::test]
-    async fn while_the_daemon_runs_what_is_beyond_the_limits_goes_and_what_is_in_use_or_newest_stays() {
+    async fn while_the_daemon_runs_the_oldest_sessions_beyond_the_limits_go() {
         let folder = tempfile::tempdir().unwrap();
         let database = folder.path().join("store.db");
         let (store, ..) = Store::open(&database, Box::new(|_| ())).unwrap();
         store.submit(Batch { records: records(), on_durable: None }).unwrap();
         store.close().unwrap();
         let Running { handle, size, cancel, end, _ends } = running(&database).await;
-        let limits = Retention { model_sets: Some(1), sessions: Some(2), ..Retention::default() };
+        let limits = Retention { sessions: Some(2), ..Retention::default() };
         tidy(&handle, &size, &limits).await;
         // Whoever asks last hears of all that came before.
         tidy(&handle, &size, &limits).await;
@@ -204,8 +168,7 @@ mod tests {
         end.await.unwrap();
         let (store, restored, quarantined) = Store::open(&database, Box::new(|_| ())).unwrap();
         assert_eq!(quarantined, []);
-        let times: Vec<_> = restored.model_sets.iter().map(|set| set.created_wall_ns).collect();
-        assert_eq!(times, [1, 5], "the first one is active, the last one may be activated next");
+        assert_eq!(restored.model_sets.len(), 5);
         assert_eq!(restored.sessions.iter().map(|view| view.number).collect::<Vec<_>>(), [4, 5]);
         assert_eq!(restored.active, [(PATCH.to_owned(), set(1).id.clone())]);
         store.close().unwrap();

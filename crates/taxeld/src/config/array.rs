@@ -6,13 +6,14 @@ use std::time::Duration;
 use taxel_engine::plan::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, NormalsVerdict, Patch, SquareMillimetre,
-    TaxelPose,
+    TaxelPose, Time,
 };
 use taxel_wire::array::{CountField, FrameSpec};
-use taxel_wire::{CanId, Frame};
+use taxel_wire::bits::{BitField, FrameMatch};
+use taxel_wire::candump::parse_line;
+use taxel_wire::{Frame, FrameKind};
 
 use super::dbc::{DbcFile, Place};
-use super::pages::{Cell, begins_once, counts_scans, pages};
 use super::patch_section::{ArraySection, GridSection, PatchSection, PushSection};
 
 /// About so many taxels form a module, as on skin boards: a contact touches a few modules, and three taxels of one that
@@ -21,6 +22,8 @@ const MODULE_TAXELS: usize = 12;
 /// Most modules of a device, and most taxels of a module.
 const MODULES_MAX: usize = 16;
 const MODULE_TAXELS_MAX: usize = 255;
+/// A command waits no longer than this.
+const COMMAND_WAITS_MAX: Duration = Duration::from_secs(60);
 /// Most bits of a count; a longer number leaves out its lowest.
 const COUNT_BITS: u32 = 16;
 
@@ -128,20 +131,24 @@ fn device(
     listen_only: bool,
 ) -> Result<DevicePlan, String> {
     let Numbers { low, shift, counts } = range;
-    let cells: Vec<Cell> = taxels
-        .iter()
-        .map(|p| Cell { frames: p.frames.clone(), field: p.field, name: format!("signal {}", p.name) })
-        .collect();
-    let of = |taxel: &usize| (*taxel as u16, CountField { field: cells[*taxel].field, low, shift, top: counts.top() });
-    let pages = pages(&cells)?;
+    let pages = pages(taxels)?;
+    let count =
+        |taxel: &usize| (*taxel as u16, CountField { field: taxels[*taxel].field, low, shift, top: counts.top() });
     let frames = pages
         .iter()
-        .map(|page| FrameSpec { frames: page.frames.clone(), counts: page.taxels.iter().map(of).collect() });
+        .map(|(frames, taxels)| FrameSpec { frames: (*frames).clone(), counts: taxels.iter().map(count).collect() });
     let scans = match (&array.sync, &array.counter) {
         (None, None) => ScanBegin::Time,
         (Some(sync), None) => {
             let sync = file.one(sync)?.frames;
-            begins_once(&sync, &pages)?;
+            // Else it would begin a scan in the middle of one.
+            if pages.iter().any(|(frames, _)| !sync.excludes(frames) && !sync.is_within(frames)) {
+                return Err(format!(
+                    "array.sync: frames {} also come in the middle of a scan, so that none would be whole: expected a signal \
+                     that is in the first of them alone",
+                    sync.id
+                ));
+            }
             ScanBegin::Frame(sync)
         }
         (None, Some(counter)) => {
@@ -150,7 +157,8 @@ fn device(
                 let (counter, taxel) = (place.name, taxel.name);
                 return Err(format!("signal {counter}: expected a counter of all taxels, and {taxel} has none"));
             }
-            counts_scans(place.field, &pages, &cells)?;
+            let counter = ("array.counter", place.field);
+            pages.iter().try_for_each(|(frames, of)| no_overlap(frames, numbered(taxels, of).chain([counter])))?;
             ScanBegin::Counter(place.field)
         }
         (Some(_), Some(_)) => return Err("array.sync and array.counter are both there: expected one".to_owned()),
@@ -177,32 +185,63 @@ fn status(text: &str, file: &DbcFile) -> Result<(DeviceSignal, i128), String> {
 
 /// A frame and when it is sent after the beginning, as candump writes them: `(0.030) 123#01FF`.
 fn command(text: &str) -> Result<(Duration, Frame), String> {
+    let text = text.trim();
+    let (after, frame) = text.strip_prefix('(').and_then(|rest| rest.split_once(')')).unwrap_or(("0.0", text));
+    let line = format!("({after}) can {}", frame.trim());
+    let line = parse_line(&line).ok().filter(|line| line.frame.kind == FrameKind::Data);
     let wrong = || {
         format!(
             "array.commands: \"{text}\": expected a frame as candump writes it, up to 8 bytes, with seconds in brackets before \
              it where it waits, as in \"123#01FF\" or \"(0.030) 18FF0010#02\""
         )
     };
-    let (after, frame) = match text.trim().strip_prefix('(') {
-        Some(rest) => rest.split_once(')').ok_or_else(wrong)?,
-        None => ("0", text),
-    };
-    let seconds = after.trim().parse::<f64>().ok().filter(|s| (0.0..=60.0).contains(s)).ok_or_else(wrong)?;
-    let (id, data) = frame.trim().split_once('#').ok_or_else(wrong)?;
-    let number = u32::from_str_radix(id, 16).map_err(|_| wrong())?;
-    let id = match id.len() {
-        3 => CanId::Standard(u16::try_from(number).ok().filter(|id| *id <= 0x7FF).ok_or_else(wrong)?),
-        8 if number <= 0x1FFF_FFFF => CanId::Extended(number),
-        _ => return Err(wrong()),
-    };
-    let frame = Frame::data(id, &hex(data).ok_or_else(wrong)?).ok_or_else(wrong)?;
-    Ok((Duration::from_secs_f64(seconds), frame))
+    let line = line.filter(|line| line.time <= Time::default() + COMMAND_WAITS_MAX).ok_or_else(wrong)?;
+    Ok((line.time.since(Time::default()), line.frame))
 }
 
-/// Pairs of hexadecimal digits.
-fn hex(text: &str) -> Option<Vec<u8>> {
-    let digits: Vec<u8> = text.chars().map(|c| c.to_digit(16).map(|d| d as u8)).collect::<Option<_>>()?;
-    digits.len().is_multiple_of(2).then(|| digits.chunks(2).map(|pair| pair[0] << 4 | pair[1]).collect())
+/// The frames that come once a scan, each with the positions of its taxels: one identifier, or one choice of its selectors.
+type Pages<'a> = Vec<(&'a FrameMatch, Vec<usize>)>;
+
+/// The pages of a device, in the order of their taxels.
+///
+/// # Errors
+/// Two taxels that share some frames and not all: what makes up a scan is not known. Two taxels that share a bit.
+fn pages<'a>(taxels: &'a [Place<'a>]) -> Result<Pages<'a>, String> {
+    let mut pages: Pages<'_> = Vec::new();
+    for (number, taxel) in taxels.iter().enumerate() {
+        match pages.iter_mut().find(|(frames, _)| !frames.excludes(&taxel.frames)) {
+            Some((frames, of)) if **frames == taxel.frames => of.push(number),
+            Some((frames, of)) => {
+                return Err(format!(
+                    "signal {} and signal {} are together in some frames {} and not in others, so that no frame comes once a \
+                     scan: expected the same selectors, or such as exclude each other",
+                    taxels[of[0]].name, taxel.name, frames.id
+                ));
+            }
+            None => pages.push((&taxel.frames, vec![number])),
+        }
+    }
+    pages.iter().try_for_each(|(frames, of)| no_overlap(frames, numbered(taxels, of)))?;
+    Ok(pages)
+}
+
+/// Names and fields of these taxels.
+fn numbered<'a>(taxels: &'a [Place<'a>], of: &'a [usize]) -> impl Iterator<Item = (&'a str, BitField)> {
+    of.iter().map(|taxel| (taxels[*taxel].name, taxels[*taxel].field))
+}
+
+/// No bit is part of two numbers, or of a number and what selects its frame.
+fn no_overlap<'a>(frames: &FrameMatch, numbers: impl Iterator<Item = (&'a str, BitField)>) -> Result<(), String> {
+    let mut used: Vec<Option<&str>> = vec![None; 512];
+    let selectors = frames.selectors.iter().map(|selector| ("what selects the frame", selector.field));
+    for (name, field) in selectors.chain(numbers) {
+        for bit in field.bits() {
+            if let Some(other) = used[usize::from(bit)].replace(name) {
+                return Err(format!("{name}: bit {bit} of frame {} is also part of {other}", frames.id));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Positions and area of a grid: the first taxel is the origin, columns go along x, rows along y, normals along z.

@@ -4,9 +4,9 @@ use taxel_engine::plan::BoardSetup;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module};
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
-use super::fault::Faults;
 use super::modules::modules;
 use super::patch_section::{BoardSection, PatchSection};
+use super::problem::Faults;
 
 /// 15 is the address of all boards of a bus: what is sent to it configures each of them.
 const EVERYONE: u8 = 15;

@@ -3,8 +3,8 @@
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_skin::BusIndex;
 
-use super::fault::Faults;
 use super::file::Config;
+use super::problem::{Faults, Said};
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
 const FRAME_S: f64 = 111e-6;
@@ -25,46 +25,19 @@ pub fn of_patch(plan: &PatchPlan) -> (f64, f64) {
     (frames_per_s, frames_per_s * FRAME_S)
 }
 
-/// The share that they take at least: of described frames nobody says how long they are.
-fn least_of_patch(plan: &PatchPlan) -> f64 {
-    let frame_s = if plan.devices.is_empty() { FRAME_S } else { EMPTY_FRAME_S };
-    of_patch(plan).0 * frame_s
-}
-
-/// The share of a bus that its patches take at least. Boards of one patch may be on several buses: each has its part of the modules.
-fn of_bus(plan: &Plan, bus: BusIndex) -> f64 {
-    let share = |patch: &PatchPlan| {
-        let boards = patch.patch.boards();
-        let on_bus =
-            |module: &&taxel_skin::ModuleSite| boards.get(usize::from(module.board)).is_some_and(|b| b.bus == bus);
-        let (modules, all) = (patch.patch.modules().iter().filter(on_bus).count(), patch.patch.modules().len());
-        least_of_patch(patch) * modules as f64 / all.max(1) as f64
-    };
-    plan.patches.iter().filter(|patch| patch.pushed.is_none()).map(share).sum()
-}
-
-fn told(config: &Config, bus: usize, share: f64) -> String {
-    format!("bus `{}`: the scans of its patches take {:.0} % of 1 Mbit/s", config.bus[bus].name, 100.0 * share)
-}
-
-/// Notes the buses that cannot carry what their patches send.
-pub fn overloaded(config: &Config, plan: &Plan, faults: &mut Faults) {
-    for bus in 0..config.bus.len() {
-        let index = BusIndex(bus as u8);
-        let share = of_bus(plan, index);
+/// Notes the buses that cannot carry what their patches send at least, and tells of those that are nearly full.
+pub fn judge(config: &Config, plan: &Plan, faults: &mut Faults, said: &mut Said) {
+    let least_s = |patch: &PatchPlan| if patch.devices.is_empty() { FRAME_S } else { EMPTY_FRAME_S };
+    for (bus, section) in config.bus.iter().enumerate() {
+        let on_bus = |patch: &&PatchPlan| patch.pushed.is_none() && patch.patch.is_on(BusIndex(bus as u8));
+        let share: f64 = plan.patches.iter().filter(on_bus).map(|patch| of_patch(patch).0 * least_s(patch)).sum();
+        let told = format!("bus `{}`: the scans of its patches take {:.0} % of 1 Mbit/s", section.name, 100.0 * share);
         if share > 1.0 {
-            let patch = plan.patches.iter().find(|patch| patch.patch.is_on(index));
+            let patch = plan.patches.iter().find(on_bus);
             let key = patch.map_or_else(String::new, |patch| config.patch_key(patch.patch.name()) + ".period_ms");
-            let words = format!("{}: raise period_ms, or put boards on another bus", told(config, bus, share));
-            faults.note(&key, words);
+            faults.note(&key, format!("{told}: raise period_ms, or put boards on another bus"));
+        } else if share >= CROWDED_FROM {
+            said.remarks.push(format!("{told}: frames will be late; a greater period_ms leaves room"));
         }
     }
-}
-
-/// Buses that are nearly full, in words.
-pub fn crowded(config: &Config, plan: &Plan) -> Vec<String> {
-    let shares = (0..config.bus.len()).map(|bus| (bus, of_bus(plan, BusIndex(bus as u8))));
-    let words =
-        |(bus, share)| format!("{}: frames will be late; a greater period_ms leaves room", told(config, bus, share));
-    shares.filter(|(_, share)| (CROWDED_FROM..=1.0).contains(share)).map(words).collect()
 }

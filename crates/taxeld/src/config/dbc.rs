@@ -1,7 +1,6 @@
 //! Signals by the names that a DBC file gives them, and single ones in its notation.
 
-use std::cmp::Ordering;
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 use std::path::Path;
 
 use can_dbc::{
@@ -10,13 +9,15 @@ use can_dbc::{
 };
 use taxel_wire::CanId;
 use taxel_wire::bits::{BitField, ByteOrder, FrameMatch, Selector};
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
 
 use crate::files::read_any_text;
 
 /// The message of a DBC file that holds signals of no message.
 const INDEPENDENT: &str = "VECTOR__INDEPENDENT_SIG_MSG";
-/// Selectors of a signal, with theirs, at most.
-const MUX_MAX: usize = 8;
+/// What is said of signals that several selectors, or several values of one, select.
+const EXTENDED: &str =
+    "it has several selectors, or several values of one (extended multiplexing): expected one value of one selector";
 
 /// A DBC file.
 pub struct DbcFile {
@@ -33,13 +34,11 @@ struct Name {
     short: String,
 }
 
-/// A selector of a signal, and first and last of each run of values for which the signal is there.
-type Selected<'a> = (&'a str, Vec<(i128, i128)>);
-
 /// A signal with all that is known of its place.
 pub struct Place<'a> {
     message: &'a Message,
-    signal: &'a Signal,
+    /// As the file has it.
+    pub signal: &'a Signal,
     /// Its name.
     pub name: &'a str,
     /// The frames that hold it.
@@ -126,7 +125,7 @@ impl DbcFile {
         if found.is_empty() {
             found = self.names.iter().filter(|(.., name)| fits(&name.short)).collect();
         }
-        found.sort_by(|(.., a), (.., b)| natural(&a.full, &b.full));
+        found.sort_by_cached_key(|(.., name)| natural(&name.full));
         if found.is_empty() {
             let nearest = self.nearest(pattern).map(|name| format!("; the nearest is `{name}`")).unwrap_or_default();
             return Err(format!("no signal is named `{pattern}` (as `Message.Signal`){nearest}"));
@@ -170,62 +169,37 @@ impl DbcFile {
         Ok(Place { message, signal, name, frames: FrameMatch { id, selectors }, field })
     }
 
-    /// What selects the frames that hold a signal: its own selectors, then theirs.
+    /// What selects the frames that hold a signal: the one selector of its message. Of several, and of several values of one, only
+    /// lines SG_MUL_VAL_ tell which is meant.
     fn selectors(&self, message: &Message, signal: &Signal) -> Result<Vec<Selector>, String> {
-        let (mut selectors, mut open): (Vec<Selector>, _) = (Vec::new(), VecDeque::from([signal]));
-        while let Some(signal) = open.pop_front() {
-            for (name, runs) in self.selected_by(message, signal)? {
-                let parent = message.signals.iter().find(|s| s.name == name);
-                let parent = parent.ok_or_else(|| format!("its selector {name} is not there"))?;
-                let field = BitField::new(bits(parent.start_bit), bits(parent.size), order(parent), false);
-                let (field, values) = (field.map_err(|e| format!("its selector {name}: {e}"))?, joined(runs));
-                if let Some((first, last)) = values.iter().find(|(a, b)| a > b || *b > field.range().1) {
-                    return Err(format!("its selector {name} has no number from {first} to {last}"));
-                }
-                selectors.push(Selector { field, values });
-                if selectors.len() > MUX_MAX {
-                    return Err("its selectors select each other".to_owned());
-                }
-                open.push_back(parent);
-            }
-        }
-        let never = |one: &Selector| selectors.iter().any(|other| other.field == one.field && other.excludes(one));
-        if selectors.iter().any(never) {
-            return Err("no number selects it: two that exclude each other are asked for".to_owned());
-        }
-        Ok(selectors)
-    }
-
-    /// The selectors of a signal and the values for which it is there: it is where all of them say so.
-    fn selected_by<'a>(&'a self, message: &'a Message, signal: &'a Signal) -> Result<Vec<Selected<'a>>, String> {
-        let mut selected: Vec<Selected<'a>> = Vec::new();
-        let own = |e: &&can_dbc::ExtendedMultiplex| e.message_id == message.id && e.signal_name == signal.name;
-        for extended in self.dbc.extended_multiplex.iter().filter(own) {
-            let selector = extended.multiplexor_signal_name.as_str();
-            let runs = extended.mappings.iter().map(|run| (run.min_value.into(), run.max_value.into()));
-            match selected.iter_mut().find(|(known, _)| *known == selector) {
-                Some((_, known)) => known.extend(runs),
-                None => selected.push((selector, runs.collect())),
-            }
-        }
-        let (MultiplexIndicator::MultiplexedSignal(value) | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value)) =
-            signal.multiplexer_indicator
-        else {
-            return Ok(selected);
+        let value = match signal.multiplexer_indicator {
+            MultiplexIndicator::MultiplexedSignal(value) => value,
+            MultiplexIndicator::MultiplexorAndMultiplexedSignal(_) => return Err(EXTENDED.to_owned()),
+            MultiplexIndicator::Plain | MultiplexIndicator::Multiplexor => return Ok(Vec::new()),
         };
-        if !selected.is_empty() {
-            return Ok(selected);
+        let is_selector = |indicator: &MultiplexIndicator| {
+            matches!(
+                indicator,
+                MultiplexIndicator::Multiplexor | MultiplexIndicator::MultiplexorAndMultiplexedSignal(_)
+            )
+        };
+        let all: Vec<&Signal> = message.signals.iter().filter(|s| is_selector(&s.multiplexer_indicator)).collect();
+        let parent = match all[..] {
+            [parent] => parent,
+            [] => return Err("it is multiplexed, and no signal of its message is the selector".to_owned()),
+            _ => return Err(EXTENDED.to_owned()),
+        };
+        let own = |e: &&can_dbc::ExtendedMultiplex| e.message_id == message.id && e.signal_name == signal.name;
+        let mut runs = self.dbc.extended_multiplex.iter().filter(own).flat_map(|extended| &extended.mappings);
+        if runs.any(|run| (run.min_value, run.max_value) != (value, value)) {
+            return Err(EXTENDED.to_owned());
         }
-        let selects = |s: &&Signal| s.multiplexer_indicator == MultiplexIndicator::Multiplexor;
-        let mut selectors = message.signals.iter().filter(selects);
-        match (selectors.next(), selectors.next()) {
-            (Some(selector), None) => Ok(vec![(selector.name.as_str(), vec![(value.into(), value.into())])]),
-            (None, _) => Err("it is multiplexed, and no signal of its message is the selector".to_owned()),
-            (Some(one), Some(other)) => Err(format!(
-                "{} and {} are both selectors of its message, and no SG_MUL_VAL_ line says which is its own",
-                one.name, other.name
-            )),
+        let field = BitField::new(bits(parent.start_bit), bits(parent.size), order(parent), false);
+        let (field, value) = (field.map_err(|e| format!("its selector {}: {e}", parent.name))?, i128::from(value));
+        if value > field.range().1 {
+            return Err(format!("its selector {} has no number {value}", parent.name));
         }
+        Ok(vec![Selector { field, values: vec![(value, value)] }])
     }
 }
 
@@ -254,34 +228,26 @@ fn names(dbc: &Dbc) -> Vec<(usize, usize, Name)> {
 }
 
 impl Place<'_> {
-    /// First bit, as DBC files count.
-    pub fn start_bit(&self) -> u16 {
-        bits(self.signal.start_bit)
+    /// What it says of a pressure: of the difference to the ambient pressure, or where that is given, of the bag's own.
+    pub fn pressure(&self, unit: PressureUnit, ambient_kpa: Option<f64>) -> SignalSpec {
+        let Signal { start_bit, size, factor, offset, .. } = *self.signal;
+        SignalSpec {
+            id: self.frames.id,
+            start_bit: bits(start_bit),
+            length_bits: bits(size),
+            byte_order: order(self.signal),
+            signed: self.signal.value_type == ValueType::Signed,
+            scale: factor,
+            offset,
+            unit,
+            meaning: ambient_kpa
+                .map_or(PressureMeaning::Differential, |ambient_kpa| PressureMeaning::AbsoluteBag { ambient_kpa }),
+        }
     }
 
     /// Its bits.
     pub fn length_bits(&self) -> u16 {
         bits(self.signal.size)
-    }
-
-    /// Which end comes first.
-    pub fn byte_order(&self) -> ByteOrder {
-        order(self.signal)
-    }
-
-    /// Whether it is in two's complement.
-    pub fn is_signed(&self) -> bool {
-        self.signal.value_type == ValueType::Signed
-    }
-
-    /// Factor and offset.
-    pub fn scale(&self) -> (f64, f64) {
-        (self.signal.factor, self.signal.offset)
-    }
-
-    /// Its unit as the file has it.
-    pub fn unit(&self) -> &str {
-        &self.signal.unit
     }
 
     /// Who sends it.
@@ -313,19 +279,6 @@ fn order(signal: &Signal) -> ByteOrder {
     }
 }
 
-/// Runs in order, those that touch as one.
-fn joined(mut runs: Vec<(i128, i128)>) -> Vec<(i128, i128)> {
-    runs.sort_unstable();
-    let mut joined: Vec<(i128, i128)> = Vec::new();
-    for (first, last) in runs {
-        match joined.last_mut().filter(|run| first <= run.1 + 1 && first <= last) {
-            Some(run) => run.1 = run.1.max(last),
-            None => joined.push((first, last)),
-        }
-    }
-    joined
-}
-
 /// Whether a name fits a pattern in which `*` stands for any letters, also none.
 fn matches(pattern: &[u8], name: &[u8]) -> bool {
     match (pattern.split_first(), name.split_first()) {
@@ -336,24 +289,11 @@ fn matches(pattern: &[u8], name: &[u8]) -> bool {
     }
 }
 
-/// Compares names, and runs of digits in them as numbers.
-fn natural(a: &str, b: &str) -> Ordering {
-    let parts = |text: &str| -> Vec<(bool, u64, String)> {
-        let runs = text.as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit());
-        let part = |run: &[u8]| {
-            let text = String::from_utf8_lossy(run).into_owned();
-            (run[0].is_ascii_digit(), text.parse().unwrap_or(u64::MAX), text)
-        };
-        runs.map(part).collect()
-    };
-    let (a_parts, b_parts) = (parts(a), parts(b));
-    for ((a_digits, a_number, a_text), (b_digits, b_number, b_text)) in a_parts.iter().zip(&b_parts) {
-        let order = if *a_digits && *b_digits { a_number.cmp(b_number) } else { a_text.cmp(b_text) };
-        if order != Ordering::Equal {
-            return order;
-        }
-    }
-    a_parts.len().cmp(&b_parts.len()).then_with(|| a.cmp(b))
+/// By what names are ordered: runs of digits in them as numbers, for which all have as many digits.
+fn natural(name: &str) -> String {
+    let runs = name.as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()).map(String::from_utf8_lossy);
+    runs.map(|run| if run.starts_with(|c: char| c.is_ascii_digit()) { format!("{run:0>20}") } else { run.into() })
+        .collect()
 }
 
 #[cfg(test)]

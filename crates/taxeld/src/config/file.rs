@@ -203,13 +203,8 @@ pub struct BusSection {
     /// The network interface, for `socketcan`; in a replay, the interface of the log.
     pub interface: Option<String>,
     /// Seed of the simulated skin, for `sim`.
-    #[serde(default = "one")]
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
-    pub seed: u64,
-}
-
-fn one() -> u64 {
-    1
+    pub seed: Option<u64>,
 }
 
 /// Where frames come from.

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use taxel_engine::calibration::fit::{Branch, PlaysChoice};
-use taxel_engine::plan::{DriftPlan, LiveLimits, SessionLimits, TarePlan};
+use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
 use taxel_model::{FitOptions, GaugeUncertainty, Order};
 use taxel_skin::Kilopascal;
 
-use super::fault::Faults;
 use super::patch_section::{BranchesWord, GaugeSection, OrderWord, PatchSection, PlaysWord, SessionSection};
+use super::problem::Faults;
 
 /// When a taxel counts as touched or stale.
 pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> LiveLimits {
@@ -16,7 +16,7 @@ pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> Li
     faults.range("stale_periods", f64::from(periods), 2.0, 100.0);
     let defaults = LiveLimits::default();
     LiveLimits {
-        stale_after: period.saturating_mul(periods),
+        stale_after: period.saturating_mul(periods.into()),
         // No power was lost between two scans of a slow array.
         power_cycle_after: defaults.power_cycle_after.max(period * 3),
         ..defaults
@@ -28,11 +28,6 @@ pub fn tare(section: &PatchSection, period: Duration) -> TarePlan {
     let defaults = TarePlan::default();
     let enough = period.saturating_mul(defaults.rest.scans_min as u32);
     TarePlan { duration: defaults.duration.max(enough), at_start: section.tare_at_start, ..defaults }
-}
-
-/// Whether the zero follows the temperature.
-pub fn drift(follow: bool) -> DriftPlan {
-    DriftPlan { follow, ..DriftPlan::default() }
 }
 
 /// The rules of a session.

@@ -1,14 +1,13 @@
 //! Where the service listens, and who may do what there: `listen` and `[access]`, resolved.
 
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use taxel_rpc::{Grant, Role, Rules, Subject};
 
-use super::door::Door;
-use super::fault::Faults;
 use super::file::{AccessSection, Config, beside};
-use super::runtime_folder::runtime_folder;
+use super::problem::Faults;
 
 /// The mode of a Unix socket: its owner and its group may connect.
 const SOCKET_MODE: u32 = 0o660;
@@ -16,15 +15,46 @@ const SOCKET_MODE: u32 = 0o660;
 /// Where the service listens if the configuration says nothing.
 const LISTEN_DEFAULT: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 50_051);
 
-/// Longest path of a Unix socket, unix(7): its field has 108 bytes, the last of which is zero.
-const UNIX_PATH_BYTES_MAX: usize = 107;
-
 /// Name of the Unix socket in the folder that systemd gives.
 const SOCKET_NAME: &str = "taxeld.sock";
 
 /// What is told at the start and by `check` where there are no rules.
 pub const UNRULED: &str = "access: there is no [access] section: EVERYBODY ON THIS MACHINE IS ADMINISTRATOR, who may calibrate, import and \
                            delete. To restrict it copy `listen`, `socket_group` and `[access]` from deploy/taxeld.toml; security.md explains them";
+
+/// One place where the service listens.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Door {
+    /// A Unix socket.
+    Unix {
+        /// Its path.
+        path: PathBuf,
+        /// Its mode.
+        mode: u32,
+        /// Its group.
+        group: Option<String>,
+    },
+    /// TCP without encryption; from elsewhere only where that was allowed.
+    Tcp(SocketAddr),
+    /// TCP with TLS and client certificates.
+    Tls {
+        /// The address.
+        address: SocketAddr,
+        /// Certificate, key and the clients' authority.
+        files: [PathBuf; 3],
+    },
+}
+
+impl fmt::Display for Door {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unix { path, mode, .. } => write!(f, "unix:{} (mode {mode:03o})", path.display()),
+            Self::Tcp(address) if address.ip().is_loopback() => write!(f, "{address} (loopback, unencrypted)"),
+            Self::Tcp(address) => write!(f, "{address} (INSECURE: unencrypted, for everybody on that net)"),
+            Self::Tls { address, .. } => write!(f, "{address} (TLS 1.3 with client certificates)"),
+        }
+    }
+}
 
 /// Where the service listens, and who may do what.
 #[derive(Clone, Debug)]
@@ -40,15 +70,6 @@ pub struct Doors {
 }
 
 impl Doors {
-    /// Certificates and keys, and the tokens.
-    pub fn credentials(&self) -> impl Iterator<Item = PathBuf> {
-        let of_door = |door: &Door| match door {
-            Door::Tls { files, .. } => files.to_vec(),
-            Door::Unix { .. } | Door::Tcp(_) => Vec::new(),
-        };
-        self.doors.iter().flat_map(of_door).chain(self.tokens.clone())
-    }
-
     /// The grants that reach nobody as far as the configuration goes, because an account is known on a Unix socket alone and a
     /// certificate where there is TLS: a line each.
     pub fn unreached_grants(&self) -> Vec<String> {
@@ -74,9 +95,11 @@ impl Doors {
 pub fn doors(config: &Config, path: &Path, faults: &mut Faults) -> Doors {
     let mut doors = Vec::new();
     if config.listen.is_empty() {
-        let socket = runtime_folder().map(|folder| folder.join(SOCKET_NAME));
+        // The folder that the service manager has made for sockets, systemd.exec(5): the first if there are several.
+        let folders = std::env::var_os("RUNTIME_DIRECTORY").unwrap_or_default();
+        let folder = std::env::split_paths(&folders).find(|folder| !folder.as_os_str().is_empty());
         doors.push(Door::Tcp(LISTEN_DEFAULT));
-        doors.extend(socket.map(|path| Door::Unix { path, mode: SOCKET_MODE, group: config.socket_group.clone() }));
+        doors.extend(folder.map(|folder| unix(folder.join(SOCKET_NAME), config)));
     }
     for (position, text) in config.listen.iter().enumerate() {
         let key = format!("listen[{position}]");
@@ -100,21 +123,19 @@ pub fn doors(config: &Config, path: &Path, faults: &mut Faults) -> Doors {
     Doors { doors, rules: rules(access, faults), tokens, ruled: true }
 }
 
+fn unix(path: PathBuf, config: &Config) -> Door {
+    Door::Unix { path, mode: SOCKET_MODE, group: config.socket_group.clone() }
+}
+
 /// Where one of `listen` is.
 fn door(text: &str, config: &Config, path: &Path) -> Result<Door, String> {
     let wrong = |why: &str| format!("listen \"{text}\": {why}");
     let kinds = "expected unix:PATH, tcp:ADDRESS:PORT, tls:ADDRESS:PORT or insecure:ADDRESS:PORT";
     let (kind, place) = text.split_once(':').ok_or_else(|| wrong(kinds))?;
     if kind == "unix" {
-        let whole = beside(path, Path::new(place));
-        let bytes = if place.is_empty() { 0 } else { whole.as_os_str().len() };
-        return match bytes {
-            0 => Err(wrong("expected a path behind unix:")),
-            _ if place.contains('\0') => Err(wrong("a path has no zero byte")),
-            1..=UNIX_PATH_BYTES_MAX => {
-                Ok(Door::Unix { path: whole, mode: SOCKET_MODE, group: config.socket_group.clone() })
-            }
-            long => Err(wrong(&format!("has {long} bytes, a socket's path at most {UNIX_PATH_BYTES_MAX}"))),
+        return match place {
+            "" => Err(wrong("expected a path behind unix:")),
+            _ => Ok(unix(beside(path, Path::new(place)), config)),
         };
     }
     if !["tcp", "tls", "insecure"].contains(&kind) {
@@ -138,11 +159,7 @@ fn door(text: &str, config: &Config, path: &Path) -> Result<Door, String> {
 
 /// Whether only this machine reaches it.
 fn is_near(door: &Door) -> bool {
-    match door {
-        Door::Unix { .. } => true,
-        Door::Tcp(address) => address.ip().is_loopback(),
-        Door::Tls { .. } => false,
-    }
+    matches!(door, Door::Unix { .. }) || matches!(door, Door::Tcp(address) if address.ip().is_loopback())
 }
 
 /// The lists of `[access]` as rules: who is in several has the greatest role.
@@ -190,13 +207,6 @@ fn subject(text: &str) -> Result<Subject, String> {
                 .to_owned())
         }
     }
-}
-
-/// The addresses of page and metrics, each with its key.
-pub fn of_pages(config: &Config) -> impl Iterator<Item = (&'static str, SocketAddr)> {
-    let page = config.page.as_ref().map(|page| ("page.listen", page.listen));
-    let metrics = config.metrics.as_ref().and_then(|metrics| Some(("metrics.listen", metrics.listen?)));
-    page.into_iter().chain(metrics)
 }
 
 #[cfg(test)]

@@ -1,36 +1,17 @@
 //! The list of a board's modules, as a person writes it: `"0-3, 7"`, or with kinds `"0-4 fingertip, 8-11 palm"`.
 
-use serde::Deserialize;
-use serde::de::IntoDeserializer;
-use serde::de::value::Error as WordError;
 use taxel_skin::{Module, ModuleKind};
 
-/// What modules are. The other spellings are those of iCub's drawing files.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+/// What modules are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KindWord {
     /// Ten taxels, two thermal pads.
-    #[default]
-    #[serde(alias = "triangle_10pad")]
     Triangle,
     /// Twelve taxels: all generations of fingertips send the same.
-    #[serde(
-        alias = "fingertip2",
-        alias = "fingertip2L",
-        alias = "fingertip2R",
-        alias = "fingertip3",
-        alias = "fingertip3L",
-        alias = "fingertip3R",
-        alias = "fingertip4",
-        alias = "fingertip4L",
-        alias = "fingertip4R",
-        alias = "fingertipMID"
-    )]
     Fingertip,
     /// Twelve taxels of whatever shape.
     Twelve,
     /// iCub's palm: the four modules 8 to 11, each with one thermal pad.
-    #[serde(alias = "palmL", alias = "palmR")]
     Palm,
     /// A palm module with its pad at value 11.
     PalmPad11,
@@ -44,9 +25,19 @@ impl KindWord {
     /// # Errors
     /// The words that there are.
     pub fn from_word(word: &str) -> Result<Self, String> {
-        let deserializer: serde::de::value::StrDeserializer<'_, WordError> = word.into_deserializer();
-        Self::deserialize(deserializer)
-            .map_err(|_| format!("kind `{word}`: expected triangle, fingertip, twelve, palm, palm-pad11 or palm-pad7"))
+        Ok(match word {
+            "triangle" => Self::Triangle,
+            "fingertip" => Self::Fingertip,
+            "twelve" => Self::Twelve,
+            "palm" => Self::Palm,
+            "palm-pad11" => Self::PalmPad11,
+            "palm-pad7" => Self::PalmPad7,
+            _ => {
+                return Err(format!(
+                    "kind `{word}`: expected triangle, fingertip, twelve, palm, palm-pad11 or palm-pad7"
+                ));
+            }
+        })
     }
 
     /// What it is at this place of a board.
@@ -128,8 +119,7 @@ mod tests {
         let taxels: usize = hand.iter().map(|(_, kind)| kind.taxel_slots().len()).sum();
         assert_eq!((hand.len(), taxels), (9, 104), "as iCub's hand has");
         assert_eq!(hand[8].1, ModuleKind::PalmPad7);
-        let same = modules("0-4 fingertip2L,8 palmL, 9-10 palm , 11 palm-pad7").unwrap();
-        assert_eq!(same, hand, "spellings of the drawing files");
+        assert_eq!(modules("0-4 fingertip,8 palm, 9-10 palm , 11 palm-pad7").unwrap(), hand);
     }
 
     #[test]

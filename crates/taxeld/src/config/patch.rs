@@ -5,15 +5,15 @@ use std::time::Duration;
 
 use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Gauge, Outputs, PatchPlan, PushPlan};
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
-use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
+use taxel_wire::signal::{PressureUnit, SignalSpec};
 
 use super::array::{Described, describe, grid, pushed};
 use super::boards::boards;
-use super::dbc::{DbcFile, Place};
-use super::fault::{Faults, Said};
+use super::dbc::DbcFile;
 use super::file::{BusSource, Config, beside};
-use super::limits::{drift, fit_options, gauge_uncertainty, live, session, tare};
+use super::limits::{fit_options, gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaFactorWord, AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
+use super::problem::{Faults, Said};
 use crate::files::read_any_text;
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.
@@ -48,7 +48,12 @@ pub fn patch_plan(
     let file = section.array.as_ref().and_then(|array| dbc_file(array, path, faults));
     let gauge = section.gauge.as_ref().and_then(|gauge| {
         let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
-        signal(gauge, file.as_ref(), faults).map(|signal| Gauge { bus: of, signal })
+        let signal = signal(gauge, file.as_ref(), faults)?;
+        if config.bus[usize::from(of.0)].source == BusSource::Push {
+            let words = "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
+            faults.note("gauge.bus", words);
+        }
+        Some(Gauge { bus: of, signal })
     });
     let bus = bus?;
     let push = push(config, section, bus, faults);
@@ -57,7 +62,7 @@ pub fn patch_plan(
     let outputs = outputs(section, geometry.as_ref(), said);
     let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
     tell(section, (devices.is_empty(), padless), said);
-    let drift = drift(section.follow_drift);
+    let follow = section.follow_drift && !padless;
     Some(PatchPlan {
         areas,
         area_uncertainty: area_uncertainty(section, faults),
@@ -73,7 +78,7 @@ pub fn patch_plan(
         live,
         faults: Default::default(),
         tare: tare(section, period),
-        drift: DriftPlan { follow: drift.follow && !padless, ..drift },
+        drift: DriftPlan { follow, ..DriftPlan::default() },
         session,
         fit,
         patch,
@@ -122,7 +127,7 @@ fn tell(section: &PatchSection, (of_boards, padless): (bool, bool), said: &mut S
 
 /// Whether the scans of a patch are pushed, which its bus must say, too.
 fn push(config: &Config, section: &PatchSection, bus: BusIndex, faults: &mut Faults) -> Option<PushPlan> {
-    let is_push = config.bus.get(usize::from(bus.0)).is_some_and(|bus| bus.source == BusSource::Push);
+    let is_push = config.bus[usize::from(bus.0)].source == BusSource::Push;
     let name = &section.bus;
     if section.push.is_some() && !is_push {
         faults.note("push", format!("push needs a bus with source = \"push\", and `{name}` has none"));
@@ -134,17 +139,8 @@ fn push(config: &Config, section: &PatchSection, bus: BusIndex, faults: &mut Fau
     let with_scans = |gauge: &GaugeSection| gauge.id.is_none() && gauge.signal.is_none();
     let pressure = section.gauge.as_ref().is_some_and(with_scans);
     if pressure && section.push.is_none() {
-        faults.note(
-            "gauge",
-            "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"",
-        );
-    }
-    if let Some(gauge) = section.gauge.as_ref().filter(|gauge| !with_scans(gauge) && is_push) {
-        let of = gauge.bus.as_ref().and_then(|name| config.bus.iter().find(|bus| bus.name == *name));
-        if of.is_none_or(|bus| bus.source == BusSource::Push) {
-            let words = "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
-            faults.note("gauge.bus", words);
-        }
+        let words = "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"";
+        faults.note("gauge", words);
     }
     section.push.map(|_| PushPlan { pressure })
 }
@@ -164,18 +160,17 @@ fn skin(
     bus: BusIndex,
     (path, faults): (&Path, &mut Faults),
 ) -> Option<Skin> {
-    let kinds = [!section.boards.is_empty(), section.array.is_some(), section.push.is_some()];
-    if kinds.iter().filter(|there| **there).count() != 1 {
-        faults.note("", "expected one of boards, [patch.array] and push: they say what the taxels are");
-        return None;
-    }
-    let described = match (section.push, &section.array) {
-        (Some(push), _) => Some(faults.take("push", pushed(section, push, bus))?),
-        (None, Some(array)) => {
+    let described = match (section.boards.is_empty(), &section.array, section.push) {
+        (false, None, None) => None,
+        (true, Some(array), None) => {
             let named = |why| format!("array.dbc {}: {why}", beside(path, &array.dbc).display());
             Some(faults.take("array", describe((section, array), file?, bus).map_err(named))?)
         }
-        (None, None) => None,
+        (true, None, Some(push)) => Some(faults.take("push", pushed(section, push, bus))?),
+        _ => {
+            faults.note("", "expected one of boards, [patch.array] and push: they say what the taxels are");
+            return None;
+        }
     };
     let (patch, devices, setups) = match described {
         Some(Described { patch, devices }) => (patch, devices, Vec::new()),
@@ -266,15 +261,15 @@ fn outputs(section: &PatchSection, geometry: Option<&Geometry>, said: &mut Said)
 
 /// The signal of a gauge. Nothing where the pressure comes with the scans, or where it is wrong, which is noted.
 fn signal(gauge: &GaugeSection, file: Option<&DbcFile>, faults: &mut Faults) -> Option<SignalSpec> {
-    let gauge_key = |key: &str| format!("gauge.{key}");
+    let of_gauge = |why: String| format!("gauge: {why}");
     let Some(name) = &gauge.signal else {
         if gauge.id.is_some() {
-            faults.note(&gauge_key("signal"), "gauge.signal is missing: its place in the frame, as in \"0|32@1-\"");
+            faults.note("gauge.signal", "gauge.signal is missing: its place in the frame, as in \"0|32@1-\"");
         }
         return None;
     };
     let inline = match gauge.id {
-        Some(id) => Some(faults.take(&gauge_key("signal"), DbcFile::of_signal(id, name).map_err(of_gauge))?),
+        Some(id) => Some(faults.take("gauge.signal", DbcFile::of_signal(id, name).map_err(of_gauge))?),
         None => None,
     };
     let place = match (&inline, file) {
@@ -282,48 +277,21 @@ fn signal(gauge: &GaugeSection, file: Option<&DbcFile>, faults: &mut Faults) -> 
         (None, Some(file)) => file.one(name),
         (None, None) => Err("gauge.id is missing: the identifier of its frames, as in 0x3A1".to_owned()),
     };
-    let place = faults.take(&gauge_key("signal"), place.map_err(of_gauge))?;
-    let unit = faults.take(&gauge_key("unit"), unit(gauge, &place))?;
-    let (scale, offset) = place.scale();
-    let signal = SignalSpec {
-        id: place.frames.id,
-        start_bit: place.start_bit(),
-        length_bits: place.length_bits(),
-        byte_order: place.byte_order(),
-        signed: place.is_signed(),
-        scale,
-        offset,
-        unit,
-        meaning: gauge
-            .ambient_kpa
-            .map_or(PressureMeaning::Differential, |ambient_kpa| PressureMeaning::AbsoluteBag { ambient_kpa }),
+    let place = faults.take("gauge.signal", place.map_err(of_gauge))?;
+    let known = PressureUnit::NAMES;
+    let named = gauge.unit.as_deref().unwrap_or(&place.signal.unit);
+    let unknown = || match &gauge.unit {
+        Some(name) => format!("gauge.unit = \"{name}\": unknown unit, expected one of {known}"),
+        None => {
+            format!("gauge.unit is missing, and the DBC file has \"{named}\", which is none of {known}: write unit")
+        }
     };
+    let unit = faults.take("gauge.unit", PressureUnit::named(named).ok_or_else(unknown))?;
     if !place.frames.selectors.is_empty() {
         let words = format!("signal {}: it is multiplexed, expected a gauge in every frame of its message", place.name);
-        faults.note(&gauge_key("signal"), words);
+        faults.note("gauge.signal", words);
     }
+    let signal = place.pressure(unit, gauge.ambient_kpa);
     faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
     Some(signal)
-}
-
-fn of_gauge(why: String) -> String {
-    format!("gauge: {why}")
-}
-
-fn unit(gauge: &GaugeSection, place: &Place<'_>) -> Result<PressureUnit, String> {
-    let known = PressureUnit::NAMES;
-    match &gauge.unit {
-        Some(name) => PressureUnit::named(name)
-            .ok_or_else(|| format!("gauge.unit = \"{name}\": unknown unit, expected one of {known}")),
-        None => PressureUnit::named(place.unit()).ok_or_else(|| {
-            let (order, sign) = (u8::from(place.byte_order() == taxel_wire::bits::ByteOrder::Little), place.is_signed());
-            let sign = if sign { '-' } else { '+' };
-            let (start, length) = (place.start_bit(), place.length_bits());
-            format!(
-                "gauge.unit is missing, and the file has \"{}\", which is none of {known}: write unit, or where a step is no \
-                 simple one id, signal and unit, as in signal = \"{start}|{length}@{order}{sign} (0.1,0)\", unit = \"kPa\"",
-                place.unit()
-            )
-        }),
-    }
 }

@@ -16,11 +16,11 @@ pub struct PatchSection {
     #[serde(default)]
     pub listen_only: bool,
     /// Period at which whole scans come, in ms: 1 to 209 for skin boards, to 5000 for other arrays.
-    #[serde(default = "fifty")]
+    #[serde(default = "word::<50>")]
     pub period_ms: u16,
     /// A module is stale after so many periods of silence.
-    #[serde(default = "three")]
-    pub stale_periods: u32,
+    #[serde(default = "word::<3>")]
+    pub stale_periods: u16,
     /// A position file, relative to this one.
     pub geometry: Option<PathBuf>,
     /// Positions, areas and normals of a flat array.
@@ -61,16 +61,18 @@ pub struct PatchSection {
     pub fit: FitSection,
 }
 
-fn fifty() -> u16 {
-    50
-}
-
-fn three() -> u32 {
-    3
-}
-
 fn yes() -> bool {
     true
+}
+
+/// A default.
+const fn byte<const N: u8>() -> u8 {
+    N
+}
+
+/// A default.
+const fn word<const N: u16>() -> u16 {
+    N
 }
 
 /// `area`
@@ -121,26 +123,14 @@ pub struct BoardSection {
     #[serde(default)]
     pub board_type: u8,
     /// The count of an unloaded value.
-    #[serde(default = "no_load")]
+    #[serde(default = "byte::<240>")]
     pub no_load: u8,
     /// Right shift from converter units to counts.
-    #[serde(default = "two")]
+    #[serde(default = "byte::<2>")]
     pub shift: u8,
     /// Converter offset.
-    #[serde(default = "cdc_offset")]
+    #[serde(default = "word::<0x2200>")]
     pub cdc_offset: u16,
-}
-
-fn no_load() -> u8 {
-    240
-}
-
-fn two() -> u8 {
-    2
-}
-
-fn cdc_offset() -> u16 {
-    0x2200
 }
 
 /// `grid`
@@ -183,12 +173,8 @@ pub struct PushSection {
     /// How many taxels a scan has.
     pub taxels: u16,
     /// The greatest raw count of a taxel; the least is 0.
-    #[serde(default = "byte")]
+    #[serde(default = "word::<255>")]
     pub count_max: u16,
-}
-
-fn byte() -> u16 {
-    255
 }
 
 /// `gauge`

@@ -1,46 +1,39 @@
-//! What is wrong with a configuration, for people and for programmes.
+//! What is wrong with a configuration, each with its key.
 
-use std::fmt;
+use std::fmt::{self, Display};
 
 use serde::Serialize;
 use taxel_skin::printable;
 
-/// What kind of problem it is; the word is stable.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Code {
-    /// The file cannot be read.
-    Unreadable,
-    /// It is no TOML.
-    Syntax,
-    /// A key that does not exist.
-    UnknownKey,
-    /// A key that lacks, or a value that the key cannot have.
-    Value,
-    /// It is well written and cannot work on this machine.
-    CannotWork,
+/// After so many problems no more are looked for.
+pub const PROBLEMS_MAX: usize = 100;
+
+/// What a user should know of a configuration with which nothing is wrong.
+#[derive(Clone, Debug, Default)]
+pub struct Said {
+    /// What is left out and why, a line each.
+    pub left_out: Vec<String>,
+    /// What else, a line each.
+    pub remarks: Vec<String>,
 }
 
-/// One problem.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+/// One problem. What of the file is in its texts is written out where it is no printable character: a problem is one line, and
+/// changes no terminal.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Problem {
-    /// What kind it is.
-    pub code: Code,
     /// The file.
     pub file: String,
     /// Its line, from 1; 0 if it is about no line.
     pub line: usize,
-    /// The key, for example `patch[0].period_ms`; empty if it is about none.
+    /// The key, for example `patch[0].gauge.id`; empty if it is about none.
     pub key: String,
     /// What stands there; `None` if nothing does.
     pub value: Option<String>,
-    /// What was expected.
-    pub expected: String,
-    /// The whole of it in words.
+    /// What is wrong and what was expected.
     pub message: String,
 }
 
-impl fmt::Display for Problem {
+impl Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.line {
             0 => write!(f, "{}: {}", self.file, self.message),
@@ -54,13 +47,9 @@ impl fmt::Display for Problem {
 pub struct Problems(Vec<Problem>);
 
 impl Problems {
-    /// These, in the order of their lines. What of the file is in their texts is written out where it is no printable
-    /// character: a problem is one line, and changes no terminal.
+    /// These, in the order of their lines.
     pub fn new(mut problems: Vec<Problem>) -> Self {
         problems.sort_by_key(|problem| problem.line);
-        for Problem { file, key, value, expected, message, .. } in &mut problems {
-            [file, key, expected, message].into_iter().chain(value).for_each(|text| *text = printable(text));
-        }
         Self(problems)
     }
 
@@ -70,14 +59,60 @@ impl Problems {
     }
 }
 
-impl fmt::Display for Problems {
+impl Display for Problems {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (position, problem) in self.0.iter().enumerate() {
-            let end = if position == 0 { "" } else { "\n" };
-            write!(f, "{end}{problem}")?;
-        }
-        Ok(())
+        f.write_str(&self.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
     }
 }
 
 impl std::error::Error for Problems {}
+
+/// Collects all faults of a configuration, by key and in words: whoever finds one notes it and goes on.
+#[derive(Debug, Default)]
+pub struct Faults {
+    found: Vec<(String, String)>,
+    /// What comes before every key that is noted, `patch[0].` for example.
+    section: String,
+    /// What people know the section as, `patch `left_forearm`: ` for example.
+    name: String,
+}
+
+impl Faults {
+    /// What is noted in `look` is of this section, which people know as `name`.
+    pub fn within<T>(&mut self, section: &str, name: &str, look: impl FnOnce(&mut Self) -> T) -> T {
+        (self.section, self.name) = (format!("{section}."), format!("{name}: "));
+        let value = look(self);
+        (self.section, self.name) = Default::default();
+        value
+    }
+
+    /// Notes what is wrong with a key of the section; with an empty key, with the section itself.
+    pub fn note(&mut self, key: &str, words: impl Display) {
+        let key = format!("{}{key}", self.section);
+        self.found.push((key.trim_end_matches('.').to_owned(), format!("{}{words}", self.name)));
+    }
+
+    /// The value, or nothing where it is wrong, which is noted.
+    pub fn take<T>(&mut self, key: &str, value: Result<T, impl Display>) -> Option<T> {
+        value.map_err(|words| self.note(key, words)).ok()
+    }
+
+    /// The value as it is; noted if it is not in the range.
+    pub fn range(&mut self, key: &str, value: f64, min: f64, max: f64) -> f64 {
+        if !(min..=max).contains(&value) {
+            self.note(key, format!("{key} = {value}: expected {min} to {max}"));
+        }
+        value
+    }
+
+    /// Whether nothing is wrong so far.
+    pub fn is_empty(&self) -> bool {
+        self.found.is_empty()
+    }
+
+    /// All of them, as problems without a place.
+    pub fn problems(self) -> impl Iterator<Item = Problem> {
+        let problem = |(key, words): (String, String)| (printable(&key), printable(&words));
+        self.found.into_iter().map(problem).map(|(key, message)| Problem { key, message, ..Problem::default() })
+    }
+}

@@ -1,24 +1,20 @@
 //! From the file to the plan: the one check of all values and of all that they refer to, and what the scene leaves out.
 
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 use taxel_engine::conflict::{Conflict, conflicts};
 use taxel_engine::plan::Plan;
 use taxel_rpc::{Grant, Rules, Subject};
 
-use super::bus_load::{crowded, overloaded};
-use super::fault::{Faults, Said};
-use super::file::{BusSection, BusSource, Config, SharedMemorySection, StoreSection};
+use super::bus_load;
+use super::file::{BusSection, BusSource, Config, SharedMemorySection};
 use super::listen::{Doors, doors};
 use super::log_filter::log_filter;
 use super::patch::patch_plan;
+use super::problem::{Faults, Said};
 
 /// Smallest budget of recordings, in MB: less than a few files make no recording.
 const RECORD_MB_MIN: u64 = 16;
-
-/// Longest name of a host, in bytes.
-const HOST_BYTES_MAX: usize = 253;
 
 /// What an installation needs, resolved once.
 #[derive(Clone, Debug)]
@@ -42,7 +38,9 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
             source(bus, faults);
         });
     }
-    store(&config.store, faults);
+    if config.store.keep_mb == Some(0) {
+        faults.note("store.keep_mb", "store.keep_mb = 0: expected 1 or more, or no session could be kept");
+    }
     if let Some(filter) = &config.log.filter {
         faults.take("log.filter", log_filter(filter).map_err(|why| format!("log.filter = \"{filter}\": {why}")));
     }
@@ -68,8 +66,7 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
         scene.plan.patches.extend(plan);
     }
     conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&key_of(config, conflict), conflict));
-    overloaded(config, &scene.plan, faults);
-    scene.said.remarks.extend(crowded(config, &scene.plan));
+    bus_load::judge(config, &scene.plan, faults, &mut scene.said);
     faults.is_empty().then_some(scene)
 }
 
@@ -79,24 +76,6 @@ fn source(bus: &BusSection, faults: &mut Faults) {
     }
     if bus.source == BusSource::SocketCan && bus.interface.as_deref().is_none_or(str::is_empty) {
         faults.note("", "source socketcan needs an interface, for example \"can0\"");
-    }
-}
-
-/// Why no account can write a store there. The folders that lack are made by the daemon.
-fn store(section: &StoreSection, faults: &mut Faults) {
-    let path = &section.path;
-    let there = std::fs::metadata(path);
-    let why = match &there {
-        _ if path.file_name().is_none() => Some("expected the name of a file".to_owned()),
-        Ok(there) if !there.is_file() => Some("it is not a file".to_owned()),
-        Ok(there) if there.permissions().mode() & 0o222 == 0 => Some("the file is read-only".to_owned()),
-        _ => path.parent().and_then(crate::files::no_room_in),
-    };
-    if let Some(why) = why {
-        faults.note("store.path", format!("store.path = \"{}\": {why}", path.display()));
-    }
-    if section.keep_mb == Some(0) {
-        faults.note("store.keep_mb", "store.keep_mb = 0: expected 1 or more, or no session could be kept");
     }
 }
 
@@ -114,7 +93,9 @@ fn pages(config: &Config, faults: &mut Faults) {
         let words = format!("metrics.listen = {listen} is page.listen: leave it out to serve both there");
         faults.note("metrics.listen", words);
     }
-    for (key, listen) in super::listen::of_pages(config).filter(|(_, listen)| !listen.ip().is_loopback()) {
+    let both = [("page.listen", page.map(|page| page.listen)), ("metrics.listen", own)];
+    let both = both.into_iter().filter_map(|(key, listen)| Some((key, listen?)));
+    for (key, listen) in both.filter(|(_, listen)| !listen.ip().is_loopback()) {
         let words = format!(
             "{key} = {listen}: only loopback addresses are served, nothing there is secured; from elsewhere come through \
              ssh -L or a proxy with TLS"
@@ -122,7 +103,7 @@ fn pages(config: &Config, faults: &mut Faults) {
         faults.note(key, words);
     }
     let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
-    let is_name = |host: &&String| !host.is_empty() && host.len() <= HOST_BYTES_MAX && host.chars().all(known);
+    let is_name = |host: &&String| !host.is_empty() && host.chars().all(known);
     for host in page.iter().flat_map(|page| &page.hosts).filter(|host| !is_name(host)) {
         let words = format!("page.hosts: {host:?}: expected a name without scheme or port, as in \"robot.lab\"");
         faults.note("page.hosts", words);
@@ -134,8 +115,7 @@ fn record(config: &Config, faults: &mut Faults) {
     if section.path.as_os_str().is_empty() {
         faults.note("record.path", "record.path = \"\": expected a folder");
     }
-    let most = u64::MAX / 1_000_000;
-    if !(RECORD_MB_MIN..=most).contains(&section.budget_mb) {
+    if section.budget_mb < RECORD_MB_MIN {
         let words = format!("record.budget_mb = {}: expected {RECORD_MB_MIN} or more", section.budget_mb);
         faults.note("record.budget_mb", words);
     }
@@ -165,20 +145,14 @@ fn shared_memory(section: &SharedMemorySection, rules: Option<&Rules>, faults: &
     }
 }
 
-/// The key that a contradiction is to be mended at.
+/// The patch that a contradiction is to be mended at.
 fn key_of(config: &Config, conflict: &Conflict) -> String {
-    let board_of = |patch: &String, address: u8| {
-        let section = config.patch.iter().find(|section| section.name == *patch);
-        let board = section.and_then(|section| section.boards.iter().position(|board| board.address == address));
-        board.map_or_else(String::new, |board| format!(".boards[{board}]"))
-    };
-    let (patch, below) = match conflict {
-        Conflict::SharedModule { patches: [_, patch], board, .. }
-        | Conflict::SharedBoard { patches: [_, patch], board } => (patch, board_of(patch, *board)),
-        Conflict::GaugeOnBoard { patch, .. } => (patch, ".gauge.id".to_owned()),
-        Conflict::DeviceOnBoard { patch, .. } => (patch, ".array".to_owned()),
-    };
-    config.patch_key(patch) + &below
+    match conflict {
+        Conflict::SharedModule { patches: [_, patch], .. } | Conflict::SharedBoard { patches: [_, patch], .. } => {
+            config.patch_key(patch)
+        }
+        Conflict::GaugeOnBoard { patch, .. } | Conflict::DeviceOnBoard { patch, .. } => config.patch_key(patch),
+    }
 }
 
 #[cfg(test)]

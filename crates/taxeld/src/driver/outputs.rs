@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use taxel_engine::calibration::{FitJob, FitOutcome, NotLoaded, SessionSamples, SessionView};
 use taxel_engine::command::{ErrorReason, Rejection, Reply, RequestId};
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use taxel_engine::{Input, Output};
 use taxel_skin::BusIndex;
@@ -50,7 +51,7 @@ impl Driver {
                 }
                 Output::LoadSet { ticket, model_set } => {
                     self.commit(std::mem::take(&mut records), Vec::new(), false);
-                    self.set_loads.load(ticket, model_set);
+                    self.load_set(ticket, model_set);
                 }
                 Output::Reply(request, reply) => {
                     answers.extend(self.waiting.remove(&request).map(|to| (request, to, reply)));
@@ -149,6 +150,22 @@ impl Driver {
         self.store.reader().samples(session, on_samples);
     }
 
+    /// Reads a model set when those that were asked for before have been read, and gives it to the engine.
+    fn load_set(&self, ticket: u64, model_set: String) {
+        let (store, done, turn) = (self.store.reader(), self.tell_done.clone(), Arc::clone(&self.set_turn));
+        tokio::spawn(async move {
+            let _turn = turn.acquire().await; // nobody closes it
+            let (tell, told) = oneshot::channel();
+            store.model_set(model_set, Box::new(move |text| drop(tell.send(text)))); // it is waited for below
+            let text = told.await.unwrap_or(Err(StoreError::Closed));
+            // Ten milliseconds, for which no frame should wait.
+            let read = tokio::task::spawn_blocking(move || read_set(text)).await;
+            let lost =
+                |_| Err(NotLoaded::Unavailable("reading it was lost, which is a fault of this program".to_owned()));
+            done.tell(Done::SetLoaded(ticket, read.unwrap_or_else(lost)));
+        });
+    }
+
     fn hide_session(&mut self, index: usize) {
         self.stages[index] = None;
         if let Some((session, _)) = self.logged[index].take() {
@@ -219,5 +236,16 @@ fn answer(replies: Vec<(oneshot::Sender<Reply>, Reply)>, outcome: Result<Durabil
             )),
         };
         let _ = to.send(reply); // the client has gone
+    }
+}
+
+fn read_set(text: Result<String, StoreError>) -> Result<Arc<ModelSet>, NotLoaded> {
+    match text {
+        Ok(text) => match models_json::from_json(&text) {
+            Ok(set) => Ok(Arc::new(set)),
+            Err(why) => Err(NotLoaded::Damaged(why.to_string())),
+        },
+        Err(StoreError::DamagedModelSet { findings, .. }) => Err(NotLoaded::Damaged(findings)),
+        Err(error) => Err(NotLoaded::Unavailable(error.to_string())),
     }
 }

@@ -184,7 +184,6 @@ fn write_beginning(findings: &Findings, interface: &str, out: &Path) -> anyhow::
         bail!("{}: not written, since no skin board was heard", out.display());
     }
     let text = words::beginning(findings, interface);
-    let parsed = config::parse(out, &text).context("what was heard makes no configuration")?;
-    config::resolve(&parsed, out).context("what was heard makes no configuration")?;
+    config::examine_text(out, &text).context("what was heard makes no configuration")?;
     output::write_text(out, &text)
 }

@@ -129,7 +129,7 @@ fn differences_from_the_configuration_are_named() {
     let found = surveyed();
     let path = Path::new("t.toml");
     let of = |text: &str| {
-        let scene = config::resolve(&config::parse(path, text).unwrap(), path).unwrap();
+        let scene = config::examine_text(path, text).unwrap().1;
         differences(&found, &scene.plan, BusIndex(0))
     };
     assert_eq!(
@@ -164,7 +164,7 @@ fn plan_of_array(period_ms: u32, messages: &[(&str, u32, u8, &str)], gauge: &str
          period_ms = {period_ms}\narea_mm2 = 16.0\narray = {{ dbc = \"a.dbc\", taxels = [\"*\"] }}\n{gauge}\n"
     );
     let path = folder.path().join("t.toml");
-    config::resolve(&config::parse(&path, &text).unwrap(), &path).unwrap().plan
+    config::examine_text(&path, &text).unwrap().1.plan
 }
 
 #[test]
@@ -217,7 +217,7 @@ fn what_was_heard_is_the_beginning_of_a_configuration() {
     let found = surveyed();
     let text = words::beginning(&found, "can3");
     let path = Path::new("t.toml");
-    let scene = config::resolve(&config::parse(path, &text).unwrap(), path).unwrap();
+    let scene = config::examine_text(path, &text).unwrap().1;
     let plan = &scene.plan.patches[0];
     let boards: Vec<u8> = plan.patch.boards().iter().map(|board| board.address.get()).collect();
     assert_eq!((boards, plan.period.as_millis()), (vec![14, 13], 50));

@@ -1,19 +1,15 @@
 //! `taxeld setup`: from the robot's own files to a configuration.
 
-#[cfg(test)]
-mod chain_tests;
 mod compose;
 mod drawing;
-mod params;
 mod part;
 mod robot;
-mod robot_xml;
 mod settings;
 #[cfg(test)]
 mod tests;
 mod write;
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
@@ -26,7 +22,7 @@ use crate::say;
 use compose::{PatchDraft, Sources, compose};
 use drawing::Drawing;
 use part::Part;
-use robot::{Robot, Source};
+use robot::Robot;
 
 /// What the files are.
 #[derive(Debug, clap::Args)]
@@ -40,12 +36,6 @@ pub struct SetupArgs {
     /// The robot's configuration: skin devices, their specifications, port wrappers.
     #[arg(long, num_args = 1.., value_name = "FILE")]
     xml: Vec<PathBuf>,
-    /// The pressure sensor of the bag, in the words of `gauge`: 'id = 0x3A1, signal = "0|32@1-", unit = "Pa"'.
-    #[arg(long, value_name = "KEYS")]
-    gauge: Option<String>,
-    /// The network interface of a bus, once a bus: left_arm=can0.
-    #[arg(long, value_name = "BUS=INTERFACE")]
-    interface: Vec<String>,
     /// The configuration to write; `-` is the standard output.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -66,28 +56,19 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     if standard {
         say::step_aside();
     }
-    let (mut drafts, mut notes) = drafts(args)?;
-    let interfaces = interfaces(args, &drafts)?;
-    // Whoever names an interface has wired the bus to it.
-    let wired = drafts.iter_mut().filter(|draft| interfaces.contains_key(&draft.bus));
-    notes.extend(wired.filter_map(|draft| draft.out_of_reach.take()));
-    let gauge = args.gauge.as_deref().map(|keys| gauge(keys, &drafts)).transpose()?;
+    let (drafts, notes) = drafts(args)?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let text = write::text(&drafts, &interfaces, gauge.as_ref(), folder);
-    let parsed = config::parse(&args.out, &text).context("what was made of the files is no configuration")?;
-    let scene = config::resolve(&parsed, &args.out).context("what was made of the files is no configuration")?;
+    let text = write::text(&drafts, folder);
+    let (_, scene) =
+        config::examine_text(&args.out, &text).context("what was made of the files is no configuration")?;
     output::write_text(&args.out, &text)?;
     for (draft, plan) in drafts.iter().zip(&scene.plan.patches) {
         let poses = plan.geometry.as_ref().map_or(0, |geometry| geometry.poses.iter().flatten().count());
-        let (name, taxels, boards) = (plan.patch.name(), plan.patch.taxels().len(), draft.boards.len());
-        say!(
-            "{name}: {taxels} taxels on {} modules of {boards} boards, {poses} with a position",
-            plan.patch.modules().len()
-        );
+        let (name, taxels, modules) = (plan.patch.name(), draft.taxels(), plan.patch.modules().len());
+        say!("{name}: {taxels} taxels on {modules} modules of {} boards, {poses} with a position", draft.boards.len());
     }
-    for note in drafts.iter().filter_map(|draft| draft.out_of_reach.as_ref()).chain(&notes) {
-        say!("{note}");
-    }
+    let out_of_reach = drafts.iter().filter_map(|draft| draft.out_of_reach.as_ref());
+    out_of_reach.chain(&notes).for_each(|note| say!("{note}"));
     let open = text.matches(write::CHECK).count() - 1; // the first one explains the mark
     say!("{}: written; {open} lines marked {} say what is left to look at", args.out.display(), write::CHECK);
     Ok(())
@@ -98,85 +79,71 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
     let (mut sources, mut notes): (Vec<Sources>, Vec<String>) = (Vec::new(), Vec::new());
     for argument in &args.positions {
         let (word, path) = named(argument);
-        let text = read(&path)?;
-        let file = PositionFile::parse(&text).with_context(|| format!("{}", path.display()))?;
-        let part = part(word.as_deref(), &path, file.name())?;
-        let source = of_part(&mut sources, part, [stem(&path), file.name().map(str::to_owned)]);
+        let file = PositionFile::parse(&read(&path)?).with_context(|| format!("{}", path.display()))?;
+        let source = of_part(&mut sources, word.as_deref(), &path, file.name())?;
         if file.modules().is_empty() {
             notes.push(format!("{}: not used: all its positions are zero", path.display()));
-            continue;
+        } else if let Some((other, _)) = source.positions.replace((path.clone(), file)) {
+            bail!("{} and {} are both of {}: one is expected", other.display(), path.display(), source.part.name());
         }
-        if let Some((other, _)) = &source.positions {
-            bail!("{} and {} are both of {}: one is expected", other.display(), path.display(), part.name());
-        }
-        source.positions = Some((path, file));
     }
     for argument in &args.layout {
         let (word, path) = named(argument);
         let drawing = Drawing::parse(&read(&path)?);
-        let part = part(word.as_deref(), &path, drawing.part.as_deref())?;
-        let source = of_part(&mut sources, part, [stem(&path), drawing.part.clone()]);
-        notes.extend(drawing.remarks.iter().map(|remark| format!("{}: {remark}", path.display())));
+        let source = of_part(&mut sources, word.as_deref(), &path, drawing.part.as_deref())?;
         if source.drawing.replace(drawing).is_some() {
-            bail!("{}: a drawing of {} was given before: one is expected", path.display(), part.name());
+            bail!("{}: a drawing of {} was given before: one is expected", path.display(), source.part.name());
         }
     }
     let robot = Robot::read(&args.xml)?;
-    let (mut drafts, mut found): (Vec<PatchDraft>, Vec<Option<Source>>) = (Vec::new(), Vec::new());
+    let mut drafts: Vec<PatchDraft> = Vec::new();
     for sources in &sources {
         let part = sources.part.name();
         let wrong = |why: String| anyhow::anyhow!("{part}: {why}");
         let source = robot.source(sources.part, &sources.names).map_err(wrong)?;
         let mut draft = compose(sources, source.as_ref(), robot.is_given()).map_err(wrong)?;
-        draft.out_of_reach = source.as_ref().and_then(|source| out_of_reach(&part, source, &robot));
+        draft.out_of_reach = source.as_ref().and_then(|source| robot.out_of_reach(&part, source));
+        name_bus(&mut draft, &drafts);
         drafts.push(draft);
-        found.push(source);
     }
-    name_buses(&mut drafts, &found);
-    let used = found.iter().zip(&drafts).filter_map(|(source, draft)| Some((source.as_ref()?, draft.taken.clone())));
-    notes.extend(robot.left_over(&used.collect::<Vec<_>>()));
     Ok((drafts, notes))
 }
 
 /// Parts of one limb may be on several devices, or on both CAN ports of one: each is a bus of its own, and the second and later
 /// ones of a name get a number.
-fn name_buses(drafts: &mut [PatchDraft], sources: &[Option<Source>]) {
-    let mut known: Vec<(String, String)> = Vec::new();
-    for (draft, source) in drafts.iter_mut().zip(sources) {
-        let Some((source, port)) = source.as_ref().zip(draft.taken.first().map(|(port, _)| *port)) else { continue };
-        let line = source.device.line(port);
-        let name = draft.part.bus();
-        if !known.contains(&(name.clone(), line.clone())) {
-            known.push((name.clone(), line.clone()));
-        }
-        let mut same = known.iter().filter(|(other, _)| *other == name);
-        if let Some(number) = same.position(|(_, other)| *other == line).filter(|number| *number > 0) {
-            draft.bus = format!("{name}_{}", number + 1);
-        }
+fn name_bus(draft: &mut PatchDraft, before: &[PatchDraft]) {
+    let same: Vec<&PatchDraft> = before.iter().filter(|other| other.part.bus() == draft.bus).collect();
+    if let Some(known) = same.iter().find(|other| other.line == draft.line) {
+        draft.bus.clone_from(&known.bus);
+    } else if draft.line.is_some() && !same.is_empty() {
+        let names: BTreeSet<&String> = same.iter().map(|other| &other.bus).collect();
+        draft.bus = format!("{}_{}", draft.bus, names.len() + 1);
     }
 }
 
-/// Why this computer has no CAN interface for a part, and where its counts are.
-fn out_of_reach(part: &str, source: &Source, robot: &Robot) -> Option<String> {
-    let why = source.device.out_of_reach()?;
-    let port = robot.port(source.port.as_deref().unwrap_or(part));
-    Some(format!(
-        "{part}: {why}, so this robot's computer has no CAN interface for it. Its counts are on the YARP port {port}, which \
-         taxeld does not read yet"
-    ))
-}
-
-fn of_part(sources: &mut Vec<Sources>, part: Part, names: [Option<String>; 2]) -> &mut Sources {
+/// What is known so far of the part that was said, or that the file's name or the file itself names.
+fn of_part<'a>(
+    sources: &'a mut Vec<Sources>,
+    said: Option<&str>,
+    path: &Path,
+    inside: Option<&str>,
+) -> anyhow::Result<&'a mut Sources> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let part = match said {
+        Some(said) => {
+            Part::named(said).with_context(|| format!("{said}: no part of an iCub, for example left_forearm"))
+        }
+        None => Part::named(&stem).or_else(|| Part::named(inside?)).with_context(|| {
+            let path = path.display();
+            format!("{path}: neither its name nor its content names a part: say which, for example left_forearm={path}")
+        }),
+    }?;
     let position = sources.iter().position(|source| source.part == part).unwrap_or_else(|| {
         sources.push(Sources { part, positions: None, drawing: None, names: Vec::new() });
         sources.len() - 1
     });
-    sources[position].names.extend(names.into_iter().flatten());
-    &mut sources[position]
-}
-
-fn stem(path: &Path) -> Option<String> {
-    Some(path.file_stem()?.to_str()?.to_owned())
+    sources[position].names.extend([Some(stem), inside.map(str::to_owned)].into_iter().flatten());
+    Ok(&mut sources[position])
 }
 
 /// `PART=FILE`, or a file alone.
@@ -188,45 +155,6 @@ fn named(argument: &Path) -> (Option<String>, PathBuf) {
     }
 }
 
-/// The part that was said, or that the file's name or the file itself names.
-fn part(said: Option<&str>, path: &Path, inside: Option<&str>) -> anyhow::Result<Part> {
-    if let Some(said) = said {
-        return Part::named(said).with_context(|| format!("{said}: no part of an iCub, for example left_forearm"));
-    }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let found = Part::named(&stem).or_else(|| Part::named(inside?));
-    found.with_context(|| {
-        let path = path.display();
-        format!("{path}: neither its name nor its content names a part: say which, for example left_forearm={path}")
-    })
-}
-
 fn read(path: &Path) -> anyhow::Result<String> {
     read_any_text(path).with_context(|| format!("{}", path.display()))
-}
-
-fn interfaces(args: &SetupArgs, drafts: &[PatchDraft]) -> anyhow::Result<BTreeMap<String, String>> {
-    let mut interfaces = BTreeMap::new();
-    for word in &args.interface {
-        let (bus, interface) =
-            word.split_once('=').with_context(|| format!("--interface {word}: expected BUS=INTERFACE"))?;
-        if !drafts.iter().any(|draft| draft.bus == bus) {
-            let mut buses: Vec<String> = drafts.iter().map(|draft| draft.bus.clone()).collect();
-            buses.dedup();
-            bail!("--interface {word}: there is no bus {bus}, the files need: {}", buses.join(", "));
-        }
-        interfaces.insert(bus.to_owned(), interface.to_owned());
-    }
-    Ok(interfaces)
-}
-
-/// The keys of the gauge; on a robot of several buses it says on which it is.
-fn gauge(keys: &str, drafts: &[PatchDraft]) -> anyhow::Result<toml::Table> {
-    let table: toml::Table = toml::from_str(&format!("gauge = {{ {keys} }}")).context("--gauge")?;
-    let keys = table.get("gauge").and_then(toml::Value::as_table).cloned().unwrap_or_default();
-    let buses = |draft: &PatchDraft| draft.bus.clone();
-    if !keys.contains_key("bus") && drafts.iter().any(|draft| buses(draft) != buses(&drafts[0])) {
-        bail!("--gauge: the robot has several buses: say which one the sensor is on, bus = \"{}\"", buses(&drafts[0]));
-    }
-    Ok(keys)
 }

@@ -26,58 +26,32 @@ struct Place {
     others: &'static [&'static str],
     /// The bus, without the side.
     bus: &'static str,
-    /// The words by which a robot's configuration files name its limb.
-    limbs: &'static [&'static str],
     /// Board addresses in the order of the part's port, as all iCubs have them but for a few.
     addresses: &'static [u8],
-    /// Position of the part's first board in the list of its limb's boards.
-    first_board: usize,
+}
+
+const fn place(
+    name: &'static str,
+    others: &'static [&'static str],
+    bus: &'static str,
+    addresses: &'static [u8],
+) -> Place {
+    Place { name, others, bus, addresses }
 }
 
 /// Longer names before the ones that they end with.
 const PLACES: [Place; 7] = [
-    Place { name: "forearm", others: &[], bus: "arm", limbs: ARM, addresses: &[13, 12], first_board: 1 },
-    Place { name: "hand", others: &[], bus: "arm", limbs: ARM, addresses: &[14], first_board: 0 },
-    Place {
-        name: "arm",
-        others: &["upper_arm", "upperarm"],
-        bus: "arm",
-        limbs: ARM,
-        addresses: &[11, 10, 9, 8],
-        first_board: 3,
-    },
-    Place {
-        name: "leg_upper",
-        others: &["upper_leg"],
-        bus: "leg_1",
-        limbs: LEG,
-        addresses: &[1, 2, 3, 4, 5, 6, 7],
-        first_board: 6,
-    },
-    Place {
-        name: "leg_lower",
-        others: &["lower_leg"],
-        bus: "leg_2",
-        limbs: LEG,
-        addresses: &[8, 9, 10, 11],
-        first_board: 2,
-    },
-    Place { name: "foot", others: &[], bus: "leg_2", limbs: LEG, addresses: &[13, 12], first_board: 0 },
-    Place {
-        name: "torso",
-        others: &["chest"],
-        bus: "torso",
-        limbs: &["torso"],
-        addresses: &[7, 8, 9, 10],
-        first_board: 0,
-    },
+    place("forearm", &[], "arm", &[13, 12]),
+    place("hand", &[], "arm", &[14]),
+    place("arm", &["upper_arm", "upperarm"], "arm", &[11, 10, 9, 8]),
+    place("leg_upper", &["upper_leg"], "leg_1", &[1, 2, 3, 4, 5, 6, 7]),
+    place("leg_lower", &["lower_leg"], "leg_2", &[8, 9, 10, 11]),
+    place("foot", &[], "leg_2", &[13, 12]),
+    place("torso", &["chest"], "torso", &[7, 8, 9, 10]),
 ];
-const ARM: &[&str] = &["arm", "upperarm", "forearm", "hand"];
-const LEG: &[&str] = &["leg", "foot"];
 
 impl Part {
     /// The part that a file name or a header names: `left_forearm_V2`, `l_upper_leg`, `torso`.
-    #[must_use]
     pub fn named(text: &str) -> Option<Self> {
         let text = text.to_ascii_lowercase();
         let (side, rest) = side_of(&text);
@@ -89,13 +63,11 @@ impl Part {
     }
 
     /// Its name, as that of the robot's port: `left_forearm`.
-    #[must_use]
     pub fn name(self) -> String {
         self.with_side(self.place.name)
     }
 
     /// Its bus: `left_arm`; legs have two, `left_leg_1` and `left_leg_2`.
-    #[must_use]
     pub fn bus(self) -> String {
         self.with_side(self.place.bus)
     }
@@ -109,27 +81,11 @@ impl Part {
     }
 
     /// Board addresses in the order of its port, as nearly all iCubs have them.
-    #[must_use]
     pub const fn addresses(self) -> &'static [u8] {
         self.place.addresses
     }
 
-    /// Position of its first board in the list of all boards of its limb.
-    #[must_use]
-    pub const fn first_board(self) -> usize {
-        self.place.first_board
-    }
-
-    /// Whether a device or file of the robot's configuration is of its limb: `left_leg-eb10-skin`.
-    #[must_use]
-    pub fn is_of_limb(self, device: &str) -> bool {
-        let device = device.to_ascii_lowercase();
-        let (side, rest) = side_of(&device);
-        side == self.side && self.place.limbs.iter().any(|limb| begins_with_word(rest, limb))
-    }
-
     /// What a module of it is where no file says so.
-    #[must_use]
     pub fn kind(self, module: u8) -> KindWord {
         match (self.place.name, module) {
             ("hand", 8..=11) => KindWord::Palm,
@@ -139,7 +95,6 @@ impl Part {
     }
 
     /// Whether it is a hand: fingertips and palm on one board.
-    #[must_use]
     pub fn is_hand(self) -> bool {
         self.place.name == "hand"
     }
@@ -179,14 +134,5 @@ mod tests {
         for text in ["forearm", "left_torso", "left_leg", "skin", "", "left_armour"] {
             assert_eq!(Part::named(text), None, "{text}");
         }
-    }
-
-    #[test]
-    fn devices_of_a_limb_are_told_from_those_of_another() {
-        let foot = Part::named("left_foot").unwrap();
-        assert!(foot.is_of_limb("left_leg-eb10-skin") && !foot.is_of_limb("right_leg-eb11-skin"));
-        let arm = Part::named("left_arm").unwrap();
-        assert!(arm.is_of_limb("left_upperarm-eb2-skin") && !arm.is_of_limb("left_leg-eb10-skin"));
-        assert_eq!((arm.bus(), foot.bus()), ("left_arm".to_owned(), "left_leg_2".to_owned()));
     }
 }

@@ -90,7 +90,7 @@ impl Folder {
     /// The configuration as the daemon takes it.
     fn resolved(&self) -> config::Scene {
         let path = PathBuf::from(self.path("t.toml"));
-        config::resolve(&config::parse(&path, &self.written()).unwrap(), &path).unwrap()
+        config::examine_text(&path, &self.written()).unwrap().1
     }
 }
 
@@ -158,18 +158,16 @@ fn a_hand_has_its_fingertips_from_the_drawing_and_their_settings_as_exceptions()
 }
 
 #[test]
-fn the_robots_configuration_gives_addresses_periods_and_exceptions_and_differences_are_said() {
+fn the_robots_configuration_gives_addresses_periods_and_exceptions() {
     let folder = Folder::new();
     let torso = folder.put("torso.txt", &positions("torso", 4, &[5, 16, 32, 33, 48]));
     let device = folder.put(
         "torso-eb22-skin.xml",
         "<?xml version=\"1.0\"?>\n<!DOCTYPE devices PUBLIC \"-//YARP//DTD\" \"x.dtd\">\n\
          <device xmlns:xi=\"http://www.w3.org/2001/XInclude\" name=\"torso-eb22-skin\" type=\"embObjSkin\">\n\
-         <!-- <!-- an older list --> 7 8 9 10 -->\n\
+         <!-- <!-- an older list --> -->\n\
          <group name=\"patches\"><param name=\"skinCanAddrsPatch1\"> 7 8 11 10 </param></group>\n\
-         <xi:include href=\"hardware/skin/torso-eb22-skinSpec.xml\" /></device>\n"
-            .replace(" 7 8 9 10 -->", " -->")
-            .as_str(),
+         <xi:include href=\"hardware/skin/torso-eb22-skinSpec.xml\" /></device>\n",
     );
     let spec = folder.put(
         "torso-eb22-skinSpec.xml",
@@ -179,43 +177,19 @@ fn the_robots_configuration_gives_addresses_periods_and_exceptions_and_differenc
          <group name=\"specialCfgTriangles\"><param name=\"numOfSets\">3</param>\
          <param name=\"triangleSetCfg1\">1 7 4 5 1 2 0x2200</param>\
          <param name=\"triangleSetCfg2\">1 11 0 0 1 1 0x2000</param>\
-         <param name=\"triangleSetCfg3\">1 11 1 1 1 2 0x2200</param></group></params>",
+         <param name=\"triangleSetCfg3\">1 11 1 1 1 2 0x2200</param>\
+         <param name=\"triangleSetCfg4\">1 11 0 0 1 4 0x1000</param></group></params>",
     );
     let out = folder.path("t.toml");
-    run(&["--positions", &torso, "--xml", &device, &spec, "--out", &out, "--interface", "torso=can4"]).unwrap();
+    let wrapper = folder.put("w.xml", &wrapper("w", "torso", "0 767 0 767", "torso-eb22-skin").1);
+    run(&["--positions", &torso, "--xml", &device, &spec, &wrapper, "--out", &out]).unwrap();
     let text = folder.written();
     let plan = &folder.resolved().plan.patches[0];
     let addresses: Vec<u8> = plan.patch.boards().iter().map(|board| board.address.get()).collect();
     assert_eq!(addresses, [7, 8, 11, 10], "as this robot has them");
-    assert_eq!((plan.period.as_millis(), plan.bring_up[0].board.kind), (30, 8));
-    assert_eq!(plan.bring_up[2].triangles[1].cdc_offset, 0x2000, "{text}");
-    for says in [
-        "interface = \"can4\"\n",
-        "has other addresses here than most iCubs",
-        "also enables modules 4",
-        "does not enable modules 0",
-    ] {
-        assert!(text.contains(says), "{says}: {text}");
-    }
-}
-
-#[test]
-fn a_gauge_is_taken_in_the_words_of_the_configuration() {
-    let folder = Folder::new();
-    let hand = folder.put("left_hand.txt", &positions("l_hand", 1, &[8, 9, 10, 11]));
-    let arm = folder.put("left_arm.txt", &positions("l_upper_arm", 4, &[2]));
-    let foot = folder.put("left_foot.txt", &positions("l_foot", 2, &[2]));
-    let out = folder.path("t.toml");
-    let gauge = "id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\"";
-    run(&["--positions", &hand, &arm, "--gauge", gauge, "--out", &out]).unwrap();
-    assert!(folder.resolved().plan.patches.iter().all(|plan| plan.gauge.is_some()));
-    assert!(folder.written().contains("gauge = { id = 0x3a1, signal = "), "{}", folder.written());
-    let refused = |arguments: &[&str]| format!("{:#}", run(arguments).unwrap_err());
-    let why = refused(&["--positions", &hand, &foot, "--gauge", gauge, "--out", &out, "--force"]);
-    assert!(why.contains("say which one the sensor is on, bus = \"left_arm\""), "{why}");
-    let wrong = refused(&["--positions", &hand, "--gauge", "id = 1, bits = 3", "--out", &out, "--force"]);
-    assert!(wrong.contains("unknown key `bits`"), "{wrong}");
-    assert!(folder.resolved().plan.patches.len() == 2, "what is refused changes nothing");
+    assert_eq!(plan.period.as_millis(), 30);
+    assert!(text.contains("modules = \"5\", board_type = 8 }"), "{text}");
+    assert!(text.contains("modules = \"0\", board_type = 8, shift = 1, cdc_offset = 0x2000 }"), "{text}");
 }
 
 /// A comment in Latin-1 is nothing that matters, to `setup` and to the daemon.
@@ -249,7 +223,6 @@ fn what_cannot_be_is_refused_with_the_file() {
         (vec!["--positions", &broken], "left_arm.txt: line 2: `1 2 3`"),
         (vec!["--positions", &hand, "--xml", &xml], "left_arm-eb1-skin.xml: not well-formed XML"),
         (vec!["--positions", &hand, &hand], "are both of left_hand"),
-        (vec!["--positions", &hand, "--interface", "left_leg_1=can0"], "there is no bus left_leg_1"),
         (vec!["--positions", "nowhere.txt"], "nowhere.txt"),
     ] {
         let why = refused(&arguments);
@@ -260,6 +233,93 @@ fn what_cannot_be_is_refused_with_the_file() {
     assert_eq!(folder.resolved().plan.patches[0].patch.name(), "right_hand");
     let again = format!("{:#}", run(&["--positions", &hand, "--out", &out]).unwrap_err());
     assert!(again.contains("--force"), "{again}");
+}
+
+/// A device behind an Ethernet board, of a file of its name.
+fn device(name: &str, inside: &str) -> (String, String) {
+    let head = "<device xmlns:xi='http://www.w3.org/2001/XInclude' type='embObjSkin'";
+    (format!("{name}.xml"), format!("{head} name='{name}'><group name='patches'>{inside}</group></device>"))
+}
+
+fn boards(list: &str) -> String {
+    format!("<param name='skinCanAddrsPatch1'>{list}</param>")
+}
+
+fn wrapper(name: &str, port: &str, range: &str, network: &str) -> (String, String) {
+    let text = format!(
+        "<devices><device name='{name}' type='skinWrapper'><paramlist name='ports'><elem name='{port}'>{range}</elem></paramlist>\
+         <action phase='startup'><paramlist name='networks'><elem name='Set'> {network} </elem></paramlist></action></device></devices>"
+    );
+    (format!("{name}.xml"), text)
+}
+
+/// The patches of parts with these modules, or why there are none.
+fn patches(parts: &[(&str, &[usize])], files: &[&(String, String)]) -> Result<Vec<PatchDraft>, String> {
+    let folder = Folder::new();
+    let drawing = |(part, modules): &(&str, &[usize])| {
+        let rows: Vec<String> = modules.iter().map(|module| format!("triangle_10pad {module} 0 0 0 4 0 0\n")).collect();
+        folder.put(&format!("{part}.ini"), &format!("robotPart {part}\n[SENSORS]\n{}", rows.concat())).into()
+    };
+    let layout = parts.iter().map(drawing).collect();
+    let xml = files.iter().map(|(name, text)| folder.put(name, text).into()).collect();
+    let args = SetupArgs { positions: Vec::new(), layout, xml, out: folder.path("t.toml").into(), force: false };
+    drafts(&args).map(|(drafts, _)| drafts).map_err(|why| format!("{why:#}"))
+}
+
+fn addresses(draft: &PatchDraft) -> Vec<u8> {
+    draft.boards.iter().map(|board| board.address).collect()
+}
+
+#[test]
+fn a_port_says_the_device_whatever_its_name_and_the_order_of_the_files() {
+    let (a, b) = (device("left_arm-a-skin", &boards("14 11 10")), device("humanoid-b-skin", &boards("1 2 3 4")));
+    let of_a = wrapper("wa", "left_hand", "0 191 0 191", "left_arm-a-skin");
+    let of_b = wrapper("wb", "left_upperarm", "384 767 0 383", "humanoid-b-skin");
+    for files in [[&a, &b, &of_a, &of_b], [&of_b, &of_a, &b, &a]] {
+        let drafts = patches(&[("left_hand", &[0]), ("left_upperarm", &[0, 17])], &files).unwrap();
+        assert_eq!(addresses(&drafts[0]), [14]);
+        assert_eq!(addresses(&drafts[1]), [3, 4], "the third board's values come first on that port");
+        assert_eq!((drafts[0].bus.as_str(), drafts[1].bus.as_str()), ("left_arm", "left_arm_2"));
+    }
+    let why = patches(&[("left_hand", &[0])], &[&of_a]).unwrap_err();
+    assert!(why.contains("wa has the values of left_arm-a-skin, which is in none of the files"), "{why}");
+}
+
+#[test]
+fn without_a_wrapper_the_addresses_are_those_of_most_robots_and_that_is_said() {
+    let draft = &patches(&[("left_forearm", &[0])], &[&device("left_arm-a-skin", &boards("9 8"))]).unwrap()[0];
+    assert_eq!(addresses(draft), [13]);
+    assert!(draft.open.iter().any(|line| line.contains("no wrapper of the robot's files")), "{:?}", draft.open);
+}
+
+#[test]
+fn a_device_on_a_can_card_has_its_parameters_in_params_and_its_settings_in_what_it_includes() {
+    let settings = "<params><group name='defaultCfgTriangle'><param name='shift'>0</param><param name='cdcOffset'>0x2000</param>\
+                    </group></params>";
+    let hand = "<device xmlns:xi='http://www.w3.org/2001/XInclude' name='left_hand_skin' type='canBusSkin'><params robot='r'>\
+                <param name='canDeviceNum'>7</param><param name='skinCanIds'> 15 </param><param name='physDevice'> \"cfw2can\" \
+                </param></params><xi:include href='hardware/skin/setup-of-the-hand.xml' /></device>";
+    let files = [("hand.xml", hand), ("setup-of-the-hand.xml", settings)]
+        .map(|(name, text)| (name.to_owned(), text.to_owned()));
+    // It names no device: there is only one.
+    let wrapper = wrapper("w", "left_hand", "0 191 0 191", "");
+    let draft = &patches(&[("left_hand", &[0])], &[&files[0], &files[1], &wrapper]).unwrap()[0];
+    assert_eq!((addresses(draft), draft.boards[0].modules[0].0), (vec![15], (0, 0x2000)));
+    let out_of_reach = draft.out_of_reach.as_ref().unwrap();
+    assert!(draft.is_shared_address && out_of_reach.contains("(cfw2can) has no SocketCAN driver"), "{out_of_reach}");
+}
+
+#[test]
+fn boards_behind_an_ethernet_board_are_told_with_the_port_of_their_counts() {
+    let second = format!("{}<param name='skinCanAddrsPatch2'>13 12</param>", boards("9 10 11"));
+    let arm = device("left_arm-eb31-skin", &second);
+    let of_arm = wrapper("w", "left_forearm", "0 383 0 383", "left_arm-eb31-skin");
+    let robot = "<robot name='r' portprefix='robo' xmlns:xi='http://www.w3.org/2001/XInclude'><xi:include href='w.xml'/></robot>";
+    let robot = ("robot.xml".to_owned(), robot.to_owned());
+    let draft = &patches(&[("left_forearm", &[0, 16])], &[&arm, &of_arm, &robot]).unwrap()[0];
+    assert_eq!(addresses(draft), [13, 12], "the second bus comes first");
+    let told = draft.out_of_reach.as_ref().unwrap();
+    assert!(told.contains("behind an Ethernet board") && told.contains("YARP port /robo/skin/left_forearm"), "{told}");
 }
 
 #[test]
@@ -283,7 +343,7 @@ fn icubs_own_forearm_files_make_a_configuration() {
         run(&["--positions", &file(positions), "--layout", &file(drawing), "--out", &out, "--force"]).unwrap();
         let text = folder.written();
         assert!(text.contains(&format!("address = 12, modules = \"{modules}\"")), "{text}");
-        assert!(!text.contains("drawn but") && !text.contains("not drawn"), "both files have the same modules: {text}");
+        assert!(!text.contains("other modules"), "both files have the same modules: {text}");
         let plan = &folder.resolved().plan.patches[0];
         let geometry = plan.geometry.as_ref().unwrap();
         assert_eq!(geometry.poses.iter().flatten().count(), taxels, "{positions}");

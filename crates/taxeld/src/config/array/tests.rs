@@ -1,12 +1,9 @@
 use std::path::Path;
 
-use proptest::prelude::*;
-use taxel_engine::intake::cells::Device;
 use taxel_engine::plan::PatchPlan;
-use taxel_skin::Time;
-use taxel_wire::TimedFrame;
+use taxel_wire::CanId;
 
-use super::super::{parse, resolve};
+use super::super::examine_text;
 use super::*;
 
 /// The plan of a patch: `keys` of `[patch.array]` and `patch` of `[[patch]]`, with a DBC file of these messages.
@@ -19,8 +16,7 @@ fn plan(keys: &str, patch: &str, messages: &str) -> Result<PatchPlan, String> {
          period_ms = 20\narea_mm2 = 16.0\n{patch}\n[patch.array]\ndbc = \"a.dbc\"\n{keys}\n"
     );
     let path = folder.path().join("t.toml");
-    let config = parse(&path, &text).map_err(|e| e.to_string())?;
-    let scene = resolve(&config, &path).map_err(|e| e.to_string())?;
+    let (_, scene) = examine_text(&path, &text).map_err(|e| e.to_string())?;
     Ok(scene.plan.patches[0].clone())
 }
 
@@ -33,8 +29,7 @@ fn message(id: u32, name: &str, bytes: u8, sender: &str, signals: &[(&str, &str)
 fn shipped(name: &str) -> PatchPlan {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/arrays");
     let path = folder.join(name).with_extension("toml");
-    let config = parse(&path, &std::fs::read_to_string(&path).unwrap()).unwrap();
-    resolve(&config, &path).unwrap().plan.patches[0].clone()
+    examine_text(&path, &std::fs::read_to_string(&path).unwrap()).unwrap().1.plan.patches[0].clone()
 }
 
 #[test]
@@ -92,69 +87,31 @@ fn numbers_that_are_signed_or_longer_than_sixteen_bits_become_counts() {
     assert_eq!(field("0|24@1+", "numbers = [8000000, 8020000]"), (8_000_000, 0, 20_000));
 }
 
-/// Two pages of one identifier, with a taxel in both.
-fn shared() -> String {
-    message(
-        1,
-        "A",
-        8,
-        "D",
-        &[
-            ("M M", "0|8@1+"),
-            ("T0", "8|8@1+"),
-            ("T1 m0", "16|8@1+"),
-            ("T2 m1", "16|8@1+"),
-            ("S", "20|8@1+"),
-            ("C", "24|4@1+"),
-        ],
-    )
-}
-
-#[test]
-fn a_taxel_that_is_in_every_page_is_read_from_each_of_them() {
-    let plan = plan("taxels = [\"A.T*\"]", "", &shared()).unwrap();
-    let taxels = |n: usize| plan.devices[0].frames[n].counts.iter().map(|(taxel, _)| *taxel).collect::<Vec<_>>();
-    assert_eq!((plan.devices[0].frames.len(), taxels(0), taxels(1)), (2, vec![0, 1], vec![0, 2]));
-    let mut device = Device::new(&plan.patch, 0, plan.devices[0].clone(), plan.period);
-    for scan in 0..3_u8 {
-        let complete = [[0, 10 + scan, 1], [1, 20 + scan, 2]].map(|bytes| {
-            let time = Time::from_seconds(0.02 * f64::from(scan) + 1e-4 * f64::from(bytes[0]));
-            let brought = device.on_frame(&TimedFrame { time, frame: Frame::of(CanId::Standard(1), bytes) });
-            brought.unwrap().unwrap().modules
-        });
-        assert_eq!((complete, device.counts(0)), ([vec![], vec![0]], [20 + u16::from(scan), 1, 2].as_slice()));
-    }
+/// Two pages of one identifier.
+fn paged() -> String {
+    let signals = [("M M", "0|8@1+"), ("T1 m0", "16|8@1+"), ("T2 m1", "16|8@1+"), ("S", "20|8@1+"), ("C", "24|4@1+")];
+    message(1, "A", 8, "D", &[&signals[..], &[("U", "40|8@1+")]].concat())
 }
 
 #[test]
 fn a_description_by_which_no_scan_is_ever_whole_is_refused() {
     let all = "taxels = [\"A.T*\"]";
-    let together = "\nSG_MUL_VAL_ 1 T1 M 0-0,5-5;\nSG_MUL_VAL_ 1 T2 M 1-1,5-5;\n";
-    for (keys, messages, expected) in [
+    for (keys, expected) in [
         (
-            all.to_owned(),
-            shared() + together,
-            "signal A.T1 and signal A.T2 are together in some frames 001 and not in others",
+            "taxels = [\"A.T*\", \"A.U\"]",
+            "signal A.T1 and signal A.U are together in some frames 001 and not in others",
         ),
-        (format!("{all}\nsync = \"A.T0\""), shared(), "array.sync: frames 001 also come in the middle of a scan"),
-        (
-            format!("{all}\ncounter = \"A.M\""),
-            shared(),
-            "array.counter: bit 0 of frame 001 is also part of what selects",
-        ),
-        (
-            format!("{all}\ncounter = \"A.S\""),
-            shared(),
-            "array.counter: bit 20 of frame 001 is also part of signal A.T1",
-        ),
-        (format!("{all}\ncounter = \"A.T1\""), shared(), "expected a counter of all taxels"),
-        (format!("{all}\ncounter = \"A.C\"\nsync = \"A.T1\""), shared(), "expected one"),
+        ("taxels = [\"A.T*\"]\nsync = \"A.C\"", "array.sync: frames 001 also come in the middle of a scan"),
+        ("taxels = [\"A.T*\"]\ncounter = \"A.M\"", "array.counter: bit 0 of frame 001 is also part of what selects"),
+        ("taxels = [\"A.T*\"]\ncounter = \"A.S\"", "array.counter: bit 20 of frame 001 is also part of A.T1"),
+        ("taxels = [\"A.T*\"]\ncounter = \"A.T1\"", "expected a counter of all taxels"),
+        ("taxels = [\"A.T*\"]\ncounter = \"A.C\"\nsync = \"A.T1\"", "expected one"),
     ] {
-        let why = plan(&keys, "", &messages).unwrap_err();
+        let why = plan(keys, "", &paged()).unwrap_err();
         assert!(why.contains(expected), "{why}");
     }
-    plan(&format!("{all}\nsync = \"A.T1\""), "", &shared()).unwrap();
-    plan(&format!("{all}\ncounter = \"A.C\""), "", &shared()).unwrap();
+    plan(&format!("{all}\nsync = \"A.T1\""), "", &paged()).unwrap();
+    plan(&format!("{all}\ncounter = \"A.C\""), "", &paged()).unwrap();
 }
 
 #[test]
@@ -166,7 +123,7 @@ fn what_cannot_be_is_refused_with_the_key_and_what_was_expected() {
         (
             all,
             message(1, "A", 8, "D", &[("T1", "0|12@1+"), ("T2", "8|12@1+")]),
-            "bit 8 of frame 001 is also part of signal A.T1",
+            "bit 8 of frame 001 is also part of A.T1",
         ),
         (
             "taxels = [\"*.T*\"]\nnumbers = [0, 256]",
@@ -184,8 +141,8 @@ fn what_cannot_be_is_refused_with_the_key_and_what_was_expected() {
     let why = plan(all, "geometry = \"a\"", &one("0|8@1+")).unwrap_err();
     assert!(why.contains("an array has a grid and no position file"), "{why}");
     let why = plan(all, "gauge = { signal = \"A.T\" }", &one("0|8@1+")).unwrap_err();
-    assert!(why.contains("signal = \"0|8@1+ (0.1,0)\", unit = \"kPa\""), "{why}");
-    let why = plan("taxels = [\"A.T*\"]", "gauge = { signal = \"A.T1\", unit = \"Pa\" }", &shared()).unwrap_err();
+    assert!(why.contains("gauge.unit is missing, and the DBC file has \"\", which is none of Pa"), "{why}");
+    let why = plan("taxels = [\"A.T*\"]", "gauge = { signal = \"A.T1\", unit = \"Pa\" }", &paged()).unwrap_err();
     assert!(why.contains("signal A.T1: it is multiplexed"), "{why}");
 }
 
@@ -210,11 +167,4 @@ fn each_sender_is_a_device_of_its_own() {
     let again = messages + &message(3, "C", 8, "D", &[("T", "0|8@1+")]);
     let why = self::plan("taxels = [\"*.T\"]", "", &again).unwrap_err();
     assert!(why.contains("C.T: taxels of D are before it and others between"), "{why}");
-}
-
-proptest! {
-    #[test]
-    fn no_command_panics(text in "[(]?[0-9.]{0,4}[)]? ?[0-9A-Fa-f]{0,9}#?[0-9A-Fa-fg]{0,20}") {
-        let _ = command(&text);
-    }
 }

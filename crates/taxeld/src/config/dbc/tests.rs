@@ -24,7 +24,7 @@ SIG_VALTYPE_ 257 Analog : 1;
 /// Start bits of the signals of a pattern.
 fn starts(pattern: &str, dbc: &str) -> Result<Vec<u16>, String> {
     let file = DbcFile::new(dbc)?;
-    Ok(file.matching(pattern)?.iter().map(Place::start_bit).collect())
+    Ok(file.matching(pattern)?.iter().map(|place| bits(place.signal.start_bit)).collect())
 }
 
 /// First values of what selects a signal, with the first bit of each selector.
@@ -38,14 +38,15 @@ fn selected(name: &str, dbc: &str) -> Vec<(u16, Vec<(i128, i128)>)> {
 fn names_become_signals_in_the_order_of_their_numbers() {
     let file = DbcFile::new(SKIN).unwrap();
     let taxels = file.matching("Skin.T*").unwrap();
-    let places: Vec<_> = taxels.iter().map(|t| (t.name, t.start_bit(), t.is_signed())).collect();
+    let places: Vec<_> = taxels.iter().map(|t| (t.name, t.signal.start_bit, t.field.range().0 < 0)).collect();
     let expected = [("Skin.T0", 4, false), ("Skin.T1", 16, false), ("Skin.T2", 4, false), ("Skin.T10", 16, true)];
     assert_eq!(places, expected);
     assert!(taxels.iter().all(|taxel| taxel.frames.id == CanId::Extended(0x18FE_F100)));
     assert_eq!(selected("Skin.T2", SKIN), [(0, vec![(1, 1)])]);
     let gauge = file.one("Bag.Pressure").unwrap();
-    assert_eq!((gauge.frames.id, gauge.start_bit(), gauge.length_bits()), (CanId::Standard(257), 7, 16));
-    assert_eq!((gauge.scale(), gauge.unit(), gauge.byte_order()), ((0.5, -1.0), "kPa", ByteOrder::Big));
+    let signal = gauge.pressure(PressureUnit::Kilopascal, None);
+    assert_eq!((signal.id, signal.start_bit, signal.length_bits), (CanId::Standard(257), 7, 16));
+    assert_eq!((signal.scale, signal.offset, signal.byte_order), (0.5, -1.0, ByteOrder::Big));
 }
 
 #[test]
@@ -53,8 +54,9 @@ fn a_signal_alone_is_written_as_in_a_file() {
     let of = |id: u32, signal: &str| {
         let file = DbcFile::of_signal(id, signal)?;
         let place = file.one("gauge.signal")?;
-        let number = (place.start_bit(), place.length_bits(), place.byte_order(), place.is_signed());
-        Ok::<_, String>((place.frames.id, number, place.scale()))
+        let signal = place.pressure(PressureUnit::Pascal, None);
+        let number = (signal.start_bit, signal.length_bits, signal.byte_order, signal.signed);
+        Ok::<_, String>((signal.id, number, (signal.scale, signal.offset)))
     };
     let little = (0, 32, ByteOrder::Little, true);
     assert_eq!(of(0x3A1, "0|32@1-"), Ok((CanId::Standard(0x3A1), little, (1.0, 0.0))));
@@ -78,23 +80,6 @@ fn the_encoding_of_a_file_does_not_matter() {
     let path = folder.path().join("skin.dbc");
     std::fs::write(&path, bytes).unwrap();
     assert_eq!(DbcFile::read(&path).unwrap().matching("Skin.T*").unwrap().len(), 4);
-}
-
-#[test]
-fn nested_selectors_and_their_runs_are_followed() {
-    let dbc = r#"VERSION ""
-NS_ :
-BS_:
-BU_: Host
-BO_ 16 N: 8 Sensor
- SG_ S0 M : 0|8@1+ (1,0) [0|0] "" Host
- SG_ S1 m1M : 8|8@1+ (1,0) [0|0] "" Host
- SG_ X m3 : 16|12@1+ (1,0) [0|0] "" Host
-
-SG_MUL_VAL_ 16 S1 S0 1-2,5-5;
-SG_MUL_VAL_ 16 X S1 3-3;
-"#;
-    assert_eq!(selected("N.X", dbc), [(8, vec![(3, 3)]), (0, vec![(1, 2), (5, 5)])]);
 }
 
 /// As CANdb++ and cantools write names of more than 32 characters.
@@ -123,28 +108,6 @@ BA_ "SystemSignalLongSymbol" SG_ 16 CapacitiveCountsOfTheUpperArmCel "Capacitive
     assert_eq!(starts(short, dbc), Ok(vec![0]), "what is written in the file is a name, too");
 }
 
-/// As cantools' issue 506 has it: side by side, and not one within the other.
-#[test]
-fn all_selectors_of_a_signal_have_to_fit() {
-    let dbc = r#"VERSION ""
-NS_ :
-BS_:
-BU_: Host
-BO_ 16 N: 8 Sensor
- SG_ Part M : 0|4@1+ (1,0) [0|0] "" Host
- SG_ Row M : 4|4@1+ (1,0) [0|0] "" Host
- SG_ A m0 : 8|12@1+ (1,0) [0|0] "" Host
- SG_ B m0 : 8|12@1+ (1,0) [0|0] "" Host
-
-SG_MUL_VAL_ 16 A Part 1-1;
-SG_MUL_VAL_ 16 A Row 0-0;
-SG_MUL_VAL_ 16 B Part 2-2;
-SG_MUL_VAL_ 16 B Row 0-0;
-"#;
-    assert_eq!(selected("N.A", dbc), [(0, vec![(1, 1)]), (4, vec![(0, 0)])]);
-    assert_eq!(selected("N.B", dbc), [(0, vec![(2, 2)]), (4, vec![(0, 0)])]);
-}
-
 #[test]
 fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
     for (name, from, to, expected) in [
@@ -153,14 +116,20 @@ fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
         ("Skin.T*", "T1 m0 : 16|12", "T1 m0 : 56|12", "signal Skin.T1: it ends in byte 9, the message has 8"),
         ("Skin.T*", "2566844672 Skin", "70000 Skin", "signal Skin.T0: identifier 70000 has more than 11 bits"),
         ("Skin.T*", "T10 m1 : 16", "T1 m1 : 16", "two signals are named `Skin.T1`"),
-        ("Skin.T*", "T10 m1 : 16|12@1-", "T10 M : 32|12@1+", "Sel and T10 are both selectors of its message"),
+        ("Skin.T*", "T10 m1 : 16|12@1-", "T10 M : 32|12@1+", "signal Skin.T0: it has several selectors"),
         (
             "Skin.T*",
             "Sel M :",
             "Sel :",
             "signal Skin.T0: it is multiplexed, and no signal of its message is the selector",
         ),
-        ("Skin.T*", "T0 m0 :", "T0 m16 :", "signal Skin.T0: its selector Sel has no number from 16 to 16"),
+        ("Skin.T*", "T0 m0 :", "T0 m16 :", "signal Skin.T0: its selector Sel has no number 16"),
+        (
+            "Skin.T*",
+            "SIG_VALTYPE_ 257 Analog : 1;",
+            "SG_MUL_VAL_ 2566844672 T1 Sel 0-0,2-2;",
+            "signal Skin.T1: it has several",
+        ),
         ("*", "VERSION", "VERSIO", "it is no DBC file"),
     ] {
         let dbc = if from.is_empty() { SKIN.to_owned() } else { SKIN.replace(from, to) };
@@ -173,7 +142,7 @@ fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
 fn patterns_and_names_are_matched_and_sorted_as_people_read_them() {
     assert!(matches(b"Row*.T*", b"Row12.T3") && matches(b"*", b"") && !matches(b"Row*.T", b"Row1.T2"));
     let mut names = ["T10", "T9", "T1", "S2", "T9a"];
-    names.sort_by(|a, b| natural(a, b));
+    names.sort_by_key(|name| natural(name));
     assert_eq!(names, ["S2", "T1", "T9", "T9a", "T10"]);
 }
 

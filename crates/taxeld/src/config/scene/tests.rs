@@ -1,7 +1,6 @@
 use std::path::Path;
 
-use super::super::{examine_text, parse, resolve};
-use super::*;
+use super::super::examine_text;
 
 const EXAMPLE: &str = include_str!("../../../../../deploy/taxeld.toml");
 
@@ -29,7 +28,7 @@ fn keys(text: &str) -> Vec<String> {
 #[test]
 fn the_example_is_the_real_forearm() {
     let path = Path::new("t.toml");
-    let scene = resolve(&parse(path, EXAMPLE).unwrap(), path).unwrap();
+    let scene = examine_text(path, EXAMPLE).unwrap().1;
     assert_eq!(scene.plan.patches[0].patch.taxels().len(), 230);
     let data = std::env::var("TAXELD_DATA").map_or_else(
         |_| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
@@ -57,7 +56,7 @@ fn a_force_says_whether_a_simulator_makes_it() {
     let on_a_bus = demo.replace("source = \"sim\"", "source = \"socketcan\"\ninterface = \"can0\"");
     assert_ne!(demo, on_a_bus);
     for (text, simulated) in [(demo, true), (&on_a_bus, false)] {
-        let scene = resolve(&parse(path, text).unwrap(), path).unwrap();
+        let scene = examine_text(path, text).unwrap().1;
         assert_eq!(scene.plan.patches[0].simulated, simulated, "{text}");
     }
 }
@@ -67,7 +66,7 @@ fn entries_of_one_address_are_one_board_with_modules_of_several_settings() {
     let path = Path::new("t.toml");
     let of = |boards: &str| {
         let text = text("", &format!("boards = [{boards}]"), "");
-        resolve(&parse(path, &text).unwrap(), path).map(|scene| scene.plan.patches[0].clone())
+        examine_text(path, &text).map(|(_, scene)| scene.plan.patches[0].clone())
     };
     let hand = "{ address = 14, modules = \"8-11 palm\" }, { address = 14, modules = \"0-4 fingertip\", shift = 0, cdc_offset = 0x2000 }";
     let plan = of(hand).unwrap();
@@ -88,24 +87,6 @@ fn entries_of_one_address_are_one_board_with_modules_of_several_settings() {
         let why = of(boards).unwrap_err().to_string();
         assert!(why.contains(says), "{boards}: {why}");
     }
-}
-
-#[test]
-fn a_store_is_possible_where_a_folder_can_be_made_and_impossible_below_a_file() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("file");
-    std::fs::write(&file, "").unwrap();
-    let of = |path: &Path| {
-        told(&text("", BOARD, "").replace("\"t.db\"", &format!("\"{}\"", path.display()))).pop().map(|(_, words)| words)
-    };
-    assert_eq!(of(&folder.path().join("new/deeper/t.db")), None);
-    assert_eq!(of(&file), None);
-    assert!(of(&file.join("t.db")).unwrap().contains("file is not a folder"));
-    assert!(of(folder.path()).unwrap().contains("it is not a file"));
-    assert!(of(Path::new("/")).unwrap().contains("expected the name of a file"));
-    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o444)).unwrap();
-    assert!(of(&file).unwrap().contains("the file is read-only"));
-    assert_eq!(keys(&text("", BOARD, "").replace("t.db\"", "t.db\"\nkeep_mb = 0")), ["store.keep_mb"]);
 }
 
 #[test]
@@ -146,7 +127,7 @@ fn a_slow_array_has_the_time_that_its_period_takes() {
     let at = |ms: u32| {
         let array = "array = { dbc = \"a.dbc\", taxels = [\"A.T\"] }";
         let text = text("", &format!("period_ms = {ms}\narea_mm2 = 16.0\n{array}"), "");
-        resolve(&parse(&path, &text).unwrap(), &path).map(|scene| scene.plan.patches[0].clone())
+        examine_text(&path, &text).map(|(_, scene)| scene.plan.patches[0].clone())
     };
     let plan = at(5000).unwrap();
     let limits = [plan.live.stale_after, plan.live.power_cycle_after, plan.tare.duration];
@@ -206,6 +187,7 @@ fn names_are_there_once_and_refer_to_what_is_there() {
     let found = keys(&text("", BOARD, &second));
     assert_eq!(found, ["bus[1]", "bus[1].name", "patch[1].name", "patch[1].bus"]);
     assert_eq!(keys(&text("", "", "")), ["patch[0]"], "nothing says what its taxels are");
+    assert_eq!(keys(&text("", BOARD, "").replace("t.db\"", "t.db\"\nkeep_mb = 0")), ["store.keep_mb"]);
     let wrong = text("", BOARD, "").replace("can0", "").replace("\"p\"", "\"a b\"");
     assert_eq!(keys(&wrong), ["bus[0]", "patch[0].name"]);
     assert_eq!(keys(&text("", BOARD, "[log]\nfilter = \"wran\"")), ["log.filter"]);
@@ -224,7 +206,7 @@ fn a_pushed_patch_has_modules_a_grid_and_no_frames() {
     let path = Path::new("t.toml");
     let plan = |gauge: &str| {
         let text = pushed(&format!("{PUSHED}\n{gauge}"), "");
-        resolve(&parse(path, &text).unwrap(), path).unwrap().plan.patches[0].clone()
+        examine_text(path, &text).unwrap().1.plan.patches[0].clone()
     };
     let with = plan("gauge = { gain_uncertainty = 0.01, offset_uncertainty_kpa = 0.2, noise_kpa = 0.03 }");
     assert_eq!((with.patch.taxels().len(), with.patch.modules().len(), with.patch.counts().top()), (64, 4, 4095));
