@@ -85,9 +85,8 @@ pub fn candump_of(folder: &Path, ports: Vec<(String, Content)>) -> Result<String
     frames.sort_by_key(|frame| frame.time);
     let mut log = String::with_capacity(frames.len() * 48);
     for TimedFrame { time, frame } in frames {
-        let _ = write!(log, "({:.6}) yarp {}#", time.as_seconds(), frame.id); // writing to a string does not fail
-        frame.bytes().iter().for_each(|byte| drop(write!(log, "{byte:02X}")));
-        log.push('\n');
+        let data: String = frame.bytes().iter().map(|byte| format!("{byte:02X}")).collect();
+        let _ = writeln!(log, "({:.6}) yarp {}#{data}", time.as_seconds(), frame.id); // writing to a string does not fail
     }
     Ok(log)
 }
@@ -164,7 +163,7 @@ mod tests {
         put("bag", "[9.9] /bag/pressure:o [connected]\nStamp: tx+rx;\n", "0 9.0 10.02 -1.5\n1 9.1 10.06 -1.6\n");
         let board = BoardAddress::new(14).unwrap();
         let rows = || Content::Skin(Rows::new(&[board], &[(board, Module::from_nibble(0))]));
-        let gauge = || Content::Gauge(GaugeRow { index: 0 });
+        let gauge = || Content::Gauge(GaugeRow { id: crate::gauge::gauge_signal_id(0), index: 0 });
         let ports = vec![("/icub/skin/left_hand".to_owned(), rows()), ("/bag/pressure:o".to_owned(), gauge())];
         let log = candump_of(folder.path(), ports).unwrap();
         let lines: Vec<_> = log.lines().map(|line| line.split('#').next().unwrap()).collect();
