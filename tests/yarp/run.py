@@ -97,7 +97,7 @@ class Out:
         # The demo's mass lies for five seconds out of ten.
         found = until("contacts are read", pressed)
         skin = self.daemon.call("SkinService/GetSkin", patch="left_forearm")
-        rows = {192 * [13, 12].index(t.board) + 12 * t.module + t.slot for t in skin.taxels}
+        rows = {192 * t.board + 12 * t.module + t.slot for t in skin.taxels}
         for contacts in found[-20:]:
             for contact in contacts:
                 ids, centre, force, moment, place, normal, taxels, pressure = contact
@@ -116,7 +116,11 @@ class Out:
         reader = self.yarp.read("/test/pressure", "/taxeld/left_forearm/pressure:o")
         lines = until("pressures are read", lambda: messages(reader)[10:])
         rows = numbers(lines[-1])
-        assert len(rows) == 384 and 200 < sum(not math.isnan(kpa) for kpa in rows) <= 230, rows
+        skin = self.daemon.call("SkinService/GetSkin", patch="left_forearm")
+        taxels = {192 * t.board + 12 * t.module + t.slot for t in skin.taxels}
+        there = {row for row, kpa in enumerate(rows) if not math.isnan(kpa)}
+        # Excluded and faulty taxels have none.
+        assert len(rows) == 384 and there <= taxels and len(there) > 150, (there - taxels, len(there))
         self.stage.end(reader)
 
     def hung_and_removed(self):

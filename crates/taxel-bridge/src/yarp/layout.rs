@@ -1,7 +1,5 @@
 //! Where the taxels of a patch stand in the vector of its skin port, and where they lie.
 
-use std::collections::BTreeMap;
-
 use taxel_proto::v1::{Skin, Vector3};
 
 /// Values of a board in a port's vector, and of a triangle.
@@ -34,17 +32,12 @@ impl Layout {
     /// Of what the daemon says of the patch, whose boards are in the order of the port's vector.
     #[must_use]
     pub fn new(skin: &Skin) -> Self {
-        let places: BTreeMap<_, _> =
-            skin.boards.iter().enumerate().map(|(place, board)| (board.address, place)).collect();
         let rows = BOARD * skin.boards.len();
-        let taxels = skin.taxels.iter().map(|taxel| {
-            let place = places.get(&taxel.board).copied().unwrap_or_default();
-            Taxel {
-                row: BOARD * place + MODULE * taxel.module as usize + taxel.slot as usize,
-                position: taxel.position_m.as_ref().map(array),
-                normal: taxel.normal.as_ref().map(array).unwrap_or_default(),
-                area_mm2: taxel.area_mm2,
-            }
+        let taxels = skin.taxels.iter().map(|taxel| Taxel {
+            row: BOARD * taxel.board as usize + MODULE * taxel.module as usize + taxel.slot as usize,
+            position: taxel.position_m.as_ref().map(array),
+            normal: taxel.normal.as_ref().map(array).unwrap_or_default(),
+            area_mm2: taxel.area_mm2,
         });
         Self { taxels: taxels.collect(), rows }
     }
