@@ -6,10 +6,13 @@
 
 import math
 import pathlib
+import random
 import re
 import signal
 import subprocess
 import sys
+import threading
+import time
 
 HERE = pathlib.Path(__file__).parent
 sys.path[:0] = [str(HERE.parent / "bridge"), str(HERE.parent / "e2e")]
@@ -29,6 +32,23 @@ name = "left_forearm"
 """
 
 FORCE = re.compile(r"^\((.*?)\) \((.*?)\) (\w+) \((.*?)\) (\S+)$")
+
+
+DAEMON = """
+listen = ["tcp:127.0.0.1:{grpc}"]
+[store]
+path = "{store}"
+[[bus]]
+name = "robot"
+source = "yarp"
+server = "127.0.0.1:{yarp}"
+[[patch]]
+name = "left_forearm"
+bus = "robot"
+port = "/icub/skin/left_forearm"
+boards = [{{ address = 13, modules = "0-15" }}, {{ address = 12, modules = "0, 1, 3, 6, 8, 9, 12, 13" }}]
+gauge = {{ port = "/bag/pressure:o", index = 1, unit = "kPa" }}
+"""
 
 
 def numbers(text):
@@ -172,11 +192,102 @@ class Out:
             self.stage.end(process)
 
 
+class Robot:
+    """A robot's software: what its boards scan every 50 ms, on a port every 20 ms."""
+
+    def __init__(self, yarp):
+        self.yarp, self.frozen, self.values, self.odd = yarp, set(), [240] * 384, None
+        self.alive = threading.Event()
+        self.start()
+
+    def start(self):
+        self.skin, self.bag = self.yarp.write("/icub/skin/left_forearm"), self.yarp.write("/bag/pressure:o")
+        self.alive.set()
+        self.thread = threading.Thread(target=self.play, daemon=True)
+        self.thread.start()
+
+    def end(self):
+        self.alive.clear()
+        self.thread.join()
+        for process in (self.skin, self.bag):
+            process.stdin.close()
+            process.wait(30)
+
+    def play(self):
+        noise, due, number = random.Random(1), time.monotonic(), 0
+        while self.alive.is_set():
+            if number % 5 in (0, 2):  # 50 ms in the mean
+                for triangle in set(range(32)) - self.frozen:
+                    for k in range(12):
+                        self.values[12 * triangle + k] = 240 - noise.randrange(3)
+            line = self.odd or " ".join(f"{count}.0" for count in self.values)
+            self.skin.stdin.write(line + "\n")
+            self.bag.stdin.write(f"7 {noise.gauss(0.1, 0.01):.4f}\n")
+            number, due = number + 1, due + 0.02
+            time.sleep(max(0.0, due - time.monotonic()))
+
+
+class In:
+    """A skin port as a bus of the daemon."""
+
+    def __init__(self, stage, yarp, taxeld):
+        self.yarp, self.taxeld, self.grpc = yarp, taxeld, free_port()
+        config = stage.scratch / "port.toml"
+        config.write_text(DAEMON.format(grpc=self.grpc, yarp=yarp.port, store=stage.scratch / "port.db"))
+        stage.start("taxeld", taxeld, "run", "--config", config)
+        self.daemon = Client(f"127.0.0.1:{self.grpc}")
+
+    def bus(self):
+        return self.daemon.call("SkinService/GetHealth").buses[0]
+
+    def told(self, words):
+        until(f"health says: {words}", lambda: words in self.bus().problem)
+        assert not self.bus().up
+        print(f"health: {self.bus().problem}")
+
+    def taxels(self):
+        return self.daemon.call("SkinService/GetTaxels", patch="left_forearm").taxels
+
+    def fresh(self, count):
+        until(f"{count} taxels are fresh", lambda: sum(not taxel.stale for taxel in self.taxels()) == count)
+
+    def play(self):
+        self.told("knows no port /icub/skin/left_forearm")
+        robot = Robot(self.yarp)
+        self.fresh(240)
+        assert self.bus().up and all(238 <= taxel.count <= 240 for taxel in self.taxels())
+        until("the zero holds", lambda: self.daemon.call("SkinService/GetHealth").patches[0].tare.valid)
+        gauge = self.daemon.call("SkinService/GetHealth").patches[0].gauge_kpa
+        assert 0 < gauge < 0.3, gauge
+        for frozen, fresh in ((1, 230), (16, 80), (32, 0)):  # a triangle, a board, the robot: fresh stamps all the time
+            begun = time.monotonic()
+            robot.frozen = set(range(frozen))
+            self.fresh(fresh)
+            print(f"{frozen} triangles that stay the same: silent after {time.monotonic() - begun:.2f} s")
+        state = enum_name(self.daemon.call("ForceService/GetForce", patch="left_forearm"), "state")
+        assert state not in ("FORCE_STATE_OK", "FORCE_STATE_DEGRADED"), state
+        robot.frozen = set()
+        self.fresh(240)
+        for odd, words in (("1 2 3", "it sends 3 values, expected 384"), ("240.0 x", 'value 1 is "x"')):
+            robot.odd = odd
+            self.told(words)
+        robot.odd = None
+        self.fresh(240)
+        robot.end()
+        self.told("/icub/skin/left_forearm")
+        robot.start()
+        self.fresh(240)
+        refused = self.daemon.refused("SkinService/BringUp", patch="left_forearm", confirmed_by="test")
+        print(f"bring-up: {refused[1]}")
+        robot.end()
+
+
 def main():
     taxeld, bridge, scratch, programs = sys.argv[1:]
     stage = Stage(pathlib.Path(scratch).resolve())
     def play():
         yarp = Yarp(stage, programs)
+        In(stage, yarp, taxeld).play()
         Out(stage, yarp, taxeld, bridge).play()
     stage.play(play)
 

@@ -1,4 +1,5 @@
-//! The messages of a port, as text: `CONNECT /me`, `r`, then `do SEQUENCE TIME` and a line for each.
+//! The messages of a port, as text: `CONNECT /me`, `r`, then for each a line `do SEQUENCE TIME`, or `d` or `D` alone, and a line of
+//! values.
 
 use std::time::Duration;
 
@@ -86,7 +87,7 @@ impl PortReader {
             self.part.clear();
             let mut words = line.split_whitespace();
             match words.next() {
-                Some("d" | "do") => self.header = Some(words.nth(1).and_then(|stamp| stamp.parse().ok())),
+                Some("d" | "D" | "do") => self.header = Some(words.nth(1).and_then(|stamp| stamp.parse().ok())),
                 Some("Welcome") | None => {}
                 Some(_) => return Err(self.no_message(&line.chars().take(40).collect::<String>())),
             }
