@@ -45,6 +45,7 @@ server = "127.0.0.1:{yarp}"
 [[patch]]
 name = "left_forearm"
 bus = "robot"
+period_ms = 60
 port = "/icub/skin/left_forearm"
 boards = [{{ address = 13, modules = "0-15" }}, {{ address = 12, modules = "0, 1, 3, 6, 8, 9, 12, 13" }}]
 gauge = {{ port = "/bag/pressure:o", index = 1, unit = "kPa" }}
@@ -193,7 +194,7 @@ class Out:
 
 
 class Robot:
-    """A robot's software: what its boards scan every 50 ms, on a port every 20 ms."""
+    """A robot's software: what its boards scan every 60 ms, on a port every 20 ms."""
 
     def __init__(self, yarp):
         self.yarp, self.frozen, self.values, self.odd = yarp, set(), [240] * 384, None
@@ -216,7 +217,7 @@ class Robot:
     def play(self):
         noise, due, number = random.Random(1), time.monotonic(), 0
         while self.alive.is_set():
-            if number % 5 in (0, 2):  # 50 ms in the mean
+            if number % 3 == 0:
                 for triangle in set(range(32)) - self.frozen:
                     for k in range(12):
                         self.values[12 * triangle + k] = 240 - noise.randrange(3)

@@ -21,6 +21,7 @@ mod names;
 mod out_port;
 mod reader;
 mod rows;
+mod sender_clock;
 mod session;
 mod source;
 mod value;

@@ -16,6 +16,7 @@ use crate::gauge::GaugeRow;
 use crate::names::NameServer;
 use crate::reader::{Message, PortReader};
 use crate::rows::Rows;
+use crate::sender_clock::SenderClock;
 
 /// A port of skin or of a gauge sends many times a second.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
@@ -135,12 +136,13 @@ impl Port {
         if let Content::Skin(rows) = &mut self.content {
             rows.restart();
         }
-        let (mut message, mut frames) = (Message::default(), Vec::new());
+        let (mut message, mut frames, mut clock) = (Message::default(), Vec::new(), SenderClock::default());
         loop {
             if let Err(error) = reader.newest(SILENT_AFTER, &mut message).await {
                 return Ok(error);
             }
-            match self.content.take(ClockReading::now().time, &message.line, &mut frames) {
+            let time = clock.time_of(ClockReading::now().time, message.stamp_s);
+            match self.content.take(time, &message.line, &mut frames) {
                 Ok(()) => {
                     *pause = PAUSES[0];
                     self.up().await?;

@@ -125,3 +125,66 @@ fn check_name(key: &str, port: &str, faults: &mut Faults) {
         faults.note(key, format!("{key} = {port:?}: expected the name of a port, as in \"/icub/skin/left_forearm\""));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use taxel_skin::{BusIndex, Time};
+    use taxel_wire::TimedFrame;
+
+    use super::super::examine_text;
+    use super::*;
+
+    const ROBOT: &str = "[store]\npath = \"t.db\"\n[[bus]]\nname = \"robot\"\nsource = \"yarp\"\n\
+        [[patch]]\nname = \"left\"\nbus = \"robot\"\nport = \"/icub/skin/left_forearm\"\nboards = [{ address = 12, modules = \"0\" }]\n\
+        port_boards = [13, 12]\ngauge = { port = \"/bag:o\", index = 2, unit = \"mbar\" }\n\
+        [[patch]]\nname = \"right\"\nbus = \"robot\"\nport = \"/icub/skin/right_forearm\"\nboards = [{ address = 12, modules = \"0\" }]\n";
+
+    /// Left and right have the same addresses: they are on two buses of the engine.
+    #[test]
+    fn each_patch_of_a_robot_has_a_bus_with_its_ports() {
+        let (config, scene) = examine_text(Path::new("t.toml"), ROBOT).unwrap();
+        let names: Vec<_> = config.bus.iter().map(|bus| bus.name.as_str()).collect();
+        assert_eq!(names, ["robot", "robot/right"]);
+        let ports =
+            |bus| of_bus(&config, &scene.plan, BusIndex(bus)).into_iter().map(|(port, _)| port).collect::<Vec<_>>();
+        assert_eq!(ports(0), ["/icub/skin/left_forearm", "/bag:o"]);
+        assert_eq!(ports(1), ["/icub/skin/right_forearm"]);
+        let left = &scene.plan.patches[0];
+        assert!(!left.configures() && left.live.stale_after == 8 * left.period);
+    }
+
+    /// What the port of the gauge makes is what its signal reads.
+    #[test]
+    fn the_pressure_of_a_port_is_that_of_its_frames() {
+        let (config, scene) = examine_text(Path::new("t.toml"), ROBOT).unwrap();
+        let Some((_, mut content)) = of_bus(&config, &scene.plan, BusIndex(0)).pop() else { panic!("no gauge") };
+        let mut frames: Vec<TimedFrame> = Vec::new();
+        content.take(Time::default(), b"1 2 -125.5", &mut frames).unwrap();
+        let signal = scene.plan.patches[0].gauge.as_ref().unwrap().signal;
+        assert!((signal.decode(&frames[0].frame).unwrap().0 + 12.55).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_contradicts_a_port_is_named() {
+        let refused = |from: &str, to: &str| {
+            let text = ROBOT.replacen(from, to, 1);
+            examine_text(Path::new("t.toml"), &text).unwrap_err().to_string()
+        };
+        let cases = [
+            ("port = \"/icub/skin/left_forearm\"\n", "", "expected port ="),
+            ("source = \"yarp\"", "interface = \"can0\"", "port needs a bus with source = \"yarp\""),
+            ("\"/icub/skin/left_forearm\"", "\"left\"", "expected the name of a port"),
+            ("modules = \"0\" }", "modules = \"0\", shift = 1 }", "nothing can be set at boards"),
+            ("[13, 12]", "[13, 11]", "board 12 is not among them"),
+            ("unit = \"mbar\"", "unit = \"mm\"", "expected the unit of the port's values"),
+            ("index = 2", "id = 3", "id and signal say nothing"),
+            ("source = \"yarp\"", "source = \"yarp\"\nserver = \"here\"", "expected ADDRESS:PORT"),
+        ];
+        for (from, to, says) in cases {
+            let said = refused(from, to);
+            assert!(said.contains(says), "{to}: {said}");
+        }
+    }
+}
