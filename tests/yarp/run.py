@@ -247,7 +247,7 @@ class In:
         print(f"health: {self.bus().problem}")
 
     def taxels(self):
-        return self.daemon.call("SkinService/GetTaxels", patch="left_forearm").taxels
+        return next(self.daemon.stream("SkinService/StreamTaxels", patch="left_forearm")).taxels
 
     def fresh(self, count):
         until(f"{count} taxels are fresh", lambda: sum(not taxel.stale for taxel in self.taxels()) == count)
@@ -257,7 +257,8 @@ class In:
         robot = Robot(self.yarp)
         self.fresh(240)
         assert self.bus().up and all(238 <= taxel.count <= 240 for taxel in self.taxels())
-        until("the zero holds", lambda: self.daemon.call("SkinService/GetHealth").patches[0].tare.valid)
+        tare = lambda: self.daemon.outcome("SkinService/Tare", patch="left_forearm", confirmed_by="test")
+        until("the zero holds", lambda: tare()[0] == "OK")
         gauge = self.daemon.call("SkinService/GetHealth").patches[0].gauge_kpa
         assert 0 < gauge < 0.3, gauge
         for frozen, fresh in ((1, 230), (16, 80), (32, 0)):  # a triangle, a board, the robot: fresh stamps all the time
