@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use serde::Deserialize;
+use taxel_yarp::{NameServer, PortError};
 
 use crate::ros::keys;
+use crate::yarp::parts::{self, Part};
 
 /// The whole file.
 #[derive(Clone, Debug, Deserialize)]
@@ -23,6 +25,8 @@ pub struct Config {
     pub ros: Option<RosSection>,
     /// The robot in a fleet; left out, it is in none.
     pub fleet: Option<FleetSection>,
+    /// YARP ports; left out, there are none.
+    pub yarp: Option<YarpSection>,
     /// What is bridged, one section a patch.
     #[serde(rename = "patch")]
     pub patches: Vec<PatchSection>,
@@ -90,6 +94,77 @@ impl Default for FleetSection {
     }
 }
 
+/// `[yarp]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct YarpSection {
+    /// The name server, `ADDRESS:PORT`; left out, the one of YARP's own files.
+    pub server: Option<String>,
+    /// Before the names of the ports.
+    pub prefix: String,
+    /// The name of the port of contacts; `/taxeld/skin_events:o` if left out.
+    pub skin_events: Option<String>,
+    /// Pressures per second, 1 to 1000; 0 for none.
+    pub pressure_hz: f64,
+}
+
+impl Default for YarpSection {
+    fn default() -> Self {
+        Self { server: None, prefix: "/taxeld".into(), skin_events: None, pressure_hz: 20.0 }
+    }
+}
+
+impl YarpSection {
+    /// Where names are.
+    ///
+    /// # Errors
+    /// If neither the section nor YARP's files say it.
+    pub fn name_server(&self) -> Result<NameServer, PortError> {
+        self.server.as_deref().map_or_else(NameServer::of_files, NameServer::at)
+    }
+
+    /// The name of the port of contacts.
+    pub fn skin_events(&self) -> String {
+        self.skin_events.clone().unwrap_or_else(|| format!("{}/skin_events:o", self.prefix))
+    }
+
+    fn check(&self, patches: &[PatchSection]) -> anyhow::Result<()> {
+        if let Some(server) = &self.server {
+            NameServer::at(server).context("yarp")?;
+        }
+        ensure!(
+            is_port(&self.skin_events()),
+            "yarp: {:?}: expected a name as in /taxeld/skin_events:o",
+            self.skin_events()
+        );
+        let rate = self.pressure_hz;
+        ensure!(rate == 0.0 || (1.0..=1000.0).contains(&rate), "yarp.pressure_hz = {rate}: expected 0, or 1 to 1000");
+        for patch in patches {
+            let name = &patch.name;
+            ensure!(
+                patch.part().is_some(),
+                "patch {name:?}: none of iCub's parts: say what it is, yarp = {{ part = [3, 4, 2] }} (body part, link, skin part)"
+            );
+            for port in patch.ports(self) {
+                ensure!(is_port(&port), "patch {name:?}: port {port:?}: expected a name as in /taxeld/{name}/force:o");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `yarp = { ... }` of a patch, where its name is none of iCub's or its ports have other names.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PatchPorts {
+    /// Body part, link and skin part in the events.
+    pub part: Option<Part>,
+    /// The name of the port of the force; `/taxeld/PATCH/force:o` if left out.
+    pub force: Option<String>,
+    /// The name of the port of the pressures; `/taxeld/PATCH/pressure:o` if left out.
+    pub pressure: Option<String>,
+}
+
 /// `[[patch]]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -103,12 +178,28 @@ pub struct PatchSection {
     /// Clouds of taxels per second, 1 to 1000; 0, the default, for none.
     #[serde(default)]
     pub taxels_hz: f64,
+    /// Its ports of YARP.
+    #[serde(default)]
+    pub yarp: PatchPorts,
 }
 
 impl PatchSection {
     /// The frame of its coordinates.
     pub fn frame(&self) -> &str {
         self.frame.as_deref().unwrap_or(&self.name)
+    }
+
+    /// Its numbers in the events.
+    pub fn part(&self) -> Option<Part> {
+        self.yarp.part.or_else(|| parts::named(&self.name))
+    }
+
+    /// The names of its ports: of the force, of the pressures.
+    pub fn ports(&self, yarp: &YarpSection) -> [String; 2] {
+        let name = |set: &Option<String>, last: &str| {
+            set.clone().unwrap_or_else(|| format!("{}/{}/{last}", yarp.prefix, self.name))
+        };
+        [name(&self.yarp.force, "force:o"), name(&self.yarp.pressure, "pressure:o")]
     }
 }
 
@@ -136,13 +227,19 @@ impl Config {
 
     fn check(&self) -> anyhow::Result<()> {
         ensure!(is_robot(&self.robot), "robot = {:?}: expected 1 to 64 letters, digits, `_`, `-` or `.`", self.robot);
-        ensure!(self.ros.is_some() || self.fleet.is_some(), "neither [ros] nor [fleet]: there is nothing to do");
+        ensure!(
+            self.ros.is_some() || self.fleet.is_some() || self.yarp.is_some(),
+            "neither [ros] nor [fleet] nor [yarp]: there is nothing to do"
+        );
         if let Some(ros) = &self.ros {
             ros.check()?;
         }
         if let Some(fleet) = &self.fleet {
             let rate = fleet.rate_hz;
             ensure!((1.0..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 1 to 1000");
+        }
+        if let Some(yarp) = &self.yarp {
+            yarp.check(&self.patches)?;
         }
         ensure!(!self.patches.is_empty(), "no [[patch]]: there is nothing to do");
         self.patches.iter().try_for_each(PatchSection::check)
@@ -179,6 +276,16 @@ impl PatchSection {
         }
         Ok(())
     }
+}
+
+/// Whether a text can be the name of a port.
+fn is_port(name: &str) -> bool {
+    let known = |c: char| c.is_ascii_alphanumeric() || "_-.:/".contains(c);
+    name.len() <= 128
+        && name.starts_with('/')
+        && !name.contains("//")
+        && !name.ends_with('/')
+        && name.chars().all(known)
 }
 
 /// Whether a text can be one chunk of a key in the fleet.

@@ -13,3 +13,4 @@ pub mod ros;
 pub mod run;
 mod signals;
 mod wall;
+pub mod yarp;

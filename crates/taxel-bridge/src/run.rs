@@ -4,7 +4,7 @@ use taxel_client::NoForce;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
-use crate::config::{Config, FleetSection, RosSection};
+use crate::config::{Config, FleetSection, RosSection, YarpSection};
 use crate::daemon::{Daemon, HealthFeed};
 use crate::fleet::robot;
 use crate::link;
@@ -14,6 +14,7 @@ use crate::ros::node::RosNode;
 use crate::ros::publish::{self, ForceTopics};
 use crate::ros::tare;
 use crate::signals::asked_to_end;
+use crate::yarp::publish::{self as ports, Followed};
 
 type Tasks = JoinSet<anyhow::Result<()>>;
 
@@ -28,17 +29,17 @@ pub async fn run(config: Config) -> anyhow::Result<()> {
     tracing::info!(daemon = bridge.daemon.server(), "the bridge runs");
     // ROS and the fleet have a session each: their routers may be two, and one that is away does not hold up the other.
     let running = async {
-        let (ros, fleet) = (bridge.config.ros.as_ref(), bridge.config.fleet.as_ref());
-        tokio::try_join!(bridge.ros(ros), bridge.fleet(fleet))
+        let Config { ros, fleet, yarp, .. } = &bridge.config;
+        tokio::try_join!(bridge.ros(ros.as_ref()), bridge.fleet(fleet.as_ref()), bridge.yarp(yarp.as_ref()))
     };
-    tokio::select! {
-        ended = running => ended.map(|_| ()),
-        asked = asked_to_end() => {
-            asked?;
-            tracing::info!("the bridge ends, as it was asked to");
-            Ok(())
-        }
+    let ended = tokio::select! {
+        ended = running => ended.map(drop),
+        asked = asked_to_end() => asked.inspect(|()| tracing::info!("the bridge ends, as it was asked to")),
+    };
+    if let Some(yarp) = &bridge.config.yarp {
+        ports::give_back(yarp, bridge.port_names(yarp)).await;
     }
+    ended
 }
 
 /// Waits for the first task to end, which none does without an error.
@@ -88,6 +89,37 @@ impl Bridge {
             }
         }
         first_end(tasks).await
+    }
+
+    /// Writes the ports of YARP.
+    async fn yarp(&self, yarp: Option<&YarpSection>) -> anyhow::Result<()> {
+        let Some(yarp) = yarp else { return Ok(()) };
+        let mut tasks = Tasks::new();
+        for patch in &self.config.patches {
+            let [force, pressure] = patch.ports(yarp);
+            let (section, forces) = (yarp.clone(), self.daemon.forces(&patch.name, patch.rate_hz));
+            tasks.spawn(async move { Ok(ports::forces(ports::opened(&section, &force).await, forces).await) });
+            if yarp.pressure_hz > 0.0 {
+                let (section, name, daemon) = (yarp.clone(), patch.name.clone(), self.daemon.clone());
+                tasks.spawn(async move {
+                    let port = ports::opened(&section, &pressure).await;
+                    Ok(ports::taxels(port, name, daemon, section.pressure_hz).await)
+                });
+            }
+        }
+        let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
+        let section = yarp.clone();
+        tasks.spawn(async move {
+            let port = ports::opened(&section, &section.skin_events()).await;
+            Ok(ports::events(port, followed).await)
+        });
+        first_end(tasks).await
+    }
+
+    /// All names of ports.
+    fn port_names(&self, yarp: &YarpSection) -> Vec<String> {
+        let of_patches = self.config.patches.iter().flat_map(|patch| patch.ports(yarp));
+        of_patches.chain([yarp.skin_events()]).collect()
     }
 
     /// Tells what a robot tells its fleet.

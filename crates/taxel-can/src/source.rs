@@ -43,7 +43,7 @@ impl Batch {
 }
 
 /// What happened to a bus, beside its frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BusEvent {
     /// Frames can come: at the start, and after each [`BusEvent::Down`].
     Up,
@@ -51,6 +51,11 @@ pub enum BusEvent {
     Down {
         /// Why.
         reason: DownReason,
+    },
+    /// As [`BusEvent::Down`], of a source that is no network interface.
+    SourceDown {
+        /// Why, for people.
+        why: String,
     },
     /// A frame made by the controller or its driver, one event for each thing it reports.
     Error {

@@ -224,7 +224,7 @@ export class SkinView {
       const place = contact.centreM && state.layout.project(contact.centreM);
       if (!place) continue;
       const [x, y] = this.place([place.x, place.y]);
-      const r = Math.max(14, 3.4 * this.k * Math.sqrt(contact.taxels ?? 1));
+      const r = Math.max(14, 3.4 * this.k * Math.sqrt(contact.taxels?.length ?? 1));
       g.beginPath();
       g.setLineDash([6, 4]);
       g.arc(x, y, r, 0, 2 * Math.PI);

@@ -4,7 +4,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use taxel_engine::intake::faults::{Fault, FaultSet};
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Wear};
+use taxel_engine::snapshot::{
+    Contact, ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Wear,
+};
 use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::{Timestamp, v1};
 use taxel_skin::Time;
@@ -87,11 +89,7 @@ fn sample(
         resultant_n: force.resultant.map(vector),
         moment_nm: force.moment.map(vector),
         centre_of_pressure_m: force.centre_of_pressure.map(vector),
-        contacts: force
-            .contacts
-            .iter()
-            .map(|c| v1::Contact { force_n: c.force_n, centre_m: Some(vector(c.centre)), taxels: c.taxels })
-            .collect(),
+        contacts: force.contacts.iter().map(contact).collect(),
         filled: force.filled,
         filled_share: force.filled_share,
         detection_floor_n: force.detection_floor.and_then(|floor| known(floor.0)),
@@ -101,6 +99,16 @@ fn sample(
         sent: Some(SystemTime::now().into()),
     };
     sending.freshness.sent(message, plan.patch.taxels().len())
+}
+
+fn contact(contact: &Contact) -> v1::Contact {
+    v1::Contact {
+        force_n: contact.force_n,
+        centre_m: Some(vector(contact.centre)),
+        resultant_n: Some(vector(contact.resultant)),
+        moment_nm: Some(vector(contact.moment)),
+        taxels: contact.taxels.iter().map(|taxel| u32::from(*taxel)).collect(),
+    }
 }
 
 pub(crate) fn taxels(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::TaxelSample {

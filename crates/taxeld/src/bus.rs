@@ -77,6 +77,10 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
             tracing::warn!(bus, %reason, "the bus is down");
             Some(BusNotice::Down(reason.to_string()))
         }
+        BusEvent::SourceDown { why } => {
+            tracing::warn!(bus, "{why}");
+            Some(BusNotice::Down(why))
+        }
         BusEvent::Dropped { frames } => {
             tracing::warn!(bus, frames, "the kernel lost frames: its receive buffer was full");
             Some(BusNotice::Dropped(frames))

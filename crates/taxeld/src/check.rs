@@ -8,10 +8,9 @@ use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
-use crate::config::bus_load;
 use crate::config::{
-    BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
-    modules_written, read_text,
+    self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, bus_load,
+    examine_with, modules_written, read_text,
 };
 use crate::missing::{missing, obstacles};
 
@@ -134,6 +133,11 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
     let source = match section.source {
         BusSource::Push => {
             return format!("bus {}: none; a program pushes the scans over the service (PushScans)", section.name);
+        }
+        BusSource::Yarp => {
+            let ports = config::ports_of(config, plan, bus);
+            let ports: Vec<_> = ports.iter().map(|(port, _)| port.as_str()).collect();
+            format!("ports {} of {}", ports.join(", "), section.server.as_deref().unwrap_or("YARP's name server"))
         }
         BusSource::Sim => "the simulated forearm".to_owned(),
         BusSource::SocketCan => format!("interface {}", section.interface.as_deref().unwrap_or_default()),

@@ -1,5 +1,5 @@
 //! Logs of a bus, whatever they are: candump's text, plain or gzipped, or the MCAP files of a recording, or a folder of
-//! these.
+//! these, or what yarpdatadumper recorded of YARP's ports.
 
 use std::fs::File;
 use std::io::{Cursor, Read};
@@ -7,6 +7,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use taxel_can::{LogReader, RecordedFrames};
+use taxel_yarp::Content;
 
 /// Which bus of a log is read.
 #[derive(Clone, Debug, Default)]
@@ -15,12 +16,14 @@ pub struct Wanted {
     pub interface: Option<String>,
     /// By its name where it has no interface, which only recordings know; without either all frames are.
     pub bus: Option<String>,
+    /// The ports of YARP that are recorded, of a folder of `yarpdatadumper`.
+    pub ports: Vec<(String, Content)>,
 }
 
 impl Wanted {
     /// Of this interface, or of every one.
     pub fn interface(interface: Option<String>) -> Self {
-        Self { interface, bus: None }
+        Self { interface, ..Self::default() }
     }
 }
 
@@ -30,6 +33,15 @@ impl Wanted {
 /// A file that cannot be read.
 pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedFrames>> {
     let (name, bus) = (path.display().to_string(), wanted.interface.clone().or(wanted.bus));
+    if path.is_dir() && taxel_yarp::is_dump(path) {
+        let name = path.display().to_string();
+        anyhow::ensure!(
+            !wanted.ports.is_empty(),
+            "{name}: recordings of YARP's ports, and the configuration has no bus with source = \"yarp\""
+        );
+        let log = taxel_yarp::candump_of(path, wanted.ports)?;
+        return Ok(Box::new(LogReader::new(name, Cursor::new(log), None)?));
+    }
     if path.is_dir() {
         // In the order in which they were recorded.
         let files = taxel_mcap::Folder::list(path).with_context(|| name.clone())?;

@@ -18,7 +18,7 @@ use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
 use crate::clock::RunClock;
-use crate::config::{BusSource, Config, Scene};
+use crate::config::{self, BusSource, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
 use crate::log_words::{expect_frames, expect_times, read_on};
@@ -89,10 +89,11 @@ async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::
     }
     let told: Vec<Arc<OnceLock<LogReport>>> = config.bus.iter().map(|_| Arc::default()).collect();
     let mut replays = Vec::with_capacity(config.bus.len());
-    for (section, told) in config.bus.iter().zip(&told) {
+    for ((section, told), position) in config.bus.iter().zip(&told).zip(0..) {
         // A recording knows the names of buses; with one bus they need not be the same.
         let bus = (config.bus.len() > 1).then(|| section.name.clone());
-        let reader = open_log(log, Wanted { interface: section.interface.clone(), bus })?;
+        let ports = config::ports_of(&config, &scene.plan, BusIndex(position));
+        let reader = open_log(log, Wanted { interface: section.interface.clone(), bus, ports })?;
         replays.push(Replay::new(reader, Some(speed)).telling(Arc::clone(told)));
     }
     if Replay::together(&mut replays)?.is_none() {
@@ -151,7 +152,9 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
     let [section] = config.bus.as_slice() else {
         bail!("a replay at full speed takes one bus, the configuration has {}", config.bus.len());
     };
-    let mut reader = open_log(&request.log, Wanted::interface(section.interface.clone()))?;
+    let ports = config::ports_of(config, &scene.plan, BusIndex(0));
+    let wanted = Wanted { ports, ..Wanted::interface(section.interface.clone()) };
+    let mut reader = open_log(&request.log, wanted)?;
     let models = request.models.as_deref().map(read_models).transpose()?;
     let mut force = request.force.as_deref().map(|path| ForceFile::create(path, &scene.plan)).transpose()?;
     let mut offline = Offline::new(Arc::new(scene.plan));

@@ -14,13 +14,14 @@ use taxel_rpc::push_line::push_line;
 use taxel_rpc::{Clocks, Handle, Limits, Server, handle::channel};
 use taxel_skin::BusIndex;
 use taxel_wire::Frame;
+use taxel_yarp::PortBus;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 
 use crate::backend::DaemonBackend;
 use crate::bus::{self, BATCHES_WAITING_MAX, Ends, FRAMES_WAITING_MAX};
 use crate::clock::RunClock;
-use crate::config::{BusSource, Config, Scene};
+use crate::config::{self, BusSource, Config, Scene};
 use crate::credentials::Credentials;
 use crate::doors::{self, Open};
 use crate::driver::{Driver, Stage};
@@ -152,6 +153,10 @@ impl Daemon {
                     self.add_bus(bus, SocketCan::open(options)?);
                 }
                 BusSource::Push => self.add_push_bus(bus),
+                BusSource::Yarp => {
+                    let ports = config::ports_of(config, &self.plan, bus);
+                    self.add_bus(bus, PortBus::open(section.server.as_deref(), ports));
+                }
                 #[cfg(feature = "sim")]
                 BusSource::Sim => self.add_sim_bus(bus, section.seed.unwrap_or(1))?,
                 #[cfg(not(feature = "sim"))]

@@ -1,47 +1,61 @@
 //! Contacts: clusters of active taxels that lie within reach of each other.
 
+use nalgebra::Vector3;
+use taxel_skin::TaxelPose;
+
 use crate::force::sample::Contact;
 
-/// Groups points `(position in m, force in N)`: two closer than `reach_m` belong together, and so do their friends.
-/// Strongest contact first; ties keep the order of their first point.
+/// An active taxel whose place is known: its number, place and force in N.
+pub type Placed = (u16, TaxelPose, f64);
+
+/// Groups taxels: two closer than `reach_m` belong together, and so do their friends. Strongest contact first; ties keep the
+/// order of their first taxel.
 #[must_use]
-pub fn clusters(points: &[([f64; 3], f64)], reach_m: f64) -> Vec<Contact> {
-    let mut cluster_of: Vec<Option<usize>> = vec![None; points.len()];
+pub fn clusters(taxels: &[Placed], reach_m: f64) -> Vec<Contact> {
+    let mut is_taken = vec![false; taxels.len()];
     let mut contacts: Vec<Contact> = Vec::new();
-    let mut frontier = Vec::new();
-    for seed in 0..points.len() {
-        if cluster_of[seed].is_some() {
+    for seed in 0..taxels.len() {
+        if is_taken[seed] {
             continue;
         }
-        let cluster = contacts.len();
-        let mut contact = Contact::default();
-        cluster_of[seed] = Some(cluster);
-        frontier.push(seed);
-        while let Some(point) = frontier.pop() {
-            let (position, force_n) = points[point];
-            contact.taxels += 1;
-            contact.force_n += force_n;
-            for (sum, place) in contact.centre.iter_mut().zip(position) {
-                *sum += force_n * place;
-            }
-            for other in 0..points.len() {
-                if cluster_of[other].is_none() && distance(position, points[other].0) <= reach_m {
-                    cluster_of[other] = Some(cluster);
-                    frontier.push(other);
+        is_taken[seed] = true;
+        let (mut members, mut looked_at) = (vec![seed], 0);
+        while let Some(&member) = members.get(looked_at) {
+            looked_at += 1;
+            for other in 0..taxels.len() {
+                if !is_taken[other] && distance(&taxels[member].1, &taxels[other].1) <= reach_m {
+                    is_taken[other] = true;
+                    members.push(other);
                 }
             }
         }
-        if contact.force_n > 0.0 {
-            contact.centre = contact.centre.map(|c| c / contact.force_n);
-        }
-        contacts.push(contact);
+        contacts.push(contact(members.into_iter().map(|member| taxels[member])));
     }
     contacts.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
     contacts
 }
 
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+fn contact(members: impl Iterator<Item = Placed>) -> Contact {
+    let mut contact = Contact::default();
+    let (mut weighted, mut resultant, mut moment) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
+    for (taxel, pose, force_n) in members {
+        let (position, force) = (Vector3::from(pose.position), -force_n * Vector3::from(pose.normal));
+        contact.taxels.push(taxel);
+        contact.force_n += force_n;
+        weighted += force_n * position;
+        resultant += force;
+        moment += position.cross(&force);
+    }
+    contact.taxels.sort_unstable();
+    if contact.force_n > 0.0 {
+        contact.centre = (weighted / contact.force_n).into();
+    }
+    (contact.resultant, contact.moment) = (resultant.into(), moment.into());
+    contact
+}
+
+fn distance(a: &TaxelPose, b: &TaxelPose) -> f64 {
+    (Vector3::from(a.position) - Vector3::from(b.position)).norm()
 }
 
 #[cfg(test)]
@@ -49,12 +63,18 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn placed(taxel: u16, position: [f64; 3], force_n: f64) -> Placed {
+        (taxel, TaxelPose { position, normal: [0.0, 0.0, 1.0] }, force_n)
+    }
+
     #[test]
-    fn two_fingers_are_two_contacts_with_their_own_centres() {
-        let points = [([0.0, 0.0, 0.0], 1.0), ([0.01, 0.0, 0.0], 3.0), ([0.1, 0.0, 0.0], 10.0)];
-        let found = clusters(&points, 0.015);
+    fn two_fingers_are_two_contacts_with_their_own_centres_and_moments() {
+        let taxels = [placed(7, [0.0; 3], 1.0), placed(3, [0.01, 0.0, 0.0], 3.0), placed(9, [0.1, 0.0, 0.0], 10.0)];
+        let found = clusters(&taxels, 0.015);
         assert_eq!(found.len(), 2);
-        assert_eq!((found[0].taxels, found[0].force_n), (1, 10.0));
+        assert_eq!((&found[0].taxels[..], found[0].force_n, found[0].resultant), (&[9][..], 10.0, [0.0, 0.0, -10.0]));
+        assert_eq!(found[0].moment, [0.0, 1.0, 0.0]);
+        assert_eq!(found[1].taxels, [3, 7]);
         assert!((found[1].centre[0] - 0.0075).abs() < 1e-15);
     }
 
@@ -63,10 +83,11 @@ mod tests {
         fn no_force_is_lost_and_clusters_are_apart(
             points in proptest::collection::vec((prop::array::uniform3(-0.1..0.1_f64), 0.1..5.0_f64), 0..40)
         ) {
-            let found = clusters(&points, 0.02);
+            let taxels: Vec<_> = (0..).zip(&points).map(|(taxel, (position, n))| placed(taxel, *position, *n)).collect();
+            let found = clusters(&taxels, 0.02);
             let total: f64 = points.iter().map(|p| p.1).sum();
             prop_assert!((found.iter().map(|c| c.force_n).sum::<f64>() - total).abs() < 1e-9);
-            prop_assert_eq!(found.iter().map(|c| c.taxels as usize).sum::<usize>(), points.len());
+            prop_assert_eq!(found.iter().map(|c| c.taxels.len()).sum::<usize>(), points.len());
         }
     }
 }

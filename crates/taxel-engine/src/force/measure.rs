@@ -238,7 +238,7 @@ impl ForceModel {
         sample.moment = self.outputs.moment.then_some(moment.into());
         sample.centre_of_pressure = (self.outputs.moment && weight > 0.0).then(|| (weighted / weight).into());
         if self.outputs.contacts {
-            let placed = active.iter().filter_map(|&(taxel, newton)| Some((poses(taxel)?.position, newton)));
+            let placed = active.iter().filter_map(|&(taxel, newton)| Some((taxel as u16, poses(taxel)?, newton)));
             sample.contacts = clusters(&placed.collect::<Vec<_>>(), self.contact_reach_m);
         }
     }

@@ -79,14 +79,18 @@ impl ForceSample {
 }
 
 /// A cluster of neighbouring active taxels.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contact {
     /// Sum of area x pressure, in N.
     pub force_n: f64,
     /// Force-weighted mean position, in m.
     pub centre: [f64; 3],
-    /// How many taxels.
-    pub taxels: u32,
+    /// Sum of -area x pressure x outward normal: the force that acts on the skin, in N, patch frame.
+    pub resultant: [f64; 3],
+    /// Its moment about the patch origin, in N m.
+    pub moment: [f64; 3],
+    /// The numbers of its taxels, ascending.
+    pub taxels: Vec<u16>,
 }
 
 /// One taxel at one moment.

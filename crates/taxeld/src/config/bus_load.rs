@@ -3,7 +3,7 @@
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_skin::BusIndex;
 
-use super::file::Config;
+use super::file::{BusSection, BusSource, Config};
 use super::problem::{Faults, Said};
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
@@ -28,7 +28,8 @@ pub fn of_patch(plan: &PatchPlan) -> (f64, f64) {
 /// Notes the buses that cannot carry what their patches send at least, and tells of those that are nearly full.
 pub fn judge(config: &Config, plan: &Plan, faults: &mut Faults, said: &mut Said) {
     let least_s = |patch: &PatchPlan| if patch.devices.is_empty() { FRAME_S } else { EMPTY_FRAME_S };
-    for (bus, section) in config.bus.iter().enumerate() {
+    let of_can = |(_, section): &(usize, &BusSection)| section.source != BusSource::Yarp;
+    for (bus, section) in config.bus.iter().enumerate().filter(of_can) {
         let on_bus = |patch: &&PatchPlan| patch.pushed.is_none() && patch.patch.is_on(BusIndex(bus as u8));
         let share: f64 = plan.patches.iter().filter(on_bus).map(|patch| of_patch(patch).0 * least_s(patch)).sum();
         let told = format!("bus `{}`: the scans of its patches take {:.0} % of 1 Mbit/s", section.name, 100.0 * share);

@@ -191,6 +191,8 @@ pub struct BusSection {
     pub source: BusSource,
     /// The network interface, for `socketcan`; in a replay, the interface of the log.
     pub interface: Option<String>,
+    /// The name server, `ADDRESS:PORT`, for `yarp`; without it YARP's own files say where it is.
+    pub server: Option<String>,
     /// Seed of the simulated skin, for `sim`.
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     pub seed: Option<u64>,
@@ -205,6 +207,8 @@ pub enum BusSource {
     SocketCan,
     /// The simulator: a forearm in a bag.
     Sim,
+    /// Ports of YARP, of which each patch has one.
+    Yarp,
     /// None come: a program pushes the scans of the one patch that is on it.
     Push,
 }

@@ -13,7 +13,8 @@ use crate::values::parse_order;
 
 /// When a taxel counts as touched or stale.
 pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> LiveLimits {
-    let periods = section.stale_periods;
+    // Of a port only change is believed, and a live triangle may stay the same for three scans.
+    let periods = section.stale_periods.unwrap_or(if section.port.is_some() { 8 } else { 3 });
     faults.range("stale_periods", f64::from(periods), 2.0, 100.0);
     let defaults = LiveLimits::default();
     LiveLimits {

@@ -13,6 +13,7 @@ use super::dbc::DbcFile;
 use super::file::{BusSource, Config, beside};
 use super::limits::{fit_options, gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaFactorWord, AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
+use super::ports;
 use super::problem::{Faults, Said};
 use crate::files::read_any_text;
 
@@ -48,7 +49,16 @@ pub fn patch_plan(
     let file = section.array.as_ref().and_then(|array| dbc_file(array, path, faults));
     let gauge = section.gauge.as_ref().and_then(|gauge| {
         let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
-        let signal = signal(gauge, file.as_ref(), faults)?;
+        let number = config.patch.iter().position(|patch| patch.name == *name).unwrap_or_default();
+        let signal = match &gauge.port {
+            Some(port) => ports::gauge(gauge, port, number, faults)?,
+            None => signal(gauge, file.as_ref(), faults)?,
+        };
+        let source = config.bus[usize::from(of.0)].source;
+        if gauge.port.is_some() != (source == BusSource::Yarp) {
+            let words = "a gauge with a port needs a bus with source = \"yarp\", and one without needs another: name it in gauge.bus";
+            faults.note("gauge", words);
+        }
         if config.bus[usize::from(of.0)].source == BusSource::Push {
             let words = "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
             faults.note("gauge.bus", words);
@@ -56,6 +66,7 @@ pub fn patch_plan(
         Some(Gauge { bus: of, signal })
     });
     let bus = bus?;
+    ports::check_patch(section, &config.bus[usize::from(bus.0)], faults);
     let push = push(config, section, bus, faults);
     let Skin { patch, devices, setups, geometry, areas } = skin(section, file.as_ref(), bus, (path, faults))?;
     said.remarks.extend(geometry.iter().flat_map(|g| &g.remarks).map(|r| format!("{name}: geometry: {r}")));
@@ -67,7 +78,7 @@ pub fn patch_plan(
         areas,
         area_uncertainty: area_uncertainty(section, faults),
         area_from_loads: section.area_factor == AreaFactorWord::FromLoads,
-        bring_up: if section.listen_only { Vec::new() } else { setups },
+        bring_up: if section.listen_only || section.port.is_some() { Vec::new() } else { setups },
         devices,
         pushed: push,
         simulated: patch.boards().iter().any(|board| config.bus[usize::from(board.bus.0)].source == BusSource::Sim),
@@ -112,6 +123,8 @@ fn tell(section: &PatchSection, (of_boards, padless): (bool, bool), said: &mut S
     }
     if section.listen_only {
         leave_out("board bring-up: listen_only sends nothing");
+    } else if section.port.is_some() {
+        leave_out("board bring-up: nothing can be sent by a port, the robot's software configures its boards");
     }
     if !section.follow_drift {
         leave_out("following of thermal drift: follow_drift is off");
@@ -136,7 +149,7 @@ fn push(config: &Config, section: &PatchSection, bus: BusIndex, faults: &mut Fau
     } else if is_push && config.patch.iter().filter(|patch| patch.bus == section.bus).count() > 1 {
         faults.note("bus", format!("bus `{name}` has source = \"push\": expected one patch on it"));
     }
-    let with_scans = |gauge: &GaugeSection| gauge.id.is_none() && gauge.signal.is_none();
+    let with_scans = |gauge: &GaugeSection| gauge.id.is_none() && gauge.signal.is_none() && gauge.port.is_none();
     let pressure = section.gauge.as_ref().is_some_and(with_scans);
     if pressure && section.push.is_none() {
         let words = "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"";

@@ -19,8 +19,11 @@ pub struct PatchSection {
     #[serde(default = "word::<50>")]
     pub period_ms: u16,
     /// A module is stale after so many periods of silence.
-    #[serde(default = "word::<3>")]
-    pub stale_periods: u16,
+    pub stale_periods: Option<u16>,
+    /// The port of YARP that has the counts of its boards, on a bus whose source is `yarp`.
+    pub port: Option<String>,
+    /// The addresses of all boards in the port, in its order; without it those of `boards`.
+    pub port_boards: Option<Vec<u8>>,
     /// A position file, relative to this one.
     pub geometry: Option<PathBuf>,
     /// Positions, areas and normals of a flat array.
@@ -133,6 +136,13 @@ pub struct BoardSection {
     pub cdc_offset: u16,
 }
 
+impl BoardSection {
+    /// Whether it says how the board is to be configured.
+    pub fn sets_something(&self) -> bool {
+        (self.board_type, self.no_load, self.shift, self.cdc_offset) != (0, 240, 2, 0x2200)
+    }
+}
+
 /// `grid`
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -188,6 +198,10 @@ pub struct GaugeSection {
     /// With `id` its place in the frame, as a DBC file has it: `0|32@1-`, with factor and offset `7|16@0- (0.5,-1)`. Without,
     /// its name in the DBC file of the array. Neither where the pressure is pushed with the scans.
     pub signal: Option<String>,
+    /// The port of YARP that has the pressure,
+    pub port: Option<String>,
+    /// and its place among the port's values, from 0.
+    pub index: Option<usize>,
     /// Unit; by default that of the DBC file.
     pub unit: Option<String>,
     /// If the sensor reads the absolute bag pressure: the ambient pressure in kPa.

@@ -12,6 +12,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
 use super::file::Config;
+use super::ports;
 use super::problem::{Faults, PROBLEMS_MAX, Problem, Problems};
 use super::scene::{Scene, scene_of};
 use crate::files;
@@ -72,7 +73,8 @@ pub fn examine_with(
             reading.note(section, format!("{count} sections [[{section}]]: expected at most {PATCHES_MAX}"));
         }
     }
-    let config = if reading.problems.is_empty() { reading.config() } else { None };
+    let mut config = if reading.problems.is_empty() { reading.config() } else { None };
+    config.iter_mut().for_each(ports::expand);
     let scene = config.as_ref().and_then(|config| {
         let mut faults = Faults::default();
         let scene = scene_of(config, path, &mut faults);

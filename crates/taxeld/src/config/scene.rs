@@ -10,6 +10,7 @@ use super::bus_load;
 use super::file::{BusSection, BusSource, Config, SharedMemorySection};
 use super::listen::{Doors, doors};
 use super::patch::patch_plan;
+use super::ports;
 use super::problem::{Faults, Said};
 
 /// Smallest budget of recordings, in MB: less than a few files make no recording.
@@ -70,6 +71,7 @@ fn source(bus: &BusSection, faults: &mut Faults) {
     if bus.source == BusSource::Sim && cfg!(not(feature = "sim")) {
         faults.note("source", "source = \"sim\": this build has no simulator (cargo feature `sim`)");
     }
+    ports::check_bus(bus, faults);
     if bus.source == BusSource::SocketCan && bus.interface.as_deref().is_none_or(str::is_empty) {
         faults.note("", "source socketcan needs an interface, for example \"can0\"");
     }

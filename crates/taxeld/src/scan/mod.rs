@@ -109,6 +109,7 @@ async fn take_all(source: &mut impl FrameSource, survey: &mut Survey, is_log: bo
             match event {
                 BusEvent::Up | BusEvent::BufferGranted { .. } => {}
                 BusEvent::Down { reason } => survey.notice(format!("went down: {reason}")),
+                BusEvent::SourceDown { why } => survey.notice(format!("went down: {why}")),
                 BusEvent::Error { error, .. } => survey.error(error),
                 BusEvent::Dropped { .. } if is_log => {} // the report of the log says so, and where
                 BusEvent::Dropped { frames } => survey.notice(format!("the kernel lost {frames} frames")),

@@ -1,0 +1,205 @@
+//! What goes out: a force with its interval, pressures by row, contacts as skinManager writes them.
+
+use std::time::Duration;
+
+use taxel_client::{Force, NoForce};
+use taxel_proto::judge::{self, aged};
+use taxel_proto::v1::{Contact, ForceState, TaxelReading, TaxelSample};
+use taxel_yarp::Value;
+
+use super::layout::{Layout, array};
+use super::parts::Part;
+
+/// The interval holds the true force with so many standard uncertainties.
+const SIGMAS: f64 = 3.0;
+
+/// `(total low high) (x y z) STATE (reasons) age`, in N, m and s; the first two lists are empty where there is no force or no
+/// centre. `high` is `inf` where any amount more may press.
+#[must_use]
+pub fn force(force: &Result<Force, NoForce>) -> Vec<Value> {
+    let (numbers, centre) = match force {
+        Ok(force) => (interval(force), force.sample.centre_of_pressure_m.as_ref().map(array)),
+        Err(_) => (Vec::new(), None),
+    };
+    let (state, reasons, age) = match force {
+        Ok(force) => (force.sample.state(), force.sample.reasons.clone(), Some(force.age)),
+        Err(NoForce::Sample(judge::NoForce::State(state, reasons, _))) => (*state, reasons.clone(), None),
+        Err(NoForce::Sample(judge::NoForce::TooOld(age, _))) => (ForceState::Stale, Vec::new(), Some(*age)),
+        Err(why) => (ForceState::Stale, vec![why.to_string()], None),
+    };
+    vec![
+        Value::floats(numbers),
+        Value::floats(centre.into_iter().flatten()),
+        Value::Text(judge::word(state).to_owned()),
+        Value::List(reasons.into_iter().map(Value::Text).collect()),
+        Value::Float(age.map_or(f64::NAN, |age| age.as_secs_f64())),
+    ]
+}
+
+fn interval(force: &Force) -> Vec<f64> {
+    let sample = &force.sample;
+    let sigma = SIGMAS * sample.total_sigma_n.unwrap_or(f64::INFINITY);
+    let above = if sample.lower_bound { f64::INFINITY } else { sigma + sample.detection_floor_n.unwrap_or_default() };
+    vec![force.total_n, (force.total_n - sigma).max(0.0), force.total_n + above]
+}
+
+/// kPa, one value a row; `NaN` where there is no taxel or none that can be believed, `waited` after the sample was sent.
+#[must_use]
+pub fn pressures(sample: &TaxelSample, layout: &Layout, waited: Duration) -> Vec<f64> {
+    let mut rows = vec![f64::NAN; layout.rows];
+    let is_young = |age_s: f32| aged(f64::from(age_s), waited).as_secs_f64() <= sample.max_age_s;
+    let believed =
+        |reading: &TaxelReading| !reading.stale && reading.faults.is_empty() && reading.age_s.is_some_and(is_young);
+    for (reading, taxel) in sample.taxels.iter().zip(&layout.taxels) {
+        if let (Some(kpa), Some(row)) = (reading.pressure_kpa, rows.get_mut(taxel.row))
+            && believed(reading)
+        {
+            *row = f64::from(kpa);
+        }
+    }
+    rows
+}
+
+/// Contacts that keep their number for as long as they share a taxel with what they were.
+#[derive(Debug, Default)]
+pub struct Tracks {
+    newest: i64,
+    before: Vec<(i64, Vec<u32>)>,
+}
+
+impl Tracks {
+    /// The numbers of these contacts.
+    pub fn follow(&mut self, contacts: &[Contact]) -> Vec<i64> {
+        let mut left = std::mem::take(&mut self.before);
+        for contact in contacts {
+            let shared = |taxels: &[u32]| taxels.iter().filter(|taxel| contact.taxels.contains(taxel)).count();
+            let best = (0..left.len()).max_by_key(|at| shared(&left[*at].1)).filter(|at| shared(&left[*at].1) > 0);
+            let number = best.map_or_else(
+                || {
+                    self.newest += 1;
+                    self.newest
+                },
+                |at| left.swap_remove(at).0,
+            );
+            self.before.push((number, contact.taxels.clone()));
+        }
+        self.before.iter().map(|(number, _)| *number).collect()
+    }
+}
+
+/// A contact as skinManager writes it: (number, body part, link, skin part), centre of pressure, force, moment about that centre,
+/// mean place, normal, rows of the taxels, mean pressure (here in kPa). Lengths in m, forces in N.
+#[must_use]
+pub fn contact(number: i64, part: Part, contact: &Contact, layout: &Layout) -> Value {
+    let taxels: Vec<_> = contact.taxels.iter().filter_map(|taxel| layout.taxels.get(*taxel as usize)).collect();
+    let vector = |vector: &Option<_>| vector.as_ref().map(array).unwrap_or_default();
+    let (centre, resultant, moment) =
+        (vector(&contact.centre_m), vector(&contact.resultant_n), vector(&contact.moment_nm));
+    let arm = cross(centre, resultant);
+    let count = taxels.len().max(1) as f64;
+    let mean = |of: fn(&super::layout::Taxel) -> [f64; 3]| {
+        let sum = |axis: usize| taxels.iter().map(|taxel| of(taxel)[axis]).sum::<f64>() / count;
+        [sum(0), sum(1), sum(2)]
+    };
+    let normal = mean(|taxel| taxel.normal);
+    let length = normal.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let area_mm2: f64 = taxels.iter().map(|taxel| taxel.area_mm2).sum();
+    Value::List(vec![
+        Value::List([number, part.body, part.link, part.skin].map(Value::Int).to_vec()),
+        Value::floats(centre),
+        Value::floats(resultant),
+        Value::floats([0, 1, 2].map(|axis| moment[axis] - arm[axis])),
+        Value::floats(mean(|taxel| taxel.position.unwrap_or_default())),
+        Value::floats(normal.map(|part| if length > 0.0 { part / length } else { 0.0 })),
+        Value::List(taxels.iter().map(|taxel| Value::Int(taxel.row as i64)).collect()),
+        Value::Float(if area_mm2 > 0.0 { 1e3 * contact.force_n / area_mm2 } else { 0.0 }), // 1 N on 1 mm2 is 1e3 kPa
+    ])
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layout::Taxel;
+    use super::super::parts::named;
+    use super::*;
+    use taxel_proto::v1::{ForceSample, Vector3};
+
+    fn layout() -> Layout {
+        let taxel = |row, x| Taxel { row, position: Some([x, 0.0, 0.0]), normal: [0.0, 0.0, 1.0], area_mm2: 40.0 };
+        Layout { taxels: vec![taxel(0, 0.0), taxel(3, 0.01), taxel(203, 0.02)], rows: 384 }
+    }
+
+    fn vector(x: f64, y: f64, z: f64) -> Option<Vector3> {
+        Some(Vector3 { x, y, z })
+    }
+
+    #[test]
+    fn a_contact_is_written_as_skin_manager_writes_it() {
+        let pressed = Contact {
+            force_n: 2.0,
+            centre_m: vector(0.015, 0.0, 0.0),
+            taxels: vec![1, 2],
+            resultant_n: vector(0.0, 0.0, -2.0),
+            moment_nm: vector(0.0, 0.03, 0.0),
+        };
+        let line = Value::line(&[contact(7, named("left_forearm").unwrap(), &pressed, &layout())]);
+        assert_eq!(
+            line,
+            "((7 3 4 2) (0.015 0.0 0.0) (0.0 0.0 -2.0) (0.0 0.0 0.0) (0.015 0.0 0.0) (0.0 0.0 1.0) (3 203) 25.0)"
+        );
+    }
+
+    #[test]
+    fn a_contact_keeps_its_number_while_it_shares_a_taxel_with_what_it_was() {
+        let mut tracks = Tracks::default();
+        let contacts = |of: &[&[u32]]| -> Vec<Contact> {
+            of.iter().map(|taxels| Contact { taxels: taxels.to_vec(), ..Contact::default() }).collect()
+        };
+        assert_eq!(tracks.follow(&contacts(&[&[1, 2], &[9]])), [1, 2]);
+        assert_eq!(tracks.follow(&contacts(&[&[9, 10], &[2, 3], &[20]])), [2, 1, 3]);
+        assert_eq!(tracks.follow(&[]), [0; 0]);
+        assert_eq!(tracks.follow(&contacts(&[&[9]])), [4], "a new one");
+    }
+
+    #[test]
+    fn a_force_has_its_interval_and_what_is_none_has_a_state() {
+        let sample = ForceSample {
+            state: ForceState::Ok.into(),
+            total_n: Some(5.0),
+            total_sigma_n: Some(0.25),
+            detection_floor_n: Some(0.5),
+            centre_of_pressure_m: vector(0.1, 0.2, 0.3),
+            ..ForceSample::default()
+        };
+        let good =
+            |sample: &ForceSample| Ok(Force { total_n: 5.0, age: Duration::from_millis(20), sample: sample.clone() });
+        assert_eq!(Value::line(&force(&good(&sample))), "(5.0 4.25 6.25) (0.1 0.2 0.3) OK () 0.02");
+        let bound = ForceSample { lower_bound: true, ..sample };
+        assert!(Value::line(&force(&good(&bound))).starts_with("(5.0 4.25 inf) "));
+        let none = |why| Value::line(&force(&Err(why)));
+        let lost = NoForce::Lost("no daemon".to_owned());
+        assert_eq!(none(lost), "() () STALE (\"the stream was lost: no daemon\") nan");
+        let invalid = judge::NoForce::State(ForceState::TareInvalid, vec!["no zero".to_owned()], Vec::new());
+        assert_eq!(none(NoForce::Sample(invalid)), "() () TARE_INVALID (\"no zero\") nan");
+        let old = judge::NoForce::TooOld(Duration::from_millis(200), Duration::from_millis(150));
+        assert_eq!(none(NoForce::Sample(old)), "() () STALE () 0.2");
+    }
+
+    #[test]
+    fn a_pressure_stands_in_its_row_and_what_is_old_or_faulty_is_none() {
+        let reading =
+            |kpa, age_s| TaxelReading { pressure_kpa: Some(kpa), age_s: Some(age_s), ..TaxelReading::default() };
+        let stale = TaxelReading { stale: true, ..reading(3.0, 0.0) };
+        let sample = TaxelSample {
+            taxels: vec![reading(1.5, 0.01), reading(2.0, 0.1), stale],
+            max_age_s: 0.15,
+            ..TaxelSample::default()
+        };
+        let rows = pressures(&sample, &layout(), Duration::from_millis(60));
+        assert_eq!((rows.len(), rows[0]), (384, 1.5));
+        assert!(rows[3].is_nan() && rows[203].is_nan() && rows[1].is_nan());
+    }
+}

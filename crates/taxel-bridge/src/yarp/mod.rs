@@ -1,0 +1,6 @@
+//! The force on YARP's ports, for programs that read what skinManager writes.
+
+pub mod layout;
+pub mod messages;
+pub mod parts;
+pub mod publish;

@@ -1,0 +1,161 @@
+//! When what goes out on which port.
+
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use taxel_client::Forces;
+use taxel_proto::Timestamp;
+use taxel_proto::judge::on_the_way;
+use taxel_proto::v1::{PatchRequest, StreamRequest};
+use taxel_yarp::{NameServer, OutPort, PortError, Value};
+use tokio::sync::watch;
+use tokio::time::{MissedTickBehavior, interval, sleep};
+use tonic::Status;
+
+use super::layout::Layout;
+use super::messages::{Tracks, contact, force, pressures};
+use super::parts::Part;
+use crate::config::{PatchSection, YarpSection};
+use crate::daemon::{Daemon, words};
+
+/// Contacts go out as often as skinManager sends them.
+const EVENTS_EVERY: Duration = Duration::from_millis(20);
+/// That there is no force is said so often.
+const NO_FORCE_EVERY: Duration = Duration::from_millis(100);
+/// Between two attempts to open a port or a stream.
+const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
+
+/// Opens a port as soon as the name server is there and the name is free.
+pub async fn opened(section: &YarpSection, name: &str) -> OutPort {
+    let (mut pause, mut told) = (PAUSES[0], String::new());
+    loop {
+        let open = async { OutPort::open(&section.name_server()?, name).await };
+        let error: PortError = match open.await {
+            Ok(port) => return port,
+            Err(error) => error,
+        };
+        if told != error.to_string() {
+            tracing::warn!(port = name, "not opened: {error}");
+            told = error.to_string();
+        }
+        sleep(pause).await;
+        pause = (2 * pause).min(PAUSES[1]);
+    }
+}
+
+/// Takes the names back, for as long as a name server takes to answer.
+pub async fn give_back(section: &YarpSection, names: Vec<String>) {
+    let server: Result<NameServer, PortError> = section.name_server();
+    for name in names {
+        if let Ok(server) = &server
+            && let Err(error) = server.unregister(&name).await
+        {
+            tracing::warn!(port = name, "its name was not taken back: {error}");
+            return;
+        }
+    }
+}
+
+/// Seconds since 1970 of the newest frame of a sample.
+fn seconds(time: Option<&Timestamp>) -> f64 {
+    time.map_or(0.0, |time| time.seconds as f64 + f64::from(time.nanos) * 1e-9)
+}
+
+fn now() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64()
+}
+
+/// Sends each force as it comes, and ten times a second that there is none.
+pub async fn forces(mut port: OutPort, mut forces: Forces) {
+    let mut tick = interval(NO_FORCE_EVERY);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    loop {
+        let came = tokio::select! {
+            () = forces.changed() => true,
+            _ = tick.tick() => false,
+        };
+        let newest = forces.force();
+        match &newest {
+            Ok(force_now) if came => port.send(seconds(force_now.sample.time.as_ref()), &force(&newest)),
+            Ok(_) => {}
+            Err(_) => port.send(now(), &force(&newest)),
+        }
+    }
+}
+
+/// Sends the pressures of all rows as they come, over one stream after the other.
+pub async fn taxels(mut port: OutPort, patch: String, daemon: Daemon, rate_hz: f64) {
+    let mut told = String::new();
+    loop {
+        let ended = one_stream(&mut port, &patch, &daemon, rate_hz).await;
+        let why = ended.map_or_else(|status| words(&status), |()| "the daemon ended the stream".to_owned());
+        if told != why {
+            tracing::warn!(patch, "no taxels from the daemon: {why}");
+            told = why;
+        }
+        sleep(PAUSES[0]).await;
+    }
+}
+
+async fn one_stream(port: &mut OutPort, patch: &str, daemon: &Daemon, rate_hz: f64) -> Result<(), Status> {
+    let layout = layout(patch, daemon).await?;
+    let request = StreamRequest { patch: patch.to_owned(), rate_hz: Some(rate_hz) };
+    let mut stream = daemon.skin().stream_taxels(request).await?.into_inner();
+    while let Some(sample) = stream.message().await? {
+        let waited = on_the_way(sample.sent.as_ref(), SystemTime::now());
+        let rows = pressures(&sample, &layout, waited).into_iter().map(Value::Float);
+        port.send(seconds(sample.time.as_ref()), &rows.collect::<Vec<_>>());
+    }
+    Ok(())
+}
+
+async fn layout(patch: &str, daemon: &Daemon) -> Result<Layout, Status> {
+    let skin = daemon.skin().get_skin(PatchRequest { patch: patch.to_owned() }).await?.into_inner();
+    Ok(Layout::new(&skin))
+}
+
+/// A patch whose contacts go out.
+pub struct Followed {
+    part: Part,
+    forces: Forces,
+    layout: watch::Receiver<Arc<Layout>>,
+    tracks: Tracks,
+}
+
+impl Followed {
+    /// Follows a patch; its layout comes when the daemon does.
+    pub fn new(section: &PatchSection, daemon: &Daemon) -> Option<Self> {
+        let (to, layout_now) = watch::channel(Arc::default());
+        let (patch, asked) = (section.name.clone(), daemon.clone());
+        tokio::spawn(async move {
+            while !to.is_closed() {
+                match layout(&patch, &asked).await {
+                    Ok(layout) => return drop(to.send_replace(Arc::new(layout))),
+                    Err(_) => sleep(PAUSES[1]).await,
+                }
+            }
+        });
+        let forces = daemon.forces(&section.name, None);
+        Some(Self { part: section.part()?, forces, layout: layout_now, tracks: Tracks::default() })
+    }
+}
+
+/// Sends the contacts of all patches whose force holds.
+pub async fn events(mut port: OutPort, mut patches: Vec<Followed>) {
+    let mut tick = interval(EVENTS_EVERY);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut stamp = 0.0_f64;
+    loop {
+        tick.tick().await;
+        let mut contacts = Vec::new();
+        for patch in &mut patches {
+            let found = patch.forces.force().map(|force| (force.sample.contacts, seconds(force.sample.time.as_ref())));
+            let (found, time) = found.unwrap_or_default();
+            stamp = stamp.max(time);
+            let layout = Arc::clone(&patch.layout.borrow());
+            let numbers = patch.tracks.follow(&found);
+            contacts.extend(numbers.iter().zip(&found).map(|(number, one)| contact(*number, patch.part, one, &layout)));
+        }
+        port.send(stamp, &contacts);
+    }
+}

@@ -1,0 +1,178 @@
+//! What `yarpdatadumper` recorded: a folder a port, with `data.log` (a message a line: number, one or two times, values) and
+//! `info.log` (which times, which port).
+//!
+//! It becomes the log that candump would have written on the boards' bus, so that everything that reads logs reads it.
+
+use std::fmt::Write;
+use std::fs;
+use std::io::{self, BufRead, BufReader};
+use std::path::{Path, PathBuf};
+
+use taxel_skin::Time;
+use taxel_wire::TimedFrame;
+use thiserror::Error;
+
+use crate::source::Content;
+
+/// Folders in folders.
+const DEPTH_MAX: usize = 6;
+
+/// Why a recording cannot be read.
+#[derive(Debug, Error)]
+pub enum DumpFault {
+    /// A file cannot be read.
+    #[error("{}: {error}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// No folder holds what a port sent.
+    #[error("{}: no recording of port {port}: there are recordings of {}", folder.display(), found.join(", "))]
+    NoPort {
+        /// Where it was looked for.
+        folder: PathBuf,
+        /// The port.
+        port: String,
+        /// The ports of which there are recordings.
+        found: Vec<String>,
+    },
+    /// A line makes no sense.
+    #[error("{}, line {line}: {why}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// From 1.
+        line: usize,
+        /// What was expected.
+        why: String,
+    },
+}
+
+/// A recording of a port.
+struct Dump {
+    folder: PathBuf,
+    /// Of whom, as `info.log` has it.
+    ports: Vec<String>,
+    /// How many times a line has; the last is that of reception.
+    times: usize,
+}
+
+/// Whether a folder is such a recording, or has some in it.
+#[must_use]
+pub fn is_dump(folder: &Path) -> bool {
+    dumps(folder, 0).is_ok_and(|dumps| !dumps.is_empty())
+}
+
+/// The log of the ports, as the boards and the gauge would have sent it.
+///
+/// # Errors
+/// [`DumpFault`].
+pub fn candump_of(folder: &Path, ports: Vec<(String, Content)>) -> Result<String, DumpFault> {
+    let dumps = dumps(folder, 0)?;
+    let mut frames = Vec::new();
+    for (port, mut content) in ports {
+        let dump = match dumps.as_slice() {
+            [only] if only.ports.is_empty() => only,
+            _ => dumps.iter().find(|dump| dump.ports.contains(&port)).ok_or_else(|| {
+                let found = dumps.iter().flat_map(|dump| dump.ports.clone()).collect();
+                DumpFault::NoPort { folder: folder.to_owned(), port: port.clone(), found }
+            })?,
+        };
+        read(dump, &mut content, &mut frames)?;
+    }
+    frames.sort_by_key(|frame| frame.time);
+    let mut log = String::with_capacity(frames.len() * 48);
+    for TimedFrame { time, frame } in frames {
+        let data: String = frame.bytes().iter().map(|byte| format!("{byte:02X}")).collect();
+        let _ = writeln!(log, "({:.6}) yarp {}#{data}", time.as_seconds(), frame.id); // writing to a string does not fail
+    }
+    Ok(log)
+}
+
+fn read(dump: &Dump, content: &mut Content, frames: &mut Vec<TimedFrame>) -> Result<(), DumpFault> {
+    let path = dump.folder.join("data.log");
+    let fault = |error| DumpFault::File { path: path.clone(), error };
+    let file = fs::File::open(&path).map_err(fault)?;
+    for (number, line) in BufReader::new(file).split(b'\n').enumerate() {
+        let line = line.map_err(fault)?;
+        if line.trim_ascii().is_empty() {
+            continue;
+        }
+        let wrong = |why: String| DumpFault::Line { path: path.clone(), line: number + 1, why };
+        let mut rest = line.as_slice();
+        let mut time = None;
+        for _ in 0..=dump.times {
+            let (word, after) = word(rest);
+            (time, rest) = (word.parse::<f64>().ok().filter(|time| time.is_finite()), after);
+        }
+        let time = time.ok_or_else(|| wrong("expected a number, a time and values".to_owned()))?;
+        content.take(Time::from_seconds(time), rest, frames).map_err(wrong)?;
+    }
+    Ok(())
+}
+
+/// The first word, and what comes behind.
+fn word(line: &[u8]) -> (&str, &[u8]) {
+    let line = line.trim_ascii_start();
+    let (word, rest) = line.split_at(line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len()));
+    (std::str::from_utf8(word).unwrap_or_default(), rest)
+}
+
+fn dumps(folder: &Path, depth: usize) -> Result<Vec<Dump>, DumpFault> {
+    let fault = |error| DumpFault::File { path: folder.to_owned(), error };
+    if folder.join("data.log").is_file() {
+        let info = fs::read_to_string(folder.join("info.log")).unwrap_or_default();
+        let connected = info.lines().filter(|line| line.ends_with("[connected]"));
+        let ports = connected.filter_map(|line| line.split_whitespace().find(|word| word.starts_with('/')));
+        let times = 1 + usize::from(info.contains("tx+rx"));
+        return Ok(vec![Dump { folder: folder.to_owned(), ports: ports.map(str::to_owned).collect(), times }]);
+    }
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(fault)? {
+        let path = entry.map_err(fault)?.path();
+        if path.is_dir() && depth < DEPTH_MAX {
+            found.extend(dumps(&path, depth + 1)?);
+        }
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gauge::GaugeRow;
+    use crate::rows::Rows;
+    use taxel_skin::{BoardAddress, Module};
+
+    #[test]
+    fn two_recordings_become_one_log() {
+        let folder = tempfile::tempdir().unwrap();
+        let put = |name: &str, info: &str, data: &str| {
+            let inner = folder.path().join(name);
+            fs::create_dir_all(&inner).unwrap();
+            fs::write(inner.join("info.log"), info).unwrap();
+            fs::write(inner.join("data.log"), data).unwrap();
+        };
+        let vector = |first: u8| format!("{first}.0 {} 1.0", "240.0 ".repeat(10));
+        let rest = "240.0 ".repeat(180);
+        let skin =
+            format!("0 10.00 {0} {rest}\n1 10.05 {1} {rest}\n", vector(240), vector(239).replace(" 1.0", " 2.0"));
+        put("skin", "Type: Bottle;\n[9.9] /icub/skin/left_hand [connected]\nStamp: tx;\n", &skin);
+        put("bag", "[9.9] /bag/pressure:o [connected]\nStamp: tx+rx;\n", "0 9.0 10.02 -1.5\n1 9.1 10.06 -1.6\n");
+        let board = BoardAddress::new(14).unwrap();
+        let rows = || Content::Skin(Rows::new(&[board], &[(board, Module::from_nibble(0))]));
+        let gauge = || Content::Gauge(GaugeRow { id: crate::gauge::gauge_signal_id(0), index: 0 });
+        let ports = vec![("/icub/skin/left_hand".to_owned(), rows()), ("/bag/pressure:o".to_owned(), gauge())];
+        let log = candump_of(folder.path(), ports).unwrap();
+        let lines: Vec<_> = log.lines().map(|line| line.split('#').next().unwrap()).collect();
+        let expected = ["(10.020000) yarp 001", "(10.050000) yarp 4E0", "(10.050000) yarp 4E0", "(10.060000) yarp 001"];
+        assert_eq!(lines, expected);
+        assert!(is_dump(folder.path()));
+        let refused = candump_of(folder.path(), vec![("/other".to_owned(), gauge())]).unwrap_err().to_string();
+        assert!(refused.contains("/icub/skin/left_hand") && refused.contains("/bag/pressure:o"), "{refused}");
+        let refused = candump_of(folder.path(), vec![("/bag/pressure:o".to_owned(), rows())]).unwrap_err().to_string();
+        assert!(refused.contains("data.log, line 1: it sends"), "{refused}");
+    }
+}
