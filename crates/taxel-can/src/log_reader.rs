@@ -14,6 +14,10 @@ const BLOCK_BYTES: usize = 256 * 1024;
 /// A frame's line has at most 300 bytes. A longer line comes in pieces, each of which is refused.
 const LINE_BYTES_MAX: u64 = 4096;
 const GZIP_MAGIC: [u8; 2] = [0x1F, 0x8B];
+/// What shells and editors of Windows begin a file with: UTF-16 in both orders, and UTF-8.
+const MARKS: [&[u8]; 3] = [&[0xFF, 0xFE], &[0xFE, 0xFF], &[0xEF, 0xBB, 0xBF]];
+/// What `candump -d` writes where the kernel lost frames: `DROPCOUNT: dropped 300 CAN frames on 'can0' socket (total ...)`.
+const DROPPED: &[u8] = b"DROPCOUNT: dropped ";
 
 /// A candump log, plain or gzipped, from its first line to its last.
 pub struct LogReader {
@@ -21,11 +25,13 @@ pub struct LogReader {
     input: BufReader<Box<dyn Read + Send>>,
     interface: Option<String>,
     line: Vec<u8>,
+    /// Lost before the line that comes, and not told yet.
+    lost: u64,
     report: LogReport,
 }
 
 impl LogReader {
-    /// A log of anything that can be read; whether it is gzipped is seen by its first bytes. `name` is for errors. With
+    /// A log of anything that can be read; whether it is gzipped or UTF-16 is seen by its first bytes. `name` is for errors. With
     /// `interface`, frames of other interfaces are left out and counted.
     ///
     /// # Errors
@@ -35,11 +41,16 @@ impl LogReader {
         mut input: impl Read + Send + 'static,
         interface: Option<String>,
     ) -> Result<Self, LogFault> {
-        let mut magic = Vec::with_capacity(GZIP_MAGIC.len());
-        if let Err(error) = input.by_ref().take(GZIP_MAGIC.len() as u64).read_to_end(&mut magic) {
+        let mut magic = Vec::new();
+        let mut begun = input.by_ref().take(3).read_to_end(&mut magic);
+        let gzipped = magic.starts_with(&GZIP_MAGIC);
+        if MARKS.iter().any(|mark| magic.starts_with(mark)) {
+            begun = begun.and_then(|_| input.read_to_end(&mut magic));
+            magic = taxel_skin::text::decode(&magic).into_bytes();
+        }
+        if let Err(error) = begun {
             return Err(LogFault { name, line: 0, error });
         }
-        let gzipped = magic == GZIP_MAGIC;
         let whole = Cursor::new(magic).chain(input);
         let input: Box<dyn Read + Send> = if gzipped {
             Box::new(MultiGzDecoder::new(BufReader::with_capacity(BLOCK_BYTES, whole)))
@@ -47,7 +58,7 @@ impl LogReader {
             Box::new(whole)
         };
         let input = BufReader::with_capacity(BLOCK_BYTES, input);
-        Ok(Self { name, input, interface, line: Vec::new(), report: LogReport::default() })
+        Ok(Self { name, input, interface, line: Vec::new(), lost: 0, report: LogReport::default() })
     }
 
     /// The frame of the line that was read.
@@ -56,6 +67,13 @@ impl LogReader {
         let parsed = match parse_line(&self.line) {
             Ok(parsed) => parsed,
             Err(error) => {
+                if let Some(lost) = dropped(&self.line) {
+                    self.lost += lost;
+                    self.report.lost = self.report.lost.saturating_add(lost);
+                    self.report.lost_line =
+                        if self.report.lost_line > 0 { self.report.lost_line } else { self.report.lines };
+                    return None;
+                }
                 // A tab begins what `candump -e` says of the error frame before.
                 let first = self.line.trim_ascii_start().first();
                 if !self.line.starts_with(b"\t") && first.is_some_and(|first| *first != b'#') {
@@ -76,6 +94,12 @@ impl LogReader {
     }
 }
 
+/// How many frames the kernel lost, of a line that says so.
+fn dropped(line: &[u8]) -> Option<u64> {
+    let rest = line.strip_prefix(DROPPED)?;
+    std::str::from_utf8(rest).ok()?.split(' ').next()?.parse().ok()
+}
+
 impl RecordedFrames for LogReader {
     fn next_batch(&mut self, frames: &mut Vec<TimedFrame>, max: usize) -> Result<bool, LogFault> {
         let until = frames.len() + max;
@@ -87,8 +111,15 @@ impl RecordedFrames for LogReader {
                 return Ok(false);
             }
             frames.extend(self.frame());
+            if self.lost > 0 {
+                break;
+            }
         }
         Ok(true)
+    }
+
+    fn take_lost(&mut self) -> u64 {
+        std::mem::take(&mut self.lost)
     }
 
     fn report(&self) -> &LogReport {
@@ -137,6 +168,23 @@ mod tests {
         let mut all = reader(LOG.as_bytes(), None);
         assert_eq!(read_all(&mut all)[2].time, Time::from_seconds(1.5));
         assert_eq!(all.report().times.backwards, 1);
+    }
+
+    #[test]
+    fn what_other_settings_of_candump_and_other_systems_write_is_read() {
+        let text = "(1.0) can0 301#0011223344556677_C\nDROPCOUNT: dropped 300 CAN frames on 'can0' socket (total drops 300)\n\
+                    (2.0) can0 301#01\n";
+        let mut log = reader(text.as_bytes(), None);
+        let mut frames = Vec::new();
+        assert!(log.next_batch(&mut frames, 64).unwrap());
+        assert_eq!((frames.len(), frames[0].frame.bytes().len(), log.take_lost(), log.take_lost()), (1, 8, 300, 0));
+        read_all(&mut log);
+        assert_eq!(log.report().words(), ["the recorder lost 300 frames, the first before line 2"]);
+        for order in [u16::to_le_bytes, u16::to_be_bytes] {
+            let bytes: Vec<u8> = "\u{feff}(1.0) can0 301#01\n".encode_utf16().flat_map(order).collect();
+            assert_eq!(read_all(&mut reader(&bytes, None)).len(), 1);
+        }
+        assert_eq!(read_all(&mut reader("\u{feff}(1.0) can0 301#01\n".as_bytes(), None)).len(), 1);
     }
 
     #[test]

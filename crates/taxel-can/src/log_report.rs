@@ -37,6 +37,8 @@ pub struct LogReport {
     pub faults: Vec<String>,
     /// Frames that the recorder lost, by its own words.
     pub lost: u64,
+    /// The line in which it said so first; of a recording that has no lines, 0.
+    pub lost_line: u64,
     /// Lines refused.
     pub bad: u64,
     /// The first few of them.
@@ -60,7 +62,11 @@ impl LogReport {
                 "  another program's log is converted by `pip install python-can && can_logconvert IN OUT.log`".into(),
             );
         }
-        lines.extend((self.lost > 0).then(|| format!("the recorder lost {} frames", self.lost)));
+        if self.lost > 0 {
+            let place =
+                if self.lost_line > 0 { format!(", the first before line {}", self.lost_line) } else { String::new() };
+            lines.push(format!("the recorder lost {} frames{place}", self.lost));
+        }
         lines.extend(self.time_fault());
         lines.extend(self.times.step_words());
         lines

@@ -5,6 +5,7 @@
 //! (1600000000.000360) can0 3A1#R4
 //! (1600000000.000480) can0 20000040#0000000000000000
 //! (1600000000.000600) can0 180##5001122334455667788990A0B
+//! (1600000000.000720) can0 4D0#40F0EFEFF1F1EEF0_C
 //!  (1600000000.000120)  can0  4D0   [8]  40 F0 EF EF F1 F1 EE F0
 //! ```
 //!
@@ -201,6 +202,10 @@ impl<'a> Cursor<'a> {
             let Some(byte) = data.get_mut(length) else { break };
             *byte = self.byte()?;
             length += 1;
+        }
+        // The length as it was on the bus, 9 to 15, which means eight too (`cc-len8-dlc`).
+        if length == 8 && kind != FrameKind::Fd && matches!(self.line[self.at..], [b'_', b'9' | b'A'..=b'F', ..]) {
+            self.at += 2;
         }
         self.frame(id, kind, &data, length)
     }
