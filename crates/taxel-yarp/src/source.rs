@@ -158,10 +158,11 @@ impl Port {
             return Ok(());
         }
         self.told.clear();
-        match self.content {
-            Content::Skin(_) => self.tell(Told::Event(BusEvent::Up)).await,
-            Content::Gauge(_) => Ok(tracing::info!(port = self.port, "the gauge's port is read")),
+        if let Content::Skin(_) = self.content {
+            return self.tell(Told::Event(BusEvent::Up)).await;
         }
+        tracing::info!(port = self.port, "the gauge's port is read");
+        Ok(())
     }
 
     /// Tells why no frame can come, once. A gauge that is silent is no bus that is down; its age is judged where it is used.
@@ -171,10 +172,11 @@ impl Port {
             return Ok(());
         }
         self.told.clone_from(&why);
-        match self.content {
-            Content::Skin(_) => self.tell(Told::Event(BusEvent::SourceDown { why })).await,
-            Content::Gauge(_) => Ok(tracing::warn!("the gauge: {why}")),
+        if let Content::Skin(_) = self.content {
+            return self.tell(Told::Event(BusEvent::SourceDown { why })).await;
         }
+        tracing::warn!("the gauge: {why}");
+        Ok(())
     }
 
     async fn tell(&self, told: Told) -> Result<(), Over> {
