@@ -98,12 +98,16 @@ impl Bridge {
         for patch in &self.config.patches {
             let [force, pressure] = patch.ports(yarp);
             let (section, forces) = (yarp.clone(), self.daemon.forces(&patch.name, patch.rate_hz));
-            tasks.spawn(async move { Ok(ports::forces(ports::opened(&section, &force).await, forces).await) });
+            tasks.spawn(async move {
+                ports::forces(ports::opened(&section, &force).await, forces).await;
+                Ok(())
+            });
             if yarp.pressure_hz > 0.0 {
                 let (section, name, daemon) = (yarp.clone(), patch.name.clone(), self.daemon.clone());
                 tasks.spawn(async move {
                     let port = ports::opened(&section, &pressure).await;
-                    Ok(ports::taxels(port, name, daemon, section.pressure_hz).await)
+                    ports::taxels(port, name, daemon, section.pressure_hz).await;
+                    Ok(())
                 });
             }
         }
@@ -111,7 +115,8 @@ impl Bridge {
         let section = yarp.clone();
         tasks.spawn(async move {
             let port = ports::opened(&section, &section.skin_events()).await;
-            Ok(ports::events(port, followed).await)
+            ports::events(port, followed).await;
+            Ok(())
         });
         first_end(tasks).await
     }

@@ -20,34 +20,15 @@ const DEPTH_MAX: usize = 6;
 /// Why a recording cannot be read.
 #[derive(Debug, Error)]
 pub enum DumpFault {
-    /// A file cannot be read.
-    #[error("{}: {error}", path.display())]
-    File {
-        /// Which.
-        path: PathBuf,
-        /// What the system says.
-        error: io::Error,
-    },
-    /// No folder holds what a port sent.
-    #[error("{}: no recording of port {port}: there are recordings of {}", folder.display(), found.join(", "))]
-    NoPort {
-        /// Where it was looked for.
-        folder: PathBuf,
-        /// The port.
-        port: String,
-        /// The ports of which there are recordings.
-        found: Vec<String>,
-    },
-    /// A line makes no sense.
-    #[error("{}, line {line}: {why}", path.display())]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// From 1.
-        line: usize,
-        /// What was expected.
-        why: String,
-    },
+    /// This file cannot be read.
+    #[error("{}: {}", .0.display(), .1)]
+    File(PathBuf, io::Error),
+    /// In this folder there is no recording of this port, but of those.
+    #[error("{}: no recording of port {}: there are recordings of {}", .0.display(), .1, .2.join(", "))]
+    NoPort(PathBuf, String, Vec<String>),
+    /// This line of this file, from 1, makes no sense.
+    #[error("{}, line {}: {}", .0.display(), .1, .2)]
+    Line(PathBuf, usize, String),
 }
 
 /// A recording of a port.
@@ -77,7 +58,7 @@ pub fn candump_of(folder: &Path, ports: Vec<(String, Content)>) -> Result<String
             [only] if only.ports.is_empty() => only,
             _ => dumps.iter().find(|dump| dump.ports.contains(&port)).ok_or_else(|| {
                 let found = dumps.iter().flat_map(|dump| dump.ports.clone()).collect();
-                DumpFault::NoPort { folder: folder.to_owned(), port: port.clone(), found }
+                DumpFault::NoPort(folder.to_owned(), port.clone(), found)
             })?,
         };
         read(dump, &mut content, &mut frames)?;
@@ -93,14 +74,14 @@ pub fn candump_of(folder: &Path, ports: Vec<(String, Content)>) -> Result<String
 
 fn read(dump: &Dump, content: &mut Content, frames: &mut Vec<TimedFrame>) -> Result<(), DumpFault> {
     let path = dump.folder.join("data.log");
-    let fault = |error| DumpFault::File { path: path.clone(), error };
+    let fault = |error| DumpFault::File(path.clone(), error);
     let file = fs::File::open(&path).map_err(fault)?;
     for (number, line) in BufReader::new(file).split(b'\n').enumerate() {
         let line = line.map_err(fault)?;
         if line.trim_ascii().is_empty() {
             continue;
         }
-        let wrong = |why: String| DumpFault::Line { path: path.clone(), line: number + 1, why };
+        let wrong = |why: String| DumpFault::Line(path.clone(), number + 1, why);
         let mut rest = line.as_slice();
         let mut time = None;
         for _ in 0..=dump.times {
@@ -121,7 +102,7 @@ fn word(line: &[u8]) -> (&str, &[u8]) {
 }
 
 fn dumps(folder: &Path, depth: usize) -> Result<Vec<Dump>, DumpFault> {
-    let fault = |error| DumpFault::File { path: folder.to_owned(), error };
+    let fault = |error| DumpFault::File(folder.to_owned(), error);
     if folder.join("data.log").is_file() {
         let info = fs::read_to_string(folder.join("info.log")).unwrap_or_default();
         let connected = info.lines().filter(|line| line.ends_with("[connected]"));
@@ -173,6 +154,6 @@ mod tests {
         let refused = candump_of(folder.path(), vec![("/other".to_owned(), gauge())]).unwrap_err().to_string();
         assert!(refused.contains("/icub/skin/left_hand") && refused.contains("/bag/pressure:o"), "{refused}");
         let refused = candump_of(folder.path(), vec![("/bag/pressure:o".to_owned(), rows())]).unwrap_err().to_string();
-        assert!(refused.contains("data.log, line 1: it sends"), "{refused}");
+        assert!(refused.contains("data.log, line 1: value 0 is"), "{refused}");
     }
 }

@@ -5,90 +5,39 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-/// Why a port cannot be read, or not be found.
+/// Why a port cannot be read, not be found, or not be opened.
 #[derive(Debug, Error)]
 pub enum PortError {
-    /// No file of YARP says where the name server is.
+    /// This file of YARP, which would say where the name server is, cannot be read.
     #[error(
-        "no name server is known: {file} cannot be read ({error}); run `yarp conf ADDRESS PORT`, or write \
-         server = \"ADDRESS:PORT\" into the bus's section"
+        "no name server is known: {0} cannot be read ({1}); run `yarp conf ADDRESS PORT`, or write server = \"ADDRESS:PORT\""
     )]
-    NoConfiguration {
-        /// The file that YARP's programs would read.
-        file: String,
-        /// What the system says.
-        error: io::Error,
-    },
-    /// The address of the name server makes no sense.
-    #[error("{what}: \"{found}\" is no address of a name server, expected ADDRESS:PORT as in 10.0.0.2:10000")]
-    Address {
-        /// Where it was found.
-        what: String,
-        /// What was found.
-        found: String,
-    },
-    /// The name server does not answer.
-    #[error("no name server at {address}: {error}")]
-    NoNameServer {
-        /// Its address.
-        address: String,
-        /// What the system says.
-        error: io::Error,
-    },
-    /// It answers what makes no sense.
-    #[error("the name server at {address} answers \"{answer}\"")]
-    Answer {
-        /// Its address.
-        address: String,
-        /// The beginning of the answer.
-        answer: String,
-    },
-    /// It does not know the port.
-    #[error("the name server at {address} knows no port {port}: is the robot's software running?")]
-    Unknown {
-        /// The name server.
-        address: String,
-        /// The port.
-        port: String,
-    },
-    /// The port is registered and cannot be reached.
-    #[error("port {port} is registered at {address} and does not answer there: {error}")]
-    Unreachable {
-        /// The port.
-        port: String,
-        /// Where the name server says it is.
-        address: String,
-        /// What the system says.
-        error: io::Error,
-    },
-    /// The connection ended.
-    #[error("port {port} ended the connection")]
-    Ended {
-        /// The port.
-        port: String,
-    },
-    /// Nothing comes.
-    #[error("port {port} has sent nothing for {} s", waited.as_secs())]
-    Silent {
-        /// The port.
-        port: String,
-        /// For so long.
-        waited: Duration,
-    },
-    /// What comes is no message.
-    #[error("port {port} sends no text of YARP: {found}")]
-    NoMessage {
-        /// The port.
-        port: String,
-        /// What comes.
-        found: String,
-    },
-    /// Another process has the name.
-    #[error("the name {port} is another program's, at {address}: end that, or choose another name")]
-    Taken {
-        /// The name.
-        port: String,
-        /// Where it answers.
-        address: String,
-    },
+    NoConfiguration(String, io::Error),
+    /// What stands here, the second, is no address of a name server.
+    #[error("{0}: \"{1}\" is no address of a name server, expected ADDRESS:PORT as in 10.0.0.2:10000")]
+    Address(String, String),
+    /// The name server of this address does not answer.
+    #[error("no name server at {0}: {1}")]
+    NoNameServer(String, io::Error),
+    /// The name server of this address answers what makes no sense.
+    #[error("the name server at {0} answers \"{1}\"")]
+    Answer(String, String),
+    /// The name server of this address does not know the port.
+    #[error("the name server at {0} knows no port {1}: is the robot's software running?")]
+    Unknown(String, String),
+    /// The port is registered at this address and cannot be reached.
+    #[error("port {0} is registered at {1} and does not answer there: {2}")]
+    Unreachable(String, String, io::Error),
+    /// The port ended the connection.
+    #[error("port {0} ended the connection")]
+    Ended(String),
+    /// Nothing has come from the port for so long.
+    #[error("port {} has sent nothing for {} s", .0, .1.as_secs())]
+    Silent(String, Duration),
+    /// What comes from the port, the second, is no message.
+    #[error("port {0} sends no text of YARP: {1}")]
+    NoMessage(String, String),
+    /// Another process answers under this name, at this address.
+    #[error("the name {0} is another program's, at {1}: end that, or choose another name")]
+    Taken(String, String),
 }

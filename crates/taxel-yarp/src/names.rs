@@ -60,7 +60,7 @@ impl NameServer {
         let split = address.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse().ok()?)));
         match split {
             Some((host, port)) if !host.is_empty() && port != 0 => Ok(Self { host: host.to_owned(), port }),
-            _ => Err(PortError::Address { what: "server".to_owned(), found: address.to_owned() }),
+            _ => Err(PortError::Address("server".to_owned(), address.to_owned())),
         }
     }
 
@@ -73,7 +73,7 @@ impl NameServer {
         let namespace = std::fs::read_to_string(folder.join("yarp_namespace.conf")).unwrap_or_default();
         let file = folder.join(file_of(namespace.split_whitespace().next().unwrap_or("/root")));
         let content = std::fs::read_to_string(&file)
-            .map_err(|error| PortError::NoConfiguration { file: file.display().to_string(), error })?;
+            .map_err(|error| PortError::NoConfiguration(file.display().to_string(), error))?;
         Self::of_content(&file, &content)
     }
 
@@ -83,10 +83,7 @@ impl NameServer {
         let address = (words.next(), words.next().and_then(|port| port.parse().ok()));
         match address {
             (Some(host), Some(port)) => Ok(Self { host: host.to_owned(), port }),
-            _ => {
-                let found = content.chars().take(80).collect();
-                Err(PortError::Address { what: file.display().to_string(), found })
-            }
+            _ => Err(PortError::Address(file.display().to_string(), content.chars().take(80).collect())),
         }
     }
 
@@ -97,7 +94,7 @@ impl NameServer {
     pub async fn query(&self, port: &str) -> Result<Contact, PortError> {
         let lines = self.ask(&format!("query {port}")).await?;
         let contact = lines.iter().find_map(|line| contact(line)).filter(|contact| contact.name == port);
-        contact.ok_or_else(|| PortError::Unknown { address: self.to_string(), port: port.to_owned() })
+        contact.ok_or_else(|| PortError::Unknown(self.to_string(), port.to_owned()))
     }
 
     /// All ports that are registered.
@@ -165,12 +162,12 @@ impl NameServer {
     }
 
     fn lacking(&self, error: io::Error) -> PortError {
-        PortError::NoNameServer { address: self.to_string(), error }
+        PortError::NoNameServer(self.to_string(), error)
     }
 
     fn odd(&self, lines: &[String]) -> PortError {
         let answer = lines.iter().find(|line| !line.starts_with("Welcome")).cloned().unwrap_or_default();
-        PortError::Answer { address: self.to_string(), answer: answer.chars().take(120).collect() }
+        PortError::Answer(self.to_string(), answer.chars().take(120).collect())
     }
 }
 

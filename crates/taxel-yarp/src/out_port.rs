@@ -52,7 +52,7 @@ impl OutPort {
     pub async fn open(server: &NameServer, name: &str) -> Result<Self, PortError> {
         let ip = server.own_address().await?;
         take_name(server, name, None).await?;
-        let unbound = |error| PortError::Unreachable { port: name.to_owned(), address: ip.to_string(), error };
+        let unbound = |error| PortError::Unreachable(name.to_owned(), ip.to_string(), error);
         let listener = TcpListener::bind((ip, 0)).await.map_err(unbound)?;
         let at = listener.local_addr().map_err(unbound)?;
         server.register(name, at).await?;
@@ -95,11 +95,11 @@ impl OutPort {
 /// Whether the name is free, or what it is registered to is dead. `own`: where it may be registered already.
 async fn take_name(server: &NameServer, name: &str, own: Option<SocketAddr>) -> Result<(), PortError> {
     match server.query(name).await {
-        Err(PortError::Unknown { .. }) => Ok(()),
+        Err(PortError::Unknown(..)) => Ok(()),
         Err(error) => Err(error),
         Ok(contact) if own.is_some_and(|own| own.port() == contact.port) => Ok(()),
         Ok(contact) => match connect(&contact.host, contact.port).await {
-            Ok(_) => Err(PortError::Taken { port: name.to_owned(), address: contact.to_string() }),
+            Ok(_) => Err(PortError::Taken(name.to_owned(), contact.to_string())),
             Err(_) => Ok(()),
         },
     }
@@ -294,8 +294,7 @@ impl Port {
             stream.write_all(format!("CONNECT {}\r\n", self.name).as_bytes()).await?;
             Ok(stream)
         };
-        let unreachable =
-            |error| PortError::Unreachable { port: reader.to_owned(), address: contact.to_string(), error };
+        let unreachable = |error| PortError::Unreachable(reader.to_owned(), contact.to_string(), error);
         let stream = opened.await.map_err(unreachable)?;
         let (port, reader) = (Arc::clone(self), reader.to_owned());
         let ended = port.admit(&reader);

@@ -50,7 +50,7 @@ impl PortReader {
         };
         match opened.await {
             Ok(stream) => Ok(Self { port: port.to_owned(), stream, part: Vec::new(), header: None }),
-            Err(error) => Err(PortError::Unreachable { port: port.to_owned(), address: contact.to_string(), error }),
+            Err(error) => Err(PortError::Unreachable(port.to_owned(), contact.to_string(), error)),
         }
     }
 
@@ -60,7 +60,7 @@ impl PortReader {
     /// [`PortError::Silent`] after `wait`, [`PortError::Ended`], [`PortError::NoMessage`].
     pub async fn newest(&mut self, wait: Duration, message: &mut Message) -> Result<(), PortError> {
         let Ok(read) = timeout(wait, self.read(message)).await else {
-            return Err(PortError::Silent { port: self.port.clone(), waited: wait });
+            return Err(PortError::Silent(self.port.clone(), wait));
         };
         read?;
         while self.stream.buffer().iter().filter(|&&byte| byte == b'\n').count() >= LINES_OF_MESSAGE {
@@ -74,7 +74,7 @@ impl PortReader {
         loop {
             match read_line(&mut self.stream, &mut self.part).await {
                 Ok(true) => {}
-                Ok(false) => return Err(PortError::Ended { port: self.port.clone() }),
+                Ok(false) => return Err(PortError::Ended(self.port.clone())),
                 Err(error) => return Err(self.no_message(&error.to_string())),
             }
             if let Some(stamp_s) = self.header.take() {
@@ -95,6 +95,6 @@ impl PortReader {
     }
 
     fn no_message(&self, found: &str) -> PortError {
-        PortError::NoMessage { port: self.port.clone(), found: found.to_owned() }
+        PortError::NoMessage(self.port.clone(), found.to_owned())
     }
 }

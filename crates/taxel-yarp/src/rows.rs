@@ -27,22 +27,12 @@ const HALF_WAIT: Duration = Duration::from_millis(10);
 /// What a vector cannot be.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum Unfit {
-    /// Too short or too long.
-    #[error("it sends {found} values, expected {expected}: 192 for each board in `port_boards`, or else in `boards`")]
-    Length {
-        /// Values that came; one more than expected stands for all that are more.
-        found: usize,
-        /// Values of the configured boards.
-        expected: usize,
-    },
-    /// No number.
-    #[error("value {place} is \"{found}\", expected a whole number from 0 to 255")]
-    NoCount {
-        /// Its place in the vector, from 0.
-        place: usize,
-        /// What stands there.
-        found: String,
-    },
+    /// It has so many values, and the boards so many.
+    #[error("it sends {0} values, expected {1}: 192 for each board in `port_boards`, or else in `boards`")]
+    Length(usize, usize),
+    /// At this place, from 0, stands this.
+    #[error("value {0} is \"{1}\", expected a whole number from 0 to 255")]
+    NoCount(usize, String),
 }
 
 /// A triangle that the patch has.
@@ -153,15 +143,15 @@ fn read_counts(line: &[u8], counts: &mut [u8]) -> Result<(), Unfit> {
     let expected = counts.len();
     let mut tokens = line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty());
     for (place, count) in counts.iter_mut().enumerate() {
-        let token = tokens.next().ok_or(Unfit::Length { found: place, expected })?;
+        let token = tokens.next().ok_or(Unfit::Length(place, expected))?;
         *count = read_count(token).ok_or_else(|| {
             let found = String::from_utf8_lossy(&token[..token.len().min(20)]).into_owned();
-            Unfit::NoCount { place, found }
+            Unfit::NoCount(place, found)
         })?;
     }
     match tokens.count() {
         0 => Ok(()),
-        more => Err(Unfit::Length { found: expected + more, expected }),
+        more => Err(Unfit::Length(expected + more, expected)),
     }
 }
 

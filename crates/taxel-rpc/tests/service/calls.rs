@@ -15,9 +15,27 @@ use taxel_skin::{Newton, Time};
 
 use crate::fixture::{FOREARM, HAND, TAXELS, model_set, patient, snapshot, start, start_with};
 
+fn vector(x: f64, y: f64, z: f64) -> Option<v1::Vector3> {
+    Some(v1::Vector3 { x, y, z })
+}
+
+/// A contact, and as it is told.
+fn contact() -> (Contact, v1::Contact) {
+    let (centre, resultant, moment, taxels) = ([0.01, 0.02, 0.03], [0.0, 0.0, -4.5], [0.1, 0.2, 0.3], vec![3, 5]);
+    let told = v1::Contact {
+        force_n: 4.5,
+        centre_m: vector(0.01, 0.02, 0.03),
+        resultant_n: vector(0.0, 0.0, -4.5),
+        moment_nm: vector(0.1, 0.2, 0.3),
+        taxels: vec![3, 5],
+    };
+    (Contact { force_n: 4.5, centre, resultant, moment, taxels }, told)
+}
+
 #[tokio::test]
 async fn a_force_carries_everything_that_the_engine_knows() {
     let daemon = start().await;
+    let (contact, expected_contact) = contact();
     let sample = ForceSample {
         state: ForceState::Degraded,
         reasons: vec![Reason::about([4, 5, 9], ReasonCode::TaxelsSilent, "3 taxels are silent")],
@@ -28,13 +46,7 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         resultant: Some([0.1, 0.2, 4.4]),
         moment: Some([1.0, 2.0, 3.0]),
         centre_of_pressure: Some([0.01, 0.02, 0.03]),
-        contacts: vec![Contact {
-            force_n: 4.5,
-            centre: [0.01, 0.02, 0.03],
-            resultant: [0.0, 0.0, -4.5],
-            moment: [0.1, 0.2, 0.3],
-            taxels: vec![3, 5],
-        }],
+        contacts: vec![contact],
         active: 5,
         excluded: 2,
         stale: 3,
@@ -50,7 +62,6 @@ async fn a_force_carries_everything_that_the_engine_knows() {
     daemon.set_clock(Time::from_nanos(2_000_001_000));
     let mut client = ForceServiceClient::new(daemon.connect().await);
     let got = client.get_force(v1::PatchRequest::default()).await.unwrap().into_inner();
-    let vector = |x, y, z| Some(v1::Vector3 { x, y, z });
     let expected = v1::ForceSample {
         sequence: 9,
         state: v1::ForceState::Degraded.into(),
@@ -74,13 +85,7 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         resultant_n: vector(0.1, 0.2, 4.4),
         moment_nm: vector(1.0, 2.0, 3.0),
         centre_of_pressure_m: vector(0.01, 0.02, 0.03),
-        contacts: vec![v1::Contact {
-            force_n: 4.5,
-            centre_m: vector(0.01, 0.02, 0.03),
-            resultant_n: vector(0.0, 0.0, -4.5),
-            moment_nm: vector(0.1, 0.2, 0.3),
-            taxels: vec![3, 5],
-        }],
+        contacts: vec![expected_contact],
         filled: 4,
         filled_share: 0.0625,
         detection_floor_n: Some(0.75),
