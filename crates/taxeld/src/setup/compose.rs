@@ -7,7 +7,7 @@ use taxel_skin::{Module, ModuleKind, PositionFile};
 
 use super::drawing::Drawing;
 use super::part::Part;
-use super::robot::Source;
+use super::robot::{DraftPort, Source};
 use super::settings::{BoardValues, ModuleValues, Settings, USUAL};
 use crate::config::KindWord;
 
@@ -44,8 +44,8 @@ pub struct PatchDraft {
     pub boards: Vec<BoardDraft>,
     /// Whether a board has the address of everyone: whatever is sent to it is sent to all.
     pub is_shared_address: bool,
-    /// Why the robot's computer has no interface for it, and where its counts are instead.
-    pub out_of_reach: Option<String>,
+    /// The port of YARP that its counts come over, where the robot's computer has no interface for its bus.
+    pub port: Option<DraftPort>,
     /// Period of its boards, milliseconds.
     pub period_ms: i64,
     /// Mean area of a taxel that is no triangle's, mm2, as the distance of its neighbours tells; `None` for triangles alone.
@@ -116,7 +116,7 @@ pub fn compose(sources: &Sources, source: Option<&Source<'_>>, given: bool) -> R
         geometry: sources.positions.as_ref().map(|(path, _)| path.clone()),
         boards,
         is_shared_address: addresses.iter().any(|(_, address)| *address == EVERYONE),
-        out_of_reach: None,
+        port: None,
         period_ms,
         area_mm2,
         open,

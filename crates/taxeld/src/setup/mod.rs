@@ -22,7 +22,7 @@ use crate::say;
 use compose::{PatchDraft, Sources, compose};
 use drawing::Drawing;
 use part::Part;
-use robot::Robot;
+use robot::{Robot, Source};
 
 /// What the files are.
 #[derive(Debug, clap::Args)]
@@ -36,6 +36,12 @@ pub struct SetupArgs {
     /// The robot's configuration: skin devices, their specifications, port wrappers.
     #[arg(long, num_args = 1.., value_name = "FILE")]
     xml: Vec<PathBuf>,
+    /// Read all parts over ports of YARP, also those on a CAN interface of this computer.
+    #[arg(long, conflicts_with = "can")]
+    yarp: bool,
+    /// Read no part over a port: you have wired the buses to this computer.
+    #[arg(long)]
+    can: bool,
     /// The configuration to write; `-` is the standard output.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -67,8 +73,12 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
         let (name, taxels, modules) = (plan.patch.name(), draft.taxels(), plan.patch.modules().len());
         say!("{name}: {taxels} taxels on {modules} modules of {} boards, {poses} with a position", draft.boards.len());
     }
-    let out_of_reach = drafts.iter().filter_map(|draft| draft.out_of_reach.as_ref());
-    out_of_reach.chain(&notes).for_each(|note| say!("{note}"));
+    for draft in &drafts {
+        if let Some(port) = &draft.port {
+            say!("{}: on no CAN interface of this computer, read over the YARP port {}", draft.part.name(), port.name);
+        }
+    }
+    notes.iter().for_each(|note| say!("{note}"));
     let open = text.matches(write::CHECK).count() - 1; // the first one explains the mark
     say!("{}: written; {open} lines marked {} say what is left to look at", args.out.display(), write::CHECK);
     Ok(())
@@ -102,8 +112,12 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
         let wrong = |why: String| anyhow::anyhow!("{part}: {why}");
         let source = robot.source(sources.part, &sources.names).map_err(wrong)?;
         let mut draft = compose(sources, source.as_ref(), robot.is_given()).map_err(wrong)?;
-        draft.out_of_reach = source.as_ref().and_then(|source| robot.out_of_reach(&part, source));
-        name_bus(&mut draft, &drafts);
+        let by_port = source.as_ref().filter(|source| args.yarp || source.device.is_out_of_reach() && !args.can);
+        draft.port = by_port.map(Source::draft_port);
+        match draft.port {
+            Some(_) => draft.bus = "robot".to_owned(),
+            None => name_bus(&mut draft, &drafts),
+        }
         drafts.push(draft);
     }
     Ok((drafts, notes))

@@ -37,6 +37,8 @@ pub struct Device {
     file: String,
     /// Its type: `embObjSkin` behind an Ethernet board, `canBusSkin` on a CAN bus of the robot's computer.
     kind: String,
+    /// Of a CAN bus of the computer: the driver of its card, for example `cfw2can`.
+    card: Option<String>,
     /// Addresses on each of the device's buses, by its number.
     addresses: BTreeMap<u8, Vec<u8>>,
     settings: Settings,
@@ -48,12 +50,22 @@ pub struct Device {
 #[derive(Debug)]
 struct Port {
     name: String,
-    /// The first of the device's values that is in it.
+    /// The first of the device's values that is in it, and how many boards' there are.
     first: usize,
+    boards: usize,
     /// The wrapper that has it, its file, and the devices that it takes values from.
     wrapper: String,
     file: String,
     networks: Vec<String>,
+}
+
+/// A port of YARP.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DraftPort {
+    /// Its name.
+    pub name: String,
+    /// The addresses of all boards in it, in its order.
+    pub boards: Vec<u8>,
 }
 
 /// The device of a part.
@@ -63,8 +75,10 @@ pub struct Source<'a> {
     pub device: &'a Device,
     /// The place of the part's first board in the device's list.
     pub first_board: usize,
-    /// The port that has the part's values, without the robot's prefix.
-    pub port: &'a str,
+    /// The port that has the part's values.
+    pub port: String,
+    /// How many boards are in it.
+    pub port_boards: usize,
 }
 
 impl Robot {
@@ -149,14 +163,17 @@ impl Robot {
         };
         // As its files call it, else as it is called, else as its name begins.
         let ports = [called(names), called(&[part.name()]), all.clone()].into_iter().find(|ports| !ports.is_empty());
-        let Some(ports) = ports else { return Ok(None) };
+        let Some(ports) = ports else { return Ok(self.only_device(part)) };
         let (port, networks) = (ports[0], ports.iter().flat_map(|port| &port.networks).collect::<BTreeSet<_>>());
         // A wrapper that names no device is of the only one that there is.
         let devices = self.devices.iter().filter(|device| networks.is_empty() || networks.contains(&device.name));
         let devices: Vec<&Device> = devices.collect();
         let (name, wrapper, file) = (&port.name, &port.wrapper, &port.file);
         match devices[..] {
-            [device] => Ok(Some(Source { device, first_board: port.first / BOARD_VALUES, port: name })),
+            [device] => {
+                let (first_board, port_boards) = (port.first / BOARD_VALUES, port.boards);
+                Ok(Some(Source { device, first_board, port: self.port(name), port_boards }))
+            }
             [] => {
                 let networks = networks.into_iter().cloned().collect::<Vec<_>>().join(", ");
                 Err(format!(
@@ -170,24 +187,32 @@ impl Robot {
         }
     }
 
-    /// Why the robot's computer has no CAN interface for a part, and where its counts are, if so.
-    pub fn out_of_reach(
-        &self,
-        part: &str,
-        Source { device: Device { name, kind, .. }, port, .. }: &Source<'_>,
-    ) -> Option<String> {
-        let prefix = self.prefix.as_deref().unwrap_or("ROBOT").trim().trim_matches('/');
-        (kind == "embObjSkin").then(|| {
-            format!(
-                "{part}: its device {name} is behind an Ethernet board (embObjSkin), so this robot's computer has no CAN \
-                 interface for it. Its counts are on the YARP port /{prefix}/skin/{port}, which taxeld does not read yet"
-            )
-        })
+    /// Where no wrapper has a port of a hand: the one device of its arm, if it has one board.
+    fn only_device(&self, part: Part) -> Option<Source<'_>> {
+        let of_limb = |device: &&Device| Part::named(&device.name).is_some_and(|of| of.bus() == part.bus());
+        let mut devices = self.devices.iter().filter(of_limb);
+        let device = devices.next().filter(|device| part.is_hand() && device.in_order().len() == 1)?;
+        let port = self.port(&part.name());
+        devices.next().is_none().then_some(Source { device, first_board: 0, port, port_boards: 1 })
+    }
+
+    /// The whole name of a port.
+    fn port(&self, name: &str) -> String {
+        let prefix = self.prefix.as_deref().unwrap_or("icub").trim().trim_matches('/');
+        format!("/{prefix}/skin/{name}")
     }
 
     /// Whether any file was given.
     pub fn is_given(&self) -> bool {
         !self.given.is_empty()
+    }
+}
+
+impl Source<'_> {
+    /// The port that the part is read over.
+    pub fn draft_port(&self) -> DraftPort {
+        let boards = self.device.in_order().into_iter().map(|(_, address)| address);
+        DraftPort { name: self.port.clone(), boards: boards.skip(self.first_board).take(self.port_boards).collect() }
     }
 }
 
@@ -206,8 +231,15 @@ impl Device {
                 let bus = value(&params, "canDeviceNum").and_then(number).and_then(|bus| bus.try_into().ok());
                 self.addresses.insert(bus.unwrap_or(0), ids);
             }
+            self.card = self.card.take().or(value(&params, "canbusDevice").map(str::to_owned));
             self.settings.group(part.attribute("name").unwrap_or(""), &params);
         }
+    }
+
+    /// Whether its boards are on no CAN interface of the computer: behind an Ethernet board, or on a card that SocketCAN does
+    /// not know.
+    pub fn is_out_of_reach(&self) -> bool {
+        self.kind == "embObjSkin" || self.card.as_ref().is_some_and(|card| !card.eq_ignore_ascii_case("socketcan"))
     }
 
     /// What its boards are configured with; `None` where no file says it.
@@ -238,9 +270,12 @@ fn ports(node: Node<'_, '_>, wrapper: &str, file: &str) -> Vec<Port> {
     let networks: Vec<String> =
         elems("networks").flat_map(|elem| -> Vec<String> { words(elem.text().unwrap_or("")) }).collect();
     let port = |elem: Node<'_, '_>| {
-        let first = numbers(elem.text()?).first().copied()?.try_into().ok()?;
+        let range = numbers(elem.text()?);
+        let first = range.first().copied()?.try_into().ok()?;
+        let last: usize = range.get(1).copied().unwrap_or_default().try_into().ok()?;
+        let boards = (last + 1).saturating_sub(first).div_ceil(BOARD_VALUES);
         let (name, networks) = (elem.attribute("name")?.trim().to_owned(), networks.clone());
-        Some(Port { name, first, wrapper: wrapper.to_owned(), file: file.to_owned(), networks })
+        Some(Port { name, first, boards, wrapper: wrapper.to_owned(), file: file.to_owned(), networks })
     };
     elems("ports").filter_map(port).collect()
 }

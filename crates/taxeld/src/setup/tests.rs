@@ -182,7 +182,7 @@ fn the_robots_configuration_gives_addresses_periods_and_exceptions() {
     );
     let out = folder.path("t.toml");
     let wrapper = folder.put("w.xml", &wrapper("w", "torso", "0 767 0 767", "torso-eb22-skin").1);
-    run(&["--positions", &torso, "--xml", &device, &spec, &wrapper, "--out", &out]).unwrap();
+    run(&["--positions", &torso, "--xml", &device, &spec, &wrapper, "--can", "--out", &out]).unwrap();
     let text = folder.written();
     let plan = &folder.resolved().plan.patches[0];
     let addresses: Vec<u8> = plan.patch.boards().iter().map(|board| board.address.get()).collect();
@@ -262,7 +262,8 @@ fn patches(parts: &[(&str, &[usize])], files: &[&(String, String)]) -> Result<Ve
     };
     let layout = parts.iter().map(drawing).collect();
     let xml = files.iter().map(|(name, text)| folder.put(name, text).into()).collect();
-    let args = SetupArgs { positions: Vec::new(), layout, xml, out: folder.path("t.toml").into(), force: false };
+    let (positions, out) = (Vec::new(), folder.path("t.toml").into());
+    let args = SetupArgs { positions, layout, xml, yarp: false, can: false, out, force: false };
     drafts(&args).map(|(drafts, _)| drafts).map_err(|why| format!("{why:#}"))
 }
 
@@ -279,7 +280,9 @@ fn a_port_says_the_device_whatever_its_name_and_the_order_of_the_files() {
         let drafts = patches(&[("left_hand", &[0]), ("left_upperarm", &[0, 17])], &files).unwrap();
         assert_eq!(addresses(&drafts[0]), [14]);
         assert_eq!(addresses(&drafts[1]), [3, 4], "the third board's values come first on that port");
-        assert_eq!((drafts[0].bus.as_str(), drafts[1].bus.as_str()), ("left_arm", "left_arm_2"));
+        let port = |draft: &PatchDraft| draft.port.clone().unwrap();
+        assert_eq!(port(&drafts[0]).boards, [14], "one board of three");
+        assert_eq!(port(&drafts[1]).name, "/icub/skin/left_upperarm");
     }
     let why = patches(&[("left_hand", &[0])], &[&of_a]).unwrap_err();
     assert!(why.contains("wa has the values of left_arm-a-skin, which is in none of the files"), "{why}");
@@ -304,11 +307,11 @@ fn a_device_on_a_can_card_has_its_parameters_in_params_and_its_settings_in_what_
     let wrapper = wrapper("w", "left_hand", "0 191 0 191", "");
     let draft = &patches(&[("left_hand", &[0])], &[&files[0], &files[1], &wrapper]).unwrap()[0];
     assert_eq!((addresses(draft), draft.boards[0].modules[0].0), (vec![15], (0, 0x2000)));
-    assert!(draft.is_shared_address && draft.out_of_reach.is_none());
+    assert!(draft.is_shared_address && draft.port.is_none());
 }
 
 #[test]
-fn boards_behind_an_ethernet_board_are_told_with_the_port_of_their_counts() {
+fn boards_behind_an_ethernet_board_are_read_over_the_port_of_their_counts() {
     let second = format!("{}<param name='skinCanAddrsPatch2'>13 12</param>", boards("9 10 11"));
     let arm = device("left_arm-eb31-skin", &second);
     let of_arm = wrapper("w", "left_forearm", "0 383 0 383", "left_arm-eb31-skin");
@@ -316,8 +319,11 @@ fn boards_behind_an_ethernet_board_are_told_with_the_port_of_their_counts() {
     let robot = ("robot.xml".to_owned(), robot.to_owned());
     let draft = &patches(&[("left_forearm", &[0, 16])], &[&arm, &of_arm, &robot]).unwrap()[0];
     assert_eq!(addresses(draft), [13, 12], "the second bus comes first");
-    let told = draft.out_of_reach.as_ref().unwrap();
-    assert!(told.contains("behind an Ethernet board") && told.contains("YARP port /robo/skin/left_forearm"), "{told}");
+    let port = draft.port.as_ref().unwrap();
+    assert_eq!((port.name.as_str(), &port.boards[..]), ("/robo/skin/left_forearm", &[13, 12][..]));
+    let text = super::write::text(std::slice::from_ref(draft), Path::new("."));
+    let (_, scene) = crate::config::examine_text(Path::new("t.toml"), &text).unwrap();
+    assert!(text.contains("source = \"yarp\"") && !scene.plan.patches[0].configures(), "{text}");
 }
 
 #[test]

@@ -34,13 +34,17 @@ pub fn text(drafts: &[PatchDraft], folder: &Path) -> String {
             buses.push(&draft.bus);
         }
     }
-    for (position, bus) in buses.into_iter().enumerate() {
-        let none = drafts.iter().any(|draft| draft.bus == *bus && draft.out_of_reach.is_some());
-        let question = if none { "this computer has none for" } else { "which interface is" };
-        let _ = write!(
-            text,
-            "\n[[bus]]\nname = \"{bus}\"\ninterface = \"can{position}\" # {CHECK} {question} the bus of {bus}\n"
-        );
+    let mut interfaces = 0..;
+    for bus in buses {
+        let _ = write!(text, "\n[[bus]]\nname = \"{bus}\"\n");
+        if drafts.iter().any(|draft| draft.bus == *bus && draft.port.is_some()) {
+            text.push_str(
+                "source = \"yarp\" # the name server that `yarp conf` names; else: server = \"10.0.0.2:10000\"\n",
+            );
+        } else {
+            let number = interfaces.next().unwrap_or(0);
+            let _ = writeln!(text, "interface = \"can{number}\" # {CHECK} which interface is the bus of {bus}");
+        }
     }
     drafts.iter().for_each(|draft| patch(&mut text, draft, folder));
     text
@@ -49,17 +53,21 @@ pub fn text(drafts: &[PatchDraft], folder: &Path) -> String {
 fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
     let (name, bus) = (draft.part.name(), &draft.bus);
     let _ = writeln!(text, "\n# {name}: {} taxels", draft.taxels());
-    draft.out_of_reach.iter().chain(&draft.open).for_each(|line| comment(text, &format!("{CHECK} {line}")));
-    let (listen_only, why) = match draft {
-        draft if draft.is_shared_address => (true, "a command to board 15 would go to all boards of the bus"),
-        draft if draft.out_of_reach.is_some() => (true, "false where you have wired the bus to this computer"),
-        _ => (false, "true: the robot's own software configures the boards, nothing is sent to them"),
-    };
-    let _ = write!(
-        text,
-        "[[patch]]\nname = \"{name}\"\nbus = \"{bus}\"\nlisten_only = {listen_only} # {why}\nperiod_ms = {}\n",
-        draft.period_ms
-    );
+    draft.open.iter().for_each(|line| comment(text, &format!("{CHECK} {line}")));
+    let _ = write!(text, "[[patch]]\nname = \"{name}\"\nbus = \"{bus}\"\n");
+    if let Some(port) = &draft.port {
+        let _ = writeln!(text, "port = {} # the robot's own software configures the boards", quoted(&port.name));
+        if port.boards != draft.boards.iter().map(|board| board.address).collect::<Vec<_>>() {
+            let _ = writeln!(text, "port_boards = {:?}", port.boards);
+        }
+    } else {
+        let (listen_only, why) = match draft.is_shared_address {
+            true => (true, "a command to board 15 would go to all boards of the bus"),
+            false => (false, "true: the robot's own software configures the boards, nothing is sent to them"),
+        };
+        let _ = writeln!(text, "listen_only = {listen_only} # {why}");
+    }
+    let _ = writeln!(text, "period_ms = {}", draft.period_ms);
     if let Some(path) = &draft.geometry {
         let _ = writeln!(text, "geometry = {}", quoted(&relative(path, folder).to_string_lossy()));
         text.push_str("outputs = [] # beside the total: \"resultant\", \"moment\", \"contacts\", \"fill\"\n");
@@ -69,13 +77,22 @@ fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
     }
     text.push_str("boards = [\n");
     for board in &draft.boards {
+        if draft.port.is_some() {
+            let mut modules: Vec<_> = board.modules.iter().flat_map(|(_, modules)| modules.clone()).collect();
+            modules.sort_by_key(|(module, _)| module.get());
+            let _ =
+                writeln!(text, "    {{ address = {}, modules = \"{}\" }},", board.address, modules_written(&modules));
+            continue;
+        }
         board.modules.iter().for_each(|(values, modules)| entry(text, board, &modules_written(modules), *values));
     }
     text.push_str("]\n");
-    let words = "without the bag's pressure sensor there is no calibration, only force. Put in the identifier of yours: `taxeld \
-                 scan` shows frames that could be a pressure";
+    let words = "without the bag's pressure sensor there is no calibration, only force. Put in yours:";
     comment(text, &format!("{CHECK} {words}"));
-    text.push_str("# gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n");
+    text.push_str(match draft.port {
+        Some(_) => "# gauge = { port = \"/bag/pressure:o\", index = 0, unit = \"kPa\" }\n",
+        None => "# gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" } # `taxeld scan` shows what could be a pressure\n",
+    });
 }
 
 /// Modules of a board that are configured alike; what is as on most boards is left out.
