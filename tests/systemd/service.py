@@ -145,7 +145,7 @@ def stops_cleanly(watching):
     for end, there in [("", True), ("-wal", False), ("-open", False)]:
         assert os.path.exists(STORE + end) == there, STORE + end
     assert "taxeld stops" in journal()
-    checked = run("taxeld", "store", "check", "--store", STORE)
+    checked = run("taxeld", "check", "--store", STORE)
     told(f"stopped: the store is closed; {checked.strip().splitlines()[0]}")
 
 

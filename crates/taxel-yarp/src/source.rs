@@ -50,7 +50,8 @@ impl Content {
 
 /// What a port's task tells.
 enum Told {
-    Frames(Vec<TimedFrame>),
+    Counts(Vec<TimedFrame>),
+    Pressure(Vec<TimedFrame>),
     Event(BusEvent),
 }
 
@@ -58,6 +59,8 @@ enum Told {
 #[derive(Debug)]
 pub struct PortBus {
     told: mpsc::Receiver<Told>,
+    /// There is a port of skin and it sends nothing of use: a pressure would say that the bus is up.
+    is_down: bool,
     _tasks: JoinSet<()>,
 }
 
@@ -66,6 +69,7 @@ impl PortBus {
     #[must_use]
     pub fn open(server: Option<&str>, ports: Vec<(String, Content)>) -> Self {
         let (to_bus, told) = mpsc::channel(WAITING_MAX);
+        let is_down = ports.iter().any(|(_, content)| matches!(content, Content::Skin(_)));
         let mut tasks = JoinSet::new();
         for (port, content) in ports {
             let to_bus = to_bus.clone();
@@ -73,17 +77,23 @@ impl PortBus {
                 Port { server: server.map(str::to_owned), port, content, to_bus, is_up: false, told: String::new() };
             tasks.spawn(port.keep());
         }
-        Self { told, _tasks: tasks }
+        Self { told, is_down, _tasks: tasks }
     }
 }
 
 impl FrameSource for PortBus {
     async fn next(&mut self, batch: &mut Batch) -> Result<(), SourceError> {
         batch.clear();
-        match self.told.recv().await {
-            Some(Told::Frames(frames)) => batch.frames = frames,
-            Some(Told::Event(event)) => batch.events.push(event),
-            None => std::future::pending().await, // there are no ports
+        while batch.is_empty() {
+            match self.told.recv().await {
+                Some(Told::Pressure(_)) if self.is_down => {}
+                Some(Told::Counts(frames) | Told::Pressure(frames)) => batch.frames = frames,
+                Some(Told::Event(event)) => {
+                    self.is_down = event != BusEvent::Up;
+                    batch.events.push(event);
+                }
+                None => std::future::pending().await, // there are no ports
+            }
         }
         Ok(())
     }
@@ -148,7 +158,12 @@ impl Port {
                 Err(unfit) => self.down(format!("port {}: {unfit}", self.port)).await?,
             }
             if !frames.is_empty() {
-                self.tell(Told::Frames(std::mem::take(&mut frames))).await?;
+                let frames = std::mem::take(&mut frames);
+                self.tell(match self.content {
+                    Content::Skin(_) => Told::Counts(frames),
+                    Content::Gauge(_) => Told::Pressure(frames),
+                })
+                .await?;
             }
         }
     }
