@@ -81,7 +81,7 @@ class Out:
         self.pressures()
         self.hung_and_removed()
         self.name_server_restarts(ports)
-        self.names_that_are_taken()
+        self.names_that_are_taken(ports)
         bridge.send_signal(signal.SIGTERM)
         bridge.wait(30)
         until("the names are given back", lambda: not ports & self.yarp.names())
@@ -169,10 +169,12 @@ class Out:
         self.yarp.serve()
         until("the ports are registered anew", lambda: ports <= self.yarp.names())
 
-    def names_that_are_taken(self):
+    def names_that_are_taken(self, ports):
         second = self.stage.start("second", self.bridge_program, "run", "--config", self.config)
         until("it says so", lambda: "is another program's" in second.log.read_text())
-        self.stage.end(second)
+        second.send_signal(signal.SIGTERM)
+        second.wait(30)
+        assert ports <= self.yarp.names(), "it gives back what it has not"
 
     def after_a_crash(self, ports):
         bridge = self.stage.start("bridge", self.bridge_program, "run", "--config", self.config)

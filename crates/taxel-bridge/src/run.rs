@@ -14,7 +14,7 @@ use crate::ros::node::RosNode;
 use crate::ros::publish::{self, ForceTopics};
 use crate::ros::tare;
 use crate::signals::asked_to_end;
-use crate::yarp::publish::{self as ports, Followed};
+use crate::yarp::publish::{self as ports, Followed, Taken};
 
 type Tasks = JoinSet<anyhow::Result<()>>;
 
@@ -25,7 +25,7 @@ type Tasks = JoinSet<anyhow::Result<()>>;
 pub async fn run(config: Config) -> anyhow::Result<()> {
     let daemon = Daemon::new(&config.daemon)?;
     let health = daemon.follow_health();
-    let bridge = Bridge { config, daemon, health };
+    let bridge = Bridge { config, daemon, health, taken: Taken::default() };
     tracing::info!(daemon = bridge.daemon.server(), "the bridge runs");
     // ROS and the fleet have a session each: their routers may be two, and one that is away does not hold up the other.
     let running = async {
@@ -37,7 +37,7 @@ pub async fn run(config: Config) -> anyhow::Result<()> {
         asked = asked_to_end() => asked.inspect(|()| tracing::info!("the bridge ends, as it was asked to")),
     };
     if let Some(yarp) = &bridge.config.yarp {
-        ports::give_back(yarp, bridge.port_names(yarp)).await;
+        ports::give_back(yarp, &bridge.taken).await;
     }
     ended
 }
@@ -54,6 +54,8 @@ struct Bridge {
     config: Config,
     daemon: Daemon,
     health: HealthFeed,
+    /// Names of ports.
+    taken: Taken,
 }
 
 impl Bridge {
@@ -97,34 +99,30 @@ impl Bridge {
         let mut tasks = Tasks::new();
         for patch in &self.config.patches {
             let [force, pressure] = patch.ports(yarp);
-            let (section, forces) = (yarp.clone(), self.daemon.forces(&patch.name, patch.rate_hz));
+            let (section, taken) = (yarp.clone(), self.taken.clone());
+            let forces = self.daemon.forces(&patch.name, patch.rate_hz);
             tasks.spawn(async move {
-                ports::forces(ports::opened(&section, &force).await, forces).await;
+                ports::forces(ports::opened(&section, &force, &taken).await, forces).await;
                 Ok(())
             });
             if yarp.pressure_hz > 0.0 {
-                let (section, name, daemon) = (yarp.clone(), patch.name.clone(), self.daemon.clone());
+                let (section, taken) = (yarp.clone(), self.taken.clone());
+                let (name, daemon) = (patch.name.clone(), self.daemon.clone());
                 tasks.spawn(async move {
-                    let port = ports::opened(&section, &pressure).await;
+                    let port = ports::opened(&section, &pressure, &taken).await;
                     ports::taxels(port, name, daemon, section.pressure_hz).await;
                     Ok(())
                 });
             }
         }
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
-        let section = yarp.clone();
+        let (section, taken) = (yarp.clone(), self.taken.clone());
         tasks.spawn(async move {
-            let port = ports::opened(&section, &section.skin_events()).await;
+            let port = ports::opened(&section, &section.skin_events(), &taken).await;
             ports::events(port, followed).await;
             Ok(())
         });
         first_end(tasks).await
-    }
-
-    /// All names of ports.
-    fn port_names(&self, yarp: &YarpSection) -> Vec<String> {
-        let of_patches = self.config.patches.iter().flat_map(|patch| patch.ports(yarp));
-        of_patches.chain([yarp.skin_events()]).collect()
     }
 
     /// Tells what a robot tells its fleet.

@@ -38,8 +38,6 @@ type Written = Arc<str>;
 pub struct OutPort {
     newest: watch::Sender<Written>,
     sequence: u64,
-    server: NameServer,
-    name: String,
     /// Its tasks end with it.
     _tasks: JoinSet<()>,
 }
@@ -56,24 +54,18 @@ impl OutPort {
         let listener = TcpListener::bind((ip, 0)).await.map_err(unbound)?;
         let at = listener.local_addr().map_err(unbound)?;
         server.register(name, at).await?;
-        let (newest, _) = watch::channel(Written::from(""));
+        let (newest, to_readers) = watch::channel(Written::from(""));
         let port = Arc::new(Port {
             name: name.to_owned(),
             at,
             server: server.clone(),
-            newest: newest.clone(),
+            newest: to_readers,
             readers: Mutex::default(),
         });
         let mut tasks = JoinSet::new();
         tasks.spawn(Arc::clone(&port).accept(listener));
         tasks.spawn(port.stay_registered());
-        Ok(Self { newest, sequence: 0, server: server.clone(), name: name.to_owned(), _tasks: tasks })
-    }
-
-    /// Its name.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
+        Ok(Self { newest, sequence: 0, _tasks: tasks })
     }
 
     /// Sends a message to all readers. `stamp_s`: the time of what it tells, in seconds since 1970.
@@ -81,14 +73,6 @@ impl OutPort {
         self.sequence += 1;
         let text = format!("do {} {stamp_s:.6}\r\n{}\r\n", self.sequence, Value::line(message));
         self.newest.send_replace(text.into());
-    }
-
-    /// Ends the port and takes its name back.
-    ///
-    /// # Errors
-    /// What is wrong with the name server.
-    pub async fn close(self) -> Result<(), PortError> {
-        self.server.unregister(&self.name).await
     }
 }
 
@@ -111,9 +95,9 @@ struct Port {
     name: String,
     at: SocketAddr,
     server: NameServer,
-    newest: watch::Sender<Written>,
-    /// By name, with what ends it.
-    readers: Mutex<BTreeMap<String, watch::Sender<()>>>,
+    newest: watch::Receiver<Written>,
+    /// By a number of their own, since two may have one name: the name, and what ends it.
+    readers: Mutex<BTreeMap<u64, (String, watch::Sender<()>)>>,
 }
 
 impl Port {
@@ -276,11 +260,15 @@ impl Port {
     }
 
     fn names(&self) -> Vec<String> {
-        self.readers.lock().unwrap_or_else(PoisonError::into_inner).keys().cloned().collect()
+        self.readers.lock().unwrap_or_else(PoisonError::into_inner).values().map(|(name, _)| name.clone()).collect()
     }
 
+    /// Ends all readers of this name; gives whether there was one.
     fn remove(&self, reader: &str) -> bool {
-        self.readers.lock().unwrap_or_else(PoisonError::into_inner).remove(reader).is_some()
+        let mut readers = self.readers.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = readers.len();
+        readers.retain(|_, (name, _)| name != reader);
+        readers.len() < before
     }
 
     /// Connects to a port that wants to read this one.
@@ -297,34 +285,31 @@ impl Port {
         let unreachable = |error| PortError::Unreachable(reader.to_owned(), contact.to_string(), error);
         let stream = opened.await.map_err(unreachable)?;
         let (port, reader) = (Arc::clone(self), reader.to_owned());
-        let ended = port.admit(&reader);
         tokio::spawn(async move {
-            if let Err(error) = port.write_on(stream, ended).await {
+            if let Err(error) = port.write_to(reader.clone(), stream).await {
                 tracing::debug!(port = port.name, reader, %error, "a reader is gone");
             }
-            port.remove(&reader);
         });
         Ok(())
     }
 
-    /// Writes to a connection that turned round.
-    async fn write_to(self: &Arc<Self>, reader: String, stream: TcpStream) -> io::Result<()> {
-        let ended = self.admit(&reader);
+    /// Writes to a reader until it is removed or takes nothing any more.
+    async fn write_to(&self, reader: String, stream: TcpStream) -> io::Result<()> {
+        let (end, ended) = watch::channel(());
+        let number = {
+            let mut readers = self.readers.lock().unwrap_or_else(PoisonError::into_inner);
+            let number = readers.last_key_value().map_or(0, |(last, _)| last + 1);
+            readers.insert(number, (reader, end));
+            number
+        };
         let written = self.write_on(stream, ended).await;
-        self.remove(&reader);
+        self.readers.lock().unwrap_or_else(PoisonError::into_inner).remove(&number);
         written
     }
 
-    /// A reader of the same name that was there before ends.
-    fn admit(&self, reader: &str) -> watch::Receiver<()> {
-        let (end, ended) = watch::channel(());
-        self.readers.lock().unwrap_or_else(PoisonError::into_inner).insert(reader.to_owned(), end);
-        ended
-    }
-
-    /// Writes each newest message until the reader is removed or takes nothing any more.
+    /// Writes each newest message.
     async fn write_on(&self, mut stream: TcpStream, mut ended: watch::Receiver<()>) -> io::Result<()> {
-        let mut newest = self.newest.subscribe();
+        let mut newest = self.newest.clone();
         let mut said = [0; 256];
         loop {
             tokio::select! {

@@ -56,9 +56,9 @@ pub(crate) fn answer_to(message: &[Value]) -> Vec<Value> {
     }
 }
 
-/// `/reader` of `tcp:/reader`, `tcp://reader`, `/reader`.
+/// `/reader:i` of `tcp:/reader:i`, `tcp://reader:i`, `/reader:i`.
 fn target(written: &str) -> String {
-    match written.split_once(':') {
+    match written.split_once(":/") {
         Some((_, name)) => format!("/{}", name.trim_start_matches('/')),
         None => written.to_owned(),
     }
@@ -73,7 +73,9 @@ mod tests {
         let admin = |line: &str| of_admin(&Value::parse(line).unwrap());
         assert_eq!(admin("[add] \"tcp:/reader\""), Wish::Add("/reader".into()));
         assert_eq!(admin("add /reader"), Wish::Add("/reader".into()));
-        assert_eq!(admin("[del] \"/reader\""), Wish::Remove("/reader".into()));
+        assert_eq!(admin("[add] \"tcp:/reader:i\""), Wish::Add("/reader:i".into()));
+        assert_eq!(admin("[add] /reader:i"), Wish::Add("/reader:i".into()));
+        assert_eq!(admin("[del] \"/reader:i\""), Wish::Remove("/reader:i".into()));
         assert_eq!(admin("[list] [out]"), Wish::ListOut(None));
         assert_eq!(admin("[list] [out] \"/reader\""), Wish::ListOut(Some("/reader".into())));
         assert_eq!(admin("[list] [in]"), Wish::Nothing);

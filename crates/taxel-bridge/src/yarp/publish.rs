@@ -1,6 +1,6 @@
 //! When what goes out on which port.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use taxel_client::Forces;
@@ -25,13 +25,19 @@ const NO_FORCE_EVERY: Duration = Duration::from_millis(100);
 /// Between two attempts to open a port or a stream.
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 
+/// The names that this bridge has taken, to be given back at its end. Another program's are not touched.
+pub type Taken = Arc<Mutex<Vec<String>>>;
+
 /// Opens a port as soon as the name server is there and the name is free.
-pub async fn opened(section: &YarpSection, name: &str) -> OutPort {
+pub async fn opened(section: &YarpSection, name: &str, taken: &Taken) -> OutPort {
     let (mut pause, mut told) = (PAUSES[0], String::new());
     loop {
         let open = async { OutPort::open(&section.name_server()?, name).await };
         let error: PortError = match open.await {
-            Ok(port) => return port,
+            Ok(port) => {
+                taken.lock().unwrap_or_else(PoisonError::into_inner).push(name.to_owned());
+                return port;
+            }
             Err(error) => error,
         };
         if told != error.to_string() {
@@ -44,7 +50,8 @@ pub async fn opened(section: &YarpSection, name: &str) -> OutPort {
 }
 
 /// Takes the names back, for as long as a name server takes to answer.
-pub async fn give_back(section: &YarpSection, names: Vec<String>) {
+pub async fn give_back(section: &YarpSection, taken: &Taken) {
+    let names = std::mem::take(&mut *taken.lock().unwrap_or_else(PoisonError::into_inner));
     let server: Result<NameServer, PortError> = section.name_server();
     for name in names {
         if let Ok(server) = &server
