@@ -205,7 +205,9 @@ fn pressure(plan: &PatchPlan, scan: u64, kpa: Option<f64>) -> Result<Option<Kilo
     let Some(kpa) = kpa else { return Ok(None) };
     if !plan.pushed.is_some_and(|pushed| pushed.pressure) {
         let name = plan.patch.name();
-        let problem = format_args!("comes with scan {scan}, but patch `{name}` has push.pressure = false");
+        let problem = format_args!(
+            "comes with scan {scan}, but patch `{name}` takes none: add gauge = {{}} to it, or leave it out"
+        );
         return Err(invalid("pressure_kpa", problem));
     }
     if !PRESSURE_KPA.contains(&kpa) {
