@@ -3,10 +3,10 @@
 use taxel_skin::Time;
 
 pub use crate::boundary::catalogue::Catalogue;
+pub use crate::force::budget::{Budget, Term};
 pub use crate::force::reason::{Reason, ReasonCode, in_words};
-pub use crate::force::sample::{Contact, ForceSample, ForceState, RangeFlag, TaxelState};
+pub use crate::force::sample::{Contact, ForceSample, ForceState, RangeFlag, TaxelState, Undetected};
 pub use crate::force::taxels::Taxels;
-pub use crate::force::wear::Wear;
 pub use crate::intake::health::{BoardHealth, BusHealth};
 pub use crate::zero::view::TareView;
 

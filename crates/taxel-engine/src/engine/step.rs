@@ -119,14 +119,6 @@ impl Engine {
         self.patches.iter().filter_map(Patch::deadline).chain(health).min()
     }
 
-    /// Warms up the caches for the scans that are about to end, each once: nothing that comes out later is another for it. Gives
-    /// the positions of their patches, which are those with boards on this bus. Whoever replays a log need not ask for it.
-    pub fn warm_up(&mut self, bus: BusIndex) -> impl Iterator<Item = usize> {
-        let patches = self.patches.iter_mut().zip(&self.plan.patches).enumerate();
-        let on_bus = patches.filter(move |(_, (_, plan))| plan.patch.is_on(bus));
-        on_bus.filter_map(|(position, (patch, _))| patch.warm_up().then_some(position))
-    }
-
     /// Takes one input; what has to be done because of it is appended to `out`, in order.
     pub fn step(&mut self, now: Now, input: Input<'_>, out: &mut Vec<Output>) {
         let before = out.len();

@@ -1,27 +1,19 @@
-//! From the pressures of one scan to a force: total, its uncertainty, and the parts that the scene asks for.
-
-mod find;
-mod uncertainty;
+//! From the pressures of one scan to a force: which taxels are touched, their sum, its uncertainty, and what else the plan asks for.
 
 use nalgebra::Vector3;
 use std::ops::Range;
-use std::sync::Arc;
 use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 
 use crate::counts::Counts;
+use crate::force::budget::{Budget, Term};
 use crate::force::contacts::clusters;
+use crate::force::coverage::{self, Unread};
 use crate::force::evaluator::Evaluator;
-use crate::force::neighbours::{Filled, Neighbours};
-use crate::force::reason::positions;
-use crate::force::remainder::Unseen;
+use crate::force::neighbours::Neighbours;
+use crate::force::offsets::Offsets;
 use crate::force::sample::ForceSample;
-use crate::force::sampling::{Contact, rim_sigma_n};
-use crate::force::touch::Touch;
-#[cfg(doc)]
-use crate::scan::Scan;
-
-/// A taxel at the corner of a module and those beside it.
-const CORNER_TAXELS: usize = 3;
+use crate::force::sampling::Contact;
+use crate::model_set::GAIN_OF_DAY_REL;
 
 /// Which parts of a force sample are computed beside the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,7 +24,7 @@ pub struct Outputs {
     pub moment: bool,
     /// Clusters of touched taxels; needs positions.
     pub contacts: bool,
-    /// The total includes pressures of excluded taxels, taken from their neighbours; needs positions.
+    /// The total includes pressures of unread taxels, taken from those beside them; needs positions.
     pub fill: bool,
 }
 
@@ -45,7 +37,7 @@ pub struct Layout {
     pub area_uncertainty: f64,
     /// Which parts of a sample are asked for.
     pub outputs: Outputs,
-    /// Positions and normals, where the scene has them.
+    /// Positions and normals, where the plan has them.
     pub geometry: Option<Geometry>,
     /// Which taxels form each module, ascending.
     pub modules: Vec<Range<usize>>,
@@ -65,24 +57,46 @@ pub struct ForceModel {
     modules: Vec<Range<usize>>,
 }
 
-/// What the selected taxels leave of the patch's area.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Coverage {
-    /// Share of the area that no selected taxel covers, 0 to 1.
-    pub uncovered_share: f64,
-    /// Taxels that are not selected and lie where no selected neighbour would feel a load on them either.
-    pub blind: u32,
+/// What a scan touches. Its owner keeps it from scan to scan, so that a scan seldom has to ask for memory.
+#[derive(Clone, Debug, Default)]
+pub struct Touch {
+    /// Taxel and force in N, those beyond the activation threshold first.
+    pub active: Vec<(usize, f64)>,
+    /// Unread taxels under or beside them that others tell of.
+    pub unread: Vec<Unread>,
+    /// Taxels beside active ones that are not selected, ascending.
+    pub missing: Vec<usize>,
+    /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
+    labels: Vec<u16>,
+    contacts: Vec<Contact>,
 }
 
-/// What the force of a scan depends on beside its counts.
+/// What the uncertainty of a force depends on beside its scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Present<'a> {
-    /// What [`ForceModel::coverage`] says of the taxels selected now.
-    pub coverage: Coverage,
     /// Standard uncertainty of the zero that all taxels share, counts.
     pub zero_sigma_counts: f64,
-    /// By how many counts the taxels of each module jump together, see [`Scan::jumps`].
+    /// Standard uncertainty because noise decides which taxels are summed, N.
+    pub choice_n: f64,
+    /// By how many counts the taxels of each module jump together.
     pub jumps: &'a [f32],
+}
+
+/// Sums over the touched taxels that the uncertainty follows from, N unless they say otherwise.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    own_n2: f64,
+    hysteresis_n: f64,
+    curve_n: f64,
+    beyond_n: f64,
+    /// Histories that are not known.
+    history_n: f64,
+    /// Change of the force if all counts change by one.
+    per_count_n: f64,
+    /// N per kPa.
+    area: f64,
+    /// Taxels beyond the calibrated range.
+    above: u32,
 }
 
 impl ForceModel {
@@ -107,35 +121,10 @@ impl ForceModel {
         }
     }
 
-    /// Other areas at the same places: who lies beside whom is found once, by as many distances as there are pairs.
+    /// Other areas at the same positions: who lies beside whom is found once, by as many distances as there are pairs.
     pub fn set_areas(&mut self, areas: &[SquareMillimetre], uncertainty: f64) {
         self.areas_mm2 = areas.iter().map(|area| area.0).collect();
         self.area_uncertainty = uncertainty;
-    }
-
-    /// What the taxels selected now leave of the patch's area, and which of the others are blind, ascending.
-    #[must_use]
-    pub fn coverage(&self, selected: &[bool]) -> (Coverage, Vec<u16>) {
-        let all: f64 = self.areas_mm2.iter().sum();
-        let covered: f64 = self.areas_mm2.iter().zip(selected).filter(|(_, s)| **s).map(|(area, _)| area).sum();
-        let missing = |range: Range<usize>| range.filter(|&t| !selected[t]);
-        let mut blind = match &self.neighbours {
-            Some(neighbours) => {
-                let seen = |taxel: usize| neighbours.cover(taxel, |other| selected[other]);
-                positions(missing(0..selected.len()).filter(|&taxel| !seen(taxel)))
-            }
-            // Without positions one that lies at the corner of a module may be, with the two beside it, and on a small one sooner.
-            None => {
-                let is_cornered = |range: &&Range<usize>| {
-                    let missing = missing((*range).clone()).count();
-                    missing >= CORNER_TAXELS || missing > 0 && 2 * missing >= range.len()
-                };
-                positions(self.modules.iter().filter(is_cornered).flat_map(|range| missing(range.clone())))
-            }
-        };
-        blind.sort_unstable();
-        let uncovered_share = if all > 0.0 { (1.0 - covered / all).max(0.0) } else { 0.0 };
-        (Coverage { uncovered_share, blind: blind.len() as u32 }, blind)
     }
 
     /// The neighbours of each taxel, where positions are known.
@@ -144,78 +133,172 @@ impl ForceModel {
         self.neighbours.as_ref()
     }
 
-    /// The force of one scan, which is `touch`. State, reasons and the counts of excluded and stale taxels are the
-    /// caller's.
+    /// Which taxels are touched, those at the rim of a contact with them, and what lies on unread ones beside them.
+    pub fn touch(&self, evaluator: &Evaluator, counts: Counts<'_>, touch: &mut Touch) {
+        touch.active.clear();
+        touch.unread.clear();
+        touch.contacts.clear();
+        touch.missing.clear();
+        evaluator.find_active(counts, &mut touch.active);
+        if touch.active.is_empty() {
+            return;
+        }
+        let low = |taxel: usize| counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count)).unwrap_or(0.0);
+        let contacts =
+            self.neighbours.as_ref().map_or(0, |all| all.grow(&mut touch.active, &mut touch.labels, low));
+        self.find_unread(evaluator.selection(), low, touch);
+        touch.contacts.resize(contacts + 1, Contact::default());
+        for &(taxel, newton) in &touch.active {
+            let contact = touch.labels.get(taxel).filter(|_| contacts > 0).map_or(0, |&label| usize::from(label));
+            touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton, self.is_at_rim(taxel));
+        }
+    }
+
+    /// Finds the unread taxels beside touched ones; `low` is what a read one bears, N.
+    fn find_unread(&self, selected: &[bool], low: impl Fn(usize) -> f64, touch: &mut Touch) {
+        let kpa = |taxel: usize| low(taxel) / self.newton_per_kpa(taxel);
+        let Touch { active, unread, missing, .. } = touch;
+        match &self.neighbours {
+            Some(neighbours) => {
+                neighbours.missing_beside(active, |taxel| selected[taxel], missing);
+                unread.extend(missing.iter().filter_map(|&taxel| {
+                    let beside = || neighbours.of(taxel).filter(|&other| selected[other]).map(kpa);
+                    Unread::by(taxel, neighbours.is_at_rim(taxel), beside)
+                }));
+            }
+            None => {
+                let is_touched = |range: &&Range<usize>| active.iter().any(|(taxel, _)| range.contains(taxel));
+                for range in self.modules.iter().filter(is_touched) {
+                    let read = || range.clone().filter(|&taxel| selected[taxel]).map(kpa);
+                    let of_module = range.clone().filter(|&taxel| !selected[taxel]);
+                    missing.extend(of_module.clone());
+                    unread.extend(of_module.filter_map(|taxel| Unread::by(taxel, false, read)));
+                }
+            }
+        }
+    }
+
+    /// The force of one scan, which is `touch`, without its state, its reasons and what may be there undetected.
     #[must_use]
     pub fn measure(
         &self,
         evaluator: &Evaluator,
         counts: Counts<'_>,
         touch: &mut Touch,
-        unseen: Unseen,
         present: Present<'_>,
     ) -> ForceSample {
-        let Touch { active, beside, contacts, .. } = touch;
-        let uncovered_share = present.coverage.uncovered_share;
-        let measured_n = match self.neighbours {
+        let Touch { active, unread, contacts, .. } = touch;
+        let read_n = match self.neighbours {
             None => evaluator.sum_n(active),
             Some(_) => active.iter().fold(0.0, |sum, &(_, newton)| sum + newton), // sum() of nothing is -0.0
         };
-        let beside_n = |kpa: fn(&Filled) -> f64| {
-            beside.iter().fold(0.0, |sum, filled| sum + kpa(filled) * self.newton_per_kpa(filled.taxel))
+        let unread_n = |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
+        // Filled taxels err independently; what is left out is too little of all of them.
+        let (filled_n, missing_n) = if self.outputs.fill {
+            let squares: f64 = unread_n(Unread::sigma_kpa).map(|newton| newton * newton).sum();
+            (unread_n(|one| one.kpa).sum(), squares.sqrt())
+        } else {
+            (0.0, unread_n(Unread::missing_kpa).sum::<f64>())
         };
-        let (filled, filled_n, missing_n): (&[Filled], f64, f64) = match &self.neighbours {
-            Some(_) if self.outputs.fill => (beside, beside_n(|filled| filled.kpa), 0.0),
-            // Anything from nothing to more than any neighbour carries: the tip of the contact may lie there.
-            Some(_) => (&[], 0.0, beside_n(|filled| filled.kpa + filled.sigma_kpa)),
-            None => (&[], 0.0, self.missing_n(active, evaluator.selection())),
-        };
-        let total_n = measured_n + filled_n;
-        let shares = self.shares(evaluator, counts, active, filled);
+        let total_n = read_n + filled_n;
+        let sums = self.sums(evaluator, counts, active);
+        // What all touched taxels share those have, too, that are filled from them.
+        let scale = if read_n > 0.0 { total_n / read_n } else { 1.0 };
+        let (tables, set) = (evaluator.tables(), evaluator.tables().set());
         let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
-        let jumps_n2 = self.jumps_n2(evaluator, counts, (active, filled), present.jumps);
-        let variance_n2 =
-            self.variance_n2(evaluator, shares, total_n, present.zero_sigma_counts) + sampling_n2 + jumps_n2;
-        // What is not there and what the rim loses are both too little, and most of both where a contact lies about a taxel
-        // at the rim that cannot be read: they add up.
-        let at_rim = |of: &&Filled| self.neighbours.as_ref().is_some_and(|neighbours| neighbours.is_at_rim(of.taxel));
-        let filled_at_rim = filled.iter().filter(at_rim).map(|of| of.kpa * self.newton_per_kpa(of.taxel));
-        let rim_n = contacts.iter().map(Contact::rim_sigma_n).sum::<f64>() + rim_sigma_n(filled_at_rim.sum());
-        let lost_n = missing_n + rim_n;
+        let budget = Budget::default()
+            .with(Term::Readings, sums.own_n2.sqrt())
+            .with(Term::Choice, present.choice_n)
+            .with(Term::Zero, scale * present.zero_sigma_counts * sums.per_count_n)
+            .with(Term::Residue, scale * tables.residue_sigma_counts() * sums.per_count_n)
+            .with(Term::Hysteresis, scale * sums.hysteresis_n.hypot(sums.history_n))
+            .with(Term::Curve, scale * sums.curve_n)
+            .with(Term::BeyondRange, scale * sums.beyond_n)
+            .with(Term::Gauge, (set.gauge_gain_rel * total_n).hypot(scale * set.gauge_offset_kpa * sums.area))
+            .with(Term::GainOfDay, GAIN_OF_DAY_REL * total_n)
+            .with(Term::Area, self.area_uncertainty * total_n)
+            .with(Term::Sampling, scale * sampling_n2.sqrt())
+            .with(Term::Rim, scale * contacts.iter().map(Contact::rim_sigma_n).sum::<f64>())
+            .with(Term::Unread, missing_n)
+            .with(Term::Flicker, scale * self.flicker_n(evaluator, counts, active, present.jumps));
         let mut sample = ForceSample {
             total: Some(Newton(total_n)),
-            total_sigma: Some(Newton((variance_n2 + lost_n.powi(2) + unseen.choice_n.powi(2)).sqrt())),
-            detection_floor: Some(unseen.floor),
+            total_sigma: Some(budget.sigma()),
+            budget,
             active: active.len() as u32,
-            out_of_range: shares.above as u32,
-            filled: filled.len() as u32,
-            filled_share: if total_n > 0.0 { filled_n / total_n } else { 0.0 },
-            uncovered_share,
-            model_set: Some(Arc::clone(evaluator.tables().id())),
+            out_of_range: sums.above,
             ..ForceSample::default()
         };
+        if self.outputs.fill {
+            active.extend(unread.iter().map(|one| (one.taxel, one.kpa * self.newton_per_kpa(one.taxel))));
+        }
         if let Some(geometry) = &self.geometry {
-            active.extend(filled.iter().map(|f| (f.taxel, f.kpa * self.newton_per_kpa(f.taxel))));
             self.add_geometry(&mut sample, geometry, active);
         }
         sample
     }
 
-    /// Without positions nobody knows which excluded taxels lie under a contact. Those of a module that it touches may
-    /// carry what the touched ones carry in the mean. In N.
-    fn missing_n(&self, active: &[(usize, f64)], selected: &[bool]) -> f64 {
-        let of_module = |range: &Range<usize>| {
-            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel));
-            let (sum_n, n) = touched.fold((0.0, 0), |(sum, n), &(_, newton)| (sum + newton, n + 1));
-            let missing = range.clone().filter(|&taxel| !selected[taxel]).count();
-            if n == 0 { 0.0 } else { missing as f64 * sum_n / f64::from(n) }
-        };
-        self.modules.iter().map(of_module).sum()
+    /// What may lie at most on the unread taxels of a touch, N.
+    #[must_use]
+    pub fn unread_at_most_n(&self, touch: &Touch) -> f64 {
+        touch.unread.iter().map(|one| one.at_most_kpa * self.newton_per_kpa(one.taxel)).sum()
+    }
+
+    /// The taxels that are not selected and of which none beside them tells, ascending.
+    #[must_use]
+    pub fn blind(&self, selected: &[bool]) -> Vec<u16> {
+        coverage::blind(self.neighbours.as_ref(), &self.modules, selected)
     }
 
     /// 1 kPa on 1 mm2 is 1e-3 N.
     fn newton_per_kpa(&self, taxel: usize) -> f64 {
         self.areas_mm2[taxel] * 1e-3
+    }
+
+    /// Without positions any taxel may lie there.
+    fn is_at_rim(&self, taxel: usize) -> bool {
+        self.neighbours.as_ref().is_none_or(|neighbours| neighbours.is_at_rim(taxel))
+    }
+
+    fn sums(&self, evaluator: &Evaluator, counts: Counts<'_>, active: &[(usize, f64)]) -> Sums {
+        let (tables, mut sums) = (evaluator.tables(), Sums::default());
+        for &(taxel, _) in active {
+            let Some(share) = counts.raw(taxel).and_then(|count| tables.share(taxel, count)) else { continue };
+            sums.own_n2 += f64::from(share.own_n2);
+            sums.per_count_n += f64::from(share.per_count_n);
+            sums.above += u32::from(share.above > 0.0);
+            sums.hysteresis_n += f64::from(share.hysteresis_n);
+            sums.curve_n += f64::from(share.curve_n);
+            sums.beyond_n += f64::from(share.beyond_n);
+            sums.area += self.newton_per_kpa(taxel);
+        }
+        if let Some(offsets) = unknown_histories(evaluator) {
+            let of_one = |&(taxel, _): &(usize, f64)| self.newton_per_kpa(taxel) * offsets.sigma_kpa(taxel);
+            sums.history_n = active.iter().map(of_one).sum();
+        }
+        sums
+    }
+
+    /// A reading is on one end of its module's jump or on the other, of which the standard deviation is half of the jump at most.
+    fn flicker_n(
+        &self,
+        evaluator: &Evaluator,
+        counts: Counts<'_>,
+        active: &[(usize, f64)],
+        jumps: &[f32],
+    ) -> f64 {
+        if jumps.iter().all(|jump| *jump <= 0.0) {
+            return 0.0; // nearly always
+        }
+        let per_count_n = |&(taxel, _): &(usize, f64)| {
+            let share = counts.raw(taxel).and_then(|count| evaluator.tables().share(taxel, count));
+            share.map_or(0.0, |share| f64::from(share.per_count_n))
+        };
+        let of_module = |(range, jump): (&Range<usize>, &f32)| {
+            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel));
+            0.5 * f64::from(jump.max(0.0)) * touched.map(per_count_n).sum::<f64>()
+        };
+        self.modules.iter().zip(jumps).map(of_module).map(|newton| newton * newton).sum::<f64>().sqrt()
     }
 
     fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {
@@ -244,47 +327,7 @@ impl ForceModel {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::force::tests::{layout, row};
-
-    fn coverage(geometry: Option<Geometry>, missing: impl Fn(usize) -> bool) -> Coverage {
-        let selected: Vec<bool> = (0..20).map(|taxel| !missing(taxel)).collect();
-        let (coverage, blind) = ForceModel::new(&layout(20, geometry)).coverage(&selected);
-        assert_eq!(blind.len(), coverage.blind as usize);
-        assert!(blind.iter().all(|&taxel| missing(usize::from(taxel))) && blind.is_sorted(), "{blind:?}");
-        coverage
-    }
-
-    #[test]
-    fn an_excluded_taxel_among_sound_ones_is_uncovered_but_not_blind() {
-        let one = coverage(Some(row(20)), |taxel| taxel == 5);
-        assert!((one.uncovered_share - 0.05).abs() < 1e-12);
-        assert_eq!(one.blind, 0);
-    }
-
-    #[test]
-    fn a_module_that_is_excluded_as_a_whole_is_blind() {
-        let module = coverage(Some(row(20)), |taxel| taxel >= 10);
-        assert_eq!((module.uncovered_share, module.blind), (0.5, 10));
-        let all = coverage(Some(row(20)), |_| true);
-        assert_eq!((all.uncovered_share, all.blind), (1.0, 20));
-    }
-
-    #[test]
-    fn without_positions_a_corner_of_a_module_may_be_missing() {
-        assert_eq!(coverage(None, |taxel| taxel % 10 < 2).blind, 0, "one beside each of them at least can be read");
-        assert_eq!(coverage(None, |taxel| taxel < 3).blind, 3);
-        assert_eq!(coverage(None, |taxel| taxel % 10 == 0).blind, 0, "one of each module");
-        let small = |lengths: &[usize], missing: &[usize]| {
-            let starts = lengths.iter().scan(0, |end, length| Some(std::mem::replace(end, *end + length)));
-            let modules = starts.zip(lengths).map(|(start, length)| start..start + length).collect();
-            let selected: Vec<bool> = (0..lengths.iter().sum()).map(|taxel| !missing.contains(&taxel)).collect();
-            ForceModel::new(&Layout { modules, ..layout(selected.len(), None) }).coverage(&selected).0.blind
-        };
-        assert_eq!([small(&[12, 3], &[13, 14]), small(&[12, 3], &[13]), small(&[12, 2], &[13])], [2, 0, 1]);
-        assert_eq!([small(&[12, 1], &[12]), small(&[12, 1], &[])], [1, 0]);
-        assert_eq!(coverage(None, |taxel| taxel >= 10).blind, 10);
-    }
+/// What the histories add, if some of them are not known.
+fn unknown_histories(evaluator: &Evaluator) -> Option<&Offsets> {
+    evaluator.hysteresis().filter(|offsets| !offsets.are_known())
 }

@@ -3,24 +3,21 @@
 //! Order of calls: [`Force::set_models`] and [`Force::set_zero`] whenever these change, [`Force::follow`] and then
 //! [`Force::sample`] for each scan.
 
-mod bound;
 mod shortcomings;
 
 use std::sync::Arc;
 use taxel_skin::{CountRange, Newton, SquareMillimetre};
 
-use self::bound::{Bound, HeldBound};
+use self::shortcomings::Watched;
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
-use crate::force::lately::Lately;
-use crate::force::measure::{Coverage, ForceModel, Layout, Present};
+use crate::force::measure::{ForceModel, Layout, Present, Touch};
 use crate::force::offsets::Offsets;
-use crate::force::reason::{Reason, ReasonCode, positions};
-use crate::force::remainder::{FLOOR_SIGMAS, Remainder, Rest, newton_per_count};
-use crate::force::sample::{ForceSample, ForceState};
+use crate::force::reason::{Reason, ReasonCode};
+use crate::force::remainder::{Remainder, Rest, newton_per_count};
+use crate::force::sample::{ForceSample, ForceState, Undetected};
 use crate::force::tables::Tables;
-use crate::force::touch::{Hiding, Touch};
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
 use crate::zero::boards::HiddenCounts;
@@ -70,10 +67,6 @@ pub struct Measured {
     pub sample: ForceSample,
     /// Taxels in the total, ascending.
     pub active: Box<[u16]>,
-    /// A total above this is there, whatever the zero may hide beside.
-    pub told: Newton,
-    /// The detection floor without what may lie on excluded taxels: what grows while a zero is worn.
-    pub worn: Newton,
 }
 
 /// The force of one patch.
@@ -102,27 +95,19 @@ pub struct Force {
     /// Soundness of the scan that it followed last.
     followed: Option<u64>,
     remainder: Remainder,
-    /// What it read in the scans before.
-    lately: Lately,
-    coverage: Coverage,
     /// Soundness of the scan that the selection was last made for.
     selected_for: Option<u64>,
-    /// Taxels of modules that are heard, with a usable model and a fault.
-    faulty: Vec<usize>,
-    /// Taxels of modules that are heard with a usable model and no zero: they had a fault or moved when it was taken.
-    without_zero: Arc<[u16]>,
-    /// Those of them that have no fault, each with its zero in the models and the way that load moves it.
-    live_without_zero: Vec<(u16, f64, f64)>,
-    /// The same of those that have one.
-    faulty_without_zero: Vec<(u16, f64, f64)>,
-    /// What makes the total a lower bound now or did so a moment ago.
-    bound: HeldBound,
-    /// Taxels that [`Coverage::blind`] counts.
+    /// Taxels of modules that are heard, with a usable model, that are not selected.
+    watched: Vec<Watched>,
+    /// Taxels of which nothing that is read tells, ascending.
     blind: Arc<[u16]>,
     /// How many taxels are selected.
     usable: usize,
-    /// The others, ascending.
-    excluded: Vec<usize>,
+    /// The last total, and by how much it jumped at the last change of zero or model set.
+    last: Option<Newton>,
+    step: Option<Newton>,
+    /// The next total is the first at another zero or model set.
+    changed: bool,
     touch: Touch,
 }
 
@@ -145,17 +130,13 @@ impl Force {
             hysteresis: None,
             followed: None,
             remainder: Remainder::default(),
-            lately: Lately::default(),
-            coverage: Coverage { uncovered_share: 1.0, blind: 0 },
             selected_for: None,
-            faulty: Vec::new(),
-            without_zero: Arc::default(),
-            live_without_zero: Vec::new(),
-            faulty_without_zero: Vec::new(),
-            bound: HeldBound::default(),
+            watched: Vec::new(),
             blind: Arc::default(),
             usable: 0,
-            excluded: Vec::new(),
+            last: None,
+            step: None,
+            changed: false,
             touch: Touch::default(),
         }
     }
@@ -224,8 +205,7 @@ impl Force {
     }
 
     fn begin(&mut self, plays: fn(&Arc<ModelSet>, &[TaxelBaseline]) -> Option<Hysteresis>) {
-        self.followed = None;
-        (self.lately, self.bound) = (Lately::default(), HeldBound::default());
+        (self.followed, self.changed) = (None, true);
         self.hysteresis = self.set.as_ref().zip(self.zero.as_ref()).and_then(|(set, zero)| plays(set, zero));
         self.tabulate();
     }
@@ -261,33 +241,19 @@ impl Force {
 
     /// Keeps taxels that are not sound out of the sum; done anew only when that changed.
     fn select(&mut self, scan: &Scan<'_>) {
-        let Some(evaluator) = &mut self.evaluator else {
-            self.coverage = Coverage { uncovered_share: 1.0, blind: 0 };
-            return;
-        };
+        let Some(evaluator) = &mut self.evaluator else { return };
         if self.selected_for == Some(scan.soundness) {
             return;
         }
         self.selected_for = Some(scan.soundness);
         evaluator.select(|taxel| scan.sound[taxel]);
-        let (coverage, blind) = self.model.coverage(evaluator.selection());
-        (self.coverage, self.blind) = (coverage, blind.into());
+        self.blind = self.model.blind(evaluator.selection()).into();
         self.usable = evaluator.selected().count();
-        self.excluded = (0..scan.sound.len()).filter(|&taxel| !evaluator.selection()[taxel]).collect();
-        let tables = evaluator.tables();
         let heard = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
-        let heard = heard.flat_map(|(taxels, _)| taxels.clone());
-        self.faulty = heard.clone().filter(|&t| tables.has(t) && !scan.sound[t]).collect();
-        let without_zero = heard.filter(|&t| tables.set().taxels[t].is_usable() && !tables.has(t));
-        self.without_zero = positions(without_zero).into();
-        let set = tables.set();
-        let to_compare = |&taxel: &u16| {
-            let place = usize::from(taxel);
-            (taxel, set.baseline[place].mean, set.taxels[place].sign.as_f64())
-        };
-        let compared = self.without_zero.iter().map(to_compare);
-        (self.live_without_zero, self.faulty_without_zero) =
-            compared.partition(|&(taxel, ..)| scan.sound[usize::from(taxel)]);
+        let unread = heard.flat_map(|(taxels, _)| taxels.clone()).filter(|&taxel| !evaluator.selection()[taxel]);
+        let (tables, zero) = (evaluator.tables(), self.zero.as_deref().unwrap_or_default());
+        let watched = |taxel| Watched::new(tables, zero, self.plan.activation, taxel, scan.sound[taxel]);
+        self.watched = unread.filter_map(watched).collect();
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
             let hidden = self.hidden.as_ref().map_or(&[][..], |hidden| &hidden.counts);
@@ -326,66 +292,40 @@ impl Force {
             return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
         }
         let mut touch = std::mem::take(&mut self.touch);
-        self.model.touch(evaluator, &self.remainder, scan.counts, self.coverage, &mut touch);
+        self.model.touch(evaluator, scan.counts, &mut touch);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
-        let mut unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
-        let taken_by_noise = self.lately.at_least(scan.time, unseen.read_n) - unseen.read_n;
-        let jumped_n = self.remainder.jumped_n(&self.plan.layout.modules, scan.jumps);
-        unseen.floor = Newton(unseen.floor.0 + taken_by_noise + zero.absorbed.0 + jumped_n);
-        let worn = unseen.floor;
-        // What noise alone activated shows nothing of the taxels beside it.
-        let (beside, touched) =
-            if unseen.has_contact { (&touch.missing[..], &touch.active[..]) } else { Default::default() };
-        let hiding = Hiding { excluded: &self.excluded, beside, touched };
-        unseen.floor = self.model.untouched_floor(evaluator, &self.remainder, scan.counts, hiding, unseen.floor);
+        let unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
-        let present = Present { coverage: self.coverage, zero_sigma_counts, jumps: scan.jumps };
-        // What noise alone activated is no contact that others may bear.
-        let faulty = if unseen.has_contact { self.faulty_beside(&touch) } else { Vec::new() };
+        let present = Present { zero_sigma_counts, choice_n: unseen.choice_n, jumps: scan.jumps };
         let in_total = in_order(&touch);
-        let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
-        if !is_number(&sample) {
+        let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);
+        sample.undetected = Some(Undetected { newton: unseen.newton + zero.absorbed.0, sigma_n: unseen.sigma_n });
+        sample.model_set = self.id.clone();
+        let (stale, excluded) = (silent as u32, (taxels - self.usable).saturating_sub(silent) as u32);
+        (sample.stale, sample.excluded) = (stale, excluded);
+        let is_number = sample.most(1.0).is_some_and(|most| most.0.is_finite());
+        self.judge(scan, &touch, &in_total, zero, &mut sample);
+        self.touch = touch;
+        if !is_number {
             let text = "the models give a force or an uncertainty that is no finite number: calibrate again";
             let why = Reason::new(ReasonCode::NoUsableTaxel, text);
             return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
         }
-        sample.stale = silent as u32;
-        sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
-        let shown = Bound {
-            beside: touch.hides_more_than(sample.room_above(FLOOR_SIGMAS)).filter(|_| unseen.has_contact),
-            // Told of all, for a tip may press on one taxel alone; it degrades the force beside a contact.
-            faulty_is_pressed: self.is_a_faulty_one_pressed(scan).then_some(()),
-            loaded: self.loaded_without_zero(scan),
-            beyond_range: (sample.out_of_range > 0).then(|| self.out_of_range(scan, &in_total)),
-        };
-        self.touch = touch;
-        let bound = self.bound.with(scan.time, shown);
-        sample.lower_bound =
-            self.coverage.blind > 0 || bound.is_any() || sample.stale > 0 || zero.load_vanished.is_some();
-        sample.reasons = self.shortcomings(scan, sample.stale, faulty, bound, zero);
-        sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
-        Measured { sample, active: in_total, told: unseen.told, worn }
-    }
-
-    /// Does what [`Self::sample`] does and forgets what came of it, so that code and tables are in the processor's caches when
-    /// the sample is taken. That is the same as without.
-    pub fn warm_up(&mut self, scan: &Scan<'_>, silent: usize, zero: &ZeroState) {
-        if self.selected_for != Some(scan.soundness) {
-            return; // the selection is for the scan to make
+        if std::mem::take(&mut self.changed) {
+            self.step = sample.total.zip(self.last).map(|(now, before)| Newton(now.0 - before.0));
         }
-        let histories = (self.lately, self.bound.clone());
-        std::hint::black_box(self.sample(scan, silent, zero));
-        (self.lately, self.bound) = histories;
+        (self.last, sample.step) = (sample.total, self.step);
+        Measured { sample, active: in_total }
     }
 
-    fn nothing(&self, state: ForceState, reason: Reason, silent: usize, taxels: usize) -> Measured {
+    fn nothing(&mut self, state: ForceState, reason: Reason, silent: usize, taxels: usize) -> Measured {
+        self.last = None;
         let sample = ForceSample {
             state,
             reasons: vec![reason],
             stale: silent as u32,
             excluded: taxels as u32,
-            uncovered_share: 1.0,
             model_set: self.id.clone(),
             ..ForceSample::default()
         };
@@ -405,11 +345,6 @@ impl Force {
     pub fn tables(&self) -> Option<SharedTables> {
         self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
     }
-}
-
-/// Whether a force says how much it is, and how far it may be off.
-fn is_number(sample: &ForceSample) -> bool {
-    [sample.total, sample.total_sigma, sample.detection_floor].iter().all(|n| n.is_some_and(|n| n.0.is_finite()))
 }
 
 fn in_order(touch: &Touch) -> Box<[u16]> {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use taxel_skin::{Newton, Time};
 
+use crate::force::budget::Budget;
 use crate::force::reason::{Reason, in_words};
 use crate::intake::faults::fault::FaultSet;
 
@@ -22,6 +23,26 @@ pub enum ForceState {
     Uncalibrated,
 }
 
+/// Standard uncertainties from a force to the end of its 95 % interval.
+const INTERVAL_SIGMAS: f64 = 1.96;
+
+/// The force that may be there without being detected: below the activation thresholds, and what the zero may hide.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Undetected {
+    /// What the counts say of it, N.
+    pub newton: f64,
+    /// Its standard uncertainty, N.
+    pub sigma_n: f64,
+}
+
+impl Undetected {
+    /// The most that is there, to 95 %.
+    #[must_use]
+    pub fn at_most(self) -> Newton {
+        Newton(self.newton + INTERVAL_SIGMAS * self.sigma_n)
+    }
+}
+
 /// The total normal force and what is known of it.
 #[derive(Clone, Debug, Default)]
 pub struct ForceSample {
@@ -31,12 +52,18 @@ pub struct ForceSample {
     pub reasons: Vec<Reason>,
     /// Sum of area x pressure over active taxels; absent unless the state is `Ok` or `Degraded`.
     pub total: Option<Newton>,
-    /// Standard uncertainty of the total.
+    /// Standard uncertainty of the total, of this scan.
     pub total_sigma: Option<Newton>,
-    /// The force that may press in addition without activating a taxel: below what this scan can show, or on an excluded taxel.
-    pub detection_floor: Option<Newton>,
-    /// The true force may be higher than total and uncertainty say, by any amount; it is not lower.
-    pub lower_bound: bool,
+    /// What that uncertainty is made of.
+    pub budget: Budget,
+    /// What may be there in addition.
+    pub undetected: Option<Undetected>,
+    /// Nothing bounds the force above: a part of the skin is not read, or reads more than was calibrated.
+    pub unbounded: bool,
+    /// One more for each zero taken or lost.
+    pub zero_epoch: u64,
+    /// By how much the total jumped at the last change of zero or model set; absent if there was no force before or after it.
+    pub step: Option<Newton>,
     /// Sum of -area x pressure x outward normal: the force that acts on the skin, in N, patch frame.
     pub resultant: Option<[f64; 3]>,
     /// Its moment about the patch origin, in N m.
@@ -51,24 +78,36 @@ pub struct ForceSample {
     pub excluded: u32,
     /// Taxels of silent modules.
     pub stale: u32,
-    /// Active taxels beyond the calibrated range: the total is then a lower bound.
+    /// Active taxels beyond the calibrated range.
     pub out_of_range: u32,
-    /// Excluded taxels whose pressure was taken from their neighbours.
-    pub filled: u32,
-    /// Their share of the total, 0 to 1.
-    pub filled_share: f64,
-    /// Share of the patch's area that no usable taxel covers, 0 to 1.
-    pub uncovered_share: f64,
     /// Id of the active model set.
     pub model_set: Option<Arc<str>>,
 }
 
 impl ForceSample {
-    /// How much more than its total the force may be by what it says of itself: so many standard uncertainties, and the floor.
+    /// The least that the force is by so many standard uncertainties, 0 or more; `None` without a force.
     #[must_use]
-    pub fn room_above(&self, sigmas: f64) -> Newton {
-        let (sigma, floor) = (self.total_sigma.unwrap_or_default(), self.detection_floor.unwrap_or_default());
-        Newton(sigmas * sigma.0 + floor.0)
+    pub fn least(&self, sigmas: f64) -> Option<Newton> {
+        Some(Newton((self.total?.0 - sigmas * self.total_sigma?.0).max(0.0)))
+    }
+
+    /// The most that it is, whatever bounds it: total and undetected force with the uncertainties of both.
+    #[must_use]
+    pub fn most(&self, sigmas: f64) -> Option<Newton> {
+        let Undetected { newton, sigma_n } = self.undetected?;
+        Some(Newton(self.total?.0 + newton + sigmas * self.total_sigma?.0.hypot(sigma_n)))
+    }
+
+    /// Lower end of the 95 % interval.
+    #[must_use]
+    pub fn low(&self) -> Option<Newton> {
+        self.least(INTERVAL_SIGMAS)
+    }
+
+    /// Upper end of the 95 % interval; `None` where nothing bounds it.
+    #[must_use]
+    pub fn high(&self) -> Option<Newton> {
+        self.most(INTERVAL_SIGMAS).filter(|_| !self.unbounded)
     }
 
     /// Why it is not `Ok`, in one line.

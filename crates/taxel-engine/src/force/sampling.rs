@@ -44,14 +44,8 @@ impl Contact {
     /// Standard uncertainty of its force because some of it lies at the rim of the skin, N.
     #[must_use]
     pub fn rim_sigma_n(&self) -> f64 {
-        rim_sigma_n(self.rim_n)
+        AT_RIM * self.rim_n.abs()
     }
-}
-
-/// Standard uncertainty of a force that lies at the rim of the skin, N.
-#[must_use]
-pub fn rim_sigma_n(newton: f64) -> f64 {
-    AT_RIM * newton.abs()
 }
 
 /// Between the tabulated numbers as on a line.

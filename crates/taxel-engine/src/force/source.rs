@@ -50,12 +50,31 @@ pub(crate) struct Share {
     pub(crate) low_n: f32,
     /// Variance of the force that this taxel does not share with the others, N squared.
     pub(crate) own_n2: f32,
-    /// Standard uncertainty of the force that it does share with them, N.
-    pub(crate) shared_n: f32,
+    /// Standard uncertainties of the force that it does share with them, N: of the hysteresis,
+    pub(crate) hysteresis_n: f32,
+    /// of what the calibration leaves open,
+    pub(crate) curve_n: f32,
+    /// and of how stiff the skin is beyond its range.
+    pub(crate) beyond_n: f32,
     /// How much the force changes with the count here, N per count, not negative.
     pub(crate) per_count_n: f32,
     /// 1 where the count is beyond the calibrated range, on the side of pressure, and 0 elsewhere.
     pub(crate) above: f32,
+}
+
+impl Share {
+    /// Of a taxel's standard uncertainty, kPa, and what of it others share: hysteresis, curve, range.
+    fn of_sigmas(newton_per_kpa: f64, sigma_kpa: f64, shared_kpa: [f64; 3]) -> Self {
+        let shared_kpa2: f64 = shared_kpa.iter().map(|kpa| kpa * kpa).sum();
+        let [hysteresis_n, curve_n, beyond_n] = shared_kpa.map(|kpa| (newton_per_kpa * kpa) as f32);
+        let own_n2 = (newton_per_kpa.powi(2) * (sigma_kpa * sigma_kpa - shared_kpa2).max(0.0)) as f32;
+        Self { own_n2, hysteresis_n, curve_n, beyond_n, ..Self::default() }
+    }
+
+    /// What of its uncertainty others share, N.
+    pub(super) fn shared_n(&self) -> f32 {
+        self.hysteresis_n.hypot(self.curve_n).hypot(self.beyond_n)
+    }
 }
 
 /// Where the counts of a taxel stand against those that its model refers to.
@@ -196,15 +215,13 @@ impl<'a> Source<'a> {
     pub(super) fn share(&self, meaning: &Meaning, area: SquareMillimetre, activation: Activation) -> Share {
         let newton_per_kpa = area.0 * 1e-3;
         let low = LOW_SHARE * activation.distance_counts(self.place.now.noise);
-        let of_range = self.doubt_kpa(meaning.units).hypot(self.beyond_shared_kpa(meaning.units));
-        let shared_kpa = self.hysteresis_kpa().hypot(of_range);
-        let own_kpa2 = (f64::from(meaning.sigma_kpa).powi(2) - shared_kpa.powi(2)).max(0.0);
+        let shared_kpa =
+            [self.hysteresis_kpa(), self.doubt_kpa(meaning.units), self.beyond_shared_kpa(meaning.units)];
         Share {
             low_n: if meaning.pressed > low { meaning.newton(area) } else { 0.0 },
-            own_n2: (newton_per_kpa.powi(2) * own_kpa2) as f32,
-            shared_n: (newton_per_kpa * shared_kpa) as f32,
             per_count_n: (newton_per_kpa * f64::from(meaning.kpa_per_count)) as f32,
             above: if meaning.range == RangeFlag::Above { 1.0 } else { 0.0 },
+            ..Share::of_sigmas(newton_per_kpa, f64::from(meaning.sigma_kpa), shared_kpa)
         }
     }
 
@@ -268,14 +285,12 @@ impl<'a> Source<'a> {
         let distance = activation.distance_counts(self.place.now.noise);
         let (low_n, newton_per_kpa) = (beyond(LOW_SHARE * distance), area.0 * 1e-3);
         let shares = std::array::from_fn(|code| {
-            let shared_kpa = hysteresis_kpa.hypot(doubts_kpa[code]).hypot(self.beyond_shared_kpa(code as f64));
-            let own_kpa2 = (f64::from(table.sigma_kpa[code]).powi(2) - shared_kpa.powi(2)).max(0.0);
+            let shared_kpa = [hysteresis_kpa, doubts_kpa[code], self.beyond_shared_kpa(code as f64)];
             Share {
                 low_n: low_n[code],
-                own_n2: (newton_per_kpa.powi(2) * own_kpa2) as f32,
-                shared_n: (newton_per_kpa * shared_kpa) as f32,
                 per_count_n: (newton_per_kpa * f64::from(kpa_per_count(&table.pressure_kpa, code as u8))) as f32,
                 above: if range[code] == RangeFlag::Above { 1.0 } else { 0.0 },
+                ..Share::of_sigmas(newton_per_kpa, f64::from(table.sigma_kpa[code]), shared_kpa)
             }
         });
         let mut force_n = [0.0; FORCE_STRIDE];

@@ -214,7 +214,7 @@ impl Tables {
                     pressure_kpa: (meaning.pressure_kpa + offset_kpa).max(0.0),
                     kpa_per_count: meaning.kpa_per_count,
                     sigma_kpa: meaning.sigma_kpa,
-                    shared_kpa: self.wide_share(taxel, place, count).shared_n / self.newton_per_kpa[taxel],
+                    shared_kpa: self.wide_share(taxel, place, count).shared_n() / self.newton_per_kpa[taxel],
                     range: meaning.range,
                     active: self.wide[taxel].is_touched(count) && meaning.newton(self.areas[taxel]) > 0.0,
                 });
@@ -226,7 +226,7 @@ impl Tables {
             pressure_kpa: (table.pressure_kpa[code] + offset_kpa).max(0.0),
             kpa_per_count: kpa_per_count(&table.pressure_kpa, count),
             sigma_kpa: table.sigma_kpa[code],
-            shared_kpa: table.shares[code].shared_n / self.newton_per_kpa[taxel],
+            shared_kpa: table.shares[code].shared_n() / self.newton_per_kpa[taxel],
             range: table.range[code],
             active: self.force_n[taxel][code] > 0.0,
         })
@@ -368,7 +368,7 @@ mod tests {
             let (share, reading) = (tables.share(0, count).unwrap(), tables.reading(0, count, 0.0).unwrap());
             let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * b.abs().max(1e-3);
             assert!(near(share.per_count_n, 0.1 * reading.kpa_per_count), "{count}: {share:?} {reading:?}");
-            let all_n2 = share.own_n2 + share.shared_n.powi(2);
+            let all_n2 = share.own_n2 + share.shared_n().powi(2);
             assert!(near(all_n2, 0.01 * reading.sigma_kpa.powi(2)), "{count}: {share:?} {reading:?}");
             assert_eq!(share.above > 0.0, reading.range == RangeFlag::Above, "{count}");
             assert!(!reading.active || near(share.low_n, 0.1 * reading.pressure_kpa), "{count}: {share:?} {reading:?}");

@@ -235,12 +235,6 @@ impl ScanAssembler {
         self.newest
     }
 
-    /// Whether three quarters of the modules of the scan that is being assembled are there.
-    #[must_use]
-    pub const fn is_nearly_whole(&self) -> bool {
-        4 * self.fresh >= 3 * self.expected && self.fresh < self.expected
-    }
-
     /// Whether every module but those that are `left_out` was received within `limit` of the newest one.
     #[must_use]
     pub fn is_whole_without(&self, limit: Duration, left_out: impl Fn(usize) -> bool) -> bool {
@@ -278,18 +272,6 @@ mod tests {
         assert!(end.whole);
         assert_eq!(end.time, Time::from_nanos(51_000_000));
         assert!(live.is_whole_without(PERIOD, |_| false));
-    }
-
-    #[test]
-    fn a_scan_is_nearly_whole_from_three_quarters_of_its_modules_to_its_end() {
-        let (patch, mut live) = (patch(8), ScanAssembler::new(&patch(8), PERIOD));
-        let nearly = |live: &mut ScanAssembler, module| {
-            live.on_module(&patch, module, &scan(50 + module as i64, 1));
-            live.is_nearly_whole()
-        };
-        assert!(!live.is_nearly_whole());
-        let seen: Vec<bool> = (0..8).map(|module| nearly(&mut live, module)).collect();
-        assert_eq!(seen, [false, false, false, false, false, true, true, false]);
     }
 
     #[test]

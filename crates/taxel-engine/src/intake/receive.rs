@@ -433,12 +433,6 @@ impl Intake {
         self.assembler.is_whole_without(limit, left_out)
     }
 
-    /// Whether most of the modules of a scan have come and some have not.
-    #[must_use]
-    pub const fn is_nearly_whole(&self) -> bool {
-        self.assembler.is_nearly_whole()
-    }
-
     /// Receive time of the newest frame; `None` before the first.
     #[must_use]
     pub fn newest(&self) -> Option<Time> {

@@ -104,8 +104,6 @@ impl LoadWatch {
         self.totals_n.push(force.total.map_or(0.0, |total| total.0));
         self.sigmas_n += force.total_sigma.map_or(0.0, |sigma| sigma.0);
         self.reading.out_of_range = self.reading.out_of_range.max(force.out_of_range);
-        self.reading.uncovered_share = self.reading.uncovered_share.max(force.uncovered_share);
-        self.reading.filled_share = self.reading.filled_share.max(force.filled_share);
         for reason in &force.reasons {
             let known = self.reading.reasons.iter().any(|known| known == reason.text());
             if !known && self.reading.reasons.len() < REASONS_MAX {

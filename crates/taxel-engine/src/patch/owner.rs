@@ -17,7 +17,6 @@ use crate::boundary::snapshot::GaugeReading;
 use crate::calibration::calibrate::Calibration;
 use crate::force::owner::Force;
 use crate::force::reason::ReasonCode;
-use crate::force::wear::WearMeter;
 use crate::intake::boards::BoardNews;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::health::BoardHealth;
@@ -94,14 +93,11 @@ pub struct Patch {
     pub(super) force: Force,
     pub(super) calibration: Calibration,
     pub(super) loads: Loads,
-    pub(super) wear: WearMeter,
     pub(super) sequence: u64,
     /// The faults of each taxel as last published, and the soundness that they belong to.
     pub(super) faults: (Option<u64>, Arc<[FaultSet]>),
     /// Something changed that readers must see before the next scan.
     pub(super) dirty: bool,
-    /// Nothing of the next scan has been worked out to warm up the caches.
-    pub(super) cold: bool,
     /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
     pub(super) bring_up_waits: bool,
     pub(super) silent_until: Time,
@@ -135,11 +131,9 @@ impl Patch {
             force: Force::new(plan.force()),
             calibration: Calibration::new(plan.calibration()),
             loads: Loads::new(plan.loads(), loads),
-            wear: WearMeter::default(),
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
             dirty: true,
-            cold: true,
             bring_up_waits: false,
             silent_until: Time::default(),
             started: Time::default(),

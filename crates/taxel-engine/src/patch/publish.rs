@@ -14,19 +14,16 @@ use crate::patch::owner::{Effects, Intent, Patch};
 impl Patch {
     /// Publishes the present state under the next sequence number.
     pub(super) fn publish(&mut self, now: Now, effects: &mut Effects<'_>) {
-        (self.dirty, self.cold) = (false, true);
+        self.dirty = false;
         self.sequence += 1;
         let scan = self.intake.scan();
         let zero = self.zero_state();
-        let measured = self.force.sample(&scan, self.intake.silent_taxels(), &zero);
-        let felt = |total: Newton| (total, if total > measured.told { measured.active.len() } else { 0 });
-        self.felt = measured.sample.total.map(felt);
+        let mut measured = self.force.sample(&scan, self.intake.silent_taxels(), &zero);
+        let is_felt = measured.sample.low().is_some_and(|low| low > Newton(0.0));
+        self.felt = measured.sample.total.map(|total| (total, if is_felt { measured.active.len() } else { 0 }));
         let time = self.intake.newest().unwrap_or_default();
-        let mut tare = self.zero.view();
-        // What a module that jumps may hide is no wear of the zero.
-        let jumps = scan.jumps.iter().any(|jump| *jump > 0.0);
-        let floor = measured.sample.detection_floor.map(|_| measured.worn).filter(|_| !jumps);
-        tare.wear = self.wear.on_sample(time, tare.epoch, floor);
+        let tare = self.zero.view();
+        measured.sample.zero_epoch = tare.epoch;
         if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured) {
             effects.intents.push(Intent::Load(read));
         }
@@ -45,22 +42,6 @@ impl Patch {
             tare: Some(tare),
         };
         effects.out.push(Output::Patch(self.index, Arc::new(snapshot)));
-    }
-
-    /// Works out most of what [`Self::publish`] is about to, and forgets it: once a scan, when most of the scan is there. Says
-    /// whether it did.
-    ///
-    /// What was not used for the length of a scan has left the processor's caches by its end, and takes up to ten times as long
-    /// then as it does warm: 0.1 ms and more of a force's age.
-    pub fn warm_up(&mut self) -> bool {
-        let due = self.cold && self.intake.is_nearly_whole();
-        if due {
-            self.cold = false;
-            let zero = self.zero_state();
-            self.force.warm_up(&self.intake.scan(), self.intake.silent_taxels(), &zero);
-            std::hint::black_box(self.taxel_states(Box::default()));
-        }
-        due
     }
 
     fn zero_state(&self) -> ZeroState {

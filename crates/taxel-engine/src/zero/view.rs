@@ -2,7 +2,6 @@
 
 use crate::baseline::TaxelBaseline;
 use crate::force::reason::ReasonCode;
-use crate::force::wear::Wear;
 use crate::statistics::median;
 use crate::zero::drift::view::DriftView;
 
@@ -27,8 +26,6 @@ pub struct TareView {
     pub noise_median: f64,
     /// How it follows the temperature.
     pub drift: DriftView,
-    /// How what may press unseen has grown under it; unknown in its first ten seconds, and while there has been no force.
-    pub wear: Option<Wear>,
 }
 
 impl TareView {
@@ -45,7 +42,6 @@ impl TareView {
             baseline_median: median(baseline.iter().map(|t| t.mean)).unwrap_or(f64::NAN),
             noise_median: median(baseline.iter().map(|t| t.noise)).unwrap_or(f64::NAN),
             drift: DriftView::default(),
-            wear: None,
         }
     }
 }

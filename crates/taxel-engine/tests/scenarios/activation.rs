@@ -219,7 +219,7 @@ fn a_module_that_is_silent_all_the_time_can_be_left_out() {
     bench.lay(0.5, 14);
     bench.seconds(2.0);
     assert_eq!(bench.host.state(), ForceState::Degraded, "{}", bench.host.reasons());
-    assert!(bench.host.snapshot().force.lower_bound);
+    assert!(bench.host.snapshot().force.unbounded);
     bench.is_truthful_since(mark, "a module was left out");
 }
 

@@ -64,7 +64,6 @@ fn a_taxel_of_the_sum_that_flickers_under_a_load_degrades_it_and_far_from_it_doe
 fn a_module_that_flickers_by_a_little_makes_the_force_on_it_uncertain() {
     for (probability, depth_counts) in [(0.15, 6.4), (0.05, 7.0), (0.4, 5.0)] {
         let mut bench = small().in_use();
-        bench.seconds(12.0); // what the floor was at first is known
         bench.inject(Fault::ModuleFlicker { board: board(13), module: module(1), probability, depth_counts });
         bench.seconds(5.0);
         let mark = bench.mark();
@@ -72,8 +71,6 @@ fn a_module_that_flickers_by_a_little_makes_the_force_on_it_uncertain() {
         let touched = bench.host.snapshots[mark..].iter().filter(|s| s.force.active > 5).count();
         assert!(touched > 10, "it reads as touched now and then, by {depth_counts} counts: {touched} snapshots");
         bench.is_truthful_since(mark, &format!("{probability} {depth_counts}"));
-        let wear = bench.host.snapshots.last().unwrap().tare.as_ref().unwrap().wear;
-        assert!(wear.is_none_or(|wear| !wear.is_worn()), "what a module hides is no wear of the zero: {wear:?}");
         let told = bench.host.health().boards[0].warnings.join("; ");
         assert!(told.contains("module 1 jumps by"), "{told}");
     }

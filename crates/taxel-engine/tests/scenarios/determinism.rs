@@ -47,20 +47,16 @@ fn ragged(seed: u64) -> impl FnMut(usize) -> usize {
 
 /// `host` is a new engine, and `play` gives it the frames.
 fn all_ways(what: &str, host: impl Fn() -> Host, play: impl Fn(&mut Host, &mut dyn FnMut(usize) -> usize)) {
-    let run = |warms_up: bool, cut: &mut dyn FnMut(usize) -> usize| {
+    let run = |cut: &mut dyn FnMut(usize) -> usize| {
         let mut host = host();
-        host.warms_up = warms_up;
         play(&mut host, cut);
-        assert_eq!(host.warmed_up > host.snapshots.len() / 2, warms_up, "{what}: {} times", host.warmed_up);
         history(&host)
     };
-    let whole = run(false, &mut |n| n);
-    same(&format!("{what}, again"), &whole, &run(false, &mut |n| n));
-    same(&format!("{what}, frame by frame"), &whole, &run(false, &mut |_| 1));
-    same(&format!("{what}, in ragged batches"), &whole, &run(false, &mut ragged(1)));
-    same(&format!("{what}, in other ragged batches"), &whole, &run(false, &mut ragged(2)));
-    same(&format!("{what}, frame by frame with warm caches"), &whole, &run(true, &mut |_| 1));
-    same(&format!("{what}, in ragged batches with warm caches"), &whole, &run(true, &mut ragged(1)));
+    let whole = run(&mut |n| n);
+    same(&format!("{what}, again"), &whole, &run(&mut |n| n));
+    same(&format!("{what}, frame by frame"), &whole, &run(&mut |_| 1));
+    same(&format!("{what}, in ragged batches"), &whole, &run(&mut ragged(1)));
+    same(&format!("{what}, in other ragged batches"), &whole, &run(&mut ragged(2)));
 }
 
 fn listening() -> Arc<Plan> {

@@ -58,9 +58,6 @@ pub struct Host {
     pub disk_is_slow: bool,
     /// Whether every fit ends in a panic.
     pub fits_panic: bool,
-    /// Whether the caches are warmed up, as the daemon does on live buses, and how often that was done.
-    pub warms_up: bool,
-    pub warmed_up: usize,
     /// How far the wall clock was set since the start.
     pub wall_offset_ns: i64,
     /// What an operator may ask for later.
@@ -99,8 +96,6 @@ impl Host {
             commits: Vec::new(),
             disk_is_slow: false,
             fits_panic: false,
-            warms_up: false,
-            warmed_up: 0,
             wall_offset_ns: 0,
             fitted: 0,
             overdue: 0,
@@ -115,9 +110,6 @@ impl Host {
         if let Some(newest) = frames.iter().map(|f| f.time).max() {
             self.now = self.now.max(newest);
             self.step(Input::Frames(BUS, frames));
-            if self.warms_up {
-                self.warmed_up += self.engine.warm_up(BUS).count();
-            }
         }
     }
 

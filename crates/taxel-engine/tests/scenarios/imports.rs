@@ -128,7 +128,7 @@ fn a_set_whose_uncertainty_is_no_number_has_no_force() {
         bench.seconds(3.0);
         bench.is_truthful_since(mark, why);
         let force = &bench.host.snapshot().force;
-        let numbers = [force.total, force.total_sigma, force.detection_floor];
+        let numbers = [force.total, force.total_sigma, force.most(1.0)];
         let all = numbers.iter().all(|n| n.is_some_and(|n| n.0.is_finite()));
         assert!(all || numbers.iter().all(Option::is_none), "{why}: {force:?}");
     }

@@ -35,16 +35,12 @@ fn lie(force: &ForceSample, [least, most]: [f64; 2]) -> Option<String> {
     if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
         return None;
     }
-    let (total, sigma) = (force.total.expect("a force").0, force.total_sigma.expect("its uncertainty").0);
-    let floor = force.detection_floor.expect("a detection floor").0;
-    let tells = || {
-        let (state, reasons) = (force.state, force.why());
-        format!("{state:?} {total:.3} N +- {sigma:.3} N, floor {floor:.3} N ({reasons})")
-    };
-    if least > total + SIGMAS * sigma + floor && !force.lower_bound {
+    let (low, high) = (force.least(SIGMAS).expect("a force").0, force.most(SIGMAS).expect("what bounds it").0);
+    let tells = || format!("{:?} {low:.3} to {high:.3} N ({})", force.state, force.why());
+    if least > high && !force.unbounded {
         return Some(format!("at least {least:.3} N are told as {}", tells()));
     }
-    (most < total - SIGMAS * sigma).then(|| format!("at most {most:.3} N are told as {}", tells()))
+    (most < low).then(|| format!("at most {most:.3} N are told as {}", tells()))
 }
 
 impl Bench {
@@ -81,13 +77,13 @@ fn a_force_is_a_lie_when_its_interval_does_not_hold_the_truth() {
         state: ForceState::Ok,
         total: Some(Newton(2.0)),
         total_sigma: Some(Newton(0.1)),
-        detection_floor: Some(Newton(0.5)),
+        undetected: Some(taxel_engine::snapshot::Undetected { newton: 0.5, sigma_n: 0.0 }),
         ..ForceSample::default()
     };
     assert_eq!(lie(&force, [2.0, 2.0]), None);
     assert_eq!(lie(&force, [1.8, 2.7]), None);
     assert!(lie(&force, [2.9, 3.0]).is_some_and(|lie| lie.contains("at least 2.900 N")));
     assert!(lie(&force, [0.0, 1.6]).is_some_and(|lie| lie.contains("at most 1.600 N")));
-    assert_eq!(lie(&ForceSample { lower_bound: true, ..force.clone() }, [2.9, 3.0]), None);
+    assert_eq!(lie(&ForceSample { unbounded: true, ..force.clone() }, [2.9, 3.0]), None);
     assert_eq!(lie(&ForceSample { state: ForceState::Stale, ..force }, [9.0, 9.0]), None);
 }

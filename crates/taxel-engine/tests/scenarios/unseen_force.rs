@@ -35,7 +35,7 @@ fn is_never_certain(bench: &Bench, mark: usize) {
     for snapshot in &bench.host.snapshots[mark..] {
         let force = &snapshot.force;
         assert!(force.total_sigma.is_none_or(|sigma| sigma.0 > 0.005), "{force:?}");
-        assert!(force.detection_floor.is_none_or(|floor| floor.0 > 0.005), "{force:?}");
+        assert!(force.undetected.is_none_or(|undetected| undetected.at_most().0 > 0.005), "{force:?}");
     }
 }
 
@@ -74,7 +74,7 @@ fn carries_the_load(bench: &mut Bench, what: &str) {
     is_never_certain(bench, mark);
     bench.is_truthful_since(mark, what);
     let force = &bench.host.snapshot().force;
-    assert_eq!((force.state, force.lower_bound), (ForceState::Degraded, true), "{what}: {force:?}");
+    assert_eq!((force.state, force.unbounded), (ForceState::Degraded, true), "{what}: {force:?}");
     assert!(bench.host.reasons().contains("lower bound"), "{what}: {}", bench.host.reasons());
 }
 

@@ -294,7 +294,7 @@ fn the_interval_does_not_grow_with_each_restart_where_the_models_were_gathered_a
                 None => bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some()),
                 Some(seconds) => bench.seconds(seconds),
             }
-            floors.extend(bench.host.snapshot().force.detection_floor.map(|floor| floor.0));
+            floors.extend(bench.host.snapshot().force.undetected.map(|undetected| undetected.at_most().0));
             let board_zeros = Disk::after_a_crash(&bench.host).restored.board_zeros;
             let known = board_zeros.first().and_then(|(_, zeros)| zeros.hidden.clone());
             let mean = known.map_or(0.0, |known| known.counts.iter().sum::<f32>() / known.counts.len() as f32);
@@ -350,7 +350,7 @@ fn what_presses_too_lightly_to_be_felt_stays_within_the_interval_through_a_bring
 }
 
 fn floor(bench: &Bench) -> f64 {
-    bench.host.snapshot().force.detection_floor.unwrap().0
+    bench.host.snapshot().force.undetected.unwrap().at_most().0
 }
 
 /// The daemon starts beside a skin that is calibrated, and configures its boards.

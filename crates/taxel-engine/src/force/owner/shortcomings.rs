@@ -1,44 +1,138 @@
-//! What keeps a force from being a good one: taxels that cannot be read where something may lie, or that read too much.
+//! What keeps a force from being a good one: taxels that cannot be read where something lies, or that read too much.
 
-use std::sync::Arc;
-
-use super::{Bound, Force, ZeroState};
+use super::{Force, ZeroState};
+use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::measure::Touch;
 use crate::force::reason::{Reason, ReasonCode, positions};
-use crate::force::touch::Touch;
+use crate::force::sample::{ForceSample, ForceState};
+use crate::force::tables::Tables;
 use crate::scan::Scan;
 
 /// So many blind taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a
 /// fingertip.
-const BLIND_TAXELS_BORNE: u32 = 2;
+const BLIND_TAXELS_BORNE: usize = 2;
 
 /// A taxel without a zero that lies so far towards load from where it was calibrated may bear one, counts: from day to day a
 /// taxel moves by less (see [`crate::zero::rest::RestLimits::moved_second_max`]).
 const LOADED_COUNTS: f64 = 16.0;
 
+/// One active taxel may be noise: of 250 one passes its threshold in every twentieth scan. Two beside the same taxel seldom are.
+const CONTACT_TAXELS_MIN: usize = 2;
+
+/// A taxel that is heard and has a model, but does not count: it has a fault, or no zero.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watched {
+    taxel: usize,
+    has_fault: bool,
+    /// Beyond this count, turned so that load is positive, it reads a load.
+    loaded_from: f64,
+    sign: f64,
+}
+
+impl Watched {
+    /// `None` of a taxel without a usable model.
+    pub(super) fn new(
+        tables: &Tables,
+        zero: &[TaxelBaseline],
+        activation: Activation,
+        taxel: usize,
+        is_sound: bool,
+    ) -> Option<Self> {
+        let set = tables.set();
+        let model = set.taxels.get(taxel).filter(|model| model.is_usable())?;
+        let sign = model.sign.as_f64();
+        let loaded_from = match zero.get(taxel).filter(|_| tables.has(taxel)) {
+            Some(zero) => sign * zero.mean + activation.distance_counts(zero.noise),
+            None => sign * set.baseline[taxel].mean + LOADED_COUNTS,
+        };
+        Some(Self { taxel, has_fault: !is_sound, loaded_from, sign })
+    }
+
+    fn reads_a_load(&self, scan: &Scan<'_>) -> bool {
+        scan.counts.units(self.taxel).is_some_and(|count| self.sign * count > self.loaded_from)
+    }
+}
+
 impl Force {
-    /// Taxels with a fault under the contact or at its rim. Without positions nobody knows, and all count.
-    pub(super) fn faulty_beside(&self, touch: &Touch) -> Vec<u16> {
-        let Some(neighbours) = self.model.neighbours() else { return positions(self.faulty.iter().copied()) };
-        if self.faulty.is_empty() || touch.active.is_empty() {
-            return Vec::new();
+    /// Completes a force: its reasons, its state, and whether anything bounds it. Only what touches the total degrades it; the rest
+    /// is the health's. A good sample, as nearly all are, asks for no memory here.
+    pub(super) fn judge(
+        &self,
+        scan: &Scan<'_>,
+        touch: &Touch,
+        in_total: &[u16],
+        zero: &ZeroState,
+        sample: &mut ForceSample,
+    ) {
+        let stale = sample.stale as usize;
+        let mut reasons = Vec::new();
+        if stale > 0 {
+            let text = format!("{stale} taxels are silent");
+            reasons.push(Reason::about(self.silent(scan), ReasonCode::TaxelsSilent, text));
         }
-        let touched = |taxel: usize| touch.active.iter().any(|&(active, _)| active == taxel);
-        positions(self.faulty.iter().copied().filter(|&taxel| neighbours.of(taxel).any(touched)))
+        let beside_unbounded = in_total.len() >= CONTACT_TAXELS_MIN && self.beside(scan, touch, sample, &mut reasons);
+        if self.blind.len() > BLIND_TAXELS_BORNE.max(stale) {
+            self.say_blind(&mut reasons);
+        }
+        if sample.out_of_range > 0 {
+            let beyond = self.out_of_range(scan, in_total);
+            let text = format!("{} taxels read more than was calibrated: no upper bound", beyond.len());
+            reasons.push(Reason::about(beyond, ReasonCode::TaxelsOutOfRange, text));
+        }
+        reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
+        sample.unbounded = beside_unbounded
+            || stale > 0
+            || !self.blind.is_empty()
+            || sample.out_of_range > 0
+            || zero.load_vanished.is_some();
+        sample.state = if reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
+        sample.reasons = reasons;
     }
 
-    /// Whether a taxel with a fault reads a load: one at the end of its range stands as still under a load as a broken one,
-    /// and bears more of it than those beside it tell.
-    pub(super) fn is_pressed(&self, scan: &Scan<'_>, taxel: usize) -> bool {
-        let (Some(evaluator), Some(zero)) = (&self.evaluator, &self.zero) else { return false };
-        let rest = zero[taxel];
-        let pressed = scan.counts.units(taxel).map(|count| evaluator.tables().sign(taxel) * (count - rest.mean));
-        pressed.is_some_and(|counts| counts > self.plan.activation.distance_counts(rest.noise))
+    /// What is said of unread taxels beside a contact, and whether more may lie on them than the contact itself.
+    fn beside(&self, scan: &Scan<'_>, touch: &Touch, sample: &ForceSample, reasons: &mut Vec<Reason>) -> bool {
+        if touch.missing.is_empty() {
+            return false; // nearly always
+        }
+        let watched = || self.watched.iter().filter(|watched| touch.missing.binary_search(&watched.taxel).is_ok());
+        let faulty = positions(watched().filter(|watched| watched.has_fault).map(|watched| watched.taxel));
+        let loaded = positions(watched().filter(|watched| watched.reads_a_load(scan)).map(|watched| watched.taxel));
+        let more = sample.total.is_none_or(|total| self.model.unread_at_most_n(touch) > total.0);
+        if !faulty.is_empty() {
+            let text = format!("{} taxels beside the contact have a fault", faulty.len());
+            reasons.push(Reason::about(faulty, ReasonCode::TaxelsFaulty, text));
+        }
+        if !loaded.is_empty() {
+            let text = format!("{} taxels that cannot be used read a load: no upper bound", loaded.len());
+            reasons.push(Reason::about(loaded.clone(), ReasonCode::TaxelsBlind, text));
+        } else if more {
+            let missing = positions(touch.missing.iter().copied());
+            let text = format!(
+                "more than the contact itself may lie on {} taxels beside it that cannot be read: no upper bound",
+                missing.len()
+            );
+            reasons.push(Reason::about(missing, ReasonCode::TaxelsBlind, text));
+        }
+        more || !loaded.is_empty()
     }
 
-    /// Whether any taxel with a fault reads a load.
-    pub(super) fn is_a_faulty_one_pressed(&self, scan: &Scan<'_>) -> bool {
-        self.faulty.iter().any(|&taxel| self.is_pressed(scan, taxel))
-            || self.faulty_without_zero.iter().any(|taxel| is_loaded(scan, taxel))
+    fn say_blind(&self, reasons: &mut Vec<Reason>) {
+        let text =
+            format!("{} taxels cannot be read, nor can those beside them: no upper bound", self.blind.len());
+        reasons.push(Reason::about(std::sync::Arc::clone(&self.blind), ReasonCode::TaxelsBlind, text));
+        let without_zero = positions(self.without_zero());
+        if !without_zero.is_empty() {
+            let text = format!(
+                "{} taxels have no zero, because they had a fault or moved when it was taken: unload the skin and tare",
+                without_zero.len()
+            );
+            reasons.push(Reason::about(without_zero, ReasonCode::TaxelsWithoutZero, text));
+        }
+    }
+
+    fn without_zero(&self) -> impl Iterator<Item = usize> + '_ {
+        let has_zero = |taxel: usize| self.evaluator.as_ref().is_some_and(|evaluator| evaluator.tables().has(taxel));
+        self.watched.iter().map(|watched| watched.taxel).filter(move |&taxel| !has_zero(taxel))
     }
 
     /// Taxels of modules that are silent, ascending.
@@ -49,17 +143,9 @@ impl Force {
         taxels
     }
 
-    /// Taxels without a fault and without a zero that read so much more than when they were calibrated that a load may lie on
-    /// them: what came while the zero was taken and lies on one taxel alone.
-    pub(super) fn loaded_without_zero(&self, scan: &Scan<'_>) -> Option<Arc<[u16]>> {
-        let mut loaded = self.live_without_zero.iter().filter(|taxel| is_loaded(scan, taxel)).peekable();
-        loaded.peek()?;
-        Some(loaded.map(|&(taxel, ..)| taxel).collect())
-    }
-
     /// Those of `active`, which count in the total, that read more than was calibrated.
-    pub(super) fn out_of_range(&self, scan: &Scan<'_>, active: &[u16]) -> Arc<[u16]> {
-        let Some(evaluator) = &self.evaluator else { return Arc::default() };
+    fn out_of_range(&self, scan: &Scan<'_>, active: &[u16]) -> Vec<u16> {
+        let Some(evaluator) = &self.evaluator else { return Vec::new() };
         let above = |&taxel: &u16| {
             let taxel = usize::from(taxel);
             let share = scan.counts.raw(taxel).and_then(|count| evaluator.tables().share(taxel, count));
@@ -67,68 +153,4 @@ impl Force {
         };
         active.iter().copied().filter(above).collect()
     }
-
-    /// Only what touches the total degrades it; the rest is the health's. A good sample, as nearly all are, asks for no
-    /// memory here. `stale` is how many taxels are silent, `faulty` those with a fault under the contact or at its rim.
-    pub(super) fn shortcomings(
-        &self,
-        scan: &Scan<'_>,
-        stale: u32,
-        faulty: Vec<u16>,
-        bound: Bound,
-        zero: &ZeroState,
-    ) -> Vec<Reason> {
-        use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
-        let mut reasons = Vec::new();
-        if stale > 0 {
-            let text = format!("{stale} taxels are silent");
-            reasons.push(Reason::about(self.silent(scan), TaxelsSilent, text));
-        }
-        if !faulty.is_empty() {
-            let pressed = faulty.iter().any(|&taxel| self.is_pressed(scan, usize::from(taxel)));
-            let bound = if pressed { " and may bear more than is read: the total is a lower bound" } else { "" };
-            let text = format!("{} taxels have a fault{bound}", faulty.len());
-            reasons.push(Reason::about(faulty, TaxelsFaulty, text));
-        }
-        if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > stale {
-            let blind = self.coverage.blind;
-            let beside = if self.model.neighbours().is_some() {
-                "and so are those beside them"
-            } else {
-                "or may be, as no positions tell whether those beside them are out of use, too"
-            };
-            let text = format!("{blind} taxels are blind, {beside}: the total is a lower bound");
-            reasons.push(Reason::about(Arc::clone(&self.blind), TaxelsBlind, text));
-            if !self.without_zero.is_empty() {
-                let n = self.without_zero.len();
-                let why =
-                    "had a fault or moved when the zero was taken and have none: a new one at rest brings them back";
-                let text = format!("{n} taxels with a model {why}");
-                reasons.push(Reason::about(Arc::clone(&self.without_zero), TaxelsWithoutZero, text));
-            }
-        } else if let Some(n) = bound.beside {
-            let text =
-                format!("more of a contact than the uncertainty holds may lie on {n} taxels that cannot be read");
-            reasons.push(Reason::new(TaxelsBlind, format!("{text}: the total is a lower bound")));
-        }
-        if let Some(loaded) = bound.loaded {
-            let n = loaded.len();
-            let text = format!(
-                "{n} taxels without a zero read more than {LOADED_COUNTS} counts towards load since the calibration"
-            );
-            reasons.push(Reason::about(loaded, TaxelsWithoutZero, format!("{text}: the total is a lower bound")));
-        }
-        if let Some(beyond) = bound.beyond_range {
-            let text =
-                format!("{} taxels have read more than was calibrated: the total is a lower bound", beyond.len());
-            reasons.push(Reason::about(beyond, TaxelsOutOfRange, text));
-        }
-        reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
-        reasons
-    }
-}
-
-/// Whether a taxel without a zero, with that of the models and the way that load moves it, lies far towards load.
-fn is_loaded(scan: &Scan<'_>, &(taxel, zero, sign): &(u16, f64, f64)) -> bool {
-    scan.counts.units(usize::from(taxel)).is_some_and(|count| sign * (count - zero) > LOADED_COUNTS)
 }

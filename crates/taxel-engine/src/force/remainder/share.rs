@@ -4,10 +4,10 @@ use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
 use crate::force::tables::Tables;
 
 /// Standard uncertainties that the detection floor lies above the remainder: 95 %.
-pub const FLOOR_SIGMAS: f64 = 2.0;
+pub(super) const FLOOR_SIGMAS: f64 = 2.0;
 
 /// A contact touches so many modules at the most that a fingertip or a known mass does.
-pub const CONTACT_MODULES: usize = 3;
+pub(super) const CONTACT_MODULES: usize = 3;
 
 /// One taxel's share in the remainder, by its raw count.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,0 +1,124 @@
+//! What the standard uncertainty of a force is made of.
+//!
+//! Terms are independent of each other. What is correlated over taxels is added up within its term, so that the uncertainty of the
+//! total is the root of the sum of the squares (GUM 5.1.2). It is the uncertainty of a single scan.
+
+use taxel_skin::Newton;
+
+/// A source of uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Term {
+    /// Noise, rounding and fit of each taxel's reading. Type A, from the calibration's left-out readings. Independent over taxels.
+    Readings,
+    /// Noise decides which taxels at the rim of a contact are summed. Type A, from the noise of the zero.
+    Choice,
+    /// The zero may be off. Type A, from untouched taxels. Common to all taxels, as temperature is.
+    Zero,
+    /// The skin has not returned from an earlier load. Type B: between nothing and all that the zero moved. Common to all.
+    Residue,
+    /// The branch of the hysteresis is not known. Type A, from rising and falling pressure. A contact has one history.
+    Hysteresis,
+    /// What the calibration leaves open of the curve. Type B. Neighbouring taxels are made alike.
+    Curve,
+    /// Counts beyond the calibrated range. Type B: half of what the curve's extension adds. Common: the skin's stiffness.
+    BeyondRange,
+    /// Offset and gain of the gauge. Type B, from the configuration. Common to all taxels.
+    Gauge,
+    /// The skin's gain differs from day to day. Type A, from recordings of one skin on several days. Common to all.
+    GainOfDay,
+    /// The area that a taxel stands for. Type B, from the configuration or from known loads. Common to all.
+    Area,
+    /// Pads sample the pressure at points. Type A, from simulated contacts (`sampling.rs`). Independent over contacts.
+    Sampling,
+    /// A pad at the rim of the skin feels less. Type A, from the same simulation. Common to the taxels at the rim.
+    Rim,
+    /// Taxels under a contact that cannot be read. Type B (`coverage.rs`): half of the most that may lie there.
+    Unread,
+    /// All taxels of a module jump together. Type A, from the watch of the module. Common within a module.
+    Flicker,
+}
+
+impl Term {
+    /// All, in the order of [`Budget::terms`].
+    pub const ALL: [Self; 14] = [
+        Self::Readings,
+        Self::Choice,
+        Self::Zero,
+        Self::Residue,
+        Self::Hysteresis,
+        Self::Curve,
+        Self::BeyondRange,
+        Self::Gauge,
+        Self::GainOfDay,
+        Self::Area,
+        Self::Sampling,
+        Self::Rim,
+        Self::Unread,
+        Self::Flicker,
+    ];
+
+    /// Its name for people and programs.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Readings => "readings",
+            Self::Choice => "choice",
+            Self::Zero => "zero",
+            Self::Residue => "residue",
+            Self::Hysteresis => "hysteresis",
+            Self::Curve => "curve",
+            Self::BeyondRange => "beyond range",
+            Self::Gauge => "gauge",
+            Self::GainOfDay => "gain of the day",
+            Self::Area => "area",
+            Self::Sampling => "sampling",
+            Self::Rim => "rim",
+            Self::Unread => "unread taxels",
+            Self::Flicker => "flicker",
+        }
+    }
+}
+
+/// The standard uncertainty of one force, N, by its terms.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Budget([f64; Term::ALL.len()]);
+
+impl Budget {
+    /// The same with another value of a term.
+    #[must_use]
+    pub const fn with(mut self, term: Term, newton: f64) -> Self {
+        self.0[term as usize] = newton;
+        self
+    }
+
+    /// One term.
+    #[must_use]
+    pub const fn of(&self, term: Term) -> Newton {
+        Newton(self.0[term as usize])
+    }
+
+    /// Every term that is there, with its standard uncertainty.
+    pub fn terms(&self) -> impl Iterator<Item = (Term, Newton)> + '_ {
+        Term::ALL.into_iter().map(|term| (term, self.of(term))).filter(|(_, newton)| newton.0 != 0.0)
+    }
+
+    /// Root of the sum of the squares.
+    #[must_use]
+    pub fn sigma(&self) -> Newton {
+        Newton(self.0.iter().map(|newton| newton * newton).sum::<f64>().sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_uncertainty_is_the_root_of_the_sum_of_the_squared_terms() {
+        let budget = Budget::default().with(Term::Readings, 0.3).with(Term::Sampling, 0.4);
+        assert!((budget.sigma().0 - 0.5).abs() < 1e-15);
+        let terms: Vec<_> = budget.terms().map(|(term, newton)| (term.name(), newton.0)).collect();
+        assert_eq!(terms, [("readings", 0.3), ("sampling", 0.4)]);
+        assert!(Term::ALL.iter().enumerate().all(|(place, term)| *term as usize == place));
+    }
+}
