@@ -112,6 +112,7 @@ impl Board {
         config: &BoardsConfig,
         (seed, start): (u64, Time),
     ) -> Self {
+        let common = fabric.common_noise_counts() * LSB_PER_COUNT;
         let mut slots: Vec<Slot> = (0..MODULES).map(|_| Slot::new(Converter::new(Vec::new(), false))).collect();
         for &(module, kind) in modules {
             let mut dots = Vec::with_capacity(VALUES_PER_MODULE);
@@ -123,7 +124,8 @@ impl Board {
                     dots.push(fabric.pad());
                 }
             }
-            slots[usize::from(module.get())] = Slot::new(Converter::new(dots, kind == ModuleKind::Triangle));
+            slots[usize::from(module.get())] =
+                Slot::new(Converter::new(dots, kind == ModuleKind::Triangle).with_common_noise(common));
         }
         let mut clock_rng = Rng::new(seed, Stream::BoardClock(index));
         let clock = 1.0 + config.clock_ppm * 1e-6 * clock_rng.between(-1.0, 1.0);

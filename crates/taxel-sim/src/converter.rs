@@ -106,6 +106,7 @@ pub(crate) struct Converter {
     pub(crate) dots: Vec<Dot>,
     pub(crate) ailments: Ailments,
     has_reference: bool,
+    common_noise_lsb: f64,
     zero_lsb: [f64; VALUES_PER_MODULE],
     cdc: [u16; VALUES_PER_MODULE],
     reference: i32,
@@ -118,10 +119,16 @@ impl Converter {
             dots,
             ailments: Ailments::default(),
             has_reference,
+            common_noise_lsb: 0.0,
             zero_lsb: [0.0; VALUES_PER_MODULE],
             cdc: [NOT_CONNECTED; VALUES_PER_MODULE],
             reference: 0,
         }
+    }
+
+    /// With noise that all its taxels share.
+    pub(crate) fn with_common_noise(self, lsb: f64) -> Self {
+        Self { common_noise_lsb: lsb, ..self }
     }
 
     /// Converts all dots once. With `tare`, the present signal becomes the new zero, but for a residue.
@@ -135,9 +142,12 @@ impl Converter {
     ) {
         let offset = f64::from(cdc_offset);
         let mut signal = [0.0; VALUES_PER_MODULE];
+        // Not drawn where there is none: the noise of a dot is the same without it.
+        let common = if self.common_noise_lsb > 0.0 { self.common_noise_lsb * noise.normal() } else { 0.0 };
         for (signal, dot) in signal.iter_mut().zip(&mut self.dots) {
             *signal = dot.signal(around.pressures_kpa, around.temperature_k, around.elapsed_s);
-            *signal += dot.noise_lsb * noise.normal();
+            let shared = if matches!(dot.sense, Sense::Pad) { 0.0 } else { common };
+            *signal += dot.noise_lsb * noise.normal() + shared;
         }
         let tared = tare.is_some();
         if let Some((residues, residue_lsb)) = tare {

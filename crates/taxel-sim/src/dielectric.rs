@@ -50,6 +50,8 @@ pub struct DielectricConfig {
     pub more_creep: [(f64, f64); MORE_CREEP],
     /// Noise of a taxel in counts, before rounding, uniform between these.
     pub noise_counts: [f64; 2],
+    /// Noise that the taxels of a module share in each conversion, in counts; 0.27 doubles the variance of the sum of ten.
+    pub common_noise_counts: f64,
     /// Noise of a thermal pad in counts.
     pub pad_noise_counts: f64,
     /// Thermal coefficient in counts per kelvin, of taxels and pads alike.
@@ -85,6 +87,7 @@ impl Default for DielectricConfig {
             creep_s: 15.0,
             more_creep: [(0.0, 1.0); MORE_CREEP],
             noise_counts: [0.7, 1.0],
+            common_noise_counts: 0.0,
             pad_noise_counts: 0.4,
             thermal_counts_per_k: 1.0,
             thermal_relative_sd: 0.1,
@@ -221,6 +224,10 @@ impl<'a> Fabric<'a> {
 
     pub(crate) const fn tare_residue_counts(&self) -> f64 {
         self.config.tare_residue_counts
+    }
+
+    pub(crate) const fn common_noise_counts(&self) -> f64 {
+        self.config.common_noise_counts
     }
 
     pub(crate) fn taxel(&mut self, index: usize) -> Dot {

@@ -53,6 +53,18 @@ impl Dice {
         from[self.below(from.len())]
     }
 
+    /// When something happens that comes so often in 1,000 hours, within a story of this length.
+    pub fn arrivals(&mut self, per_1000_h: f64, length: Duration) -> Vec<Duration> {
+        let mut next_s = || -self.uniform().max(1e-300).ln() * 3.6e6 / per_1000_h;
+        let mut arrivals = Vec::new();
+        let mut at_s = next_s();
+        while at_s < length.as_secs_f64() {
+            arrivals.push(Duration::from_secs_f64(at_s));
+            at_s += next_s();
+        }
+        arrivals
+    }
+
     /// A span of so many seconds, as likely in each octave.
     pub fn span(&mut self, low_s: f64, high_s: f64) -> Duration {
         Duration::from_secs_f64(self.octaves(low_s, high_s))

@@ -43,6 +43,18 @@ impl Trouble {
     }
 }
 
+/// What a robot meets, and how often in 1,000 hours; what breaks stays broken for the day. Orders of
+/// magnitude that nobody has measured.
+pub const OF_A_ROBOT: [(Kind, f64); 7] = [
+    (Kind::BoardRetare, 1.0),
+    (Kind::NoAcks, 1.0),
+    (Kind::PowerCycle, 5.0),
+    (Kind::WarmRamp, 100.0),
+    (Kind::TaxelStuck, 0.4),
+    (Kind::TaxelNoisy, 0.3),
+    (Kind::TaxelFlicker, 0.3),
+];
+
 /// One trouble of this kind somewhere on the skin.
 pub fn trouble(kind: Kind, skin: &Skin, dice: &mut Dice) -> Trouble {
     let place = skin.patch().modules()[dice.below(skin.patch().modules().len())];
@@ -156,11 +168,11 @@ fn of_the_rest(kind: Kind, dice: &mut Dice) -> (Vec<Fault>, Duration) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::house::{Patches, house};
+    use crate::house::{Patches, Setting, house};
 
     #[test]
     fn every_kind_of_trouble_can_befall_a_skin_and_end() {
-        let mut world = house(Patches::One, 0).world.clone();
+        let mut world = house(Setting::minutes(Patches::One), 0).world.clone();
         let mut dice = Dice::new(1);
         for &kind in Kind::faults() {
             for _ in 0..20 {

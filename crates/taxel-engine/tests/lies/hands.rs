@@ -6,6 +6,7 @@ use taxel_sim::{Footprint, LoadId, Mass, PumpCommand};
 use taxel_skin::{Kilopascal, TaxelIndex, Time};
 
 use crate::dice::Dice;
+use crate::house::Course;
 use crate::stage::Stage;
 
 /// Masses that lie on the skin at the same time, at most.
@@ -21,6 +22,7 @@ struct Lying {
 /// Somebody who puts things on the skin.
 pub struct Hands {
     dice: Dice,
+    course: Course,
     /// Mean time between loads in seconds.
     gap_s: f64,
     next: Time,
@@ -33,14 +35,19 @@ pub struct Hands {
 }
 
 impl Hands {
-    pub fn new(mut dice: Dice, now: Time, length: Duration) -> Self {
-        let gap_s = if dice.chance(0.05) { 1e6 } else { dice.octaves(2.0, 60.0) };
-        let bag = dice.chance(0.15).then(|| {
+    pub fn new(mut dice: Dice, now: Time, (course, length): (Course, Duration)) -> Self {
+        let gap_s = match course {
+            Course::Minutes if dice.chance(0.05) => 1e6,
+            Course::Minutes => dice.octaves(2.0, 60.0),
+            Course::HalfHour => dice.octaves(5.0, 120.0),
+            Course::Day => dice.octaves(20.0, 300.0),
+        };
+        let bag = (course == Course::Minutes && dice.chance(0.15)).then(|| {
             let begin = now + length.mul_f64(dice.uniform());
             (begin, begin + dice.span(2.0, 30.0))
         });
         let next = now + Duration::from_secs_f64(gap_s.min(1e5) * dice.uniform());
-        Self { dice, gap_s, next, lying: Vec::new(), rolls: None, bag, pressing: false }
+        Self { dice, course, gap_s, next, lying: Vec::new(), rolls: None, bag, pressing: false }
     }
 
     /// Something lies there before anything begins.
@@ -115,7 +122,14 @@ impl Hands {
         let (kilogram, area) = (self.dice.octaves(0.01, 3.0), self.dice.octaves(300.0, 6000.0));
         let (kilogram, area) = self.or_finger(stage, kilogram, area);
         let patch = self.some_patch(stage);
-        let centre = self.anywhere(stage, patch);
+        let excluded = stage.house.parts[patch].excluded();
+        // A fingertip on a taxel that has no model.
+        let on_excluded = self.course == Course::Day && !excluded.is_empty() && self.dice.chance(0.05);
+        let (kilogram, area, centre) = if on_excluded {
+            (kilogram.min(1.0), self.dice.octaves(50.0, 300.0), self.dice.pick(&excluded))
+        } else {
+            (kilogram, area, self.anywhere(stage, patch))
+        };
         let stretch = self.dice.octaves(0.5, 2.0);
         let mut footprint = Footprint::disc(centre, area);
         footprint.semi_axes_mm = [footprint.semi_axes_mm[0] * stretch, footprint.semi_axes_mm[1] / stretch];

@@ -28,6 +28,46 @@ pub enum Patches {
     Two,
 }
 
+/// How long a story is, and what goes wrong in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Course {
+    /// Some minutes in which anything may happen, far more often than on a robot.
+    Minutes,
+    /// Half an hour in which hands touch a skin that warms and cools, and nothing goes wrong.
+    HalfHour,
+    /// Eight hours of a robot, with faults as rare as there.
+    Day,
+}
+
+impl Course {
+    pub fn length(self, dice: &mut Dice) -> Duration {
+        let minutes = Duration::from_secs_f64(dice.between(60.0, 300.0));
+        match self {
+            Self::Minutes => minutes,
+            Self::HalfHour => Duration::from_secs(30 * 60),
+            Self::Day => Duration::from_secs(8 * 3600),
+        }
+    }
+
+    /// On real skin the variance of the sum of a module's ten taxels is twice that of independent ones.
+    const fn common_noise_counts(self) -> f64 {
+        if matches!(self, Self::Minutes) { 0.0 } else { 0.27 }
+    }
+}
+
+/// The world of stories.
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    pub patches: Patches,
+    pub course: Course,
+}
+
+impl Setting {
+    pub const fn minutes(patches: Patches) -> Self {
+        Self { patches, course: Course::Minutes }
+    }
+}
+
 /// Skins of one patch of 50 taxels; the one after them is the forearm.
 const SMALL_SKINS: usize = 6;
 /// Skins of two patches: half of them share both boards.
@@ -84,6 +124,12 @@ impl Part {
         self.plan.patch.name()
     }
 
+    /// Its taxels without a model, by their place on the world's skin.
+    pub fn excluded(&self) -> Vec<TaxelIndex> {
+        let models = self.taxels.iter().zip(&self.set.taxels);
+        models.filter(|(_, model)| !model.is_usable()).map(|(taxel, _)| *taxel).collect()
+    }
+
     pub const fn patch(&self) -> &Patch {
         &self.plan.patch
     }
@@ -118,13 +164,16 @@ impl Part {
 }
 
 /// Skin number `n`, as [`Patches::draw`] numbers them.
-pub fn house(patches: Patches, n: usize) -> &'static House {
-    static ONE: [OnceLock<House>; SMALL_SKINS + 1] = [const { OnceLock::new() }; SMALL_SKINS + 1];
-    static TWO: [OnceLock<House>; DOUBLE_SKINS] = [const { OnceLock::new() }; DOUBLE_SKINS];
+pub fn house(Setting { patches, course }: Setting, n: usize) -> &'static House {
+    static ONE: [[OnceLock<House>; SMALL_SKINS + 1]; 2] = [const { [const { OnceLock::new() }; SMALL_SKINS + 1] }; 2];
+    static TWO: [[OnceLock<House>; DOUBLE_SKINS]; 2] = [const { [const { OnceLock::new() }; DOUBLE_SKINS] }; 2];
+    let common = course.common_noise_counts();
+    let [one, two] = [&ONE[usize::from(common > 0.0)][..], &TWO[usize::from(common > 0.0)][..]];
+    let calibrate = |skin| calibrate(n, skin, common);
     match patches {
-        Patches::One if n == SMALL_SKINS => ONE[n].get_or_init(|| calibrate(n, whole(Skin::forearm().unwrap()))),
-        Patches::One => ONE[n].get_or_init(|| calibrate(n, whole(small_skin()))),
-        Patches::Two => TWO[n].get_or_init(|| calibrate(n, double_skin(n < DOUBLE_SKINS / 2))),
+        Patches::One if n == SMALL_SKINS => one[n].get_or_init(|| calibrate(whole(Skin::forearm().unwrap()))),
+        Patches::One => one[n].get_or_init(|| calibrate(whole(small_skin()))),
+        Patches::Two => two[n].get_or_init(|| calibrate(double_skin(n < DOUBLE_SKINS / 2))),
     }
 }
 
@@ -163,11 +212,12 @@ fn double_skin(shares_both: bool) -> (Skin, Vec<Patch>) {
     (Skin::sleeve_at(skin, places), vec![upper, lower])
 }
 
-fn calibrate(n: usize, (skin, patches): (Skin, Vec<Patch>)) -> House {
+fn calibrate(n: usize, (skin, patches): (Skin, Vec<Patch>), common_noise_counts: f64) -> House {
     let seed = 100 + n as u64;
     // Every other skin tares so well that no taxel rests on a rail.
     let fine = DielectricConfig { tare_bias_counts: 1.0, tare_residue_counts: 0.5, ..DielectricConfig::default() };
     let dielectric = if n.is_multiple_of(2) { DielectricConfig::default() } else { fine };
+    let dielectric = DielectricConfig { common_noise_counts, ..dielectric };
     // Loads reach the taxels through a soft layer: where they were shared out over the taxels whose centres they cover, half
     // a load that hangs over the rim lay on one taxel alone, and its neighbours felt nothing of tens of newtons.
     let loads = LoadPath::Layer(Layer::default());

@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use crate::house::Patches;
+use crate::house::Setting;
 use crate::kinds::{Kind, Kinds};
 use crate::story::{self, LyingSample, Told};
 use crate::suspects::RETARES;
@@ -15,10 +15,10 @@ use crate::suspects::RETARES;
 const TOGETHER: Duration = Duration::from_millis(250);
 
 /// Plays the story of this seed; its lies that are not argued are named after faults that they need.
-pub fn play(patches: Patches, seed: u64) -> Told {
+pub fn play(setting: Setting, seed: u64) -> Told {
     let (mut cleared, mut lines) = (Kinds::default(), Vec::new());
     loop {
-        let play = |without, cleared| story::play(patches, seed, without, cleared);
+        let play = |without, cleared| story::play(setting, seed, without, cleared);
         let mut told = play(Kinds::default(), cleared);
         let cleared_of = |kind| Some((kind, clears(&play, &told, kind, cleared)?));
         let Some((kind, why)) = accused(&told).find_map(cleared_of) else {
@@ -65,15 +65,18 @@ fn is_same(lie: &LyingSample, other: &LyingSample) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::house::Patches;
+
+    const ONE: Setting = Setting::minutes(Patches::One);
 
     /// Both stories hold lies that get the name of a temperature ramp, because it began last.
     #[test]
     fn a_fault_is_cleared_of_lies_that_do_not_need_it() {
         let retared = "none of its lies is told without `board hangs below 1 s, new zero`";
         for (seed, why) in [(1_294_388, "the same lies are told without it"), (1_111_938, retared)] {
-            let accused = story::play(Patches::One, seed, Kinds::default(), Kinds::default());
+            let accused = story::play(ONE, seed, Kinds::default(), Kinds::default());
             assert!(accused.lies.iter().any(|lie| lie.from == Some(Kind::WarmRamp) && !lie.argued), "seed {seed}");
-            let told = play(Patches::One, seed);
+            let told = play(ONE, seed);
             assert_eq!(told.lines[0], format!("   `temperature ramp` is cleared: {why}"), "seed {seed}");
             assert!(told.lies.iter().all(|lie| lie.argued), "seed {seed}");
             assert_eq!(told.lies.len(), accused.lies.len(), "a name makes no lie true");
@@ -83,7 +86,7 @@ mod tests {
     #[test]
     fn without_a_fault_a_story_is_the_same_until_it_begins() {
         let [with, without] = [Kinds::default(), Kinds::one(Kind::ModuleFlicker)]
-            .map(|without| story::play(Patches::One, 1_294_388, without, Kinds::default()).lines);
+            .map(|without| story::play(ONE, 1_294_388, without, Kinds::default()).lines);
         let first = with.iter().position(|line| line.contains("FAULT module flickers")).unwrap();
         assert!(first > 5 && with[..first] == without[..first]);
         assert!(!without.iter().any(|line| line.contains("FAULT module flickers")));

@@ -2,24 +2,57 @@
 
 use taxel_engine::snapshot::{ForceSample, ForceState};
 
-/// Coverage factor of the stated uncertainty.
-const SIGMAS: f64 = 3.0;
+/// Coverage factor of the interval of 95 %.
+pub const SIGMAS: f64 = 2.0;
+/// Coverage factor beyond which a force lies.
+pub const LIE_SIGMAS: f64 = 3.0;
 /// Rounding of sums, far below what anything here can weigh.
 const TOLERANCE_N: f64 = 1e-6;
 
-/// What a sample says of the force, in newton; `None` where it says nothing. A lower bound is open above.
-pub fn interval(force: &ForceSample) -> Option<(f64, f64)> {
-    closed(force).map(|(low, high)| (low, if force.lower_bound { f64::INFINITY } else { high }))
+/// What a sample says of the force, in newton.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stated {
+    pub total: f64,
+    pub sigma: f64,
+    /// Ends of the interval of 95 %; of an open one the upper end that it would have if it were none.
+    low: f64,
+    high: f64,
+    /// Nothing bounds the force above: a lower bound.
+    pub open: bool,
 }
 
-/// What it would say if it were no lower bound.
-pub fn closed(force: &ForceSample) -> Option<(f64, f64)> {
-    if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
-        return None;
+impl Stated {
+    /// The one place that says what the interval of a sample is; `None` where it says nothing.
+    pub fn of(force: &ForceSample) -> Option<Self> {
+        if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
+            return None;
+        }
+        let (total, sigma) = (force.total?.0, force.total_sigma?.0);
+        let (low, high) = (total - SIGMAS * sigma, total + SIGMAS * sigma + force.detection_floor?.0);
+        Some(Self { total, sigma, low, high, open: force.lower_bound })
     }
-    let (total, sigma) = (force.total?.0, force.total_sigma?.0);
-    let floor = force.detection_floor?.0;
-    Some((total - SIGMAS * sigma, total + SIGMAS * sigma + floor))
+
+    /// The interval at so many standard uncertainties.
+    pub fn interval(&self, sigmas: f64) -> (f64, f64) {
+        let (low, high) = self.closed(sigmas);
+        (low, if self.open { f64::INFINITY } else { high })
+    }
+
+    /// What it would be if it were no lower bound.
+    pub fn closed(&self, sigmas: f64) -> (f64, f64) {
+        let more = (sigmas - SIGMAS) * self.sigma;
+        (self.low - more, self.high + more)
+    }
+
+    /// How wide the interval of 95 % is.
+    pub fn width_n(&self) -> f64 {
+        self.high - self.low
+    }
+
+    /// What it has above the total with its uncertainty.
+    pub fn undetected_n(&self) -> f64 {
+        self.high - self.total - SIGMAS * self.sigma
+    }
 }
 
 /// A force that was stated wrongly.
@@ -66,10 +99,13 @@ mod tests {
             detection_floor: Some(Newton(0.25)),
             ..ForceSample::default()
         };
-        assert_eq!(interval(&sample), Some((3.5, 6.75)));
+        assert_eq!(Stated::of(&sample).unwrap().interval(LIE_SIGMAS), (3.5, 6.75));
+        assert_eq!(Stated::of(&sample).unwrap().width_n(), 2.25);
         sample.lower_bound = true;
-        assert_eq!(interval(&sample), Some((3.5, f64::INFINITY)));
+        let stated = Stated::of(&sample).unwrap();
+        assert_eq!(stated.interval(LIE_SIGMAS), (3.5, f64::INFINITY));
+        assert_eq!((stated.closed(LIE_SIGMAS), stated.undetected_n()), ((3.5, 6.75), 0.25));
         sample.state = ForceState::Stale;
-        assert_eq!(interval(&sample), None);
+        assert_eq!(Stated::of(&sample), None);
     }
 }

@@ -11,18 +11,23 @@ use taxel_sim::PumpCommand;
 use taxel_skin::{Kilopascal, Time};
 
 use crate::dice::Dice;
+use crate::house::Course;
 use crate::kinds::Kind;
 use crate::mishaps::Mishaps;
 use crate::stage::Stage;
 
 /// How often the operator looks at the force.
 const LOOKS_EVERY: Duration = Duration::from_millis(500);
+/// What an operator of a robot does in 1,000 hours: starts of the daemon, tares soon after a load.
+const RESTARTS_PER_1000_H: f64 = 20.0;
+const TARES_PER_1000_H: f64 = 500.0;
 /// A force below this is a free skin to the eye, in newton.
 const FREE_N: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug)]
 enum Task {
     Tare,
+    TareAfterLoad,
     BringUp,
     Session,
     Activate,
@@ -72,13 +77,16 @@ pub struct Operator {
     /// Nothing new is put on the skin until then.
     free_until: Time,
     imports: u64,
+    /// The next load that leaves is followed by a tare at once.
+    tares_after_load: bool,
+    loads: usize,
 }
 
 impl Operator {
-    pub fn new(mut dice: Dice, stage: &Stage, length: Duration, listens_only: bool) -> Self {
+    pub fn new(mut dice: Dice, stage: &Stage, (course, length): (Course, Duration), listens_only: bool) -> Self {
         let now = stage.now();
         let mut agenda = Vec::new();
-        for _ in 0..dice.below(5) {
+        for _ in 0..if course == Course::Minutes { dice.below(5) } else { 0 } {
             let all = [Task::Tare, Task::BringUp, Task::Session, Task::Activate, Task::Import, Task::Restart];
             let weights = [0.5, 0.08, 0.15, 0.07, 0.05, 0.15];
             let mut left = dice.uniform();
@@ -88,6 +96,11 @@ impl Operator {
             });
             let task = drawn.map_or(Task::Tare, |(task, _)| *task);
             agenda.push((now + length.mul_f64(dice.uniform()), task));
+        }
+        if course == Course::Day {
+            for (task, per_1000_h) in [(Task::Restart, RESTARTS_PER_1000_H), (Task::TareAfterLoad, TARES_PER_1000_H)] {
+                agenda.extend(dice.arrivals(per_1000_h, length).into_iter().map(|after| (now + after, task)));
+            }
         }
         agenda.sort_by_key(|(at, _)| std::cmp::Reverse(*at));
         let patience = dice.span(1.0, 6.0);
@@ -102,6 +115,8 @@ impl Operator {
             start_again: None,
             free_until: now,
             imports: 0,
+            tares_after_load: false,
+            loads: 0,
         }
     }
 
@@ -121,6 +136,11 @@ impl Operator {
             }
             return;
         }
+        if self.tares_after_load && self.loads > 0 && stage.loads == 0 {
+            self.tares_after_load = false;
+            self.agenda.push((now + self.dice.span(0.5, 5.0), Task::Tare));
+        }
+        self.loads = stage.loads;
         while self.agenda.last().is_some_and(|(at, _)| *at <= now) {
             let Some((_, task)) = self.agenda.pop() else { break };
             self.carry_out(stage, task);
@@ -136,6 +156,7 @@ impl Operator {
         let patch = self.some_patch(stage);
         match task {
             Task::Tare => self.tare(stage, patch),
+            Task::TareAfterLoad => self.tares_after_load = true,
             Task::BringUp => self.bring_up(stage, patch),
             Task::Session if self.calibration.is_none() => self.begin_session(stage),
             Task::Session => {}

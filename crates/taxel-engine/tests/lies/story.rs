@@ -10,9 +10,10 @@ use taxel_skin::Time;
 use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, UNPLACED, is_allowed};
 use crate::daemon::Daemon;
 use crate::dice::Dice;
+use crate::figures::{Judged, STEADY};
 use crate::hands::Hands;
-use crate::house::{Patches, SLOT, house};
-use crate::judge::{Lie, closed, interval, judge};
+use crate::house::{Course, SLOT, Setting, house};
+use crate::judge::{LIE_SIGMAS, Lie, Stated, judge};
 use crate::kinds::{Kind, Kinds};
 use crate::mishaps::Mishaps;
 use crate::operator::Operator;
@@ -71,8 +72,8 @@ pub struct Told {
 }
 
 /// Plays the story of this seed, `without` what goes wrong of these kinds; those that are `cleared` name no lie.
-pub fn play(patches: Patches, seed: u64, without: Kinds, cleared: Kinds) -> Told {
-    let mut story = Story::new(patches, seed, without, cleared);
+pub fn play(setting: Setting, seed: u64, without: Kinds, cleared: Kinds) -> Told {
+    let mut story = Story::new(setting, seed, without, cleared);
     let length = story.length;
     let end = story.stage.now() + length;
     while story.stage.now() < end {
@@ -102,12 +103,12 @@ struct Story {
 }
 
 impl Story {
-    fn new(patches: Patches, seed: u64, without: Kinds, cleared: Kinds) -> Self {
+    fn new(setting: Setting, seed: u64, without: Kinds, cleared: Kinds) -> Self {
         let root = Dice::new(seed);
         let mut dice = root.of(1);
-        let length = Duration::from_secs_f64(dice.between(60.0, 300.0));
-        let number = patches.draw(&mut dice);
-        let house = house(patches, number);
+        let length = setting.course.length(&mut dice);
+        let number = setting.patches.draw(&mut dice);
+        let house = house(setting, number);
         let watched = root.of(6).below(house.parts.len());
         let mut world = house.world.clone();
         world.reseed(seed);
@@ -117,7 +118,7 @@ impl Story {
         let scene = &plan.patches[watched];
         let has_positions = scene.geometry.is_some();
         let scene = format!("fill: {}, positions: {}", scene.outputs.fill, scene.geometry.is_some());
-        let begins_loaded = dice.chance(0.12);
+        let begins_loaded = dice.chance(0.12) && setting.course == Course::Minutes;
         let now = world.now();
         let store = Store::with(house.parts.iter().map(|part| Arc::clone(&part.set)).collect());
         let daemon = Daemon::new(plan, store, root.of(2), now);
@@ -127,14 +128,14 @@ impl Story {
             stage.part().name(),
             length.as_secs_f64()
         ));
-        let mut hands = Hands::new(root.of(3), now, length);
+        let mut hands = Hands::new(root.of(3), now, (setting.course, length));
         if begins_loaded {
             hands.begin_loaded(&mut stage);
         }
         stage.changes(Duration::ZERO);
         stage.note_truth();
-        let mishaps = Mishaps::new(root.of(4), &stage, length, without);
-        let operator = Operator::new(root.of(5), &stage, length, listens_only);
+        let mishaps = Mishaps::new(root.of(4), &stage, (setting.course, length), without);
+        let operator = Operator::new(root.of(5), &stage, (setting.course, length), listens_only);
         Self {
             seed,
             length,
@@ -177,6 +178,7 @@ impl Story {
         let there = matches!(force.state, ForceState::Ok | ForceState::Degraded);
         let without = self.stage.suspects.force_is(there, now);
         self.tally.time(SLOT, self.stage.suspects.present(now), without);
+        self.tally.figures.time(SLOT, there);
         if without.is_some_and(Kinds::is_empty) {
             self.tally.gone(SLOT, self.seed, &self.stage.daemon.newest[watched].force.reasons);
         }
@@ -188,14 +190,13 @@ impl Story {
             self.state = force.state;
             stage.tell(format!("force {:?}: {}", force.state, force.why()));
         }
-        let Some(stated) = interval(force) else { return };
+        let Some(interval) = Stated::of(force) else { return };
         let kinds = stage.suspects.present(stage.now());
         let truth = stage.truth.range(snapshot.time - AGE_MAX, snapshot.time);
+        let steady = stage.truth.steady(stage.now(), STEADY);
+        self.tally.figures.sample(&Judged { force, truth, steady, quiet: kinds.is_empty() }, &interval);
+        let stated = interval.interval(LIE_SIGMAS);
         let lie = judge(stated, truth);
-        if force.lower_bound && kinds.is_empty() {
-            let needless = closed(force).is_some_and(|closed| judge(closed, truth).is_none());
-            self.tally.bounded(self.seed, &force.reasons, needless);
-        }
         let zero = snapshot.tare.as_ref().map(|tare| tare.wall_ns);
         if zero != self.zero.0 {
             self.zero = (zero, lie.is_some_and(|lie| lie.too_little));
@@ -256,6 +257,8 @@ fn name(
     let apart = apart(stage, snapshot.time, stated);
     let forgotten = stage.daemon.has_forgotten() && lie.too_little;
     let mutes = stage.suspects.mutes(now).filter(|_| apart == HEARD_LATE);
+    // Only what keeps modules from being heard makes them late.
+    let apart = if apart == HEARD_LATE && mutes.is_none() { "" } else { apart };
     let from = mutes.or_else(|| stage.suspects.principal(stage.suspects.present(now), wrong));
     let root = match from {
         Some(kind) => kind.name(),

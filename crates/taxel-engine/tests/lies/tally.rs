@@ -8,7 +8,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use taxel_engine::snapshot::{Reason, in_words};
 
-use crate::allowed::is_allowed;
+use crate::allowed::{ALLOWED, Budget, is_allowed, root_of};
+use crate::figures::Figures;
 use crate::judge::Lie;
 use crate::kinds::{Kind, Kinds};
 
@@ -89,15 +90,6 @@ fn write_liars(f: &mut fmt::Formatter<'_>, title: &str, liars: &[(&String, &Liar
     Ok(())
 }
 
-/// Samples that are lower bounds for one reason.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Bounded {
-    samples: u64,
-    /// Of them those that would be right without being one.
-    needless: u64,
-    seed: u64,
-}
-
 /// The beginning of what a sample says of itself, `#` for each digit: numbers apart, the text is the reason's name.
 fn name_of(reasons: &[Reason]) -> String {
     in_words(reasons).chars().map(|c| if c.is_ascii_digit() { '#' } else { c }).take(90).collect()
@@ -114,16 +106,13 @@ pub struct Tally {
     pub simulated: Duration,
     pub samples: u64,
     pub lies: u64,
-    /// Of them those that are argued.
-    pub argued: u64,
+    /// Of them those that are argued, by their place in the list.
+    argued: Vec<Liars>,
+    /// What the intervals are worth.
+    pub figures: Figures,
     liars: BTreeMap<String, Liars>,
-    /// Those by more than a little, by the first part of their names.
-    roots: BTreeMap<String, Liars>,
     /// Why there was no force in the fault-free time, how long, and in which story last.
     gone: BTreeMap<String, (Duration, u64)>,
-    /// Lower bounds in the fault-free time, by what they say of themselves.
-    #[serde(default)]
-    bounded: BTreeMap<String, Bounded>,
 }
 
 impl Tally {
@@ -137,11 +126,10 @@ impl Tally {
             simulated: Duration::ZERO,
             samples: 0,
             lies: 0,
-            argued: 0,
+            argued: vec![Liars::default(); ALLOWED.len()],
+            figures: Figures::default(),
             liars: BTreeMap::new(),
-            roots: BTreeMap::new(),
             gone: BTreeMap::new(),
-            bounded: BTreeMap::new(),
         }
     }
 
@@ -161,14 +149,12 @@ impl Tally {
 
     /// A lie by its name, which begins with what it may come from.
     pub fn lie(&mut self, name: &str, seed: u64, ok: bool, lie: Lie, told: impl FnOnce() -> String) {
-        self.argued += u64::from(is_allowed(name, lie.excess_n));
+        if let Some(root) = root_of(name, lie.excess_n) {
+            self.argued[root].count(seed, ok, lie);
+        }
         let liars = self.liars.entry(name.to_owned()).or_default();
         if liars.count(seed, ok, lie) {
             liars.example = told();
-        }
-        if lie.excess_n >= LITTLE_N {
-            let root = name.split(';').next().unwrap_or(name);
-            self.roots.entry(root.to_owned()).or_default().count(seed, ok, lie);
         }
     }
 
@@ -190,14 +176,6 @@ impl Tally {
     pub fn gone(&mut self, span: Duration, seed: u64, reasons: &[Reason]) {
         let gone = self.gone.entry(name_of(reasons)).or_default();
         *gone = (gone.0 + span, seed);
-    }
-
-    /// A sample is a lower bound though nothing happened; whether it would be right without being one.
-    pub fn bounded(&mut self, seed: u64, reasons: &[Reason], needless: bool) {
-        let bounded = self.bounded.entry(name_of(reasons)).or_default();
-        bounded.samples += 1;
-        bounded.needless += u64::from(needless);
-        bounded.seed = seed;
     }
 
     pub fn story(&mut self, ever: Kinds, lied: bool) {
@@ -224,21 +202,14 @@ impl Tally {
         self.simulated += other.simulated;
         self.samples += other.samples;
         self.lies += other.lies;
-        self.argued += other.argued;
+        self.argued.iter_mut().zip(&other.argued).for_each(|(ours, theirs)| ours.add(theirs));
+        self.figures.add(&other.figures);
         for (name, (span, seed)) in &other.gone {
             let gone = self.gone.entry(name.clone()).or_default();
             *gone = (gone.0 + *span, *seed);
         }
-        for (name, theirs) in &other.bounded {
-            let ours = self.bounded.entry(name.clone()).or_default();
-            ours.samples += theirs.samples;
-            ours.needless += theirs.needless;
-            ours.seed = theirs.seed;
-        }
-        for (ours, theirs) in [(&mut self.liars, &other.liars), (&mut self.roots, &other.roots)] {
-            for (name, theirs) in theirs {
-                ours.entry(name.clone()).or_default().add(theirs);
-            }
+        for (name, theirs) in &other.liars {
+            self.liars.entry(name.clone()).or_default().add(theirs);
         }
     }
 
@@ -250,6 +221,40 @@ impl Tally {
     /// The lies that nobody has argued, by name.
     pub fn not_argued(&self) -> Vec<(&String, &Liars)> {
         ranked(&self.liars).into_iter().filter(|(name, liars)| !is_allowed(name, liars.worst_n)).collect()
+    }
+
+    /// The argued roots that take more than their budgets, in words. A few stories say less of a rate than many do: they may
+    /// have more by three standard deviations of their number.
+    pub fn beyond_budget(&self) -> Vec<String> {
+        let per = |count: u64, all: u64, scale: f64| scale * count as f64 / all.max(1) as f64;
+        let roots = ALLOWED.iter().zip(&self.argued).filter(|(_, argued)| argued.samples > 0);
+        let beyond = |(root, argued): (&_, &Liars)| {
+            let (cause, has, Budget { samples_per_million, stories_per_thousand, worst_n }, _) = *root;
+            let (samples, stories) = (per(argued.samples, self.samples, 1e6), per(argued.stories, self.stories, 1e3));
+            let expected = (stories_per_thousand * self.stories as f64 / 1e3).max(1.0);
+            let slack = 1.0 + 3.0 / expected.sqrt();
+            let fits = samples <= slack * samples_per_million && stories <= slack * stories_per_thousand;
+            (!fits || argued.worst_n > worst_n).then(|| {
+                let is = format!("{samples:.0} samples per million, {stories:.1} stories per thousand, worst {:.2} N", argued.worst_n);
+                format!("`{cause}{has}`: {is}; budget {samples_per_million}, {stories_per_thousand}, {worst_n} N, LIES_SEED={}", argued.seed)
+            })
+        };
+        roots.filter_map(beyond).collect()
+    }
+
+    fn write_argued(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "\n| argued | samples per million | stories per thousand | worst, N | its budget |")?;
+        writeln!(f, "|---|---:|---:|---:|---|")?;
+        for ((cause, has, budget, _), argued) in
+            ALLOWED.iter().zip(&self.argued).filter(|(_, argued)| argued.samples > 0)
+        {
+            let Budget { samples_per_million, stories_per_thousand, worst_n } = budget;
+            let samples = 1e6 * argued.samples as f64 / self.samples.max(1) as f64;
+            let stories = 1e3 * argued.stories as f64 / self.stories.max(1) as f64;
+            let budget = format!("{samples_per_million}, {stories_per_thousand}, {worst_n}");
+            writeln!(f, "| {cause}{has} | {samples:.1} | {stories:.2} | {:.3} | {budget} |", argued.worst_n)?;
+        }
+        Ok(())
     }
 
     /// The names of lies, first those that are more than a little wrong, and among them those of most stories.
@@ -266,8 +271,13 @@ impl fmt::Display for Tally {
             f,
             "{} stories, {minutes:.0} simulated minutes, {} samples judged, {} lies in {} stories, of them {} argued; {share:.2} % of the \
              fault-free time without a force\n",
-            self.stories, self.samples, self.lies, self.lying_stories, self.argued
+            self.stories,
+            self.samples,
+            self.lies,
+            self.lying_stories,
+            self.argued.iter().map(|root| root.samples).sum::<u64>()
         )?;
+        writeln!(f, "{}", self.figures)?;
         writeln!(f, "| what happened | stories | samples judged | lies | s without a force |")?;
         writeln!(f, "|---|---:|---:|---:|---:|")?;
         let named = self.rows.iter().zip(Kind::ALL).map(|(row, kind)| (kind.name(), row));
@@ -281,14 +291,7 @@ impl fmt::Display for Tally {
         for (reason, (span, seed)) in gone.into_iter().take(5) {
             writeln!(f, "| {reason} | {:.1} | {seed} |", span.as_secs_f64())?;
         }
-        writeln!(f, "\n| a lower bound in fault-free time | samples | right without being one | seed |")?;
-        writeln!(f, "|---|---:|---:|---:|")?;
-        let mut bounded: Vec<_> = self.bounded.iter().collect();
-        bounded.sort_by_key(|(_, bounded)| Reverse(bounded.samples));
-        for (reason, Bounded { samples, needless, seed }) in bounded.into_iter().take(5) {
-            writeln!(f, "| {reason} | {samples} | {needless} | {seed} |")?;
-        }
-        write_liars(f, &format!("lies by {LITTLE_N} N and more, by what they come from"), &ranked(&self.roots))?;
+        self.write_argued(f)?;
         let names = self.most_frequent();
         write_liars(f, "lie", &names[..names.len().min(NAMES_SHOWN)])
     }

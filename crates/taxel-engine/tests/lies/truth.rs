@@ -10,6 +10,10 @@ use taxel_skin::Time;
 pub const AGE_MAX: Duration = Duration::from_millis(110);
 /// As [`AGE_MAX`] for a module that is not heard any more: it is silent after 150 ms.
 pub const HEARD_MAX: Duration = Duration::from_millis(210);
+/// A force that changes by less than this share and a trifle is steady.
+const STEADY_SHARE: f64 = 0.02;
+/// Less than this is nothing, in newton: a vented bag presses with ever less, but for ever.
+pub const TRIFLE_N: f64 = 0.01;
 /// Longer than any stall of a story, with the longest watch of a zero before it.
 const KEPT: Duration = Duration::from_secs(10);
 
@@ -17,6 +21,8 @@ const KEPT: Duration = Duration::from_secs(10);
 #[derive(Debug, Default)]
 pub struct Truth {
     seen: VecDeque<(Time, f64)>,
+    /// A force and since when it has been no other, within [`STEADY_SHARE`].
+    steady: (f64, Time),
     /// The same of each module; while nothing changes there is one entry.
     by_module: VecDeque<(Time, Box<[f64]>)>,
 }
@@ -24,6 +30,9 @@ pub struct Truth {
 impl Truth {
     pub fn note(&mut self, now: Time, newton: f64) {
         self.seen.push_back((now, newton));
+        if (newton - self.steady.0).abs() > STEADY_SHARE * self.steady.0 + TRIFLE_N {
+            self.steady = (newton, now);
+        }
         while self.seen.front().is_some_and(|(time, _)| *time < now - KEPT) {
             self.seen.pop_front();
         }
@@ -66,6 +75,11 @@ impl Truth {
             }
         }
         range
+    }
+
+    /// The newest force, if it has stood still for so long.
+    pub fn steady(&self, now: Time, span: Duration) -> Option<f64> {
+        (now.since(self.steady.1) >= span).then(|| self.newest())
     }
 
     pub fn newest(&self) -> f64 {
