@@ -1,6 +1,6 @@
 //! Whether a published force holds the truth.
 
-use taxel_engine::snapshot::{ForceSample, ForceState};
+use taxel_engine::snapshot::{ForceSample, ForceState, Undetected};
 
 /// Coverage factor of the interval of 95 %.
 pub const SIGMAS: f64 = 2.0;
@@ -14,10 +14,8 @@ const TOLERANCE_N: f64 = 1e-6;
 pub struct Stated {
     pub total: f64,
     pub sigma: f64,
-    /// Ends of the interval of 95 %; of an open one the upper end that it would have if it were none.
-    low: f64,
-    high: f64,
-    /// Nothing bounds the force above: a lower bound.
+    undetected: Undetected,
+    /// Nothing bounds the force above.
     pub open: bool,
 }
 
@@ -27,9 +25,8 @@ impl Stated {
         if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
             return None;
         }
-        let (total, sigma) = (force.total?.0, force.total_sigma?.0);
-        let (low, high) = (total - SIGMAS * sigma, total + SIGMAS * sigma + force.detection_floor?.0);
-        Some(Self { total, sigma, low, high, open: force.lower_bound })
+        let (total, sigma, undetected) = (force.total?.0, force.total_sigma?.0, force.undetected?);
+        Some(Self { total, sigma, undetected, open: force.unbounded })
     }
 
     /// The interval at so many standard uncertainties.
@@ -38,20 +35,21 @@ impl Stated {
         (low, if self.open { f64::INFINITY } else { high })
     }
 
-    /// What it would be if it were no lower bound.
+    /// What it would be if something bounded it: as [`ForceSample::least`] and [`ForceSample::most`].
     pub fn closed(&self, sigmas: f64) -> (f64, f64) {
-        let more = (sigmas - SIGMAS) * self.sigma;
-        (self.low - more, self.high + more)
+        let low = (self.total - sigmas * self.sigma).max(0.0);
+        (low, self.total + self.undetected.newton + sigmas * self.sigma.hypot(self.undetected.sigma_n))
     }
 
     /// How wide the interval of 95 % is.
     pub fn width_n(&self) -> f64 {
-        self.high - self.low
+        let (low, high) = self.closed(SIGMAS);
+        high - low
     }
 
-    /// What it has above the total with its uncertainty.
+    /// What may be there undetected, to 95 %.
     pub fn undetected_n(&self) -> f64 {
-        self.high - self.total - SIGMAS * self.sigma
+        self.undetected.newton + SIGMAS * self.undetected.sigma_n
     }
 }
 
@@ -96,12 +94,12 @@ mod tests {
             state: ForceState::Ok,
             total: Some(Newton(5.0)),
             total_sigma: Some(Newton(0.5)),
-            detection_floor: Some(Newton(0.25)),
+            undetected: Some(Undetected { newton: 0.25, sigma_n: 0.0 }),
             ..ForceSample::default()
         };
         assert_eq!(Stated::of(&sample).unwrap().interval(LIE_SIGMAS), (3.5, 6.75));
         assert_eq!(Stated::of(&sample).unwrap().width_n(), 2.25);
-        sample.lower_bound = true;
+        sample.unbounded = true;
         let stated = Stated::of(&sample).unwrap();
         assert_eq!(stated.interval(LIE_SIGMAS), (3.5, f64::INFINITY));
         assert_eq!((stated.closed(LIE_SIGMAS), stated.undetected_n()), ((3.5, 6.75), 0.25));

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::plan::Plan;
-use taxel_engine::snapshot::{ForceState, PatchSnapshot};
+use taxel_engine::snapshot::{ForceState, PatchSnapshot, Undetected};
 use taxel_skin::Time;
 
 use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, UNPLACED, is_allowed};
@@ -312,14 +312,13 @@ fn reading(snapshot: &PatchSnapshot, (least, greatest): (f64, f64)) -> String {
     let number = |newton: Option<taxel_skin::Newton>| newton.map_or(f64::NAN, |newton| newton.0);
     let at: Time = snapshot.time;
     format!(
-        "{:?} {:.3} N, sigma {:.3} N, floor {:.3} N, {} active, {} filled, {} excluded, truth {least:.3} to {greatest:.3} N \
+        "{:?} {:.3} N, sigma {:.3} N, undetected {:.3} N, {} active, {} excluded, truth {least:.3} to {greatest:.3} N \
          (frame of {at:?}; {})",
         force.state,
         number(force.total),
         number(force.total_sigma),
-        number(force.detection_floor),
+        number(force.undetected.map(Undetected::at_most)),
         force.active,
-        force.filled,
         force.excluded,
         force.why()
     )
