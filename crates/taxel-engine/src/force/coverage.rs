@@ -7,8 +7,11 @@
 
 use std::ops::Range;
 
+use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::neighbours::Neighbours;
 use crate::force::reason::positions;
+use crate::force::tables::Tables;
+use crate::scan::Scan;
 
 /// A taxel is told by so many others at least.
 const READ_BESIDE_MIN: usize = 2;
@@ -18,6 +21,9 @@ const SIGMAS: f64 = 2.0;
 const AT_RIM: f64 = 3.0;
 /// A taxel at the corner of a module and those beside it.
 const CORNER_TAXELS: usize = 3;
+/// A taxel without a zero that lies so far towards load from where it was calibrated may bear one, counts: from day to day a
+/// taxel moves by less (see [`crate::zero::rest::RestLimits::moved_second_max`]).
+const LOADED_COUNTS: f64 = 16.0;
 
 /// A taxel under or beside a contact that cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +59,45 @@ impl Unread {
     #[must_use]
     pub fn missing_kpa(&self) -> f64 {
         self.at_most_kpa / SIGMAS
+    }
+}
+
+/// A taxel that is heard and has a model, but does not count: it has a fault, or no zero.
+#[derive(Clone, Copy, Debug)]
+pub struct Watched {
+    /// Which.
+    pub taxel: usize,
+    /// Whether it has a fault; else it has no zero.
+    pub has_fault: bool,
+    /// Beyond this count, turned so that load is positive, it reads a load.
+    loaded_from: f64,
+    sign: f64,
+}
+
+impl Watched {
+    /// `None` of a taxel without a usable model.
+    #[must_use]
+    pub fn new(
+        tables: &Tables,
+        zero: &[TaxelBaseline],
+        activation: Activation,
+        taxel: usize,
+        is_sound: bool,
+    ) -> Option<Self> {
+        let set = tables.set();
+        let model = set.taxels.get(taxel).filter(|model| model.is_usable())?;
+        let sign = model.sign.as_f64();
+        let loaded_from = match zero.get(taxel).filter(|_| tables.has(taxel)) {
+            Some(zero) => sign * zero.mean + activation.distance_counts(zero.noise),
+            None => sign * set.baseline[taxel].mean + LOADED_COUNTS,
+        };
+        Some(Self { taxel, has_fault: !is_sound, loaded_from, sign })
+    }
+
+    /// Whether it reads a load.
+    #[must_use]
+    pub fn reads_a_load(&self, scan: &Scan<'_>) -> bool {
+        scan.counts.units(self.taxel).is_some_and(|count| self.sign * count > self.loaded_from)
     }
 }
 

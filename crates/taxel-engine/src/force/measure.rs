@@ -66,6 +66,8 @@ pub struct Touch {
     pub unread: Vec<Unread>,
     /// Taxels beside active ones that are not selected, ascending.
     pub missing: Vec<usize>,
+    /// Taxels beside active ones that are not active themselves; none without positions.
+    pub ring: Vec<usize>,
     /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
     labels: Vec<u16>,
     contacts: Vec<Contact>,
@@ -139,13 +141,14 @@ impl ForceModel {
         touch.unread.clear();
         touch.contacts.clear();
         touch.missing.clear();
+        touch.ring.clear();
         evaluator.find_active(counts, &mut touch.active);
         if touch.active.is_empty() {
             return;
         }
         let low = |taxel: usize| counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count)).unwrap_or(0.0);
-        let contacts =
-            self.neighbours.as_ref().map_or(0, |all| all.grow(&mut touch.active, &mut touch.labels, low));
+        let Touch { active, labels, ring, .. } = touch;
+        let contacts = self.neighbours.as_ref().map_or(0, |all| all.grow(active, labels, ring, low));
         self.find_unread(evaluator.selection(), low, touch);
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
@@ -192,16 +195,17 @@ impl ForceModel {
             None => evaluator.sum_n(active),
             Some(_) => active.iter().fold(0.0, |sum, &(_, newton)| sum + newton), // sum() of nothing is -0.0
         };
-        let unread_n = |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
+        let unread_n =
+            |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
         // Filled taxels err independently; what is left out is too little of all of them.
         let (filled_n, missing_n) = if self.outputs.fill {
             let squares: f64 = unread_n(Unread::sigma_kpa).map(|newton| newton * newton).sum();
             (unread_n(|one| one.kpa).sum(), squares.sqrt())
         } else {
-            (0.0, unread_n(Unread::missing_kpa).sum::<f64>())
+            (0.0, unread_n(Unread::missing_kpa).fold(0.0, |sum, newton| sum + newton))
         };
-        let total_n = read_n + filled_n;
         let sums = self.sums(evaluator, counts, active);
+        let total_n = read_n + filled_n;
         // What all touched taxels share those have, too, that are filled from them.
         let scale = if read_n > 0.0 { total_n / read_n } else { 1.0 };
         let (tables, set) = (evaluator.tables(), evaluator.tables().set());
@@ -280,13 +284,7 @@ impl ForceModel {
     }
 
     /// A reading is on one end of its module's jump or on the other, of which the standard deviation is half of the jump at most.
-    fn flicker_n(
-        &self,
-        evaluator: &Evaluator,
-        counts: Counts<'_>,
-        active: &[(usize, f64)],
-        jumps: &[f32],
-    ) -> f64 {
+    fn flicker_n(&self, evaluator: &Evaluator, counts: Counts<'_>, active: &[(usize, f64)], jumps: &[f32]) -> f64 {
         if jumps.iter().all(|jump| *jump <= 0.0) {
             return 0.0; // nearly always
         }

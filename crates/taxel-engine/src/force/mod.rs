@@ -23,8 +23,8 @@ pub mod taxels;
 pub(crate) mod tests;
 
 pub use crate::baseline::Activation;
-pub use evaluator::Evaluator;
 pub use budget::{Budget, Term};
+pub use evaluator::Evaluator;
 pub use measure::{ForceModel, Layout, Outputs};
 pub use owner::{Force, ForcePlan};
 pub use reason::{Reason, ReasonCode};

@@ -57,8 +57,14 @@ impl Neighbours {
 
     /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero, and
     /// numbers the contacts: in `labels`, by taxel, from 1. Returns how many there are. What was in `labels` does not
-    /// matter; taxels that are not active end at 0 or [`u16::MAX`].
-    pub fn grow(&self, active: &mut Vec<(usize, f64)>, labels: &mut Vec<u16>, low: impl Fn(usize) -> f64) -> usize {
+    /// matter; taxels that are not active end at 0, those beside active ones at [`u16::MAX`], and in `ring`.
+    pub fn grow(
+        &self,
+        active: &mut Vec<(usize, f64)>,
+        labels: &mut Vec<u16>,
+        ring: &mut Vec<usize>,
+        low: impl Fn(usize) -> f64,
+    ) -> usize {
         const TOUCHED: u16 = u16::MAX - 1;
         const NOT: u16 = u16::MAX;
         labels.clear();
@@ -88,6 +94,7 @@ impl Neighbours {
                         frontier.push(other);
                     } else if labels[other] == 0 {
                         labels[other] = NOT;
+                        ring.push(other);
                     }
                 }
             }
@@ -167,17 +174,17 @@ mod tests {
     fn weak_touch_counts_only_where_it_is_connected_to_a_strong_one() {
         let weak = [0.0, 1.0, 1.0, 0.0, 1.0, 1.0];
         let mut active = vec![(0, 5.0)];
-        let mut labels = Vec::new();
-        let contacts = row(6).grow(&mut active, &mut labels, |taxel| weak[taxel]);
+        let (mut labels, mut ring) = (Vec::new(), Vec::new());
+        let contacts = row(6).grow(&mut active, &mut labels, &mut ring, |taxel| weak[taxel]);
         assert_eq!(active, [(0, 5.0), (1, 1.0), (2, 1.0)]);
-        assert_eq!((contacts, &labels[..3]), (1, [1, 1, 1].as_slice()));
+        assert_eq!((contacts, &labels[..3], &ring[..]), (1, [1, 1, 1].as_slice(), [3].as_slice()));
     }
 
     #[test]
     fn contacts_that_nothing_connects_have_numbers_of_their_own() {
         let weak = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
         let (mut active, mut labels) = (vec![(0, 5.0), (2, 1.0), (4, 5.0), (6, 2.0)], Vec::new());
-        assert_eq!(row(7).grow(&mut active, &mut labels, |taxel| weak[taxel]), 3);
+        assert_eq!(row(7).grow(&mut active, &mut labels, &mut Vec::new(), |taxel| weak[taxel]), 3);
         assert_eq!([0, 2, 3, 4, 6].map(|taxel| labels[taxel]), [1, 2, 2, 2, 3]);
     }
 

@@ -8,14 +8,14 @@ mod shortcomings;
 use std::sync::Arc;
 use taxel_skin::{CountRange, Newton, SquareMillimetre};
 
-use self::shortcomings::Watched;
 use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::coverage::Watched;
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
 use crate::force::measure::{ForceModel, Layout, Present, Touch};
 use crate::force::offsets::Offsets;
 use crate::force::reason::{Reason, ReasonCode};
-use crate::force::remainder::{Remainder, Rest, newton_per_count};
+use crate::force::remainder::{Remainder, Rest, Unseen, newton_per_count};
 use crate::force::sample::{ForceSample, ForceState, Undetected};
 use crate::force::tables::Tables;
 use crate::model_set::ModelSet;
@@ -294,10 +294,9 @@ impl Force {
         let mut touch = std::mem::take(&mut self.touch);
         self.model.touch(evaluator, scan.counts, &mut touch);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
-        let unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
-        // Where the untouched taxels lie away from their zero, the touched ones may, too.
-        let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
-        let present = Present { zero_sigma_counts, choice_n: unseen.choice_n, jumps: scan.jumps };
+        let unseen = self.remainder.unseen(scan.counts, active, &touch.ring, zero.sigma_counts);
+        let Unseen { zero_sigma_counts, choice_n, .. } = unseen;
+        let present = Present { zero_sigma_counts, choice_n, jumps: scan.jumps };
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);
         sample.undetected = Some(Undetected { newton: unseen.newton + zero.absorbed.0, sigma_n: unseen.sigma_n });

@@ -50,7 +50,12 @@ pub struct Remainder {
     hidden: Hidden,
     /// Standard uncertainty that all forces share, relative to them.
     relative_sigma: f64,
+    /// How many taxels have a share.
+    selected: usize,
 }
+
+/// So many taxels that no contact is near tell how far all of them lie from their zero.
+const FAR_TAXELS_MIN: usize = 20;
 
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -61,9 +66,9 @@ pub struct Unseen {
     pub newton: f64,
     /// Its standard uncertainty, N.
     pub sigma_n: f64,
-    /// How far the taxels that are not active lie from their zero in the mean, counts towards pressure: by so much the
-    /// zero may be off under the active ones, too.
-    pub offset_counts: f64,
+    /// Standard uncertainty of the zero under touched taxels, counts: that of the zero, and how far those lie from theirs that no
+    /// contact is near.
+    pub zero_sigma_counts: f64,
 }
 
 impl Remainder {
@@ -96,6 +101,7 @@ impl Remainder {
             contact_noise_n2: contact(&|s| f64::from(s.noise_n).powi(2)),
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
             relative_sigma,
+            selected: shares.iter().filter(|share| share.newton_per_count != 0.0).count(),
             shares,
         }
     }
@@ -114,12 +120,13 @@ impl Remainder {
         &self,
         counts: impl Into<Counts<'a>>,
         active: impl Iterator<Item = usize>,
+        ring: &[usize],
         zero_sigma_counts: f64,
     ) -> Unseen {
         let counts = counts.into();
         let (mut rest_n, mut noise_n2, mut per_count_n) =
             (self.walk_n(counts) - self.zeros_n, self.noise_n2, self.per_count_n);
-        let mut chosen_n = 0.0;
+        let (mut chosen_n, mut untouched) = (0.0, self.selected);
         for taxel in active {
             let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { continue };
             let pressed_n = f64::from(share.newton_per_count) * (count - f64::from(share.zero));
@@ -129,14 +136,36 @@ impl Remainder {
             }
             noise_n2 -= f64::from(share.noise_n).powi(2);
             per_count_n -= f64::from(share.newton_per_count).abs();
+            untouched -= 1;
         }
-        // Where all taxels are active nothing but rounding is left of these sums.
-        let offset_counts = if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 };
+        let off_counts = self.off_counts(counts, (rest_n, per_count_n, untouched), ring);
         let newton = rest_n.max(0.0) + self.hidden.newton;
         let shared_n = self.relative_sigma * newton;
         let zero_n = zero_sigma_counts * per_count_n;
         let sigma_n2 = noise_n2.max(0.0) + zero_n.powi(2) + self.hidden.sigma_n.powi(2) + shared_n.powi(2);
-        Unseen { choice_n: (chosen_n.powi(2) + self.contact_noise_n2).sqrt(), newton, sigma_n: sigma_n2.sqrt(), offset_counts }
+        Unseen {
+            choice_n: (chosen_n.powi(2) + self.contact_noise_n2).sqrt(),
+            newton,
+            sigma_n: sigma_n2.sqrt(),
+            zero_sigma_counts: zero_sigma_counts.hypot(off_counts),
+        }
+    }
+
+    /// How far the taxels lie from their zero in the mean that are neither active nor in the `ring` beside active ones, which bear
+    /// some of what these do, counts; 0 where they are too few to tell. `untouched` are the force, N, and N per count of those that
+    /// are not active, and how many they are.
+    fn off_counts(&self, counts: Counts<'_>, untouched: (f64, f64, usize), ring: &[usize]) -> f64 {
+        let (mut newton, mut per_count_n, mut taxels) = untouched;
+        for &taxel in ring {
+            let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { continue };
+            if share.newton_per_count != 0.0 {
+                newton -= f64::from(share.newton_per_count) * (count - f64::from(share.zero));
+                per_count_n -= f64::from(share.newton_per_count).abs();
+                taxels -= 1;
+            }
+        }
+        // Of none nothing but rounding is left of these sums.
+        if taxels < FAR_TAXELS_MIN || per_count_n <= 0.0 { 0.0 } else { newton / per_count_n }
     }
 }
 
@@ -189,8 +218,12 @@ mod tests {
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
         let zero = rest(TAXELS);
         let rest = Rest { zero: &zero, taken: &zero, hidden: &[], vouched: &[] };
-        Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES, relative_sigma)
-            .unseen(&counts, active, zero_sigma)
+        Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES, relative_sigma).unseen(
+            &counts,
+            active,
+            &[],
+            zero_sigma,
+        )
     }
 
     proptest! {
@@ -225,7 +258,10 @@ mod tests {
             let offset = if per_count > 0.0 { remainder / per_count } else { 0.0 };
             // The walk is one of single precision over raw counts: 37 products of up to 255 counts that weigh 0.1 N each.
             let slack = 1e-3;
-            prop_assert!((found.offset_counts - offset).abs() * per_count < slack, "{found:?} {offset}");
+            let untouched = taxels.iter().filter(|&&(_, selected, active)| selected && !active).count();
+            let off = if untouched < FAR_TAXELS_MIN { 0.0 } else { offset };
+            let sigma_counts = zero_sigma.hypot(off);
+            prop_assert!((found.zero_sigma_counts - sigma_counts).abs() * per_count < slack, "{found:?} {sigma_counts}");
             let pressing = remainder.max(0.0);
             let sigma = (noise + (zero_sigma * per_count).powi(2)).sqrt().hypot(relative_sigma * pressing);
             let is_near = |is: f64, expected: f64| (is - expected).abs() < 2.0 * slack;
@@ -266,7 +302,7 @@ mod tests {
         let found = |relative_sigma: f64| {
             let rest = Rest { zero: &zero, taken: &zero, hidden: &[], vouched: &[] };
             let remainder = Remainder::new(&tables(), rest, ACTIVATION, &[true; TAXELS], &MODULES, relative_sigma);
-            remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), 0.0)
+            remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), &[], 0.0)
         };
         let (alone, shared) = (found(0.0), found(0.2));
         assert!(alone.newton > 1.0 && shared.newton == alone.newton, "{alone:?}");
@@ -281,8 +317,10 @@ mod tests {
         let held = Rest { zero: &zero, taken: &zero, hidden: &[], vouched: &[] };
         let remainder = Remainder::new(&tables(), held, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);
         let active = || [3, 7].into_iter();
-        let (narrow, wide) =
-            (remainder.unseen(&bytes, active(), 0.1), remainder.unseen(Counts::Words(&words, range), active(), 0.1));
+        let (narrow, wide) = (
+            remainder.unseen(&bytes, active(), &[], 0.1),
+            remainder.unseen(Counts::Words(&words, range), active(), &[], 0.1),
+        );
         assert!(narrow.newton > 0.1, "{narrow:?}");
         for (narrow, wide) in [(narrow.newton, wide.newton), (narrow.sigma_n, wide.sigma_n)] {
             assert!((narrow - wide).abs() < 1e-3, "{narrow} N of bytes, {wide} N of words");
@@ -300,7 +338,7 @@ mod tests {
             let unseen = |selected: &[bool; TAXELS]| {
                 let rest = Rest { zero: &unknown, taken: &unknown, hidden: &[], vouched: &[] };
                 let remainder = Remainder::new(&tables, rest, ACTIVATION, selected, &MODULES, 0.1);
-                remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), 0.1)
+                remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), &[], 0.1)
             };
             let found = unseen(&[true; TAXELS]);
             assert!(found.newton > 0.1 && found.choice_n > 0.0, "{found:?}");

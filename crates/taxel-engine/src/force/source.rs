@@ -215,8 +215,7 @@ impl<'a> Source<'a> {
     pub(super) fn share(&self, meaning: &Meaning, area: SquareMillimetre, activation: Activation) -> Share {
         let newton_per_kpa = area.0 * 1e-3;
         let low = LOW_SHARE * activation.distance_counts(self.place.now.noise);
-        let shared_kpa =
-            [self.hysteresis_kpa(), self.doubt_kpa(meaning.units), self.beyond_shared_kpa(meaning.units)];
+        let shared_kpa = [self.hysteresis_kpa(), self.doubt_kpa(meaning.units), self.beyond_shared_kpa(meaning.units)];
         Share {
             low_n: if meaning.pressed > low { meaning.newton(area) } else { 0.0 },
             per_count_n: (newton_per_kpa * f64::from(meaning.kpa_per_count)) as f32,

@@ -9,7 +9,7 @@ use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use taxel_engine::snapshot::{ForceSample, ForceState};
+use taxel_engine::snapshot::{ForceSample, ForceState, Term};
 
 use crate::judge::{LIE_SIGMAS, SIGMAS, Stated, judge};
 use crate::truth::TRIFLE_N;
@@ -87,6 +87,8 @@ pub struct Figures {
     /// Squares of relative errors and of relative uncertainties under steady loads, nothing having gone wrong.
     error: Mean,
     sigma: Mean,
+    /// The same squares of each term of the budget.
+    terms: [Mean; Term::ALL.len()],
     /// By touched taxels: whether the closed interval holds the truth, and whether it does without the undetected force.
     covered: [[Mean; 2]; BINS.len() + 1],
     phantom_s: f64,
@@ -144,6 +146,9 @@ impl Figures {
         if let Some(newton) = steady {
             self.error.push(((stated.total - newton) / newton).powi(2));
             self.sigma.push((stated.sigma / newton).powi(2));
+            for (sum, term) in self.terms.iter_mut().zip(Term::ALL) {
+                sum.push((judged.force.budget.of(term).0 / newton).powi(2));
+            }
         }
         if judged.truth.0 > TRIFLE_N && judged.force.active > 0 && !stated.open {
             let bin = BINS.iter().position(|most| judged.force.active <= *most).unwrap_or(BINS.len());
@@ -164,6 +169,7 @@ impl Figures {
         self.quiet.add(&other.quiet);
         self.error.add(other.error);
         self.sigma.add(other.sigma);
+        self.terms.iter_mut().zip(&other.terms).for_each(|(ours, theirs)| ours.add(*theirs));
         for (ours, theirs) in self.covered.as_flattened_mut().iter_mut().zip(other.covered.as_flattened()) {
             ours.add(*theirs);
         }
@@ -249,6 +255,11 @@ impl fmt::Display for Figures {
             f,
             "\nSteady load of {WEIGHED_N} N and more, fault-free: error {error:.1} %, stated sigma {sigma:.1} %, ratio {over:.2} ({n} samples)."
         )?;
+        let mut terms: Vec<(Term, f64)> = Term::ALL.into_iter().zip(self.terms.map(Mean::get)).collect();
+        terms.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let of_terms =
+            terms.iter().take(6).map(|(term, square)| format!("{} {:.1} %", term.name(), 100.0 * square.sqrt()));
+        writeln!(f, "The greatest terms of its budget: {}.", of_terms.collect::<Vec<_>>().join(", "))?;
         write!(
             f,
             "Fault-free intervals of 95 % that hold the truth, by touched taxels (in brackets without the undetected force):"

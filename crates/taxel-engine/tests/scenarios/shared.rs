@@ -7,7 +7,7 @@ use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_sim::{Config, Layer, LoadPath, PumpCommand, Skin, World};
+use taxel_sim::{Config, PumpCommand, Skin, World};
 use taxel_wire::TimedFrame;
 
 use crate::bench::Bench;
@@ -39,15 +39,6 @@ pub fn small() -> &'static Calibrated {
 pub fn ordinary() -> &'static Calibrated {
     static ORDINARY: OnceLock<Calibrated> = OnceLock::new();
     ORDINARY.get_or_init(|| calibrate(World::new(small_skin(), Config::seeded(11)), 4.0))
-}
-
-/// The same under a soft layer, which spreads a fingertip to the taxels beside it.
-pub fn layered() -> &'static Calibrated {
-    static LAYERED: OnceLock<Calibrated> = OnceLock::new();
-    LAYERED.get_or_init(|| {
-        let config = Config { loads: LoadPath::Layer(Layer::default()), ..Config::seeded(11) };
-        calibrate(World::new(small_skin(), config), 4.0)
-    })
 }
 
 fn calibrate(world: World, kpa_per_s: f64) -> Calibrated {

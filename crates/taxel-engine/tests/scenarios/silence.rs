@@ -41,8 +41,7 @@ fn a_silent_module_leaves_the_sum_within_stale_after_and_a_tick() {
     let snapshot = bench.host.snapshot();
     assert_eq!(snapshot.force.state, ForceState::Degraded);
     assert!(snapshot.force.unbounded, "{:?}", snapshot.force);
-    let why = "10 taxels are silent; more of a contact than the uncertainty holds may lie on";
-    assert!(snapshot.force.why().starts_with(why), "{} {:?}", bench.host.reasons(), snapshot.force);
+    assert!(snapshot.force.why().starts_with("10 taxels are silent"), "{} {:?}", bench.host.reasons(), snapshot.force);
     assert!(snapshot.taxels[MODULE_2].iter().all(has_no_value), "{:?}", &snapshot.taxels[MODULE_2]);
     let (was, is) = (before.total.unwrap().0, snapshot.force.total.unwrap().0);
     assert!(is < 0.8 * was, "{was} N before, {is} N without the module under the load");

@@ -1,57 +1,17 @@
 //! What keeps a force from being a good one: taxels that cannot be read where something lies, or that read too much.
 
 use super::{Force, ZeroState};
-use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::measure::Touch;
 use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::force::sample::{ForceSample, ForceState};
-use crate::force::tables::Tables;
 use crate::scan::Scan;
 
 /// So many blind taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a
 /// fingertip.
 const BLIND_TAXELS_BORNE: usize = 2;
 
-/// A taxel without a zero that lies so far towards load from where it was calibrated may bear one, counts: from day to day a
-/// taxel moves by less (see [`crate::zero::rest::RestLimits::moved_second_max`]).
-const LOADED_COUNTS: f64 = 16.0;
-
 /// One active taxel may be noise: of 250 one passes its threshold in every twentieth scan. Two beside the same taxel seldom are.
 const CONTACT_TAXELS_MIN: usize = 2;
-
-/// A taxel that is heard and has a model, but does not count: it has a fault, or no zero.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Watched {
-    taxel: usize,
-    has_fault: bool,
-    /// Beyond this count, turned so that load is positive, it reads a load.
-    loaded_from: f64,
-    sign: f64,
-}
-
-impl Watched {
-    /// `None` of a taxel without a usable model.
-    pub(super) fn new(
-        tables: &Tables,
-        zero: &[TaxelBaseline],
-        activation: Activation,
-        taxel: usize,
-        is_sound: bool,
-    ) -> Option<Self> {
-        let set = tables.set();
-        let model = set.taxels.get(taxel).filter(|model| model.is_usable())?;
-        let sign = model.sign.as_f64();
-        let loaded_from = match zero.get(taxel).filter(|_| tables.has(taxel)) {
-            Some(zero) => sign * zero.mean + activation.distance_counts(zero.noise),
-            None => sign * set.baseline[taxel].mean + LOADED_COUNTS,
-        };
-        Some(Self { taxel, has_fault: !is_sound, loaded_from, sign })
-    }
-
-    fn reads_a_load(&self, scan: &Scan<'_>) -> bool {
-        scan.counts.units(self.taxel).is_some_and(|count| self.sign * count > self.loaded_from)
-    }
-}
 
 impl Force {
     /// Completes a force: its reasons, its state, and whether anything bounds it. Only what touches the total degrades it; the rest
@@ -117,8 +77,7 @@ impl Force {
     }
 
     fn say_blind(&self, reasons: &mut Vec<Reason>) {
-        let text =
-            format!("{} taxels cannot be read, nor can those beside them: no upper bound", self.blind.len());
+        let text = format!("{} taxels cannot be read, nor can those beside them: no upper bound", self.blind.len());
         reasons.push(Reason::about(std::sync::Arc::clone(&self.blind), ReasonCode::TaxelsBlind, text));
         let without_zero = positions(self.without_zero());
         if !without_zero.is_empty() {

@@ -1,7 +1,7 @@
 //! What is told of a force while all taxels of a module jump together.
 
 use super::{Skin, TAXELS, plan, rest, row, set};
-use crate::force::owner::{Force, Measured};
+use crate::force::owner::Force;
 
 /// Half of the way that a module jumps is in the uncertainty of a force on it, and of no other.
 #[test]
@@ -18,7 +18,6 @@ fn what_jumps_together_is_uncertain_by_half_of_the_jump() {
         }
         jumps.iter().for_each(|&(module, counts)| skin.jumps[module] = counts);
         let sample = skin.measured().sample;
-        assert_eq!(sample.filled, u32::from(faulty.is_some()));
         sample.total_sigma.unwrap().0
     };
     let beyond = |jumps: &[(usize, f32)], faulty| (sigma(jumps, faulty).powi(2) - sigma(&[], faulty).powi(2)).sqrt();
@@ -30,20 +29,4 @@ fn what_jumps_together_is_uncertain_by_half_of_the_jump() {
     assert!((beyond(&[(2, 6.0), (3, 6.0)], None) - one.hypot(other)).abs() < 1e-6);
     // A taxel that is filled from its neighbours jumps as they do.
     assert!((beyond(&[(3, 6.0)], Some(33)) / other - 1.0).abs() < 0.1);
-}
-
-/// A jump away from load hides as much of a touch; but what was touched is told by the counts as before.
-#[test]
-fn what_jumps_together_may_hide_a_touch_by_as_much() {
-    let measured = |jumps: &[f32]| {
-        let mut skin = Skin::new(Some(row(TAXELS))).press(28..36, 20);
-        skin.jumps[..jumps.len()].copy_from_slice(jumps);
-        skin.measured()
-    };
-    let (calm, one, two) = (measured(&[]), measured(&[6.0]), measured(&[6.0, 6.0]));
-    let floor = |measured: &Measured| measured.sample.detection_floor.unwrap().0;
-    let per_count_n: f64 = Skin::new(None).force.newton_per_count().iter().take(10).map(|newton| newton.abs()).sum();
-    assert!((floor(&one) - floor(&calm) - 6.0 * per_count_n).abs() < 1e-4, "{} {per_count_n}", floor(&one));
-    assert!((floor(&two) - floor(&calm) - 12.0 * per_count_n).abs() < 1e-4);
-    assert_eq!(one.told, calm.told);
 }
