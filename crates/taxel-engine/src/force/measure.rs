@@ -6,7 +6,7 @@ use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 
 use crate::counts::Counts;
 use crate::force::budget::{Budget, Term};
-use crate::force::contacts::clusters;
+use crate::force::contacts::{Placed, clusters};
 use crate::force::coverage::{self, Unread};
 use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::Neighbours;
@@ -319,7 +319,10 @@ impl ForceModel {
         sample.moment = self.outputs.moment.then_some(moment.into());
         sample.centre_of_pressure = (self.outputs.moment && weight > 0.0).then(|| (weighted / weight).into());
         if self.outputs.contacts {
-            let placed = active.iter().filter_map(|&(taxel, newton)| Some((taxel as u16, poses(taxel)?, newton)));
+            let placed = active.iter().filter_map(|&(taxel, force_n)| {
+                let (pose, area_mm2) = (poses(taxel)?, self.areas_mm2[taxel]);
+                Some(Placed { taxel: taxel as u16, pose, force_n, area_mm2 })
+            });
             sample.contacts = clusters(&placed.collect::<Vec<_>>(), self.contact_reach_m);
         }
     }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use taxel_skin::{CountRange, Newton, SquareMillimetre};
 
 use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::contacts::ContactIds;
 use crate::force::coverage::Watched;
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
@@ -109,6 +110,7 @@ pub struct Force {
     /// The next total is the first at another zero or model set.
     changed: bool,
     touch: Touch,
+    contact_ids: ContactIds,
 }
 
 impl Force {
@@ -138,6 +140,7 @@ impl Force {
             step: None,
             changed: false,
             touch: Touch::default(),
+            contact_ids: ContactIds::default(),
         }
     }
 
@@ -299,6 +302,7 @@ impl Force {
         let present = Present { zero_sigma_counts, choice_n, jumps: scan.jumps };
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);
+        self.contact_ids.give(&mut sample.contacts);
         sample.undetected = Some(Undetected { newton: unseen.newton + zero.absorbed.0, sigma_n: unseen.sigma_n });
         sample.model_set = self.id.clone();
         let (stale, excluded) = (silent as u32, (taxels - self.usable).saturating_sub(silent) as u32);

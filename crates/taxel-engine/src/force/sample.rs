@@ -120,8 +120,14 @@ impl ForceSample {
 /// A cluster of neighbouring active taxels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contact {
+    /// The same as long as it shares taxels with itself one scan before, 1 or more.
+    pub id: u32,
     /// Sum of area x pressure, in N.
     pub force_n: f64,
+    /// The area that its taxels stand for, in mm2.
+    pub area_mm2: f64,
+    /// The greatest pressure of a taxel, in kPa.
+    pub peak_kpa: f64,
     /// Force-weighted mean position, in m.
     pub centre: [f64; 3],
     /// Sum of -area x pressure x outward normal: the force that acts on the skin, in N, patch frame.

@@ -168,7 +168,7 @@ mod tests {
     fn sample(total_n: f64) -> Measured {
         let (total, total_sigma) = (Some(Newton(total_n)), Some(Newton(0.5)));
         let sample = ForceSample { state: ForceState::Ok, total, total_sigma, ..ForceSample::default() };
-        Measured { sample, active: [3, 4, 17].into(), ..Measured::default() }
+        Measured { sample, active: [3, 4, 17].into() }
     }
 
     /// What comes of scans every 50 ms with this force at each second.
