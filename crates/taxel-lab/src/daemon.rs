@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use anyhow::{Context, ensure};
 use taxel_client::{Address, Line, Options, TlsOptions};
-use taxel_engine::calibration::export::sample_row;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
@@ -106,22 +105,14 @@ impl Daemon {
     /// The samples of a session, as `taxeld sessions export` writes them.
     ///
     /// # Errors
-    /// No samples, not all of them, or no daemon any more.
+    /// No samples, or no daemon any more.
     pub async fn samples(&self, session: u64) -> anyhow::Result<String> {
         let request = SessionRequest { session };
-        let mut blocks = self.calibration().export_samples(request).await.map_err(refused)?.into_inner();
-        let (mut table, mut first_ns, mut written, mut in_all) = (String::new(), None, 0, 0);
-        while let Some(block) = blocks.message().await.map_err(refused)? {
-            in_all = block.samples_in_all;
-            table += &block.table_head;
-            for sample in block.samples {
-                let first_ns = *first_ns.get_or_insert(sample.monotonic_ns);
-                let since_ns = sample.monotonic_ns.saturating_sub(first_ns);
-                table += &sample_row(since_ns, sample.pressure_kpa, sample.counts.into_iter(), sample.ramp);
-                written += 1;
-            }
+        let mut pieces = self.calibration().export_samples(request).await.map_err(refused)?.into_inner();
+        let mut table = String::new();
+        while let Some(piece) = pieces.message().await.map_err(refused)? {
+            table += &piece.text;
         }
-        ensure!(written > 0 && written == in_all, "{written} of {in_all} samples of session {session} came");
         Ok(table)
     }
 

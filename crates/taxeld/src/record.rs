@@ -146,7 +146,7 @@ fn about(plan: &Plan) -> BTreeMap<String, String> {
 
 fn health(status: Status) -> RecordingHealth {
     let Status { problem, file, bytes, lost } = status;
-    RecordingHealth { recording: problem.is_none(), problem: problem.unwrap_or_default(), file, bytes, lost }
+    RecordingHealth { problem: problem.unwrap_or_default(), file, bytes, lost }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! `taxeld bring-up`: configures the boards of a patch anew.
 
-use taxel_proto::v1::BringUpRequest;
+use taxel_proto::v1::TareRequest;
 
 use super::connect::Server;
 use super::failure::Outcome;
@@ -28,7 +28,7 @@ pub struct BringUpArgs {
 /// Refused with the daemon's reason, or no daemon.
 pub async fn bring_up(args: BringUpArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let request = BringUpRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
+    let request = TareRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
     daemon.skin().bring_up(request).await?;
     if args.json {
         say!("{{}}");

@@ -72,7 +72,6 @@ async fn show(args: &EventsArgs, daemon: &Daemon, event: &Event) -> Outcome {
         let places = daemon.places(&event.patch).await.unwrap_or_default();
         format!(": {}", places.name(event.taxels.iter().copied()))
     };
-    let kind = event.kind().as_str_name().trim_start_matches("EVENT_KIND_").to_lowercase().replace('_', " ");
-    say!("{}{of} {}: {}{taxels}", table::moment(event.time.as_ref()), kind, event.text);
+    say!("{}{of} {}: {}{taxels}", table::moment(event.time.as_ref()), event.kind, event.text);
     Ok(())
 }

@@ -134,8 +134,8 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     }
     let mut by_fault: std::collections::BTreeMap<&str, Vec<u32>> = std::collections::BTreeMap::new();
     for faulty in &patch.faulty {
-        for fault in faulty.faults() {
-            by_fault.entry(fault.as_str_name().trim_start_matches("TAXEL_FAULT_")).or_default().push(faulty.taxel);
+        for fault in &faulty.faults {
+            by_fault.entry(fault).or_default().push(faulty.taxel);
         }
     }
     for (fault, taxels) in by_fault {

@@ -99,7 +99,7 @@ fn print_all(validation: &Validation) -> Outcome {
         say!("mean absolute error: {error:.1} %");
     }
     if let Some(factor) = &validation.area_factor {
-        let used = if factor.applied { "applied" } else { &factor.not_applied_because };
+        let used = Some(factor.not_applied_because.as_str()).filter(|why| !why.is_empty()).unwrap_or("applied");
         say!("area factor from {} loads: {:.3} +- {:.3}, {used}", factor.loads, factor.value, factor.sigma);
     }
     Ok(())

@@ -178,7 +178,7 @@ async fn use_set(of: &OfServer, beginning: &str, yes: bool) -> Outcome {
         return json::print("ActivateModelSetResponse", &answer);
     }
     let before = if answer.previous.is_empty() { "none" } else { &answer.previous };
-    say!("{} is in use; before it: {before}\n  {}\n  {}", answer.model_set, set.usable(), set.zero());
+    say!("{} is in use; before it: {before}\n  {}\n  {}", set.summary.model_set, set.usable(), set.zero());
     Ok(())
 }
 
@@ -203,13 +203,12 @@ fn print_taxel(model: &TaxelModel) {
     let Some(summary) = &model.summary else { return };
     say!("taxel {}: {}", summary.taxel, summary.status_text);
     if let (Some(low), Some(high)) = (model.count_min, model.count_max) {
-        say!("  order {}, {}, calibrated for counts {low:.1} to {high:.1}", summary.order, model.estimator);
+        say!("  order {}, calibrated for counts {low:.1} to {high:.1}", summary.order);
     }
     let coefficients: Vec<String> = model.coefficients.iter().map(|c| format!("{c:e}")).collect();
     if !coefficients.is_empty() {
         say!("  P(C) in kPa, ascending powers of the count: {}", coefficients.join(" "));
     }
-    model.notes.iter().for_each(|note| say!("  {note}"));
     let row = |point: &CurvePoint| {
         let sigma = point.sigma_kpa.map_or_else(String::new, |sigma| format!("{sigma:.3}"));
         vec![point.count.to_string(), format!("{:.3}", point.pressure_kpa), sigma]

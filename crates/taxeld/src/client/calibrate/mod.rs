@@ -179,7 +179,7 @@ async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
     if args.json {
         return json::print("ActivateModelSetResponse", &answer);
     }
-    say!("{} is in use. With nothing on the skin: taxeld tare, then taxeld watch", answer.model_set);
+    say!("{} is in use. With nothing on the skin: taxeld tare, then taxeld watch", candidate.summary.model_set);
     Ok(())
 }
 
