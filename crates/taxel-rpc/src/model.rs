@@ -118,6 +118,7 @@ impl Service {
             calibrated: set.calibrated as u32,
             pressure_max_kpa: set.pressure_max_kpa,
             active: self.active(&set.patch).as_deref() == Some(set.id.as_str()),
+            derived_from: set.origins.first().cloned().unwrap_or_default(),
         }
     }
 }

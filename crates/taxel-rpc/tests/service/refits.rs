@@ -97,11 +97,7 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
     };
     says(client.refit_sessions(refit(0, None)).await.unwrap_err(), Code::InvalidArgument, "0 is not a session");
     says(client.refit_sessions(refit(9, None)).await.unwrap_err(), Code::NotFound, "no session 9");
-    says(
-        client.refit_sessions(refit(4, None)).await.unwrap_err(),
-        Code::FailedPrecondition,
-        "session 4 is RAMPING",
-    );
+    says(client.refit_sessions(refit(4, None)).await.unwrap_err(), Code::FailedPrecondition, "session 4 is RAMPING");
     says(client.refit_sessions(refit(3, None)).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
     let laid_aside = client.refit_sessions(merge(&[1, 5])).await.unwrap_err();
     says(laid_aside, Code::FailedPrecondition, "session 5 was laid aside");

@@ -160,13 +160,7 @@ async fn a_validation_shows_loads_errors_and_the_factor() {
     assert_eq!((got.model_set.as_str(), got.loads.len()), ("m-1", 1_000));
     assert_eq!(got.mean_absolute_error_percent, Some(2.0));
     let not_applied_because = String::new();
-    let factor = v1::AreaFactor {
-        value: 1.1,
-        sigma: 0.01,
-        loads: 1_298,
-        not_applied_because,
-        places: 40,
-    };
+    let factor = v1::AreaFactor { value: 1.1, sigma: 0.01, loads: 1_298, not_applied_because, places: 40 };
     assert_eq!(got.area_factor, Some(factor));
     let newest = &got.loads[0];
     assert!(newest.load == 1_299 && newest.within_two_sigma, "{newest:?}");
