@@ -1,8 +1,9 @@
 //! `taxeld audit`: who changed what.
 
+use taxel_client::Server;
 use taxel_proto::v1;
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::Outcome;
 use super::table;
 
@@ -27,7 +28,7 @@ pub struct AuditArgs {
 /// # Errors
 /// No daemon, or one that refuses.
 pub async fn audit(args: AuditArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let (mut lines, mut page_token, last) = (Vec::new(), String::new(), args.last as usize);
     loop {
         let request = v1::ListRequest { patch: daemon.patch(), page_size: PAGE.min(args.last), page_token };

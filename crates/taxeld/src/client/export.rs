@@ -4,9 +4,10 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::Context;
+use taxel_client::Server;
 use taxel_proto::v1::SessionRequest;
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::Outcome;
 use crate::files;
 use crate::output::{Output, quiet_end};
@@ -29,7 +30,7 @@ pub struct ExportArgs {
 /// # Errors
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let request = SessionRequest { session: args.session };
     let mut pieces = daemon.calibration().export_samples(request).await?.into_inner();
     let mut file = Output::create(&args.out).with_context(|| args.out.display().to_string())?;

@@ -1,8 +1,9 @@
 //! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
 
+use taxel_client::Server;
 use taxel_proto::v1::{BoardHealth, BusHealth, Health, PatchHealth};
 
-use super::connect::{Daemon, Server};
+use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::json;
 use super::places::Places;
@@ -26,7 +27,7 @@ pub struct HealthArgs {
 /// # Errors
 /// What is not well, or no daemon.
 pub async fn health(args: HealthArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let health = daemon.skin().get_health(()).await?.into_inner();
     if args.json {
         json::print("Health", &health)?;

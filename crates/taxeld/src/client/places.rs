@@ -65,12 +65,8 @@ mod tests {
 
     #[test]
     fn taxels_are_named_by_board_module_and_number() {
-        let layout = |taxel: u32| TaxelLayout {
-            taxel,
-            board: 13 - taxel / 10,
-            module: 4 * (taxel / 10),
-            ..Default::default()
-        };
+        let layout =
+            |taxel: u32| TaxelLayout { taxel, board: 13 - taxel / 10, module: 4 * (taxel / 10), ..Default::default() };
         let places = Places::of(&Skin { taxels: (0..20).map(layout).collect(), ..Skin::default() });
         assert_eq!(places.name([]), "");
         assert_eq!(places.name([3, 7]), "board 13 module 0: taxel 3, 7");

@@ -1,9 +1,10 @@
 //! `taxeld sessions refit`: stored samples fitted once more.
 
+use taxel_client::Server;
 use taxel_model::Order;
 use taxel_proto::v1::{GetModelSetRequest, RefitSessionsRequest};
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::Outcome;
 use super::json;
 use super::model_set::print_set;
@@ -27,7 +28,7 @@ pub struct RefitArgs {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn refit(args: &RefitArgs, sessions: Vec<u64>) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let order = args.order.map(|order| match order {
         Order::Fixed(order) => u32::from(order),
         Order::Auto => 0,
