@@ -12,7 +12,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_proto::v1::{ActivateModelSetRequest, TareRequest, ForceState, ImportModelSetRequest, StreamRequest};
+use taxel_proto::v1::{ActivateModelSetRequest, ForceState, ImportModelSetRequest, StreamRequest, TareRequest};
 use taxel_sim::Skin;
 use taxel_store::models_json;
 use tempfile::TempDir;
