@@ -31,7 +31,6 @@ from google.protobuf.message_factory import GetMessageClass
 from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoReflectionDescriptorDatabase
 
 LINE_BYTES_MAX = 65536
-SAY_EVERY_S = 10.0
 
 
 def open_serial(device, baud):
@@ -131,16 +130,14 @@ def push(channel, newest_of, patch):
     call = channel.stream_stream(
         "/taxel.v1.IngestService/PushScans", request.SerializeToString, response.FromString
     )(scans())
-    said = 0.0
     try:
         for answer in call:
-            if not begun.is_set():
-                print("pushing", flush=True)
-            begun.set()
-            if time.monotonic() - said > SAY_EVERY_S:
-                said = time.monotonic()
+            if begun.is_set():
                 print(f"{answer.taken} scans taken, {answer.refused} refused; {newest.damaged} lines damaged, "
                       f"{newest.left_out} left out for a newer one", flush=True)
+            else:
+                print("pushing", flush=True)
+            begun.set()
     finally:
         begun.set()
     return not newest.gone

@@ -61,6 +61,12 @@ def lists(line):
     return eval("[" + re.sub(r"(?<=[\w)]) +(?=[-\w(])", ", ", line).replace("(", "[").replace(")", "]") + "]", {"nan": math.nan, "inf": math.inf})
 
 
+def rows_of(skin):
+    """Where the taxels stand in the vector of a port: 192 values a board, in the order of the boards."""
+    boards = list(dict.fromkeys(taxel.board for taxel in skin.taxels))
+    return {192 * boards.index(t.board) + 12 * t.module + t.slot for t in skin.taxels}
+
+
 class Out:
     """What programs of YARP read of the bridge."""
 
@@ -118,7 +124,7 @@ class Out:
         # The demo's mass lies for five seconds out of ten.
         found = until("contacts are read", pressed)
         skin = self.daemon.call("SkinService/GetSkin", patch="left_forearm")
-        rows = {192 * t.board + 12 * t.module + t.slot for t in skin.taxels}
+        rows = rows_of(skin)
         for contacts in found[-20:]:
             for contact in contacts:
                 ids, centre, force, moment, place, normal, taxels, pressure = contact
@@ -138,7 +144,7 @@ class Out:
         lines = until("pressures are read", lambda: messages(reader)[10:])
         rows = numbers(lines[-1])
         skin = self.daemon.call("SkinService/GetSkin", patch="left_forearm")
-        taxels = {192 * t.board + 12 * t.module + t.slot for t in skin.taxels}
+        taxels = rows_of(skin)
         there = {row for row, kpa in enumerate(rows) if not math.isnan(kpa)}
         # Excluded and faulty taxels have none.
         assert len(rows) == 384 and there <= taxels and len(there) > 150, (there - taxels, len(there))

@@ -8,7 +8,6 @@ use taxel_wire::{CanId, Frame, TimedFrame};
 use thiserror::Error;
 
 use crate::can_error::BusError;
-use crate::recorded::LogFault;
 
 /// What a source hands out at once; the caller keeps it and its memory is used again.
 ///
@@ -22,8 +21,6 @@ pub struct Batch {
     pub errors: Vec<TimedFrame>,
     /// What happened to the bus, in order.
     pub events: Vec<BusEvent>,
-    /// The log is over; nothing comes after this batch. Never of a real bus.
-    pub end: bool,
 }
 
 impl Batch {
@@ -32,13 +29,12 @@ impl Batch {
         self.frames.clear();
         self.errors.clear();
         self.events.clear();
-        self.end = false;
     }
 
     /// Whether there is nothing in it.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.frames.is_empty() && self.events.is_empty() && !self.end
+        self.frames.is_empty() && self.events.is_empty()
     }
 }
 
@@ -122,9 +118,6 @@ pub enum SourceError {
         /// What it answers.
         error: std::io::Error,
     },
-    /// The log cannot be read on.
-    #[error(transparent)]
-    Log(#[from] LogFault),
 }
 
 /// A frame that was not sent.
@@ -143,9 +136,6 @@ pub enum NotSent {
     /// The bus was opened to listen only.
     #[error("the interface was opened to listen only")]
     ListenOnly,
-    /// A log is no bus.
-    #[error("a log takes no frames")]
-    Log,
     /// Error frames are made by controllers, and bring-up commands are classic frames.
     #[error("it is no classic data or remote frame")]
     Kind,

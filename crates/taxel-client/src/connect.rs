@@ -89,26 +89,16 @@ pub struct TlsOptions {
 
 #[cfg(feature = "tls")]
 impl TlsOptions {
-    /// What these files hold.
-    ///
-    /// # Errors
-    /// [`ConnectError::Certificate`]: the file that cannot be read, and why.
-    pub fn read(authority: &Path, certificate: &Path, key: &Path) -> Result<Self, ConnectError> {
-        let text = |file: &Path| {
-            let wrong =
-                |error: std::io::Error| ConnectError::Certificate { file: file.into(), cause: error.to_string() };
-            read_short(file).map_err(wrong)
-        };
-        Ok(Self { authority: text(authority)?, certificate: text(certificate)?, key: text(key)?, name: None })
-    }
-
     /// What the files `ca.pem`, `client.pem` and `client.key` of this folder hold.
     ///
     /// # Errors
     /// [`ConnectError::Certificate`]: the file that cannot be read, and why.
     pub fn in_folder(folder: &Path) -> Result<Self, ConnectError> {
-        let [authority, certificate, key] = ["ca.pem", "client.pem", "client.key"].map(|name| folder.join(name));
-        Self::read(&authority, &certificate, &key)
+        let text = |name: &str| {
+            let file = folder.join(name);
+            read_short(&file).map_err(|error| ConnectError::Certificate { file, cause: error.to_string() })
+        };
+        Ok(Self { authority: text("ca.pem")?, certificate: text("client.pem")?, key: text("client.key")?, name: None })
     }
 
     fn config(&self) -> ClientTlsConfig {

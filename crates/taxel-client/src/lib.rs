@@ -31,6 +31,8 @@ mod connect;
 mod follow;
 mod moment;
 mod received;
+#[cfg(feature = "clap")]
+mod server;
 mod stream;
 
 #[cfg(feature = "tls")]
@@ -39,4 +41,6 @@ pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
 pub use follow::{Forces, follow};
 pub use moment::Moment;
 pub use received::{Force, NoForce, Received};
+#[cfg(feature = "clap")]
+pub use server::Server;
 pub use stream::Samples;

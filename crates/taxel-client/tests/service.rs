@@ -15,9 +15,7 @@ use taxel_engine::plan::{LiveLimits, PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot};
 use taxel_proto::judge;
 use taxel_rpc::handle::channel;
-use taxel_rpc::{
-    Access, Backend, Clocks, Drain, Limits, Listener, Publisher, Role, Rules, ServeError, Server, Tls, TlsFiles,
-};
+use taxel_rpc::{Access, Backend, Drain, Limits, Listener, Publisher, Role, Rules, ServeError, Server, Tls, TlsFiles};
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -53,8 +51,7 @@ impl Daemon {
         let (origin, shutdown) = (Instant::now(), CancellationToken::new());
         // A clock of its own, and an engine that is never taken for stalled.
         let run = move || daemon_time(origin);
-        let clocks = Clocks { run: Arc::new(run), process: Arc::new(Time::default) };
-        let (handle, publisher, _requests) = channel(plan, clocks, shutdown.clone());
+        let (handle, publisher, _requests) = channel(plan, Arc::new(run), shutdown.clone());
         let server = Server::new(handle, Arc::new(NoStore), Access::new(rules), Limits::default()).unwrap();
         let server = tokio::spawn(server.serve(vec![listener]));
         Self { publisher, origin, shutdown, server }

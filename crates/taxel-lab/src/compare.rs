@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use anyhow::ensure;
+use taxel_client::Server;
 use taxel_engine::comparison::{Comparison, TaxelComparison};
 use taxel_engine::model_set::ModelSet;
 use taxel_store::models_json;
 
 use crate::apply::read_models;
-use crate::daemon::{Daemon, Server};
+use crate::daemon::{Daemon, ask};
 use crate::numbers::spread;
 
 /// A taxel whose pressure changed by more is named.
@@ -38,7 +39,7 @@ pub fn compare(args: &CompareArgs) -> anyhow::Result<()> {
     let file = |name: &str| Path::new(name).is_file().then(|| read_models(Path::new(name))).transpose();
     let (earlier, later) = match (file(&args.earlier)?, file(&args.later)?) {
         (Some(earlier), Some(later)) => (earlier, later),
-        (earlier, later) => args.server.ask(async |daemon| {
+        (earlier, later) => ask(&args.server, async |daemon| {
             Ok((of(&daemon, earlier, &args.earlier).await?, of(&daemon, later, &args.later).await?))
         })?,
     };

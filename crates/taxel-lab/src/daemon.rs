@@ -1,10 +1,7 @@
 //! A running daemon, as the laboratory asks it.
 
-use std::path::PathBuf;
-
 use anyhow::{Context, ensure};
-use taxel_client::{Address, Line, Options, TlsOptions};
-use taxel_engine::calibration::export::sample_row;
+use taxel_client::{Line, Server};
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
@@ -16,50 +13,22 @@ const ANSWER_BYTES_MAX: usize = 17 << 20;
 /// The daemon lists so many model sets at a time; an older one is asked for by its whole id.
 const SETS_MAX: u32 = 1000;
 
-/// Which daemon, and which patch of it.
-#[derive(Clone, Debug, clap::Args)]
-pub struct Server {
-    /// The daemon: http://HOST:PORT, unix:PATH or, with --tls, https://HOST:PORT [default: /run/taxeld/taxeld.sock
-    /// if there is one, else 127.0.0.1:50051].
-    #[arg(long, value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse)]
-    server: Option<Address>,
-    /// File whose first line is the token to show.
-    #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE")]
-    token: Option<PathBuf>,
-    /// For https://: a folder with ca.pem, the authority of the daemon's certificate, and with client.pem and client.key, which
-    /// tell the daemon who you are.
-    #[arg(long, value_name = "DIR", env = "TAXELD_TLS")]
-    tls: Option<PathBuf>,
-    /// The name in the daemon's certificate, where it is not the host in the address.
-    #[arg(long, value_name = "NAME", requires = "tls")]
-    tls_name: Option<String>,
-    /// The patch, needed only if the daemon has several.
-    #[arg(long, value_name = "NAME", default_value = "")]
-    patch: String,
-}
-
 /// A connection. All services share it.
 pub struct Daemon {
     line: Line,
     patch: String,
 }
 
-impl Server {
-    /// Connects, and asks.
-    ///
-    /// # Errors
-    /// Nobody answers, or the daemon refuses.
-    pub fn ask<T>(&self, asking: impl AsyncFnOnce(Daemon) -> anyhow::Result<T>) -> anyhow::Result<T> {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        runtime.block_on(async {
-            let address = self.server.clone().unwrap_or_else(Address::local);
-            let tls = self.tls.as_deref().map(TlsOptions::in_folder).transpose()?;
-            let tls = tls.map(|tls| TlsOptions { name: self.tls_name.clone(), ..tls });
-            let options = Options { token: self.token.clone(), tls, ..Options::new(address) };
-            let line = options.connect().await.context("`--server` names another daemon")?;
-            asking(Daemon { line, patch: self.patch.clone() }).await
-        })
-    }
+/// Connects, and asks.
+///
+/// # Errors
+/// Nobody answers, or the daemon refuses.
+pub fn ask<T>(server: &Server, asking: impl AsyncFnOnce(Daemon) -> anyhow::Result<T>) -> anyhow::Result<T> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let line = server.connect().await.context("`--server` names another daemon")?;
+        asking(Daemon { line, patch: server.patch.clone() }).await
+    })
 }
 
 impl Daemon {
@@ -106,22 +75,14 @@ impl Daemon {
     /// The samples of a session, as `taxeld sessions export` writes them.
     ///
     /// # Errors
-    /// No samples, not all of them, or no daemon any more.
+    /// No samples, or no daemon any more.
     pub async fn samples(&self, session: u64) -> anyhow::Result<String> {
         let request = SessionRequest { session };
-        let mut blocks = self.calibration().export_samples(request).await.map_err(refused)?.into_inner();
-        let (mut table, mut first_ns, mut written, mut in_all) = (String::new(), None, 0, 0);
-        while let Some(block) = blocks.message().await.map_err(refused)? {
-            in_all = block.samples_in_all;
-            table += &block.table_head;
-            for sample in block.samples {
-                let first_ns = *first_ns.get_or_insert(sample.monotonic_ns);
-                let since_ns = sample.monotonic_ns.saturating_sub(first_ns);
-                table += &sample_row(since_ns, sample.pressure_kpa, sample.counts.into_iter(), sample.ramp);
-                written += 1;
-            }
+        let mut pieces = self.calibration().export_samples(request).await.map_err(refused)?.into_inner();
+        let mut table = String::new();
+        while let Some(piece) = pieces.message().await.map_err(refused)? {
+            table += &piece.text;
         }
-        ensure!(written > 0 && written == in_all, "{written} of {in_all} samples of session {session} came");
         Ok(table)
     }
 

@@ -10,7 +10,7 @@ use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
 use taxel_page::{Limits, Options, Shows, bind, serve};
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Backend, Clock, Clocks, Publisher, Rules, Server};
+use taxel_rpc::{Access, Backend, Clock, Publisher, Rules, Server};
 use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time};
 use tokio_util::sync::CancellationToken;
 
@@ -78,11 +78,10 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let address: SocketAddr = std::env::args().nth(1).unwrap_or_else(|| "127.0.0.1:8090".to_owned()).parse()?;
     let begun = Instant::now();
     let clock: Clock = Arc::new(move || Time::from_nanos(begun.elapsed().as_nanos() as i64));
-    let clocks = Clocks { run: Arc::clone(&clock), process: Arc::clone(&clock) };
     let plan = Arc::new(plan()?);
     let taxels = plan.patches[0].patch.taxels().len();
     let shutdown = CancellationToken::new();
-    let (handle, engine, _requests) = channel(plan, clocks, shutdown.clone());
+    let (handle, engine, _requests) = channel(plan, Arc::clone(&clock), shutdown.clone());
     let server = Server::new(handle, Arc::new(NoStore), Access::new(Rules::open()), taxel_rpc::Limits::default())?;
     let services = server.shared();
     tokio::spawn(server.serve(Vec::new()));

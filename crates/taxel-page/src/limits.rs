@@ -22,9 +22,8 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        // Only this machine's addresses are served, which are one peer.
-        let connections =
-            taxel_rpc::Limits { connections: 64, connections_per_peer: 64, ..taxel_rpc::Limits::default() };
+        // Only this machine's addresses are served, which are one peer: there is no limit for each.
+        let connections = taxel_rpc::Limits { connections: 64, ..taxel_rpc::Limits::default() };
         Self {
             connections,
             streams: 32,

@@ -175,7 +175,7 @@ fn patches(sheet: &mut Sheet, patches: &[v1::PatchHealth], runs: bool) {
     };
     gauge("zero_valid", "Whether live force may rely on the zero", |patch| Some(flag(patch.tare.as_ref()?.valid)));
     gauge("zero_drift_counts", "How far the zero has followed the temperature, median", |patch| {
-        Some(patch.tare.as_ref()?.drift.as_ref()?.median_counts)
+        Some(patch.tare.as_ref()?.drift_median_counts)
     });
     gauge("zero_worn", "What may press unseen has doubled since the zero was taken", |patch| {
         Some(flag(patch.tare.as_ref()?.wear.as_ref()?.worn))

@@ -1,7 +1,7 @@
 // Health: buses, boards, zeros, faults.
 
 import { call, health as askHealth } from "./api.js";
-import { button, el, facts, num, put, sure, table, when, word } from "./dom.js";
+import { button, el, facts, num, put, sure, table, when } from "./dom.js";
 import { tareButton } from "./live.js";
 import { state } from "./store.js";
 
@@ -55,7 +55,6 @@ function unseen(wear) {
 
 function patch(one) {
   const tare = one.tare ?? {};
-  const drift = tare.drift;
   const faulty = one.faulty ?? [];
   return el("section.card", el("h2", one.patch),
     facts([
@@ -63,9 +62,9 @@ function patch(one) {
       ["taken", when(tare.time)],
       ["because", tare.reason],
       ["count at rest", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
-      drift && ["drift", `${word(drift.state, "DRIFT_STATE_")}, ${num(drift.medianCounts ?? 0)} counts, at most ${num(drift.maxCounts ?? 0)}`],
+      ["drift followed", `${num(tare.driftMedianCounts ?? 0)} counts`],
       tare.wear && ["may press unseen", unseen(tare.wear)],
     ]),
     el("h3", "Faulty taxels"),
-    table(["#taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.map((fault) => word(fault, "TAXEL_FAULT_")).join(", ")]), "none"));
+    table(["#taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.join(", ")]), "none"));
 }

@@ -1,7 +1,7 @@
 // One taxel: what it reads now, with its interval, and its curve over its samples.
 
 import { call } from "./api.js";
-import { el, facts, num, put, word } from "./dom.js";
+import { el, facts, num, put } from "./dom.js";
 import { Chart } from "./chart.js";
 import { on, state } from "./store.js";
 import { KINDS, kindOf } from "./skin.js";
@@ -77,8 +77,8 @@ function reading(taxel) {
     ["pressure", kind === "silent" || now?.pressureKpa === undefined ? "none" : `${num(now.pressureKpa)}${interval} kPa`],
     ["age", kind === "silent" || now?.ageS === undefined ? "–" : `${num(now.ageS, 3)} s`],
     ["area", `${num(layout.areaMm2, 1)} mm²`],
-    state.skin.modelSet && layout.exclusionText && ["excluded", layout.exclusionText],
-    now?.faults?.length && ["faults", now.faults.map((fault) => word(fault, "TAXEL_FAULT_")).join(", ")],
+    state.skin.modelSet && layout.exclusion && ["excluded", layout.exclusion],
+    now?.faults?.length && ["faults", now.faults.join(", ")],
   ]);
 }
 

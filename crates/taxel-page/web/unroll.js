@@ -34,11 +34,11 @@ function directions(list, about) {
 function modulesOf(skin) {
   const groups = new Map();
   for (const taxel of skin.taxels) {
-    const key = `${taxel.board ?? 0}/${taxel.module ?? 0}`;
+    const key = `${taxel.bus ?? 0}/${taxel.board ?? 0}/${taxel.module ?? 0}`;
     if (!groups.has(key)) groups.set(key, { name: "", taxels: [] });
     const group = groups.get(key);
     group.taxels.push(taxel.taxel ?? 0);
-    group.name = `board ${skin.boards?.[taxel.board ?? 0]?.address ?? "?"} module ${taxel.module ?? 0}`;
+    group.name = `board ${taxel.board ?? "?"} module ${taxel.module ?? 0}`;
   }
   return [...groups.values()];
 }

@@ -58,7 +58,7 @@ function figures(validation) {
   return facts([
     ["mean absolute error", validation.meanAbsoluteErrorPercent === undefined ? "–" : `${num(validation.meanAbsoluteErrorPercent, 1)} %`],
     ["area factor", factor ? `${num(factor.value, 3)} ± ${num(2 * factor.sigma, 3)}, of ${factor.loads} loads` : "from three loads on"],
-    factor && ["applied", factor.applied ? "yes" : `no: ${factor.notAppliedBecause ?? ""}`],
+    factor && ["applied", factor.notAppliedBecause ? `no: ${factor.notAppliedBecause}` : "yes"],
     ["model set", validation.modelSet || "none"],
   ]);
 }

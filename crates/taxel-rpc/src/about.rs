@@ -115,7 +115,7 @@ impl Service {
         About { patch: named.unwrap_or(patch), thing, said: short(&said.join(", ")), claimed }
     }
 
-    fn of_session(&self, session: u64, step: &str) -> Named<'static> {
+    fn of_session(&self, session: u64, step: &str) -> Parts<'static> {
         let patch = self.session(session).map(|view| view.patch.clone()).unwrap_or_default();
         let said = [format!("session {session}"), step.to_owned()].into_iter().filter(|text| !text.is_empty());
         (patch, Some(("session", session.to_string())), said.collect(), None)
@@ -123,7 +123,7 @@ impl Service {
 }
 
 /// Patch, thing, arguments, claimed name.
-type Named<'a> = (String, Option<(&'static str, String)>, Vec<String>, Option<&'a String>);
+type Parts<'a> = (String, Option<(&'static str, String)>, Vec<String>, Option<&'a String>);
 
 /// A client's text, short and without what a terminal would act on.
 fn short(text: &str) -> String {

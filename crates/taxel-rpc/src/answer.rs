@@ -33,19 +33,19 @@ impl<B> Answer<B> {
 
     pub(crate) fn new(body: B, call: Option<Call>, place: Held) -> Self {
         let mut answer = Self { body, rest: Bytes::new(), call, _place: place };
-        answer.peers_turn(true);
+        answer.wait_for_peer(true);
         answer
     }
 
-    fn peers_turn(&mut self, is_peers: bool) {
+    fn wait_for_peer(&mut self, waits: bool) {
         if let Some(call) = &mut self.call {
-            call.waits(is_peers);
+            call.waits(waits);
         }
     }
 
     fn piece(&mut self, data: Bytes) -> Frame<Bytes> {
         self.rest = data;
-        self.peers_turn(true);
+        self.wait_for_peer(true);
         Frame::data(self.rest.split_to(self.rest.len().min(PIECE_BYTES)))
     }
 }
@@ -55,7 +55,7 @@ impl<B: Body<Data = Bytes> + Unpin> Body for Answer<B> {
     type Error = B::Error;
 
     fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, B::Error>>> {
-        self.peers_turn(false);
+        self.wait_for_peer(false);
         if !self.rest.is_empty() {
             let rest = mem::take(&mut self.rest);
             return Poll::Ready(Some(Ok(self.piece(rest))));

@@ -15,18 +15,16 @@ pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(5);
 /// A turn so long after the one before is late; by so much may a scan be older than it says.
 const LATE_AFTER: Duration = Duration::from_millis(10);
 
-/// So many spans of [`LOOK_EVERY`] in which turns came in time read all that has waited.
-const SPANS: usize = 4;
+/// After a late turn for so long, all is read that has waited.
+const READ_WITHIN: Duration = Duration::from_millis(20);
 
 /// The turns of one stream of scans, and the times of the scans. It reads no clock.
 #[derive(Debug)]
 pub(crate) struct Arrivals {
     /// The last turn.
     looked: Time,
-    /// When the newest span began.
-    span: Time,
-    /// Of each of the newest spans the turn before a late one, if there was any; newest first.
-    late: [Option<Time>; SPANS],
+    /// The turn before a late one, and until when what is taken may be as old as that.
+    late: Option<(Time, Time)>,
     /// The time of the newest scan.
     newest: Option<Time>,
 }
@@ -34,17 +32,15 @@ pub(crate) struct Arrivals {
 impl Arrivals {
     /// Of a stream that begins now.
     pub(crate) const fn begin(now: Time) -> Self {
-        Self { looked: now, span: now, late: [None; SPANS], newest: None }
+        Self { looked: now, late: None, newest: None }
     }
 
     /// There is a turn now; due at least every [`LOOK_EVERY`].
     pub(crate) fn look(&mut self, now: Time) {
-        if now.since(self.span) >= LOOK_EVERY {
-            self.late.rotate_right(1);
-            (self.span, self.late[0]) = (now, None);
-        }
+        self.late = self.late.filter(|(_, until)| now < *until);
         if now.since(self.looked) > LATE_AFTER {
-            self.late[0] = Some(self.looked);
+            let before = self.late.map_or(self.looked, |(before, _)| before);
+            self.late = Some((before, now + READ_WITHIN));
         }
         self.looked = now;
     }
@@ -52,7 +48,7 @@ impl Arrivals {
     /// When a scan that is taken now came at the earliest. Later scans have later times.
     pub(crate) fn take(&mut self, now: Time) -> Time {
         self.look(now);
-        let earliest = self.late.iter().flatten().min().copied().unwrap_or(now);
+        let earliest = self.late.map_or(now, |(before, _)| before);
         let time = self.newest.map_or(earliest, |newest| earliest.max(newest + Duration::from_nanos(1)));
         self.newest = Some(time);
         time

@@ -12,23 +12,24 @@ use crate::service::{Reply, Service, held, list};
 
 #[tonic::async_trait]
 impl AuditService for Service {
-    async fn list_audit(&self, request: Request<v1::ListAuditRequest>) -> Reply<v1::ListAuditResponse> {
+    async fn list_audit(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListAuditResponse> {
         let held = held(&request)?;
-        let v1::ListAuditRequest { page_size: size, page_token } = request.into_inner();
+        let v1::ListRequest { patch, page_size: size, page_token } = request.into_inner();
         let size = page_size(size)?;
         let before = before(&page_token)?;
         // One more than is shown tells whether there is another page.
         let (entries, _) = ask(held, |told| self.backend.audit(before, size as u32 + 1, told)).await?;
-        list(move || Ok(page(entries, size))).await
+        list(move || Ok(page(entries, size, &patch))).await
     }
 }
 
-/// A page of so many, of which there may be more.
-fn page(mut entries: Vec<AuditEntry>, size: usize) -> v1::ListAuditResponse {
+/// A page of so many, of which there may be more. Of one patch it has what is known to be of it, and what is damaged.
+fn page(mut entries: Vec<AuditEntry>, size: usize, patch: &str) -> v1::ListAuditResponse {
     let more = entries.len() > size;
     entries.truncate(size);
     let next_page_token = entries.last().filter(|_| more).map(|last| last.number.to_string()).unwrap_or_default();
-    v1::ListAuditResponse { entries: entries.into_iter().map(message).collect(), next_page_token }
+    let is_of = |entry: &v1::AuditEntry| patch.is_empty() || entry.patch == patch || !entry.damage.is_empty();
+    v1::ListAuditResponse { entries: entries.into_iter().map(message).filter(is_of).collect(), next_page_token }
 }
 
 fn message(entry: AuditEntry) -> v1::AuditEntry {

@@ -40,7 +40,12 @@ impl CalibrationService for Service {
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
         let target = request.target_kpa.map(Kilopascal);
-        let branches = asked_branches(request.branches)?;
+        let branches = match v1::Branches::try_from(request.branches) {
+            Ok(v1::Branches::Unspecified) => None,
+            Ok(v1::Branches::Rising) => Some(Branch::Rising),
+            Ok(v1::Branches::Both) => Some(Branch::Both),
+            Err(_) => return Err(invalid("branches", format_args!("{} is not in 0 to 2", request.branches))),
+        };
         let confirmed_by = confirmed_by(&request.confirmed_by)?;
         let leave_out = request.leave_out.iter().map(module_name).collect::<Result<_, _>>()?;
         let command = Command::StartSession { patch, target, branches, confirmed_by, leave_out };
@@ -81,7 +86,7 @@ impl CalibrationService for Service {
         list(move || service.page_of_sessions(&request)).await
     }
 
-    type ExportSamplesStream = MessageStream<v1::SampleBlock>;
+    type ExportSamplesStream = MessageStream<v1::SampleTable>;
 
     async fn export_samples(&self, request: Request<v1::SessionRequest>) -> Reply<Self::ExportSamplesStream> {
         let session = self.session(request.get_ref().session)?.number;
@@ -90,8 +95,8 @@ impl CalibrationService for Service {
 
     async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Reply<v1::Refit> {
         let caller = caller(&request)?;
-        let v1::RefitSessionsRequest { sessions, options } = request.into_inner();
-        self.refit(&caller, &sessions, &options.unwrap_or_default()).await.map(Response::new)
+        let v1::RefitSessionsRequest { sessions, order } = request.into_inner();
+        self.refit(&caller, &sessions, order).await.map(Response::new)
     }
 
     type WatchSessionStream = MessageStream<v1::Session>;
@@ -121,16 +126,6 @@ impl Service {
             Done::Session(view) => Ok(Response::new(self.message(&view))),
             other => Err(strange_answer(&other)),
         }
-    }
-}
-
-/// What a request asks for; `None` is as configured.
-pub(crate) fn asked_branches(word: i32) -> Result<Option<Branch>, Status> {
-    match v1::Branches::try_from(word) {
-        Ok(v1::Branches::Unspecified) => Ok(None),
-        Ok(v1::Branches::Rising) => Ok(Some(Branch::Rising)),
-        Ok(v1::Branches::Both) => Ok(Some(Branch::Both)),
-        Err(_) => Err(invalid("branches", format_args!("{word} is not in 0 to 2"))),
     }
 }
 

@@ -61,7 +61,7 @@ impl AsyncRead for Connection {
         if self.missing > 0 {
             self.missing = self.missing.saturating_sub(buf.filled().len() - before);
             if self.missing == 0 {
-                self.seat.prove();
+                self.seat.speaks_http2();
             }
         }
         read

@@ -53,9 +53,9 @@ struct Entry {
     idle_since: Instant,
     /// Grows with each sign of life.
     progress: u64,
-    /// Its progress at the last look, and how many looks ago that began to be all.
-    seen: u64,
-    looks: u32,
+    /// Its progress at the last check, and how many checks ago that began to be all.
+    progress_before: u64,
+    still_checks: u32,
 }
 
 /// A connection's place, until it is dropped.
@@ -100,9 +100,7 @@ impl Connections {
         }
         open.arrived += 1;
         let number = open.arrived;
-        let (proven, calls, waiting, progress, seen, looks) = (false, 0, 0, 0, 0, 0);
-        let (peer, idle_since) = (peer.to_owned(), Instant::now());
-        open.entries.insert(number, Entry { peer, socket, proven, calls, waiting, idle_since, progress, seen, looks });
+        open.entries.insert(number, Entry::new(peer, socket));
         Some(Arc::new(Seat { number, connections: self.clone() }))
     }
 
@@ -113,26 +111,28 @@ impl Connections {
 
     /// Watches for ever.
     pub async fn keep(&self) -> Infallible {
-        let mut looks = tokio::time::interval(self.0.limits.look);
-        // What this process did not look at while it stood still is nobody's fault: looks are counted, and not the time.
-        looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut checks = tokio::time::interval(self.0.limits.check_every);
+        // What this process did not check while it stood still is nobody's fault: checks are counted, and not the time.
+        checks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            looks.tick().await;
-            self.look();
+            checks.tick().await;
+            self.check();
+            self.0.refusals.tell_due();
         }
     }
 
-    fn look(&self) {
+    fn check(&self) {
         let Inner { limits, refusals, .. } = &*self.0;
         let mut ended = Vec::new();
         for entry in self.open().entries.values_mut() {
             let waits = !entry.proven || entry.waiting > 0;
-            entry.looks = if waits && entry.progress == entry.seen { entry.looks + 1 } else { 0 };
-            entry.seen = entry.progress;
-            let most = if entry.proven { limits.untaken_looks } else { limits.preface_looks };
-            if entry.looks > most {
+            entry.still_checks =
+                if waits && entry.progress == entry.progress_before { entry.still_checks + 1 } else { 0 };
+            entry.progress_before = entry.progress;
+            let most = if entry.proven { limits.untaken_checks } else { limits.preface_checks };
+            if entry.still_checks > most {
                 entry.end();
-                entry.looks = 0;
+                entry.still_checks = 0;
                 ended.push((entry.peer.clone(), entry.proven));
             }
         }
@@ -153,6 +153,20 @@ impl Connections {
 }
 
 impl Entry {
+    fn new(peer: &str, socket: OwnedFd) -> Self {
+        Self {
+            peer: peer.to_owned(),
+            socket,
+            proven: false,
+            calls: 0,
+            waiting: 0,
+            idle_since: Instant::now(),
+            progress: 0,
+            progress_before: 0,
+            still_checks: 0,
+        }
+    }
+
     fn end(&self) {
         let _ = shutdown(self.socket.as_raw_fd(), Shutdown::Both); // the peer may have closed it
     }
@@ -173,7 +187,7 @@ impl Seat {
     }
 
     /// The peer has shown that it speaks the protocol.
-    pub(crate) fn prove(&self) {
+    pub(crate) fn speaks_http2(&self) {
         self.sign(|entry| entry.proven = true);
     }
 

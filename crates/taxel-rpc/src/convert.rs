@@ -2,12 +2,11 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use taxel_engine::intake::faults::{Fault, FaultSet};
+use taxel_engine::intake::faults::FaultSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::{
     Contact, ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Wear,
 };
-use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::{Timestamp, v1};
 use taxel_skin::Time;
 
@@ -123,7 +122,6 @@ pub(crate) fn taxels(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sendin
         time: timestamp(snapshot.wall_ns).filter(|_| framed),
         skipped: sending.skipped,
         taxels: snapshot.taxels.iter().map(sent).collect(),
-        count_max: u32::from(plan.patch.counts().top()),
         max_age_s: plan.live.stale_after.as_secs_f64(),
         sent: Some(SystemTime::now().into()),
     }
@@ -149,23 +147,8 @@ fn reading(taxel: &TaxelState, now: Time) -> v1::TaxelReading {
     }
 }
 
-pub(crate) fn faults(set: FaultSet) -> Vec<i32> {
-    const WORDS: [(Fault, v1::TaxelFault); 10] = [
-        (Fault::Rail, v1::TaxelFault::Rail),
-        (Fault::Frozen, v1::TaxelFault::Frozen),
-        (Fault::Jumping, v1::TaxelFault::Jumping),
-        (Fault::Dead, v1::TaxelFault::Dead),
-        (Fault::ModuleFlicker, v1::TaxelFault::ModuleFlicker),
-        (Fault::StatusOutOfRange, v1::TaxelFault::StatusOutOfRange),
-        (Fault::NotConnected, v1::TaxelFault::NotConnected),
-        (Fault::NoAck, v1::TaxelFault::NoAck),
-        (Fault::Stale, v1::TaxelFault::Stale),
-        (Fault::TooFast, v1::TaxelFault::TooFast),
-    ];
-    if set.is_empty() {
-        return Vec::new(); // nearly always, and this runs for every taxel of every message
-    }
-    WORDS.iter().filter(|(fault, _)| set.contains(*fault)).map(|&(_, word)| word.into()).collect()
+pub(crate) fn faults(set: FaultSet) -> Vec<String> {
+    set.iter().map(|fault| fault.name().to_owned()).collect()
 }
 
 const fn force_state(state: ForceState) -> v1::ForceState {
@@ -193,25 +176,11 @@ pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
         reason_code: tare.code.map_or(v1::ReasonCode::Unspecified, reasons::code).into(),
         baseline_median_counts: known(tare.baseline_median).unwrap_or_default(),
         noise_median_counts: known(tare.noise_median).unwrap_or_default(),
-        drift: Some(drift(&tare.drift)),
+        drift_median_counts: known(tare.drift.median_counts).unwrap_or_default(),
         wear: tare.wear.map(wear),
     }
 }
 
 fn wear(wear: Wear) -> v1::Wear {
     v1::Wear { at_first_n: wear.at_first.0, present_n: wear.present.0, worn: wear.is_worn() }
-}
-
-fn drift(drift: &DriftView) -> v1::Drift {
-    let state = match drift.state {
-        DriftState::Off => v1::DriftState::Off,
-        DriftState::Held => v1::DriftState::Held,
-        DriftState::Following => v1::DriftState::Following,
-        DriftState::Bounded => v1::DriftState::Bounded,
-    };
-    v1::Drift {
-        state: state.into(),
-        median_counts: known(drift.median_counts).unwrap_or_default(),
-        max_counts: known(drift.max_counts).unwrap_or_default(),
-    }
 }

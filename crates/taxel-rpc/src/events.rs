@@ -96,7 +96,7 @@ fn message(number: u64, event: &Event, skipped: u64) -> v1::Event {
     v1::Event {
         number,
         time: timestamp(event.wall_ns),
-        kind: kind(event.kind).into(),
+        kind: kind(event.kind).to_owned(),
         patch: event.patch.clone(),
         text: event.text.clone(),
         taxels: event.taxels.iter().map(|taxel| u32::from(*taxel)).collect(),
@@ -107,15 +107,15 @@ fn message(number: u64, event: &Event, skipped: u64) -> v1::Event {
     }
 }
 
-const fn kind(kind: EventKind) -> v1::EventKind {
+const fn kind(kind: EventKind) -> &'static str {
     match kind {
-        EventKind::Tared => v1::EventKind::Tared,
-        EventKind::ZeroLost => v1::EventKind::ZeroLost,
-        EventKind::FaultsCame => v1::EventKind::FaultsCame,
-        EventKind::FaultsWent => v1::EventKind::FaultsWent,
-        EventKind::Activated => v1::EventKind::Activated,
-        EventKind::Session => v1::EventKind::Session,
-        EventKind::BusUp => v1::EventKind::BusUp,
-        EventKind::BusDown => v1::EventKind::BusDown,
+        EventKind::Tared => "tared",
+        EventKind::ZeroLost => "zero lost",
+        EventKind::FaultsCame => "faults came",
+        EventKind::FaultsWent => "faults went",
+        EventKind::Activated => "activated",
+        EventKind::Session => "session",
+        EventKind::BusUp => "bus up",
+        EventKind::BusDown => "bus down",
     }
 }

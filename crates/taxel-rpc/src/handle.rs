@@ -11,7 +11,7 @@ use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
-use crate::clock::{Clock, Clocks};
+use crate::clock::Clock;
 use crate::convert::Sending;
 use crate::event_log::EventLog;
 use crate::freshness::Freshness;
@@ -76,10 +76,10 @@ pub struct Publisher {
 #[must_use]
 pub fn channel(
     plan: Arc<Plan>,
-    clocks: Clocks,
+    clock: Clock,
     shutdown: CancellationToken,
 ) -> (Handle, Publisher, mpsc::Receiver<Request>) {
-    let heartbeat = Arc::new(Heartbeat::new(clocks.process));
+    let heartbeat = Arc::new(Heartbeat::new(Arc::clone(&clock)));
     let (commands, requests) = mpsc::channel(COMMANDS_WAITING_MAX);
     let (to_health, health) = watch::channel(Arc::default());
     let (to_catalogue, catalogue) = watch::channel(Arc::default());
@@ -93,7 +93,7 @@ pub fn channel(
         health,
         catalogue,
         plan,
-        clock: clocks.run,
+        clock,
         heartbeat: Arc::clone(&heartbeat),
         shutdown,
         fits: Arc::clone(&fits),
@@ -151,12 +151,6 @@ impl Publisher {
 }
 
 impl Handle {
-    /// The newest health, as the engine put it out.
-    #[must_use]
-    pub fn health(&self) -> watch::Receiver<Arc<Health>> {
-        self.health.clone()
-    }
-
     /// Gives the engine a command from within the process, as the services do for their clients, and waits for its answer.
     /// `None` if the engine has stopped.
     pub async fn ask(&self, command: Command) -> Option<Reply> {

@@ -16,7 +16,7 @@ pub const STALLED_AFTER: Duration = Duration::from_millis(100);
 /// Before the first turn. Nothing can be published yet, so nothing can be wrong.
 const NEVER: i64 = i64::MIN;
 
-/// The time of the engine's last turn, on the clock of the process: a replay's own clock runs at any speed.
+/// The time of the engine's last turn.
 pub(crate) struct Heartbeat {
     clock: Clock,
     last_ns: AtomicI64,

@@ -51,7 +51,7 @@ pub use access::rules::{Access, Grant, Rules, Subject};
 pub use access::token::Tokens;
 pub use answer::Answer;
 pub use backend::{Backend, Told};
-pub use clock::{Clock, Clocks};
+pub use clock::Clock;
 pub use connections::{Call, Connections, Seat};
 pub use events::EventFollower;
 pub use follow::PatchFollower;

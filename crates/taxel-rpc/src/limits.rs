@@ -23,12 +23,12 @@ pub struct Limits {
     pub long_calls_per_peer: usize,
     /// Of all, those that only operators can have.
     pub long_calls_reserved: usize,
-    /// All connections are looked at this often.
-    pub look: Duration,
-    /// A connection that has not sent the HTTP/2 preface after so many looks is closed. An honest client sends it at once.
-    pub preface_looks: u32,
-    /// A connection is closed that takes nothing of its answers for so many looks, though something waits for it.
-    pub untaken_looks: u32,
+    /// All connections are checked this often.
+    pub check_every: Duration,
+    /// A connection that has not sent the HTTP/2 preface after so many checks is closed. An honest client sends it at once.
+    pub preface_checks: u32,
+    /// A connection is closed that takes nothing of its answers for so many checks, though something waits for it.
+    pub untaken_checks: u32,
     /// A stream that pushes no scan for so long ends, and another may begin.
     pub push_pause: Duration,
     /// How long a command may take. A tare watches the skin for up to a minute, as it is configured.
@@ -52,9 +52,9 @@ impl Default for Limits {
             long_calls: 8,
             long_calls_per_peer: 4,
             long_calls_reserved: 2,
-            look: Duration::from_secs(1),
-            preface_looks: 5,
-            untaken_looks: 10,
+            check_every: Duration::from_secs(1),
+            preface_checks: 5,
+            untaken_checks: 10,
             push_pause: Duration::from_secs(10),
             command: Duration::from_secs(90),
             keepalive_interval: Duration::from_secs(10),

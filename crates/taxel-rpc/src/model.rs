@@ -5,7 +5,7 @@ use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::{ModelSet, Recorded};
-use taxel_model::{Quality, Sign, TaxelModel};
+use taxel_model::TaxelModel;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_server::ModelService;
@@ -48,8 +48,6 @@ impl ModelService for Service {
             curves,
             summary: Some(self.summary(&SetSummary::of(&set))),
             board_settings: set.board_settings.clone(),
-            gauge_gain_rel: set.gauge_gain_rel,
-            gauge_offset_kpa: set.gauge_offset_kpa,
             taxels: set.taxels.iter().enumerate().map(|(taxel, model)| taxel_summary(&set, taxel, model)).collect(),
             in_use: set.recorded.as_ref().map(in_use).unwrap_or_default(),
         }))
@@ -66,9 +64,9 @@ impl ModelService for Service {
         }
         let patch = self.plan(self.patch(&patch)?).patch.name().to_owned();
         match self.command(&caller, "ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
-            Done::Activated { model_set, previous } => {
+            Done::Activated { previous, .. } => {
                 let previous = previous.unwrap_or_default();
-                Ok(Response::new(v1::ActivateModelSetResponse { model_set, previous }))
+                Ok(Response::new(v1::ActivateModelSetResponse { previous }))
             }
             other => Err(strange_answer(&other)),
         }
@@ -77,9 +75,9 @@ impl ModelService for Service {
     async fn export_model_set(&self, request: Request<v1::ExportModelSetRequest>) -> Reply<v1::ExportModelSetResponse> {
         let (held, request) = (held(&request)?, request.into_inner());
         let set = self.model_set(&request.model_set, &request.patch).await?;
-        let (model_set, backend) = (set.id.clone(), Arc::clone(&self.backend));
+        let backend = Arc::clone(&self.backend);
         let json = aside(held, move || backend.to_json(&set)).await?.map_err(Refusal::fault)?;
-        Ok(Response::new(v1::ExportModelSetResponse { model_set, json }))
+        Ok(Response::new(v1::ExportModelSetResponse { json }))
     }
 
     async fn import_model_set(&self, request: Request<v1::ImportModelSetRequest>) -> Reply<v1::ImportModelSetResponse> {
@@ -121,7 +119,6 @@ impl Service {
             pressure_max_kpa: set.pressure_max_kpa,
             active: self.active(&set.patch).as_deref() == Some(set.id.as_str()),
             derived_from: set.origins.first().cloned().unwrap_or_default(),
-            recalibration_gain: set.recalibration_gain,
         }
     }
 }
@@ -184,26 +181,8 @@ fn taxel_model(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelMod
         coefficients: model.raw_coefficients.clone(),
         count_min: range.map(|[low, _]| low),
         count_max: range.map(|[_, high]| high),
-        falling: model.sign == Sign::Falling,
-        repaired: model.repaired,
-        estimator: model.estimator.name().to_owned(),
-        quality: quality(&model.quality),
-        notes: model.flags.iter().map(ToString::to_string).collect(),
         points: points(model),
     }
-}
-
-fn quality(quality: &Quality) -> BTreeMap<String, f64> {
-    figures([
-        ("samples", Some(quality.samples as f64)),
-        ("distinct_counts", Some(f64::from(quality.distinct_counts))),
-        ("rank", Some(f64::from(quality.rank))),
-        ("max_leverage", Some(quality.max_leverage)),
-        ("press_kpa", quality.press_kpa),
-        ("pure_error_kpa", quality.pure_error_kpa),
-        ("repeatability_kpa", quality.repeatability_kpa),
-        ("interval_kpa", quality.interval_kpa),
-    ])
 }
 
 /// The curve at each whole 8-bit count of the calibrated range, also of a curve that may not be used.

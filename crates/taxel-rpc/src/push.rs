@@ -1,8 +1,9 @@
 //! `IngestService`: scans of a skin that is on no bus.
 
 use std::pin::pin;
-use std::time::Duration;
+use std::sync::Arc;
 
+use futures_util::stream::{self, StreamExt};
 use taxel_engine::PushedScan;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::plan::PatchPlan;
@@ -11,37 +12,33 @@ use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::ingest_service_server::IngestService;
 use taxel_skin::Kilopascal;
-use tokio::sync::mpsc;
-use tokio::time::Instant;
+use tokio::sync::watch;
 use tonic::{Code, Request, Response, Status, Streaming};
 
-use crate::access::layer::Standing;
+use crate::access::layer::may_push;
+use crate::access::origin::Origin;
+use crate::access::rules::Rules;
 use crate::arrivals::{Arrivals, LOOK_EVERY};
 use crate::push_line::Pusher;
-use crate::service::{Reply, Service, caller, noted, strange_answer};
+use crate::service::{Reply, Service, caller, strange_answer};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
 /// What a bag, a chamber or a gauge that is a little off can read.
 const PRESSURE_KPA: std::ops::RangeInclusive<f64> = -200.0..=2_000.0;
 
-/// The counters are told at most this often.
-const TELL_EVERY: Duration = Duration::from_secs(1);
-
-/// Answers that may wait for the caller: the counters need one place, the end the other.
-const ANSWERS_MAX: usize = 2;
-
 #[tonic::async_trait]
 impl IngestService for Service {
     type PushScansStream = MessageStream<v1::PushScansResponse>;
 
     async fn push_scans(&self, request: Request<Streaming<v1::PushScansRequest>>) -> Reply<Self::PushScansStream> {
-        let (caller, standing): (_, Standing) = (caller(&request)?, noted(&request)?);
+        let caller = caller(&request)?;
+        let credential = request.metadata().get("authorization").map(|shown| shown.as_bytes().to_vec());
+        let rules = self.access.watch();
         let mut messages = request.into_inner();
         let first = self.next_of(&mut messages).await?;
         let arrivals = Arrivals::begin((self.handle.clock)()); // what comes from here on waits for the engine's answer
         let first = first.ok_or_else(|| invalid("patch", "the first message names it; there is none"))?;
-        standing.check()?; // that message may have taken seconds
         let patch = self.patch(&first.patch)?;
         let plan = self.plan(patch);
         let (name, bus) = (plan.patch.name().to_owned(), plan.patch.boards().first().map(|board| board.bus));
@@ -50,20 +47,18 @@ impl IngestService for Service {
             return Err(Refusal::failed_precondition(ErrorReason::NotConfigured, why).about("patch", name).into());
         };
         let who = format!("{} ({})", caller.who(), caller.origin.place());
-        let pusher = line.begin(patch, bus, &who);
-        let pusher = pusher.map_err(|other| {
+        let mut pusher = line.begin(patch, bus, &who).map_err(|other| {
             let why = format!("{other} pushes the scans of patch `{name}`");
             Refusal::new(Code::AlreadyExists, ErrorReason::NoPlace, why).about("patch", &name)
         })?;
         match self.command(&caller, "PushScans", Command::BeginPush { patch: name }).await? {
-            Done::PushBegun => {}
+            Done::PushBegun => pusher.begun(),
             other => return Err(strange_answer(&other)),
         }
-        let (answers, told) = mpsc::channel(ANSWERS_MAX);
-        let (service, scans) = (self.clone(), 0);
-        let stream = PushStream { service, standing, patch, pusher, messages, arrivals, answers, scans };
-        tokio::spawn(stream.run(first)); // ends with the stream, the pause or the shutdown
-        Ok(Response::new(Box::pin(tokio_stream::wrappers::ReceiverStream::new(told))))
+        let (service, origin, scans) = (self.clone(), caller.origin, 0);
+        let pushing = PushStream { service, origin, credential, rules, patch, pusher, arrivals, scans };
+        let begun = stream::once(std::future::ready(Ok(v1::PushScansResponse::default())));
+        Ok(Response::new(Box::pin(begun.chain(stream::once(pushing.run(first, messages))))))
     }
 }
 
@@ -90,73 +85,65 @@ impl Service {
 /// A stream of scans on its way.
 struct PushStream {
     service: Service,
-    /// Whether whoever pushes may still do so. A stream has no end by itself, and nobody else can push meanwhile.
-    standing: Standing,
+    origin: Arc<Origin>,
+    /// What the caller showed beside that.
+    credential: Option<Vec<u8>>,
+    /// A stream has no end by itself, and nobody else can push meanwhile: whenever the rules change it is judged anew.
+    rules: watch::Receiver<Arc<Rules>>,
     patch: usize,
     pusher: Pusher,
-    messages: Streaming<v1::PushScansRequest>,
     arrivals: Arrivals,
-    answers: mpsc::Sender<Result<v1::PushScansResponse, Status>>,
     /// Messages that should have held a scan.
     scans: u64,
 }
 
 impl PushStream {
-    async fn run(mut self, first: v1::PushScansRequest) {
-        let end = self.take_all(first).await;
-        let why = match &end {
+    /// Takes all scans; then what became of them. It is dropped where the caller goes away.
+    async fn run(
+        mut self,
+        first: v1::PushScansRequest,
+        mut messages: Streaming<v1::PushScansRequest>,
+    ) -> Result<v1::PushScansResponse, Status> {
+        let end = self.take_all(first, &mut messages).await;
+        let (taken, refused) = self.pusher.end(match &end {
             Ok(()) => "whoever pushed its scans has ended the stream".to_owned(),
             Err(status) => format!("the stream of scans ended: {}", status.message()),
-        };
-        let last = end.map(|()| self.counters());
-        self.pusher.end(why).await;
-        let _ = self.answers.send(last).await; // the caller has gone
+        });
+        end.map(|()| v1::PushScansResponse { taken, refused })
     }
 
-    async fn take_all(&mut self, first: v1::PushScansRequest) -> Result<(), Status> {
+    async fn take_all(
+        &mut self,
+        first: v1::PushScansRequest,
+        messages: &mut Streaming<v1::PushScansRequest>,
+    ) -> Result<(), Status> {
         if !first.counts.is_empty() || first.pressure_kpa.is_some() {
             self.take(first)?;
         }
-        let mut told = self.tell();
-        while let Some(message) = self.next().await? {
+        while let Some(message) = self.next(messages).await? {
             self.take(message)?;
-            if told.elapsed() >= TELL_EVERY {
-                told = self.tell();
-            }
         }
         Ok(())
     }
 
     /// The next message; nothing at the end of the stream. Meanwhile there is a turn every few milliseconds, by which it is
-    /// known that nothing waits, and that whoever pushes may still do so.
-    async fn next(&mut self) -> Result<Option<v1::PushScansRequest>, Status> {
-        let mut next = pin!(self.service.next_of(&mut self.messages));
+    /// known that nothing waits.
+    async fn next(
+        &mut self,
+        messages: &mut Streaming<v1::PushScansRequest>,
+    ) -> Result<Option<v1::PushScansRequest>, Status> {
+        let mut next = pin!(self.service.next_of(messages));
         loop {
             tokio::select! {
-                () = self.answers.closed() => {
-                    let why = "the caller has gone";
-                    return Err(Refusal::new(Code::Cancelled, ErrorReason::DaemonUnavailable, why).into());
+                biased; // what comes after other rules is judged by them
+                Ok(()) = self.rules.changed() => {
+                    let rules = Arc::clone(&self.rules.borrow_and_update());
+                    may_push(&rules.caller(&self.origin, self.credential.as_deref())?)?;
                 }
                 next = &mut next => return next,
-                () = tokio::time::sleep(LOOK_EVERY) => {
-                    self.arrivals.look((self.service.handle.clock)());
-                    self.standing.check()?;
-                }
+                () = tokio::time::sleep(LOOK_EVERY) => self.arrivals.look((self.service.handle.clock)()),
             }
         }
-    }
-
-    /// The last answer's place stays free, and what nobody reads does not wait.
-    fn tell(&self) -> Instant {
-        if self.answers.capacity() > 1 {
-            let _ = self.answers.try_send(Ok(self.counters()));
-        }
-        Instant::now()
-    }
-
-    fn counters(&self) -> v1::PushScansResponse {
-        let (taken, refused) = self.pusher.counts();
-        v1::PushScansResponse { taken, refused }
     }
 
     /// One scan, which came now if there were turns in time, and otherwise may have waited.
@@ -164,7 +151,6 @@ impl PushStream {
         let taken = (self.service.handle.clock)();
         let time = self.arrivals.take(taken);
         self.scans += 1;
-        self.standing.check()?;
         if !self.pusher.is_connected() {
             return Err(unavailable(STOPPED).into());
         }

@@ -1,6 +1,7 @@
 //! The way of pushed scans from the service to the engine's task: bounded for each patch, with one pusher a patch.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use taxel_engine::PushedScan;
 use taxel_skin::BusIndex;
@@ -36,15 +37,8 @@ pub enum PushEvent {
 #[derive(Clone, Debug)]
 pub struct PushLine {
     to_engine: mpsc::Sender<Pushed>,
-    patches: Arc<[PatchLine]>,
-}
-
-/// What is known of one patch.
-#[derive(Debug)]
-struct PatchLine {
-    room: Arc<Semaphore>,
-    /// Who pushes its scans.
-    pusher: Mutex<Option<String>>,
+    /// Who pushes, by the position of the patch in the plan.
+    pushers: Arc<Mutex<BTreeMap<usize, String>>>,
 }
 
 /// Makes both ends for so many patches.
@@ -52,8 +46,7 @@ struct PatchLine {
 pub fn push_line(patches: usize) -> (PushLine, mpsc::Receiver<Pushed>) {
     // The scans that may wait, and the end of the stream that they came on.
     let (to_engine, pushed) = mpsc::channel(patches.max(1) * (SCANS_WAITING_MAX + 1));
-    let patch = |_| PatchLine { room: Arc::new(Semaphore::new(SCANS_WAITING_MAX)), pusher: Mutex::default() };
-    (PushLine { to_engine, patches: (0..patches).map(patch).collect() }, pushed)
+    (PushLine { to_engine, pushers: Arc::default() }, pushed)
 }
 
 impl PushLine {
@@ -62,15 +55,18 @@ impl PushLine {
     /// # Errors
     /// Who is it already.
     pub(crate) fn begin(&self, patch: usize, bus: BusIndex, who: &str) -> Result<Pusher, String> {
-        let Some(line) = self.patches.get(patch) else { return Err("nobody can be".to_owned()) };
-        let mut pusher = line.pusher.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*pusher {
-            Some(other) => Err(other.clone()),
-            None => {
-                *pusher = Some(who.to_owned());
-                Ok(Pusher { line: self.clone(), patch, bus, taken: 0, refused: 0, untold: 0 })
-            }
+        let mut pushers = self.pushers();
+        if let Some(other) = pushers.get(&patch) {
+            return Err(other.clone());
         }
+        pushers.insert(patch, who.to_owned());
+        let room = Arc::new(Semaphore::new(SCANS_WAITING_MAX));
+        let (line, why) = (self.clone(), String::new());
+        Ok(Pusher { line, patch, bus, room, taken: 0, refused: 0, untold: 0, why })
+    }
+
+    fn pushers(&self) -> MutexGuard<'_, BTreeMap<usize, String>> {
+        self.pushers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -80,17 +76,20 @@ pub(crate) struct Pusher {
     line: PushLine,
     patch: usize,
     bus: BusIndex,
+    /// For its scans that wait for the engine.
+    room: Arc<Semaphore>,
     taken: u64,
     refused: u64,
     /// Of the refused ones, those that the engine does not know of.
     untold: u64,
+    /// Why no more come; empty while the engine has let nobody begin.
+    why: String,
 }
 
 impl Pusher {
     /// Hands a scan over if there is room for it, and counts it.
     pub(crate) fn push(&mut self, scan: PushedScan) {
-        let room = self.line.patches.get(self.patch).and_then(|line| Arc::clone(&line.room).try_acquire_owned().ok());
-        let sent = room.is_some_and(|place| {
+        let sent = Arc::clone(&self.room).try_acquire_owned().is_ok_and(|place| {
             let event = PushEvent::Scan(scan);
             let pushed = Pushed { bus: self.bus, refused: self.untold, event, _place: Some(place) };
             self.line.to_engine.try_send(pushed).is_ok()
@@ -109,22 +108,25 @@ impl Pusher {
         !self.line.to_engine.is_closed()
     }
 
-    /// Scans that were taken and refused.
-    pub(crate) const fn counts(&self) -> (u64, u64) {
-        (self.taken, self.refused)
+    /// The engine takes its scans from now on.
+    pub(crate) fn begun(&mut self) {
+        "whoever pushed its scans has gone".clone_into(&mut self.why);
     }
 
-    /// Tells the engine that no more scans come, and why. Only then may another one begin.
-    pub(crate) async fn end(self, why: String) {
-        let pushed = Pushed { bus: self.bus, refused: self.untold, event: PushEvent::Ended(why), _place: None };
-        let _ = self.line.to_engine.send(pushed).await; // the engine has stopped: nobody is left to tell
+    /// No more scans come, for this reason. Gives how many were taken and refused.
+    pub(crate) fn end(mut self, why: String) -> (u64, u64) {
+        self.why = why;
+        (self.taken, self.refused)
     }
 }
 
 impl Drop for Pusher {
     fn drop(&mut self) {
-        if let Some(line) = self.line.patches.get(self.patch) {
-            *line.pusher.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        if !self.why.is_empty() {
+            let event = PushEvent::Ended(std::mem::take(&mut self.why));
+            // There is room beside the scans, unless the engine hangs, which is a silence as well.
+            let _ = self.line.to_engine.try_send(Pushed { bus: self.bus, refused: self.untold, event, _place: None });
         }
+        self.line.pushers().remove(&self.patch); // only then may another one begin
     }
 }

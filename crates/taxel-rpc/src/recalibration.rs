@@ -69,7 +69,7 @@ impl Service {
                 .into());
         }
         match self.command(caller, "Recalibrate", Command::KeepRecalibration { model_set }).await? {
-            Done::RefitKept { .. } => Ok(v1::Recalibration { kept: true, ..message }),
+            Done::RefitKept { .. } => Ok(message),
             other => Err(strange_answer(&other)),
         }
     }
@@ -127,8 +127,6 @@ fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation
         contradicts: found.contradicts.unwrap_or(0),
         needed: found.is_needed(),
         refused_because,
-        place_uncertainty: found.assumptions.place_rel,
-        kept: false,
         area_factor: view.factor.filter(|_| view.applied).map(|factor| factor.value),
     }
 }

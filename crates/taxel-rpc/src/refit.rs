@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use taxel_engine::calibration::fit::PlaysChoice;
 use taxel_engine::calibration::{Refit, RefitOptions, SessionState, SessionView, StoredSession, TOGETHER_MAX};
 use taxel_engine::command::{Command, Done};
-use taxel_model::{Estimator, Order};
+use taxel_model::Order;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
@@ -13,7 +12,6 @@ use tonic::Status;
 
 use crate::access::caller::Caller;
 use crate::backend::ask;
-use crate::calibration::asked_branches;
 use crate::convert::wall_ns;
 use crate::service::{Service, aside, strange_answer};
 use crate::status::{invalid, of_rejection};
@@ -24,9 +22,9 @@ impl Service {
         &self,
         caller: &Caller,
         numbers: &[u64],
-        options: &v1::FitOptions,
+        order: Option<u32>,
     ) -> Result<v1::Refit, Status> {
-        let options = asked_options(options)?;
+        let options = asked_options(order)?;
         // Before anything is looked up: a request has room for tens of thousands of numbers.
         if numbers.len() > TOGETHER_MAX {
             return Err(invalid("sessions", format_args!("{} are named, expected 1 to {TOGETHER_MAX}", numbers.len())));
@@ -87,36 +85,15 @@ impl Service {
     }
 }
 
-/// What a request asks for.
-fn asked_options(options: &v1::FitOptions) -> Result<RefitOptions, Status> {
-    let order = |order: u32| match order {
-        0 => Ok(Order::Auto),
-        order => {
-            u8::try_from(order).map(Order::Fixed).map_err(|_| invalid("order", format_args!("{order} is no order")))
+/// As configured, but for the order.
+fn asked_options(order: Option<u32>) -> Result<RefitOptions, Status> {
+    let order = match order {
+        None => None,
+        Some(0) => Some(Order::Auto),
+        Some(order) => {
+            let fixed = u8::try_from(order).map(Order::Fixed);
+            Some(fixed.map_err(|_| invalid("order", format_args!("{order} is not in 0 to 10")))?)
         }
     };
-    let estimator = match v1::FitEstimator::try_from(options.estimator) {
-        Ok(v1::FitEstimator::Unspecified) => None,
-        Ok(v1::FitEstimator::PressureBinned) => Some(Estimator::PressureBinned),
-        Ok(v1::FitEstimator::PerSample) => Some(Estimator::PerSample),
-        Ok(v1::FitEstimator::Paper) => Some(Estimator::Paper),
-        Err(_) => return Err(invalid("estimator", format_args!("{} is not in 0 to 3", options.estimator))),
-    };
-    let plays = match v1::FitPlays::try_from(options.plays) {
-        Ok(v1::FitPlays::Unspecified) => None,
-        Ok(v1::FitPlays::Auto) => Some(PlaysChoice::Auto),
-        Ok(v1::FitPlays::On) => Some(PlaysChoice::On),
-        Ok(v1::FitPlays::Off) => Some(PlaysChoice::Off),
-        Err(_) => return Err(invalid("plays", format_args!("{} is not in 0 to 3", options.plays))),
-    };
-    Ok(RefitOptions {
-        order: options.order.map(order).transpose()?,
-        estimator,
-        exact: options.exact,
-        bin_width_kpa: options.bin_width_kpa,
-        branch: asked_branches(options.branches)?,
-        plays,
-        smooth_s: options.smooth_s,
-        min_swing_counts: options.min_swing_counts,
-    })
+    Ok(RefitOptions { order, ..RefitOptions::default() })
 }

@@ -1,6 +1,7 @@
 //! Refusals in the log: of each kind a line at most every ten seconds, so that a flood of them is not one of lines.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -20,25 +21,31 @@ impl Refusals {
     /// Something was refused: of this kind, to this peer.
     pub(crate) fn tell(&self, (what, peer): (&str, &str), text: impl FnOnce() -> String) {
         let mut kinds = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut name = format!("{what} {peer}");
-        if kinds.len() >= KINDS_MAX && !kinds.contains_key(&name) {
-            kinds.retain(|_, (told, _)| told.elapsed() < LINE_EVERY);
-            if kinds.len() >= KINDS_MAX {
-                "others".clone_into(&mut name);
+        let mut kind = format!("{what} {peer}");
+        if kinds.len() >= KINDS_MAX && !kinds.contains_key(&kind) {
+            "others".clone_into(&mut kind);
+        }
+        match kinds.entry(kind) {
+            Entry::Occupied(mut told) => told.get_mut().1 += 1,
+            Entry::Vacant(first) => {
+                first.insert((Instant::now(), 0));
+                tracing::warn!("{}", text());
             }
         }
-        let untold = match kinds.get_mut(&name) {
-            Some((told, untold)) if told.elapsed() < LINE_EVERY => {
-                *untold += 1;
-                return;
+    }
+
+    /// Tells of each kind whose time has come how many there were since its line; due every second.
+    pub(crate) fn tell_due(&self) {
+        let mut kinds = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kinds.retain(|kind, (told, untold)| {
+            let is_due = told.elapsed() >= LINE_EVERY;
+            if is_due && *untold > 0 {
+                tracing::warn!("{untold} more were refused since the last such line: {kind}");
+                (*told, *untold) = (Instant::now(), 0);
+                return true;
             }
-            Some((_, untold)) => *untold,
-            None => 0,
-        };
-        kinds.insert(name, (Instant::now(), 0));
-        let more = if untold > 0 { format!(" ({untold} more since the last such line)") } else { String::new() };
-        let text = text();
-        tracing::warn!("{text}{more}");
+            !is_due
+        });
     }
 }
 
@@ -60,9 +67,11 @@ mod tests {
         (0..1000).for_each(|_| tell("a"));
         assert_eq!(lines.get(), 1);
         tokio::time::advance(LINE_EVERY).await;
+        refusals.tell_due();
+        assert_eq!(refusals.0.lock().unwrap()["stream a"].1, 0, "those without a line of their own are told");
         (0..1000).for_each(|_| tell("a"));
-        assert_eq!(lines.get(), 2);
+        assert_eq!(lines.get(), 1);
         (0..10_000).for_each(|uid| tell(&uid.to_string()));
-        assert_eq!((lines.get(), refusals.0.lock().unwrap().len()), (KINDS_MAX + 2, KINDS_MAX + 1));
+        assert_eq!((lines.get(), refusals.0.lock().unwrap().len()), (KINDS_MAX + 1, KINDS_MAX + 1));
     }
 }

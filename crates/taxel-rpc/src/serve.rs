@@ -102,9 +102,10 @@ impl Server {
     pub fn new(handle: Handle, backend: Arc<dyn Backend>, access: Access, limits: Limits) -> Result<Self, ServeError> {
         let (wake, woken) = watch::channel(());
         let (shares, refusals) = (Shares::new(limits.clone()), Arc::new(Refusals::default()));
-        let gate = Gate::new(access, Arc::clone(&shares), Arc::clone(&refusals));
+        let gate = Gate::new(access.clone(), Arc::clone(&shares), Arc::clone(&refusals));
         let reporter = HealthReporter::new();
-        let service = Service::new(handle.clone(), backend, woken, limits.clone(), shares);
+        let service =
+            Service { handle: handle.clone(), backend, wake: woken, limits: Arc::new(limits.clone()), shares, access };
         let routes = routes(service, &reporter)?;
         Ok(Self { handle, limits, refusals, gate, reporter, routes, wake })
     }

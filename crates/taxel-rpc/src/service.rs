@@ -14,6 +14,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tonic::{Code, Response, Status};
 
 use crate::access::caller::Caller;
+use crate::access::rules::Access;
 use crate::backend::{Backend, ask};
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
@@ -35,19 +36,10 @@ pub(crate) struct Service {
     pub(crate) wake: watch::Receiver<()>,
     pub(crate) limits: Arc<Limits>,
     pub(crate) shares: Arc<Shares>,
+    pub(crate) access: Access,
 }
 
 impl Service {
-    pub(crate) fn new(
-        handle: Handle,
-        backend: Arc<dyn Backend>,
-        wake: watch::Receiver<()>,
-        limits: Limits,
-        shares: Arc<Shares>,
-    ) -> Self {
-        Self { handle, backend, wake, limits: Arc::new(limits), shares }
-    }
-
     /// Position of the patch of this name; an empty name stands for the only one.
     pub(crate) fn patch(&self, name: &str) -> Result<usize, Status> {
         let patches = &self.handle.plan.patches;

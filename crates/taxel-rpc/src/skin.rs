@@ -6,7 +6,7 @@ use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::{BoardHealth, BusHealth};
 use taxel_proto::v1;
 use taxel_proto::v1::skin_service_server::SkinService;
-use taxel_skin::{Board, ModuleKind, NormalsVerdict};
+use taxel_skin::NormalsVerdict;
 use tonic::{Request, Response};
 
 use crate::convert::{self, vector};
@@ -46,7 +46,7 @@ impl SkinService for Service {
         }
     }
 
-    async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Reply<()> {
+    async fn bring_up(&self, request: Request<v1::TareRequest>) -> Reply<()> {
         let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
@@ -85,7 +85,6 @@ impl SkinService for Service {
             streams: self.shares.streams_open() as u32,
             streams_max: self.limits.streams as u32,
             store: Some(v1::StoreHealth {
-                whole: health.store.is_whole(),
                 problem: health.store.problem.clone().unwrap_or_default(),
                 damage: health.store.damage.clone(),
             }),
@@ -121,17 +120,13 @@ impl Service {
 }
 
 fn skin(plan: &PatchPlan, patches: Vec<String>, set: Option<&ModelSet>) -> v1::Skin {
-    let taxels: Vec<v1::TaxelLayout> = (0..plan.patch.taxels().len()).map(|taxel| layout(plan, taxel, set)).collect();
     v1::Skin {
         patch: plan.patch.name().to_owned(),
         patches,
-        boards: plan.patch.boards().iter().enumerate().map(|(index, b)| board(plan, index, b)).collect(),
-        excluded: taxels.iter().filter(|taxel| !taxel.calibrated).count() as u32,
-        taxels,
+        taxels: (0..plan.patch.taxels().len()).map(|taxel| layout(plan, taxel, set)).collect(),
         model_set: set.map(|set| set.id.clone()).unwrap_or_default(),
         count_max: u32::from(plan.patch.counts().top()),
         counts_per_unit: plan.patch.counts().per_unit(),
-        has_gauge: plan.has_gauge(),
         geometry_remarks: plan.geometry.as_ref().map_or_else(
             || vec!["no geometry is configured: no vector, moment or contact is served".to_owned()],
             |geometry| geometry.remarks.clone(),
@@ -139,36 +134,22 @@ fn skin(plan: &PatchPlan, patches: Vec<String>, set: Option<&ModelSet>) -> v1::S
     }
 }
 
-fn board(plan: &PatchPlan, index: usize, board: &Board) -> v1::Board {
-    let modules = plan.patch.modules().iter().filter(|site| usize::from(site.board) == index);
-    v1::Board {
-        bus: u32::from(board.bus.0),
-        address: u32::from(board.address.get()),
-        modules: modules
-            .map(|site| v1::Module {
-                module: u32::from(site.module.get()),
-                kind: module_kind(site.kind).into(),
-                first_taxel: u32::from(site.first_taxel),
-                taxels: site.kind.taxel_slots().len() as u32,
-            })
-            .collect(),
-    }
-}
-
 fn layout(plan: &PatchPlan, taxel: usize, set: Option<&ModelSet>) -> v1::TaxelLayout {
     let site = plan.patch.taxels()[taxel];
     let module = plan.patch.modules()[usize::from(site.module)];
+    let board = &plan.patch.boards()[usize::from(module.board)];
     let pose = plan.geometry.as_ref().and_then(|geometry| geometry.poses.get(taxel).copied().flatten());
     let facing = plan.geometry.as_ref().is_some_and(|geometry| geometry.normals == NormalsVerdict::Usable);
     let status = set.and_then(|set| set.taxels.get(taxel)).map(|model| model.status);
-    let (exclusion, exclusion_text) = match status {
-        Some(status) if status.is_ok() => (String::new(), String::new()),
-        Some(status) => (status.code().to_owned(), status.to_string()),
-        None => ("no_model_set".to_owned(), "no model set is active".to_owned()),
+    let exclusion = match status {
+        Some(status) if status.is_ok() => String::new(),
+        Some(status) => status.to_string(),
+        None => "no model set is active".to_owned(),
     };
     v1::TaxelLayout {
         taxel: taxel as u32,
-        board: u32::from(module.board),
+        bus: u32::from(board.bus.0),
+        board: u32::from(board.address.get()),
         module: u32::from(module.module.get()),
         slot: u32::from(site.slot),
         position_m: pose.map(|pose| vector(pose.position)),
@@ -176,17 +157,6 @@ fn layout(plan: &PatchPlan, taxel: usize, set: Option<&ModelSet>) -> v1::TaxelLa
         area_mm2: plan.areas.get(taxel).map_or(0.0, |area| area.0),
         calibrated: exclusion.is_empty(),
         exclusion,
-        exclusion_text,
-    }
-}
-
-const fn module_kind(kind: ModuleKind) -> v1::ModuleKind {
-    match kind {
-        ModuleKind::Triangle => v1::ModuleKind::Triangle,
-        ModuleKind::Fingertip => v1::ModuleKind::Fingertip,
-        ModuleKind::PalmPad11 => v1::ModuleKind::PalmPad11,
-        ModuleKind::PalmPad7 => v1::ModuleKind::PalmPad7,
-        ModuleKind::Cells(_) => v1::ModuleKind::Cells,
     }
 }
 

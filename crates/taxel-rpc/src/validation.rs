@@ -81,10 +81,8 @@ fn area_factor(factor: AreaFactor, view: &Validation) -> v1::AreaFactor {
         value: factor.value,
         sigma: factor.sigma,
         loads: factor.loads as u32,
-        applied: view.applied,
         not_applied_because: view.not_applied_because.clone(),
         places: factor.places as u32,
-        area_uncertainty: factor.area_uncertainty,
     }
 }
 
@@ -112,14 +110,11 @@ fn load(load: &Load) -> v1::Load {
         scans: load.read.scans,
         error_percent: 100.0 * load.error(),
         within_two_sigma: load.is_within_two_sigma(),
-        out_of_range: load.read.out_of_range,
-        uncovered_share: load.read.uncovered_share,
         reasons: load.read.reasons.clone(),
         model_set: load.model_set.clone(),
         area_factor: load.area_factor,
         replaces: load.replaces.unwrap_or(0),
         taxels: load.read.taxels.iter().map(|taxel| u32::from(*taxel)).collect(),
-        filled_share: load.read.filled_share,
         ..v1::Load::default()
     }
 }

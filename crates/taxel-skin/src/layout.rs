@@ -7,6 +7,9 @@ use thiserror::Error;
 /// Every module sends twelve values, in a head frame of seven and a tail frame of five.
 pub const VALUES_PER_MODULE: usize = 12;
 
+/// Values of a board: rows of iCub's position files, and of the vector of a skin port.
+pub const VALUES_PER_BOARD: usize = 16 * VALUES_PER_MODULE;
+
 /// What the twelve values of a module are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ModuleKind {
@@ -221,7 +224,11 @@ impl Patch {
     pub fn port_index(&self, taxel: usize) -> Option<usize> {
         let site = self.taxels.get(taxel)?;
         let module = &self.modules[site.module as usize];
-        Some(192 * module.board as usize + VALUES_PER_MODULE * module.module.get() as usize + site.slot as usize)
+        Some(
+            VALUES_PER_BOARD * module.board as usize
+                + VALUES_PER_MODULE * module.module.get() as usize
+                + site.slot as usize,
+        )
     }
 }
 

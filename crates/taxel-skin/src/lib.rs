@@ -16,7 +16,7 @@ mod words;
 pub use count_range::CountRange;
 pub use geometry::{Geometry, NormalsVerdict};
 pub use ids::{BoardAddress, BusIndex, IdError, Module, TaxelIndex};
-pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, VALUES_PER_MODULE};
+pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, VALUES_PER_BOARD, VALUES_PER_MODULE};
 pub use positions::{GeometryError, PositionFile, TaxelPose};
 pub use time::Time;
 pub use units::{Kilopascal, Newton, SquareMillimetre};

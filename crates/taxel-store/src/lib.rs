@@ -34,6 +34,6 @@ pub use error::{Quarantined, StoreError};
 pub use files::size_on_disk;
 pub use retention::session_to_go;
 pub use store::{Reader, Store};
-pub use store_file::{Checked, StoreFile, check};
+pub use store_file::{Checked, check};
 pub use thread::{Notify, StoreEvent};
 pub use work::{Batch, Durability, OnDurable, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Tell};

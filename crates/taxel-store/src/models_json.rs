@@ -7,8 +7,10 @@
 //!
 //! The names of fields here, in `taxel_engine::model_set` and in `taxel_model` are the format.
 
+use std::collections::BTreeMap;
 use std::fmt::Display;
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -32,6 +34,9 @@ const WORDS_BYTES_MAX: usize = 2 << 10;
 
 /// So many characters of a text that is not understood are shown.
 const SHOWN_CHARS_MAX: usize = 200;
+
+/// How the status of a taxel is written.
+const STATUS_KEYS: [&str; 2] = ["status", "figures"];
 
 /// Why a text is no model set, or a model set cannot be written: what, where, and what was expected.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -85,6 +90,9 @@ struct Entry {
     gauge: GaugeUncertainty,
     quality: Quality,
     flags: Vec<Flag>,
+    /// Keys that are none of these, which are refused: a key that nobody reads may be one that was meant otherwise.
+    #[serde(flatten, skip_serializing)]
+    others: BTreeMap<String, IgnoredAny>,
 }
 
 /// What tells the kind of a file, whatever else it holds.
@@ -194,6 +202,12 @@ impl File {
         ensure(misplaced.is_none(), || {
             format!("`taxels`: entry {} says that it is another `taxel`", misplaced.map_or(0, |of| of.0))
         })?;
+        for (taxel, entry) in self.taxels.iter().enumerate() {
+            let unknown = entry.others.keys().find(|key| !STATUS_KEYS.contains(&key.as_str()));
+            ensure(unknown.is_none(), || {
+                format!("`taxels[{taxel}]`: unknown field `{}`", unknown.map_or("", String::as_str))
+            })?;
+        }
         let set = ModelSet {
             id: String::new(),
             patch: self.patch,
@@ -231,6 +245,7 @@ impl Entry {
             gauge: model.gauge,
             quality: model.quality.clone(),
             flags: model.flags.clone(),
+            others: BTreeMap::new(),
         }
     }
 

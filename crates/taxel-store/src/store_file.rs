@@ -4,56 +4,13 @@
 use std::path::Path;
 
 use rusqlite::Connection;
-use taxel_engine::audit::AuditEntry;
 
 use crate::error::{Quarantined, StoreError};
 use crate::files;
 use crate::lock::StoreLock;
 use crate::open::{STORE, read};
 use crate::restore::Found;
-use crate::{audit, connect, copy, samples, sets};
-
-/// A store; a daemon that starts meanwhile is told that it is in use.
-pub struct StoreFile {
-    connection: Connection,
-    found: Found,
-    _lock: StoreLock,
-}
-
-impl StoreFile {
-    /// Reads it. Nothing is changed.
-    ///
-    /// # Errors
-    /// [`StoreError`] if there is no store, a daemon has it, it is not one of ours, or its structure is broken. Single rows that
-    /// are damaged are [`StoreFile::damage`].
-    pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let path = files::real(path);
-        if !path.exists() {
-            return Err(StoreError::Disk("there is none".to_owned()));
-        }
-        let lock = StoreLock::shared(&path)?;
-        let (connection, mut found) = read(&path, lock.was_ours, connect::to_read)?;
-        if found.open {
-            let why = "its write-ahead log is missing: the newest that was stored is lost";
-            found.damage.push(Quarantined::lost(STORE, why));
-        }
-        Ok(Self { connection, found, _lock: lock })
-    }
-
-    /// What is damaged or lost, and left out.
-    #[must_use]
-    pub fn damage(&self) -> &[Quarantined] {
-        &self.found.damage
-    }
-
-    /// Entries of the audit log with numbers below `before`, newest first: at most so many, and at most 1000.
-    ///
-    /// # Errors
-    /// [`StoreError`] if they cannot be read.
-    pub fn audit(&self, before: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
-        Ok(audit::read(&self.connection, before, most)?)
-    }
-}
+use crate::{connect, copy, samples, sets};
 
 /// What a store holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -76,32 +33,41 @@ pub struct Checked {
 /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours; not for damage.
 pub fn check(path: &Path) -> Result<Checked, StoreError> {
     let mut checked = Checked { bytes: files::size_on_disk(path), ..Checked::default() };
-    match StoreFile::open(path) {
-        Ok(store) => check_rows(store, &mut checked)?,
+    let real = files::real(path);
+    if !real.exists() {
+        return Err(StoreError::Disk("there is none".to_owned()));
+    }
+    let lock = StoreLock::shared(&real)?; // a daemon that starts meanwhile is told that it is in use
+    match read(&real, lock.was_ours, connect::to_read) {
+        Ok((connection, found)) => check_rows(&connection, found, &mut checked)?,
         Err(StoreError::Damaged(findings)) => {
             let next = "the next start sets it aside and takes the copy, if there is one";
             checked.damage.push(Quarantined::lost(STORE, format!("{findings}; {next}")));
         }
         Err(error) => return Err(error),
     }
-    if let Err(error) = copy::read(&files::real(path)) {
+    if let Err(error) = copy::read(&real) {
         checked.damage.push(Quarantined::new("the copy of the store", error));
     }
     Ok(checked)
 }
 
-fn check_rows(StoreFile { connection, found, .. }: StoreFile, checked: &mut Checked) -> Result<(), StoreError> {
-    let Found { restored, damage, .. } = found;
+fn check_rows(connection: &Connection, found: Found, checked: &mut Checked) -> Result<(), StoreError> {
+    let Found { restored, damage, open, .. } = found;
     checked.damage.extend(damage);
-    checked.damage.extend(connect::check(&connection, true).err().map(|error| Quarantined::new(STORE, error)));
+    if open {
+        let why = "its write-ahead log is missing: the newest that was stored is lost";
+        checked.damage.push(Quarantined::lost(STORE, why));
+    }
+    checked.damage.extend(connect::check(connection, true).err().map(|error| Quarantined::new(STORE, error)));
     for set in &restored.model_sets {
-        match sets::read(&connection, &set.id)? {
+        match sets::read(connection, &set.id)? {
             Ok(_) => checked.model_sets += 1,
             Err(why) => checked.damage.push(Quarantined::new(sets::name_of(&set.id), why)),
         }
     }
     for view in &restored.sessions {
-        match samples::read(&connection, view.number) {
+        match samples::read(connection, view.number) {
             Ok(found) => checked.samples += found.samples.len() as u64,
             Err(why) => checked.damage.push(Quarantined::new(samples::name_of(view.number), why)),
         }

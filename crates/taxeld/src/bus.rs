@@ -57,9 +57,6 @@ pub async fn run(
                 if to_engine.send(BusBatch { bus, frames, notices }).await.is_err() {
                     return BusEnd::Cancelled;
                 }
-                if batch.end {
-                    return BusEnd::LogOver;
-                }
             }
         }
     }

@@ -224,7 +224,7 @@ impl Driver {
     }
 
     fn tick_if_due(&mut self) {
-        let now = self.clock.now().time;
+        let now = (self.clock)().time;
         if self.next_tick().is_some_and(|due| due <= now) {
             self.last_tick = Some(now);
             self.step(Input::Tick);
@@ -232,7 +232,7 @@ impl Driver {
     }
 
     fn time_to_sleep(&self) -> Duration {
-        let until_tick = self.next_tick().map(|due| self.clock.timer(due.since(self.clock.now().time)));
+        let until_tick = self.next_tick().map(|due| due.since((self.clock)().time));
         until_tick.unwrap_or(BEAT_EVERY).min(BEAT_EVERY)
     }
 
@@ -240,8 +240,7 @@ impl Driver {
         for notice in batch.notices {
             self.step(Input::Bus(batch.bus, notice));
         }
-        if let Some(first) = batch.frames.first() {
-            self.clock.start(first.time);
+        if !batch.frames.is_empty() {
             self.step(Input::Frames(batch.bus, &batch.frames));
         }
     }
@@ -260,7 +259,7 @@ impl Driver {
         self.requests += 1;
         let request = RequestId(self.requests);
         let Some(asked) = asked else {
-            self.waiting.insert(request, Waiting { reply, patch: None, since: self.clock.now().time });
+            self.waiting.insert(request, Waiting { reply, patch: None, since: (self.clock)().time });
             return self.step(Input::Command(request, command));
         };
         // What takes effect at once waits until it is on disk that somebody asked for it. All else waits for the disk itself
@@ -269,7 +268,7 @@ impl Driver {
         let after = at_once.then(|| (request, Box::new(command.clone())));
         match self.note(request, *asked, after) {
             Ok(patch) => {
-                self.waiting.insert(request, Waiting { reply, patch: Some(patch), since: self.clock.now().time });
+                self.waiting.insert(request, Waiting { reply, patch: Some(patch), since: (self.clock)().time });
                 if !at_once {
                     self.step(Input::Command(request, command));
                 }
@@ -288,7 +287,7 @@ impl Driver {
         asked: Asked,
         after: Option<(RequestId, Box<Command>)>,
     ) -> Result<String, String> {
-        let (patch, row) = self.audit.asked(request, self.clock.now().wall_ns, asked)?;
+        let (patch, row) = self.audit.asked(request, (self.clock)().wall_ns, asked)?;
         let on_durable = after.map(|(request, command)| -> OnDurable {
             let done = self.tell_done.clone();
             Box::new(move |outcome| {
@@ -304,7 +303,7 @@ impl Driver {
     /// be any more where the disk took its time.
     fn take_asked(&mut self, request: RequestId, command: Command, written: Result<(), String>) {
         let Some(waiting) = self.waiting.remove(&request) else { return };
-        let waited = self.clock.now().time.since(waiting.since);
+        let waited = (self.clock)().time.since(waiting.since);
         match written {
             Err(why) => drop(waiting.reply.send(Err(unwritten(&why)))), // the client may have gone
             Ok(()) if !waiting.reply.is_closed() && waited <= LATE_AFTER => {
@@ -319,7 +318,7 @@ impl Driver {
                 tracing::warn!(%why, "a command was not done");
                 let refused = Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
                 let patch = waiting.patch.unwrap_or_default();
-                let row = self.audit.answered(request, self.clock.now().wall_ns, &patch, &refused);
+                let row = self.audit.answered(request, (self.clock)().wall_ns, &patch, &refused);
                 self.note_refusals(vec![row], vec![(waiting.reply, refused)]);
             }
         }

@@ -12,14 +12,9 @@ use crate::say::error_line;
 /// said: what was read is as good as ever.
 pub fn read_on(reader: &mut dyn RecordedFrames, frames: &mut Vec<TimedFrame>, max: usize) -> bool {
     reader.next_batch(frames, max).unwrap_or_else(|fault| {
-        cut_off(&fault);
+        error_line(format_args!("{fault}; everything before it was read"));
         false
     })
-}
-
-/// Says that a log cannot be read any further.
-pub fn cut_off(fault: &dyn std::error::Error) {
-    error_line(format_args!("{fault}; everything before it was read"));
 }
 
 /// Says on standard error what a user should know of the lines.

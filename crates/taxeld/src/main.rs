@@ -94,7 +94,7 @@ enum Subcommands {
         store: Option<PathBuf>,
     },
     /// A candump log, plain or .gz, or a recording (MCAP), through the same engine.
-    Replay(ReplayArgs),
+    Replay(replay::ReplayArgs),
     /// A configuration from the robot's own files: positions and drawings of its skin, its configuration.
     Setup(setup::SetupArgs),
     /// Listens to a bus, or reads a log, and says what is there: boards, modules, faults, what could be the gauge.
@@ -118,38 +118,6 @@ enum Subcommands {
 
 /// The configuration of an installed daemon.
 const CONFIG_FILE: &str = "/etc/taxeld/taxeld.toml";
-
-#[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  taxeld replay candump.log --config palm.toml\n  zstdcat log.zst | taxeld replay - --calibrate --out models.json\n  taxeld replay candump.log --models models.json --force force.csv\n  taxeld replay /var/lib/taxeld/recordings --models models.json --force force.csv"
-)]
-struct ReplayArgs {
-    /// The log, as candump -l writes it, plain or .gz, or a recording (.mcap) or a folder of these; `-` is the standard input.
-    log: PathBuf,
-    /// Configuration; the buses' interfaces name those of the log.
-    #[arg(long, default_value = CONFIG_FILE)]
-    config: PathBuf,
-    /// Times as fast as the log was written, with the service up. Without it: as fast as it can be read, no service.
-    #[arg(long, value_name = "X", value_parser = parse_speed)]
-    speed: Option<f64>,
-    /// Take a calibration from the log, up to this pressure or the configured target. Only without --speed.
-    #[arg(long, value_name = "KPA", num_args = 0..=1, conflicts_with = "speed")]
-    calibrate: Option<Option<f64>>,
-    /// Write the models of the calibration here.
-    #[arg(long, value_name = "MODELS.json", requires = "calibrate")]
-    out: Option<PathBuf>,
-    /// Use these models from the first frame on. Only without --speed.
-    #[arg(long, value_name = "MODELS.json", conflicts_with_all = ["speed", "calibrate"])]
-    models: Option<PathBuf>,
-    /// Write the force of each scan here: time, state, newtons, uncertainty. Only without --speed.
-    #[arg(long, value_name = "FORCE.csv", conflicts_with = "speed")]
-    force: Option<PathBuf>,
-}
-
-fn parse_speed(text: &str) -> Result<f64, String> {
-    let speed = text.parse::<f64>().ok().filter(|s| *s >= 0.01 && *s <= 1e6);
-    speed.ok_or_else(|| "expected a factor of 0.01 to 1000000".to_owned())
-}
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -194,8 +162,7 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Check { config, json, .. } => check::check(&config, json),
         Subcommands::Replay(args) => {
             let (config, scene) = load(&args.config)?;
-            let ReplayArgs { log, speed, calibrate, out, models, force, .. } = args;
-            replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)
+            replay::replay(args, &config, scene)
         }
         Subcommands::Setup(args) => setup::setup(&args),
         Subcommands::Scan(args) => scan::scan(&args),

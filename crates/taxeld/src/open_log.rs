@@ -34,7 +34,6 @@ impl Wanted {
 pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedFrames>> {
     let (name, bus) = (path.display().to_string(), wanted.interface.clone().or(wanted.bus));
     if path.is_dir() && taxel_yarp::is_dump(path) {
-        let name = path.display().to_string();
         anyhow::ensure!(
             !wanted.ports.is_empty(),
             "{name}: recordings of YARP's ports, and the configuration has no bus with source = \"yarp\""

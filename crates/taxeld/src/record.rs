@@ -46,18 +46,17 @@ impl Tap {
     }
 }
 
-/// Begins the recording that the configuration asks for, if it asks for one and the daemon is `live`: a log is a recording
-/// already. Gives what the health tells of it, and the tap of each bus.
+/// Begins the recording that the configuration asks for, if it asks for one. Gives what the health tells of it, and the tap of each bus.
 ///
 /// # Errors
 /// A folder that cannot be used. A disk that is full is no error: the daemon runs without a recording, and tells.
 pub fn begin(
-    (config, live): (&Config, bool),
+    config: &Config,
     plan: &Plan,
     handle: &Handle,
     tasks: &mut Tasks,
 ) -> anyhow::Result<(Option<Recording>, Vec<Tap>)> {
-    let Some(section) = config.record.as_ref().filter(|_| live) else {
+    let Some(section) = config.record.as_ref() else {
         return Ok((None, config.bus.iter().map(|_| Tap::default()).collect()));
     };
     let folder = Folder::open(&section.path).with_context(|| format!("record.path = {}", section.path.display()))?;
@@ -146,7 +145,7 @@ fn about(plan: &Plan) -> BTreeMap<String, String> {
 
 fn health(status: Status) -> RecordingHealth {
     let Status { problem, file, bytes, lost } = status;
-    RecordingHealth { recording: problem.is_none(), problem: problem.unwrap_or_default(), file, bytes, lost }
+    RecordingHealth { problem: problem.unwrap_or_default(), file, bytes, lost }
 }
 
 #[cfg(test)]

@@ -1,73 +1,74 @@
-//! `taxeld replay`: a candump log through the same engine, with the service at the log's own pace or a multiple of it,
-//! or without it as fast as the log can be read.
+//! `taxeld replay`: a log through the same engine, as fast as it can be read.
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use indicatif::ProgressBar;
-use taxel_can::{LogReport, Replay};
+use taxel_can::LogReport;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Sender;
-use taxel_engine::snapshot::{BusHealth, Health};
+use taxel_engine::snapshot::Health;
 use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
-use crate::clock::RunClock;
-use crate::config::{self, BusSource, Config, Scene};
+use crate::config::{self, BusSection, BusSource, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
 use crate::log_words::{expect_frames, expect_times, read_on};
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
 use crate::output;
-use crate::run::Daemon;
-use crate::say::{self, error_line};
-use crate::store_at::StoreAt;
+use crate::say;
+use crate::values::refusals_of;
 
 /// Frames per read.
 const FRAMES: usize = 4096;
 
 /// What is asked of a replay.
-pub struct Request {
-    /// The log.
-    pub log: PathBuf,
-    /// Times as fast as written; `None` for as fast as it can be read.
-    pub speed: Option<f64>,
-    /// Take a calibration from it, up to this pressure.
-    pub calibrate: Option<Option<f64>>,
-    /// Where the models go.
-    pub out: Option<PathBuf>,
-    /// Models to use from the first frame on.
-    pub models: Option<PathBuf>,
-    /// Where the force of each scan goes.
-    pub force: Option<PathBuf>,
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld replay candump.log --config palm.toml\n  zstdcat log.zst | taxeld replay - --calibrate --out models.json\n  taxeld replay candump.log --models models.json --force force.csv\n  taxeld replay /var/lib/taxeld/recordings --models models.json --force force.csv"
+)]
+pub struct ReplayArgs {
+    /// The log, as candump -l writes it, plain or .gz, or a recording (.mcap) or a folder of these; `-` is the standard input.
+    log: PathBuf,
+    /// Configuration; the buses' interfaces name those of the log.
+    #[arg(long, default_value = crate::CONFIG_FILE)]
+    pub config: PathBuf,
+    /// Take a calibration from the log, up to this pressure or the configured target.
+    #[arg(long, value_name = "KPA", num_args = 0..=1)]
+    calibrate: Option<Option<f64>>,
+    /// Write the models of the calibration here.
+    #[arg(long, value_name = "MODELS.json", requires = "calibrate")]
+    out: Option<PathBuf>,
+    /// Use these models from the first frame on.
+    #[arg(long, value_name = "MODELS.json", conflicts_with = "calibrate")]
+    models: Option<PathBuf>,
+    /// Write the force of each scan here: time, state, newtons, uncertainty.
+    #[arg(long, value_name = "FORCE.csv")]
+    force: Option<PathBuf>,
 }
 
 /// Replays a log.
 ///
 /// # Errors
 /// An unreadable log, or a calibration that fails.
-pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Result<()> {
-    if let Some(section) = config.bus.iter().find(|section| section.source == BusSource::Push) {
+pub fn replay(args: ReplayArgs, config: &Config, mut scene: Scene) -> anyhow::Result<()> {
+    let [section] = config.bus.as_slice() else {
+        bail!("a replay takes one bus, the configuration has {}", config.bus.len());
+    };
+    if section.source == BusSource::Push {
         bail!("bus `{}` has source = \"push\": there is no log of pushed scans to replay", section.name);
     }
     of_a_log(&mut scene);
-    if request.out.iter().chain(&request.force).any(|output| files::is_standard(output)) {
+    if args.out.iter().chain(&args.force).any(|output| files::is_standard(output)) {
         say::step_aside();
     }
-    let request = Request { log: files::named(request.log), ..request };
-    match request.speed {
-        None => at_full_speed(&request, &config, scene),
-        Some(speed) => {
-            let runtime = crate::runtime::runtime()?;
-            runtime.block_on(paced(&request.log, speed, config, scene))
-        }
-    }
+    let args = ReplayArgs { log: files::named(args.log), ..args };
+    play(&args, config, section, scene)
 }
 
 /// A log cannot be configured, and no skin is touched: whoever moves a robot may have found this daemon in the place of the
@@ -78,53 +79,6 @@ fn of_a_log(scene: &mut Scene) {
         patch.simulated = true;
         patch.devices.iter_mut().for_each(|device| device.sender = Sender::Elsewhere);
     }
-}
-
-async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::Result<()> {
-    let (buses, shown) = (config.bus.len(), log.display());
-    if buses > 1 && !log.is_file() && !log.is_dir() {
-        bail!(
-            "{shown}: each of the {buses} buses of the configuration reads the log for itself, so it has to be a file"
-        );
-    }
-    let told: Vec<Arc<OnceLock<LogReport>>> = config.bus.iter().map(|_| Arc::default()).collect();
-    let mut replays = Vec::with_capacity(config.bus.len());
-    for ((section, told), position) in config.bus.iter().zip(&told).zip(0..) {
-        // A recording knows the names of buses; with one bus they need not be the same.
-        let bus = (config.bus.len() > 1).then(|| section.name.clone());
-        let ports = config::ports_of(&config, &scene.plan, BusIndex(position));
-        let reader = open_log(log, Wanted { interface: section.interface.clone(), bus, ports })?;
-        replays.push(Replay::new(reader, Some(speed)).telling(Arc::clone(told)));
-    }
-    if Replay::together(&mut replays)?.is_none() {
-        let interfaces: Vec<&str> = config.bus.iter().filter_map(|section| section.interface.as_deref()).collect();
-        return match replays.first() {
-            Some(replay) => expect_frames(log, Some(&interfaces.join(" or ")), replay.report()),
-            None => bail!("the configuration has no bus"),
-        };
-    }
-    let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::of_log(speed)).await?;
-    for (position, replay) in replays.into_iter().enumerate() {
-        daemon.add_bus(BusIndex(position as u8), replay);
-    }
-    let health = daemon.health();
-    daemon.until_the_end().await?;
-    // All buses read the same lines, so that most of it is the same for each.
-    let mut said: Vec<String> = Vec::new();
-    for line in told.iter().filter_map(|told| told.get()).flat_map(LogReport::words) {
-        if !said.contains(&line) {
-            error_line(format_args!("{line}"));
-            said.push(line);
-        }
-    }
-    for (section, report) in config.bus.iter().zip(&told).filter_map(|(section, told)| Some((section, told.get()?))) {
-        expect_times(log, report)?;
-        expect_frames(log, section.interface.as_deref(), report)?;
-    }
-    let health = health.borrow();
-    let sum = |of: fn(&BusHealth) -> u64| health.buses.iter().map(of).sum::<u64>();
-    expect_understood(sum(|bus| bus.frames), sum(|bus| bus.foreign + bus.malformed))?;
-    expect_scans(&health)
 }
 
 /// Refuses a log whose skin frames never made a whole scan.
@@ -140,7 +94,7 @@ fn expect_scans(health: &Health) -> anyhow::Result<()> {
     )
 }
 
-/// Refuses a log of which nothing was understood; of a log that was over before the health was looked at nothing is known.
+/// Refuses a log of which nothing was understood.
 fn expect_understood(understood: u64, others: u64) -> anyhow::Result<()> {
     if understood == 0 && others > 0 {
         bail!("not one of {others} frames was understood: do the identifiers of the configuration fit the log?");
@@ -148,10 +102,7 @@ fn expect_understood(understood: u64, others: u64) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Result<()> {
-    let [section] = config.bus.as_slice() else {
-        bail!("a replay at full speed takes one bus, the configuration has {}", config.bus.len());
-    };
+fn play(request: &ReplayArgs, config: &Config, section: &BusSection, scene: Scene) -> anyhow::Result<()> {
     let ports = config::ports_of(config, &scene.plan, BusIndex(0));
     let wanted = Wanted { ports, ..Wanted::interface(section.interface.clone()) };
     let mut reader = open_log(&request.log, wanted)?;
@@ -161,11 +112,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
     offline.collected = force.is_some().then(Vec::new);
     let mut frames = Vec::with_capacity(FRAMES);
     let (begun, mut total, mut more, mut first) = (Instant::now(), 0_u64, true, None);
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
     while more {
-        if begun.elapsed() > Duration::from_secs(1) {
-            bar.set_message(format!("{:.1} million frames", total as f64 / 1e6));
-        }
         frames.clear();
         more = read_on(reader.as_mut(), &mut frames, FRAMES);
         total += frames.len() as u64;
@@ -185,7 +132,6 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
         }
     }
     let elapsed = begun.elapsed();
-    bar.finish_and_clear();
     expect_times(&request.log, reader.report())?;
     let end = offline.now() + Duration::from_secs(1);
     offline.advance(end);
@@ -259,9 +205,9 @@ fn print_report(report: &LogReport, offline: &Offline) {
     }
 }
 
-fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
+fn print_models(request: &ReplayArgs, offline: &Offline) -> anyhow::Result<()> {
     let Some(view) = session(offline) else { return Ok(()) };
-    say!("session: {}, {} scans entered, refused: {}", view.state.name(), view.accepted, refusals(&view));
+    say!("session: {}, {} scans entered, refused: {}", view.state.name(), view.accepted, refusals_of(&view));
     let Some(set) = offline.model_sets.last().filter(|_| view.state == SessionState::Review) else {
         let when = if view.state.is_open() { "the log ended while the calibration was" } else { "the calibration" };
         bail!("{when} {}: {}", view.state.name(), if view.reason.is_empty() { "too short" } else { &view.reason });
@@ -277,14 +223,6 @@ fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
 
 fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
     models_json::from_json(&files::read_text(path)?).with_context(|| path.display().to_string())
-}
-
-/// Refusals of a session in words.
-pub fn refusals(view: &SessionView) -> String {
-    use taxel_engine::calibration::SampleRefusal;
-    let counted = SampleRefusal::ALL.into_iter().map(|reason| (reason.name(), view.refused.get(reason)));
-    let words: Vec<String> = counted.filter(|(_, n)| *n > 0).map(|(name, n)| format!("{n} {name}")).collect();
-    if words.is_empty() { "none".to_owned() } else { words.join(", ") }
 }
 
 #[cfg(all(test, feature = "sim"))]

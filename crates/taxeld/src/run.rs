@@ -9,9 +9,8 @@ use taxel_engine::command::Command;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_engine::snapshot::Health;
 use taxel_rpc::push_line::push_line;
-use taxel_rpc::{Clocks, Handle, Limits, Server, handle::channel};
+use taxel_rpc::{Handle, Limits, Server, handle::channel};
 use taxel_skin::BusIndex;
 use taxel_wire::Frame;
 use taxel_yarp::PortBus;
@@ -20,7 +19,7 @@ use tokio::sync::{mpsc, watch};
 
 use crate::backend::DaemonBackend;
 use crate::bus::{self, BATCHES_WAITING_MAX, Ends, FRAMES_WAITING_MAX};
-use crate::clock::RunClock;
+use crate::clock::boottime;
 use crate::config::{self, BusSource, Config, Scene};
 use crate::credentials::Credentials;
 use crate::doors::{self, Open};
@@ -58,9 +57,9 @@ impl Daemon {
     ///
     /// # Errors
     /// If the store cannot be opened or the address cannot be bound; what was started is closed then.
-    pub async fn start(config: &Config, scene: Scene, store: StoreAt<'_>, clock: RunClock) -> anyhow::Result<Self> {
+    pub async fn start(config: &Config, scene: Scene, store: StoreAt<'_>) -> anyhow::Result<Self> {
         let mut tasks = Tasks::default();
-        let begun = Self::begin(config, scene, store, clock, &mut tasks);
+        let begun = Self::begin(config, scene, store, &mut tasks);
         if begun.is_err() {
             tasks.close().await.unwrap_or_else(|late| tracing::error!("{late:#}"));
         }
@@ -68,24 +67,18 @@ impl Daemon {
     }
 
     /// Starts all of it; the tasks are left with the caller unless all is well.
-    fn begin(
-        config: &Config,
-        scene: Scene,
-        store: StoreAt<'_>,
-        clock: RunClock,
-        tasks: &mut Tasks,
-    ) -> anyhow::Result<Self> {
+    fn begin(config: &Config, scene: Scene, store: StoreAt<'_>, tasks: &mut Tasks) -> anyhow::Result<Self> {
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
-        let (pages, lacks) = pages(config, &plan, &clock)?;
+        let (pages, lacks) = pages(config, &plan)?;
         let (budget, kept) = match &store {
             StoreAt::File(path, kept) => (Some((path.to_path_buf(), config.store.budget_mb())), *kept),
             StoreAt::Memory => (None, None),
         };
         let (store, restored) = open_store(store, &tell_done)?;
-        let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
-        let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
-        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, tasks.cancel.clone());
+        let (clock, now, patches) = (boottime(), boottime(), plan.patches.len());
+        let (handle, publisher, commands) =
+            channel(Arc::clone(&plan), Arc::new(move || now().time), tasks.cancel.clone());
         let reader = store.reader();
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
@@ -98,7 +91,7 @@ impl Daemon {
         tasks.parts.spawn(driver.run(Queues { batches, pushed, commands, done }, tasks.cancel.clone()));
         tasks.parts.spawn(upkeep::keep(handle.clone(), reader.clone(), kept, tasks.cancel.clone()));
         let Open { listeners, credentials } = doors::open(&scene.doors)?;
-        let (recording, taps) = record::begin((config, live), &plan, &handle, tasks)?;
+        let (recording, taps) = record::begin(config, &plan, &handle, tasks)?;
         let backend = DaemonBackend { store: reader, budget, push, recording, lacks };
         let terminate = signal(SignalKind::terminate())?;
         let server = Server::new(handle.clone(), Arc::new(backend), credentials.access(), Limits::default())?;
@@ -207,13 +200,7 @@ impl Daemon {
         reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
     }
 
-    /// The newest health; it can be looked at after the daemon's end, too.
-    #[must_use]
-    pub fn health(&self) -> watch::Receiver<Arc<Health>> {
-        self.handle.health()
-    }
-
-    /// Runs until a signal comes or every bus has ended, then closes.
+    /// Runs until a signal comes, then closes.
     ///
     /// # Errors
     /// If signals cannot be waited for, or if not all closes in time.
@@ -237,7 +224,6 @@ async fn end(tasks: &mut Tasks, terminate: &mut Signal) -> anyhow::Result<()> {
             _ = terminate.recv() => break,
             ended = tasks.buses.join_next() => match ended {
                 Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
-                Some(Ok(BusEnd::LogOver)) if !tasks.buses.is_empty() => {}
                 Some(Ok(_)) | None => break,
                 // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
                 Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
@@ -254,15 +240,9 @@ async fn close(tasks: Tasks) -> anyhow::Result<()> {
     tasks.close().await
 }
 
-/// The pages in shared memory, where they are configured. Readers judge ages by the machine's clock, so that a log, which
-/// has its own, has none.
-fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Pages, Vec<String>)> {
-    let section = config.shared_memory.as_ref();
-    if section.is_some() && !matches!(clock, RunClock::Live) {
-        tracing::info!("no pages in shared memory: a log has a clock of its own");
-        return Ok((Pages::default(), Vec::new()));
-    }
-    let (pages, problems) = Pages::make(section, plan)?;
+/// The pages in shared memory, where they are configured.
+fn pages(config: &Config, plan: &Plan) -> anyhow::Result<(Pages, Vec<String>)> {
+    let (pages, problems) = Pages::make(config.shared_memory.as_ref(), plan)?;
     pages.paths().for_each(|page| tracing::info!(page = %page.display(), "in shared memory"));
     problems.iter().for_each(|problem| tracing::error!("{problem}"));
     Ok((pages, problems))
@@ -279,7 +259,7 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let store = &config.store;
     let kept = store.keep_mb.map(|mb| mb.saturating_mul(1_000_000));
-    let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, kept), RunClock::Live).await?;
+    let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, kept)).await?;
     daemon.reload = Some((hangup, reload));
     match daemon.add_buses(&config) {
         Ok(()) => daemon.until_the_end().await,

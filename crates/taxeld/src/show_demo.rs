@@ -12,7 +12,6 @@ use taxel_rpc::Rules;
 use taxel_sim::STANDARD_GRAVITY;
 use taxel_skin::{BusIndex, Geometry};
 
-use crate::clock::RunClock;
 use crate::config::{self, Config, Door, Doors, Scene, SharedMemorySection};
 use crate::config::{MetricsSection, PageSection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
@@ -104,7 +103,7 @@ fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>>
             "skin {seed}: ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated ({})",
             outcome.models.pressure_max_kpa,
             outcome.session.accepted,
-            crate::replay::refusals(&outcome.session),
+            crate::values::refusals_of(&outcome.session),
             outcome.models.taxels.len(),
             outcome.models.method,
         );
@@ -180,7 +179,7 @@ async fn serve_live(
     config.metrics = Some(MetricsSection::default());
     // Whoever plays with a simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
-    let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::Live).await?;
+    let mut daemon = Daemon::start(&config, scene, StoreAt::Memory).await?;
     let calibrated = models.is_some();
     if let Some(models) = models {
         daemon.use_models(Arc::new(models)).await?; // in time for the look at the boards, which stream

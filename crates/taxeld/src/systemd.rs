@@ -76,7 +76,7 @@ mod tests {
     use std::sync::atomic::{AtomicI64, Ordering};
     use std::sync::{Arc, Mutex};
 
-    use taxel_rpc::{Clocks, handle::channel};
+    use taxel_rpc::handle::channel;
     use taxel_skin::Time;
     use tokio_util::sync::CancellationToken;
 
@@ -90,8 +90,7 @@ mod tests {
         let now_ms = Arc::new(AtomicI64::new(1_000));
         let reads = Arc::clone(&now_ms);
         let clock = Arc::new(move || Time::from_nanos(reads.load(Ordering::Relaxed) * 1_000_000));
-        let clocks = Clocks { run: clock.clone(), process: clock };
-        let (handle, publisher, _requests) = channel(plan, clocks, CancellationToken::new());
+        let (handle, publisher, _requests) = channel(plan, clock, CancellationToken::new());
         let told = Arc::new(Mutex::new(Vec::new()));
         let hears = Arc::clone(&told);
         let tell = move |states: &[NotifyState<'_>]| {

@@ -14,8 +14,6 @@ const CLOSE_WITHIN: Duration = Duration::from_secs(5);
 pub enum BusEnd {
     /// The daemon stops.
     Cancelled,
-    /// The log is over.
-    LogOver,
     /// The source cannot go on; it was logged.
     Failed,
 }

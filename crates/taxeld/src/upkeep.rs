@@ -87,12 +87,12 @@ mod tests {
     use taxel_engine::model_set::ModelSet;
     use taxel_engine::record::Record;
     use taxel_model::{Accumulator, FitOptions};
-    use taxel_rpc::{Clocks, handle::channel};
+    use taxel_rpc::handle::channel;
     use taxel_store::{Batch, Store, models_json};
     use tokio::sync::mpsc;
 
     use super::*;
-    use crate::clock::RunClock;
+    use crate::clock::boottime;
     use crate::config;
     use crate::driver::Driver;
     use crate::queues::{Queues, TellDone};
@@ -146,14 +146,14 @@ mod tests {
         let path = Path::new("demo_config.toml");
         let plan = Arc::new(config::examine_text(path, include_str!("demo_config.toml")).unwrap().1.plan);
         let cancel = CancellationToken::new();
-        let clocks = Clocks { run: Arc::new(|| RunClock::Live.now().time), process: RunClock::Live.of_process() };
-        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, cancel.clone());
+        let (clock, now) = (boottime(), boottime());
+        let (handle, publisher, commands) = channel(Arc::clone(&plan), Arc::new(move || now().time), cancel.clone());
         let (tell_done, done) = TellDone::new();
         let (store, restored, _) = Store::open(database, tell_done.of_store()).unwrap();
         let size = store.reader();
         let (to_bus, sent) = mpsc::channel(64);
         let (frames, batches) = mpsc::channel(4);
-        let driver = Driver::new(plan, restored, RunClock::Live, publisher, (store, tell_done), vec![to_bus]);
+        let driver = Driver::new(plan, restored, clock, publisher, (store, tell_done), vec![to_bus]);
         let end = tokio::spawn(driver.run(Queues { batches, pushed: None, commands, done }, cancel.clone()));
         handle.first_turn().await;
         Running { handle, size, cancel, end, _ends: (sent, frames) }

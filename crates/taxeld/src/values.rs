@@ -1,5 +1,6 @@
 //! Values of the command line, and what several commands say of many values.
 
+use taxel_engine::calibration::{SampleRefusal, SessionView};
 use taxel_model::{MAX_ORDER, Order};
 
 /// `auto`, or an order that is fitted.
@@ -22,4 +23,16 @@ pub fn spread(mut values: Vec<f64>) -> Option<(f64, f64, f64)> {
     values.retain(|v| v.is_finite());
     values.sort_by(f64::total_cmp);
     Some((*values.first()?, values[values.len() / 2], *values.last()?))
+}
+
+/// Refused scans by reason.
+pub fn refusals<'a>(counted: impl Iterator<Item = (&'a str, u64)>) -> String {
+    let counted = counted.filter(|(_, scans)| *scans > 0);
+    let words: Vec<String> = counted.map(|(why, scans)| format!("{scans} {}", why.replace('_', " "))).collect();
+    if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+}
+
+/// The same of a session of an engine in this process.
+pub fn refusals_of(view: &SessionView) -> String {
+    refusals(SampleRefusal::ALL.into_iter().map(|reason| (reason.name(), view.refused.get(reason))))
 }

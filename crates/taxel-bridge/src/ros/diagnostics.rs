@@ -99,8 +99,13 @@ pub fn daemon(robot: &str, health: Result<&Health, &str>) -> Vec<DiagnosticStatu
     };
     let said = |words: &[String]| if words.is_empty() { (OK, "OK".to_owned()) } else { (WARN, words.join("; ")) };
     let mut problems = health.problems.clone();
-    problems
-        .extend(health.store.as_ref().filter(|store| !store.whole).map(|store| format!("store: {}", store.problem)));
+    problems.extend(
+        health
+            .store
+            .as_ref()
+            .filter(|store| !(store.problem.is_empty() && store.damage.is_empty()))
+            .map(|store| format!("store: {}", store.problem)),
+    );
     let (level, message) = said(&problems);
     let mut all = vec![status(level, "daemon".into(), message, vec![value("streams", health.streams)])];
     // What an engine that stands still said last is nothing that is so now.

@@ -124,7 +124,7 @@ pub fn taxels(sample: &TaxelSample, skin: &Skin, frame: &str, waited: Duration) 
 mod tests {
     use super::*;
     use crate::ros::good;
-    use taxel_proto::v1::{Range, TaxelFault, TaxelLayout, TaxelReading};
+    use taxel_proto::v1::{Range, TaxelLayout, TaxelReading};
 
     #[test]
     fn a_wrench_is_the_samples_vector_at_the_samples_time_in_the_patchs_frame() {
@@ -196,7 +196,7 @@ mod tests {
                 reading(None, Some(0.01), false),
                 reading(Some(2.0), Some(0.01), true),
                 reading(Some(f32::NAN), Some(0.01), false),
-                TaxelReading { faults: vec![TaxelFault::Frozen.into()], ..reading(Some(2.0), Some(0.01), false) },
+                TaxelReading { faults: vec!["frozen".to_owned()], ..reading(Some(2.0), Some(0.01), false) },
             ],
             max_age_s: 0.15,
             ..TaxelSample::default()

@@ -1,10 +1,7 @@
 //! Where the taxels of a patch stand in the vector of its skin port, and where they lie.
 
-use taxel_proto::v1::{Skin, Vector3};
-
-/// Values of a board in a port's vector, and of a triangle.
-const BOARD: usize = 192;
-const MODULE: usize = 12;
+use taxel_proto::v1::{Skin, TaxelLayout, Vector3};
+use taxel_skin::{VALUES_PER_BOARD, VALUES_PER_MODULE};
 
 /// A taxel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -32,9 +29,12 @@ impl Layout {
     /// Of what the daemon says of the patch, whose boards are in the order of the port's vector.
     #[must_use]
     pub fn new(skin: &Skin) -> Self {
-        let rows = BOARD * skin.boards.len();
+        let mut boards: Vec<_> = skin.taxels.iter().map(|taxel| (taxel.bus, taxel.board)).collect();
+        boards.dedup();
+        let rows = VALUES_PER_BOARD * boards.len();
+        let board = |taxel: &TaxelLayout| boards.iter().position(|of| *of == (taxel.bus, taxel.board)).unwrap_or(0);
         let taxels = skin.taxels.iter().map(|taxel| Taxel {
-            row: BOARD * taxel.board as usize + MODULE * taxel.module as usize + taxel.slot as usize,
+            row: VALUES_PER_BOARD * board(taxel) + VALUES_PER_MODULE * taxel.module as usize + taxel.slot as usize,
             position: taxel.position_m.as_ref().map(array),
             normal: taxel.normal.as_ref().map(array).unwrap_or_default(),
             area_mm2: taxel.area_mm2,

@@ -88,7 +88,7 @@ impl Heard {
                 Ok(result) => result.unwrap(),
                 Err(_) => panic!("nothing new; so far {} frames, {:?}", self.frames.len(), self.events),
             }
-            assert!(!batch.end && !batch.is_empty());
+            assert!(!batch.is_empty());
             self.frames.append(&mut batch.frames);
             self.errors.append(&mut batch.errors);
             self.events.append(&mut batch.events);

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
+use taxel_client::Server;
 
 use super::evidence::{Evidence, Stated};
 use super::make::Certificate;
-use crate::daemon::Server;
+use crate::daemon::ask;
 use crate::io;
 
 /// The calibration certificate of a model set: of a running daemon, or of exported files.
@@ -62,7 +63,7 @@ pub fn certificate(args: &CertificateArgs) -> anyhow::Result<()> {
 }
 
 fn of_daemon(args: &CertificateArgs, stated: Stated) -> anyhow::Result<Evidence> {
-    args.server.ask(async |daemon| {
+    ask(&args.server, async |daemon| {
         let models = daemon.export_set(args.model_set.as_deref().unwrap_or_default()).await?;
         let set = taxel_store::models_json::from_json(&models)?;
         let number = set.certifying_session().map_err(anyhow::Error::msg)?;

@@ -216,7 +216,7 @@ impl<'a> Figures<'a> {
             lines.push(Line::new(loads.by.clone(), Look::Dots, points));
         }
         if lines.is_empty() {
-            return Err("there is no known load; --loads gives them".to_owned());
+            return Err("there is no known load".to_owned());
         }
         lines.push(Line::new("measured = true", Look::Plain, [(0.0, 0.0), (most, most)]));
         for (name, factor) in [("+12 %", 1.0 + PAPER_ERROR), ("-12 %", 1.0 - PAPER_ERROR)] {

@@ -10,12 +10,11 @@ mod tables;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 
-use self::data::{Data, Weighing, Weighings};
+use self::data::Data;
 use crate::document::Section;
 use crate::fit::parse_number;
-use crate::io::read_text;
 use crate::page::Page;
 use crate::recording::Recording;
 use crate::soundness::{Purpose, check};
@@ -23,7 +22,7 @@ use crate::soundness::{Purpose, check};
 /// What can be asked of the paper's figures.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxel-lab paper --out figures                           # a simulated forearm\n  taxeld sessions export 3 --out session3.csv\n  taxel-lab paper session3.csv --loads loads.csv --out figures"
+    after_help = "Examples:\n  taxel-lab paper --out figures                           # a simulated forearm\n  taxeld sessions export 3 --out session3.csv\n  taxel-lab paper session3.csv --out figures"
 )]
 pub struct PaperArgs {
     /// A recording (`t_s,pressure_kpa,c0,...`) or an exported session, plain or .gz [default: a simulated forearm].
@@ -37,10 +36,6 @@ pub struct PaperArgs {
     /// Which simulated skin.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Known loads that were read under these models: a table `kilogram,true_n,measured_n`, one row a load, the
-    /// kilogram may be empty.
-    #[arg(long, value_name = "LOADS.csv")]
-    loads: Option<PathBuf>,
 }
 
 const INTRODUCTION: &str = "What J. Kangro, S. Traversaro, D. Pucci and F. Nori show in \u{201c}Skin Normal Force Calibration \
@@ -53,13 +48,10 @@ const INTRODUCTION: &str = "What J. Kangro, S. Traversaro, D. Pucci and F. Nori 
 /// Data that cannot be read or have no pressure, a folder that cannot be written. A figure that the data cannot draw is
 /// no error: it is left out, and the page says why.
 pub fn paper(args: &PaperArgs) -> anyhow::Result<()> {
-    let mut data = match &args.data {
+    let data = match &args.data {
         None => simulate::simulate(args.seed, args.min_swing)?,
         Some(path) => recording(path).with_context(|| path.display().to_string())?,
     };
-    if let Some(path) = &args.loads {
-        data.loads = vec![loads(path).with_context(|| path.display().to_string())?];
-    }
     let section = section(&data, args.min_swing);
     for line in section.text.iter().chain(section.tables.iter().map(|table| &table.caption)) {
         say!("{line}");
@@ -99,30 +91,9 @@ fn recording(path: &Path) -> anyhow::Result<Data> {
     Ok(Data::new(format!("{name}, {} scans", kpa.len()), kpa, recording.counts))
 }
 
-/// Known loads from a table.
-fn loads(path: &Path) -> anyhow::Result<Weighings> {
-    const HEADER: &str = "kilogram,true_n,measured_n";
-    let text = read_text(path)?;
-    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
-    ensure!(lines.next().is_some_and(|(_, line)| line.trim() == HEADER), "line 1: expected the header `{HEADER}`");
-    let load = |(number, line): (u32, &str)| {
-        let cells: Vec<Option<f64>> = line.split(',').map(|cell| cell.trim().parse().ok()).collect();
-        match cells[..] {
-            [kilogram, Some(true_n), Some(measured_n)]
-                if true_n > 0.0 && true_n.is_finite() && measured_n.is_finite() =>
-            {
-                Ok(Weighing { kilogram, true_n, measured_n })
-            }
-            _ => bail!("line {number}: `{line}`, expected a mass or nothing, a force above 0 N, and a force"),
-        }
-    };
-    let all: Vec<Weighing> = lines.map(load).collect::<anyhow::Result<_>>()?;
-    ensure!(!all.is_empty(), "there is no load in it");
-    Ok(Weighings { by: "as given".to_owned(), all })
-}
-
 #[cfg(test)]
 mod tests {
+    use super::data::{Weighing, Weighings};
     use super::*;
     use crate::document::words;
 
@@ -175,22 +146,5 @@ mod tests {
         assert!(section.text.iter().any(|line| line.contains("no known load")), "{:?}", section.text);
         let nothing = Data::new(String::new(), vec![f64::NAN; 3], vec![vec![1.0; 3]; 2]);
         assert!(self::section(&nothing, 10.0).text.len() > 6);
-    }
-
-    #[test]
-    fn a_table_of_loads_is_read_or_refused_with_the_place() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("loads.csv");
-        std::fs::write(&path, "kilogram,true_n,measured_n\n0.2,1.96,2.1\n,5.0,4.5\n").unwrap();
-        assert_eq!(loads(&path).unwrap().all[1], Weighing { kilogram: None, true_n: 5.0, measured_n: 4.5 });
-        for (text, says) in [
-            ("mass,true\n", "expected the header"),
-            ("kilogram,true_n,measured_n\n1,0,1\n", "line 2: `1,0,1`"),
-            ("kilogram,true_n,measured_n\n1,x,1\n", "line 2: `1,x,1`"),
-        ] {
-            std::fs::write(&path, text).unwrap();
-            let error = format!("{:#}", loads(&path).unwrap_err());
-            assert!(error.contains(says), "{text:?}: {error}");
-        }
     }
 }

@@ -12,7 +12,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_proto::v1::{ActivateModelSetRequest, BringUpRequest, ForceState, ImportModelSetRequest, StreamRequest};
+use taxel_proto::v1::{ActivateModelSetRequest, ForceState, ImportModelSetRequest, StreamRequest, TareRequest};
 use taxel_sim::Skin;
 use taxel_store::models_json;
 use tempfile::TempDir;
@@ -121,7 +121,7 @@ impl Daemon {
         let model_set = service.import_model_set(import).await?.into_inner().model_set;
         let activate = ActivateModelSetRequest { model_set, ..ActivateModelSetRequest::default() };
         service.activate_model_set(activate).await?;
-        let confirmed = BringUpRequest { confirmed_by: "taxel-lab".to_owned(), ..BringUpRequest::default() };
+        let confirmed = TareRequest { confirmed_by: "taxel-lab".to_owned(), ..TareRequest::default() };
         SkinServiceClient::new(line.clone()).bring_up(confirmed).await?;
         let request = StreamRequest::default();
         let mut forces = ForceServiceClient::new(line).stream_force(request).await?.into_inner();

@@ -10,7 +10,7 @@ use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
 use taxel_page::{Limits, Options, Shows, bind, serve};
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Backend, Clocks, Publisher, Request, Rules, Server};
+use taxel_rpc::{Access, Backend, Publisher, Request, Rules, Server};
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::TcpStream;
@@ -35,7 +35,7 @@ pub struct Daemon {
 /// Limits of which no clock is one: however slow the machine is, nothing is cut off that a test did not ask for.
 pub fn patient() -> Limits {
     let hour = Duration::from_secs(3600);
-    let connections = taxel_rpc::Limits { look: hour, ..Limits::default().connections };
+    let connections = taxel_rpc::Limits { check_every: hour, ..Limits::default().connections };
     Limits { connections, head: hour, body: hour, comment: hour, ..Limits::default() }
 }
 
@@ -73,11 +73,10 @@ pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
     let patch = PatchPlan::new(Patch::new("left_forearm", vec![board]).unwrap());
     let plan = Arc::new(Plan { buses: 1, patches: vec![patch] });
     let now = Arc::new(AtomicI64::new(0));
-    let process = Arc::clone(&now);
-    let process = Arc::new(move || Time::from_nanos(1_000_000 * process.load(Ordering::Relaxed)));
-    let clocks = Clocks { run: Arc::new(Time::default), process };
+    let reads = Arc::clone(&now);
+    let clock = Arc::new(move || Time::from_nanos(1_000_000 * reads.load(Ordering::Relaxed)));
     let shutdown = CancellationToken::new();
-    let (handle, engine, requests) = channel(plan, clocks, shutdown.clone());
+    let (handle, engine, requests) = channel(plan, clock, shutdown.clone());
     let service_limits = taxel_rpc::Limits { command: Duration::from_secs(3600), ..taxel_rpc::Limits::default() };
     let server = Server::new(handle, Arc::new(NoStore), Access::new(rules), service_limits).unwrap();
     let listener = bind("127.0.0.1:0".parse().unwrap()).unwrap();

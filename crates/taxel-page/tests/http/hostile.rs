@@ -76,7 +76,8 @@ async fn a_model_set_may_be_large() {
 #[tokio::test]
 async fn who_takes_nothing_of_a_large_answer_is_cut_off() {
     let limits = patient_with(1);
-    let connections = taxel_rpc::Limits { look: Duration::from_millis(20), preface_looks: 1_000, ..limits.connections };
+    let connections =
+        taxel_rpc::Limits { check_every: Duration::from_millis(20), preface_checks: 1_000, ..limits.connections };
     let daemon = start_with(Limits { connections, ..limits }).await;
     let model_sets = vec![model_set("m-a").into()];
     daemon.engine.catalogue(Arc::new(Catalogue { model_sets, ..Catalogue::default() }));
@@ -218,7 +219,8 @@ async fn five_hundred_idle_sockets_take_no_more_than_their_places_and_keep_nobod
 #[tokio::test]
 async fn who_reads_nothing_of_a_stream_is_cut_off_and_its_place_is_free_again() {
     let limits = patient_with(1);
-    let connections = taxel_rpc::Limits { look: Duration::from_millis(20), preface_looks: 1_000, ..limits.connections };
+    let connections =
+        taxel_rpc::Limits { check_every: Duration::from_millis(20), preface_checks: 1_000, ..limits.connections };
     let daemon = start_with(Limits { connections, ..limits }).await;
     daemon.engine.patch(0, snapshot(1));
     let events = daemon.stream("/taxel.v1.SkinService/StreamTaxels").await;

@@ -34,7 +34,7 @@ pub(crate) struct Gate {
 }
 
 /// What a call was let through with.
-type Admitted = (Caller, Peer, Method, Held);
+type Admitted = (Caller, Peer, Held);
 
 impl Gate {
     pub(crate) const fn new(access: Access, shares: Arc<Shares>, refusals: Arc<Refusals>) -> Self {
@@ -50,7 +50,7 @@ impl Gate {
         let path = request.uri().path();
         let admitted = self.permitted(&peer.origin, path, request.headers()).and_then(|(caller, method)| {
             let place = method.takes.map(|what| self.shares.place(what, &caller)).transpose()?;
-            Ok((caller, peer.clone(), method, place.map(Arc::new)))
+            Ok((caller, peer.clone(), place.map(Arc::new)))
         });
         admitted.inspect_err(|status| {
             let origin = &peer.origin;
@@ -76,28 +76,21 @@ impl Gate {
         let method = method(path).ok_or_else(|| {
             Refusal::new(Code::Unimplemented, ErrorReason::MethodUnknown, format!("there is no method {}", shown(path)))
         })?;
-        if caller.role < Some(method.role) {
-            return Err(denied(&caller, method));
-        }
+        may(&caller, method)?;
         Ok((caller, method))
     }
 }
 
-/// A call that was let through and goes on for long, by extension from the gate to the service: meanwhile the rules may be
-/// replaced.
-#[derive(Clone)]
-pub(crate) struct Standing {
-    gate: Gate,
-    origin: Arc<Origin>,
-    path: String,
-    headers: http::HeaderMap,
+/// Whether this caller may still do what goes on for long and changes something all the while: push scans.
+///
+/// # Errors
+/// What a new call would be refused with.
+pub(crate) fn may_push(caller: &Caller) -> Result<(), Status> {
+    may(caller, PUSH)
 }
 
-impl Standing {
-    /// What a new call would be refused with now.
-    pub(crate) fn check(&self) -> Result<(), Status> {
-        self.gate.permitted(&self.origin, &self.path, &self.headers).map(drop)
-    }
+fn may(caller: &Caller, method: Method) -> Result<(), Status> {
+    if caller.role < Some(method.role) { Err(denied(caller, method)) } else { Ok(()) }
 }
 
 /// Why this caller may not call this method, and how to get there.
@@ -162,15 +155,11 @@ where
     }
 
     fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
-        let (caller, peer, method, place) = match self.gate.admit(&request) {
+        let (caller, peer, place) = match self.gate.admit(&request) {
             Ok(admitted) => admitted,
             Err(status) => return Box::pin(std::future::ready(Ok(status.into_http()))),
         };
         let call = peer.seat.as_ref().map(|seat| seat.begin());
-        if method.name == PUSH {
-            let (gate, path, headers) = (self.gate.clone(), request.uri().path().to_owned(), request.headers().clone());
-            request.extensions_mut().insert(Standing { gate, origin: peer.origin, path, headers });
-        }
         request.extensions_mut().insert(caller);
         request.extensions_mut().insert(place.clone());
         // The one that was ready is taken, and a clone of it stays.

@@ -1,8 +1,9 @@
 //! The rules of an installation: which role an account, a certificate, an address or a token gives.
 
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
 use std::time::SystemTime;
 use taxel_proto::refusal::Refusal;
+use tokio::sync::watch;
 use tonic::Status;
 
 use crate::access::caller::Caller;
@@ -113,24 +114,28 @@ fn is_meant(subject: &Subject, origin: &Origin) -> bool {
 
 /// The rules as they are now; they can be replaced while calls are made. Cheap to clone.
 #[derive(Clone, Debug)]
-pub struct Access(Arc<RwLock<Arc<Rules>>>);
+pub struct Access(Arc<watch::Sender<Arc<Rules>>>);
 
 impl Access {
     /// These rules until they are replaced.
     #[must_use]
     pub fn new(rules: Rules) -> Self {
-        Self(Arc::new(RwLock::new(Arc::new(rules))))
+        Self(Arc::new(watch::Sender::new(Arc::new(rules))))
     }
 
     /// Other rules from now on, made of the present ones. Streams that are being served go on, but for those of scans that are
     /// pushed, which are judged anew; every new call is judged by them.
     pub fn update(&self, change: impl FnOnce(&Rules) -> Rules) {
-        let mut rules = self.0.write().unwrap_or_else(PoisonError::into_inner);
-        *rules = Arc::new(change(&rules));
+        self.0.send_modify(|rules| *rules = Arc::new(change(rules)));
     }
 
     pub(crate) fn rules(&self) -> Arc<Rules> {
-        Arc::clone(&self.0.read().unwrap_or_else(PoisonError::into_inner))
+        Arc::clone(&self.0.borrow())
+    }
+
+    /// Tells when there are others.
+    pub(crate) fn watch(&self) -> watch::Receiver<Arc<Rules>> {
+        self.0.subscribe()
     }
 }
 

@@ -36,7 +36,7 @@ const fn long(method: Method) -> Method {
 }
 
 /// The one method that goes on for long and changes something all the while.
-pub(crate) const PUSH: &str = "taxel.v1.IngestService/PushScans";
+pub(crate) const PUSH: Method = Method { takes: Some(What::Stream), ..operate("taxel.v1.IngestService/PushScans") };
 
 /// Every method that is served.
 pub(crate) const METHODS: [Method; 31] = [
@@ -66,7 +66,7 @@ pub(crate) const METHODS: [Method; 31] = [
     operate("taxel.v1.ValidationService/RecordLoad"),
     long(operate("taxel.v1.ValidationService/Recalibrate")),
     long(operate("taxel.v1.AuditService/ListAudit")),
-    Method { takes: Some(What::Stream), ..operate(PUSH) },
+    PUSH,
     read("grpc.health.v1.Health/Check"),
     stream("grpc.health.v1.Health/Watch"),
     stream("grpc.reflection.v1.ServerReflection/ServerReflectionInfo"),

@@ -35,7 +35,7 @@ async fn stream(channel: Channel) -> Result<Streaming<v1::ForceSample>, tonic::S
 
 #[tokio::test]
 async fn a_peer_without_a_preface_is_closed() {
-    let daemon = start_with(&[FOREARM], Limits { look: SHORT, preface_looks: 4, ..patient() }).await;
+    let daemon = start_with(&[FOREARM], Limits { check_every: SHORT, preface_checks: 4, ..patient() }).await;
     let mut silent = TcpStream::connect(daemon.address).await.unwrap();
     let mut half = TcpStream::connect(daemon.address).await.unwrap();
     half.write_all(&BEGIN[..20]).await.unwrap();
@@ -46,7 +46,8 @@ async fn a_peer_without_a_preface_is_closed() {
 /// It answers pings and reads its socket, so that neither TCP nor the keepalive sees anything.
 #[tokio::test]
 async fn a_reader_that_gives_no_window_is_ended_and_its_place_is_free() {
-    let limits = Limits { look: SHORT, preface_looks: 1_000, streams: 1, keepalive_interval: SHORT, ..patient() };
+    let limits =
+        Limits { check_every: SHORT, preface_checks: 1_000, streams: 1, keepalive_interval: SHORT, ..patient() };
     let daemon = start_with(&[FOREARM], limits).await;
     daemon.engine().patch(0, snapshot(1, Time::default()));
     let mute = daemon.endpoint().initial_stream_window_size(0).connect().await.unwrap();
@@ -58,7 +59,7 @@ async fn a_reader_that_gives_no_window_is_ended_and_its_place_is_free() {
 /// The socket is full, so that not even a ping goes out.
 #[tokio::test]
 async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
-    let limits = Limits { look: SHORT, preface_looks: 1_000, streams: 1, ..patient() };
+    let limits = Limits { check_every: SHORT, preface_checks: 1_000, streams: 1, ..patient() };
     let daemon = start_with(&[FOREARM], limits).await;
     let socket = TcpSocket::new_v4().unwrap();
     socket.set_recv_buffer_size(4096).unwrap();

@@ -109,7 +109,7 @@ async fn the_log_is_read_in_pages_and_each_entry_comes_once() {
     let mut client = AuditServiceClient::new(daemon.connect().await);
     let (mut seen, mut page_token) = (Vec::new(), String::new());
     loop {
-        let request = v1::ListAuditRequest { page_size: 10, page_token };
+        let request = v1::ListRequest { page_size: 10, page_token, ..Default::default() };
         let page = client.list_audit(request).await.unwrap().into_inner();
         seen.extend(page.entries);
         page_token = page.next_page_token;
@@ -121,10 +121,10 @@ async fn the_log_is_read_in_pages_and_each_entry_comes_once() {
     let unanswered = seen.iter().find(|entry| entry.entry == 7).unwrap();
     assert_eq!((unanswered.result.as_str(), unanswered.answered), ("", None));
     for page_token in ["x", "-1", "99999999999999999999999"] {
-        let request = v1::ListAuditRequest { page_size: 0, page_token: page_token.to_owned() };
+        let request = v1::ListRequest { page_token: page_token.to_owned(), ..Default::default() };
         assert_eq!(client.list_audit(request).await.unwrap_err().code(), Code::InvalidArgument, "{page_token}");
     }
-    let request = v1::ListAuditRequest { page_size: 1_001, page_token: String::new() };
+    let request = v1::ListRequest { page_size: 1_001, ..Default::default() };
     assert_eq!(client.list_audit(request).await.unwrap_err().code(), Code::InvalidArgument);
 }
 
@@ -132,7 +132,7 @@ async fn the_log_is_read_in_pages_and_each_entry_comes_once() {
 async fn a_log_that_cannot_be_read_says_why() {
     let daemon = start_backed(Store::default(), patient()).await;
     let mut client = AuditServiceClient::new(daemon.connect().await);
-    let status = client.list_audit(v1::ListAuditRequest::default()).await.unwrap_err();
+    let status = client.list_audit(v1::ListRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), Code::Unavailable);
     assert!(status.message() == "there is none", "{status:?}");
 }

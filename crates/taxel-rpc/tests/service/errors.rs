@@ -43,7 +43,7 @@ async fn a_patch_must_be_named_where_there_are_several_and_must_exist() {
     expect(status, Code::NotFound, &["nose"]);
     let status = skin.tare(v1::TareRequest { patch: nose(), ..Default::default() }).await.unwrap_err();
     expect(status, Code::NotFound, &["nose"]);
-    let status = skin.bring_up(v1::BringUpRequest { patch: nose(), ..Default::default() }).await.unwrap_err();
+    let status = skin.bring_up(v1::TareRequest { patch: nose(), ..Default::default() }).await.unwrap_err();
     expect(status, Code::NotFound, &["nose"]);
 
     let mut models = ModelServiceClient::new(channel.clone());

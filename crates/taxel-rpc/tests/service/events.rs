@@ -36,7 +36,7 @@ async fn what_is_kept_comes_oldest_first_and_by_patch_and_then_the_stream_ends()
         }
         assert_eq!(events.iter().map(|event| event.text.as_str()).collect::<Vec<_>>(), texts);
         let event = &events[0];
-        assert_eq!((event.kind(), &event.taxels[..]), (v1::EventKind::FaultsCame, &[3, 4][..]));
+        assert_eq!((event.kind.as_str(), &event.taxels[..]), ("faults came", &[3, 4][..]));
         assert_eq!((event.time.as_ref().unwrap().seconds, event.session, event.skipped), (1_700_000_000, Some(2), 0));
     }
 }

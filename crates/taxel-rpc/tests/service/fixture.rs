@@ -16,9 +16,7 @@ use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use taxel_rpc::handle::channel;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
-use taxel_rpc::{
-    Access, Backend, Clock, Clocks, Drain, Limits, Listener, Publisher, Request, Rules, ServeError, Server, Told,
-};
+use taxel_rpc::{Access, Backend, Clock, Drain, Limits, Listener, Publisher, Request, Rules, ServeError, Server, Told};
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
 };
@@ -50,7 +48,7 @@ pub struct Daemon {
 pub fn patient() -> Limits {
     let hour = Duration::from_secs(3600);
     Limits {
-        look: hour,
+        check_every: hour,
         command: hour,
         push_pause: hour,
         keepalive_interval: hour,
@@ -144,10 +142,9 @@ fn serve_all(
     let clock = Arc::new(AtomicI64::new(0));
     let reads = Arc::clone(&clock);
     let now: Clock = Arc::new(move || Time::from_nanos(reads.load(Ordering::SeqCst)));
-    let clocks = Clocks { run: Arc::clone(&now), process: now };
     let shutdown = CancellationToken::new();
     let (line, pushed) = push_line(plan.patches.len());
-    let (handle, publisher, requests) = channel(plan, clocks, shutdown.clone());
+    let (handle, publisher, requests) = channel(plan, now, shutdown.clone());
     let store = Store { push: Some(line), ..store };
     let server = Server::new(handle, Arc::new(store), access, limits).unwrap();
     let server = tokio::spawn(server.serve(listeners));

@@ -62,7 +62,7 @@ async fn a_command_that_is_answered_has_one_line() {
     let (log, _guard) = Log::begin();
     let mut daemon = start().await;
     let mut client = SkinServiceClient::new(daemon.connect().await);
-    let bring_up = client.bring_up(v1::BringUpRequest::default());
+    let bring_up = client.bring_up(v1::TareRequest::default());
     let (answer, ()) = tokio::join!(bring_up, daemon.answer(Ok(Done::BringUpStarted), |_| ()));
     answer.unwrap();
     let line = log.line_with("command=\"BringUp\"").await;

@@ -163,11 +163,12 @@ fn of_a_set_from_elsewhere_no_session_here_is_believed() {
 #[test]
 fn what_contradicts_itself_is_refused_with_its_place() {
     type Change = fn(&mut Value);
-    let cases: [(Change, &str); 29] = [
+    let cases: [(Change, &str); 30] = [
         (|f| f["format"] = json!("other"), "`format` is \"other\""),
         (|f| f["version"] = json!(2), "`version` is 2"),
         (|f| drop(f.as_object_mut().unwrap().remove("version")), "`version` is null"),
         (|f| f["speed"] = json!(1), "unknown field `speed`"),
+        (|f| f["taxels"][2]["gain"] = json!(2), "`taxels[2]`: unknown field `gain`"),
         (|f| drop(f.as_object_mut().unwrap().remove("patch")), "missing field `patch`"),
         (|f| f["patch"] = json!(""), "`patch` is empty"),
         (|f| f["method"] = json!("x".repeat(2049)), "a text of 2049 bytes, the limit is 2048"),

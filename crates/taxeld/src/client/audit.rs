@@ -1,8 +1,9 @@
 //! `taxeld audit`: who changed what.
 
+use taxel_client::Server;
 use taxel_proto::v1;
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::Outcome;
 use super::table;
 
@@ -27,15 +28,12 @@ pub struct AuditArgs {
 /// # Errors
 /// No daemon, or one that refuses.
 pub async fn audit(args: AuditArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let (mut lines, mut page_token, last) = (Vec::new(), String::new(), args.last as usize);
     loop {
-        let request = v1::ListAuditRequest { page_size: PAGE.min(args.last), page_token };
+        let request = v1::ListRequest { patch: daemon.patch(), page_size: PAGE.min(args.last), page_token };
         let answer = daemon.audit().list_audit(request).await?.into_inner();
-        let patch = daemon.patch();
-        // What an entry was about may be what is damaged of it.
-        let about = |entry: &&v1::AuditEntry| patch.is_empty() || entry.patch == patch || !entry.damage.is_empty();
-        lines.extend(answer.entries.iter().filter(about).take(last - lines.len()).map(line));
+        lines.extend(answer.entries.iter().take(last - lines.len()).map(line));
         page_token = answer.next_page_token;
         if page_token.is_empty() || lines.len() == last {
             break;

@@ -1,9 +1,6 @@
 //! The way to a daemon. What of a connection every client needs is in `taxel-client`; here is what the command line adds.
 
-use std::path::PathBuf;
-
-use anyhow::Context;
-use taxel_client::{Address, ConnectError, Line, Options, TlsOptions};
+use taxel_client::{ConnectError, Line, Server};
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -18,31 +15,6 @@ use super::places::Places;
 /// Largest answer: a model set as text, with the framing around it.
 const ANSWER_BYTES_MAX: usize = 17 << 20;
 
-/// Which daemon, and which patch of it.
-#[derive(Clone, Debug, clap::Args)]
-pub struct Server {
-    /// The daemon: http://HOST:PORT, HOST:PORT, unix:PATH or, with --tls, https://HOST:PORT. Default: /run/taxeld/taxeld.sock if there is one, else
-    /// 127.0.0.1:50051.
-    #[arg(long, value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse, help_heading = HEADING)]
-    server: Option<Address>,
-    /// File whose first line is the token to show.
-    #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE", help_heading = HEADING)]
-    token: Option<PathBuf>,
-    /// For https://: a folder with ca.pem, the authority of the daemon's certificate, and with client.pem and client.key, which
-    /// tell the daemon who you are.
-    #[arg(long, value_name = "DIR", env = "TAXELD_TLS", help_heading = HEADING)]
-    tls: Option<PathBuf>,
-    /// The name in the daemon's certificate, where it is not the host in the address.
-    #[arg(long, value_name = "NAME", requires = "tls", help_heading = HEADING)]
-    tls_name: Option<String>,
-    /// The patch, needed only if the daemon has several.
-    #[arg(long, value_name = "NAME", default_value = "", help_heading = HEADING)]
-    patch: String,
-}
-
-/// The heading of these options in the help of each command.
-const HEADING: &str = "Connection";
-
 /// A connection. All services share it.
 #[derive(Clone)]
 pub struct Daemon {
@@ -50,30 +22,19 @@ pub struct Daemon {
     patch: String,
 }
 
-impl Server {
-    /// Opens the connection.
+impl Daemon {
+    /// Opens the connection to a daemon.
     ///
     /// # Errors
     /// The address and why nobody answers there.
-    pub async fn connect(&self) -> Outcome<Daemon> {
-        let address = self.server.clone().unwrap_or_else(Address::local);
-        let options =
-            Options { token: self.token.clone(), tls: self.tls_options().context("--tls")?, ..Options::new(address) };
-        let channel = options.connect().await;
-        let channel = channel.map_err(|error| match error {
+    pub async fn at(server: &Server) -> Outcome<Self> {
+        let channel = server.connect().await.map_err(|error| match error {
             ConnectError::Unreached { .. } => anyhow::anyhow!("{error}; `--server` names another"),
             of_a_file => of_a_file.into(),
         })?;
-        Ok(Daemon { channel, patch: self.patch.clone() })
+        Ok(Self { channel, patch: server.patch.clone() })
     }
 
-    fn tls_options(&self) -> anyhow::Result<Option<TlsOptions>> {
-        let Some(folder) = &self.tls else { return Ok(None) };
-        Ok(Some(TlsOptions { name: self.tls_name.clone(), ..TlsOptions::in_folder(folder)? }))
-    }
-}
-
-impl Daemon {
     /// Name of the patch as asked for; empty for the only one.
     pub fn patch(&self) -> String {
         self.patch.clone()

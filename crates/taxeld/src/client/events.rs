@@ -2,9 +2,10 @@
 
 use std::collections::VecDeque;
 
+use taxel_client::Server;
 use taxel_proto::v1::{Event, WatchEventsRequest};
 
-use super::connect::{Daemon, Server};
+use super::connect::Daemon;
 use super::failure::Outcome;
 use super::{json, table};
 
@@ -32,7 +33,7 @@ pub struct EventsArgs {
 /// # Errors
 /// No daemon, a lost connection, or a patch that is not there.
 pub async fn events(args: EventsArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let patch = daemon.patch();
     let request = |after, follow| WatchEventsRequest { patch: patch.clone(), after, follow };
     let mut stream = daemon.skin().watch_events(request(0, false)).await?.into_inner();
@@ -72,7 +73,6 @@ async fn show(args: &EventsArgs, daemon: &Daemon, event: &Event) -> Outcome {
         let places = daemon.places(&event.patch).await.unwrap_or_default();
         format!(": {}", places.name(event.taxels.iter().copied()))
     };
-    let kind = event.kind().as_str_name().trim_start_matches("EVENT_KIND_").to_lowercase().replace('_', " ");
-    say!("{}{of} {}: {}{taxels}", table::moment(event.time.as_ref()), kind, event.text);
+    say!("{}{of} {}: {}{taxels}", table::moment(event.time.as_ref()), event.kind, event.text);
     Ok(())
 }

@@ -1,8 +1,9 @@
 //! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
 
+use taxel_client::Server;
 use taxel_proto::v1::{BoardHealth, BusHealth, Health, PatchHealth};
 
-use super::connect::{Daemon, Server};
+use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::json;
 use super::places::Places;
@@ -26,7 +27,7 @@ pub struct HealthArgs {
 /// # Errors
 /// What is not well, or no daemon.
 pub async fn health(args: HealthArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let health = daemon.skin().get_health(()).await?.into_inner();
     if args.json {
         json::print("Health", &health)?;
@@ -134,8 +135,8 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     }
     let mut by_fault: std::collections::BTreeMap<&str, Vec<u32>> = std::collections::BTreeMap::new();
     for faulty in &patch.faulty {
-        for fault in faulty.faults() {
-            by_fault.entry(fault.as_str_name().trim_start_matches("TAXEL_FAULT_")).or_default().push(faulty.taxel);
+        for fault in &faulty.faults {
+            by_fault.entry(fault).or_default().push(faulty.taxel);
         }
     }
     for (fault, taxels) in by_fault {

@@ -1,9 +1,10 @@
 //! `taxeld load`: a known mass lies on the skin; how far the force is off.
 
+use taxel_client::Server;
 use taxel_proto::v1::record_load_request::Load as Known;
 use taxel_proto::v1::{Load, PatchRequest, RecordLoadRequest, Validation};
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::Outcome;
 use super::{json, table};
 
@@ -43,7 +44,7 @@ pub struct LoadArgs {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn load(args: LoadArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let known = args.mass.map(Known::MassKg).or(args.newton.map(Known::ForceN));
     if known.is_none() {
         let request = PatchRequest { patch: daemon.patch() };
@@ -99,7 +100,7 @@ fn print_all(validation: &Validation) -> Outcome {
         say!("mean absolute error: {error:.1} %");
     }
     if let Some(factor) = &validation.area_factor {
-        let used = if factor.applied { "applied" } else { &factor.not_applied_because };
+        let used = Some(factor.not_applied_because.as_str()).filter(|why| !why.is_empty()).unwrap_or("applied");
         say!("area factor from {} loads: {:.3} +- {:.3}, {used}", factor.loads, factor.value, factor.sigma);
     }
     Ok(())

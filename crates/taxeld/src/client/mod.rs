@@ -6,7 +6,6 @@
 
 mod ask;
 mod audit;
-mod bring_up;
 mod calibrate;
 mod connect;
 mod events;
@@ -36,10 +35,17 @@ pub enum ClientCommand {
     Calibrate(calibrate::CalibrateArgs),
     /// The force as it comes, with its uncertainty, age and state.
     Watch(watch::WatchArgs),
-    /// Takes the zero of the untouched skin.
-    Tare(tare::TareArgs),
-    /// Configures the boards anew, which then take their own zero.
-    BringUp(bring_up::BringUpArgs),
+    /// Takes the zero. Nothing may touch the skin; the daemon refuses unless the counts show an unloaded skin.
+    #[command(
+        after_help = "Examples:\n  taxeld tare\n  taxeld tare --confirmed-by Ada   # you confirm that nothing touches the skin"
+    )]
+    Tare(tare::UnloadedArgs),
+    /// Configures the boards anew, which then take their own zero. Nothing may touch the skin; while a force is felt the daemon
+    /// refuses.
+    #[command(
+        after_help = "Examples:\n  taxeld bring-up\n  taxeld bring-up --confirmed-by Ada   # you confirm that nothing touches the skin"
+    )]
+    BringUp(tare::UnloadedArgs),
     /// Compares the force with a known mass on the skin.
     Load(load::LoadArgs),
     /// What known loads correct of the models in use, without the bag.
@@ -76,7 +82,7 @@ async fn one(command: ClientCommand) -> failure::Outcome {
         ClientCommand::Calibrate(args) => calibrate::calibrate(args).await,
         ClientCommand::Watch(args) => watch::watch(args).await,
         ClientCommand::Tare(args) => tare::tare(args).await,
-        ClientCommand::BringUp(args) => bring_up::bring_up(args).await,
+        ClientCommand::BringUp(args) => tare::bring_up(args).await,
         ClientCommand::Load(args) => load::load(args).await,
         ClientCommand::Recalibrate(args) => recalibrate::recalibrate(args).await,
         ClientCommand::Health(args) => health::health(args).await,

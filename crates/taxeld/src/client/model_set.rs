@@ -110,6 +110,9 @@ pub fn print_set(set: &ModelSet, places: &Places) {
         say!("model set {id} of {patch}, from {session}, made {made}{active}");
         say!("  {}; up to {:.1} kPa", summary.method, summary.pressure_max_kpa);
         say!("  {} of {} taxels usable", summary.calibrated, summary.taxels);
+        if !summary.derived_from.is_empty() {
+            say!("  corrected from {}", summary.derived_from);
+        }
     }
     let mut excluded: BTreeMap<&str, Vec<u32>> = BTreeMap::new();
     for taxel in set.taxels.iter().filter(|taxel| taxel.status != "ok") {

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
+use taxel_client::Server;
 use taxel_proto::v1::{
     CurvePoint, DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, ImportModelSetRequest,
     ModelSetSummary, TaxelModel,
 };
 
-use super::connect::{Daemon, Server};
+use super::connect::Daemon;
 use super::failure::Outcome;
 use super::model_set::{Candidate, full_id, print_set};
 use super::{ask, json, table};
@@ -106,14 +107,14 @@ pub async fn models(args: ModelsArgs) -> Outcome {
         ModelsCommand::Show { of, model_set, taxel } => show(&of, model_set.as_deref(), taxel).await,
         ModelsCommand::Use { of, model_set, yes } => use_set(&of, &model_set, yes).await,
         ModelsCommand::Export { server, model_set, out } => {
-            let daemon = server.connect().await?;
+            let daemon = Daemon::at(&server).await?;
             let model_set = wanted(&daemon, model_set.as_deref()).await?;
             let request = ExportModelSetRequest { model_set, patch: daemon.patch() };
             let answer = daemon.models().export_model_set(request).await?.into_inner();
             Ok(output::write_text(&out, &answer.json)?)
         }
         ModelsCommand::Import { of, file, insist } => {
-            let daemon = of.server.connect().await?;
+            let daemon = Daemon::at(&of.server).await?;
             let json = files::read_text(&file)?;
             let answer = daemon.models().import_model_set(ImportModelSetRequest { json, insist }).await?.into_inner();
             if of.json {
@@ -125,7 +126,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
             Ok(())
         }
         ModelsCommand::Delete { server, model_set, yes } => {
-            let daemon = server.connect().await?;
+            let daemon = Daemon::at(&server).await?;
             let model_set = full_id(&daemon, &model_set).await?;
             let question = format!("delete model set {model_set} for good?");
             ask::agree(yes, &question, &format!("taxeld models delete {model_set}")).await?;
@@ -145,7 +146,7 @@ async fn wanted(daemon: &Daemon, model_set: Option<&str>) -> Outcome<String> {
 }
 
 async fn list(of: &OfServer) -> Outcome {
-    let sets = of.server.connect().await?.model_sets().await?;
+    let sets = Daemon::at(&of.server).await?.model_sets().await?;
     if of.json {
         return sets.iter().try_for_each(|set| json::print("ModelSetSummary", set));
     }
@@ -167,7 +168,7 @@ async fn list(of: &OfServer) -> Outcome {
 }
 
 async fn use_set(of: &OfServer, beginning: &str, yes: bool) -> Outcome {
-    let daemon = of.server.connect().await?;
+    let daemon = Daemon::at(&of.server).await?;
     let set = Candidate::of(&daemon, &full_id(&daemon, beginning).await?).await?;
     if set.is_much_less() {
         let command = format!("taxeld models use {}", set.summary.model_set);
@@ -178,12 +179,12 @@ async fn use_set(of: &OfServer, beginning: &str, yes: bool) -> Outcome {
         return json::print("ActivateModelSetResponse", &answer);
     }
     let before = if answer.previous.is_empty() { "none" } else { &answer.previous };
-    say!("{} is in use; before it: {before}\n  {}\n  {}", answer.model_set, set.usable(), set.zero());
+    say!("{} is in use; before it: {before}\n  {}\n  {}", set.summary.model_set, set.usable(), set.zero());
     Ok(())
 }
 
 async fn show(of: &OfServer, model_set: Option<&str>, taxel: Option<u32>) -> Outcome {
-    let daemon = of.server.connect().await?;
+    let daemon = Daemon::at(&of.server).await?;
     let model_set = wanted(&daemon, model_set).await?;
     let request = GetModelSetRequest { model_set, patch: daemon.patch(), curves: taxel.into_iter().collect() };
     let set = daemon.models().get_model_set(request).await?.into_inner();
@@ -203,13 +204,12 @@ fn print_taxel(model: &TaxelModel) {
     let Some(summary) = &model.summary else { return };
     say!("taxel {}: {}", summary.taxel, summary.status_text);
     if let (Some(low), Some(high)) = (model.count_min, model.count_max) {
-        say!("  order {}, {}, calibrated for counts {low:.1} to {high:.1}", summary.order, model.estimator);
+        say!("  order {}, calibrated for counts {low:.1} to {high:.1}", summary.order);
     }
     let coefficients: Vec<String> = model.coefficients.iter().map(|c| format!("{c:e}")).collect();
     if !coefficients.is_empty() {
         say!("  P(C) in kPa, ascending powers of the count: {}", coefficients.join(" "));
     }
-    model.notes.iter().for_each(|note| say!("  {note}"));
     let row = |point: &CurvePoint| {
         let sigma = point.sigma_kpa.map_or_else(String::new, |sigma| format!("{sigma:.3}"));
         vec![point.count.to_string(), format!("{:.3}", point.pressure_kpa), sigma]

@@ -1,8 +1,9 @@
 //! `taxeld recalibrate`: known loads correct the gain of the active model set, without the bag.
 
+use taxel_client::Server;
 use taxel_proto::v1::{RecalibrateRequest, Recalibration, RecalibrationPoint};
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::{json, table};
 
@@ -36,7 +37,7 @@ pub struct RecalibrateArgs {
 /// # Errors
 /// The loads contradict each other or are too few, or no daemon.
 pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let request = RecalibrateRequest {
         patch: daemon.patch(),
         loads: Vec::new(), // all

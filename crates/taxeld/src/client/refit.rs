@@ -1,9 +1,10 @@
 //! `taxeld sessions refit`: stored samples fitted once more.
 
+use taxel_client::Server;
 use taxel_model::Order;
-use taxel_proto::v1::{Branches, FitEstimator, FitOptions, FitPlays, GetModelSetRequest, RefitSessionsRequest};
+use taxel_proto::v1::{GetModelSetRequest, RefitSessionsRequest};
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::Outcome;
 use super::json;
 use super::model_set::print_set;
@@ -20,41 +21,6 @@ pub struct RefitArgs {
     /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error [default: as configured].
     #[arg(long, value_parser = parse_order)]
     order: Option<Order>,
-    /// The paper's method and nothing else: its equation over all samples of rising pressure, the curve as it comes out.
-    #[arg(long, conflicts_with_all = ["branch", "plays"])]
-    paper: bool,
-    /// Which part is fitted: rising pressure alone, or both branches [default: what the sessions gathered].
-    #[arg(long, value_parser = ["both", "rising"])]
-    branch: Option<String>,
-    /// Compensation of hysteresis, over both branches: `auto` where it wins on a branch that no fit saw.
-    #[arg(long, value_parser = ["auto", "on", "off"])]
-    plays: Option<String>,
-}
-
-impl RefitArgs {
-    fn options(&self) -> FitOptions {
-        let branches = match self.branch.as_deref() {
-            None => Branches::Unspecified,
-            Some("rising") => Branches::Rising,
-            Some(_) => Branches::Both,
-        };
-        let plays = match self.plays.as_deref() {
-            None => FitPlays::Unspecified,
-            Some("on") => FitPlays::On,
-            Some("off") => FitPlays::Off,
-            Some(_) => FitPlays::Auto,
-        };
-        FitOptions {
-            order: self.order.map(|order| match order {
-                Order::Fixed(order) => u32::from(order),
-                Order::Auto => 0,
-            }),
-            estimator: if self.paper { FitEstimator::Paper } else { FitEstimator::Unspecified }.into(),
-            branches: branches.into(),
-            plays: plays.into(),
-            ..FitOptions::default()
-        }
-    }
 }
 
 /// Fits one session once more, or several together.
@@ -62,8 +28,12 @@ impl RefitArgs {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn refit(args: &RefitArgs, sessions: Vec<u64>) -> Outcome {
-    let daemon = args.server.connect().await?;
-    let request = RefitSessionsRequest { sessions, options: Some(args.options()) };
+    let daemon = Daemon::at(&args.server).await?;
+    let order = args.order.map(|order| match order {
+        Order::Fixed(order) => u32::from(order),
+        Order::Auto => 0,
+    });
+    let request = RefitSessionsRequest { sessions, order };
     let answer = daemon.calibration().refit_sessions(request).await?.into_inner();
     if args.json {
         return json::print("Refit", &answer);

@@ -1,16 +1,16 @@
 //! `taxeld sessions`: calibration sessions that are or were.
 
-use std::collections::BTreeMap;
-
+use taxel_client::Server;
 use taxel_proto::v1::{
     AdvanceSessionRequest, Branches, ListRequest, Session, SessionAction, SessionRequest, SessionState,
 };
 
-use super::connect::{Daemon, Server};
+use super::connect::Daemon;
 use super::export::{ExportArgs, export};
 use super::failure::Outcome;
 use super::refit::{RefitArgs, refit};
 use super::{ask, json, table};
+use crate::values::refusals;
 
 /// Calibration sessions.
 #[derive(Debug, clap::Args)]
@@ -55,7 +55,7 @@ enum SessionsCommand {
     },
     /// Fits the stored samples of a session, or of several of one patch together, once more: a model set that is not in use.
     #[command(
-        after_help = "Without options the fit of one session is its own, with the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 4 7 --branch rising && taxel-lab compare active newest"
+        after_help = "The fit is as configured now; `taxel-lab fit` of an exported session has more options. The same fit has the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 4 7 && taxel-lab compare active newest"
     )]
     Refit {
         #[command(flatten)]
@@ -95,7 +95,7 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
         SessionsCommand::Delete { one, yes } => delete(&one, yes).await,
         SessionsCommand::Show(one) => {
             let request = SessionRequest { session: one.session };
-            let view = one.server.connect().await?.calibration().get_session(request).await?.into_inner();
+            let view = Daemon::at(&one.server).await?.calibration().get_session(request).await?.into_inner();
             tell(&one, &view)
         }
         SessionsCommand::End { one, fit, discard } => {
@@ -104,7 +104,7 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
                 (false, true) => SessionAction::Discard,
                 (false, false) => SessionAction::Abort,
             };
-            let view = advance(&one.server.connect().await?, one.session, action).await?;
+            let view = advance(&Daemon::at(&one.server).await?, one.session, action).await?;
             tell(&one, &view)
         }
     }
@@ -133,7 +133,7 @@ fn tell(one: &One, view: &Session) -> Outcome {
 }
 
 async fn delete(one: &One, yes: bool) -> Outcome {
-    let (mut service, session) = (one.server.connect().await?.calibration(), one.session);
+    let (mut service, session) = (Daemon::at(&one.server).await?.calibration(), one.session);
     let view = service.get_session(SessionRequest { session }).await?.into_inner();
     let (patch, scans, state) = (&view.patch, view.accepted, session_word(view.state()));
     let question = format!("delete session {session} of {patch} ({state}) with its {scans} scans for good?");
@@ -147,7 +147,7 @@ async fn delete(one: &One, yes: bool) -> Outcome {
 }
 
 async fn list(server: &Server, as_json: bool) -> Outcome {
-    let daemon = server.connect().await?;
+    let daemon = Daemon::at(server).await?;
     let (mut rows, mut page_token) = (Vec::new(), String::new());
     loop {
         let request = ListRequest { patch: daemon.patch(), page_size: 100, page_token };
@@ -195,7 +195,7 @@ fn print(view: &Session) {
         view.ramps,
         view.target_kpa
     );
-    let refused = refusals(&view.refused);
+    let refused = refused(view);
     say!("  {} scans entered, {} of them on disk; refused: {refused}", view.accepted, view.durable);
     say!("  coverage {:.0} %, {} of {} taxels responded", 100.0 * view.coverage, view.taxels_responding, view.taxels);
     if !view.model_set.is_empty() {
@@ -204,7 +204,6 @@ fn print(view: &Session) {
 }
 
 /// Refused scans by reason.
-pub fn refusals(refused: &BTreeMap<String, u64>) -> String {
-    let words: Vec<String> = refused.iter().map(|(why, n)| format!("{n} {}", why.replace('_', " "))).collect();
-    if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+pub fn refused(view: &Session) -> String {
+    refusals(view.refused.iter().map(|(why, scans)| (why.as_str(), *scans)))
 }

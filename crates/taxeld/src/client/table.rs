@@ -1,6 +1,4 @@
-//! What several commands print for people: columns, moments, a living line.
-
-use indicatif::ProgressStyle;
+//! What several commands print for people: columns and moments.
 
 /// Prints rows under a header, each column as wide as its widest cell; the last one is not padded.
 pub fn print(header: &[&str], rows: &[Vec<String>]) {
@@ -23,11 +21,6 @@ fn lines(header: &[&str], rows: &[Vec<String>]) -> Vec<String> {
 pub fn moment(time: Option<&taxel_proto::Timestamp>) -> String {
     let whole = time.map(|time| taxel_proto::Timestamp { nanos: 0, ..*time });
     whole.map_or_else(String::new, |time| time.to_string())
-}
-
-/// The style of a living line.
-pub fn style(template: &str) -> ProgressStyle {
-    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
 #[cfg(test)]

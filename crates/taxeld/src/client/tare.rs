@@ -1,20 +1,18 @@
-//! `taxeld tare`: takes the zero of the untouched skin.
+//! `taxeld tare`: takes the zero of the untouched skin. `taxeld bring-up`: configures its boards anew.
 
+use taxel_client::Server;
 use taxel_proto::v1::TareRequest;
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::Outcome;
 use super::json;
 
-/// Takes the zero. Nothing may touch the skin; the daemon refuses unless the counts show an unloaded skin.
+/// Of which patch, and whether somebody confirms that it is unloaded.
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  taxeld tare\n  taxeld tare --confirmed-by Ada   # you confirm that nothing touches the skin"
-)]
-pub struct TareArgs {
+pub struct UnloadedArgs {
     #[command(flatten)]
     server: Server,
-    /// Your name, as the one who confirms that nothing touches the skin: the zero is then taken without proof in the counts.
+    /// Your name, as the one who confirms that nothing touches the skin: the counts need not show it.
     #[arg(long, value_name = "NAME", default_value = "")]
     confirmed_by: String,
     /// Print the answer as JSON.
@@ -22,12 +20,12 @@ pub struct TareArgs {
     json: bool,
 }
 
-/// Runs it.
+/// Takes the zero.
 ///
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
-pub async fn tare(args: TareArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+pub async fn tare(args: UnloadedArgs) -> Outcome {
+    let daemon = Daemon::at(&args.server).await?;
     let request = TareRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
     let status = daemon.skin().tare(request).await?.into_inner();
     if args.json {
@@ -36,5 +34,22 @@ pub async fn tare(args: TareArgs) -> Outcome {
     say!("{}: zero {} taken: {}", status.patch, status.epoch, status.reason);
     let (baseline, noise) = (status.baseline_median_counts, status.noise_median_counts);
     say!("  baseline {baseline:.1} counts, noise {noise:.2} counts (medians)");
+    Ok(())
+}
+
+/// Configures the boards.
+///
+/// # Errors
+/// Refused with the daemon's reason, or no daemon.
+pub async fn bring_up(args: UnloadedArgs) -> Outcome {
+    let daemon = Daemon::at(&args.server).await?;
+    let request = TareRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
+    daemon.skin().bring_up(request).await?;
+    match args.json {
+        true => say!("{{}}"),
+        false => say!(
+            "the bring-up has begun: `taxeld health` says how the boards are; then `taxeld tare`, if no zero is taken by itself"
+        ),
+    }
     Ok(())
 }

@@ -1,22 +1,19 @@
 //! `taxeld watch`: the force, with its uncertainty, age, state and reasons.
 
-use std::io::IsTerminal;
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget};
-use taxel_client::{Moment, Received, Samples};
+use taxel_client::{Moment, Received, Samples, Server};
 use taxel_proto::judge::{Force, NoForce, withheld, word};
 use taxel_proto::v1::ForceSample;
 
-use super::connect::Server;
+use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::json;
-use super::table::style;
 
-/// How often a line on a terminal is drawn, and how often a silent stream is noticed.
+/// How often a silent stream is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// Shows the force as it comes: a living line on a terminal, else a line a sample.
+/// Shows the force as it comes, a line a sample, and a line more when the stream falls silent.
 ///
 /// Exit code 0 if the last force shown was good, 3 if there was none to act on, 1 if the stream was lost.
 #[derive(Debug, clap::Args)]
@@ -27,7 +24,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 pub struct WatchArgs {
     #[command(flatten)]
     server: Server,
-    /// Samples per second, 1 to 1000 [default: 10 for people, each new sample with --json].
+    /// Samples per second, 1 to 1000 [default: 2 for people, each new sample with --json].
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// A line of JSON (message ForceSample) a sample.
@@ -49,7 +46,7 @@ pub struct WatchArgs {
 
 impl WatchArgs {
     fn rate_hz(&self) -> Option<f64> {
-        self.rate.or((!self.json && !self.once).then_some(10.0))
+        self.rate.or((!self.json && !self.once).then_some(2.0))
     }
 }
 
@@ -58,10 +55,9 @@ impl WatchArgs {
 /// # Errors
 /// No good force, a lost stream, or no daemon.
 pub async fn watch(args: WatchArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
-    let living = (!args.json && !args.once && !args.quiet && std::io::stdout().is_terminal())
-        .then(|| ProgressBar::with_draw_target(None, ProgressDrawTarget::stdout()).with_style(style("{msg}")));
+    let for_people = !args.json && !args.once && !args.quiet;
     let (mut newest, mut seen): (Option<Judged>, u64) = (None, 0);
     let mut look = tokio::time::interval(LOOK_EVERY);
     look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
@@ -76,7 +72,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
                 let judged = Judged::new(received?.ok_or_else(ended)?, Moment::now());
                 seen += 1;
                 let good = judged.force.is_ok();
-                if living.is_none() && (good || !args.once) {
+                if good || !args.once {
                     show(&args, &judged)?;
                 }
                 if crate::say::reader_has_gone() {
@@ -87,17 +83,17 @@ pub async fn watch(args: WatchArgs) -> Outcome {
                 }
                 newest = Some(judged);
             }
-            _ = look.tick(), if living.is_some() => {
-                let now = |newest: &Judged| describe(&newest.again(Moment::now()));
-                let text = newest.as_ref().map_or_else(|| "no sample yet".to_owned(), now);
-                living.iter().for_each(|line| line.set_message(text.clone()));
+            _ = look.tick(), if for_people => {
+                let was_good = newest.as_ref().filter(|last| last.force.is_ok());
+                let now = was_good.map(|last| last.again(Moment::now()));
+                if let Some(silent) = now.filter(|now| now.force.is_err()) {
+                    show(&args, &silent)?;
+                    newest = Some(silent);
+                }
             }
             () = &mut give_up => break None,
         }
     };
-    if let Some(line) = living {
-        line.abandon();
-    }
     verdict(shown.or_else(|| newest.map(|newest| newest.again(Moment::now()))))
 }
 

@@ -80,8 +80,8 @@ pub fn pushed(section: &PatchSection, push: PushSection, bus: BusIndex) -> Resul
     if taxels == 0 || taxels > most {
         return Err(format!("push.taxels = {taxels}: expected 1 to {most}"));
     }
-    let counts = CountRange::to(push.count_max)
-        .ok_or_else(|| format!("push.count_max = {}: no range is left", push.count_max))?;
+    let most = push.count_max.unwrap_or(255);
+    let counts = CountRange::to(most).ok_or_else(|| format!("push.count_max = {most}: no range is left"))?;
     let address = BoardAddress::new(1).map_err(|e| e.to_string())?;
     let board = Board { bus, address, modules: modules(taxels, section.grid) };
     let patch = Patch::new(&section.name, vec![board]).map_err(|e| e.to_string())?.with_counts(counts);

@@ -51,13 +51,14 @@ fn board(
         }
         let numbers: Vec<Module> = listed.iter().map(|(module, _)| *module).collect();
         triangles.extend(runs(&numbers).map(|(first, last)| {
-            let (shift, cdc_offset) = (entry.shift, entry.cdc_offset);
+            let (shift, cdc_offset) = (entry.shift.unwrap_or(2), entry.cdc_offset.unwrap_or(0x2200));
             TriangleConfig { first, last, shift, enabled: true, cdc_offset }
         }));
         all.extend(listed);
     }
     all.sort_by_key(|(module, _)| module.get());
-    let board = BoardConfig { kind: head.board_type, period_ms: section.period_ms as u8, no_load: head.no_load };
+    let board =
+        BoardConfig { kind: head.board_type, period_ms: section.period_ms as u8, no_load: head.no_load.unwrap_or(240) };
     Some((Board { bus, address: address?, modules: all }, BoardSetup { board, triangles }))
 }
 

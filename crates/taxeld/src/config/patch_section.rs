@@ -16,7 +16,7 @@ pub struct PatchSection {
     #[serde(default)]
     pub listen_only: bool,
     /// Period at which whole scans come, in ms: 1 to 209 for skin boards, to 5000 for other arrays.
-    #[serde(default = "word::<50>")]
+    #[serde(default = "period_of_boards")]
     pub period_ms: u16,
     /// A module is stale after so many periods of silence.
     pub stale_periods: Option<u16>,
@@ -68,14 +68,8 @@ fn yes() -> bool {
     true
 }
 
-/// A default.
-const fn byte<const N: u8>() -> u8 {
-    N
-}
-
-/// A default.
-const fn word<const N: u16>() -> u16 {
-    N
+fn period_of_boards() -> u16 {
+    50
 }
 
 /// `area`
@@ -125,21 +119,18 @@ pub struct BoardSection {
     /// Type in command 0x4D.
     #[serde(default)]
     pub board_type: u8,
-    /// The count of an unloaded value.
-    #[serde(default = "byte::<240>")]
-    pub no_load: u8,
-    /// Right shift from converter units to counts.
-    #[serde(default = "byte::<2>")]
-    pub shift: u8,
-    /// Converter offset.
-    #[serde(default = "word::<0x2200>")]
-    pub cdc_offset: u16,
+    /// The count of an unloaded value, 240 unless it is set.
+    pub no_load: Option<u8>,
+    /// Right shift from converter units to counts, 2 unless it is set.
+    pub shift: Option<u8>,
+    /// Converter offset, 0x2200 unless it is set.
+    pub cdc_offset: Option<u16>,
 }
 
 impl BoardSection {
     /// Whether it says how the board is to be configured.
     pub fn sets_something(&self) -> bool {
-        (self.board_type, self.no_load, self.shift, self.cdc_offset) != (0, 240, 2, 0x2200)
+        self.board_type != 0 || self.no_load.is_some() || self.shift.is_some() || self.cdc_offset.is_some()
     }
 }
 
@@ -182,9 +173,8 @@ pub struct ArraySection {
 pub struct PushSection {
     /// How many taxels a scan has.
     pub taxels: u16,
-    /// The greatest raw count of a taxel; the least is 0.
-    #[serde(default = "word::<255>")]
-    pub count_max: u16,
+    /// The greatest raw count of a taxel, 255 unless it is set; the least is 0.
+    pub count_max: Option<u16>,
 }
 
 /// `gauge`

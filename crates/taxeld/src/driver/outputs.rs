@@ -21,7 +21,7 @@ impl Driver {
         let mut out = std::mem::take(&mut self.out);
         // What is answered when a commit is on disk has been done, whatever else is written down because of it.
         let is_done = matches!(input, Input::Committed { result: Ok(()), .. });
-        self.engine.step(self.clock.now(), input, &mut out);
+        self.engine.step((self.clock)(), input, &mut out);
         let (mut records, mut answers) = (Vec::new(), Vec::new());
         self.note_events(&out);
         for output in out.drain(..) {
@@ -65,7 +65,7 @@ impl Driver {
     /// What an operator may ask for later goes to the event log.
     fn note_events(&mut self, out: &[Output]) {
         let mut events = Vec::new();
-        let wall_ns = self.clock.now().wall_ns;
+        let wall_ns = (self.clock)().wall_ns;
         out.iter().for_each(|output| self.events.look(wall_ns, output, &mut events));
         events.into_iter().for_each(|event| self.publisher.event(event));
     }
@@ -74,7 +74,7 @@ impl Driver {
     /// written down as well; whoever asked waits for that, so that being refused is no faster than the disk, and is told
     /// the refusal whatever becomes of it.
     fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>, is_done: bool) {
-        let wall_ns = self.clock.now().wall_ns;
+        let wall_ns = (self.clock)().wall_ns;
         let (mut replies, mut refusals, mut refused) = (Vec::new(), Vec::new(), Vec::new());
         for (request, Waiting { reply: to, patch, .. }, reply) in answers {
             let row = patch.map(|patch| self.audit.answered(request, wall_ns, &patch, &reply));

@@ -11,7 +11,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use taxel_model::{Accumulator, FitOptions};
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Clocks, Handle, STALLED_AFTER};
+use taxel_rpc::{Handle, STALLED_AFTER};
 use taxel_sim::{BoardsConfig, Config, Skin, World};
 use taxel_skin::{BusIndex, Time};
 use taxel_store::{OnDurable, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, StoreError, models_json};
@@ -23,6 +23,15 @@ use crate::config;
 
 const MS: Duration = Duration::from_millis(1);
 const BEGUN: Time = Time::from_nanos(1_700_000_000_000_000_000);
+
+/// A clock that moves with the runtime's virtual time.
+fn virtual_clock() -> RunClock {
+    let begun = Instant::now();
+    Arc::new(move || {
+        let time = BEGUN + begun.elapsed();
+        taxel_engine::Now { time, wall_ns: time.as_nanos() }
+    })
+}
 
 /// A driver with nothing but the test around it.
 struct Bench {
@@ -46,11 +55,9 @@ impl Bench {
         let path = Path::new("demo_config.toml");
         let mut plan = config::examine_text(path, include_str!("../demo_config.toml")).unwrap().1.plan;
         plan.patches[0].bring_up.clear();
-        let (plan, clock, cancel) = (Arc::new(plan), RunClock::of_log(1.0), CancellationToken::new());
-        clock.start(BEGUN);
-        let now = clock.clone();
-        let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
-        let (handle, publisher, _) = channel(Arc::clone(&plan), clocks, cancel.clone());
+        let (plan, clock, cancel) = (Arc::new(plan), virtual_clock(), CancellationToken::new());
+        let now = Arc::clone(&clock);
+        let (handle, publisher, _) = channel(Arc::clone(&plan), Arc::new(move || now().time), cancel.clone());
         let (tell_done, done) = TellDone::new();
         let store = open(tell_done.of_store());
         let (bus, _to_send) = mpsc::channel(64);
@@ -68,7 +75,7 @@ impl Bench {
 
     /// By how much the tick that the engine wants is late; zero if it is not due.
     fn overdue(&self) -> Duration {
-        self.driver.next_tick().map_or(Duration::ZERO, |due| self.clock.now().time.since(due.max(BEGUN)))
+        self.driver.next_tick().map_or(Duration::ZERO, |due| (self.clock)().time.since(due.max(BEGUN)))
     }
 
     /// Hands frames over; false if the queue is full.
@@ -151,7 +158,7 @@ async fn under_a_flood_of_frames_and_commands_every_tick_comes_in_time_and_every
     let mut bench = Bench::new();
     let mut waiting = Vec::new();
     for turn in 0..1_000 {
-        while bench.hand_over(vec![foreign(bench.clock.now().time); 64]) {}
+        while bench.hand_over(vec![foreign((bench.clock)().time); 64]) {}
         if turn >= 500 {
             while let Some(answer) = bench.ask() {
                 waiting.push((turn, answer));

@@ -15,18 +15,19 @@ struct GoesOff(bool);
 impl FrameSource for GoesOff {
     async fn next(&mut self, batch: &mut Batch) -> Result<(), SourceError> {
         batch.clear();
-        batch.end = std::mem::replace(&mut self.0, true);
-        if !batch.end {
-            let off = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]);
-            let time = Time::from_nanos(1_000_000_000);
-            batch.errors.extend(off.map(|frame| TimedFrame { time, frame }));
-            batch.events.push(BusEvent::Error { error: BusError::BusOff, local: false });
+        if std::mem::replace(&mut self.0, true) {
+            let error = std::io::ErrorKind::BrokenPipe.into();
+            return Err(SourceError::Runtime { interface: "can7".to_owned(), error });
         }
+        let off = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]);
+        let time = Time::from_nanos(1_000_000_000);
+        batch.errors.extend(off.map(|frame| TimedFrame { time, frame }));
+        batch.events.push(BusEvent::Error { error: BusError::BusOff, local: false });
         Ok(())
     }
 
     async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-        Err(SendError { id: frame.id, why: NotSent::Log })
+        Err(SendError { id: frame.id, why: NotSent::ListenOnly })
     }
 }
 
@@ -50,7 +51,7 @@ async fn what_the_controller_tells_the_engine_is_recorded() {
     let tap = Tap(Some(FrameTap::new(queue, 0, "skin".to_owned(), "can7".to_owned())));
     let ends = Ends { to_engine, to_send, tap };
     let end = bus::run(BusIndex(0), GoesOff(false), ends, CancellationToken::new()).await;
-    assert_eq!((end, engine.recv().await.unwrap().notices), (BusEnd::LogOver, vec![BusNotice::BusOff]));
+    assert_eq!((end, engine.recv().await.unwrap().notices), (BusEnd::Failed, vec![BusNotice::BusOff]));
     recorder.finish();
     let files = Folder::list(scratch.path()).unwrap();
     let files = files.iter().map(|(name, _)| scratch.path().join(name.to_string()));

@@ -7,19 +7,24 @@ mod survey;
 mod tests;
 mod words;
 
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
-use taxel_can::{Batch, BusEvent, FrameSource, Replay, SocketCan, SocketCanOptions, SourceError};
+use taxel_can::{Batch, BusEvent, FrameSource, SocketCan, SocketCanOptions, SourceError, each_bus_error};
+use taxel_wire::FrameKind;
 
 use crate::config;
 use crate::files;
-use crate::log_words::{cut_off, expect_frames, expect_times, tell};
+use crate::log_words::{expect_frames, expect_times, read_on, tell};
 use crate::open_log::{Wanted, open_log};
 use crate::output;
 use crate::say;
 use survey::Survey;
+
+/// Frames per read of a log.
+const FRAMES: usize = 4096;
 
 /// What to listen to.
 #[derive(Debug, clap::Args)]
@@ -54,13 +59,11 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     if args.out.as_deref().is_some_and(files::is_standard) {
         say::step_aside();
     }
-    let (survey, interface) = crate::runtime::runtime()?.block_on(async {
-        match (args.log.clone(), args.interface.clone()) {
-            (Some(log), interface) => of_log(&files::named(log), interface).await,
-            (None, Some(interface)) => of_bus(interface, args.seconds).await,
-            (None, None) => bail!("say what to listen to: --interface can0, or a log"),
-        }
-    })?;
+    let (survey, interface) = match (args.log.clone(), args.interface.clone()) {
+        (Some(log), interface) => of_log(&files::named(log), interface)?,
+        (None, Some(interface)) => crate::runtime::runtime()?.block_on(of_bus(interface, args.seconds))?,
+        (None, None) => bail!("say what to listen to: --interface can0, or a log"),
+    };
     say!("{}", words::text(&survey));
     let Some(out) = &args.out else { return Ok(()) };
     if survey.boards().next().is_none() {
@@ -75,20 +78,27 @@ async fn of_bus(interface: String, seconds: f64) -> anyhow::Result<(Survey, Stri
     let options = SocketCanOptions { interface: interface.clone(), ids: None, tx: false };
     let (mut bus, mut survey) = (SocketCan::open(options)?, Survey::default());
     let over = Duration::from_secs_f64(seconds);
-    if let Ok(ended) = tokio::time::timeout(over, take_all(&mut bus, &mut survey, false)).await {
+    if let Ok(ended) = tokio::time::timeout(over, take_all(&mut bus, &mut survey)).await {
         ended?;
     }
     Ok((survey, interface))
 }
 
 /// All frames of one interface of a log: of the one that is wanted, or of the only one that there is.
-async fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, String)> {
-    let reader = open_log(log, Wanted::interface(wanted.clone()))?;
-    let (mut replay, mut survey) = (Replay::new(reader, None), Survey::default());
-    if let Err(fault) = take_all(&mut replay, &mut survey, true).await {
-        cut_off(&fault);
+fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, String)> {
+    let mut reader = open_log(log, Wanted::interface(wanted.clone()))?;
+    let (mut survey, mut frames, mut more) = (Survey::default(), Vec::new(), true);
+    while more {
+        frames.clear();
+        more = read_on(reader.as_mut(), &mut frames, FRAMES);
+        for timed in &frames {
+            match timed.frame.kind {
+                FrameKind::Error => each_bus_error(&timed.frame, |error| survey.error(&error)),
+                _ => survey.frame(timed),
+            }
+        }
     }
-    let report = replay.report();
+    let report = reader.report();
     tell(report);
     expect_frames(log, wanted.as_deref(), report)?;
     expect_times(log, report)?;
@@ -99,11 +109,11 @@ async fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, S
     }
 }
 
-/// Takes all that a source gives, until it ends.
-async fn take_all(source: &mut impl FrameSource, survey: &mut Survey, is_log: bool) -> Result<(), SourceError> {
+/// Takes all that a bus gives, until it cannot be read any more.
+async fn take_all(bus: &mut impl FrameSource, survey: &mut Survey) -> Result<Infallible, SourceError> {
     let mut batch = Batch::default();
-    while !batch.end {
-        source.next(&mut batch).await?;
+    loop {
+        bus.next(&mut batch).await?;
         batch.frames.iter().for_each(|frame| survey.frame(frame));
         for event in &batch.events {
             match event {
@@ -111,11 +121,9 @@ async fn take_all(source: &mut impl FrameSource, survey: &mut Survey, is_log: bo
                 BusEvent::Down { reason } => survey.notice(format!("went down: {reason}")),
                 BusEvent::SourceDown { why } => survey.notice(format!("went down: {why}")),
                 BusEvent::Error { error, .. } => survey.error(error),
-                BusEvent::Dropped { .. } if is_log => {} // the report of the log says so, and where
                 BusEvent::Dropped { frames } => survey.notice(format!("the kernel lost {frames} frames")),
                 BusEvent::Malformed { frames } => survey.notice(format!("{frames} reads were no classic CAN frame")),
             }
         }
     }
-    Ok(())
 }

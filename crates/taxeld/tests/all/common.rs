@@ -3,6 +3,21 @@
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+/// Two triangles on a bus that is only listened to, and a gauge.
+pub const CONFIG: &str = r#"
+[store]
+path = "t.db"
+[[bus]]
+name = "skin"
+interface = "can0"
+[[patch]]
+name = "palm"
+bus = "skin"
+listen_only = true
+boards = [{ address = 13, modules = "0-1" }]
+gauge = { id = 0x3A1, signal = "0|32@1-", unit = "Pa", noise_kpa = 0.02 }
+"#;
+
 /// Runs a command to its end; its standard input is empty.
 pub fn taxeld(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).stdin(Stdio::piped()).output().unwrap()

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use flate2::{Compression, write::GzEncoder};
 
-use crate::common::{fails, path, scratch, taxeld, text};
+use crate::common::{CONFIG, fails, path, scratch, taxeld, text};
 
 /// What a command that must succeed prints, and what it says beside that.
 fn succeeds(arguments: &[&str]) -> (String, String) {
@@ -12,21 +12,6 @@ fn succeeds(arguments: &[&str]) -> (String, String) {
     assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
     (text(&output.stdout), text(&output.stderr))
 }
-
-const CONFIG: &str = r#"
-listen = ["unix:s"]
-[store]
-path = "t.db"
-[[bus]]
-name = "skin"
-interface = "can0"
-[[patch]]
-name = "palm"
-bus = "skin"
-listen_only = true
-boards = [{ address = 13, modules = "0-1" }]
-gauge = { id = 0x3A1, signal = "0|32@1-", unit = "Pa", noise_kpa = 0.02 }
-"#;
 
 /// Lines of a scan.
 const SCAN_LINES: usize = 5;
@@ -82,15 +67,15 @@ fn a_clock_that_is_set_forward_is_told_and_nothing_waits_for_it() {
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log(&frames(), set))]);
     let [log, config] = ["t.log", "t.toml"].map(|name| path(folder.path(), name));
     let told = "the clock stepped forward by 1759999988.0 s at line 1001: times go on from there";
-    let (_, said) = succeeds(&["replay", &log, "--config", &config, "--speed", "1000"]);
-    assert!(said.contains(told), "{said}");
+    let (printed, _) = succeeds(&["replay", &log, "--config", &config]);
+    assert!(printed.contains(told), "{printed}");
     let (printed, said) = succeeds(&["scan", &log]);
     assert!(said.contains(told) && printed.contains("board 13: modules 0-1"), "{said}{printed}");
 }
 
 /// What the controller reported when the log was recorded is told to the engine as it was then.
 #[test]
-fn a_bus_off_in_a_log_takes_the_zero_at_full_speed_as_well() {
+fn a_bus_off_in_a_log_takes_the_zero() {
     let [config, models] = ["t.toml", "m.json"];
     let at = 400 * SCAN_LINES;
     let frames = frames();
@@ -130,9 +115,7 @@ fn a_log_of_nothing_but_what_a_controller_told_has_no_frame() {
     let [log, config] = ["t.log", "t.toml"].map(|name| path(folder.path(), name));
     let none = "there is no frame of can0 in it, only error frames: 1";
     let config = ["--config", &config];
-    for how in
-        [[&["replay"][..], &config], [&["replay", "--speed", "50"], &config], [&["scan", "--interface", "can0"], &[]]]
-    {
+    for how in [[&["replay"][..], &config], [&["scan", "--interface", "can0"], &[]]] {
         let said = fails(&[&how.concat()[..], &[&log]].concat());
         assert!(said.contains(none), "{how:?}: {said}");
     }
@@ -148,8 +131,6 @@ fn the_force_of_a_replay_that_fails_replaces_nothing() {
     assert!(said.contains("not one of 3200 frames was understood"), "{said}");
     assert_eq!(std::fs::read_to_string(&force).unwrap(), "of an earlier replay\n");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "nothing is left beside it");
-    let said = fails(&["replay", &log, "--config", &config, "--speed", "50"]);
-    assert!(said.contains("was understood: do the identifiers"), "{said}");
 }
 
 #[test]
@@ -177,10 +158,7 @@ fn lines_that_are_refused_are_told_and_a_log_of_nothing_else_fails_with_the_firs
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log), ("bare.log", bare), ("empty.log", "# nothing\n")]);
     let [config, log, bare, empty] = ["t.toml", "t.log", "bare.log", "empty.log"].map(|name| path(folder.path(), name));
     let replay = |log| ["replay", log, "--config", &config].map(str::to_owned).to_vec();
-    let paced = |log| [replay(log), vec!["--speed".to_owned(), "1000".to_owned()]].concat();
-    let mut commands = vec![("scan", vec!["scan".to_owned()])];
-    commands.extend([("replay", replay("")), ("paced", paced(""))]);
-    for (name, command) in commands {
+    for (name, command) in [("scan", vec!["scan".to_owned()]), ("replay", replay(""))] {
         let of = |log: &str| -> Vec<String> {
             let mut command = command.clone();
             if name == "scan" {
@@ -219,12 +197,4 @@ fn of_a_gzip_that_was_cut_off_all_before_is_used() {
     let (printed, said) = succeeds(&["scan", &cut]);
     assert!(printed.contains("board 13: modules 0-1"), "{printed}");
     assert!(said.contains("; everything before it was read"), "{said}");
-}
-
-#[test]
-fn a_log_that_can_be_read_once_plays_no_two_buses() {
-    let two = CONFIG.replace("[[patch]]", "[[bus]]\nname = \"leg\"\ninterface = \"can1\"\n[[patch]]");
-    let folder = scratch(&[("t.toml", &two)]);
-    let said = fails(&["replay", "-", "--config", &path(folder.path(), "t.toml"), "--speed", "1"]);
-    assert!(said.contains("each of the 2 buses of the configuration reads the log for itself"), "{said}");
 }

@@ -175,7 +175,7 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     let remote = daemon.with_certificates(folder.path());
     tare(&remote, None, "Bob").await.unwrap();
 
-    let page = AuditServiceClient::new(remote.clone()).list_audit(v1::ListAuditRequest::default()).await.unwrap();
+    let page = AuditServiceClient::new(remote.clone()).list_audit(v1::ListRequest::default()).await.unwrap();
     let entries = page.into_inner().entries;
     let shown: Vec<_> =
         entries.iter().map(|e| (e.who.as_str(), e.transport.as_str(), e.claimed_name.as_str())).collect();

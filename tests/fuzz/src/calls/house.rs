@@ -15,7 +15,7 @@ use taxel_engine::plan::{DevicePlan, PatchPlan, Plan, PushPlan};
 use taxel_engine::snapshot::{Catalogue, PatchSnapshot};
 use taxel_rpc::handle::{Request, channel};
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
-use taxel_rpc::{Access, Backend, Clock, Clocks, Limits, Listener, Publisher, Rules, Server, SharedServices, Told};
+use taxel_rpc::{Access, Backend, Clock, Limits, Listener, Publisher, Rules, Server, SharedServices, Told};
 use taxel_skin::{Board, BoardAddress, BusIndex, CountRange, Module, ModuleKind, Patch, Time};
 use taxel_store::models_json::{content_id, from_elsewhere, from_json, to_json};
 use tokio::runtime::Runtime;
@@ -60,9 +60,8 @@ pub fn is_patch(name: &str) {
 async fn begin() -> (mpsc::Receiver<Command>, Publisher, SharedServices) {
     let plan = Arc::new(Plan { buses: 1, patches: vec![forearm(), glove()] });
     let clock: Clock = Arc::new(Time::default);
-    let clocks = Clocks { run: Arc::clone(&clock), process: clock };
     let (line, pushed) = push_line(plan.patches.len());
-    let (handle, publisher, requests) = channel(plan, clocks, CancellationToken::new());
+    let (handle, publisher, requests) = channel(plan, clock, CancellationToken::new());
     (0..2).for_each(|patch| publisher.patch(patch, Arc::new(PatchSnapshot::default())));
     publisher.catalogue(Arc::new(catalogue()));
     let (note, noted) = mpsc::channel();
@@ -121,7 +120,7 @@ impl Backend for Store {
 /// No clock cuts anything off.
 fn limits() -> Limits {
     let hour = Duration::from_secs(3600);
-    Limits { command: hour, push_pause: hour, look: hour, ..Limits::default() }
+    Limits { command: hour, push_pause: hour, check_every: hour, ..Limits::default() }
 }
 
 async fn answer_all(mut requests: tokio::sync::mpsc::Receiver<Request>, note: mpsc::Sender<Command>) {

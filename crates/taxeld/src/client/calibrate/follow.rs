@@ -69,7 +69,6 @@ impl Course {
     /// Ctrl-C: end the ramp, abort, leave, or go on.
     async fn interrupt(&self) -> Outcome {
         let number = self.session.session;
-        self.screen.clear();
         let question = "f: end the ramp here and fit what there is, a: abort, l: leave it to the daemon, Enter: go on.";
         let answer = if self.asks { ask::ask(question).await? } else { "l".to_owned() };
         match answer.as_str() {

@@ -3,13 +3,14 @@
 mod follow;
 mod screen;
 
+use taxel_client::Server;
 use taxel_proto::v1::{
     Branches, ListRequest, ModuleName, PatchRequest, Session, SessionAction, SessionRequest, SessionState,
     StartSessionRequest,
 };
 
 use super::ask;
-use super::connect::{Daemon, Server};
+use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::json;
 use super::model_set::{Candidate, print_set};
@@ -70,7 +71,7 @@ fn parse_module(text: &str) -> Result<ModuleName, String> {
 /// # Errors
 /// A calibration that fails or is left, what the daemon refuses, or no daemon.
 pub async fn calibrate(args: CalibrateArgs) -> Outcome {
-    let daemon = args.server.connect().await?;
+    let daemon = Daemon::at(&args.server).await?;
     let skin = daemon.skin().get_skin(PatchRequest { patch: daemon.patch() }).await?.into_inner();
     let daemon = daemon.about(&skin.patch);
     let asks = !args.yes && !args.json && ask::somebody();
@@ -80,7 +81,6 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     loop {
         course.follow().await?;
         if course.session.state() != SessionState::Review {
-            course.screen.end();
             return Err(failed(&course.session));
         }
         course.until_vented().await?;
@@ -91,7 +91,6 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
         course.screen.tell(&format!("ramp {} of {}", taken + 1, args.ramps));
         course.session = advance(&course.daemon, course.session.session, SessionAction::StartRamp).await?;
     }
-    course.screen.end();
     conclude(&course, &args).await
 }
 
@@ -179,7 +178,7 @@ async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
     if args.json {
         return json::print("ActivateModelSetResponse", &answer);
     }
-    say!("{} is in use. With nothing on the skin: taxeld tare, then taxeld watch", answer.model_set);
+    say!("{} is in use. With nothing on the skin: taxeld tare, then taxeld watch", candidate.summary.model_set);
     Ok(())
 }
 

@@ -1,19 +1,17 @@
-//! The calibration as a living screen on a terminal, else as plain lines: one a second, and one at each change.
+//! The calibration as lines: one a second, and one at each change.
 
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
 use taxel_proto::v1::{Session, SessionState};
 
 use crate::client::failure::Outcome;
 use crate::client::json;
 use crate::client::places::Places;
-use crate::client::sessions::{refusals, session_word};
-use crate::client::table::style;
+use crate::client::sessions::{refused, session_word};
 use crate::say::error_line;
 
-/// Plain lines come so often while nothing changes.
+/// Lines come so often while nothing changes.
 const LINE_EVERY: Duration = Duration::from_secs(1);
 /// From this share of the target on it is told which taxels have not moved: before, most of them cannot have.
 const NAMED_FROM: f64 = 0.5;
@@ -28,25 +26,18 @@ const NEAR_LIMIT: f64 = 0.9;
 pub struct Screen {
     /// Where the taxels are.
     pub places: Places,
-    /// On a terminal.
-    living: Option<(MultiProgress, ProgressBar)>,
     json: bool,
     /// What was shown last, and when.
     last: Option<(Instant, Shown)>,
 }
 
-/// What makes a plain line due when it changes: the state, the branch, the advice.
+/// What makes a line due when it changes: the state, the branch, the advice.
 type Shown = (SessionState, bool, String);
 
 impl Screen {
     /// A screen; `json` for a line of JSON a message instead.
     pub fn new(places: Places, json: bool) -> Self {
-        let living = (!json && std::io::stderr().is_terminal()).then(|| {
-            let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
-            let lines = all.add(ProgressBar::new_spinner().with_style(style("{msg}")));
-            (all, lines)
-        });
-        Self { places, living, json, last: None }
+        Self { places, json, last: None }
     }
 
     /// Shows a session as it is now.
@@ -64,49 +55,26 @@ impl Screen {
         }) {
             bell();
         }
-        if let Some((_, lines)) = &self.living {
-            lines.set_message(parts(session, &self.silent(session)).join("\n"));
-        } else if last.is_some_and(|(before, last)| *last == shown && at - *before < LINE_EVERY) {
+        if last.is_some_and(|(before, last)| *last == shown && at - *before < LINE_EVERY) {
             return Ok(());
-        } else {
-            say!("{}", parts(session, &self.silent(session)).join("; "));
         }
+        say!("{}", line(session, &self.silent(session)));
         self.last = Some((at, shown));
         Ok(())
     }
 
-    /// Says that nobody may pump on, and shows no pressure any more: it may be another one.
+    /// Says that nobody may pump on: the pressure may be another one by now.
     pub fn stop(&mut self, why: &str) {
         self.last = None; // what comes next is told anew
-        if let Some((_, lines)) = &self.living {
-            lines.set_message(String::new());
-        }
         self.tell(&format!("stop pumping: {why}"));
         bell();
     }
 
-    /// Says something beside the picture.
+    /// Says something beside the lines of the session.
     pub fn tell(&self, text: &str) {
-        match &self.living {
-            Some((all, _)) => {
-                let _ = all.println(text); // a terminal that has gone is noticed elsewhere
-            }
-            None if self.json => error_line(format_args!("{text}")),
-            None => say!("{text}"),
-        }
-    }
-
-    /// Takes the picture away for good; what is told from now on are plain lines.
-    pub fn end(&mut self) {
-        if let Some((_, lines)) = self.living.take() {
-            lines.finish_and_clear();
-        }
-    }
-
-    /// Takes the picture away for a question.
-    pub fn clear(&self) {
-        if let Some((all, _)) = &self.living {
-            let _ = all.clear();
+        match self.json {
+            true => error_line(format_args!("{text}")),
+            false => say!("{text}"),
         }
     }
 
@@ -126,8 +94,8 @@ pub fn bell() {
     }
 }
 
-/// What is shown: lines of a terminal, else the parts of one line.
-fn parts(session: &Session, silent: &str) -> Vec<String> {
+/// What is shown of a session.
+fn line(session: &Session, silent: &str) -> String {
     let state = session_word(session.state());
     let not = if silent.is_empty() { String::new() } else { format!("; not: {silent}") };
     let taxels = format!("{} of {} taxels respond{not}", session.taxels_responding, session.taxels);
@@ -135,13 +103,13 @@ fn parts(session: &Session, silent: &str) -> Vec<String> {
         SessionState::Ramping => {
             let left = session.remaining_s.map_or_else(String::new, |left| format!(", {left:.0} s left"));
             let coverage = format!("coverage {:.0} %{left}", 100.0 * session.coverage);
-            vec![format!("{state} {}", pressure(session)), coverage, taxels, advice(session)]
+            format!("{state} {}; {coverage}; {taxels}; {}", pressure(session), advice(session))
         }
         SessionState::Review => {
-            let refused = refusals(&session.refused);
-            vec![format!("{state} {} scans entered, refused: {refused}", session.accepted), taxels]
+            let refused = refused(session);
+            format!("{state} {} scans entered, refused: {refused}; {taxels}", session.accepted)
         }
-        _ => vec![format!("{state} {}", advice(session))],
+        _ => format!("{state} {}", advice(session)),
     }
 }
 
@@ -190,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_line_has_pressure_rate_coverage_and_who_does_not_respond() {
+    fn a_line_has_pressure_rate_coverage_and_who_does_not_respond() {
         let session = Session {
             coverage: 0.48,
             remaining_s: Some(17.9),
@@ -199,12 +167,12 @@ mod tests {
             ..ramping(34.2, 2.0)
         };
         assert_eq!(
-            parts(&session, "board 12 module 3 (all 10)").join("; "),
+            line(&session, "board 12 module 3 (all 10)"),
             "RAMPING 34.2 of 70 kPa, +2.00 kPa/s of 5.0; coverage 48 %, 18 s left; \
              220 of 230 taxels respond; not: board 12 module 3 (all 10); go on"
         );
         let no_gauge = Session { pressure_kpa: None, rate_kpa_per_s: None, ..session };
-        let line = parts(&no_gauge, "").join("; ");
+        let line = line(&no_gauge, "");
         assert!(
             line.starts_with("RAMPING - of 70 kPa, - kPa/s of 5.0") && line.ends_with("is the gauge on?"),
             "{line}"
