@@ -6,19 +6,18 @@
 
 import math
 import pathlib
-import random
 import re
 import signal
+import socket
 import subprocess
 import sys
-import threading
 import time
 
 HERE = pathlib.Path(__file__).parent
 sys.path[:0] = [str(HERE.parent / "bridge"), str(HERE.parent / "e2e")]
 from foreign import Client, enum_name  # noqa: E402
 from stage import Stage, free_port, until  # noqa: E402
-from yarp import Yarp, messages  # noqa: E402
+from yarp import Robot, Yarp, messages  # noqa: E402
 
 BRIDGE = """
 robot = "icub01"
@@ -49,6 +48,12 @@ period_ms = 60
 port = "/icub/skin/left_forearm"
 boards = [{{ address = 13, modules = "0-15" }}, {{ address = 12, modules = "0, 1, 3, 6, 8, 9, 12, 13" }}]
 gauge = {{ port = "/bag/pressure:o", index = 1, unit = "kPa" }}
+[[patch]]
+name = "one_triangle"
+bus = "robot"
+period_ms = 60
+port = "/icub/skin/left_forearm"
+boards = [{{ address = 13, modules = "" }}, {{ address = 12, modules = "14" }}]
 """
 
 
@@ -86,7 +91,8 @@ class Out:
         self.contacts()
         self.pressures()
         self.hung_and_removed()
-        self.name_server_restarts(ports)
+        self.strangers()
+        self.name_server_restarts(ports, bridge)
         self.names_that_are_taken(ports)
         bridge.send_signal(signal.SIGTERM)
         bridge.wait(30)
@@ -170,10 +176,21 @@ class Out:
         for reader in (hung, other):
             self.stage.end(reader)
 
-    def name_server_restarts(self, ports):
+    def strangers(self):
+        """More connections than a port takes, of programs that say nothing, shut out others for five seconds."""
+        port = "/taxeld/left_forearm/force:o"
+        host, number = re.search(r"ip (\S+) port (\d+)", self.yarp.run("name", "query", port)).groups()
+        silent = [socket.create_connection((host, int(number))) for _ in range(40)]
+        until("a ping is answered", lambda: f"This is {port}" in self.yarp.run("ping", port))
+        for connection in silent:
+            connection.close()
+
+    def name_server_restarts(self, ports, bridge):
         self.stage.end(self.yarp.server)
+        until("it is said once", lambda: bridge.log.read_text().count("not registered any more") == len(ports))
         self.yarp.serve()
         until("the ports are registered anew", lambda: ports <= self.yarp.names())
+        until("that is said, too", lambda: bridge.log.read_text().count("registered again") == len(ports))
 
     def names_that_are_taken(self, ports):
         second = self.stage.start("second", self.bridge_program, "run", "--config", self.config)
@@ -192,48 +209,15 @@ class Out:
         reader = self.yarp.stage.start("read", self.yarp.programs / "yarp", "read", "/test/again")
         until("it has the names", lambda: "Success" in subprocess.run(
             [self.yarp.programs / "yarp", "connect", "/taxeld/left_forearm/force:o", "/test/again"], capture_output=True, text=True).stdout)
-        until("it is read", lambda: messages(reader))
+        pressures = self.yarp.read("/test/kpa", "/taxeld/left_forearm/pressure:o")
+        until("it is read", lambda: messages(reader) and messages(pressures))
         self.stage.end(self.demo)
         count = len(messages(reader))
         lost = until("the daemon's end is told", lambda: [line for line in messages(reader)[count:] if line.startswith("() () STALE")])
+        until("no pressure is left", lambda: set(messages(pressures)[-1].split()) == {"nan"})
         print(f"without the daemon: {lost[-1]}")
-        for process in (again, reader):
+        for process in (again, reader, pressures):
             self.stage.end(process)
-
-
-class Robot:
-    """A robot's software: what its boards scan every 60 ms, on a port every 20 ms."""
-
-    def __init__(self, yarp):
-        self.yarp, self.frozen, self.values, self.odd = yarp, set(), [240] * 384, None
-        self.alive = threading.Event()
-        self.start()
-
-    def start(self):
-        self.skin, self.bag = self.yarp.write("/icub/skin/left_forearm"), self.yarp.write("/bag/pressure:o")
-        self.alive.set()
-        self.thread = threading.Thread(target=self.play, daemon=True)
-        self.thread.start()
-
-    def end(self):
-        self.alive.clear()
-        self.thread.join()
-        for process in (self.skin, self.bag):
-            process.stdin.close()
-            process.wait(30)
-
-    def play(self):
-        noise, due, number = random.Random(1), time.monotonic(), 0
-        while self.alive.is_set():
-            if number % 3 == 0:
-                for triangle in set(range(32)) - self.frozen:
-                    for k in range(12):
-                        self.values[12 * triangle + k] = 240 - noise.randrange(3)
-            line = self.odd or " ".join(f"{count}.0" for count in self.values)
-            self.skin.stdin.write(line + "\n")
-            self.bag.stdin.write(f"7 {noise.gauss(0.1, 0.01):.4f}\n")
-            number, due = number + 1, due + 0.02
-            time.sleep(max(0.0, due - time.monotonic()))
 
 
 class In:
@@ -246,13 +230,13 @@ class In:
         stage.start("taxeld", taxeld, "run", "--config", config)
         self.daemon = Client(f"127.0.0.1:{self.grpc}")
 
-    def bus(self):
-        return self.daemon.call("SkinService/GetHealth").buses[0]
+    def bus(self, number=0):
+        return self.daemon.call("SkinService/GetHealth").buses[number]
 
-    def told(self, words):
-        until(f"health says: {words}", lambda: words in self.bus().problem)
-        assert not self.bus().up
-        print(f"health: {self.bus().problem}")
+    def told(self, words, number=0):
+        until(f"health says: {words}", lambda: words in self.bus(number).problem)
+        assert not self.bus(number).up
+        print(f"health: {self.bus(number).problem}")
 
     def taxels(self):
         return next(self.daemon.stream("SkinService/StreamTaxels", patch="left_forearm")).taxels
@@ -262,11 +246,15 @@ class In:
 
     def play(self):
         self.told("knows no port /icub/skin/left_forearm")
-        robot = Robot(self.yarp)
+        self.told("knows no port /bag/pressure:o", 1)
+        robot = Robot(self.yarp, bag="7 {:.4f}")
         self.fresh(240)
         assert self.bus().up and all(238 <= taxel.count <= 240 for taxel in self.taxels())
         tare = lambda: self.daemon.outcome("SkinService/Tare", patch="left_forearm", confirmed_by="test")
         until("the zero holds", lambda: tare()[0] == "OK")
+        other = lambda: self.daemon.outcome("SkinService/Tare", patch="one_triangle", confirmed_by="test")
+        until("a patch on the second board alone has a zero, too", lambda: other()[0] == "OK")
+        assert {taxel.board for taxel in self.daemon.call("SkinService/GetSkin", patch="one_triangle").taxels} == {1}
         gauge = self.daemon.call("SkinService/GetHealth").patches[0].gauge_kpa
         assert 0 < gauge < 0.3, gauge
         for frozen, fresh in ((1, 230), (16, 80), (32, 0)):  # a triangle, a board, the robot: fresh stamps all the time
@@ -281,6 +269,7 @@ class In:
         for odd, words in (("1 2 3", "it sends 3 values, expected 384"), ("240.0 x", 'value 1 is "x"')):
             robot.odd = odd
             self.told(words)
+            assert self.bus(1).up, "the gauge is heard meanwhile"
         robot.odd = None
         self.fresh(240)
         robot.end()

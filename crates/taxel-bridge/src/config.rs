@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use serde::Deserialize;
-use taxel_yarp::{NameServer, PortError};
+use taxel_yarp::NameServer;
 
 use crate::ros::keys;
 use crate::yarp::parts::{self, Part};
@@ -115,14 +115,6 @@ impl Default for YarpSection {
 }
 
 impl YarpSection {
-    /// Where names are.
-    ///
-    /// # Errors
-    /// If neither the section nor YARP's files say it.
-    pub fn name_server(&self) -> Result<NameServer, PortError> {
-        self.server.as_deref().map_or_else(NameServer::of_files, NameServer::at)
-    }
-
     /// The name of the port of contacts.
     pub fn skin_events(&self) -> String {
         self.skin_events.clone().unwrap_or_else(|| format!("{}/skin_events:o", self.prefix))
@@ -130,13 +122,10 @@ impl YarpSection {
 
     fn check(&self, patches: &[PatchSection]) -> anyhow::Result<()> {
         if let Some(server) = &self.server {
-            NameServer::at(server).context("yarp")?;
+            NameServer::of(Some(server)).context("yarp")?;
         }
-        ensure!(
-            is_port(&self.skin_events()),
-            "yarp: {:?}: expected a name as in /taxeld/skin_events:o",
-            self.skin_events()
-        );
+        let mut names = vec![self.skin_events()];
+        ensure!(is_port(&names[0]), "yarp: {:?}: expected a name as in /taxeld/skin_events:o", names[0]);
         let rate = self.pressure_hz;
         ensure!(rate == 0.0 || (1.0..=1000.0).contains(&rate), "yarp.pressure_hz = {rate}: expected 0, or 1 to 1000");
         for patch in patches {
@@ -147,6 +136,8 @@ impl YarpSection {
             );
             for port in patch.ports(self) {
                 ensure!(is_port(&port), "patch {name:?}: port {port:?}: expected a name as in /taxeld/{name}/force:o");
+                ensure!(!names.contains(&port), "patch {name:?}: port {port:?} is there twice: expected one name each");
+                names.push(port);
             }
         }
         Ok(())
@@ -179,8 +170,7 @@ pub struct PatchSection {
     #[serde(default)]
     pub taxels_hz: f64,
     /// Its ports of YARP.
-    #[serde(default)]
-    pub yarp: PatchPorts,
+    pub yarp: Option<PatchPorts>,
 }
 
 impl PatchSection {
@@ -191,15 +181,14 @@ impl PatchSection {
 
     /// Its numbers in the events.
     pub fn part(&self) -> Option<Part> {
-        self.yarp.part.or_else(|| parts::named(&self.name))
+        self.yarp.as_ref().and_then(|ports| ports.part).or_else(|| parts::named(&self.name))
     }
 
     /// The names of its ports: of the force, of the pressures.
     pub fn ports(&self, yarp: &YarpSection) -> [String; 2] {
-        let name = |set: &Option<String>, last: &str| {
-            set.clone().unwrap_or_else(|| format!("{}/{}/{last}", yarp.prefix, self.name))
-        };
-        [name(&self.yarp.force, "force:o"), name(&self.yarp.pressure, "pressure:o")]
+        let PatchPorts { force, pressure, .. } = self.yarp.clone().unwrap_or_default();
+        let name = |set: Option<String>, last| set.unwrap_or_else(|| format!("{}/{}/{last}", yarp.prefix, self.name));
+        [name(force, "force:o"), name(pressure, "pressure:o")]
     }
 }
 
@@ -238,8 +227,12 @@ impl Config {
             let rate = fleet.rate_hz;
             ensure!((1.0..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 1 to 1000");
         }
-        if let Some(yarp) = &self.yarp {
-            yarp.check(&self.patches)?;
+        match &self.yarp {
+            Some(yarp) => yarp.check(&self.patches)?,
+            None => ensure!(
+                self.patches.iter().all(|patch| patch.yarp.is_none()),
+                "yarp of a patch: it names ports of YARP, and there is no section [yarp]"
+            ),
         }
         ensure!(!self.patches.is_empty(), "no [[patch]]: there is nothing to do");
         self.patches.iter().try_for_each(PatchSection::check)
@@ -336,6 +329,12 @@ mod tests {
             (format!("{LEAST}taxels_hz = 2000.0"), "taxels_hz"),
             (format!("{LEAST}frame = \"/arm\""), "frame"),
             (LEAST.replace("left_forearm", "a*"), "patch"),
+            (format!("{LEAST}yarp = {{}}"), "there is no section [yarp]"),
+            (
+                format!("[yarp]\n{LEAST}yarp = {{ force = \"/a\", pressure = \"/a\" }}")
+                    .replace("[yarp]\nrobot = \"icub\"", "robot = \"icub\"\n[yarp]"),
+                "\"/a\" is there twice",
+            ),
         ];
         for (text, place) in cases {
             let error = format!("{:#}", Config::parse(&text).unwrap_err());

@@ -8,7 +8,7 @@ use taxel_bridge::fleet::watch::{self, FleetArgs};
 use taxel_bridge::run;
 use tracing_subscriber::EnvFilter;
 
-/// The force of robot skin, from a running taxeld to ROS 2 (rmw_zenoh) and to fleets.
+/// The force of robot skin, from a running taxeld to ROS 2 (rmw_zenoh), to fleets, and to ports of YARP.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {

@@ -26,6 +26,9 @@ pub enum DumpFault {
     /// In this folder there is no recording of this port, but of those.
     #[error("{}: no recording of port {}: there are recordings of {}", .0.display(), .1, .2.join(", "))]
     NoPort(PathBuf, String, Vec<String>),
+    /// Two folders have recordings of this port.
+    #[error("port {} was recorded twice, in {} and {}: give only one of them", .0, .1.display(), .2.display())]
+    Twice(String, PathBuf, PathBuf),
     /// This line of this file, from 1, makes no sense.
     #[error("{}, line {}: {}", .0.display(), .1, .2)]
     Line(PathBuf, usize, String),
@@ -46,22 +49,24 @@ pub fn is_dump(folder: &Path) -> bool {
     dumps(folder, 0).is_ok_and(|dumps| !dumps.is_empty())
 }
 
-/// The log of the ports, as the boards and the gauge would have sent it.
+/// The log of a port, as the boards or the gauge would have sent it.
 ///
 /// # Errors
 /// [`DumpFault`].
-pub fn candump_of(folder: &Path, ports: Vec<(String, Content)>) -> Result<String, DumpFault> {
+pub fn candump_of(folder: &Path, port: &str, mut content: Content) -> Result<String, DumpFault> {
     let dumps = dumps(folder, 0)?;
+    let of_port: Vec<&Dump> = match &dumps[..] {
+        [only] if only.ports.is_empty() => vec![only],
+        all => all.iter().filter(|dump| dump.ports.iter().any(|recorded| recorded == port)).collect(),
+    };
     let mut frames = Vec::new();
-    for (port, mut content) in ports {
-        let dump = match dumps.as_slice() {
-            [only] if only.ports.is_empty() => only,
-            _ => dumps.iter().find(|dump| dump.ports.contains(&port)).ok_or_else(|| {
-                let found = dumps.iter().flat_map(|dump| dump.ports.clone()).collect();
-                DumpFault::NoPort(folder.to_owned(), port.clone(), found)
-            })?,
-        };
-        read(dump, &mut content, &mut frames)?;
+    match of_port[..] {
+        [dump] => read(dump, &mut content, &mut frames)?,
+        [a, b, ..] => return Err(DumpFault::Twice(port.to_owned(), a.folder.clone(), b.folder.clone())),
+        [] => {
+            let found = dumps.iter().flat_map(|dump| dump.ports.clone()).collect();
+            return Err(DumpFault::NoPort(folder.to_owned(), port.to_owned(), found));
+        }
     }
     frames.sort_by_key(|frame| frame.time);
     let mut log = String::with_capacity(frames.len() * 48);
@@ -110,9 +115,11 @@ fn dumps(folder: &Path, depth: usize) -> Result<Vec<Dump>, DumpFault> {
         let times = 1 + usize::from(info.contains("tx+rx"));
         return Ok(vec![Dump { folder: folder.to_owned(), ports: ports.map(str::to_owned).collect(), times }]);
     }
+    let entries: io::Result<Vec<_>> = fs::read_dir(folder).and_then(Iterator::collect);
+    let mut paths: Vec<_> = entries.map_err(fault)?.into_iter().map(|entry| entry.path()).collect();
+    paths.sort();
     let mut found = Vec::new();
-    for entry in fs::read_dir(folder).map_err(fault)? {
-        let path = entry.map_err(fault)?.path();
+    for path in paths {
         if path.is_dir() && depth < DEPTH_MAX {
             found.extend(dumps(&path, depth + 1)?);
         }
@@ -123,12 +130,11 @@ fn dumps(folder: &Path, depth: usize) -> Result<Vec<Dump>, DumpFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gauge::GaugeRow;
     use crate::rows::Rows;
-    use taxel_skin::{BoardAddress, Module};
+    use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
     #[test]
-    fn two_recordings_become_one_log() {
+    fn a_recorded_port_becomes_the_log_of_its_frames() {
         let folder = tempfile::tempdir().unwrap();
         let put = |name: &str, info: &str, data: &str| {
             let inner = folder.path().join(name);
@@ -140,20 +146,26 @@ mod tests {
         let rest = "240.0 ".repeat(180);
         let skin =
             format!("0 10.00 {0} {rest}\n1 10.05 {1} {rest}\n", vector(240), vector(239).replace(" 1.0", " 2.0"));
-        put("skin", "Type: Bottle;\n[9.9] /icub/skin/left_hand [connected]\nStamp: tx;\n", &skin);
+        let info = "Type: Bottle;\n[9.9] /icub/skin/left_hand [connected]\nStamp: tx;\n";
+        put("skin", info, &skin);
         put("bag", "[9.9] /bag/pressure:o [connected]\nStamp: tx+rx;\n", "0 9.0 10.02 -1.5\n1 9.1 10.06 -1.6\n");
-        let board = BoardAddress::new(14).unwrap();
-        let rows = || Content::Skin(Rows::new(&[board], &[(board, Module::from_nibble(0))]));
-        let gauge = || Content::Gauge(GaugeRow { id: crate::gauge::gauge_signal_id(0), index: 0 });
-        let ports = vec![("/icub/skin/left_hand".to_owned(), rows()), ("/bag/pressure:o".to_owned(), gauge())];
-        let log = candump_of(folder.path(), ports).unwrap();
-        let lines: Vec<_> = log.lines().map(|line| line.split('#').next().unwrap()).collect();
-        let expected = ["(10.020000) yarp 001", "(10.050000) yarp 4E0", "(10.050000) yarp 4E0", "(10.060000) yarp 001"];
-        assert_eq!(lines, expected);
+        let modules = vec![(Module::from_nibble(0), ModuleKind::Triangle)];
+        let board = Board { bus: BusIndex(0), address: BoardAddress::new(14).unwrap(), modules };
+        let rows = || Content::Skin(Rows::new(&Patch::new("hand", vec![board.clone()]).unwrap()));
+        let log = |port, content| candump_of(folder.path(), port, content).map_err(|fault| fault.to_string());
+        let lines =
+            |log: String| log.lines().map(|line| line.split('#').next().unwrap().to_owned()).collect::<Vec<_>>();
+        assert_eq!(lines(log("/icub/skin/left_hand", rows()).unwrap()), ["(10.050000) yarp 4E0"; 2]);
+        let bag = lines(log("/bag/pressure:o", Content::Gauge(vec![0])).unwrap());
+        assert_eq!(bag, ["(10.020000) yarp 001", "(10.060000) yarp 001"]);
         assert!(is_dump(folder.path()));
-        let refused = candump_of(folder.path(), vec![("/other".to_owned(), gauge())]).unwrap_err().to_string();
+        let refused = log("/other", rows()).unwrap_err();
         assert!(refused.contains("/icub/skin/left_hand") && refused.contains("/bag/pressure:o"), "{refused}");
-        let refused = candump_of(folder.path(), vec![("/bag/pressure:o".to_owned(), rows())]).unwrap_err().to_string();
+        let refused = log("/bag/pressure:o", rows()).unwrap_err();
         assert!(refused.contains("data.log, line 1: value 0 is"), "{refused}");
+        put("again", info, &skin);
+        let refused = log("/icub/skin/left_hand", rows()).unwrap_err();
+        let folders = (folder.path().join("again"), folder.path().join("skin"));
+        assert!(refused.contains(&format!("in {} and {}", folders.0.display(), folders.1.display())), "{refused}");
     }
 }

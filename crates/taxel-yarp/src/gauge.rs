@@ -1,44 +1,35 @@
-//! A pressure on a port as a gauge that sends frames.
+//! Pressures on a port as gauges that send frames.
 
 use taxel_skin::Time;
 use taxel_wire::{CanId, Frame, TimedFrame};
 
 /// A step of the whole number in a gauge's frame, in the unit of the port: below what any gauge can tell.
 pub const GAUGE_STEP: f64 = 1e-6;
+/// Of the places in a port's vector, the last that has an identifier.
+pub const GAUGE_INDEX_MAX: usize = 0x7FE;
 
-/// The identifier of the frames of one of several gauges, on a bus where no board uses it. They hold a signed whole number of
-/// 64 bits, little endian.
+/// The identifier of the frames of the value at this place, from 0. They hold a signed whole number of 64 bits, little endian.
 #[must_use]
-pub const fn gauge_signal_id(number: usize) -> CanId {
-    CanId::Standard((number as u16 & 0x7F) + 1)
+pub fn gauge_signal_id(index: usize) -> CanId {
+    CanId::Standard(index.min(GAUGE_INDEX_MAX) as u16 + 1)
 }
 
-/// Which value of a port's vector is the pressure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GaugeRow {
-    /// The identifier of its frames.
-    pub id: CanId,
-    /// Its place, from 0.
-    pub index: usize,
-}
-
-impl GaugeRow {
-    /// The frame of a message that was received at `time`.
-    ///
-    /// # Errors
-    /// What it has at that place, if that is no number.
-    pub fn take(self, time: Time, line: &[u8]) -> Result<TimedFrame, String> {
-        let mut tokens = line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty());
-        let token = tokens.nth(self.index).map(|token| String::from_utf8_lossy(&token[..token.len().min(20)]));
-        let number = token.as_ref().and_then(|token| token.parse::<f64>().ok()).filter(|number| number.is_finite());
-        match number {
-            Some(number) => {
-                let steps = (number / GAUGE_STEP).round() as i64; // saturates; the engine knows what no pressure can be
-                Ok(TimedFrame { time, frame: Frame::of(self.id, steps.to_le_bytes()) })
-            }
-            None => Err(format!("value {} is \"{}\", expected a pressure", self.index, token.unwrap_or_default())),
-        }
+/// Appends the frames of a message that was received at `time`: of the values at these places.
+///
+/// # Errors
+/// What it has at one of them, if that is no number.
+pub(crate) fn take(indices: &[usize], time: Time, line: &[u8], frames: &mut Vec<TimedFrame>) -> Result<(), String> {
+    let tokens: Vec<_> = line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty()).collect();
+    for &index in indices {
+        let token = String::from_utf8_lossy(tokens.get(index).copied().unwrap_or_default());
+        let number = token.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or_else(|| {
+            let shown: String = token.chars().take(20).collect();
+            format!("value {index} is \"{shown}\", expected a pressure")
+        })?;
+        let steps = (number / GAUGE_STEP).round() as i64; // saturates; the engine knows what no pressure can be
+        frames.push(TimedFrame { time, frame: Frame::of(gauge_signal_id(index), steps.to_le_bytes()) });
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -47,15 +38,15 @@ mod tests {
 
     #[test]
     fn the_value_at_its_place_is_the_pressure() {
-        let at = |index| GaugeRow { id: gauge_signal_id(0), index };
-        let row = at(1);
-        let frame = row.take(Time::from_nanos(7), b"3 -12.5 nan").unwrap();
-        assert_eq!(
-            (frame.time, frame.frame.bytes()),
-            (Time::from_nanos(7), (-12_500_000_i64).to_le_bytes().as_slice())
-        );
-        let refuse = |index, line: &[u8]| at(index).take(Time::default(), line).unwrap_err();
-        assert_eq!(refuse(2, b"3 -12.5 nan"), "value 2 is \"nan\", expected a pressure");
-        assert_eq!(refuse(5, b"3"), "value 5 is \"\", expected a pressure");
+        let at = |indices: &[usize], line: &[u8]| {
+            let mut frames = Vec::new();
+            take(indices, Time::from_nanos(7), line, &mut frames).map(|()| frames)
+        };
+        let frames = at(&[1, 0], b"3 -12.5 nan").unwrap();
+        let read: Vec<_> = frames.iter().map(|f| (f.time, f.frame.id.to_string(), f.frame.bytes().to_vec())).collect();
+        let frame = |id: &str, steps: i64| (Time::from_nanos(7), id.to_owned(), steps.to_le_bytes().to_vec());
+        assert_eq!(read, [frame("002", -12_500_000), frame("001", 3_000_000)]);
+        assert_eq!(at(&[2], b"3 -12.5 nan").unwrap_err(), "value 2 is \"nan\", expected a pressure");
+        assert_eq!(at(&[5], b"3").unwrap_err(), "value 5 is \"\", expected a pressure");
     }
 }

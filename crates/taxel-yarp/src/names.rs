@@ -4,20 +4,42 @@ use std::fmt;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use tokio::io::{AsyncWriteExt, BufReader};
-use tokio::net::TcpStream;
-use tokio::time::timeout;
+use thiserror::Error;
 
-use crate::errors::PortError;
-use crate::lines::{read_line, text};
+use crate::connection::{ANSWER_WITHIN, Connection, invalid, within};
 
-/// A name server or a port in the same network answers sooner.
-pub(crate) const ANSWER_WITHIN: Duration = Duration::from_secs(3);
 /// Ports that a name server may list; a robot has a few hundred.
 const PORTS_MAX: usize = 20_000;
 const END: &str = "*** end of message";
+
+/// Why a port cannot be read, not be found, or not be opened.
+#[derive(Debug, Error)]
+pub enum PortError {
+    /// This file of YARP, which would say where the name server is, cannot be read.
+    #[error(
+        "no name server is known: {0} cannot be read ({1}); run `yarp conf ADDRESS PORT`, or write server = \"ADDRESS:PORT\""
+    )]
+    NoConfiguration(String, io::Error),
+    /// What stands here, the second, is no address of a name server.
+    #[error("{0}: \"{1}\" is no address of a name server, expected ADDRESS:PORT as in 10.0.0.2:10000")]
+    Address(String, String),
+    /// The name server of this address does not answer, or nothing that makes sense.
+    #[error("no name server at {0}: {1}")]
+    NoNameServer(String, io::Error),
+    /// The name server of this address does not know the port.
+    #[error("the name server at {0} knows no port {1}: is the robot's software running?")]
+    Unknown(String, String),
+    /// The port is registered at this address and cannot be reached.
+    #[error("port {0} is registered at {1} and does not answer there: {2}")]
+    Unreachable(String, String, io::Error),
+    /// The port ended, or sends nothing, or no text of YARP.
+    #[error("port {0}: {1}")]
+    Lost(String, io::Error),
+    /// Another process answers under this name, at this address.
+    #[error("the name {0} is another program's, at {1}: end that, or choose another name")]
+    Taken(String, String),
+}
 
 /// Where a name server is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,15 +50,12 @@ pub struct NameServer {
 
 /// Where a port is.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Contact {
-    /// Its name.
+pub(crate) struct Contact {
     pub name: String,
     /// The machine, as the name server has it.
     pub host: String,
     /// The TCP port.
     pub port: u16,
-    /// `tcp`, or what else it was registered with.
-    pub carrier: String,
 }
 
 impl fmt::Display for NameServer {
@@ -52,23 +71,15 @@ impl fmt::Display for Contact {
 }
 
 impl NameServer {
-    /// Of `ADDRESS:PORT`.
-    ///
-    /// # Errors
-    /// [`PortError::Address`].
-    pub fn at(address: &str) -> Result<Self, PortError> {
-        let split = address.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse().ok()?)));
-        match split {
-            Some((host, port)) if !host.is_empty() && port != 0 => Ok(Self { host: host.to_owned(), port }),
-            _ => Err(PortError::Address("server".to_owned(), address.to_owned())),
-        }
-    }
-
-    /// As YARP's own programs find it: `yarp conf` wrote a file for each namespace.
+    /// Of `ADDRESS:PORT`; without one as YARP's own programs find it: `yarp conf` wrote a file for each namespace.
     ///
     /// # Errors
     /// [`PortError::NoConfiguration`], [`PortError::Address`].
-    pub fn of_files() -> Result<Self, PortError> {
+    pub fn of(address: Option<&str>) -> Result<Self, PortError> {
+        if let Some(address) = address {
+            let split = address.rsplit_once(':');
+            return Self::at(split).ok_or_else(|| PortError::Address("server".to_owned(), address.to_owned()));
+        }
         let folder = configuration_folder(|name| std::env::var_os(name).map(PathBuf::from));
         let namespace = std::fs::read_to_string(folder.join("yarp_namespace.conf")).unwrap_or_default();
         let file = folder.join(file_of(namespace.split_whitespace().next().unwrap_or("/root")));
@@ -80,42 +91,43 @@ impl NameServer {
     /// `10.0.0.2 10000 yarp`
     fn of_content(file: &Path, content: &str) -> Result<Self, PortError> {
         let mut words = content.split_whitespace();
-        let address = (words.next(), words.next().and_then(|port| port.parse().ok()));
-        match address {
-            (Some(host), Some(port)) => Ok(Self { host: host.to_owned(), port }),
-            _ => Err(PortError::Address(file.display().to_string(), content.chars().take(80).collect())),
-        }
+        let odd = || PortError::Address(file.display().to_string(), content.chars().take(80).collect());
+        Self::at(words.next().zip(words.next())).ok_or_else(odd)
+    }
+
+    fn at(address: Option<(&str, &str)>) -> Option<Self> {
+        let (host, port) = address.filter(|(host, _)| !host.is_empty())?;
+        Some(Self { host: host.to_owned(), port: port.parse().ok().filter(|port| *port != 0)? })
     }
 
     /// Where a port is.
     ///
     /// # Errors
     /// [`PortError::Unknown`], or what is wrong with the name server.
-    pub async fn query(&self, port: &str) -> Result<Contact, PortError> {
+    pub(crate) async fn query(&self, port: &str) -> Result<Contact, PortError> {
         let lines = self.ask(&format!("query {port}")).await?;
         let contact = lines.iter().find_map(|line| contact(line)).filter(|contact| contact.name == port);
         contact.ok_or_else(|| PortError::Unknown(self.to_string(), port.to_owned()))
     }
 
-    /// All ports that are registered.
+    /// The names of all ports that are registered.
     ///
     /// # Errors
     /// What is wrong with the name server.
-    pub async fn list(&self) -> Result<Vec<Contact>, PortError> {
+    pub async fn list(&self) -> Result<Vec<String>, PortError> {
         let lines = self.ask("list").await?;
-        Ok(lines.iter().filter_map(|line| contact(line)).collect())
+        Ok(lines.iter().filter_map(|line| contact(line)).map(|contact| contact.name).collect())
     }
 
-    /// Registers a port of this machine, under the address at which the name server sees it.
+    /// Registers a port of this machine. Its carrier is text: what programs of YARP send to it is text then, too.
     ///
     /// # Errors
     /// What is wrong with the name server.
-    pub async fn register(&self, port: &str, at: SocketAddr) -> Result<(), PortError> {
-        let lines = self.ask(&format!("register {port} tcp {} {}", at.ip(), at.port())).await?;
-        let registered = lines.iter().find_map(|line| contact(line));
-        match registered {
+    pub(crate) async fn register(&self, port: &str, at: SocketAddr) -> Result<(), PortError> {
+        let lines = self.ask(&format!("register {port} text_ack {} {}", at.ip(), at.port())).await?;
+        match lines.iter().find_map(|line| contact(line)) {
             Some(contact) if contact.name == port && contact.port == at.port() => Ok(()),
-            _ => Err(self.odd(&lines)),
+            _ => Err(self.lacking(invalid(format!("it does not register {port}: {lines:.3?}")))),
         }
     }
 
@@ -131,64 +143,40 @@ impl NameServer {
     ///
     /// # Errors
     /// [`PortError::NoNameServer`].
-    pub async fn own_address(&self) -> Result<IpAddr, PortError> {
-        let address = async { self.connect().await?.local_addr() }.await;
+    pub(crate) async fn own_address(&self) -> Result<IpAddr, PortError> {
+        let address = async { Connection::open(&self.host, self.port).await?.into_stream().local_addr() }.await;
         address.map(|address| address.ip()).map_err(|error| self.lacking(error))
-    }
-
-    async fn connect(&self) -> io::Result<TcpStream> {
-        connect(&self.host, self.port).await
     }
 
     /// Asks, and gives the lines of the answer.
     async fn ask(&self, question: &str) -> Result<Vec<String>, PortError> {
         let answer = async {
-            let mut stream = BufReader::new(self.connect().await?);
-            stream.write_all(format!("CONNECT taxeld\nd\n{question}\n").as_bytes()).await?;
-            let (mut lines, mut line) = (Vec::new(), Vec::new());
-            while read_line(&mut stream, &mut line).await? && lines.len() < PORTS_MAX {
-                let read = text(&line);
-                line.clear();
-                if read == END {
-                    return Ok(lines);
+            let mut connection = Connection::open(&self.host, self.port).await?;
+            connection.write(&format!("CONNECT taxeld\nd\n{question}\n")).await?;
+            let mut lines = Vec::new();
+            while lines.len() < PORTS_MAX {
+                match connection.text().await? {
+                    end if end == END => return Ok(lines),
+                    line => lines.push(line),
                 }
-                lines.push(read);
             }
-            lines.truncate(3);
-            Err(io::Error::new(io::ErrorKind::InvalidData, format!("its answer does not end: {lines:?}")))
+            Err(invalid("its answer does not end"))
         };
-        let answer = timeout(ANSWER_WITHIN, answer).await.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into()));
-        answer.map_err(|error| self.lacking(error))
+        within(ANSWER_WITHIN, answer).await.map_err(|error| self.lacking(error))
     }
 
     fn lacking(&self, error: io::Error) -> PortError {
         PortError::NoNameServer(self.to_string(), error)
     }
-
-    fn odd(&self, lines: &[String]) -> PortError {
-        let answer = lines.iter().find(|line| !line.starts_with("Welcome")).cloned().unwrap_or_default();
-        PortError::Answer(self.to_string(), answer.chars().take(120).collect())
-    }
-}
-
-/// Connects within [`ANSWER_WITHIN`]; small messages go at once.
-pub(crate) async fn connect(host: &str, port: u16) -> io::Result<TcpStream> {
-    let connected = timeout(ANSWER_WITHIN, TcpStream::connect((host, port))).await;
-    let stream = connected.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into()))?;
-    stream.set_nodelay(true)?;
-    Ok(stream)
 }
 
 /// Of `registration name /x ip 10.0.0.2 port 10042 type tcp`.
 fn contact(line: &str) -> Option<Contact> {
     let words: Vec<_> = line.split_whitespace().collect();
     let of = |key: &str| words.iter().position(|word| *word == key).and_then(|at| words.get(at + 1));
-    if words.first() != Some(&"registration") {
-        return None;
-    }
     let port = of("port")?.parse().ok()?;
-    let carrier = of("type").map_or_else(String::new, ToString::to_string);
-    Some(Contact { name: of("name")?.to_string(), host: of("ip")?.to_string(), port, carrier })
+    Some(Contact { name: of("name")?.to_string(), host: of("ip")?.to_string(), port })
+        .filter(|_| words.first() == Some(&"registration"))
 }
 
 fn configuration_folder(variable: impl Fn(&str) -> Option<PathBuf>) -> PathBuf {
@@ -214,9 +202,9 @@ mod tests {
         let found = contact(answer).unwrap();
         assert_eq!((found.name.as_str(), found.to_string().as_str()), ("/icub/skin/left_forearm", "10.0.0.2:10042"));
         assert_eq!(contact("registration name /x ip none port none type none"), None);
-        assert_eq!(NameServer::at("10.0.0.2:10000").unwrap().to_string(), "10.0.0.2:10000");
+        assert_eq!(NameServer::of(Some("10.0.0.2:10000")).unwrap().to_string(), "10.0.0.2:10000");
         for wrong in ["10.0.0.2", ":10000", "host:0", "host:70000", ""] {
-            assert!(NameServer::at(wrong).unwrap_err().to_string().contains("expected ADDRESS:PORT"), "{wrong}");
+            assert!(NameServer::of(Some(wrong)).unwrap_err().to_string().contains("expected ADDRESS:PORT"), "{wrong}");
         }
         let file = Path::new("yarp.conf");
         assert_eq!(NameServer::of_content(file, "10.0.0.2 10000 yarp\n").unwrap().to_string(), "10.0.0.2:10000");

@@ -10,21 +10,23 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use tokio::io::{AsyncWriteExt, BufReader};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
-use tokio::time::{interval, timeout};
+use tokio::time::interval;
 
-use crate::binary;
-use crate::errors::PortError;
-use crate::lines::{read_line, text};
-use crate::names::{NameServer, connect};
-use crate::session::{Wish, answer_to, of_admin, of_word};
+use crate::commands::Command;
+use crate::connection::{Connection, invalid, within};
+use crate::names::{NameServer, PortError};
 use crate::value::Value;
 
 /// Connections to a port at once; YARP's programs open one for a moment.
 const CONNECTIONS_MAX: usize = 32;
+/// Who connects says at once who it is: others would take the place of readers.
+const GREETING_WITHIN: Duration = Duration::from_secs(5);
+/// Programs that send commands send the next one soon, or connect again.
+const COMMAND_WITHIN: Duration = Duration::from_secs(60);
 /// A reader that takes nothing for so long is let go.
 const WRITE_WITHIN: Duration = Duration::from_secs(10);
 /// A name server that was started anew knows the port again after so long.
@@ -82,7 +84,7 @@ async fn take_name(server: &NameServer, name: &str, own: Option<SocketAddr>) -> 
         Err(PortError::Unknown(..)) => Ok(()),
         Err(error) => Err(error),
         Ok(contact) if own.is_some_and(|own| own.port() == contact.port) => Ok(()),
-        Ok(contact) => match connect(&contact.host, contact.port).await {
+        Ok(contact) => match Connection::open(&contact.host, contact.port).await {
             Ok(_) => Err(PortError::Taken(name.to_owned(), contact.to_string())),
             Err(_) => Ok(()),
         },
@@ -101,17 +103,22 @@ struct Port {
 }
 
 impl Port {
+    /// Keeps the name, and says once when it is lost, and why.
     async fn stay_registered(self: Arc<Self>) {
-        let mut every = interval(REGISTER_EVERY);
+        let (mut every, mut told) = (interval(REGISTER_EVERY), String::new());
         loop {
             every.tick().await;
             let registered = async {
                 take_name(&self.server, &self.name, Some(self.at)).await?;
                 self.server.register(&self.name, self.at).await
             };
-            if let Err(error) = registered.await {
-                tracing::debug!(port = self.name, %error, "not registered");
+            let lost = registered.await.map_or_else(|error| error.to_string(), |()| String::new());
+            match lost.as_str() {
+                same if same == told => {}
+                "" => tracing::info!(port = self.name, "registered again"),
+                why => tracing::warn!(port = self.name, "not registered any more: {why}"),
             }
+            told = lost;
         }
     }
 
@@ -135,128 +142,62 @@ impl Port {
         }
     }
 
-    /// Serves a connection, whichever form it speaks.
+    /// Serves a connection.
     async fn converse(self: &Arc<Self>, stream: TcpStream, peer: IpAddr) -> io::Result<()> {
-        stream.set_nodelay(true)?;
-        let mut first = [0; 1];
-        stream.peek(&mut first).await?;
-        let mut stream = BufReader::new(stream);
-        if first[0] == binary::FIRST_BYTE {
-            return self.in_binary(stream).await;
-        }
-        let (mut line, mut admin) = (Vec::new(), false);
-        if !read_line(&mut stream, &mut line).await? {
-            return Ok(());
-        }
-        let greeting = text(&line);
-        let (acknowledges, peer_name) = match (greeting.strip_prefix("CONNACK "), greeting.strip_prefix("CONNECT ")) {
+        let mut connection = Connection::of(stream)?;
+        let greeting = within(GREETING_WITHIN, connection.text()).await?;
+        let (acknowledges, name) = match (greeting.strip_prefix("CONNACK "), greeting.strip_prefix("CONNECT ")) {
             (Some(name), _) => (true, name),
             (_, Some(name)) => (false, name),
-            _ => return Err(io::Error::new(io::ErrorKind::InvalidData, "neither CONNECT nor CONNACK")),
+            _ => return Err(invalid("neither CONNECT nor CONNACK")),
         };
-        let peer_name = if peer_name.is_empty() { peer.to_string() } else { peer_name.to_owned() };
-        stream.write_all(format!("Welcome {peer_name}\r\n").as_bytes()).await?;
-        let mut data = false;
+        let name = if name.is_empty() { peer.to_string() } else { name.to_owned() };
+        connection.write(&format!("Welcome {name}\r\n")).await?;
         loop {
-            line.clear();
-            if !read_line(&mut stream, &mut line).await? {
-                return Ok(());
-            }
-            let said = text(&line);
-            let said = said.trim();
-            let wish = match (std::mem::take(&mut data), std::mem::take(&mut admin)) {
-                (true, _) => continue, // data, for nobody
-                (_, true) => {
-                    let message = Value::parse(said).unwrap_or_default();
-                    let wish = of_admin(&message);
-                    let answer = self.admin_answer(&wish, &message).await;
-                    stream.write_all(format!("{}\r\n", Value::line(&answer)).as_bytes()).await?;
-                    Wish::Nothing
+            let said = within(COMMAND_WITHIN, connection.text()).await?;
+            let answer = match said.split_whitespace().next() {
+                Some("r") => return self.write_to(name, connection.into_stream()).await,
+                Some("q") => return Ok(()),
+                Some("a") => {
+                    let command = within(COMMAND_WITHIN, connection.text()).await?;
+                    self.administer(&Command::of(&command)).await
                 }
-                _ => {
-                    (data, admin) = (said == "d" || said.starts_with("do"), said == "a");
-                    if data || admin {
-                        continue;
-                    }
-                    let wish = of_word(said);
-                    if wish == Wish::Reverse {
-                        return self.write_to(peer_name, stream.into_inner()).await;
-                    }
-                    let answer = self.word_answer(&wish).await;
-                    stream.write_all(answer.as_bytes()).await?;
-                    wish
+                Some("d" | "D" | "do") => {
+                    within(COMMAND_WITHIN, connection.line()).await?; // for nobody
+                    String::new()
                 }
+                _ => self.about(),
             };
-            if acknowledges {
-                stream.write_all(b"<ACK>\r\n").await?;
-            }
-            if wish == Wish::Quit {
-                return Ok(());
-            }
+            connection.write(&format!("{answer}{}", if acknowledges { "<ACK>\r\n" } else { "" })).await?;
         }
     }
 
-    /// Commands in the binary form, which programs in C++ use where they do not ask for text.
-    async fn in_binary(self: &Arc<Self>, mut stream: BufReader<TcpStream>) -> io::Result<()> {
-        let acknowledges = binary::greet(&mut stream).await?;
-        loop {
-            let Some(command) = binary::read_command(&mut stream).await? else { return Ok(()) };
-            let answer = match &command {
-                binary::Command::Admin(message) => {
-                    let wish = of_admin(message);
-                    binary::list(&self.admin_answer(&wish, message).await)
-                }
-                binary::Command::Word(word) => match of_word(word) {
-                    Wish::Quit => return Ok(()),
-                    wish => binary::list(&[Value::Text(self.word_answer(&wish).await)]),
-                },
-                binary::Command::Data => Vec::new(),
-            };
-            if acknowledges {
-                stream.write_all(&binary::reply(&answer)).await?;
-            }
-        }
-    }
-
-    /// What the first number of an answer says: 0 if it was done.
-    async fn admin_answer(self: &Arc<Self>, wish: &Wish, message: &[Value]) -> Vec<Value> {
-        let done = |done: bool, words: String| vec![Value::Int(if done { 0 } else { -1 }), Value::Text(words)];
-        match wish {
-            Wish::Add(to) => match self.add(to).await {
-                Ok(()) => done(true, format!("Added connection from {} to {to}", self.name)),
-                Err(error) => done(false, format!("Cannot connect to {to}: {error}")),
+    /// Does what a command wants, and says so: of what is to be done a number first, 0 if it was.
+    async fn administer(self: &Arc<Self>, command: &Command) -> String {
+        let own = &self.name;
+        match command {
+            Command::Add(to) => match self.add(to).await {
+                Ok(()) => format!("0 \"Added connection from {own} to {to}\"\r\n"),
+                Err(error) => format!("-1 \"Cannot connect to {to}: {}\"\r\n", error.to_string().replace('"', "'")),
             },
-            Wish::Remove(to) => match self.remove(to) {
-                true => done(true, format!("Removed connection from {} to {to}", self.name)),
-                false => done(false, format!("Could not find an outgoing connection to {to}")),
-            },
-            Wish::ListOut(None) => self.names().into_iter().map(Value::Text).collect(),
-            Wish::ListOut(Some(to)) if self.names().contains(to) => {
-                let pair = |key: &str, value: &str| {
-                    Value::List([key, value].map(|word| Value::Text(word.to_owned())).to_vec())
-                };
-                vec![pair("from", &self.name), pair("to", to), pair("carrier", "text")]
+            Command::Remove(to) if self.remove(to) => format!("0 \"Removed connection from {own} to {to}\"\r\n"),
+            Command::Remove(to) => format!("-1 \"Could not find an outgoing connection to {to}\"\r\n"),
+            Command::Readers => format!("{}\r\n", self.names().join(" ")),
+            Command::Reader(to) if self.names().contains(to) => {
+                format!("(from {own}) (to {to}) (carrier text)\r\n")
             }
-            Wish::ListOut(Some(_)) => Vec::new(),
-            Wish::Nothing | Wish::Reverse | Wish::Quit => answer_to(message),
+            Command::Reader(_) | Command::Senders => "\r\n".to_owned(),
+            Command::Version => "ver 1 2 3\r\n".to_owned(),
+            Command::Other => "-1 \"not understood\"\r\n".to_owned(),
         }
     }
 
-    async fn word_answer(self: &Arc<Self>, wish: &Wish) -> String {
-        match wish {
-            Wish::Add(_) | Wish::Remove(_) => {
-                let answer = self.admin_answer(wish, &[]).await;
-                answer.get(1).and_then(Value::as_text).map_or_else(String::new, |words| format!("{words}\r\n"))
-            }
-            Wish::Quit => "Bye bye\r\n".to_owned(),
-            _ => {
-                let mut lines = format!("This is {} at tcp://{}\r\n", self.name, self.at);
-                for name in self.names() {
-                    lines += &format!("There is an output connection from {} to {name} using text\r\n", self.name);
-                }
-                lines + "*** end of message\r\n"
-            }
-        }
+    /// What is said to a `yarp ping`.
+    fn about(&self) -> String {
+        let name = &self.name;
+        let reader = |to: &String| format!("There is an output connection from {name} to {to} using text\r\n");
+        let readers: String = self.names().iter().map(reader).collect();
+        format!("This is {name} at tcp://{}\r\n{readers}*** end of message\r\n", self.at)
     }
 
     fn names(&self) -> Vec<String> {
@@ -278,9 +219,9 @@ impl Port {
         }
         let contact = self.server.query(reader).await?;
         let opened = async {
-            let mut stream = connect(&contact.host, contact.port).await?;
-            stream.write_all(format!("CONNECT {}\r\n", self.name).as_bytes()).await?;
-            Ok(stream)
+            let mut connection = Connection::open(&contact.host, contact.port).await?;
+            connection.write(&format!("CONNECT {}\r\n", self.name)).await?;
+            Ok(connection.into_stream())
         };
         let unreachable = |error| PortError::Unreachable(reader.to_owned(), contact.to_string(), error);
         let stream = opened.await.map_err(unreachable)?;
@@ -316,14 +257,13 @@ impl Port {
                 changed = newest.changed() => if changed.is_err() { return Ok(()) },
                 _ = ended.changed() => return Ok(()),
                 // What a reader says, its welcome for one, is of no concern; that it is gone is.
-                read = tokio::io::AsyncReadExt::read(&mut stream, &mut said) => match read? {
+                read = stream.read(&mut said) => match read? {
                     0 => return Ok(()),
                     _ => continue,
                 },
             }
             let message = Arc::clone(&newest.borrow_and_update());
-            let written = timeout(WRITE_WITHIN, stream.write_all(message.as_bytes())).await;
-            written.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into()))?;
+            within(WRITE_WITHIN, stream.write_all(message.as_bytes())).await?;
         }
     }
 }

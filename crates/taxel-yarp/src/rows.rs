@@ -10,7 +10,7 @@
 
 use std::time::Duration;
 
-use taxel_skin::{BoardAddress, Module, Time};
+use taxel_skin::{BoardAddress, Module, Patch, Time};
 use taxel_wire::TimedFrame;
 use taxel_wire::icub::{Message, StatusWord};
 use thiserror::Error;
@@ -28,7 +28,7 @@ const HALF_WAIT: Duration = Duration::from_millis(10);
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum Unfit {
     /// It has so many values, and the boards so many.
-    #[error("it sends {0} values, expected {1}: 192 for each board in `port_boards`, or else in `boards`")]
+    #[error("it sends {0} values, expected {1}: 192 for each of `boards`")]
     Length(usize, usize),
     /// At this place, from 0, stands this.
     #[error("value {0} is \"{1}\", expected a whole number from 0 to 255")]
@@ -52,23 +52,24 @@ struct Triangle {
 #[derive(Clone, Debug)]
 pub struct Rows {
     triangles: Vec<Triangle>,
+    /// Values of the port.
+    length: usize,
     counts: Vec<u8>,
     /// The line that `counts` was read from: a scan is sent two or three times.
     line: Vec<u8>,
 }
 
 impl Rows {
-    /// `order`: the boards in the order of the port's vector. `triangles`: those that the patch has; of boards that are not in
-    /// the order there are none.
+    /// Those of a patch that has all boards of the port, in its order.
     #[must_use]
-    pub fn new(order: &[BoardAddress], triangles: &[(BoardAddress, Module)]) -> Self {
-        let place = |board| order.iter().position(|other| *other == board);
-        let triangles = triangles.iter().filter_map(|&(board, module)| {
-            let row = VALUES * (MODULES * place(board)? + usize::from(module.get()));
-            Some(Triangle { board, module, row, known: None, half_since: None })
+    pub fn new(patch: &Patch) -> Self {
+        let triangles = patch.modules().iter().map(|site| {
+            let row = VALUES * (MODULES * usize::from(site.board) + usize::from(site.module.get()));
+            let board = patch.boards()[usize::from(site.board)].address;
+            Triangle { board, module: site.module, row, known: None, half_since: None }
         });
-        let counts = vec![0; order.len() * MODULES * VALUES];
-        Self { triangles: triangles.collect(), counts, line: Vec::new() }
+        let length = patch.boards().len() * MODULES * VALUES;
+        Self { triangles: triangles.collect(), length, counts: Vec::new(), line: Vec::new() }
     }
 
     /// The connection is a new one: what comes first shows no change.
@@ -87,11 +88,11 @@ impl Rows {
         if line == self.line && self.triangles.iter().all(|triangle| triangle.half_since.is_none()) {
             return Ok(());
         }
-        let mut counts = std::mem::take(&mut self.counts);
-        let read = read_counts(line, &mut counts);
-        self.counts = counts;
         self.line.clear();
-        read?;
+        read_counts(line, &mut self.counts)?;
+        if self.counts.len() != self.length {
+            return Err(Unfit::Length(self.counts.len(), self.length));
+        }
         self.line.extend_from_slice(line);
         let begin = frames.len();
         for triangle in &mut self.triangles {
@@ -138,21 +139,18 @@ impl Triangle {
     }
 }
 
-/// Reads as many counts as there is room for.
-fn read_counts(line: &[u8], counts: &mut [u8]) -> Result<(), Unfit> {
-    let expected = counts.len();
-    let mut tokens = line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty());
-    for (place, count) in counts.iter_mut().enumerate() {
-        let token = tokens.next().ok_or(Unfit::Length(place, expected))?;
-        *count = read_count(token).ok_or_else(|| {
-            let found = String::from_utf8_lossy(&token[..token.len().min(20)]).into_owned();
-            Unfit::NoCount(place, found)
-        })?;
+/// Reads a vector of counts.
+///
+/// # Errors
+/// [`Unfit::NoCount`].
+pub fn read_counts(line: &[u8], counts: &mut Vec<u8>) -> Result<(), Unfit> {
+    counts.clear();
+    for (place, token) in line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty()).enumerate() {
+        counts.push(read_count(token).ok_or_else(|| {
+            Unfit::NoCount(place, String::from_utf8_lossy(&token[..token.len().min(20)]).into_owned())
+        })?);
     }
-    match tokens.count() {
-        0 => Ok(()),
-        more => Err(Unfit::Length(expected + more, expected)),
-    }
+    Ok(())
 }
 
 /// `240`, `240.0`, or what else is a whole number as YARP writes numbers.
@@ -176,10 +174,7 @@ fn read_count(token: &[u8]) -> Option<u8> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    fn address(board: u8) -> BoardAddress {
-        BoardAddress::new(board).unwrap()
-    }
+    use taxel_skin::{Board, BusIndex, ModuleKind};
 
     fn ms(ms: u64) -> Time {
         Time::from_nanos(0) + Duration::from_millis(ms)
@@ -191,8 +186,12 @@ mod tests {
 
     /// Two boards as on a robot's forearm, of which triangle 3 of board 13 and 0 of board 12 are there.
     fn forearm() -> Rows {
-        let triangles = [(address(13), Module::from_nibble(3)), (address(12), Module::from_nibble(0))];
-        Rows::new(&[address(13), address(12)], &triangles)
+        let board = |address, module| Board {
+            bus: BusIndex(0),
+            address: BoardAddress::new(address).unwrap(),
+            modules: vec![(Module::from_nibble(module), ModuleKind::Triangle)],
+        };
+        Rows::new(&Patch::new("forearm", vec![board(13, 3), board(12, 0)]).unwrap())
     }
 
     fn take(rows: &mut Rows, time: Time, counts: &[u8]) -> Vec<(u64, String)> {
@@ -232,7 +231,7 @@ mod tests {
     fn what_is_no_vector_of_counts_is_named() {
         let mut rows = forearm();
         let mut refuse = |line: &[u8]| rows.take(ms(0), line, &mut Vec::new()).unwrap_err().to_string();
-        let expected = "expected 384: 192 for each board in `port_boards`, or else in `boards`";
+        let expected = "expected 384: 192 for each of `boards`";
         assert_eq!(refuse(b"1 2 3"), format!("it sends 3 values, {expected}"));
         assert_eq!(refuse(&line(&[240; 576])), format!("it sends 576 values, {expected}"));
         for (wrong, shown) in [("256.0", "256.0"), ("3.5", "3.5"), ("(240", "(240"), ("nan", "nan"), ("-1", "-1")] {

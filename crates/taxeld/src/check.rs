@@ -135,9 +135,8 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
             return format!("bus {}: none; a program pushes the scans over the service (PushScans)", section.name);
         }
         BusSource::Yarp => {
-            let ports = config::ports_of(config, plan, bus);
-            let ports: Vec<_> = ports.iter().map(|(port, _)| port.as_str()).collect();
-            format!("ports {} of {}", ports.join(", "), section.server.as_deref().unwrap_or("YARP's name server"))
+            let port = config::port_of(config, plan, bus).map_or_else(String::new, |(port, _)| port);
+            format!("port {port} of {}", section.server.as_deref().unwrap_or("YARP's name server"))
         }
         BusSource::Sim => "the simulated forearm".to_owned(),
         BusSource::SocketCan => format!("interface {}", section.interface.as_deref().unwrap_or_default()),

@@ -17,6 +17,7 @@ mod doors;
 mod driver;
 mod files;
 mod force_file;
+mod lanes;
 mod log_words;
 mod logs;
 mod missing;

@@ -16,8 +16,8 @@ pub struct Wanted {
     pub interface: Option<String>,
     /// By its name where it has no interface, which only recordings know; without either all frames are.
     pub bus: Option<String>,
-    /// The ports of YARP that are recorded, of a folder of `yarpdatadumper`.
-    pub ports: Vec<(String, Content)>,
+    /// The port of YARP that is recorded, of a folder of `yarpdatadumper`.
+    pub port: Option<(String, Content)>,
 }
 
 impl Wanted {
@@ -34,11 +34,10 @@ impl Wanted {
 pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedFrames>> {
     let (name, bus) = (path.display().to_string(), wanted.interface.clone().or(wanted.bus));
     if path.is_dir() && taxel_yarp::is_dump(path) {
-        anyhow::ensure!(
-            !wanted.ports.is_empty(),
-            "{name}: recordings of YARP's ports, and the configuration has no bus with source = \"yarp\""
-        );
-        let log = taxel_yarp::candump_of(path, wanted.ports)?;
+        let (port, content) = wanted.port.with_context(|| {
+            format!("{name}: recordings of YARP's ports, and a bus of the configuration has no source = \"yarp\"")
+        })?;
+        let log = taxel_yarp::candump_of(path, &port, content)?;
         return Ok(Box::new(LogReader::new(name, Cursor::new(log), None)?));
     }
     if path.is_dir() {

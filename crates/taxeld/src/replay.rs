@@ -14,18 +14,16 @@ use taxel_engine::snapshot::Health;
 use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
-use crate::config::{self, BusSection, BusSource, Config, Scene};
+use crate::config::{BusSource, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
-use crate::log_words::{expect_frames, expect_times, read_on};
+use crate::lanes::{Lanes, Run, readings};
+use crate::log_words::{expect_frames, expect_times};
 use crate::offline::Offline;
-use crate::open_log::{Wanted, open_log};
+use crate::open_log::open_log;
 use crate::output;
 use crate::say;
 use crate::values::refusals_of;
-
-/// Frames per read.
-const FRAMES: usize = 4096;
 
 /// What is asked of a replay.
 #[derive(Debug, clap::Args)]
@@ -102,19 +100,18 @@ fn expect_understood(understood: u64, others: u64) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn play(request: &ReplayArgs, config: &Config, section: &BusSection, scene: Scene) -> anyhow::Result<()> {
-    let ports = config::ports_of(config, &scene.plan, BusIndex(0));
-    let wanted = Wanted { ports, ..Wanted::interface(section.interface.clone()) };
-    let mut reader = open_log(&request.log, wanted)?;
+fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<()> {
+    let mut lanes = Lanes::open(&request.log, config, &scene)?;
     let models = request.models.as_deref().map(read_models).transpose()?;
     let mut force = request.force.as_deref().map(|path| ForceFile::create(path, &scene.plan)).transpose()?;
     let mut offline = Offline::new(Arc::new(scene.plan));
     offline.collected = force.is_some().then(Vec::new);
-    let mut frames = Vec::with_capacity(FRAMES);
-    let (begun, mut total, mut more, mut first) = (Instant::now(), 0_u64, true, None);
-    while more {
-        frames.clear();
-        more = read_on(reader.as_mut(), &mut frames, FRAMES);
+    let (begun, mut total, mut first) = (Instant::now(), 0_u64, None);
+    let bar = if std::io::stderr().is_terminal() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+    while let Some(Run { bus, frames, lost }) = lanes.next() {
+        if begun.elapsed() > Duration::from_secs(1) {
+            bar.set_message(format!("{:.1} million frames", total as f64 / 1e6));
+        }
         total += frames.len() as u64;
         if let (None, Some(target), Some(frame)) = (first, request.calibrate, frames.first()) {
             offline.advance(frame.time);
@@ -125,14 +122,15 @@ fn play(request: &ReplayArgs, config: &Config, section: &BusSection, scene: Scen
             use_models(&mut offline, set)?;
         }
         first = first.or(frames.first().map(|f| f.time));
-        offline.frames(BusIndex(0), &frames);
-        offline.frames_lost(BusIndex(0), reader.take_lost());
+        offline.frames(bus, frames);
+        offline.frames_lost(bus, lost);
         if let (Some(file), Some(collected)) = (&mut force, &mut offline.collected) {
             file.write(collected.drain(..))?;
         }
     }
     let elapsed = begun.elapsed();
-    expect_times(&request.log, reader.report())?;
+    bar.finish_and_clear();
+    lanes.reports().try_for_each(|report| expect_times(&request.log, report))?;
     let end = offline.now() + Duration::from_secs(1);
     offline.advance(end);
     finish_session(&mut offline)?;
@@ -143,10 +141,12 @@ fn play(request: &ReplayArgs, config: &Config, section: &BusSection, scene: Scen
         total as f64 / elapsed.as_secs_f64() / 1e6,
         offline.published,
     );
-    print_report(reader.report(), &offline);
-    expect_frames(&request.log, section.interface.as_deref(), reader.report())?;
+    print_report(&lanes, &offline);
+    for (section, report) in config.bus.iter().zip(lanes.reports()) {
+        expect_frames(&request.log, section.interface.as_deref(), report)?;
+    }
     let understood: u64 = offline.health.buses.iter().map(|bus| bus.frames).sum();
-    expect_understood(understood, total - reader.report().errors)?;
+    expect_understood(understood, total - lanes.reports().map(|report| report.errors).sum::<u64>())?;
     expect_scans(&offline.health)?;
     if let Some(file) = force {
         say!("{}", file.finish()?);
@@ -184,16 +184,18 @@ fn finish_session(offline: &mut Offline) -> anyhow::Result<()> {
     }
 }
 
-fn print_report(report: &LogReport, offline: &Offline) {
-    say!(
-        "log: {} lines, {} frames, {} of other interfaces, {} that are no frame, {} with a time before an earlier one",
-        report.lines,
-        report.frames,
-        report.other_interface,
-        report.bad,
-        report.times.backwards
-    );
-    report.words().iter().for_each(|line| say!("{line}"));
+fn print_report(lanes: &Lanes, offline: &Offline) {
+    for report in lanes.reports() {
+        say!(
+            "log: {} lines, {} frames, {} of other interfaces, {} that are no frame, {} with a time before an earlier one",
+            report.lines,
+            report.frames,
+            report.other_interface,
+            report.bad,
+            report.times.backwards
+        );
+        report.words().iter().for_each(|line| say!("{line}"));
+    }
     for bus in &offline.health.buses {
         say!("bus: {} frames understood, {} of no concern, {} malformed", bus.frames, bus.foreign, bus.malformed);
         if bus.malformed > 0 {

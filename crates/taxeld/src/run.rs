@@ -147,8 +147,9 @@ impl Daemon {
                 }
                 BusSource::Push => self.add_push_bus(bus),
                 BusSource::Yarp => {
-                    let ports = config::ports_of(config, &self.plan, bus);
-                    self.add_bus(bus, PortBus::open(section.server.as_deref(), ports));
+                    if let Some((port, content)) = config::port_of(config, &self.plan, bus) {
+                        self.add_bus(bus, PortBus::new(section.server.as_deref(), port, content));
+                    }
                 }
                 #[cfg(feature = "sim")]
                 BusSource::Sim => self.add_sim_bus(bus, section.seed.unwrap_or(1))?,

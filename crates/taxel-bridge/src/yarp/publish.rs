@@ -32,7 +32,7 @@ pub type Taken = Arc<Mutex<Vec<String>>>;
 pub async fn opened(section: &YarpSection, name: &str, taken: &Taken) -> OutPort {
     let (mut pause, mut told) = (PAUSES[0], String::new());
     loop {
-        let open = async { OutPort::open(&section.name_server()?, name).await };
+        let open = async { OutPort::open(&NameServer::of(section.server.as_deref())?, name).await };
         let error: PortError = match open.await {
             Ok(port) => {
                 taken.lock().unwrap_or_else(PoisonError::into_inner).push(name.to_owned());
@@ -52,7 +52,7 @@ pub async fn opened(section: &YarpSection, name: &str, taken: &Taken) -> OutPort
 /// Takes the names back, for as long as a name server takes to answer.
 pub async fn give_back(section: &YarpSection, taken: &Taken) {
     let names = std::mem::take(&mut *taken.lock().unwrap_or_else(PoisonError::into_inner));
-    let server: Result<NameServer, PortError> = section.name_server();
+    let server = NameServer::of(section.server.as_deref());
     for name in names {
         if let Ok(server) = &server
             && let Err(error) = server.unregister(&name).await
@@ -90,11 +90,12 @@ pub async fn forces(mut port: OutPort, mut forces: Forces) {
     }
 }
 
-/// Sends the pressures of all rows as they come, over one stream after the other.
+/// Sends the pressures of all rows as they come, over one stream after the other; in between that there are none.
 pub async fn taxels(mut port: OutPort, patch: String, daemon: Daemon, rate_hz: f64) {
-    let mut told = String::new();
+    let (mut told, mut rows) = (String::new(), 0);
     loop {
-        let ended = one_stream(&mut port, &patch, &daemon, rate_hz).await;
+        let ended = one_stream(&mut port, &patch, &daemon, rate_hz, &mut rows).await;
+        port.send(now(), &vec![Value::Float(f64::NAN); rows]);
         let why = ended.map_or_else(|status| words(&status), |()| "the daemon ended the stream".to_owned());
         if told != why {
             tracing::warn!(patch, "no taxels from the daemon: {why}");
@@ -104,14 +105,21 @@ pub async fn taxels(mut port: OutPort, patch: String, daemon: Daemon, rate_hz: f
     }
 }
 
-async fn one_stream(port: &mut OutPort, patch: &str, daemon: &Daemon, rate_hz: f64) -> Result<(), Status> {
+async fn one_stream(
+    port: &mut OutPort,
+    patch: &str,
+    daemon: &Daemon,
+    rate_hz: f64,
+    rows: &mut usize,
+) -> Result<(), Status> {
     let layout = layout(patch, daemon).await?;
+    *rows = layout.rows;
     let request = StreamRequest { patch: patch.to_owned(), rate_hz: Some(rate_hz) };
     let mut stream = daemon.skin().stream_taxels(request).await?.into_inner();
     while let Some(sample) = stream.message().await? {
         let waited = on_the_way(sample.sent.as_ref(), SystemTime::now());
-        let rows = pressures(&sample, &layout, waited).into_iter().map(Value::Float);
-        port.send(seconds(sample.time.as_ref()), &rows.collect::<Vec<_>>());
+        let kpa = pressures(&sample, &layout, waited).into_iter().map(Value::Float);
+        port.send(seconds(sample.time.as_ref()), &kpa.collect::<Vec<_>>());
     }
     Ok(())
 }

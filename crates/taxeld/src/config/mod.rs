@@ -24,7 +24,7 @@ pub use file::{MetricsSection, PageSection};
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
 pub use modules::KindWord;
 pub use modules::written as modules_written;
-pub use ports::of_bus as ports_of;
+pub use ports::of_bus as port_of;
 pub use problem::{Faults, Problems};
 pub use read::{examine, examine_text, examine_with, read_text};
 pub use scene::Scene;

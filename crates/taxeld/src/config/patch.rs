@@ -48,10 +48,12 @@ pub fn patch_plan(
     let bus = bus_index(config, "bus", &section.bus, faults);
     let file = section.array.as_ref().and_then(|array| dbc_file(array, path, faults));
     let gauge = section.gauge.as_ref().and_then(|gauge| {
+        if gauge.index.is_some() && gauge.port.is_none() {
+            faults.note("gauge.index", "gauge.index: it is the place of the pressure on a port, and there is no port");
+        }
         let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
-        let number = config.patch.iter().position(|patch| patch.name == *name).unwrap_or_default();
         let signal = match &gauge.port {
-            Some(port) => ports::gauge(gauge, port, number, faults)?,
+            Some(port) => ports::gauge(gauge, port, faults)?,
             None => signal(gauge, file.as_ref(), faults)?,
         };
         let source = config.bus[usize::from(of.0)].source;
@@ -154,6 +156,17 @@ fn push(config: &Config, section: &PatchSection, bus: BusIndex, faults: &mut Fau
     if pressure && section.push.is_none() {
         let words = "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"";
         faults.note("gauge", words);
+    }
+    if let Some(gauge) = section.gauge.as_ref().filter(|_| pressure) {
+        let unused = [
+            ("unit", gauge.unit.is_some()),
+            ("ambient_kpa", gauge.ambient_kpa.is_some()),
+            ("bus", gauge.bus.is_some()),
+        ];
+        for (key, _) in unused.iter().filter(|(_, is_there)| section.push.is_some() && *is_there) {
+            let words = "the pressure comes with each scan, differential and in kPa: leave it out, or say id and signal of a gauge";
+            faults.note(&format!("gauge.{key}"), format!("gauge.{key}: {words}"));
+        }
     }
     section.push.map(|_| PushPlan { pressure })
 }

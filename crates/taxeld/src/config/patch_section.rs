@@ -22,8 +22,6 @@ pub struct PatchSection {
     pub stale_periods: Option<u16>,
     /// The port of YARP that has the counts of its boards, on a bus whose source is `yarp`.
     pub port: Option<String>,
-    /// The addresses of all boards in the port, in its order; without it those of `boards`.
-    pub port_boards: Option<Vec<u8>>,
     /// A position file, relative to this one.
     pub geometry: Option<PathBuf>,
     /// Positions, areas and normals of a flat array.
@@ -114,7 +112,7 @@ pub enum OutputWord {
 pub struct BoardSection {
     /// CAN address, 1 to 15.
     pub address: u8,
-    /// Enabled modules: `"0-15"`, `"0-3, 7"`, `"0-4 fingertip, 8-11 palm"`.
+    /// Enabled modules: `"0-15"`, `"0-3, 7"`, `"0-4 fingertip, 8-11 palm"`; of a board on a port also none: `""`.
     pub modules: String,
     /// Type in command 0x4D.
     #[serde(default)]

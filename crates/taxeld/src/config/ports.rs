@@ -1,25 +1,43 @@
 //! Patches and gauges whose values come over ports of YARP.
 
+use std::collections::BTreeSet;
+
 use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_skin::{BoardAddress, BusIndex};
+use taxel_skin::BusIndex;
 use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
-use taxel_yarp::{Content, GAUGE_STEP, GaugeRow, NameServer, Rows, gauge_signal_id};
+use taxel_yarp::{Content, GAUGE_INDEX_MAX, GAUGE_STEP, NameServer, Rows, gauge_signal_id};
 
 use super::file::{BusSection, BusSource, Config};
 use super::patch_section::{GaugeSection, PatchSection};
 use super::problem::Faults;
 
-/// Gives each patch on a robot's name server a bus of its own: behind the ports are many CAN buses, whose boards have the same
-/// addresses.
+/// Gives each port of a robot's name server a bus of its own: behind the ports are many CAN buses, whose boards have the same
+/// addresses, and a gauge that is heard says nothing of a skin.
 pub fn expand(config: &mut Config) {
     for position in 0..config.bus.len() {
-        let bus = config.bus[position].clone();
+        let (bus, mut is_taken) = (config.bus[position].clone(), false);
         if bus.source != BusSource::Yarp {
             continue;
         }
-        for patch in config.patch.iter_mut().filter(|patch| patch.bus == bus.name).skip(1) {
-            patch.bus = format!("{}/{}", bus.name, patch.name);
-            config.bus.push(BusSection { name: patch.bus.clone(), ..bus.clone() });
+        let buses = &mut config.bus;
+        let mut own = |name: String| {
+            if !std::mem::replace(&mut is_taken, true) {
+                return bus.name.clone();
+            }
+            if buses.iter().all(|known| known.name != name) {
+                buses.push(BusSection { name: name.clone(), ..bus.clone() });
+            }
+            name
+        };
+        for patch in &mut config.patch {
+            let is_on = |name: &Option<String>| name.as_ref().unwrap_or(&patch.bus) == &bus.name;
+            let gauge = patch.gauge.as_mut().filter(|gauge| gauge.port.is_some() && is_on(&gauge.bus));
+            if patch.bus == bus.name {
+                patch.bus = own(format!("{}/{}", bus.name, patch.name));
+            }
+            if let Some(gauge) = gauge {
+                gauge.bus = Some(own(format!("{}{}", bus.name, gauge.port.as_deref().unwrap_or_default())));
+            }
         }
     }
 }
@@ -27,7 +45,7 @@ pub fn expand(config: &mut Config) {
 /// Notes what is wrong with a bus.
 pub fn check_bus(bus: &BusSection, faults: &mut Faults) {
     match (&bus.server, bus.source == BusSource::Yarp) {
-        (Some(server), true) => drop(faults.take("server", NameServer::at(server))),
+        (Some(server), true) => drop(faults.take("server", NameServer::of(Some(server)))),
         (Some(_), false) => faults.note("server", "server: it is of a bus with source = \"yarp\""),
         (None, _) => {}
     }
@@ -48,9 +66,6 @@ pub fn check_patch(section: &PatchSection, bus: &BusSection, faults: &mut Faults
         Some(port) => check_name("port", port, faults),
         None => {}
     }
-    if section.port_boards.is_some() && section.port.is_none() {
-        faults.note("port_boards", "port_boards: it tells the order of the boards in a port, and there is no port");
-    }
     if section.port.is_none() {
         return;
     }
@@ -62,15 +77,16 @@ pub fn check_patch(section: &PatchSection, bus: &BusSection, faults: &mut Faults
             let words = "nothing can be set at boards that are read by a port: leave board_type, no_load, shift and cdc_offset out";
             faults.note(&format!("boards[{position}]"), words);
         }
-        if section.port_boards.as_ref().is_some_and(|order| !order.contains(&board.address)) {
-            faults.note("port_boards", format!("port_boards: board {} is not among them", board.address));
-        }
     }
 }
 
-/// The signal of a gauge on a port, of the patch at this position.
-pub fn gauge(section: &GaugeSection, port: &str, patch: usize, faults: &mut Faults) -> Option<SignalSpec> {
+/// The signal of a gauge on a port.
+pub fn gauge(section: &GaugeSection, port: &str, faults: &mut Faults) -> Option<SignalSpec> {
     check_name("gauge.port", port, faults);
+    let index = section.index.unwrap_or(0);
+    if index > GAUGE_INDEX_MAX {
+        faults.note("gauge.index", format!("gauge.index = {index}: expected 0 to {GAUGE_INDEX_MAX}"));
+    }
     if section.id.is_some() || section.signal.is_some() {
         faults.note("gauge", "gauge: port is there, so that id and signal say nothing: leave them out");
     }
@@ -78,7 +94,7 @@ pub fn gauge(section: &GaugeSection, port: &str, patch: usize, faults: &mut Faul
     let words = || format!("gauge.unit: expected the unit of the port's values, one of {}", PressureUnit::NAMES);
     let unit = faults.take("gauge.unit", named.ok_or_else(words))?;
     Some(SignalSpec {
-        id: gauge_signal_id(patch),
+        id: gauge_signal_id(index),
         start_bit: 0,
         length_bits: 64,
         byte_order: ByteOrder::Little,
@@ -92,31 +108,18 @@ pub fn gauge(section: &GaugeSection, port: &str, patch: usize, faults: &mut Faul
     })
 }
 
-/// What is on the ports of a bus.
-pub fn of_bus(config: &Config, plan: &Plan, bus: BusIndex) -> Vec<(String, Content)> {
-    let mut ports = Vec::new();
-    for (section, plan) in config.patch.iter().zip(&plan.patches) {
-        if let Some(port) = section.port.as_ref().filter(|_| plan.patch.is_on(bus)) {
-            ports.push((port.clone(), Content::Skin(rows(section, plan))));
-        }
+/// The port of a bus, and what is on it; none where it is no port.
+pub fn of_bus(config: &Config, plan: &Plan, bus: BusIndex) -> Option<(String, Content)> {
+    let patches = || config.patch.iter().zip(&plan.patches);
+    let skin = patches().find(|(_, plan)| plan.patch.is_on(bus));
+    if let Some((port, plan)) = skin.and_then(|(section, plan)| Some((section.port.clone()?, plan))) {
+        return Some((port, Content::Skin(Rows::new(&plan.patch))));
     }
-    for (position, (section, plan)) in config.patch.iter().zip(&plan.patches).enumerate() {
-        let gauge = section.gauge.as_ref().filter(|_| plan.gauge.as_ref().is_some_and(|gauge| gauge.bus == bus));
-        if let Some((port, gauge)) = gauge.and_then(|gauge| Some((gauge.port.clone()?, gauge))) {
-            let row = GaugeRow { id: gauge_signal_id(position), index: gauge.index.unwrap_or(0) };
-            ports.push((port, Content::Gauge(row)));
-        }
-    }
-    ports
-}
-
-fn rows(section: &PatchSection, plan: &PatchPlan) -> Rows {
-    let of_patch = || plan.patch.boards().iter().map(|board| board.address).collect();
-    let stated = |order: &Vec<u8>| order.iter().filter_map(|address| BoardAddress::new(*address).ok()).collect();
-    let order: Vec<_> = section.port_boards.as_ref().map_or_else(of_patch, stated);
-    let boards = plan.patch.boards();
-    let triangles = boards.iter().flat_map(|board| board.modules.iter().map(|(module, _)| (board.address, *module)));
-    Rows::new(&order, &triangles.collect::<Vec<_>>())
+    let on_bus = |plan: &PatchPlan| plan.gauge.as_ref().is_some_and(|gauge| gauge.bus == bus);
+    let gauges = || patches().filter(|(_, plan)| on_bus(plan)).filter_map(|(section, _)| section.gauge.as_ref());
+    let port = gauges().find_map(|gauge| gauge.port.clone())?;
+    let indices: BTreeSet<usize> = gauges().map(|gauge| gauge.index.unwrap_or(0)).collect();
+    Some((port, Content::Gauge(indices.into_iter().collect())))
 }
 
 fn check_name(key: &str, port: &str, faults: &mut Faults) {
@@ -137,20 +140,20 @@ mod tests {
     use super::*;
 
     const ROBOT: &str = "[store]\npath = \"t.db\"\n[[bus]]\nname = \"robot\"\nsource = \"yarp\"\n\
-        [[patch]]\nname = \"left\"\nbus = \"robot\"\nport = \"/icub/skin/left_forearm\"\nboards = [{ address = 12, modules = \"0\" }]\n\
-        port_boards = [13, 12]\ngauge = { port = \"/bag:o\", index = 2, unit = \"mbar\" }\n\
-        [[patch]]\nname = \"right\"\nbus = \"robot\"\nport = \"/icub/skin/right_forearm\"\nboards = [{ address = 12, modules = \"0\" }]\n";
+        [[patch]]\nname = \"left\"\nbus = \"robot\"\nport = \"/icub/skin/left_forearm\"\n\
+        boards = [{ address = 13, modules = \"\" }, { address = 12, modules = \"0\" }]\n\
+        gauge = { port = \"/bag:o\", index = 2, unit = \"mbar\" }\n\
+        [[patch]]\nname = \"right\"\nbus = \"robot\"\nport = \"/icub/skin/right_forearm\"\nboards = [{ address = 12, modules = \"0\" }]\n\
+        gauge = { port = \"/bag:o\", unit = \"kPa\" }\n";
 
     /// Left and right have the same addresses: they are on two buses of the engine.
     #[test]
-    fn each_patch_of_a_robot_has_a_bus_with_its_ports() {
+    fn each_port_of_a_robot_is_a_bus_and_one_gauge_may_be_of_two_patches() {
         let (config, scene) = examine_text(Path::new("t.toml"), ROBOT).unwrap();
         let names: Vec<_> = config.bus.iter().map(|bus| bus.name.as_str()).collect();
-        assert_eq!(names, ["robot", "robot/right"]);
-        let ports =
-            |bus| of_bus(&config, &scene.plan, BusIndex(bus)).into_iter().map(|(port, _)| port).collect::<Vec<_>>();
-        assert_eq!(ports(0), ["/icub/skin/left_forearm", "/bag:o"]);
-        assert_eq!(ports(1), ["/icub/skin/right_forearm"]);
+        assert_eq!(names, ["robot", "robot/bag:o", "robot/right"]);
+        let ports = [0, 1, 2].map(|bus| of_bus(&config, &scene.plan, BusIndex(bus)).unwrap().0);
+        assert_eq!(ports, ["/icub/skin/left_forearm", "/bag:o", "/icub/skin/right_forearm"]);
         let left = &scene.plan.patches[0];
         assert!(!left.configures() && left.live.stale_after == 8 * left.period);
     }
@@ -159,11 +162,13 @@ mod tests {
     #[test]
     fn the_pressure_of_a_port_is_that_of_its_frames() {
         let (config, scene) = examine_text(Path::new("t.toml"), ROBOT).unwrap();
-        let Some((_, mut content)) = of_bus(&config, &scene.plan, BusIndex(0)).pop() else { panic!("no gauge") };
+        let mut content = of_bus(&config, &scene.plan, BusIndex(1)).unwrap().1;
         let mut frames: Vec<TimedFrame> = Vec::new();
         content.take(Time::default(), b"1 2 -125.5", &mut frames).unwrap();
         let signal = scene.plan.patches[0].gauge.as_ref().unwrap().signal;
-        assert!((signal.decode(&frames[0].frame).unwrap().0 + 12.55).abs() < 1e-6);
+        let read: Vec<f64> =
+            frames.iter().filter_map(|timed| signal.decode(&timed.frame).ok()).map(|kpa| kpa.0).collect();
+        assert!(frames.len() == 2 && read.len() == 1 && (read[0] + 12.55).abs() < 1e-6, "{read:?}");
     }
 
     #[test]
@@ -177,7 +182,8 @@ mod tests {
             ("source = \"yarp\"", "interface = \"can0\"", "port needs a bus with source = \"yarp\""),
             ("\"/icub/skin/left_forearm\"", "\"left\"", "expected the name of a port"),
             ("modules = \"0\" }", "modules = \"0\", shift = 1 }", "nothing can be set at boards"),
-            ("[13, 12]", "[13, 11]", "board 12 is not among them"),
+            ("index = 2", "index = 9999", "gauge.index = 9999: expected 0 to 2046"),
+            ("port = \"/bag:o\", index", "bus = \"robot\", index", "index: it is the place of the pressure on a port"),
             ("unit = \"mbar\"", "unit = \"mm\"", "expected the unit of the port's values"),
             ("index = 2", "id = 3", "id and signal say nothing"),
             ("source = \"yarp\"", "source = \"yarp\"\nserver = \"here\"", "expected ADDRESS:PORT"),

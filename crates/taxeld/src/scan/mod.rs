@@ -1,6 +1,7 @@
 //! `taxeld scan`: listens, and says what is on a bus or in a log.
 
 mod module;
+mod ports;
 mod pressure;
 mod survey;
 #[cfg(test)]
@@ -34,7 +35,10 @@ pub struct ScanArgs {
     /// The network interface; with a log, the interface of its frames.
     #[arg(long)]
     interface: Option<String>,
-    /// How long to listen to a bus.
+    /// Ports of YARP in place of a bus, of this name server, ADDRESS:PORT; by default of that of YARP's own files.
+    #[arg(long, value_name = "SERVER", num_args = 0..=1, conflicts_with_all = ["log", "interface", "out"])]
+    yarp: Option<Option<String>>,
+    /// How long to listen to a bus or to ports.
     #[arg(long, default_value = "5", value_parser = parse_seconds)]
     seconds: f64,
     /// Write the beginning of a configuration; `-` is the standard output.
@@ -59,10 +63,15 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     if args.out.as_deref().is_some_and(files::is_standard) {
         say::step_aside();
     }
+    if let Some(server) = &args.yarp {
+        let over = Duration::from_secs_f64(args.seconds);
+        say!("{}", crate::runtime::runtime()?.block_on(ports::text(server.as_deref(), over))?);
+        return Ok(());
+    }
     let (survey, interface) = match (args.log.clone(), args.interface.clone()) {
         (Some(log), interface) => of_log(&files::named(log), interface)?,
         (None, Some(interface)) => crate::runtime::runtime()?.block_on(of_bus(interface, args.seconds))?,
-        (None, None) => bail!("say what to listen to: --interface can0, or a log"),
+        (None, None) => bail!("say what to listen to: --interface can0, --yarp, or a log"),
     };
     say!("{}", words::text(&survey));
     let Some(out) = &args.out else { return Ok(()) };
@@ -86,6 +95,12 @@ async fn of_bus(interface: String, seconds: f64) -> anyhow::Result<(Survey, Stri
 
 /// All frames of one interface of a log: of the one that is wanted, or of the only one that there is.
 fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, String)> {
+    if log.is_dir() && taxel_yarp::is_dump(log) {
+        let log = log.display();
+        bail!(
+            "{log}: recordings of YARP's ports have no frames to scan: `taxeld replay {log} --config FILE` reads them"
+        );
+    }
     let mut reader = open_log(log, Wanted::interface(wanted.clone()))?;
     let (mut survey, mut frames, mut more) = (Survey::default(), Vec::new(), true);
     while more {

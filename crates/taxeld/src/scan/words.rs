@@ -132,7 +132,7 @@ fn gauge(text: &mut String, id: CanId, found: &Pressure) {
 }
 
 /// Numbers as a configuration writes them, in runs: `0-3, 7`.
-fn numbers(list: impl IntoIterator<Item = u8>) -> String {
+pub fn numbers(list: impl IntoIterator<Item = u8>) -> String {
     let list: Vec<u8> = list.into_iter().collect();
     let run = |run: &[u8]| match run {
         [first, .., last] => format!("{first}-{last}"),

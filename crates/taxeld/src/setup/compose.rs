@@ -57,8 +57,7 @@ pub struct PatchDraft {
 impl PatchDraft {
     /// How many taxels it has.
     pub fn taxels(&self) -> usize {
-        let modules = self.boards.iter().flat_map(|board| &board.modules).flat_map(|(_, modules)| modules);
-        modules.map(|(_, kind)| kind.taxel_slots().len()).sum()
+        self.boards.iter().flat_map(BoardDraft::modules).map(|(_, kind)| kind.taxel_slots().len()).sum()
     }
 }
 
@@ -71,6 +70,13 @@ pub struct BoardDraft {
     pub values: BoardValues,
     /// Modules and what they are, those with the same values together, most of them first.
     pub modules: Vec<(ModuleValues, Vec<(Module, ModuleKind)>)>,
+}
+
+impl BoardDraft {
+    /// All of its modules.
+    pub fn modules(&self) -> impl Iterator<Item = &(Module, ModuleKind)> {
+        self.modules.iter().flat_map(|(_, modules)| modules)
+    }
 }
 
 /// The patch of a part. `source` is its device; `given`: whether there are files of the robot's configuration at all.
@@ -211,8 +217,7 @@ fn board(
 
 /// The area of a taxel of palm or fingertips: nobody has published it, so that of the square between neighbours is taken.
 fn area(sources: &Sources, boards: &[BoardDraft]) -> Option<f64> {
-    let mut kinds = boards.iter().flat_map(|board| &board.modules).flat_map(|(_, modules)| modules);
-    if kinds.all(|(_, kind)| *kind == ModuleKind::Triangle) {
+    if boards.iter().flat_map(BoardDraft::modules).all(|(_, kind)| *kind == ModuleKind::Triangle) {
         return None;
     }
     let rows = sources.positions.as_ref().map_or(&[][..], |(_, file)| file.rows());

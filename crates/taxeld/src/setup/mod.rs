@@ -106,7 +106,7 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
         }
     }
     let robot = Robot::read(&args.xml)?;
-    let mut drafts: Vec<PatchDraft> = Vec::new();
+    let (mut drafts, mut of_patches): (Vec<PatchDraft>, Vec<Source<'_>>) = (Vec::new(), Vec::new());
     for sources in &sources {
         let part = sources.part.name();
         let wrong = |why: String| anyhow::anyhow!("{part}: {why}");
@@ -119,7 +119,9 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
             None => name_bus(&mut draft, &drafts),
         }
         drafts.push(draft);
+        of_patches.extend(source);
     }
+    notes.extend(robot.unused(&of_patches));
     Ok((drafts, notes))
 }
 

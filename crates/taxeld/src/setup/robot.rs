@@ -25,6 +25,10 @@ pub struct Robot {
     read: BTreeSet<PathBuf>,
     devices: Vec<Device>,
     ports: Vec<Port>,
+    /// Files that say something of the whole robot, or only include others.
+    used: BTreeSet<PathBuf>,
+    /// What they include and cannot be read, a line each.
+    unread: Vec<String>,
     /// How the names of the robot's ports begin.
     prefix: Option<String>,
 }
@@ -32,9 +36,9 @@ pub struct Robot {
 /// A skin device, for example `left_leg-eb10-skin`, with what it includes.
 #[derive(Clone, Debug, Default)]
 pub struct Device {
-    /// Its name and its file.
+    /// Its name, its file and those that it includes.
     pub name: String,
-    file: String,
+    files: Vec<PathBuf>,
     /// Its type: `embObjSkin` behind an Ethernet board, `canBusSkin` on a CAN bus of the robot's computer.
     kind: String,
     /// Of a CAN bus of the computer: the driver of its card, for example `cfw2can`.
@@ -55,7 +59,7 @@ struct Port {
     boards: usize,
     /// The wrapper that has it, its file, and the devices that it takes values from.
     wrapper: String,
-    file: String,
+    file: PathBuf,
     networks: Vec<String>,
 }
 
@@ -75,8 +79,9 @@ pub struct Source<'a> {
     pub device: &'a Device,
     /// The place of the part's first board in the device's list.
     pub first_board: usize,
-    /// The port that has the part's values.
+    /// The port that has the part's values, and the file that names it.
     pub port: String,
+    file: Option<&'a Path>,
     /// How many boards are in it.
     pub port_boards: usize,
 }
@@ -93,7 +98,7 @@ impl Robot {
     }
 
     fn file(&mut self, path: &Path) -> anyhow::Result<()> {
-        if !self.read.insert(std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())) {
+        if !self.read.insert(whole(path)) {
             return Ok(());
         }
         let text = text(path)?;
@@ -101,13 +106,22 @@ impl Robot {
         for node in document.descendants().filter(|node| !is_in_device(node)) {
             match node.tag_name().name() {
                 "robot" => {
+                    self.used.insert(path.to_owned());
                     let prefix = node.attribute("portprefix").or(node.attribute("name"));
                     self.prefix = self.prefix.take().or(prefix.map(str::to_owned));
                 }
                 "device" => self.device(node, path),
                 "include" => {
-                    if let Some(found) = self.find(path, node) {
-                        let _ = self.file(&found); // what only the robot's other devices need is not ours to complain of
+                    self.used.insert(path.to_owned());
+                    let href = node.attribute("href").unwrap_or_default();
+                    let read = match self.find(path, node) {
+                        Some(given) if self.given.contains(&given) => Ok(self.file(&given)?),
+                        Some(found) => self.file(&found).map_err(|error| format!("{error:#}")),
+                        None => Err("it is not there".to_owned()),
+                    };
+                    // What only the robot's other devices need is not ours to complain of.
+                    if let Err(why) = read.or_else(|why| if href.contains("skin") { Err(why) } else { Ok(()) }) {
+                        self.unread.push(format!("{href}, which {} includes, is not used: {why}", path.display()));
                     }
                 }
                 _ => {}
@@ -118,16 +132,17 @@ impl Robot {
 
     fn device(&mut self, node: Node<'_, '_>, path: &Path) {
         let attribute = |name| node.attribute(name).unwrap_or("").trim().to_owned();
-        let (name, kind, file) = (attribute("name"), attribute("type"), path.display().to_string());
+        let (name, kind) = (attribute("name"), attribute("type"));
         if kind == "skinWrapper" || value(&params(node), "device") == Some("skinWrapper") {
-            self.ports.extend(ports(node, &name, &file));
+            self.ports.extend(ports(node, &name, path));
             return;
         }
-        let mut device = Device { name, kind, file, ..Device::default() };
+        let mut device = Device { name, kind, files: vec![path.to_owned()], ..Device::default() };
         device.take(node);
         for include in node.descendants().filter(|below| below.tag_name().name() == "include") {
-            let found = self.find(path, include).and_then(|found| text(&found).ok());
-            match found.as_deref().map(parse) {
+            let found = self.find(path, include);
+            device.files.extend(found.clone());
+            match found.and_then(|found| text(&found).ok()).as_deref().map(parse) {
                 Some(Ok(document)) => device.take(document.root()),
                 _ => {
                     let href = include.attribute("href").unwrap_or_default();
@@ -135,6 +150,7 @@ impl Robot {
                 }
             }
         }
+        device.open.extend(device.settings.of_no_board(&device.addresses));
         if matches!(device.kind.as_str(), "embObjSkin" | "canBusSkin") || !device.addresses.is_empty() {
             self.devices.push(device);
         }
@@ -172,16 +188,18 @@ impl Robot {
         match devices[..] {
             [device] => {
                 let (first_board, port_boards) = (port.first / BOARD_VALUES, port.boards);
-                Ok(Some(Source { device, first_board, port: self.port(name), port_boards }))
+                Ok(Some(Source { device, first_board, port: self.port(name), file: Some(file), port_boards }))
             }
             [] => {
                 let networks = networks.into_iter().cloned().collect::<Vec<_>>().join(", ");
+                let file = file.display();
                 Err(format!(
                     "{file}: {wrapper} has the values of {networks}, which is in none of the files: give its file, too (--xml)"
                 ))
             }
             _ => {
-                let list: Vec<String> = devices.iter().map(|d| format!("{} ({})", d.name, d.file)).collect();
+                let list: Vec<String> =
+                    devices.iter().map(|d| format!("{} ({})", d.name, d.files[0].display())).collect();
                 Err(format!("several devices fit port {name}: {}. Give only one of these files", list.join(", ")))
             }
         }
@@ -193,13 +211,47 @@ impl Robot {
         let mut devices = self.devices.iter().filter(of_limb);
         let device = devices.next().filter(|device| part.is_hand() && device.in_order().len() == 1)?;
         let port = self.port(&part.name());
-        devices.next().is_none().then_some(Source { device, first_board: 0, port, port_boards: 1 })
+        devices.next().is_none().then_some(Source { device, first_board: 0, port, file: None, port_boards: 1 })
     }
 
     /// The whole name of a port.
     fn port(&self, name: &str) -> String {
         let prefix = self.prefix.as_deref().unwrap_or("icub").trim().trim_matches('/');
         format!("/{prefix}/skin/{name}")
+    }
+
+    /// What of the files is not used, where these are the sources of all patches: files, boards, includes; a line each.
+    pub fn unused(&self, sources: &[Source<'_>]) -> Vec<String> {
+        let mut used = self.used.clone();
+        let mut devices: Vec<&Device> = Vec::new();
+        for source in sources {
+            used.extend(source.device.files.iter().cloned().chain(source.file.map(Path::to_owned)));
+            if devices.iter().all(|device| device.name != source.device.name) {
+                devices.push(source.device);
+            }
+        }
+        let used: BTreeSet<PathBuf> = used.iter().map(|path| whole(path)).collect();
+        let files = self.given.iter().filter(|given| !used.contains(&whole(given)));
+        let files =
+            files.map(|file| format!("{}: not used: it says nothing of the parts that were given", file.display()));
+        let boards = devices.iter().filter_map(|device| {
+            let of_device = sources.iter().filter(|source| source.device.name == device.name);
+            let taken: BTreeSet<u8> = of_device.flat_map(|source| source.draft_port().boards).collect();
+            let left: Vec<String> = device
+                .in_order()
+                .iter()
+                .map(|(_, address)| address)
+                .filter(|address| !taken.contains(address))
+                .map(u8::to_string)
+                .collect();
+            let words = format!(
+                "{}: boards {} are in no patch: no file of their parts was given",
+                device.name,
+                left.join(", ")
+            );
+            Some(words).filter(|_| !left.is_empty())
+        });
+        self.unread.iter().cloned().chain(files).chain(boards).collect()
     }
 
     /// Whether any file was given.
@@ -232,7 +284,7 @@ impl Device {
                 self.addresses.insert(bus.unwrap_or(0), ids);
             }
             self.card = self.card.take().or(value(&params, "canbusDevice").map(str::to_owned));
-            self.settings.group(part.attribute("name").unwrap_or(""), &params);
+            self.settings.group(part.attribute("name").unwrap_or(""), &params, &mut self.open);
         }
     }
 
@@ -261,7 +313,7 @@ impl Device {
 }
 
 /// The ports of a wrapper.
-fn ports(node: Node<'_, '_>, wrapper: &str, file: &str) -> Vec<Port> {
+fn ports(node: Node<'_, '_>, wrapper: &str, file: &Path) -> Vec<Port> {
     let elems = |list: &'static str| {
         let of_list = move |elem: &Node<'_, '_>| elem.parent().and_then(|list| list.attribute("name")) == Some(list);
         node.descendants().filter(|elem| elem.has_tag_name("elem")).filter(of_list)
@@ -278,6 +330,11 @@ fn ports(node: Node<'_, '_>, wrapper: &str, file: &str) -> Vec<Port> {
         Some(Port { name, first, boards, wrapper: wrapper.to_owned(), file: file.to_owned(), networks })
     };
     elems("ports").filter_map(port).collect()
+}
+
+/// A path without links and detours.
+fn whole(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }
 
 fn is_in_device(node: &Node<'_, '_>) -> bool {

@@ -1,5 +1,8 @@
 //! What a robot's configuration says of how boards and modules are configured.
 
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+
 /// The host takes so many special sets and no more.
 const SETS_MAX: i64 = 20;
 
@@ -51,8 +54,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Takes a group of parameters; those that say nothing of boards are left out.
-    pub fn group(&mut self, name: &str, params: &[Param]) {
+    /// Takes a group of parameters; those that say nothing of boards are left out. Sets that are of no use are named in `open`.
+    pub fn group(&mut self, name: &str, params: &[Param], open: &mut Vec<String>) {
         let number = |name: &str, default| value(params, name).and_then(number).unwrap_or(default);
         match name {
             "defaultCfgBoard" => {
@@ -61,14 +64,12 @@ impl Settings {
             }
             "defaultCfgTriangle" => self.module = Some((number("shift", USUAL.0), number("cdcOffset", USUAL.1))),
             "specialCfgBoards" => {
-                for set in sets(params, "boardSetCfg") {
-                    let [bus, first, last, period_ms, board_type, no_load] = set[..] else { continue };
+                for [bus, first, last, period_ms, board_type, no_load] in sets(params, "boardSetCfg", open) {
                     self.boards.push(([bus, first, last], BoardValues { period_ms, board_type, no_load }));
                 }
             }
             "specialCfgTriangles" => {
-                for set in sets(params, "triangleSetCfg") {
-                    let [bus, board, first, last, _enabled, shift, cdc_offset] = set[..] else { continue };
+                for [bus, board, first, last, _enabled, shift, cdc_offset] in sets(params, "triangleSetCfg", open) {
                     self.modules.push(([bus, board, first, last], (shift, cdc_offset)));
                 }
             }
@@ -79,6 +80,21 @@ impl Settings {
     /// Whether it says what boards are configured with.
     pub fn has_values(&self) -> bool {
         self.board.is_some() || self.module.is_some() || !self.modules.is_empty()
+    }
+
+    /// Names the sets that are of none of these boards, listed by the number of their bus.
+    pub fn of_no_board(&self, boards: &BTreeMap<u8, Vec<u8>>) -> Vec<String> {
+        let is_there = |bus: i64, range: RangeInclusive<i64>| {
+            let on_bus = u8::try_from(bus).ok().and_then(|bus| boards.get(&bus));
+            on_bus.is_some_and(|list| list.iter().any(|address| range.contains(&i64::from(*address))))
+        };
+        let triangles = self.modules.iter().map(|([bus, board, ..], _)| ("triangles", *bus, *board..=*board));
+        let sets = self.boards.iter().map(|([bus, first, last], _)| ("boards", *bus, *first..=*last)).chain(triangles);
+        let unused = sets.filter(|(_, bus, range)| !is_there(*bus, range.clone()));
+        let words = |(what, bus, range): (_, _, RangeInclusive<i64>)| {
+            format!("a special set of {what} is not used: bus {bus} has no board {} to {}", range.start(), range.end())
+        };
+        unused.map(words).collect()
     }
 
     /// What a board is configured with; `bus` is the device's number of it.
@@ -100,9 +116,17 @@ impl Settings {
     }
 }
 
-/// The numbers of the sets that the host takes.
-fn sets(params: &[Param], prefix: &str) -> impl Iterator<Item = Vec<i64>> {
+/// The numbers of the sets that the host takes; others are named in `open`.
+fn sets<const N: usize>(params: &[Param], prefix: &str, open: &mut Vec<String>) -> Vec<[i64; N]> {
     let count = value(params, "numOfSets").and_then(number).unwrap_or(0).min(SETS_MAX);
-    let taken = move |name: &str| name.strip_prefix(prefix).and_then(number).is_some_and(|n| (1..=count).contains(&n));
-    params.iter().filter(move |(name, _)| taken(name)).map(|(_, text)| numbers(text))
+    let mut taken = Vec::new();
+    for (name, text) in params {
+        let Some(place) = name.strip_prefix(prefix) else { continue };
+        match <[i64; N]>::try_from(numbers(text)) {
+            Ok(set) if number(place).is_some_and(|place| (1..=count).contains(&place)) => taken.push(set),
+            Ok(_) => open.push(format!("{name} is not used: its number is not among 1 to numOfSets = {count}")),
+            Err(_) => open.push(format!("{name} = {} is not used: expected {N} numbers", text.trim())),
+        }
+    }
+    taken
 }

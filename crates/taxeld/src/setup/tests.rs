@@ -189,6 +189,7 @@ fn the_robots_configuration_gives_addresses_periods_and_exceptions() {
     assert_eq!(addresses, [7, 8, 11, 10], "as this robot has them");
     assert_eq!(plan.period.as_millis(), 30);
     assert!(text.contains("modules = \"5\", board_type = 8 }"), "{text}");
+    assert!(text.contains("CHECK: triangleSetCfg4 is not used"), "{text}");
     assert!(text.contains("modules = \"0\", board_type = 8, shift = 1, cdc_offset = 0x2000 }"), "{text}");
 }
 
@@ -255,6 +256,12 @@ fn wrapper(name: &str, port: &str, range: &str, network: &str) -> (String, Strin
 
 /// The patches of parts with these modules, or why there are none.
 fn patches(parts: &[(&str, &[usize])], files: &[&(String, String)]) -> Result<Vec<PatchDraft>, String> {
+    patches_and_notes(parts, files).map(|(drafts, _)| drafts)
+}
+
+type Made = (Vec<PatchDraft>, Vec<String>);
+
+fn patches_and_notes(parts: &[(&str, &[usize])], files: &[&(String, String)]) -> Result<Made, String> {
     let folder = Folder::new();
     let drawing = |(part, modules): &(&str, &[usize])| {
         let rows: Vec<String> = modules.iter().map(|module| format!("triangle_10pad {module} 0 0 0 4 0 0\n")).collect();
@@ -264,7 +271,7 @@ fn patches(parts: &[(&str, &[usize])], files: &[&(String, String)]) -> Result<Ve
     let xml = files.iter().map(|(name, text)| folder.put(name, text).into()).collect();
     let (positions, out) = (Vec::new(), folder.path("t.toml").into());
     let args = SetupArgs { positions, layout, xml, yarp: false, can: false, out, force: false };
-    drafts(&args).map(|(drafts, _)| drafts).map_err(|why| format!("{why:#}"))
+    drafts(&args).map_err(|why| format!("{why:#}"))
 }
 
 fn addresses(draft: &PatchDraft) -> Vec<u8> {
@@ -324,6 +331,42 @@ fn boards_behind_an_ethernet_board_are_read_over_the_port_of_their_counts() {
     let text = super::write::text(std::slice::from_ref(draft), Path::new("."));
     let (_, scene) = crate::config::examine_text(Path::new("t.toml"), &text).unwrap();
     assert!(text.contains("source = \"yarp\"") && !scene.plan.patches[0].configures(), "{text}");
+}
+
+/// A part on the second board of its port.
+#[test]
+fn a_port_has_all_of_its_boards_in_the_patch_also_those_without_a_module() {
+    let files = [device("d", &boards("13 12")), wrapper("w", "left_forearm", "0 383 0 383", "d")];
+    let draft = patches(&[("left_forearm", &[17])], &[&files[0], &files[1]]).unwrap();
+    let text = super::write::text(&draft, Path::new("."));
+    assert!(text.contains("{ address = 13, modules = \"\" },"), "{text}");
+    let (_, scene) = crate::config::examine_text(Path::new("t.toml"), &text).unwrap();
+    assert_eq!(scene.plan.patches[0].patch.port_index(0), Some(204), "as the rows of port and position file");
+}
+
+#[test]
+fn what_was_given_and_is_not_used_is_named() {
+    let set = "<param name='numOfSets'>2</param><param name='triangleSetCfg1'>1 14 0 1</param>\
+               <param name='triangleSetCfg2'>1 5 0 1 1 2 0x2200</param>";
+    let group = format!("</group><group name='specialCfgTriangles'>{set}");
+    let arm = device("left_arm-a-skin", &(boards("14 11 10") + &group));
+    let hand = wrapper("wa", "left_hand", "0 191 0 191", "left_arm-a-skin");
+    let (other, broken) =
+        (wrapper("wb", "torso", "0 191 0 191", "torso-skin"), ("skin.xml".to_owned(), "<a>".to_owned()));
+    let includes = "<xi:include href='hand-skin.xml'/><xi:include href='motors.xml'/>";
+    let list = format!("<robot name='r' xmlns:xi='http://www.w3.org/2001/XInclude'>{includes}</robot>");
+    let list = ("all.xml".to_owned(), list);
+    let (drafts, notes) = patches_and_notes(&[("left_hand", &[0])], &[&arm, &hand, &other, &list]).unwrap();
+    let [missing, file, boards] = &notes[..] else { panic!("{notes:?}") };
+    assert!(missing.starts_with("hand-skin.xml, which ") && missing.ends_with("is not there"), "{missing}");
+    assert!(file.contains("wb.xml: not used: it says nothing of the parts that were given"), "{file}");
+    assert!(boards.starts_with("left_arm-a-skin: boards 11, 10 are in no patch"), "{boards}");
+    let [malformed, nowhere] = &drafts[0].open[..] else { panic!("{:?}", drafts[0].open) };
+    assert_eq!(malformed, "triangleSetCfg1 = 1 14 0 1 is not used: expected 7 numbers");
+    assert_eq!(nowhere, "a special set of triangles is not used: bus 1 has no board 5 to 5");
+    let including = ("all.xml".to_owned(), list.1.replace("hand-skin", "skin"));
+    let refused = patches_and_notes(&[("left_hand", &[0])], &[&arm, &hand, &including, &broken]).unwrap_err();
+    assert!(refused.contains("skin.xml: not well-formed XML"), "{refused}");
 }
 
 #[test]

@@ -57,9 +57,6 @@ fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
     let _ = write!(text, "[[patch]]\nname = \"{name}\"\nbus = \"{bus}\"\n");
     if let Some(port) = &draft.port {
         let _ = writeln!(text, "port = {} # the robot's own software configures the boards", quoted(&port.name));
-        if port.boards != draft.boards.iter().map(|board| board.address).collect::<Vec<_>>() {
-            let _ = writeln!(text, "port_boards = {:?}", port.boards);
-        }
     } else {
         let (listen_only, why) = match draft.is_shared_address {
             true => (true, "a command to board 15 would go to all boards of the bus"),
@@ -76,15 +73,17 @@ fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
         let _ = write!(text, "area = \"equal\"\narea_mm2 = {area_mm2:?}\narea_uncertainty = 0.3\n");
     }
     text.push_str("boards = [\n");
-    for board in &draft.boards {
-        if draft.port.is_some() {
-            let mut modules: Vec<_> = board.modules.iter().flat_map(|(_, modules)| modules.clone()).collect();
+    match &draft.port {
+        // All boards of the port, in its order, also those of which the part has nothing.
+        Some(port) => port.boards.iter().for_each(|address| {
+            let of_board = draft.boards.iter().filter(|board| board.address == *address);
+            let mut modules: Vec<_> = of_board.flat_map(BoardDraft::modules).copied().collect();
             modules.sort_by_key(|(module, _)| module.get());
-            let _ =
-                writeln!(text, "    {{ address = {}, modules = \"{}\" }},", board.address, modules_written(&modules));
-            continue;
-        }
-        board.modules.iter().for_each(|(values, modules)| entry(text, board, &modules_written(modules), *values));
+            let _ = writeln!(text, "    {{ address = {address}, modules = \"{}\" }},", modules_written(&modules));
+        }),
+        None => draft.boards.iter().for_each(|board| {
+            board.modules.iter().for_each(|(values, modules)| entry(text, board, &modules_written(modules), *values));
+        }),
     }
     text.push_str("]\n");
     let words = "without the bag's pressure sensor there is no calibration, only force. Put in yours:";

@@ -98,6 +98,9 @@ fn a_scan_of_a_log_says_what_is_there_and_begins_a_configuration() {
     assert!(checked.contains("patch skin: 20 taxels on 2 modules"), "{checked}");
     assert!(fails(&["scan", &log, "--out", &begun]).contains("is there already"));
     assert!(fails(&["scan"]).contains("--interface"));
+    let dump = scratch(&[("data.log", "0 1.0 240\n")]);
+    let refused = fails(&["scan", dump.path().to_str().unwrap()]);
+    assert!(refused.contains("no frames to scan: `taxeld replay "), "{refused}");
 }
 
 /// 28 triangles, 16 and 12 on two boards, every third scan of about 48.7 Hz, and the chamber's pressure in pascal.
