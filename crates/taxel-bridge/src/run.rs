@@ -132,8 +132,7 @@ impl Bridge {
         let robot = || self.config.robot.clone();
         for patch in &self.config.patches {
             let (name, forces) = (patch.name.clone(), self.daemon.forces(&patch.name, None));
-            tasks.spawn(robot::force(session.clone(), robot(), name.clone(), forces, fleet.rate_hz));
-            tasks.spawn(robot::model(session.clone(), robot(), name, self.daemon.clone()));
+            tasks.spawn(robot::force(session.clone(), robot(), name, forces, fleet.rate_hz));
         }
         tasks.spawn(robot::health(session, robot(), self.health.clone()));
         first_end(tasks).await
