@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""How fast and how regularly forces come.
+"""How fast and how regularly forces come to a real node of ROS 2 over Fast DDS, beside a bare publisher of ros2-client.
 
-    tests/bridge/rate.py TAXELD BRIDGE SCRATCH [--seconds 60] [--rate 1000]
+    target/tests-ros/kilted/bin/python tests/bridge/rate.py TAXELD BRIDGE BARE_PUBLISHER SCRATCH [--seconds 60] [--rate 100]
 
-Asks the daemon for forces at that rate, through bridge and router to a reader in Python, and beside it over gRPC. Times are
-of one machine and of what else runs on it: the load is printed.
+Times are of one machine and of what else runs on it: the load is printed. TAXELD, BRIDGE: release builds; BARE_PUBLISHER:
+cargo build --release -p taxel-bridge --example bare_publisher.
 """
 
 import argparse
@@ -12,20 +12,20 @@ import array
 import bisect
 import os
 import pathlib
-import struct
 import sys
 import time
 
-import ros
-from stage import Stage, client, evenness, free_port, quantiles, until
+import real_ros
+from stage import Stage, evenness, free_port, quantiles, until
+
+DOMAIN = 20 + os.getpid() % 80
 
 CONFIG = """
 robot = "icub01"
 [daemon]
 server = "http://127.0.0.1:{grpc}"
-[zenoh]
-router = "{router}"
 [ros]
+domain = {domain}
 [[patch]]
 name = "left_forearm"
 rate_hz = {rate}
@@ -43,23 +43,15 @@ def usage(pid):
 class Reader:
     """Takes what it needs of each wrench and does nothing else."""
 
-    def __init__(self, session, endpoint):
-        self.sequence, self.sent, self.came, self.stamp = (array.array("q") for _ in range(4))
-        self.key = f"0{endpoint.name}/{endpoint.type}/{endpoint.hash}"
-        self.subscriber = session.declare_subscriber(self.key, self._take)
+    def __init__(self, ros, name):
+        self.stamp, self.sent, self.came = (array.array("q") for _ in range(3))
+        self.subscription = ros.node.create_subscription(real_ros.WrenchStamped, name, self._take, 10)
 
-    def _take(self, sample):
-        came = time.time_ns()
-        sequence, sent = struct.unpack_from("<qq", bytes(sample.attachment))
-        seconds, nanoseconds = struct.unpack_from("<iI", bytes(sample.payload), 4)
-        for kept, value in [(self.sequence, sequence), (self.sent, sent), (self.came, came),
-                            (self.stamp, seconds * 10**9 + nanoseconds)]:
-            kept.append(value)
-
-
-def missing(sequence):
-    """The numbers that are not there, between the first and the last."""
-    return sorted(set(range(sequence[0], sequence[-1] + 1)) - set(sequence))
+    def _take(self, message, info):
+        self.came.append(time.time_ns())
+        self.sent.append(info["source_timestamp"])
+        stamp = message.header.stamp
+        self.stamp.append(stamp.sec * 10**9 + stamp.nanosec)
 
 
 def since(times, ticks):
@@ -69,40 +61,39 @@ def since(times, ticks):
 
 
 def one_robot(arguments, stage):
-    grpc, router = free_port(), f"tcp/127.0.0.1:{free_port()}"
-    daemon = stage.start("taxeld", arguments.paths[0], "demo", "--listen", f"127.0.0.1:{grpc}")
+    taxeld, bridge_program, bare_program, _ = arguments.paths
+    grpc = free_port()
+    daemon = stage.start("taxeld", taxeld, "demo", "--listen", f"127.0.0.1:{grpc}")
     until("the demo serves", lambda: "live on" in daemon.log.read_text() or daemon.poll())
-    router_process = stage.router(router)
     config = stage.scratch / "rate.toml"
-    config.write_text(CONFIG.format(grpc=grpc, router=router, rate=arguments.rate))
-    bridge = stage.start("bridge", arguments.paths[1], "run", "--config", config)
-    session = client(router)
-    graph = ros.Graph(session, 0)
-    until("the wrench", lambda: "/skin/left_forearm/wrench" in graph.topics())
-    reader = Reader(session, graph.topics()["/skin/left_forearm/wrench"])
-    until("forces", lambda: len(reader.sequence) > 100)
+    config.write_text(CONFIG.format(grpc=grpc, domain=DOMAIN, rate=arguments.rate))
+    bridge = stage.start("bridge", bridge_program, "run", "--config", config)
+    stage.start("bare", bare_program, DOMAIN, arguments.rate)
+    ros = real_ros.Ros(DOMAIN)
+    skin, bare = Reader(ros, "/skin/left_forearm/wrench"), Reader(ros, "/bare/wrench")
+    until("forces", lambda: len(skin.came) > 100 and len(bare.came) > 100)
     beside, sendings = pathlib.Path(__file__).parent / "beside.py", stage.scratch / "sendings"
-    other = stage.start("grpc", sys.executable, beside, f"127.0.0.1:{grpc}", str(arguments.rate), str(arguments.seconds), sendings)
-    first, before, begun = len(reader.sequence), usage(bridge.pid), time.monotonic()
+    other = stage.start("grpc", sys.executable, beside, f"127.0.0.1:{grpc}", arguments.rate, arguments.seconds, sendings)
+    first, before, begun = (len(skin.came), len(bare.came)), usage(bridge.pid), time.monotonic()
     time.sleep(arguments.seconds)
-    last, after, span = len(reader.sequence), usage(bridge.pid), time.monotonic() - begun
-    sequence, sent, came = (list(kept)[first:last] for kept in (reader.sequence, reader.sent, reader.came))
-    print(f"bridge, {arguments.rate:.0f} Hz asked for: sent {evenness(sent, arguments.rate)}")
-    print(f"Python: {len(sequence)} samples in {span:.1f} s, {len(missing(sequence))} missing {missing(sequence)[:20]}; "
-          f"between two arrivals {evenness(came, arguments.rate)}")
-    print(f"  bridge's sending to here: {quantiles([c - s for c, s in zip(came, sent)])}")
+    last, after, span = (len(skin.came), len(bare.came)), usage(bridge.pid), time.monotonic() - begun
     until("the other reader ends", lambda: other.poll() is not None)
     print(other.log.read_text().strip())
-    ways = since(sent, array.array("q", sendings.read_bytes()))
-    print(f"daemon's sending to the bridge's: {quantiles(ways)} of {len(ways)}")
-    print(f"bridge: {100 * (after[0] - before[0]) / span:.1f} % of a core, {after[1]:.1f} MB; router {usage(router_process.pid)[1]:.1f} MB")
+    sent, came = skin.sent[first[0]:last[0]], skin.came[first[0]:last[0]]
+    print(f"bridge, {arguments.rate:.0f} Hz asked for: {len(came)} wrenches in {span:.1f} s, {evenness(came, arguments.rate)}")
+    ticks = array.array("q", sendings.read_bytes())
+    print(f"  daemon's sending to the callback: {quantiles(since(came, ticks))}")
+    print(f"  bridge's sending to the callback: {quantiles([c - s for c, s in zip(came, sent)])}")
+    stamp, came = bare.stamp[first[1]:last[1]], bare.came[first[1]:last[1]]
+    print(f"bare publisher: {len(came)} wrenches; stamp to the callback: {quantiles([c - s for c, s in zip(came, stamp)])}")
+    print(f"bridge: {100 * (after[0] - before[0]) / span:.1f} % of a core, {after[1]:.1f} MB")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", nargs=3, metavar="PATH")
+    parser.add_argument("paths", nargs=4, metavar="PATH")
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--rate", type=float, default=1000.0)
+    parser.add_argument("--rate", type=float, default=100.0)
     arguments = parser.parse_args()
     stage = Stage(pathlib.Path(arguments.paths[-1]))
     print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")

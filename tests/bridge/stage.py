@@ -1,6 +1,5 @@
 """What the tests of the bridge run on: processes, ports, waiting."""
 
-import json
 import os
 import pathlib
 import socket
@@ -8,8 +7,6 @@ import subprocess
 import sys
 import time
 import traceback
-
-import zenoh
 
 # Everything happens within a second; a busy machine may need many times as long.
 PATIENCE_S = 180
@@ -53,15 +50,6 @@ def evenness(times_ns, rate_hz):
     longer = ", ".join(f"{sum(pause > ms * 1e6 for pause in pauses)} longer than {ms} ms" for ms in (5, 10, 20))
     rate = 1e9 * len(pauses) / (times_ns[-1] - times_ns[0])
     return f"{rate:.1f} Hz, {quantiles(pauses)}, {longer}, {pairs} within a quarter of the period"
-
-
-def client(endpoint):
-    """A session of a foreign implementation."""
-    config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-    config.insert_json5("scouting/multicast/enabled", "false")
-    return zenoh.open(config)
 
 
 class Stage:

@@ -6,7 +6,7 @@ use anyhow::{Context, ensure};
 use serde::Deserialize;
 use taxel_yarp::NameServer;
 
-use crate::ros::keys;
+use crate::ros;
 use crate::yarp::parts::{self, Part};
 
 /// The whole file.
@@ -56,25 +56,41 @@ pub struct ZenohSection {
     pub config: Option<PathBuf>,
 }
 
+/// What carries ROS 2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Middleware {
+    /// `rmw_fastrtps_cpp`, the default of ROS, or `rmw_cyclonedds_cpp`.
+    Dds,
+    /// `rmw_zenoh_cpp`.
+    Zenoh,
+}
+
 /// `[ros]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RosSection {
+    /// How the nodes speak that are to hear it.
+    pub middleware: Middleware,
     /// `ROS_DOMAIN_ID`.
-    pub domain: u32,
+    pub domain: u16,
     /// Before all names; `/` for none.
     pub namespace: String,
     /// The node's name.
     pub node: String,
-    /// Whether keys carry hashes of types; false for humble.
-    pub type_hashes: bool,
     /// Whether the service `tare` is offered to everybody on the router.
     pub tare: bool,
 }
 
 impl Default for RosSection {
     fn default() -> Self {
-        Self { domain: 0, namespace: "/skin".into(), node: "taxel_bridge".into(), type_hashes: true, tare: false }
+        Self {
+            middleware: Middleware::Dds,
+            domain: 0,
+            namespace: "/skin".into(),
+            node: "taxel_bridge".into(),
+            tare: false,
+        }
     }
 }
 
@@ -243,9 +259,9 @@ impl RosSection {
     fn check(&self) -> anyhow::Result<()> {
         // More would need UDP ports that do not exist; ROS refuses them too.
         ensure!(self.domain <= 232, "ros.domain = {}: expected 0 to 232", self.domain);
-        ensure!(keys::is_name(&self.node), "ros.node = {:?}: expected letters, digits and underscores", self.node);
+        ensure!(ros::is_name(&self.node), "ros.node = {:?}: expected letters, digits and underscores", self.node);
         let inner = self.namespace.strip_prefix('/');
-        let fits = inner.is_some_and(|inner| inner.is_empty() || inner.split('/').all(keys::is_name));
+        let fits = inner.is_some_and(|inner| inner.is_empty() || inner.split('/').all(ros::is_name));
         ensure!(fits, "ros.namespace = {:?}: expected `/` or, for example, `/icub/skin`", self.namespace);
         Ok(())
     }
@@ -296,7 +312,7 @@ mod tests {
     fn the_least_file_has_defaults_for_the_rest() {
         let config = Config::parse(LEAST).unwrap();
         let ros = config.ros.unwrap();
-        assert_eq!((ros.domain, ros.type_hashes, ros.tare), (0, true, false));
+        assert_eq!((ros.domain, ros.middleware, ros.tare), (0, Middleware::Dds, false));
         assert_eq!(ros.absolute("tare"), "/skin/tare");
         assert_eq!(RosSection { namespace: "/".into(), ..ros }.absolute("tare"), "/tare");
         let patch = &config.patches[0];

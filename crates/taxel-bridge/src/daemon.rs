@@ -6,7 +6,6 @@ use anyhow::Context;
 use taxel_client::{Address, Forces, Line, Options, TlsOptions};
 use taxel_proto::code_name;
 use taxel_proto::v1::Health;
-use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tokio::sync::watch;
 use tonic::{Response, Status};
@@ -60,11 +59,6 @@ impl Daemon {
     /// `SkinService`.
     pub fn skin(&self) -> SkinServiceClient<Line> {
         SkinServiceClient::new(self.line.clone())
-    }
-
-    /// `ModelService`.
-    pub fn models(&self) -> ModelServiceClient<Line> {
-        ModelServiceClient::new(self.line.clone())
     }
 
     /// Asks for the health once a second, for as long as somebody wants to know.

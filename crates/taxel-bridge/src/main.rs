@@ -1,4 +1,4 @@
-//! `taxel-bridge`: robot skin in ROS 2 and in fleets, over Zenoh.
+//! `taxel-bridge`: robot skin in ROS 2, in fleets and on ports of YARP.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use taxel_bridge::fleet::watch::{self, FleetArgs};
 use taxel_bridge::run;
 use tracing_subscriber::EnvFilter;
 
-/// The force of robot skin, from a running taxeld to ROS 2 (rmw_zenoh), to fleets, and to ports of YARP.
+/// The force of robot skin, from a running taxeld to ROS 2, to fleets and to ports of YARP.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
@@ -34,10 +34,13 @@ enum Command {
     Fleet(FleetArgs),
 }
 
+/// Middlewares tell of every peer that comes or goes. What `ros2_client` thinks of ROS_DISTRO matters to releases before iron.
+const LOGGED: &str = "info,zenoh=error,rustdds=error,ros2_client=error,ros2_client::distributions=off";
+
 /// Zenoh needs a runtime with threads; one thread of ours is enough beside its own.
 #[tokio::main(flavor = "multi_thread", worker_threads = 1)]
 async fn main() -> anyhow::Result<()> {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info,zenoh=error"));
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(LOGGED));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
     // A task of its own: Zenoh blocks the thread for moments when a session is opened (1.10.2), and on the main thread that
     // swallows the wake-up of a timer that goes off meanwhile, so that what waits for it waits for ever.

@@ -9,10 +9,9 @@ use crate::daemon::{Daemon, HealthFeed};
 use crate::fleet::robot;
 use crate::link;
 use crate::ros::diagnostics;
-use crate::ros::keys::{Graph, KeepLast, name_of};
-use crate::ros::node::RosNode;
+use crate::ros::node::Node;
 use crate::ros::publish::{self, ForceTopics};
-use crate::ros::tare;
+use crate::ros::{name_of, tare};
 use crate::signals::asked_to_end;
 use crate::yarp::publish::{self as ports, Followed, Taken};
 
@@ -21,7 +20,7 @@ type Tasks = JoinSet<anyhow::Result<()>>;
 /// Runs a bridge until it is ended.
 ///
 /// # Errors
-/// If the configuration cannot be used, or a Zenoh session is closed.
+/// If the configuration cannot be used, or a middleware ends.
 pub async fn run(config: Config) -> anyhow::Result<()> {
     let daemon = Daemon::new(&config.daemon)?;
     let health = daemon.follow_health();
@@ -62,10 +61,9 @@ impl Bridge {
     /// Announces and publishes the topics of ROS.
     async fn ros(&self, ros: Option<&RosSection>) -> anyhow::Result<()> {
         let Some(ros) = ros else { return Ok(()) };
-        let (session, mut tasks) = (link::open(&self.config.zenoh).await?, Tasks::new());
+        let mut tasks = Tasks::new();
         let (robot, patches) = (&self.config.robot, &self.config.patches);
-        let graph = Graph { domain: ros.domain, type_hashes: ros.type_hashes };
-        let mut node = RosNode::announce(session, graph, ros.namespace.clone(), ros.node.clone()).await?;
+        let mut node = Node::announce(ros, &self.config.zenoh).await?;
         let mut statuses = Vec::new();
         for patch in patches {
             let topics = ForceTopics::announce(&mut node, ros, patch).await?;
@@ -75,7 +73,8 @@ impl Bridge {
             tasks.spawn(topics.publish(robot.clone(), patch.clone(), forces, sender));
             statuses.push(status);
             if patch.taxels_hz > 0.0 {
-                let topic = node.topic(&ros.absolute(&format!("{}/taxels", name_of(&patch.name))), KeepLast(1)).await?;
+                let topic =
+                    node.topic(&ros.absolute(&format!("{}/taxels", name_of(&patch.name))), publish::NEWEST).await?;
                 tasks.spawn(publish::taxels(topic, patch.clone(), self.daemon.clone()));
             }
         }
@@ -133,8 +132,7 @@ impl Bridge {
         let robot = || self.config.robot.clone();
         for patch in &self.config.patches {
             let (name, forces) = (patch.name.clone(), self.daemon.forces(&patch.name, None));
-            tasks.spawn(robot::force(session.clone(), robot(), name.clone(), forces, fleet.rate_hz));
-            tasks.spawn(robot::model(session.clone(), robot(), name, self.daemon.clone()));
+            tasks.spawn(robot::force(session.clone(), robot(), name, forces, fleet.rate_hz));
         }
         tasks.spawn(robot::health(session, robot(), self.health.clone()));
         first_end(tasks).await

@@ -55,10 +55,7 @@ pub struct ReplayArgs {
 /// # Errors
 /// An unreadable log, or a calibration that fails.
 pub fn replay(args: ReplayArgs, config: &Config, mut scene: Scene) -> anyhow::Result<()> {
-    let [section] = config.bus.as_slice() else {
-        bail!("a replay takes one bus, the configuration has {}", config.bus.len());
-    };
-    if section.source == BusSource::Push {
+    if let Some(section) = config.bus.iter().find(|section| section.source == BusSource::Push) {
         bail!("bus `{}` has source = \"push\": there is no log of pushed scans to replay", section.name);
     }
     of_a_log(&mut scene);
@@ -66,7 +63,7 @@ pub fn replay(args: ReplayArgs, config: &Config, mut scene: Scene) -> anyhow::Re
         say::step_aside();
     }
     let args = ReplayArgs { log: files::named(args.log), ..args };
-    play(&args, config, section, scene)
+    play(&args, config, scene)
 }
 
 /// A log cannot be configured, and no skin is touched: whoever moves a robot may have found this daemon in the place of the
@@ -107,11 +104,7 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
     let mut offline = Offline::new(Arc::new(scene.plan));
     offline.collected = force.is_some().then(Vec::new);
     let (begun, mut total, mut first) = (Instant::now(), 0_u64, None);
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
     while let Some(Run { bus, frames, lost }) = lanes.next() {
-        if begun.elapsed() > Duration::from_secs(1) {
-            bar.set_message(format!("{:.1} million frames", total as f64 / 1e6));
-        }
         total += frames.len() as u64;
         if let (None, Some(target), Some(frame)) = (first, request.calibrate, frames.first()) {
             offline.advance(frame.time);
@@ -129,7 +122,6 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
         }
     }
     let elapsed = begun.elapsed();
-    bar.finish_and_clear();
     lanes.reports().try_for_each(|report| expect_times(&request.log, report))?;
     let end = offline.now() + Duration::from_secs(1);
     offline.advance(end);

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 use taxel_client::{Moment, Received};
 use taxel_proto::judge::{NoForce, word};
-use taxel_proto::v1::{ForceSample, ForceState, Health, ModelSetSummary};
+use taxel_proto::v1::{ForceSample, ForceState, Health};
 
 /// A robot tells its force at least once a second, and its health.
 const SILENT_AFTER: Duration = Duration::from_secs(3);
@@ -14,14 +14,8 @@ const SILENT_AFTER: Duration = Duration::from_secs(3);
 /// All robots.
 #[derive(Debug, Default)]
 pub struct Book {
-    patches: BTreeMap<(String, String), Patch>,
+    patches: BTreeMap<(String, String), Received>,
     health: BTreeMap<String, (Moment, Health)>,
-}
-
-#[derive(Debug, Default)]
-struct Patch {
-    force: Option<Received>,
-    model: ModelSetSummary,
 }
 
 /// A patch of a robot.
@@ -49,8 +43,6 @@ pub struct Row {
     pub zero_taken: Option<i64>,
     /// The model set in use; empty where it is not known.
     pub model_set: String,
-    /// When that was made, s since 1970.
-    pub calibrated: Option<i64>,
     /// Why the state is not OK.
     pub reasons: Vec<String>,
 }
@@ -58,12 +50,7 @@ pub struct Row {
 impl Book {
     /// A sample came just now.
     pub fn force(&mut self, robot: &str, patch: &str, sample: ForceSample) {
-        self.patch(robot, patch).force = Some(Received::now(sample));
-    }
-
-    /// The model set of a patch came.
-    pub fn model(&mut self, robot: &str, patch: &str, model: ModelSetSummary) {
-        self.patch(robot, patch).model = model;
+        self.patches.insert((robot.to_owned(), patch.to_owned()), Received::now(sample));
     }
 
     /// The health of a robot's daemon came just now.
@@ -71,13 +58,9 @@ impl Book {
         self.health.insert(robot.to_owned(), (Moment::now(), health));
     }
 
-    fn patch(&mut self, robot: &str, patch: &str) -> &mut Patch {
-        self.patches.entry((robot.to_owned(), patch.to_owned())).or_default()
-    }
-
     /// Everything, robot by robot and patch by patch.
     pub fn rows(&self, now: Moment) -> Vec<Row> {
-        let row = |((robot, name), patch): (&(String, String), &Patch)| {
+        let row = |((robot, name), received): (&(String, String), &Received)| {
             // Nobody knows what has become of the zero of an engine that stands still, or of a daemon that says nothing.
             let known = |(came, health): &&(Moment, Health)| {
                 now.since(*came) <= SILENT_AFTER && health.engine_stalled_s.is_none()
@@ -90,40 +73,32 @@ impl Book {
                 patch: name.clone(),
                 zero_valid: zero.map(|zero| zero.valid),
                 zero_taken: zero.and_then(|zero| Some(zero.time.as_ref()?.seconds)),
-                model_set: patch.model.model_set.clone(),
-                calibrated: patch.model.created.as_ref().map(|created| created.seconds),
-                ..patch.row(now)
+                ..force(received, now)
             }
         };
         self.patches.iter().map(row).collect()
     }
 }
 
-impl Patch {
-    /// The robot's bridge has judged the force when it sent it; here it is judged again, by its age now.
-    fn row(&self, now: Moment) -> Row {
-        let silent = |reasons| Row { state: "SILENT".to_owned(), reasons, ..Row::default() };
-        let Some(received) = &self.force else { return silent(Vec::new()) };
-        let waited = received.waited(now);
-        if waited > SILENT_AFTER {
-            return silent(vec![format!("nothing new for {:.1} s", waited.as_secs_f64())]);
-        }
-        let (sample, judged) = (received.sample(), received.force(now, None));
-        let (state, reasons) = match &judged {
-            Err(old @ NoForce::TooOld(..)) => (ForceState::Stale, vec![old.to_string()]),
-            _ => (sample.state(), sample.reasons.clone()),
-        };
-        let force = judged.ok();
-        Row {
-            state: word(state).to_owned(),
-            force_n: force.map(|force| force.total_n),
-            sigma_n: force.and(sample.total_sigma_n),
-            age_s: force.map(|force| force.age.as_secs_f64()),
-            simulated: sample.simulated,
-            excluded: force.map(|_| sample.excluded),
-            reasons,
-            ..Row::default()
-        }
+/// The robot's bridge has judged the force when it sent it; here it is judged again, by its age now.
+fn force(received: &Received, now: Moment) -> Row {
+    let (sample, waited, judged) = (received.sample(), received.waited(now), received.force(now, None));
+    let (state, reasons) = match &judged {
+        _ if waited > SILENT_AFTER => ("SILENT", vec![format!("nothing new for {:.1} s", waited.as_secs_f64())]),
+        Err(old @ NoForce::TooOld(..)) => (word(ForceState::Stale), vec![old.to_string()]),
+        _ => (word(sample.state()), sample.reasons.clone()),
+    };
+    let force = judged.ok().filter(|_| waited <= SILENT_AFTER);
+    Row {
+        state: state.to_owned(),
+        force_n: force.map(|force| force.total_n),
+        sigma_n: force.and(sample.total_sigma_n),
+        age_s: force.map(|force| force.age.as_secs_f64()),
+        simulated: sample.simulated,
+        excluded: force.map(|_| sample.excluded),
+        model_set: sample.model_set.clone(),
+        reasons,
+        ..Row::default()
     }
 }
 
@@ -144,6 +119,7 @@ mod tests {
             max_age_s: 0.15,
             sent: Some((SystemTime::now() - Duration::from_secs_f64(ago_s)).into()),
             excluded: 3,
+            model_set: "m-1".into(),
             ..ForceSample::default()
         }
     }
@@ -157,9 +133,8 @@ mod tests {
     fn a_robot_is_shown_with_its_force_its_zero_and_its_model_set() {
         let mut book = Book::default();
         book.force("icub", "arm", sent(0.0));
-        let created = Some(Timestamp { seconds: 1_600_000_000, nanos: 0 });
-        book.model("icub", "arm", ModelSetSummary { model_set: "m-1".into(), created, ..Default::default() });
-        let tare = Some(TareStatus { valid: true, time: created, ..TareStatus::default() });
+        let time = Some(Timestamp { seconds: 1_600_000_000, nanos: 0 });
+        let tare = Some(TareStatus { valid: true, time, ..TareStatus::default() });
         let patches = vec![PatchHealth { patch: "arm".into(), tare, ..PatchHealth::default() }];
         let health = Health { patches, ..Health::default() };
         book.health("icub", health.clone());
@@ -167,7 +142,7 @@ mod tests {
         assert_eq!((now.robot.as_str(), now.patch.as_str(), now.state.as_str()), ("icub", "arm", "OK"));
         assert_eq!((now.force_n, now.sigma_n, now.excluded), (Some(4.9), Some(0.5), Some(3)));
         assert_eq!((now.zero_valid, now.zero_taken), (Some(true), Some(1_600_000_000)));
-        assert_eq!((now.calibrated, now.model_set.as_str()), (Some(1_600_000_000), "m-1"));
+        assert_eq!(now.model_set, "m-1");
         assert_eq!(row(&book, 3.1).zero_valid, None, "a health that is old");
         book.health("icub", Health { engine_stalled_s: Some(0.2), ..health });
         assert_eq!(row(&book, 0.0).zero_valid, None, "an engine that stands still tells no zero");

@@ -3,7 +3,6 @@
 //! | key | what | how often |
 //! |---|---|---|
 //! | `taxel/ROBOT/force/PATCH` | `taxel.v1.ForceSample` | at the configured rate, also where there is no force |
-//! | `taxel/ROBOT/model/PATCH` | `taxel.v1.ModelSetSummary` of the model set in use | once a second, while there is one |
 //! | `taxel/ROBOT/health` | `taxel.v1.Health` | once a second, while the daemon answers |
 
 /// Every robot's keys.
@@ -14,8 +13,6 @@ pub const ALL: &str = "taxel/**";
 pub enum Told<'a> {
     /// A patch's force.
     Force(&'a str),
-    /// A patch's model set.
-    Model(&'a str),
     /// The daemon's health.
     Health,
 }
@@ -24,7 +21,6 @@ pub enum Told<'a> {
 pub fn key(robot: &str, told: Told<'_>) -> String {
     match told {
         Told::Force(patch) => format!("taxel/{robot}/force/{patch}"),
-        Told::Model(patch) => format!("taxel/{robot}/model/{patch}"),
         Told::Health => format!("taxel/{robot}/health"),
     }
 }
@@ -34,7 +30,6 @@ pub fn split(key: &str) -> Option<(&str, Told<'_>)> {
     let (robot, rest) = key.strip_prefix("taxel/")?.split_once('/')?;
     let told = match rest.split_once('/') {
         Some(("force", patch)) => Told::Force(patch),
-        Some(("model", patch)) => Told::Model(patch),
         None if rest == "health" => Told::Health,
         _ => return None,
     };
@@ -47,7 +42,7 @@ mod tests {
 
     #[test]
     fn a_key_says_whose_it_is_and_what_it_holds() {
-        for told in [Told::Force("arm"), Told::Model("arm"), Told::Health] {
+        for told in [Told::Force("arm"), Told::Health] {
             assert_eq!(split(&key("icub01", told)), Some(("icub01", told)));
         }
         for other in ["", "taxel", "taxel/r", "other/r/health", "taxels/r/health", "taxel/r/health/x", "taxel/r/x/arm"]

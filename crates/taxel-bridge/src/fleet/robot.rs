@@ -8,21 +8,16 @@ use std::time::{Duration, SystemTime};
 use prost::Message;
 use taxel_client::{Forces, Moment, Received};
 use taxel_proto::judge::{NoForce, withheld};
-use taxel_proto::v1::{ForceSample, GetModelSetRequest, ModelSetSummary};
-use tokio::time::{Interval, MissedTickBehavior, interval};
+use taxel_proto::v1::ForceSample;
+use tokio::time::{MissedTickBehavior, interval};
 use zenoh::Session;
 use zenoh::bytes::Encoding;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
-use crate::daemon::{Daemon, HealthFeed, answered};
+use crate::daemon::HealthFeed;
 use crate::fleet::keys::{Told, key};
 use crate::link::tried;
-
-/// A model set goes out so often, for whoever begins to listen.
-const MODEL_EVERY: Duration = Duration::from_secs(1);
-/// The daemon is asked for it each time that so many of these have passed.
-const MODEL_ASKED_EVERY: u64 = 10;
 
 /// Tells a patch's newest sample at a rate, also where it is no force any more.
 ///
@@ -30,7 +25,9 @@ const MODEL_ASKED_EVERY: u64 = 10;
 /// If the session is closed.
 pub async fn force(session: Session, robot: String, patch: String, forces: Forces, rate_hz: f64) -> anyhow::Result<()> {
     let publisher = publisher(&session, &robot, Told::Force(&patch), "taxel.v1.ForceSample").await?;
-    let mut ticks = ticks(Duration::from_secs_f64(1.0 / rate_hz));
+    let mut ticks = interval(Duration::from_secs_f64(1.0 / rate_hz));
+    // What was missed is not made up for: the value of a tick that is long past is an old one.
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
         ticks.tick().await;
         if let Some(received) = forces.newest() {
@@ -38,31 +35,6 @@ pub async fn force(session: Session, robot: String, patch: String, forces: Force
             tried("a force", publisher.put(sample.encode_to_vec()).await)?;
         }
     }
-}
-
-/// Tells which model set a patch uses.
-///
-/// # Errors
-/// If the session is closed.
-pub async fn model(session: Session, robot: String, patch: String, daemon: Daemon) -> anyhow::Result<()> {
-    let publisher = publisher(&session, &robot, Told::Model(&patch), "taxel.v1.ModelSetSummary").await?;
-    let (mut ticks, mut count, mut model) = (ticks(MODEL_EVERY), 0, None);
-    loop {
-        ticks.tick().await;
-        if count % MODEL_ASKED_EVERY == 0 {
-            model = in_use(&daemon, &patch).await;
-        }
-        count += 1;
-        if let Some(model) = &model {
-            tried("a model set", publisher.put(model.encode_to_vec()).await)?;
-        }
-    }
-}
-
-/// The model set in use; `None` without one, or if the daemon does not answer.
-async fn in_use(daemon: &Daemon, patch: &str) -> Option<ModelSetSummary> {
-    let request = GetModelSetRequest { patch: patch.to_owned(), ..GetModelSetRequest::default() };
-    answered(daemon.models().get_model_set(request)).await.ok()?.summary
 }
 
 /// Tells the daemon's health when it has been asked. A daemon that does not answer has none; its forces say so.
@@ -84,13 +56,6 @@ pub async fn health(session: Session, robot: String, mut health: HealthFeed) -> 
 async fn publisher(session: &Session, robot: &str, told: Told<'_>, schema: &str) -> anyhow::Result<Publisher<'static>> {
     let publisher = session.declare_publisher(key(robot, told)).congestion_control(CongestionControl::Drop);
     tried("a publisher", publisher.encoding(Encoding::APPLICATION_PROTOBUF.with_schema(schema)).await)
-}
-
-/// What was missed is not made up for: the value of a tick that is long past is an old one.
-fn ticks(period: Duration) -> Interval {
-    let mut ticks = interval(period);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    ticks
 }
 
 /// The sample as it goes on now, with its age by now: without any figure of the force where it has become too old.

@@ -6,7 +6,7 @@ use taxel_skin::printable;
 
 use crate::fleet::book::Row;
 
-const HEAD: [&str; 9] = ["robot", "patch", "state", "force N", "age", "excluded", "zero", "calibrated", "why"];
+const HEAD: [&str; 9] = ["robot", "patch", "state", "force N", "age", "excluded", "zero", "model set", "why"];
 
 /// A span of time as people say it.
 fn span(seconds: f64) -> String {
@@ -25,11 +25,10 @@ fn ago(seconds: i64) -> String {
 }
 
 fn cells(row: &Row, now_s: i64) -> [String; HEAD.len()] {
-    let since = |at: Option<i64>| at.map(|at| ago(now_s - at));
     let force = row.force_n.map(|n| row.sigma_n.map_or(format!("{n:.2}"), |sigma| format!("{n:.2} +- {sigma:.2}")));
     let zero = match row.zero_valid {
         Some(false) => Some("not valid".to_owned()),
-        _ => since(row.zero_taken),
+        _ => row.zero_taken.map(|at| ago(now_s - at)),
     };
     let none = || "-".to_owned();
     [
@@ -40,7 +39,7 @@ fn cells(row: &Row, now_s: i64) -> [String; HEAD.len()] {
         row.age_s.filter(|age| age.is_finite()).map_or_else(none, span),
         row.excluded.map_or_else(none, |excluded| excluded.to_string()),
         zero.unwrap_or_else(none),
-        since(row.calibrated).unwrap_or_else(none),
+        if row.model_set.is_empty() { none() } else { row.model_set.clone() },
         row.reasons.join("; "),
     ]
 }
@@ -85,17 +84,18 @@ mod tests {
             excluded: Some(11),
             zero_valid: Some(true),
             zero_taken: Some(1_000),
+            model_set: "m-1".into(),
             ..Row::default()
         };
         let reasons = vec!["nothing new for 9.1 s".to_owned()];
         let silent = Row { robot: "r1".into(), patch: "leg".into(), state: "SILENT".into(), reasons, ..Row::default() };
         let text = text(&[row, silent], 8_300);
         let lines: Vec<_> = text.lines().collect();
-        assert_eq!(lines[0], "robot  patch  state   force N       age    excluded  zero     calibrated  why");
-        assert_eq!(lines[1], "icub   arm    OK      4.90 +- 0.21  0.0 s  11        2 h ago  -");
+        assert_eq!(lines[0], "robot  patch  state   force N       age    excluded  zero     model set  why");
+        assert_eq!(lines[1], "icub   arm    OK      4.90 +- 0.21  0.0 s  11        2 h ago  m-1");
         assert_eq!(
             lines[2],
-            "r1     leg    SILENT  -             -      -         -        -           nothing new for 9.1 s"
+            "r1     leg    SILENT  -             -      -         -        -          nothing new for 9.1 s"
         );
     }
 

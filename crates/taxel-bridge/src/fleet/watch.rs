@@ -79,7 +79,6 @@ fn take(book: &mut Book, sample: &Sample) {
     let Some((robot, told)) = keys::split(key) else { return };
     let taken = match told {
         Told::Force(patch) => decoded(sample).map(|force| book.force(robot, patch, force)),
-        Told::Model(patch) => decoded(sample).map(|model| book.model(robot, patch, model)),
         Told::Health => decoded(sample).map(|health| book.health(robot, health)),
     };
     if let Err(error) = taken {

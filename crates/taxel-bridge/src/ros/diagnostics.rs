@@ -17,7 +17,7 @@ pub const ERROR: u8 = 2;
 pub const STALE: u8 = 3;
 
 fn value(key: &str, value: impl ToString) -> KeyValue {
-    KeyValue { key: key.to_owned(), value: value.to_string() }
+    (key.to_owned(), value.to_string())
 }
 
 /// A patch's level and the words for it. It changes only when something about the patch does.

@@ -7,9 +7,7 @@ use std::time::Duration;
 
 use taxel_proto::v1::{ForceSample, ForceState, Skin, TaxelSample, Vector3 as ProtoVector};
 
-use crate::ros::types::{
-    Header, JointState, PointCloud2, PointField, PointStamped, Time, Vector3, Wrench, WrenchStamped,
-};
+use crate::ros::types::{Header, JointState, PointCloud2, PointField, PointStamped, Time, Vector3, WrenchStamped};
 
 /// `sensor_msgs/msg/PointField.UINT32` and `FLOAT32`.
 const UINT32: u8 = 6;
@@ -34,15 +32,14 @@ fn header(time: Option<&taxel_proto::Timestamp>, frame: &str) -> Option<Header> 
 }
 
 fn vector(of: Option<&ProtoVector>) -> Option<Vector3> {
-    let of = of.filter(|of| [of.x, of.y, of.z].into_iter().all(f64::is_finite))?;
-    Some(Vector3 { x: of.x, y: of.y, z: of.z })
+    of.map(|of| [of.x, of.y, of.z]).filter(|of| of.iter().all(|number| number.is_finite()))
 }
 
 /// The force that acts on the skin and its moment about the origin of the patch's frame; `None` if the scene has no
 /// force vector.
 pub fn wrench(sample: &ForceSample, frame: &str) -> Option<WrenchStamped> {
-    let wrench = Wrench { force: vector(sample.resultant_n.as_ref())?, torque: vector(sample.moment_nm.as_ref())? };
-    Some(WrenchStamped { header: header(sample.time.as_ref(), frame)?, wrench })
+    let (force, torque) = (vector(sample.resultant_n.as_ref())?, vector(sample.moment_nm.as_ref())?);
+    Some(WrenchStamped { header: header(sample.time.as_ref(), frame)?, force, torque })
 }
 
 /// The total normal force with what is known of it, by names with their units. A figure that is not known has no entry.
@@ -131,8 +128,8 @@ mod tests {
         let message = wrench(&good(), "l_forearm_skin").unwrap();
         assert_eq!(message.header.stamp, Time { sec: 1_700_000_000, nanosec: 5 });
         assert_eq!(message.header.frame_id, "l_forearm_skin");
-        assert_eq!(message.wrench.force, Vector3 { x: 1.0, y: -2.0, z: 3.0 });
-        assert_eq!(message.wrench.torque, Vector3 { x: 0.1, y: 0.2, z: 0.3 });
+        assert_eq!(message.force, [1.0, -2.0, 3.0]);
+        assert_eq!(message.torque, [0.1, 0.2, 0.3]);
         for sample in [
             ForceSample { resultant_n: None, ..good() },
             ForceSample { moment_nm: None, ..good() },

@@ -1,14 +1,24 @@
-//! ROS 2 as `rmw_zenoh` speaks it, without ROS.
+//! Topics and services of ROS 2, without ROS.
 
-pub mod attachment;
-pub mod cdr;
 pub mod diagnostics;
-pub mod keys;
 pub mod messages;
 pub mod node;
 pub mod publish;
 pub mod tare;
 pub mod types;
+pub mod zenoh;
+
+/// Whether ROS takes `text` as one part of a name: letters, digits and underscores, and no digit first.
+pub fn is_name(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+        && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+}
+
+/// A patch's name as ROS takes it: what it does not take becomes an underscore.
+pub fn name_of(patch: &str) -> String {
+    let taken = patch.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+    if is_name(&taken) { taken } else { format!("_{taken}") }
+}
 
 /// A good sample of 4.9 N.
 #[cfg(test)]
@@ -31,4 +41,13 @@ fn good() -> taxel_proto::v1::ForceSample {
         model_set: "m-1".into(),
         ..ForceSample::default()
     }
+}
+
+#[test]
+fn a_patch_has_a_name_that_ros_takes() {
+    for (patch, name) in [("left_forearm", "left_forearm"), ("l-arm 2", "l_arm_2"), ("2nd", "_2nd"), ("", "_")] {
+        assert_eq!(name_of(patch), name);
+        assert!(is_name(name));
+    }
+    assert!(!is_name("") && !is_name("a/b") && !is_name("1a") && !is_name("\u{e9}"));
 }

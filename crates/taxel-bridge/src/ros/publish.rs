@@ -4,7 +4,6 @@
 use std::time::{Duration, SystemTime};
 
 use taxel_client::Forces;
-use taxel_proto::Timestamp;
 use taxel_proto::judge::on_the_way;
 use taxel_proto::v1::{ForceSample, PatchRequest, StreamRequest};
 use tokio::sync::watch;
@@ -14,12 +13,11 @@ use tonic::Status;
 use crate::config::{PatchSection, RosSection};
 use crate::daemon::{Daemon, HealthFeed, words};
 use crate::ros::diagnostics;
-use crate::ros::keys::{KeepLast, name_of};
-use crate::ros::messages;
-use crate::ros::node::{RosNode, Topic};
+use crate::ros::node::{Node, Topic};
 use crate::ros::types::{
     DiagnosticArray, DiagnosticStatus, Header, JointState, PointCloud2, PointStamped, Time, WrenchStamped,
 };
+use crate::ros::{messages, name_of};
 use crate::wall;
 
 /// Where ROS expects diagnostics, in every namespace.
@@ -31,30 +29,15 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Between two attempts to open a stream of taxels.
 const AGAIN_AFTER: Duration = Duration::from_millis(500);
 /// Readers want the newest force and no queue of old ones.
-const NEWEST: KeepLast = KeepLast(1);
+pub const NEWEST: usize = 1;
 
-/// A stamp that lies further back than this is no jitter: the wall clock was set.
-const CLOCK_SET: i128 = 1_000_000_000;
+/// Seconds and nanoseconds since 1970.
+type Stamp = (i64, i32);
 
-/// The stamps of a topic, which never go back. The daemon works the wall-clock time of a frame out anew for each sample,
-/// so that a sample may carry a stamp a little before that of the one which went out before it.
-#[derive(Debug, Default)]
-struct Stamps {
-    newest_ns: Option<i128>,
-}
-
-impl Stamps {
-    /// Whether a sample of this time may follow what went out; it counts as sent then.
-    fn follows(&mut self, time: Option<&Timestamp>) -> bool {
-        let Some(ns) = time.map(|time| i128::from(time.seconds) * 1_000_000_000 + i128::from(time.nanos)) else {
-            return true;
-        };
-        if self.newest_ns.is_some_and(|newest| ns < newest && newest - ns < CLOCK_SET) {
-            return false;
-        }
-        self.newest_ns = Some(ns);
-        true
-    }
+/// Whether a frame's time lies before what went out. The daemon works it out anew for each sample, so it may be a little
+/// earlier than that of the sample before. Two seconds are no jitter: the wall clock was set.
+fn goes_back(newest: Stamp, time: Stamp) -> bool {
+    time < newest && newest.0 - time.0 < 2
 }
 
 /// The topics of a patch's force.
@@ -68,8 +51,8 @@ impl ForceTopics {
     /// Announces them.
     ///
     /// # Errors
-    /// If the session is closed.
-    pub async fn announce(node: &mut RosNode, ros: &RosSection, patch: &PatchSection) -> anyhow::Result<Self> {
+    /// If the middleware has ended.
+    pub async fn announce(node: &mut Node, ros: &RosSection, patch: &PatchSection) -> anyhow::Result<Self> {
         let name = |topic: &str| ros.absolute(&format!("{}/{topic}", name_of(&patch.name)));
         Ok(Self {
             wrench: node.topic(&name("wrench"), NEWEST).await?,
@@ -81,7 +64,7 @@ impl ForceTopics {
     /// Publishes each force once, for as long as the daemon is followed, and keeps the patch's diagnostics.
     ///
     /// # Errors
-    /// If the session is closed.
+    /// If the middleware has ended.
     pub async fn publish(
         mut self,
         robot: String,
@@ -89,7 +72,7 @@ impl ForceTopics {
         mut forces: Forces,
         status: watch::Sender<DiagnosticStatus>,
     ) -> anyhow::Result<()> {
-        let (mut last, mut stamps, mut published, mut look) = (None, Stamps::default(), 0, looks());
+        let (mut last, mut newest, mut published, mut look) = (None, Stamp::default(), 0, looks());
         loop {
             tokio::select! {
                 () = forces.changed() => {}
@@ -102,9 +85,10 @@ impl ForceTopics {
             let sample = &force.sample;
             // A change may also be the end of the stream: a sample that went out already does not go out as a new one.
             let message = Some((sample.sequence, sample.age_s));
-            if message != last && stamps.follows(sample.time.as_ref()) {
+            let time = sample.time.map(|time| (time.seconds, time.nanos)).unwrap_or_default();
+            if message != last && !goes_back(newest, time) {
                 self.send(sample, section.frame()).await?;
-                published += 1;
+                (newest, published) = (time, published + 1);
             }
             last = message;
         }
@@ -112,13 +96,13 @@ impl ForceTopics {
 
     async fn send(&mut self, sample: &ForceSample, frame: &str) -> anyhow::Result<()> {
         if let Some(message) = messages::wrench(sample, frame) {
-            self.wrench.publish(&message).await?;
+            self.wrench.publish(message).await?;
         }
         if let Some(message) = messages::force(sample, frame) {
-            self.force.publish(&message).await?;
+            self.force.publish(message).await?;
         }
         if let Some(message) = messages::centre_of_pressure(sample, frame) {
-            self.centre.publish(&message).await?;
+            self.centre.publish(message).await?;
         }
         Ok(())
     }
@@ -127,7 +111,7 @@ impl ForceTopics {
 /// Publishes a patch's taxels as they come, over one stream after the other.
 ///
 /// # Errors
-/// If the session is closed.
+/// If the middleware has ended.
 pub async fn taxels(mut topic: Topic<PointCloud2>, section: PatchSection, daemon: Daemon) -> anyhow::Result<()> {
     let mut told = None;
     loop {
@@ -143,7 +127,7 @@ pub async fn taxels(mut topic: Topic<PointCloud2>, section: PatchSection, daemon
     }
 }
 
-/// Publishes the taxels of one stream, until the daemon ends it (`Err`) or the session is closed (`Ok`).
+/// Publishes the taxels of one stream, until the daemon ends it (`Err`) or the middleware has ended (`Ok`).
 async fn one_stream(
     topic: &mut Topic<PointCloud2>,
     section: &PatchSection,
@@ -160,7 +144,7 @@ async fn one_stream(
         }
         let waited = on_the_way(sample.sent.as_ref(), SystemTime::now());
         if let Some(cloud) = messages::taxels(&sample, &skin, section.frame(), waited)
-            && let Err(closed) = topic.publish(&cloud).await
+            && let Err(closed) = topic.publish(cloud).await
         {
             return Ok(Err(closed));
         }
@@ -178,15 +162,15 @@ fn looks() -> Interval {
 /// Announces the topic of diagnostics.
 ///
 /// # Errors
-/// If the session is closed.
-pub async fn diagnostics_topic(node: &mut RosNode) -> anyhow::Result<Topic<DiagnosticArray>> {
-    node.topic(DIAGNOSTICS, KeepLast(10)).await
+/// If the middleware has ended.
+pub async fn diagnostics_topic(node: &mut Node) -> anyhow::Result<Topic<DiagnosticArray>> {
+    node.topic(DIAGNOSTICS, 10).await
 }
 
 /// Publishes how everything is.
 ///
 /// # Errors
-/// If the session is closed.
+/// If the middleware has ended.
 pub async fn diagnostics(
     mut topic: Topic<DiagnosticArray>,
     robot: String,
@@ -209,7 +193,7 @@ pub async fn diagnostics(
                 sec: i32::try_from(ns / 1_000_000_000).unwrap_or(i32::MAX),
                 nanosec: (ns % 1_000_000_000) as u32,
             };
-            topic.publish(&DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status }).await?;
+            topic.publish(DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status }).await?;
             sent = Some((Instant::now(), levels));
         }
     }
@@ -221,11 +205,8 @@ mod tests {
 
     #[test]
     fn stamps_never_go_back_unless_the_clock_was_set() {
-        let mut stamps = Stamps::default();
-        let mut follows = |seconds, nanos| stamps.follows(Some(&Timestamp { seconds, nanos }));
-        assert!(follows(100, 500) && follows(100, 500) && follows(100, 600));
-        assert!(!follows(100, 599), "a frame's time that was worked out again");
-        assert!(follows(90, 0), "the clock was set back by ten seconds");
-        assert!(follows(90, 1) && stamps.follows(None));
+        assert!(!goes_back((100, 500), (100, 500)) && !goes_back((100, 500), (100, 600)));
+        assert!(goes_back((100, 600), (100, 599)) && goes_back((100, 0), (99, 999_999_999)), "worked out again");
+        assert!(!goes_back((100, 500), (90, 0)), "the clock was set back by ten seconds");
     }
 }

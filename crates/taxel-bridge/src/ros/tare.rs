@@ -5,31 +5,44 @@ use taxel_proto::v1::TareRequest;
 use crate::daemon::{Daemon, answered};
 use crate::ros::node::Trigger;
 use crate::ros::types::TriggerResponse;
+use crate::ros::zenoh;
 
-/// Answers requests for ever, one after the other: takes the zero of each patch, without vouching for anything, so that
-/// the daemon itself must see rest.
+/// Answers requests for ever, one after the other.
 ///
 /// # Errors
-/// If the session is closed.
+/// If the middleware has ended.
 pub async fn serve(trigger: Trigger, daemon: Daemon, patches: Vec<String>) -> anyhow::Result<()> {
     loop {
-        let request = trigger.next().await?;
-        let mut response = TriggerResponse { success: true, message: String::new() };
-        let mut said = Vec::new();
-        for patch in &patches {
-            let ask = TareRequest { patch: patch.clone(), confirmed_by: String::new() };
-            match answered(daemon.skin().tare(ask)).await {
-                Ok(status) => said.push(format!("{patch}: {}", status.reason)),
-                Err(why) => {
-                    response.success = false;
-                    said.push(format!("{patch}: refused: {why}"));
-                }
+        let sent = match &trigger {
+            Trigger::Dds(server) => {
+                let (id, ()) = server.async_receive_request().await?;
+                server.async_send_response(id, tare(&daemon, &patches).await).await.map_err(Into::into)
             }
-        }
-        response.message = said.join("; ");
-        tracing::info!(success = response.success, "tare: {}", response.message);
-        if let Err(error) = request.answer(&response).await {
+            Trigger::Zenoh(service) => {
+                let request = service.next().await?;
+                zenoh::answer(request, &tare(&daemon, &patches).await).await
+            }
+        };
+        if let Err(error) = sent {
             tracing::warn!("tare: the answer did not go out: {error:#}");
         }
     }
+}
+
+/// Takes the zero of each patch. It confirms nothing, so the daemon itself must see an unloaded skin.
+async fn tare(daemon: &Daemon, patches: &[String]) -> TriggerResponse {
+    let (mut success, mut said) = (true, Vec::new());
+    for patch in patches {
+        let ask = TareRequest { patch: patch.clone(), confirmed_by: String::new() };
+        match answered(daemon.skin().tare(ask)).await {
+            Ok(status) => said.push(format!("{patch}: {}", status.reason)),
+            Err(why) => {
+                success = false;
+                said.push(format!("{patch}: refused: {why}"));
+            }
+        }
+    }
+    let message = said.join("; ");
+    tracing::info!(success, "tare: {message}");
+    TriggerResponse { success, message }
 }

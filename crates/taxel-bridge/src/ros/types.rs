@@ -1,16 +1,11 @@
-//! The standard ROS 2 messages that the bridge sends, field for field, and what `rmw_zenoh` calls them.
-//!
-//! The hashes are RIHS01 (REP 2016) of the definitions; they are the same from humble to rolling. The test
-//! `tests/bridge/run.py` works them out again with the Python package `rosbags`.
+//! The standard ROS 2 messages that the bridge sends, field for field.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-/// A type that goes over a topic or is answered by a service.
-pub trait RosType: Serialize + Send + Sync {
-    /// As in a key expression, for example `std_msgs::msg::dds_::String_`.
-    const NAME: &'static str;
-    /// 64 hexadecimal digits, without `RIHS01_`.
-    const HASH: &'static str;
+/// A type that goes over a topic.
+pub trait RosType: Serialize + Send + Sync + 'static {
+    /// Its package and its name, for example `std_msgs` and `String`.
+    const NAME: [&'static str; 2];
 }
 
 /// `builtin_interfaces/msg/Time`.
@@ -31,38 +26,22 @@ pub struct Header {
     pub frame_id: String,
 }
 
-/// `geometry_msgs/msg/Vector3`, and `Point`, which has the same fields.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Vector3 {
-    /// Along x.
-    pub x: f64,
-    /// Along y.
-    pub y: f64,
-    /// Along z.
-    pub z: f64,
-}
+/// `geometry_msgs/msg/Vector3`, or `Point`: along x, y and z.
+pub type Vector3 = [f64; 3];
 
-/// `geometry_msgs/msg/Wrench`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Wrench {
-    /// In N.
-    pub force: Vector3,
-    /// In N m.
-    pub torque: Vector3,
-}
-
-/// `geometry_msgs/msg/WrenchStamped`.
+/// `geometry_msgs/msg/WrenchStamped`, whose wrench is no more than its two vectors on the wire.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct WrenchStamped {
     /// When and in which frame.
     pub header: Header,
-    /// What acts on the skin.
-    pub wrench: Wrench,
+    /// What acts on the skin, in N.
+    pub force: Vector3,
+    /// Its moment about the frame's origin, in N m.
+    pub torque: Vector3,
 }
 
 impl RosType for WrenchStamped {
-    const NAME: &'static str = "geometry_msgs::msg::dds_::WrenchStamped_";
-    const HASH: &'static str = "8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77";
+    const NAME: [&'static str; 2] = ["geometry_msgs", "WrenchStamped"];
 }
 
 /// `geometry_msgs/msg/PointStamped`.
@@ -75,8 +54,7 @@ pub struct PointStamped {
 }
 
 impl RosType for PointStamped {
-    const NAME: &'static str = "geometry_msgs::msg::dds_::PointStamped_";
-    const HASH: &'static str = "4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897";
+    const NAME: [&'static str; 2] = ["geometry_msgs", "PointStamped"];
 }
 
 /// `sensor_msgs/msg/JointState`.
@@ -95,8 +73,7 @@ pub struct JointState {
 }
 
 impl RosType for JointState {
-    const NAME: &'static str = "sensor_msgs::msg::dds_::JointState_";
-    const HASH: &'static str = "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e";
+    const NAME: [&'static str; 2] = ["sensor_msgs", "JointState"];
 }
 
 /// `sensor_msgs/msg/PointField`.
@@ -131,23 +108,16 @@ pub struct PointCloud2 {
     pub row_step: u32,
     /// The points.
     pub data: Vec<u8>,
-    /// Always: no point has a number that is none.
+    /// Whether no point has a number that is none.
     pub is_dense: bool,
 }
 
 impl RosType for PointCloud2 {
-    const NAME: &'static str = "sensor_msgs::msg::dds_::PointCloud2_";
-    const HASH: &'static str = "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5";
+    const NAME: [&'static str; 2] = ["sensor_msgs", "PointCloud2"];
 }
 
-/// `diagnostic_msgs/msg/KeyValue`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct KeyValue {
-    /// What.
-    pub key: String,
-    /// Its value, as text.
-    pub value: String,
-}
+/// `diagnostic_msgs/msg/KeyValue`: what, and its value as text.
+pub type KeyValue = (String, String);
 
 /// `diagnostic_msgs/msg/DiagnosticStatus`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -174,12 +144,11 @@ pub struct DiagnosticArray {
 }
 
 impl RosType for DiagnosticArray {
-    const NAME: &'static str = "diagnostic_msgs::msg::dds_::DiagnosticArray_";
-    const HASH: &'static str = "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e";
+    const NAME: [&'static str; 2] = ["diagnostic_msgs", "DiagnosticArray"];
 }
 
 /// The answer of `std_srvs/srv/Trigger`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TriggerResponse {
     /// Whether it was done.
     pub success: bool,
@@ -187,8 +156,4 @@ pub struct TriggerResponse {
     pub message: String,
 }
 
-/// The name and hash are those of the service.
-impl RosType for TriggerResponse {
-    const NAME: &'static str = "std_srvs::srv::dds_::Trigger_";
-    const HASH: &'static str = "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f";
-}
+impl ros2_client::Message for TriggerResponse {}

@@ -1,5 +1,6 @@
 """What a node of ROS 2 does on rmw_zenoh, by foreign hands: eclipse-zenoh carries, rosbags decodes and knows the types."""
 
+import json
 import struct
 import threading
 import time
@@ -113,10 +114,11 @@ class Graph:
 
 
 class Topic:
-    """Every message of a topic, decoded, with its attachment and when it came (monotonic)."""
+    """Every message of a topic, decoded, with when it came (monotonic) and was sent (ns since 1970)."""
 
     def __init__(self, session, domain, endpoint):
         self.endpoint, self.messages, self.faults, self.lock = endpoint, [], [], threading.Lock()
+        self.sequence, self.payload = 0, b""
         key = f"{domain}{endpoint.name}/{endpoint.type}/{endpoint.hash}"
         self.subscriber = session.declare_subscriber(key, self._take)
 
@@ -125,12 +127,14 @@ class Topic:
         try:
             attachment = Attachment(sample.attachment)
             assert attachment.gid == self.endpoint.gid, "the id is not that of the token"
-            message = TYPES.deserialize_cdr(bytes(sample.payload), ros_type(self.endpoint.type))
+            assert attachment.sequence > self.sequence, f"number {attachment.sequence} after {self.sequence}"
+            self.sequence, self.payload = attachment.sequence, bytes(sample.payload)
+            message = TYPES.deserialize_cdr(self.payload, ros_type(self.endpoint.type))
         except Exception as fault:  # this is a thread of Zenoh's: the test itself looks at `faults`
             self.faults.append(fault)
             return
         with self.lock:
-            self.messages.append((came, attachment, message))
+            self.messages.append((came, attachment.time_ns, message))
 
     def since(self, count):
         with self.lock:
@@ -162,15 +166,33 @@ class TriggerClient:
         raise AssertionError(f"{self.endpoint.name} did not answer within {timeout_s} s")
 
 
-def numbers(message):
-    """Every floating-point number of a message, however deep."""
-    import dataclasses
+def client(endpoint):
+    """A session of a foreign implementation."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    return zenoh.open(config)
 
-    if dataclasses.is_dataclass(message):
-        for field in dataclasses.fields(message):
-            yield from numbers(getattr(message, field.name))
-    elif isinstance(message, float):
-        yield message
-    elif isinstance(message, (list, tuple)) or (hasattr(message, "dtype") and message.dtype.kind == "f"):
-        for item in message:
-            yield from numbers(float(item) if hasattr(message, "dtype") else item)
+
+class Ros:
+    """What scene.py wants of a reader."""
+
+    def __init__(self, endpoint, domain):
+        self.session, self.domain = client(endpoint), domain
+        self.graph = Graph(self.session, domain)
+
+    def nodes(self):
+        return {(endpoint.namespace, endpoint.node) for endpoint in self.graph.all("NN")}
+
+    def topics(self):
+        return {name: ros_type(endpoint.type) for name, endpoint in self.graph.topics().items()}
+
+    def services(self):
+        return {name: ros_type(endpoint.type) for name, endpoint in self.graph.services().items()}
+
+    def subscribe(self, name):
+        return Topic(self.session, self.domain, self.graph.topics()[name])
+
+    def trigger(self, name):
+        return TriggerClient(self.session, self.domain, self.graph.services()[name]).call
