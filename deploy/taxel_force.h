@@ -63,7 +63,9 @@ typedef enum taxel_force_state {
 typedef struct taxel_force {
     double total_n;              /* total normal force, N */
     double sigma_n;              /* its standard uncertainty, N */
-    double detection_floor_n;    /* may press in addition without being felt, N */
+    double low_n, high_n;        /* 95 % interval, N; high_n NaN: nothing bounds the force above */
+    double undetected_n;         /* upper bound (95 %) of force that is present but not detected, N; part of high_n */
+    double step_n;               /* by how much total_n jumped when zero or model set last changed, N */
     double resultant_n[3];       /* force on the skin, N, in the patch's frame */
     double moment_nm[3];         /* its moment about the frame's origin, N m */
     double centre_of_pressure_m[3];
@@ -72,12 +74,10 @@ typedef struct taxel_force {
     int64_t wall_ns;             /* the same since 1970: a label */
     int64_t written_ns;          /* when it was written, CLOCK_BOOTTIME */
     uint64_t sequence;           /* one more for each sample that was published */
+    uint64_t zero_epoch;         /* one more for each zero taken or lost */
     uint32_t state;              /* taxel_force_state */
-    uint32_t lower_bound;        /* 1: the true force may be higher by any amount */
     uint32_t simulated;          /* 1: a simulator makes it, as in `taxeld demo`: no skin is touched */
-    uint32_t active, excluded, stale, out_of_range, filled; /* taxels */
-    double filled_share;         /* of the total, 0 to 1 */
-    double uncovered_share;      /* of the patch's area, 0 to 1 */
+    uint32_t active, excluded, stale, out_of_range; /* taxels */
     char model_set[65];          /* id of the model set, empty without one */
     char reasons[257];           /* why the state is not OK */
 } taxel_force;
@@ -185,7 +185,7 @@ static inline void taxel_figures_(const uint64_t *words, int count, double *figu
 /* No force, whatever else is known. */
 static inline void taxel_no_figures_(taxel_force *force) {
     int i;
-    force->total_n = force->sigma_n = force->detection_floor_n = (double)NAN;
+    force->total_n = force->sigma_n = force->low_n = force->high_n = force->undetected_n = force->step_n = (double)NAN;
     for (i = 0; i < 3; i++)
         force->resultant_n[i] = force->moment_nm[i] = force->centre_of_pressure_m[i] = (double)NAN;
 }
@@ -197,23 +197,23 @@ static inline void taxel_decode_(const uint64_t *words, taxel_force *force) {
     force->wall_ns = (int64_t)words[2];
     force->written_ns = (int64_t)words[3];
     force->state = taxel_half_(words[4], 0);
-    force->lower_bound = (flags >> 1) & 1u;
-    force->simulated = (flags >> 2) & 1u;
+    force->simulated = (flags >> 1) & 1u;
     taxel_figures_(words + 5, 1, &force->total_n);
     taxel_figures_(words + 6, 1, &force->sigma_n);
-    taxel_figures_(words + 7, 1, &force->detection_floor_n);
-    taxel_figures_(words + 8, 3, force->resultant_n);
-    taxel_figures_(words + 11, 3, force->moment_nm);
-    taxel_figures_(words + 14, 3, force->centre_of_pressure_m);
-    force->active = taxel_half_(words[17], 0);
-    force->excluded = taxel_half_(words[17], 1);
-    force->stale = taxel_half_(words[18], 0);
-    force->out_of_range = taxel_half_(words[18], 1);
-    force->filled = taxel_half_(words[19], 0);
-    force->filled_share = taxel_double_(words[20]);
-    force->uncovered_share = taxel_double_(words[21]);
-    memcpy(force->model_set, words + 22, 64);
-    memcpy(force->reasons, words + 30, 256);
+    taxel_figures_(words + 7, 1, &force->low_n);
+    taxel_figures_(words + 8, 1, &force->high_n);
+    taxel_figures_(words + 9, 1, &force->undetected_n);
+    taxel_figures_(words + 10, 1, &force->step_n);
+    force->zero_epoch = words[11];
+    taxel_figures_(words + 12, 3, force->resultant_n);
+    taxel_figures_(words + 15, 3, force->moment_nm);
+    taxel_figures_(words + 18, 3, force->centre_of_pressure_m);
+    force->active = taxel_half_(words[21], 0);
+    force->excluded = taxel_half_(words[21], 1);
+    force->stale = taxel_half_(words[22], 0);
+    force->out_of_range = taxel_half_(words[22], 1);
+    memcpy(force->model_set, words + 23, 64);
+    memcpy(force->reasons, words + 31, 256);
 }
 
 /* The newest sample, whole; 0 if there is none yet. */

@@ -158,7 +158,7 @@ def values(scene):
         if stamp(message) in scene.truth.forces:
             named = dict(zip(message.name, message.effort))
             assert any(
-                (named["force_N"], named["lower_bound"]) == (sample.total_n, float(sample.lower_bound))
+                (named["force_N"], named["low_N"]) == (sample.total_n, sample.low_n)
                 and math.isclose(named["variance_N2"], sample.total_sigma_n**2, rel_tol=1e-12)
                 for sample in scene.truth.good(stamp(message))), named
     for _, _, message in scene.topics["centre_of_pressure"].since(0):

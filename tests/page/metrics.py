@@ -26,7 +26,8 @@ SOURCE = HOME / "crates/taxel-page/src/metrics.rs"
 ABSENT = {
     "taxeld_force_newtons",
     "taxeld_force_sigma_newtons",
-    "taxeld_force_detection_floor_newtons",
+    "taxeld_force_low_newtons",
+    "taxeld_force_high_newtons",
     "taxeld_model_set_info",
     "taxeld_session_state",
 }

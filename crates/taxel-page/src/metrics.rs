@@ -177,9 +177,6 @@ fn patches(sheet: &mut Sheet, patches: &[v1::PatchHealth], runs: bool) {
     gauge("zero_drift_counts", "How far the zero has followed the temperature, median", |patch| {
         Some(patch.tare.as_ref()?.drift_median_counts)
     });
-    gauge("zero_worn", "What may press unseen has doubled since the zero was taken", |patch| {
-        Some(flag(patch.tare.as_ref()?.wear.as_ref()?.worn))
-    });
     gauge("faulty_taxels", "Taxels with a fault now", |patch| Some(patch.faulty.len() as f64));
     let epoch = |patch: &v1::PatchHealth| Some((labels(patch), patch.tare.as_ref()?.epoch));
     sheet.counter("zero_changes", "Zeros taken or lost", patches.iter().filter_map(epoch));
@@ -192,15 +189,13 @@ fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
     };
     gauge("force_newtons", "Total normal force; absent while there is none", |sample| sample.total_n);
     gauge("force_sigma_newtons", "Its standard uncertainty", |sample| sample.total_sigma_n);
-    gauge("force_detection_floor_newtons", "What may press unfelt", |sample| sample.detection_floor_n);
-    gauge("force_lower_bound", "1 where the truth may be more than the force tells", |sample| {
-        Some(flag(sample.lower_bound))
-    });
+    gauge("force_low_newtons", "Lower end of the 95 % interval", |sample| sample.low_n);
+    gauge("force_high_newtons", "Upper end; absent where nothing bounds the force above", |sample| sample.high_n);
+    gauge("force_undetected_newtons", "Upper bound (95 %) of force that is not detected", |sample| sample.undetected_n);
     gauge("force_simulated", "1 where a simulator or a replay makes the force, and no skin is touched", |sample| {
         Some(flag(sample.simulated))
     });
     gauge("force_age_seconds", "Age of the newest frame in the force", |sample| sample.age_s);
-    gauge("uncovered_ratio", "Share of the area that no usable taxel covers", |sample| Some(sample.uncovered_share));
     let samples_sent = samples.iter().map(|sample| (labels(sample), sample.sequence));
     sheet.counter("force_samples", "States of the patch that were published", samples_sent);
     let kinds = |sample: &v1::ForceSample| {
@@ -209,7 +204,6 @@ fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
             ("excluded", sample.excluded),
             ("stale", sample.stale),
             ("out_of_range", sample.out_of_range),
-            ("filled", sample.filled),
         ];
         let patch = sample.patch.clone();
         of.map(|(kind, n)| (vec![("patch", patch.clone()), ("kind", kind.to_owned())], f64::from(n)))

@@ -47,12 +47,6 @@ function shown(now) {
   ];
 }
 
-/** What may press unseen now, and what to do where that has become much. */
-function unseen(wear) {
-  const grown = `up to ${num(wear.presentN ?? 0, 1)} N, ${num(wear.atFirstN ?? 0, 1)} N when the zero was taken`;
-  return wear.worn ? `${grown}: worn, unload the skin and tare` : grown;
-}
-
 function patch(one) {
   const tare = one.tare ?? {};
   const faulty = one.faulty ?? [];
@@ -63,7 +57,6 @@ function patch(one) {
       ["because", tare.reason],
       ["count at rest", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
       ["drift followed", `${num(tare.driftMedianCounts ?? 0)} counts`],
-      tare.wear && ["may press unseen", unseen(tare.wear)],
     ]),
     el("h3", "Faulty taxels"),
     table(["#taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.join(", ")]), "none"));

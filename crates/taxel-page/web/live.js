@@ -30,8 +30,8 @@ export function forceCard(signal) {
     told.className = `verdict ${now.kind}`;
     told.textContent = now.word;
     if (now.shown) {
-      const atLeast = force.lowerBound ? "at least " : "";
-      put(value, `${atLeast}${num(force.totalN)} `, el("small", `± ${num(2 * (force.totalSigmaN ?? NaN))} N`));
+      const high = force.highN === undefined ? "or more" : `to ${num(force.highN)}`;
+      put(value, `${num(force.totalN)} N `, el("small", `${num(force.lowN)} ${high} N`));
     } else {
       put(value, "no force");
     }
@@ -48,9 +48,8 @@ export function forceCard(signal) {
 function details(force, now) {
   return facts([
     ["age", !Number.isFinite(age()) ? "–" : `${num(age(), 2)} s`],
-    now.shown && ["may press unfelt", force.detectionFloorN === undefined ? undefined : `${num(force.detectionFloorN)} N`],
+    now.shown && ["of it undetected", force.undetectedN === undefined ? undefined : `up to ${num(force.undetectedN)} N`],
     ["taxels", `${force.active ?? 0} touched, ${force.excluded ?? 0} excluded, ${force.stale ?? 0} silent, ${force.outOfRange ?? 0} beyond calibration`],
-    ["blind area", percent(force.uncoveredShare ?? 0, 1)],
     now.shown && ["force vector", xyz(force.resultantN, 1, "N", 2)],
     now.shown && ["centre of pressure", xyz(force.centreOfPressureM, 1000, "mm", 1)],
     now.shown && ["moment", xyz(force.momentNm, 1, "N\u00a0m", 3)],
@@ -58,11 +57,11 @@ function details(force, now) {
   ]);
 }
 
-/** The last minute, its interval of two standard uncertainties, and hatched where no force could be told. */
+/** The last minute, its interval of 95 %, and hatched where no force could be told. */
 function lastMinute() {
   const now = performance.now() / 1000;
   const at = ({ t }) => t - now;
-  const highs = state.course.map(({ n, s }) => n + 2 * (s || 0)).filter(Number.isFinite);
+  const highs = state.course.map(({ n, high }) => high ?? n).filter(Number.isFinite);
   const top = Math.max(1, ...highs) * 1.08;
   const spans = [];
   for (const point of state.course) {
@@ -77,7 +76,7 @@ function lastMinute() {
     x: [-60, 0], y: [0, top], xLabel: "s", yLabel: "N",
     layers: [
       { kind: "gaps", spans },
-      { kind: "band", points: state.course.map((p) => [at(p), Math.max(0, p.n - 2 * p.s), p.n + 2 * p.s]) },
+      { kind: "band", points: state.course.map((p) => [at(p), p.low, p.high ?? p.n]) },
       { kind: "line", points: state.course.map((p) => [at(p), p.n]) },
     ],
   };

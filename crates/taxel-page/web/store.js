@@ -96,7 +96,7 @@ function takeForce(force) {
   state.force = force;
   if (received.late > (force.maxAgeS ?? 0) * 1000) comesLate();
   const { word, shown } = verdict();
-  state.course.push({ t: now / 1000, n: shown ? force.totalN : NaN, s: force.totalSigmaN ?? NaN, word });
+  state.course.push({ t: now / 1000, n: shown ? force.totalN : NaN, low: shown ? force.lowN : NaN, high: shown ? force.highN : NaN, word });
   while (state.course[0].t < now / 1000 - COURSE_S) state.course.shift();
   if (newModels) loadSkin().catch(() => {});
   emit("force");

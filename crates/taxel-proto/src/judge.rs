@@ -114,7 +114,6 @@ pub fn withheld(sample: &ForceSample, code: ReasonCode, reason: String) -> Force
         sent: sample.sent,
         skipped: sample.skipped,
         excluded: sample.excluded,
-        uncovered_share: 1.0,
         model_set: sample.model_set.clone(),
         max_age_s: sample.max_age_s,
         patch: sample.patch.clone(),

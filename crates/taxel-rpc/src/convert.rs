@@ -5,10 +5,10 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use taxel_engine::intake::faults::FaultSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::{
-    Contact, ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Wear,
+    Contact, ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Term,
 };
 use taxel_proto::{Timestamp, v1};
-use taxel_skin::Time;
+use taxel_skin::{Newton, Time};
 
 use crate::freshness::Freshness;
 use crate::reasons;
@@ -53,7 +53,12 @@ pub(crate) fn force(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending
 
 /// A sample that was asked for once: of each reason also which taxels it is about.
 pub(crate) fn force_in_full(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
-    sample(plan, snapshot, sending, reasons::listed)
+    let mut message = sample(plan, snapshot, sending, reasons::listed);
+    if message.total_n.is_some() {
+        let term = |(term, sigma): (Term, Newton)| v1::Uncertainty { term: term.name().to_owned(), sigma_n: sigma.0 };
+        message.budget = snapshot.force.budget.terms().map(term).collect();
+    }
+    message
 }
 
 fn sample(
@@ -72,6 +77,12 @@ fn sample(
         state: force_state(force.state).into(),
         total_n: force.total.and_then(|total| known(total.0)),
         total_sigma_n: force.total_sigma.and_then(|sigma| known(sigma.0)),
+        low_n: force.low().and_then(|low| known(low.0)),
+        high_n: force.high().and_then(|high| known(high.0)),
+        undetected_n: force.undetected.and_then(|undetected| known(undetected.at_most().0)),
+        budget: Vec::new(),
+        zero_epoch: force.zero_epoch,
+        step_n: force.step.and_then(|step| known(step.0)),
         age_s: framed.then(|| sending.now.since(snapshot.time).as_secs_f64()),
         monotonic_ns: framed.then(|| snapshot.time.as_nanos()),
         time: timestamp(snapshot.wall_ns).filter(|_| framed),
@@ -80,7 +91,6 @@ fn sample(
         excluded: force.excluded,
         stale: force.stale,
         out_of_range: force.out_of_range,
-        uncovered_share: force.uncovered_share,
         model_set: force.model_set.as_deref().unwrap_or_default().to_owned(),
         reasons: reasons().map(|reason| reason.text().to_owned()).collect(),
         causes: reasons().map(cause).collect(),
@@ -89,10 +99,6 @@ fn sample(
         moment_nm: force.moment.map(vector),
         centre_of_pressure_m: force.centre_of_pressure.map(vector),
         contacts: force.contacts.iter().map(contact).collect(),
-        filled: force.filled,
-        filled_share: force.filled_share,
-        detection_floor_n: force.detection_floor.and_then(|floor| known(floor.0)),
-        lower_bound: force.lower_bound,
         simulated: snapshot.simulated,
         max_age_s: plan.live.stale_after.as_secs_f64(),
         sent: Some(SystemTime::now().into()),
@@ -102,6 +108,9 @@ fn sample(
 
 fn contact(contact: &Contact) -> v1::Contact {
     v1::Contact {
+        id: contact.id,
+        area_mm2: contact.area_mm2,
+        peak_kpa: contact.peak_kpa,
         force_n: contact.force_n,
         centre_m: Some(vector(contact.centre)),
         resultant_n: Some(vector(contact.resultant)),
@@ -177,10 +186,5 @@ pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
         baseline_median_counts: known(tare.baseline_median).unwrap_or_default(),
         noise_median_counts: known(tare.noise_median).unwrap_or_default(),
         drift_median_counts: known(tare.drift.median_counts).unwrap_or_default(),
-        wear: tare.wear.map(wear),
     }
-}
-
-fn wear(wear: Wear) -> v1::Wear {
-    v1::Wear { at_first_n: wear.at_first.0, present_n: wear.present.0, worn: wear.is_worn() }
 }

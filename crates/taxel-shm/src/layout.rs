@@ -43,24 +43,24 @@ const WRITTEN: usize = 3;
 const STATE_AND_FLAGS: usize = 4;
 const TOTAL: usize = 5;
 const SIGMA: usize = 6;
-const FLOOR: usize = 7;
-const RESULTANT: usize = 8;
-const MOMENT: usize = 11;
-const CENTRE: usize = 14;
-const ACTIVE_AND_EXCLUDED: usize = 17;
-const STALE_AND_OUT_OF_RANGE: usize = 18;
-const FILLED: usize = 19;
-const FILLED_SHARE: usize = 20;
-const UNCOVERED_SHARE: usize = 21;
-const MODEL_SET: usize = 22;
-const REASONS: usize = 30;
+const LOW: usize = 7;
+const HIGH: usize = 8;
+const UNDETECTED: usize = 9;
+const STEP: usize = 10;
+const ZERO_EPOCH: usize = 11;
+const RESULTANT: usize = 12;
+const MOMENT: usize = 15;
+const CENTRE: usize = 18;
+const ACTIVE_AND_EXCLUDED: usize = 21;
+const STALE_AND_OUT_OF_RANGE: usize = 22;
+const MODEL_SET: usize = 23;
+const REASONS: usize = 31;
 /// CRC-32 of all words before it, for readers whose language has no memory barriers.
 const CHECK: usize = 63;
 
 // Flags. A figure that is not there is NaN.
 const SEEN: u32 = 1;
-const LOWER_BOUND: u32 = 1 << 1;
-const SIMULATED: u32 = 1 << 2;
+const SIMULATED: u32 = 1 << 1;
 
 // Every part is inside of the page, and no two overlap.
 const _: () = {
@@ -116,21 +116,19 @@ pub(crate) fn encode(sample: &Sample) -> SampleWords {
     words[MONOTONIC] = sample.monotonic_ns.unwrap_or_default().cast_unsigned();
     words[WALL] = sample.wall_ns.cast_unsigned();
     words[WRITTEN] = sample.written_ns.cast_unsigned();
-    let flags =
-        [(sample.monotonic_ns.is_some(), SEEN), (sample.lower_bound, LOWER_BOUND), (sample.simulated, SIMULATED)];
+    let flags = [(sample.monotonic_ns.is_some(), SEEN), (sample.simulated, SIMULATED)];
     let flags = flags.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, flag)| all | flag);
     words[STATE_AND_FLAGS] = pair(sample.state as u32, flags);
-    for (at, figure) in [(TOTAL, sample.total_n), (SIGMA, sample.sigma_n), (FLOOR, sample.detection_floor_n)] {
+    let figures = [sample.total_n, sample.sigma_n, sample.low_n, sample.high_n, sample.undetected_n, sample.step_n];
+    for (at, figure) in [TOTAL, SIGMA, LOW, HIGH, UNDETECTED, STEP].into_iter().zip(figures) {
         put(&mut words, at, figure.map(|figure| [figure]));
     }
+    words[ZERO_EPOCH] = sample.zero_epoch;
     put(&mut words, RESULTANT, sample.resultant_n);
     put(&mut words, MOMENT, sample.moment_nm);
     put(&mut words, CENTRE, sample.centre_of_pressure_m);
     words[ACTIVE_AND_EXCLUDED] = pair(sample.active, sample.excluded);
     words[STALE_AND_OUT_OF_RANGE] = pair(sample.stale, sample.out_of_range);
-    words[FILLED] = pair(sample.filled, 0);
-    words[FILLED_SHARE] = sample.filled_share.to_bits();
-    words[UNCOVERED_SHARE] = sample.uncovered_share.to_bits();
     put_bytes(&mut words[MODEL_SET..], sample.model_set.bytes());
     put_bytes(&mut words[REASONS..], sample.reasons.bytes());
     words[CHECK] = check(&words);
@@ -149,11 +147,14 @@ pub(crate) fn decode(words: &SampleWords) -> Sample {
         wall_ns: words[WALL].cast_signed(),
         written_ns: words[WRITTEN].cast_signed(),
         state: State::of_number(state),
-        lower_bound: flags & LOWER_BOUND != 0,
         simulated: flags & SIMULATED != 0,
         total_n: one(TOTAL),
         sigma_n: one(SIGMA),
-        detection_floor_n: one(FLOOR),
+        low_n: one(LOW),
+        high_n: one(HIGH),
+        undetected_n: one(UNDETECTED),
+        step_n: one(STEP),
+        zero_epoch: words[ZERO_EPOCH],
         resultant_n: get(words, RESULTANT),
         moment_nm: get(words, MOMENT),
         centre_of_pressure_m: get(words, CENTRE),
@@ -161,9 +162,6 @@ pub(crate) fn decode(words: &SampleWords) -> Sample {
         excluded,
         stale,
         out_of_range,
-        filled: unpair(words[FILLED]).0,
-        filled_share: f64::from_bits(words[FILLED_SHARE]),
-        uncovered_share: f64::from_bits(words[UNCOVERED_SHARE]),
         model_set: Text::of_bytes(get_bytes::<MODEL_SET_BYTES>(&words[MODEL_SET..])),
         reasons: Text::of_bytes(get_bytes::<REASON_BYTES>(&words[REASONS..])),
     }
@@ -187,11 +185,14 @@ mod tests {
             wall_ns: -3,
             written_ns: 4,
             state: State::Degraded,
-            lower_bound: true,
             simulated: true,
             total_n: Some(5.0),
             sigma_n: Some(6.0),
-            detection_floor_n: Some(7.0),
+            low_n: Some(7.0),
+            high_n: Some(7.5),
+            undetected_n: Some(7.25),
+            step_n: Some(-7.5),
+            zero_epoch: 8,
             resultant_n: Some([8.0, 9.0, 10.0]),
             moment_nm: Some([11.0, 12.0, 13.0]),
             centre_of_pressure_m: Some([14.0, 15.0, 16.0]),
@@ -199,9 +200,6 @@ mod tests {
             excluded: 18,
             stale: 19,
             out_of_range: 20,
-            filled: 21,
-            filled_share: 0.22,
-            uncovered_share: 0.23,
             model_set: Text::new("m-0123456789abcdef"),
             reasons: Text::new(&"r".repeat(REASON_BYTES)),
         }
@@ -214,7 +212,6 @@ mod tests {
         }
         let words = encode(&full());
         assert_eq!(words[CHECK], check(&words));
-        assert!(words.iter().skip(REASONS + REASON_BYTES / 8).take(1).all(|word| *word == 0), "room is left");
     }
 
     #[test]

@@ -66,16 +66,22 @@ pub struct Sample {
     pub written_ns: i64,
     /// How far the force can be trusted.
     pub state: State,
-    /// The true force may be higher by any amount, and is not lower.
-    pub lower_bound: bool,
     /// A simulator makes the counts behind it: no skin is touched.
     pub simulated: bool,
     /// Total normal force in N.
     pub total_n: Option<f64>,
     /// Its standard uncertainty in N.
     pub sigma_n: Option<f64>,
-    /// The force in N that may press in addition without being felt.
-    pub detection_floor_n: Option<f64>,
+    /// Ends of the 95 % interval in N; without an upper one nothing bounds the force above.
+    pub low_n: Option<f64>,
+    /// As `low_n`.
+    pub high_n: Option<f64>,
+    /// Upper bound (95 %) in N of force that is present but not detected; part of `high_n`.
+    pub undetected_n: Option<f64>,
+    /// By how much the total jumped in N when zero or model set last changed.
+    pub step_n: Option<f64>,
+    /// One more for each zero taken or lost.
+    pub zero_epoch: u64,
     /// The force that acts on the skin, in N, in the patch's frame.
     pub resultant_n: Option<[f64; 3]>,
     /// Its moment about the origin of that frame, in N m.
@@ -90,12 +96,6 @@ pub struct Sample {
     pub stale: u32,
     /// Active taxels beyond their calibrated range.
     pub out_of_range: u32,
-    /// Excluded taxels whose pressure was taken from their neighbours.
-    pub filled: u32,
-    /// Their share of the total, 0 to 1.
-    pub filled_share: f64,
-    /// Share of the patch's area that no usable taxel covers, 0 to 1.
-    pub uncovered_share: f64,
     /// Id of the active model set, which is made of a hash of its content; empty without one.
     pub model_set: Text<MODEL_SET_BYTES>,
     /// Why the state is not OK, most important first, as far as there is room.

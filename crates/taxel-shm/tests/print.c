@@ -25,15 +25,18 @@ int main(int argc, char **argv) {
     printf("status %d\n", (int)status);
     printf("sequence %" PRIu64 " stamps %" PRId64 " %" PRId64 " %" PRId64 "\n", force.sequence, force.monotonic_ns,
            force.wall_ns, force.written_ns);
-    printf("state %u lower_bound %u simulated %u\n", force.state, force.lower_bound, force.simulated);
+    printf("state %u simulated %u\n", force.state, force.simulated);
     figures("total", &force.total_n, 1);
     figures("sigma", &force.sigma_n, 1);
-    figures("floor", &force.detection_floor_n, 1);
+    figures("low", &force.low_n, 1);
+    figures("high", &force.high_n, 1);
+    figures("undetected", &force.undetected_n, 1);
+    figures("step", &force.step_n, 1);
+    printf("epoch %" PRIu64 "\n", force.zero_epoch);
     figures("resultant", force.resultant_n, 3);
     figures("moment", force.moment_nm, 3);
     figures("centre", force.centre_of_pressure_m, 3);
-    printf("taxels %u %u %u %u %u\n", force.active, force.excluded, force.stale, force.out_of_range, force.filled);
-    printf("shares %.3f %.3f\n", force.filled_share, force.uncovered_share);
+    printf("taxels %u %u %u %u\n", force.active, force.excluded, force.stale, force.out_of_range);
     printf("models %s\nreasons %s\n", force.model_set, force.reasons);
     taxel_force_close(&reader);
     return 0;

@@ -10,13 +10,12 @@ use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 use crate::output::Output;
 
 /// The columns of the table.
-const COLUMNS: &str =
-    "time_s,patch,state,total_n,sigma_n,detection_floor_n,lower_bound,active,out_of_range,excluded,stale,reasons";
+const COLUMNS: &str = "time_s,patch,state,total_n,sigma_n,low_n,high_n,active,out_of_range,excluded,stale,reasons";
 
 /// A CSV file with one row for each snapshot of each patch.
 ///
 /// Columns: `time_s` of the log (later where its clock stepped back before), `patch`, `state` (as in the service, without its prefix), `total_n`, `sigma_n`
-/// (standard uncertainty), `detection_floor_n`, `lower_bound` (0 or 1), `active`, `out_of_range`, `excluded`, `stale`
+/// (standard uncertainty), `low_n`, `high_n` (95 % interval; no `high_n` where nothing bounds the force above), `active`, `out_of_range`, `excluded`, `stale`
 /// (taxels), and `reasons`, separated by semicolons. Without a force the newtons are empty.
 ///
 /// It is written beside its place and put there when it is whole, so that a replay that comes to nothing leaves what was there.
@@ -56,8 +55,8 @@ impl ForceFile {
                 state_name(force.state).to_owned(),
                 newton(force.total),
                 newton(force.total_sigma),
-                newton(force.detection_floor),
-                u8::from(force.lower_bound).to_string(),
+                newton(force.low()),
+                newton(force.high()),
                 force.active.to_string(),
                 force.out_of_range.to_string(),
                 force.excluded.to_string(),

@@ -5,22 +5,20 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use taxel_can::LogReport;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Sender;
 use taxel_engine::snapshot::Health;
-use taxel_skin::{BusIndex, Kilopascal};
+use taxel_skin::Kilopascal;
 use taxel_store::models_json;
 
 use crate::config::{BusSource, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
-use crate::lanes::{Lanes, Run, readings};
+use crate::lanes::{Lanes, Run};
 use crate::log_words::{expect_frames, expect_times};
 use crate::offline::Offline;
-use crate::open_log::open_log;
 use crate::output;
 use crate::say;
 use crate::values::refusals_of;

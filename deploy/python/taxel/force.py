@@ -68,6 +68,7 @@ _WORDS = {
 class Force:
     """A force that may be acted on now, as `taxel.v1.ForceSample` has it. What is not known is None.
 
+    The force lies between `low_n` and `high_n` with a probability of 95 %; without `high_n` nothing bounds it above.
     `reasons` says in words why the state is not OK, `codes` says the same for programs: names of `taxel.v1.ReasonCode`
     without their prefix, such as `TAXELS_SILENT`; empty over shared memory, which has the words alone. `simulated`: a simulator
     makes it, as in `taxeld demo`, and no skin is touched.
@@ -78,8 +79,11 @@ class Force:
     state: str
     sequence: int
     sigma_n: Optional[float] = None
-    detection_floor_n: Optional[float] = None
-    lower_bound: bool = False
+    low_n: Optional[float] = None
+    high_n: Optional[float] = None
+    undetected_n: Optional[float] = None
+    step_n: Optional[float] = None
+    zero_epoch: int = 0
     resultant_n: Optional[Vector] = None
     moment_nm: Optional[Vector] = None
     centre_of_pressure_m: Optional[Vector] = None
@@ -87,9 +91,6 @@ class Force:
     excluded: int = 0
     stale: int = 0
     out_of_range: int = 0
-    filled: int = 0
-    filled_share: float = 0.0
-    uncovered_share: float = 0.0
     model_set: str = ""
     reasons: str = ""
     codes: Tuple[str, ...] = ()

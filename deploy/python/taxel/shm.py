@@ -31,7 +31,7 @@ LOOK_EVERY_S = 0.05  # how often a reader without a living page looks for a new 
 _MAGIC = b"TAXELFRC"
 _SAMPLE_BYTES, _FIRST_SAMPLE = 512, 256
 _VERSION, _AGE_LIMIT, _BEAT_LIMIT, _WRITES, _BEAT, _CLOSED = 1, 4, 5, 16, 17, 18  # by word of eight bytes
-_SAMPLE = struct.Struct("=Qqqq2I3d9d6I2d64s256s8xQ")
+_SAMPLE = struct.Struct("=Qqqq2I6dQ9d4I64s256sQ")
 assert _SAMPLE.size == _SAMPLE_BYTES
 _TRIES = 16
 _INT64 = 1 << 63
@@ -110,8 +110,9 @@ class _Page:
 
 
 def _decode(fields: tuple) -> Tuple[dict, Optional[int]]:
-    (sequence, frame_ns, wall_ns, written_ns, state, flags, total, sigma, floor, *vectors) = fields[:18]
-    active, excluded, stale, out_of_range, filled, _, filled_share, uncovered_share, models, reasons = fields[18:28]
+    sequence, frame_ns, wall_ns, written_ns, state, flags, total, sigma, low, high, undetected, step, epoch = fields[:13]
+    vectors = fields[13:22]
+    active, excluded, stale, out_of_range, models, reasons = fields[22:28]
 
     def known(*figures: float):
         there = all(map(math.isfinite, figures))
@@ -122,19 +123,19 @@ def _decode(fields: tuple) -> Tuple[dict, Optional[int]]:
         "state": state_name(state),
         "total_n": known(total),
         "sigma_n": known(sigma),
-        "detection_floor_n": known(floor),
+        "low_n": known(low),
+        "high_n": known(high),
+        "undetected_n": known(undetected),
+        "step_n": known(step),
+        "zero_epoch": epoch,
         "resultant_n": known(*vectors[0:3]),
         "moment_nm": known(*vectors[3:6]),
         "centre_of_pressure_m": known(*vectors[6:9]),
-        "lower_bound": bool(flags >> 1 & 1),
-        "simulated": bool(flags >> 2 & 1),
+        "simulated": bool(flags >> 1 & 1),
         "active": active,
         "excluded": excluded,
         "stale": stale,
         "out_of_range": out_of_range,
-        "filled": filled,
-        "filled_share": filled_share,
-        "uncovered_share": uncovered_share,
         "model_set": _text(models),
         "reasons": _text(reasons),
         "monotonic_ns": frame_ns if flags & 1 else None,

@@ -23,18 +23,19 @@ def figures(name, key):
 STATES = ("UNSPECIFIED", "OK", "DEGRADED", "STALE", "TARE_INVALID", "UNCALIBRATED")
 print("status", 0 if force else force.why.value)
 print("sequence", sample["sequence"], "stamps", sample["monotonic_ns"] or 0, sample["wall_ns"], sample["written_ns"])
-flags = ("lower_bound", "simulated")
-print("state", STATES.index(sample["state"]), *(f"{flag} {int(sample[flag])}" for flag in flags))
+print("state", STATES.index(sample["state"]), "simulated", int(sample["simulated"]))
 for name, key in (
     ("total", "total_n"),
     ("sigma", "sigma_n"),
-    ("floor", "detection_floor_n"),
-    ("resultant", "resultant_n"),
-    ("moment", "moment_nm"),
-    ("centre", "centre_of_pressure_m"),
+    ("low", "low_n"),
+    ("high", "high_n"),
+    ("undetected", "undetected_n"),
+    ("step", "step_n"),
 ):
     figures(name, key)
-print("taxels", *(sample[key] for key in ("active", "excluded", "stale", "out_of_range", "filled")))
-print(f"shares {sample['filled_share']:.3f} {sample['uncovered_share']:.3f}")
+print("epoch", sample["zero_epoch"])
+for name, key in (("resultant", "resultant_n"), ("moment", "moment_nm"), ("centre", "centre_of_pressure_m")):
+    figures(name, key)
+print("taxels", *(sample[key] for key in ("active", "excluded", "stale", "out_of_range")))
 print("models", sample["model_set"])
 print("reasons", sample["reasons"])

@@ -36,8 +36,8 @@ fn level(judged: &Result<Force, NoForce>) -> (u8, String) {
 
 fn of_force(sample: &ForceSample) -> (u8, String) {
     let mut words = sample.reasons.clone();
-    if sample.lower_bound {
-        words.push("the force may be higher by any amount".to_owned());
+    if sample.high_n.is_none() {
+        words.push("nothing bounds the force above".to_owned());
     }
     if sample.resultant_n.is_none() || sample.moment_nm.is_none() {
         words.push("no wrench: the daemon's scene has no outputs resultant and moment, or no normals".to_owned());
@@ -62,7 +62,6 @@ pub fn patch(robot: &str, patch: &str, judged: &Result<Force, NoForce>, publishe
                 value("taxels excluded", sample.excluded),
                 value("taxels stale", sample.stale),
                 value("taxels out of range", sample.out_of_range),
-                value("area not covered", format!("{:.1} %", 100.0 * sample.uncovered_share)),
                 value("model set", &sample.model_set),
                 value("simulated", sample.simulated),
                 value("age", format!("{:.3} s", age.as_secs_f64())),
@@ -192,13 +191,13 @@ mod tests {
         let sample = ForceSample {
             state: ForceState::Degraded.into(),
             reasons: vec!["3 taxels have a fault".into()],
-            lower_bound: true,
+            high_n: None,
             resultant_n: None,
             ..good()
         };
         let (level, message) = level(&force(sample));
         assert_eq!(level, WARN);
-        for part in ["3 taxels have a fault", "higher by any amount", "no wrench"] {
+        for part in ["3 taxels have a fault", "nothing bounds", "no wrench"] {
             assert!(message.contains(part), "{message}");
         }
     }

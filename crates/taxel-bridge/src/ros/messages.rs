@@ -50,8 +50,8 @@ pub fn force(sample: &ForceSample, frame: &str) -> Option<JointState> {
     for (name, value) in [
         ("force_N", Some(total_n)),
         ("variance_N2", sample.total_sigma_n.map(|sigma_n| sigma_n * sigma_n)),
-        ("detection_floor_N", sample.detection_floor_n),
-        ("lower_bound", Some(flag(sample.lower_bound))),
+        ("low_N", sample.low_n),
+        ("high_N", sample.high_n),
         ("degraded", Some(flag(sample.state() == ForceState::Degraded))),
         ("simulated", sample.simulated.then_some(1.0)),
     ] {
@@ -143,21 +143,15 @@ mod tests {
     #[test]
     fn the_scalar_has_a_variance_where_the_uncertainty_is_known() {
         let message = force(&good(), "f").unwrap();
-        assert_eq!(message.name, ["force_N", "variance_N2", "lower_bound", "degraded"]);
-        assert_eq!(message.effort, [4.9, 0.25, 0.0, 0.0]);
-        let degraded = ForceSample {
-            state: ForceState::Degraded.into(),
-            total_sigma_n: None,
-            detection_floor_n: Some(0.3),
-            lower_bound: true,
-            ..good()
-        };
+        assert_eq!(message.name, ["force_N", "variance_N2", "low_N", "high_N", "degraded"]);
+        assert_eq!(message.effort, [4.9, 0.25, 3.9, 6.1, 0.0]);
+        let degraded = ForceSample { state: ForceState::Degraded.into(), high_n: None, ..good() };
         let message = force(&degraded, "f").unwrap();
-        assert_eq!(message.name, ["force_N", "detection_floor_N", "lower_bound", "degraded"]);
-        assert_eq!(message.effort, [4.9, 0.3, 1.0, 1.0]);
+        assert_eq!(message.name, ["force_N", "variance_N2", "low_N", "degraded"]);
+        assert_eq!(message.effort, [4.9, 0.25, 3.9, 1.0]);
         let message = force(&ForceSample { simulated: true, ..good() }, "f").unwrap();
-        assert_eq!(message.name, ["force_N", "variance_N2", "lower_bound", "degraded", "simulated"]);
-        assert_eq!(message.effort[4], 1.0);
+        assert_eq!(message.name, ["force_N", "variance_N2", "low_N", "high_N", "degraded", "simulated"]);
+        assert_eq!(message.effort[5], 1.0);
         assert_eq!(force(&ForceSample { total_n: None, ..good() }, "f"), None);
     }
 

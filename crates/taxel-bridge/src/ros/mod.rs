@@ -30,6 +30,8 @@ fn good() -> taxel_proto::v1::ForceSample {
         state: ForceState::Ok.into(),
         total_n: Some(4.9),
         total_sigma_n: Some(0.5),
+        low_n: Some(3.9),
+        high_n: Some(6.1),
         age_s: Some(0.02),
         max_age_s: 0.15,
         monotonic_ns: Some(1),

@@ -10,9 +10,6 @@ use taxel_yarp::Value;
 use super::layout::{Layout, array};
 use super::parts::Part;
 
-/// The interval holds the true force with so many standard uncertainties.
-const SIGMAS: f64 = 3.0;
-
 /// `(total low high) (x y z) STATE (reasons) age`, in N, m and s; the first two lists are empty where there is no force or no
 /// centre. `high` is `inf` where any amount more may press.
 #[must_use]
@@ -38,9 +35,7 @@ pub fn force(force: &Result<Force, NoForce>) -> Vec<Value> {
 
 fn interval(force: &Force) -> Vec<f64> {
     let sample = &force.sample;
-    let sigma = SIGMAS * sample.total_sigma_n.unwrap_or(f64::INFINITY);
-    let above = if sample.lower_bound { f64::INFINITY } else { sigma + sample.detection_floor_n.unwrap_or_default() };
-    vec![force.total_n, (force.total_n - sigma).max(0.0), force.total_n + above]
+    vec![force.total_n, sample.low_n.unwrap_or_default(), sample.high_n.unwrap_or(f64::INFINITY)]
 }
 
 /// kPa, one value a row; `NaN` where there is no taxel or none that can be believed, `waited` after the sample was sent.
@@ -60,37 +55,10 @@ pub fn pressures(sample: &TaxelSample, layout: &Layout, waited: Duration) -> Vec
     rows
 }
 
-/// Contacts that keep their number for as long as they share a taxel with what they were.
-#[derive(Debug, Default)]
-pub struct Tracks {
-    newest: i64,
-    before: Vec<(i64, Vec<u32>)>,
-}
-
-impl Tracks {
-    /// The numbers of these contacts.
-    pub fn follow(&mut self, contacts: &[Contact]) -> Vec<i64> {
-        let mut left = std::mem::take(&mut self.before);
-        for contact in contacts {
-            let shared = |taxels: &[u32]| taxels.iter().filter(|taxel| contact.taxels.contains(taxel)).count();
-            let best = (0..left.len()).max_by_key(|at| shared(&left[*at].1)).filter(|at| shared(&left[*at].1) > 0);
-            let number = best.map_or_else(
-                || {
-                    self.newest += 1;
-                    self.newest
-                },
-                |at| left.swap_remove(at).0,
-            );
-            self.before.push((number, contact.taxels.clone()));
-        }
-        self.before.iter().map(|(number, _)| *number).collect()
-    }
-}
-
 /// A contact as skinManager writes it: (number, body part, link, skin part), centre of pressure, force, moment about that centre,
 /// mean place, normal, rows of the taxels, mean pressure (here in kPa). Lengths in m, forces in N.
 #[must_use]
-pub fn contact(number: i64, part: Part, contact: &Contact, layout: &Layout) -> Value {
+pub fn contact(part: Part, contact: &Contact, layout: &Layout) -> Value {
     let taxels: Vec<_> = contact.taxels.iter().filter_map(|taxel| layout.taxels.get(*taxel as usize)).collect();
     let vector = |vector: &Option<_>| vector.as_ref().map(array).unwrap_or_default();
     let (centre, resultant, moment) =
@@ -105,7 +73,7 @@ pub fn contact(number: i64, part: Part, contact: &Contact, layout: &Layout) -> V
     let length = normal.iter().map(|part| part * part).sum::<f64>().sqrt();
     let area_mm2: f64 = taxels.iter().map(|taxel| taxel.area_mm2).sum();
     Value::List(vec![
-        Value::List([number, part.body, part.link, part.skin].map(Value::Int).to_vec()),
+        Value::List([i64::from(contact.id), part.body, part.link, part.skin].map(Value::Int).to_vec()),
         Value::floats(centre),
         Value::floats(resultant),
         Value::floats([0, 1, 2].map(|axis| moment[axis] - arm[axis])),
@@ -139,13 +107,16 @@ mod tests {
     #[test]
     fn a_contact_is_written_as_skin_manager_writes_it() {
         let pressed = Contact {
+            id: 7,
+            area_mm2: 80.0,
+            peak_kpa: 30.0,
             force_n: 2.0,
             centre_m: vector(0.015, 0.0, 0.0),
             taxels: vec![1, 2],
             resultant_n: vector(0.0, 0.0, -2.0),
             moment_nm: vector(0.0, 0.03, 0.0),
         };
-        let line = Value::line(&[contact(7, named("left_forearm").unwrap(), &pressed, &layout())]);
+        let line = Value::line(&[contact(named("left_forearm").unwrap(), &pressed, &layout())]);
         assert_eq!(
             line,
             "((7 3 4 2) (0.015 0.0 0.0) (0.0 0.0 -2.0) (0.0 0.0 0.0) (0.015 0.0 0.0) (0.0 0.0 1.0) (3 203) 25.0)"
@@ -153,31 +124,19 @@ mod tests {
     }
 
     #[test]
-    fn a_contact_keeps_its_number_while_it_shares_a_taxel_with_what_it_was() {
-        let mut tracks = Tracks::default();
-        let contacts = |of: &[&[u32]]| -> Vec<Contact> {
-            of.iter().map(|taxels| Contact { taxels: taxels.to_vec(), ..Contact::default() }).collect()
-        };
-        assert_eq!(tracks.follow(&contacts(&[&[1, 2], &[9]])), [1, 2]);
-        assert_eq!(tracks.follow(&contacts(&[&[9, 10], &[2, 3], &[20]])), [2, 1, 3]);
-        assert_eq!(tracks.follow(&[]), [0; 0]);
-        assert_eq!(tracks.follow(&contacts(&[&[9]])), [4], "a new one");
-    }
-
-    #[test]
     fn a_force_has_its_interval_and_what_is_none_has_a_state() {
         let sample = ForceSample {
             state: ForceState::Ok.into(),
             total_n: Some(5.0),
-            total_sigma_n: Some(0.25),
-            detection_floor_n: Some(0.5),
+            low_n: Some(4.25),
+            high_n: Some(6.25),
             centre_of_pressure_m: vector(0.1, 0.2, 0.3),
             ..ForceSample::default()
         };
         let good =
             |sample: &ForceSample| Ok(Force { total_n: 5.0, age: Duration::from_millis(20), sample: sample.clone() });
         assert_eq!(Value::line(&force(&good(&sample))), "(5.0 4.25 6.25) (0.1 0.2 0.3) OK () 0.02");
-        let bound = ForceSample { lower_bound: true, ..sample };
+        let bound = ForceSample { high_n: None, ..sample };
         assert!(Value::line(&force(&good(&bound))).starts_with("(5.0 4.25 inf) "));
         let none = |why| Value::line(&force(&Err(why)));
         let lost = NoForce::Lost("no daemon".to_owned());

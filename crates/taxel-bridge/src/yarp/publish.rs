@@ -13,7 +13,7 @@ use tokio::time::{MissedTickBehavior, interval, sleep};
 use tonic::Status;
 
 use super::layout::Layout;
-use super::messages::{Tracks, contact, force, pressures};
+use super::messages::{contact, force, pressures};
 use super::parts::Part;
 use crate::config::{PatchSection, YarpSection};
 use crate::daemon::{Daemon, words};
@@ -134,7 +134,6 @@ pub struct Followed {
     part: Part,
     forces: Forces,
     layout: watch::Receiver<Arc<Layout>>,
-    tracks: Tracks,
 }
 
 impl Followed {
@@ -151,7 +150,7 @@ impl Followed {
             }
         });
         let forces = daemon.forces(&section.name, None);
-        Some(Self { part: section.part()?, forces, layout: layout_now, tracks: Tracks::default() })
+        Some(Self { part: section.part()?, forces, layout: layout_now })
     }
 }
 
@@ -168,8 +167,7 @@ pub async fn events(mut port: OutPort, mut patches: Vec<Followed>) {
             let (found, time) = found.unwrap_or_default();
             stamp = stamp.max(time);
             let layout = Arc::clone(&patch.layout.borrow());
-            let numbers = patch.tracks.follow(&found);
-            contacts.extend(numbers.iter().zip(&found).map(|(number, one)| contact(*number, patch.part, one, &layout)));
+            contacts.extend(found.iter().map(|one| contact(patch.part, one, &layout)));
         }
         port.send(stamp, &contacts);
     }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::snapshot::{
-    BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, Reason,
-    ReasonCode, StoreHealth, TareView, TaxelState, Wear,
+    BoardHealth, Budget, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag,
+    Reason, ReasonCode, StoreHealth, TareView, TaxelState, Term, Undetected,
 };
 use taxel_engine::zero::drift::DriftView;
 use taxel_proto::v1;
@@ -23,13 +23,16 @@ fn vector(x: f64, y: f64, z: f64) -> Option<v1::Vector3> {
 fn contact() -> (Contact, v1::Contact) {
     let (centre, resultant, moment, taxels) = ([0.01, 0.02, 0.03], [0.0, 0.0, -4.5], [0.1, 0.2, 0.3], vec![3, 5]);
     let told = v1::Contact {
+        id: 3,
+        area_mm2: 84.0,
+        peak_kpa: 60.0,
         force_n: 4.5,
         centre_m: vector(0.01, 0.02, 0.03),
         resultant_n: vector(0.0, 0.0, -4.5),
         moment_nm: vector(0.1, 0.2, 0.3),
         taxels: vec![3, 5],
     };
-    (Contact { force_n: 4.5, centre, resultant, moment, taxels }, told)
+    (Contact { id: 3, area_mm2: 84.0, peak_kpa: 60.0, force_n: 4.5, centre, resultant, moment, taxels }, told)
 }
 
 #[tokio::test]
@@ -41,8 +44,11 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         reasons: vec![Reason::about([4, 5, 9], ReasonCode::TaxelsSilent, "3 taxels are silent")],
         total: Some(Newton(4.5)),
         total_sigma: Some(Newton(0.25)),
-        detection_floor: Some(Newton(0.75)),
-        lower_bound: true,
+        budget: Budget::default().with(Term::Sampling, 0.25),
+        undetected: Some(Undetected { newton: 0.75, sigma_n: 0.0 }),
+        unbounded: false,
+        zero_epoch: 7,
+        step: Some(Newton(-0.5)),
         resultant: Some([0.1, 0.2, 4.4]),
         moment: Some([1.0, 2.0, 3.0]),
         centre_of_pressure: Some([0.01, 0.02, 0.03]),
@@ -51,9 +57,6 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         excluded: 2,
         stale: 3,
         out_of_range: 1,
-        filled: 4,
-        filled_share: 0.0625,
-        uncovered_share: 0.125,
         model_set: Some("m-1".into()),
     };
     let published =
@@ -77,7 +80,6 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         excluded: 2,
         stale: 3,
         out_of_range: 1,
-        uncovered_share: 0.125,
         model_set: "m-1".to_owned(),
         reasons: vec!["3 taxels are silent".to_owned()],
         causes: vec![v1::ForceReason { code: v1::ReasonCode::TaxelsSilent.into(), taxels: 3, which: vec![4, 5, 9] }],
@@ -86,10 +88,12 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         moment_nm: vector(1.0, 2.0, 3.0),
         centre_of_pressure_m: vector(0.01, 0.02, 0.03),
         contacts: vec![expected_contact],
-        filled: 4,
-        filled_share: 0.0625,
-        detection_floor_n: Some(0.75),
-        lower_bound: true,
+        low_n: Some(4.5 - 1.96 * 0.25),
+        high_n: Some(4.5 + 0.75 + 1.96 * 0.25),
+        undetected_n: Some(0.75),
+        budget: vec![v1::Uncertainty { term: "sampling".to_owned(), sigma_n: 0.25 }],
+        zero_epoch: 7,
+        step_n: Some(-0.5),
         sent: got.sent,
     };
     assert!(got.sent.is_some());
@@ -202,9 +206,8 @@ async fn health_names_buses_boards_zeros_and_faults() {
     let mut published = PatchSnapshot::clone(&snapshot(1, Time::default()));
     let reason = "rest shown".to_owned();
     let drift = DriftView { median_counts: -3.0, ..DriftView::default() };
-    let wear = Some(Wear { at_first: Newton(2.0), present: Newton(9.9) });
     let noise_median = f64::NAN;
-    published.tare = Some(TareView { epoch: 2, valid: true, reason, noise_median, drift, wear, ..TareView::default() });
+    published.tare = Some(TareView { epoch: 2, valid: true, reason, noise_median, drift, ..TareView::default() });
     daemon.engine().patch(0, Arc::new(published));
     let mut client = SkinServiceClient::new(daemon.connect().await);
     let health = client.get_health(()).await.unwrap().into_inner();
@@ -219,7 +222,6 @@ async fn health_names_buses_boards_zeros_and_faults() {
     assert_eq!(tare.reason_code(), v1::ReasonCode::Unspecified);
     assert_eq!(tare.noise_median_counts.to_bits(), 0.0_f64.to_bits(), "not a number stays inside");
     assert!(tare.drift_median_counts == -3.0);
-    assert_eq!(tare.wear, Some(v1::Wear { at_first_n: 2.0, present_n: 9.9, worn: true }));
     assert_eq!((health.streams, health.streams_max), (0, taxel_rpc::Limits::default().streams as u32));
     let (code, reason) = (Some(ReasonCode::ZeroDoubted), "board 13 was silent".to_owned());
     let doubted =

@@ -33,7 +33,11 @@ pub fn good(sequence: u64) -> Sample {
         state: State::Ok,
         total_n: Some(n),
         sigma_n: Some(n + 0.25),
-        detection_floor_n: Some(n + 0.5),
+        low_n: Some(n - 0.5),
+        high_n: Some(n + 0.75),
+        undetected_n: Some(n + 0.5),
+        step_n: Some(-n),
+        zero_epoch: sequence,
         resultant_n: Some([n, -n, n]),
         moment_nm: Some([-n, n, n]),
         centre_of_pressure_m: Some([n, n, -n]),
@@ -41,9 +45,6 @@ pub fn good(sequence: u64) -> Sample {
         excluded: sequence as u32,
         stale: sequence as u32,
         out_of_range: sequence as u32,
-        filled: sequence as u32,
-        filled_share: n,
-        uncovered_share: -n,
         model_set: Text::new(&sequence.to_string()),
         reasons: Text::new(&sequence.to_string()),
         ..Sample::default()
@@ -56,11 +57,12 @@ pub fn cases() -> Vec<Sample> {
     let reasons = Text::new(&"\u{fc}ber alle Ma\u{df}en ".repeat(20));
     vec![
         good(4),
-        Sample { state: State::Degraded, lower_bound: true, resultant_n: None, reasons, ..good(5) },
+        Sample { state: State::Degraded, high_n: None, resultant_n: None, reasons, ..good(5) },
         Sample {
             simulated: true,
             sigma_n: None,
-            detection_floor_n: None,
+            undetected_n: None,
+            step_n: None,
             moment_nm: None,
             centre_of_pressure_m: None,
             ..good(6)
@@ -94,18 +96,21 @@ pub fn printed(page: &Page) -> String {
     let one = |figure: &Option<f64>| figures(figure.as_ref().map(std::slice::from_ref), 1);
     let three = |vector: &Option<[f64; 3]>| figures(vector.as_ref().map(<[f64; 3]>::as_slice), 3);
     format!(
-        "status {status}\nsequence {} stamps {} {} {}\nstate {} lower_bound {} simulated {}\ntotal{}\nsigma{}\nfloor{}\nresultant{}\n\
-         moment{}\ncentre{}\ntaxels {} {} {} {} {}\nshares {:.3} {:.3}\nmodels {}\nreasons {}\n",
+        "status {status}\nsequence {} stamps {} {} {}\nstate {} simulated {}\ntotal{}\nsigma{}\nlow{}\nhigh{}\nundetected{}\nstep{}\nepoch {}\n\
+         resultant{}\nmoment{}\ncentre{}\ntaxels {} {} {} {}\nmodels {}\nreasons {}\n",
         s.sequence,
         s.monotonic_ns.unwrap_or_default(),
         s.wall_ns,
         s.written_ns,
         s.state as u32,
-        u8::from(s.lower_bound),
         u8::from(s.simulated),
         one(&s.total_n),
         one(&s.sigma_n),
-        one(&s.detection_floor_n),
+        one(&s.low_n),
+        one(&s.high_n),
+        one(&s.undetected_n),
+        one(&s.step_n),
+        s.zero_epoch,
         three(&s.resultant_n),
         three(&s.moment_nm),
         three(&s.centre_of_pressure_m),
@@ -113,9 +118,6 @@ pub fn printed(page: &Page) -> String {
         s.excluded,
         s.stale,
         s.out_of_range,
-        s.filled,
-        s.filled_share,
-        s.uncovered_share,
         s.model_set,
         s.reasons,
     )

@@ -113,13 +113,6 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     if let Some(tare) = &patch.tare {
         let holds = if tare.valid { "holds" } else { "DOES NOT HOLD" };
         lines.push(format!("patch {}: zero {} {holds}: {}", patch.patch, tare.epoch, tare.reason));
-        if let Some(wear) = &tare.wear {
-            let (at_first_n, present_n) = (wear.at_first_n, wear.present_n);
-            let advice = if wear.worn { "; the zero is worn: unload the skin and tare" } else { "" };
-            lines.push(format!(
-                "  up to {present_n:.1} N may press unseen, {at_first_n:.1} N when the zero was taken{advice}"
-            ));
-        }
     }
     if patch.has_gauge {
         lines.push(match patch.gauge_kpa.zip(patch.gauge_age_s) {
@@ -149,7 +142,7 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_proto::v1::{TareStatus, Wear};
+    use taxel_proto::v1::TareStatus;
 
     #[test]
     fn what_is_not_well_is_named_and_nothing_else() {
@@ -188,24 +181,5 @@ mod tests {
         assert!(said(&without).contains("NO FORCE: no taxel has a zero"), "{}", said(&without));
         let troubles = troubles(&Health { patches: vec![without], ..Health::default() });
         assert_eq!(troubles, ["palm: no force: no taxel has a zero"]);
-    }
-
-    #[test]
-    fn a_worn_zero_is_told_with_what_to_do_and_is_no_trouble() {
-        let of = |wear: Wear| {
-            let tare = Some(TareStatus { valid: true, wear: Some(wear), ..Default::default() });
-            let patches = vec![PatchHealth { tare, ..Default::default() }];
-            assert!(troubles(&Health { patches: patches.clone(), ..Health::default() }).is_empty());
-            of_patch(&patches[0], &Places::default()).join("\n")
-        };
-        let fresh = of(Wear { at_first_n: 2.0, present_n: 2.1, worn: false });
-        assert!(fresh.ends_with("up to 2.1 N may press unseen, 2.0 N when the zero was taken"), "{fresh}");
-        let worn = of(Wear { at_first_n: 2.0, present_n: 9.9, worn: true });
-        assert!(
-            worn.ends_with(
-                "9.9 N may press unseen, 2.0 N when the zero was taken; the zero is worn: unload the skin and tare"
-            ),
-            "{worn}"
-        );
     }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use taxel_client::{Moment, Received, Samples, Server};
 use taxel_proto::judge::{Force, NoForce, withheld, word};
-use taxel_proto::v1::ForceSample;
+use taxel_proto::v1::{ForceSample, PatchRequest};
 
 use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
@@ -39,6 +39,9 @@ pub struct WatchArgs {
     /// With --once or --count: print only the number, and only of good forces.
     #[arg(long, requires = "end", conflicts_with = "json")]
     quiet: bool,
+    /// What the uncertainty of the newest force is made of, greatest first.
+    #[arg(long, conflicts_with_all = ["rate", "json", "quiet", "once", "count"])]
+    budget: bool,
     /// End after so many samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
@@ -56,6 +59,9 @@ impl WatchArgs {
 /// No good force, a lost stream, or no daemon.
 pub async fn watch(args: WatchArgs) -> Outcome {
     let daemon = Daemon::at(&args.server).await?;
+    if args.budget {
+        return budget(&daemon).await;
+    }
     let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
     let for_people = !args.json && !args.once && !args.quiet;
     let (mut newest, mut seen): (Option<Judged>, u64) = (None, 0);
@@ -95,6 +101,20 @@ pub async fn watch(args: WatchArgs) -> Outcome {
         }
     };
     verdict(shown.or_else(|| newest.map(|newest| newest.again(Moment::now()))))
+}
+
+/// The newest force, and each term of its uncertainty.
+async fn budget(daemon: &Daemon) -> Outcome {
+    let request = PatchRequest { patch: daemon.patch() };
+    let mut sample = daemon.force().get_force(request).await?.into_inner();
+    sample.budget.sort_by(|a, b| b.sigma_n.total_cmp(&a.sigma_n));
+    let terms = std::mem::take(&mut sample.budget);
+    let judged = Judged::new(Received::now(sample), Moment::now());
+    say!("{}", describe(&judged));
+    for term in &terms {
+        say!("  {:<16} {:.3} N", term.term, term.sigma_n);
+    }
+    verdict(Some(judged))
 }
 
 fn show(args: &WatchArgs, judged: &Judged) -> Outcome {
@@ -157,13 +177,13 @@ fn describe(judged: &Judged) -> String {
         Ok(force) => force,
         Err(why) => return format!("{}: no force: {why}", sample.patch),
     };
-    let least = if sample.lower_bound { "at least " } else { "" };
-    let spread = sample.total_sigma_n.map_or_else(String::new, |sigma| format!(" +- {:.2} (k = 2)", 2.0 * sigma));
-    let unseen = sample.detection_floor_n.map_or_else(String::new, |floor| format!(", unseen up to {floor:.2} N"));
+    let low_n = sample.low_n.unwrap_or_default();
+    let interval =
+        sample.high_n.map_or_else(|| format!("{low_n:.2} N or more"), |high| format!("{low_n:.2} to {high:.2} N"));
     let simulated = if sample.simulated { ", simulated" } else { "" };
     let reasons = if sample.reasons.is_empty() { String::new() } else { format!(": {}", sample.reasons.join("; ")) };
     format!(
-        "{}: {least}{newton:.2} N{spread}, {:.0} ms old, {} taxels active{unseen}, {}{simulated}{reasons}",
+        "{}: {newton:.2} N ({interval}), {:.0} ms old, {} taxels active, {}{simulated}{reasons}",
         sample.patch,
         age.as_secs_f64() * 1e3,
         sample.active,
