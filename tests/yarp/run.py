@@ -231,7 +231,7 @@ class In:
         self.daemon = Client(f"127.0.0.1:{self.grpc}")
 
     def bus(self, number=0):
-        return self.daemon.call("SkinService/GetHealth").buses[number]
+        return until("there is health", lambda: self.daemon.call("SkinService/GetHealth").buses)[number]
 
     def told(self, words, number=0):
         until(f"health says: {words}", lambda: words in self.bus(number).problem)

@@ -98,5 +98,6 @@ class Robot:
             line = self.odd or " ".join(f"{count}.0" for count in self.values)
             self.skin.stdin.write(line + "\n")
             self.bag.stdin.write(self.bag_format.format(self.bag_kpa + noise.gauss(0.1, 0.01)) + "\n")
-            number, due = number + 1, due + 0.02
+            # After a stall of the machine it goes on from there: a burst would be a pressure that jumps.
+            number, due = number + 1, max(due + 0.02, time.monotonic())
             time.sleep(max(0.0, due - time.monotonic()))
