@@ -35,6 +35,7 @@ pub mod comparison;
 pub mod conflict;
 pub mod counts;
 pub mod engine;
+mod fnv;
 pub mod force;
 pub mod intake;
 pub mod known_set;

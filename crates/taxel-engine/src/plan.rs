@@ -7,7 +7,9 @@ use taxel_skin::{CountRange, Geometry, Patch, SquareMillimetre};
 
 pub use crate::calibration::limits::SessionLimits;
 pub use crate::force::measure::Outputs;
+use crate::fnv::Fnv;
 pub use crate::intake::bring_up::BoardSetup;
+use crate::intake::bring_up::commands;
 pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 pub use crate::intake::gauge::Gauge;
 pub use crate::zero::drift::plan::DriftPlan;
@@ -115,6 +117,23 @@ impl PatchPlan {
     #[must_use]
     pub fn configures(&self) -> bool {
         !self.bring_up.is_empty() || self.devices.iter().any(DevicePlan::is_configured)
+    }
+
+    /// Whether a board of the patch is sent any commands.
+    pub(crate) fn configures_board(&self, board: usize) -> bool {
+        !self.bring_up.is_empty() || self.devices.get(board).is_some_and(DevicePlan::is_configured)
+    }
+
+    /// A sum over what the boards are and what they are sent, which is another for other settings.
+    #[must_use]
+    pub fn settings_sum(&self) -> u32 {
+        let mut sum = Fnv::default();
+        self.board_settings().iter().for_each(|line| sum.push(line.as_bytes()));
+        for (board, frame) in commands(&self.patch, &self.bring_up, &self.devices) {
+            sum.push(format!("{board} {}", frame.id).as_bytes());
+            sum.push(frame.bytes());
+        }
+        sum.sum()
     }
 
     /// What of it the intake needs.

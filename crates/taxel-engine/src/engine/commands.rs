@@ -11,7 +11,6 @@ use crate::engine::answer::Answer;
 use crate::engine::pending::Effect;
 use crate::engine::plausible::implausible;
 use crate::engine::sessions::SessionRequest;
-use crate::engine::shared::ended_together;
 use crate::engine::step::Engine;
 use crate::known_set::SetSummary;
 use crate::loads::load::KnownLoad;
@@ -98,20 +97,12 @@ impl Engine {
         Ok(Answer::Later)
     }
 
-    /// Nothing presses on the boards of a patch: they are configured once that holds of all that share one of them, by looks
-    /// that ended together. A load may have come since an earlier one.
-    pub(super) fn on_boards_ready(&mut self, now: Now, index: usize, out: &mut Vec<Output>) {
-        let group = self.shared.group(index).to_vec();
-        if !group.iter().all(|&member| self.patches[member].is_ready_for_bring_up()) {
-            return;
-        }
-        let looks = group.iter().map(|&member| &self.patches[member]);
-        let looks: Vec<_> = looks.filter_map(|patch| Some((patch.looked()?, patch.look_lasts()))).collect();
-        let together = ended_together(now.time, &looks);
-        for member in group {
-            self.with_patch(now, member, out, |patch, _| {
-                if together { patch.configure_boards(now.time) } else { patch.look_again() }
-            });
+    /// It has been listened for long enough whether the boards stream: those that have to be configured are.
+    pub(super) fn begin_bring_up(&mut self, now: Now, out: &mut Vec<Output>) {
+        let mut wanted: Vec<Vec<bool>> = self.patches.iter().map(|patch| patch.boards_to_configure(now.time)).collect();
+        self.shared.spread(&mut wanted);
+        for (index, wanted) in wanted.iter().enumerate() {
+            self.with_patch(now, index, out, |patch, effects| patch.begin(now, wanted, effects));
         }
     }
 
@@ -121,22 +112,24 @@ impl Engine {
             let why = "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
             return Err(Rejection::FailedPrecondition(ErrorReason::ListenOnly, why));
         }
-        let group = self.shared.group(index).to_vec();
-        for &member in &group {
+        // A board that is configured forgets the modules of all its patches.
+        let mut wanted: Vec<Vec<bool>> =
+            self.plan.patches.iter().map(|plan| vec![false; plan.patch.boards().len()]).collect();
+        wanted[index].fill(true);
+        self.shared.spread(&mut wanted);
+        let members: Vec<usize> = (0..wanted.len()).filter(|member| wanted[*member].contains(&true)).collect();
+        for &member in &members {
             let patch = &self.patches[member];
             patch.calibration().refuse_if_open("abort it first")?;
             patch.check_vented(now)?; // a board that takes its zero under vacuum takes the load for rest
-            // Who vouches that nothing touches one skin knows nothing of another that shares a board with it.
+            // Who confirms that nothing touches one skin knows nothing of another that shares a board with it.
             if !confirmed || member != index {
                 patch.check_unloaded()?;
             }
         }
-        group.iter().for_each(|&member| self.patches[member].is_asked_anew(member == index));
-        // That which it was asked for comes last: with it all may be configured.
-        let others = group.into_iter().filter(|&member| member != index);
-        for member in others.chain([index]).collect::<Vec<_>>() {
-            let confirmed = confirmed && member == index;
-            self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, confirmed, effects));
+        for member in members {
+            let (confirmed, wanted) = (confirmed && member == index, &wanted[member]);
+            self.with_patch(now, member, out, |patch, effects| patch.configure(now, wanted, confirmed, effects));
         }
         self.health_dirty.0 = true; // boards that were verified are not any more
         Ok(Done::BringUpStarted)

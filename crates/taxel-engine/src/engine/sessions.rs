@@ -59,7 +59,6 @@ impl Engine {
             return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
-        patch.check_looked_at()?;
         patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
         let left_out = left_out(patch, &asked.leave_out)?;
@@ -205,7 +204,6 @@ impl Engine {
         let index = self.patch_named(&view.patch)?;
         self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
         if command == Trigger::StartRamp {
-            self.patches[index].check_looked_at()?;
             self.patches[index].check_gauge_heard(now)?;
             self.patches[index].check_vented(now)?;
         }

@@ -18,6 +18,7 @@ use crate::engine::known_sets::KnownSets;
 use crate::engine::pending::{Effect, Pending};
 use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
+use crate::intake::boards::SILENT_AFTER;
 use crate::intake::health::{BusNotice, BusState};
 use crate::loads::load::Load;
 use crate::now::Now;
@@ -53,6 +54,8 @@ pub struct Engine {
     /// What the store found damaged.
     pub(super) damage: Vec<String>,
     pub(super) catalogue_dirty: bool,
+    /// When it has been listened for long enough whether the boards stream, until then.
+    begins: Option<Time>,
     health: Arc<Health>,
     health_shown: Option<Time>,
     /// Something but a counter changed since the health was shown, or a counter did.
@@ -66,15 +69,15 @@ impl Engine {
         let of_patch = |name: &str| -> Vec<Arc<Load>> {
             restored.loads.iter().filter(|load| load.patch == name).cloned().collect()
         };
-        let zeros_of = |name: &str| {
-            let known = restored.board_zeros.iter().find(|(patch, _)| patch == name);
-            known.map(|(_, zeros)| zeros.clone()).unwrap_or_default()
+        let zero_of = |name: &str| {
+            let known = restored.zeros.iter().find(|(patch, _)| patch == name);
+            known.map(|(_, zero)| zero.clone()).unwrap_or_default()
         };
         let shared = SharedBoards::new(&plan);
         let plan = shared.with_devices_of_all(&plan);
         let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
             let name = p.patch.name();
-            Patch::new(i, p.clone(), of_patch(name), zeros_of(name), shared.of_patch(i))
+            Patch::new(i, p.clone(), of_patch(name), zero_of(name), shared.of_patch(i))
         };
         let newest_load = restored.loads.iter().map(|load| load.number).max().unwrap_or(0);
         let mut engine = Self {
@@ -91,6 +94,7 @@ impl Engine {
             problems: conflicts(&plan).iter().map(ToString::to_string).collect(),
             damage: restored.problems,
             catalogue_dirty: true,
+            begins: None,
             health: Arc::default(),
             health_shown: None,
             health_dirty: (true, true),
@@ -116,7 +120,7 @@ impl Engine {
             (false, true) => Some(shown + COUNTERS_EVERY),
             (false, false) => None,
         });
-        self.patches.iter().filter_map(Patch::deadline).chain(health).min()
+        self.patches.iter().filter_map(Patch::deadline).chain(health).chain(self.begins).min()
     }
 
     /// Warms up the caches for the scans that are about to end, each once: nothing that comes out later is another for it. Gives
@@ -133,6 +137,7 @@ impl Engine {
         if self.health_shown.is_none() {
             self.health_shown = Some(now.time);
             self.each_patch(now, out, |patch, effects| patch.start(now, effects));
+            self.begins = Some(now.time + SILENT_AFTER);
             self.agree_on_use(now, out);
         }
         match input {
@@ -178,7 +183,7 @@ impl Engine {
     ) -> T {
         let mut intents = Vec::new();
         let result = act(&mut self.patches[index], &mut Effects { out, intents: &mut intents });
-        self.patches[index].note_board_zeros(now, out);
+        self.patches[index].note_zero(now, out);
         for intent in intents {
             self.intend(now, index, intent, out);
         }
@@ -188,7 +193,6 @@ impl Engine {
     /// Has written down what a patch intends, before it takes effect, and tells others what concerns them, too.
     fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
         let (request, planned) = match intent {
-            Intent::BoardsReady => return self.on_boards_ready(now, index, out),
             Intent::News { board, news } => {
                 for (other, board) in self.shared.others(index, board).to_vec() {
                     self.with_patch(now, other, out, |patch, effects| patch.on_news(now, board, &news, effects));
@@ -353,6 +357,9 @@ impl Engine {
 
     fn tick(&mut self, now: Now, out: &mut Vec<Output>) {
         let before = out.len();
+        if self.begins.take_if(|at| *at <= now.time).is_some() {
+            self.begin_bring_up(now, out);
+        }
         self.each_patch(now, out, |patch, effects| patch.tick(now, effects));
         self.health_dirty.0 |= out.len() > before; // silence and bring-up show without a frame
         let since = self.health_shown.map_or(Duration::MAX, |shown| now.time.since(shown));

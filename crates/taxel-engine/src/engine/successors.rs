@@ -39,7 +39,6 @@ impl Engine {
             return Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why));
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
-        patch.check_looked_at()?;
         patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
         Ok(index)

@@ -9,7 +9,7 @@ use crate::calibration::session::SessionRecord;
 use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::now::Now;
-use crate::patch::owner::{Effects, Intent, Patch, Ready};
+use crate::patch::owner::{Effects, Intent, Patch};
 use crate::request::{ErrorReason, Rejection};
 use crate::zero::events::ZeroEvent;
 use crate::zero::watch::Purpose;
@@ -39,13 +39,7 @@ impl Patch {
                         }
                     }
                 }
-                ZeroEvent::Looked(found) => self.on_looked(now, found.map(|()| Ready::Seen), effects),
-                // Boards that are all silent show nothing; else they are looked at again.
-                ZeroEvent::Refused(Purpose::BeforeBringUp, ..) => {
-                    if self.intake.silent_taxels() == self.taxels() {
-                        self.on_looked(now, Ok(Ready::Unseen), effects);
-                    }
-                }
+                ZeroEvent::Restored => self.use_zero(),
                 ZeroEvent::Refused(Purpose::AtStart, _, why) => {
                     // What is held against the boards does not pass by itself.
                     let lasts = self.zero.distrusted().is_some();
@@ -89,7 +83,7 @@ impl Patch {
             self.set_models(Arc::new(set));
         }
         self.force.set_zero(self.zero.in_force(), self.zero.residue_counts());
-        self.force.set_hidden(self.zero.hidden(), self.zero.vouched());
+        self.force.set_vouched(self.zero.vouched());
         self.zero.weigh(|| self.force.newton_per_count());
         if let Some(baseline) = self.zero.baseline() {
             self.intake.expect_noise(baseline);

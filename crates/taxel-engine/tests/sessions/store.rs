@@ -62,7 +62,7 @@ impl Store {
                 | Record::Load(_)
                 | Record::Asked(_)
                 | Record::Answered(_)
-                | Record::BoardZeros { .. } // of boards, which do not take part here
+                | Record::Zero { .. } // of boards, which do not take part here
                 | Record::Tared { .. } => {}
             }
         }
