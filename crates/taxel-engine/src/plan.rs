@@ -6,8 +6,8 @@ use taxel_model::{FitOptions, Rails};
 use taxel_skin::{CountRange, Geometry, Patch, SquareMillimetre};
 
 pub use crate::calibration::limits::SessionLimits;
-pub use crate::force::measure::Outputs;
 use crate::fnv::Fnv;
+pub use crate::force::measure::Outputs;
 pub use crate::intake::bring_up::BoardSetup;
 use crate::intake::bring_up::commands;
 pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin, Sender};
@@ -61,8 +61,6 @@ pub struct PatchPlan {
     pub areas: Vec<SquareMillimetre>,
     /// Relative standard uncertainty of the area that all taxels share.
     pub area_uncertainty: f64,
-    /// Whether the areas are multiplied by the factor that known loads give, once it is known.
-    pub area_from_loads: bool,
     /// The gauge that measures the bag's differential pressure; without one there is no calibration.
     pub gauge: Option<Gauge>,
     /// What a force sample carries.
@@ -94,7 +92,6 @@ impl PatchPlan {
             geometry: None,
             areas: vec![SquareMillimetre::ICUB_TAXEL; patch.taxels().len()],
             area_uncertainty: 0.05,
-            area_from_loads: false,
             gauge: None,
             outputs: Outputs::default(),
             live: LiveLimits::default(),
@@ -238,9 +235,7 @@ impl PatchPlan {
         LoadsPlan {
             patch: self.patch.name().to_owned(),
             areas: self.areas.clone(),
-            area_uncertainty: self.area_uncertainty,
             fills: self.outputs.fill && self.geometry.is_some(),
-            area_from_loads: self.area_from_loads,
         }
     }
 

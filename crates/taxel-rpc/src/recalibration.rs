@@ -129,7 +129,6 @@ fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation
         refused_because,
         place_uncertainty: found.assumptions.place_rel,
         kept: false,
-        area_factor: view.factor.filter(|_| view.applied).map(|factor| factor.value),
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::calibration::view::SessionView;
 use crate::known_set::KnownSet;
 use crate::loads::load::Load;
-use crate::loads::validation::Validation;
+use crate::loads::load::Validation;
 use crate::zero::kept::KeptZero;
 
 /// Sessions and model sets as the store has them.

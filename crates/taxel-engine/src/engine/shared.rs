@@ -115,9 +115,9 @@ fn overlap(a: &FrameMatch, b: &FrameMatch) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
     use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
     use taxel_wire::bits::{BitField, ByteOrder};
-    use std::time::Duration;
     use taxel_wire::{CanId, Frame};
 
     use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin};

@@ -14,12 +14,12 @@ use crate::boundary::snapshot::{Health, StoreHealth};
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::conflict::conflicts;
-use crate::engine::known_sets::KnownSets;
 use crate::engine::pending::{Effect, Pending};
 use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
 use crate::intake::boards::SILENT_AFTER;
 use crate::intake::health::{BusNotice, BusState};
+use crate::known_set::KnownSet;
 use crate::loads::load::Load;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
@@ -44,7 +44,8 @@ pub struct Engine {
     pub(super) patches: Vec<Patch>,
     pub(super) buses: Vec<BusState>,
     pub(super) sessions: BTreeMap<u64, Arc<SessionView>>,
-    pub(super) model_sets: KnownSets,
+    /// Every stored set, oldest first. In memory are those in use.
+    pub(super) model_sets: Vec<KnownSet>,
     pub(super) next_session: u64,
     pub(super) next_load: u64,
     pub(super) pending: Pending,
@@ -85,7 +86,7 @@ impl Engine {
             buses: vec![BusState::default(); plan.buses],
             patches: plan.patches.iter().enumerate().map(patch).collect(),
             sessions: restored.sessions.into_iter().map(|view| (view.number, view)).collect(),
-            model_sets: KnownSets::new(restored.model_sets),
+            model_sets: restored.model_sets,
             next_session: restored.next_session.max(1),
             next_load: restored.next_load.max(newest_load + 1),
             shared,
@@ -103,6 +104,7 @@ impl Engine {
         for (patch, id) in restored.active {
             engine.install(&patch, &id);
         }
+        engine.keep_at_hand();
         engine
     }
 
@@ -138,7 +140,6 @@ impl Engine {
             self.health_shown = Some(now.time);
             self.each_patch(now, out, |patch, effects| patch.start(now, effects));
             self.begins = Some(now.time + SILENT_AFTER);
-            self.agree_on_use(now, out);
         }
         match input {
             Input::Frames(bus, frames) => self.on_frames(now, bus, frames, out),
@@ -396,12 +397,12 @@ impl Engine {
         }
     }
 
-    fn catalogue(&mut self) -> Catalogue {
-        let validations = self.patches.iter_mut().map(|patch| Arc::new(patch.validate())).collect();
+    fn catalogue(&self) -> Catalogue {
+        let validations = self.patches.iter().map(|patch| Arc::new(patch.validate())).collect();
         let active = |p: &Patch| (p.name().to_owned(), p.models().map(|set| set.id.clone()));
         Catalogue {
-            sessions: self.sessions.values().cloned().collect(),
-            model_sets: self.model_sets.all().to_vec(),
+            sessions: self.sessions.values().map(|view| self.seen(view)).collect(),
+            model_sets: self.model_sets.clone(),
             active: self.patches.iter().map(active).collect(),
             validations,
         }

@@ -17,7 +17,7 @@ use crate::request::{ErrorReason, Rejection};
 impl Engine {
     /// Whether a command to a session begins a successor of it.
     pub(super) fn is_succeeded(&self, number: u64, command: Trigger) -> bool {
-        let in_use = |view: &Arc<SessionView>| view.state == SessionState::Active;
+        let in_use = |view: &Arc<SessionView>| self.seen(view).state == SessionState::Active;
         command == Trigger::StartRamp && self.sessions.get(&number).is_some_and(in_use)
     }
 

@@ -107,12 +107,6 @@ impl ForceModel {
         }
     }
 
-    /// Other areas at the same places: who lies beside whom is found once, by as many distances as there are pairs.
-    pub fn set_areas(&mut self, areas: &[SquareMillimetre], uncertainty: f64) {
-        self.areas_mm2 = areas.iter().map(|area| area.0).collect();
-        self.area_uncertainty = uncertainty;
-    }
-
     /// What the taxels selected now leave of the patch's area, and which of the others are blind, ascending.
     #[must_use]
     pub fn coverage(&self, selected: &[bool]) -> (Coverage, Vec<u16>) {

@@ -7,7 +7,7 @@ mod bound;
 mod shortcomings;
 
 use std::sync::Arc;
-use taxel_skin::{CountRange, Newton, SquareMillimetre};
+use taxel_skin::{CountRange, Newton};
 
 use self::bound::{Bound, HeldBound};
 use crate::baseline::{Activation, TaxelBaseline};
@@ -207,15 +207,6 @@ impl Force {
                 None => self.hysteresis = self.set.as_ref().and_then(|set| Hysteresis::unknown(set, zero)),
             }
         }
-        self.tabulate();
-    }
-
-    /// Every area is multiplied by a factor; `uncertainty` is their relative standard uncertainty from now on.
-    ///
-    /// Zero, faults and what hysteresis has done stay: a load may lie on the skin.
-    pub fn set_areas(&mut self, areas: Vec<SquareMillimetre>, uncertainty: f64) {
-        self.model.set_areas(&areas, uncertainty);
-        (self.plan.layout.areas, self.plan.layout.area_uncertainty) = (areas, uncertainty);
         self.tabulate();
     }
 

@@ -9,9 +9,9 @@ use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::intake::gauge::GaugeAtRest;
 use crate::intake::look::look;
+use crate::loads::load::Validation;
 use crate::loads::load::{KnownLoad, Load};
 use crate::loads::owner::LoadRead;
-use crate::loads::validation::Validation;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::{BEING_CONFIGURED, Effects, Patch};
@@ -294,14 +294,9 @@ impl Patch {
         self.loads.keep(load);
     }
 
-    /// All known loads, judged; the areas follow the factor where the plan asks for it.
-    pub fn validate(&mut self) -> Validation {
-        let view = self.loads.validation(self.force.models().map(|set| set.id.clone()));
-        if let Some((areas, uncertainty)) = self.loads.apply(&view) {
-            self.force.set_areas(areas, uncertainty);
-            self.zero.weigh(|| self.force.newton_per_count());
-            self.dirty = true;
-        }
-        view
+    /// All known loads, judged.
+    #[must_use]
+    pub fn validate(&self) -> Validation {
+        self.loads.validation(self.force.models().map(|set| set.id.clone()))
     }
 }

@@ -6,6 +6,7 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::calibration::calibrate::CalibrationEvent;
 use crate::calibration::session::SessionRecord;
+use crate::calibration::view::SessionView;
 use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::now::Now;
@@ -90,6 +91,16 @@ impl Patch {
         }
     }
 
+    fn seen(&self, view: &Arc<SessionView>) -> Arc<SessionView> {
+        view.seen(self.models().map(|set| set.id.as_str()))
+    }
+
+    /// The session that the patch holds or held last, as readers see it.
+    #[must_use]
+    pub fn seen_session(&self) -> Option<Arc<SessionView>> {
+        self.calibration.session().map(|view| self.seen(&Arc::new(view.clone())))
+    }
+
     /// What the calibration wants goes to the zero, to disk and to readers.
     pub(super) fn on_calibration_events(&mut self, now: Now, events: Vec<CalibrationEvent>, effects: &mut Effects<'_>) {
         for event in events {
@@ -113,9 +124,9 @@ impl Patch {
                 }
                 CalibrationEvent::Session(view) => {
                     effects.out.push(Output::Record(Record::Session(Arc::clone(&view))));
-                    effects.out.push(Output::Session(self.index, view));
+                    effects.out.push(Output::Session(self.index, self.seen(&view)));
                 }
-                CalibrationEvent::Progress(view) => effects.out.push(Output::Session(self.index, view)),
+                CalibrationEvent::Progress(view) => effects.out.push(Output::Session(self.index, self.seen(&view))),
                 CalibrationEvent::Fit(job) => effects.out.push(Output::Fit(*job)),
             }
         }

@@ -190,7 +190,14 @@ fn a_restart_under_a_load_goes_on_with_the_zero_of_before_within_two_seconds() {
         let after = bench.weigh(20);
         assert!((after - before).abs() < 0.1, "{before} N before, {after} N after the restart");
         bench.is_truthful_since(0, "a restart under a load");
-        assert!(bench.host.health().boards.iter().all(|board| board.bring_up == if configures { "verified" } else { "listening" }));
+        assert!(
+            bench
+                .host
+                .health()
+                .boards
+                .iter()
+                .all(|board| board.bring_up == if configures { "verified" } else { "listening" })
+        );
     }
 }
 
@@ -266,8 +273,7 @@ fn configured_unseen(again: &[Option<&str>], session: bool) {
     let refused = bench.tare(None);
     let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
     assert!(why.contains("were configured while there was no force") && why.contains("confirmed_by"), "{why}");
-    let restored =
-        Restored { zeros: Disk::after_a_crash(&bench.host).restored.zeros, ..small().restored() };
+    let restored = Restored { zeros: Disk::after_a_crash(&bench.host).restored.zeros, ..small().restored() };
     let mut bench = Bench::new(bench.world, plan(patch_plan(&small().skin)), restored);
     bench.seconds(5.0);
     assert_ne!(bench.host.state(), ForceState::Ok, "a restart knows it, too");

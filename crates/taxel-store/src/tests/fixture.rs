@@ -167,7 +167,6 @@ pub fn load(number: u64) -> Record {
         note: "on the wrist".to_owned(),
         force_n: number as f64 / 1.7,
         read,
-        area_factor: 1.0,
         ..Load::default()
     }))
 }

@@ -98,9 +98,5 @@ fn print_all(validation: &Validation) -> Outcome {
     if let Some(error) = validation.mean_absolute_error_percent {
         say!("mean absolute error: {error:.1} %");
     }
-    if let Some(factor) = &validation.area_factor {
-        let used = if factor.applied { "applied" } else { &factor.not_applied_because };
-        say!("area factor from {} loads: {:.3} +- {:.3}, {used}", factor.loads, factor.value, factor.sigma);
-    }
     Ok(())
 }

@@ -207,7 +207,11 @@ impl Drawing {
         let taken = || TakenZero { noise: mean.clone(), mean: mean.clone(), ..TakenZero::default() };
         let zero = (!mean.is_empty()).then(|| Arc::new(taken()));
         let excused = unproven.as_ref().map(|why| format!("m-{}", why.len()));
-        Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { configured: None, unproven, excused, zero }, wall_ns: 8 }
+        Record::Zero {
+            patch: PATCH.to_owned(),
+            zero: KeptZero { configured: None, unproven, excused, zero },
+            wall_ns: 8,
+        }
     }
 
     /// A set that is not in use or a session that is over goes.
