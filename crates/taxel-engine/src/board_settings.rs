@@ -6,7 +6,6 @@
 //! tell is not known, and nothing follows from it.
 
 mod commands;
-mod fnv;
 mod modules;
 mod signals;
 

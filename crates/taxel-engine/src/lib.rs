@@ -16,7 +16,7 @@
 //! | [`zero`] | what is zero, and does it hold |
 //! | [`force`] | models at the present zero, selection, sum, uncertainty |
 //! | [`calibration`] | sessions and fits |
-//! | [`loads`] | known loads and the effective-area factor |
+//! | [`loads`] | known loads and how far they are read off |
 //! | [`recalibration`] | what known loads correct of a model set |
 //! | [`boundary`] | inputs, outputs, commands, records, snapshots: all that the world sees |
 //! | [`engine`] | `step`, commands, routes |
@@ -35,6 +35,7 @@ pub mod comparison;
 pub mod conflict;
 pub mod counts;
 pub mod engine;
+mod fnv;
 pub mod force;
 pub mod intake;
 pub mod known_set;

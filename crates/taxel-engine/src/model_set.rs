@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 
 use crate::baseline::TaxelBaseline;
-use crate::recalibration::evidence::LoadPoint;
+use crate::recalibration::points::LoadPoint;
 use crate::statistics::{mean, root_mean_square};
 
 /// By how much a skin's gain differs between days, relative standard uncertainty: a calibration of one day cannot know

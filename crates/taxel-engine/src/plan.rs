@@ -6,8 +6,10 @@ use taxel_model::{FitOptions, Rails};
 use taxel_skin::{CountRange, Geometry, Patch, SquareMillimetre};
 
 pub use crate::calibration::limits::SessionLimits;
+use crate::fnv::Fnv;
 pub use crate::force::measure::Outputs;
 pub use crate::intake::bring_up::BoardSetup;
+use crate::intake::bring_up::commands;
 pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 pub use crate::intake::gauge::Gauge;
 pub use crate::zero::drift::plan::DriftPlan;
@@ -59,8 +61,6 @@ pub struct PatchPlan {
     pub areas: Vec<SquareMillimetre>,
     /// Relative standard uncertainty of the area that all taxels share.
     pub area_uncertainty: f64,
-    /// Whether the areas are multiplied by the factor that known loads give, once it is known.
-    pub area_from_loads: bool,
     /// The gauge that measures the bag's differential pressure; without one there is no calibration.
     pub gauge: Option<Gauge>,
     /// What a force sample carries.
@@ -92,7 +92,6 @@ impl PatchPlan {
             geometry: None,
             areas: vec![SquareMillimetre::ICUB_TAXEL; patch.taxels().len()],
             area_uncertainty: 0.05,
-            area_from_loads: false,
             gauge: None,
             outputs: Outputs::default(),
             live: LiveLimits::default(),
@@ -115,6 +114,23 @@ impl PatchPlan {
     #[must_use]
     pub fn configures(&self) -> bool {
         !self.bring_up.is_empty() || self.devices.iter().any(DevicePlan::is_configured)
+    }
+
+    /// Whether a board of the patch is sent any commands.
+    pub(crate) fn configures_board(&self, board: usize) -> bool {
+        !self.bring_up.is_empty() || self.devices.get(board).is_some_and(DevicePlan::is_configured)
+    }
+
+    /// A sum over what the boards are and what they are sent, which is another for other settings.
+    #[must_use]
+    pub fn settings_sum(&self) -> u32 {
+        let mut sum = Fnv::default();
+        self.board_settings().iter().for_each(|line| sum.push(line.as_bytes()));
+        for (board, frame) in commands(&self.patch, &self.bring_up, &self.devices) {
+            sum.push(format!("{board} {}", frame.id).as_bytes());
+            sum.push(frame.bytes());
+        }
+        sum.sum()
     }
 
     /// What of it the intake needs.
@@ -219,9 +235,7 @@ impl PatchPlan {
         LoadsPlan {
             patch: self.patch.name().to_owned(),
             areas: self.areas.clone(),
-            area_uncertainty: self.area_uncertainty,
             fills: self.outputs.fill && self.geometry.is_some(),
-            area_from_loads: self.area_from_loads,
         }
     }
 

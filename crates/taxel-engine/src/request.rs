@@ -105,7 +105,7 @@ pub enum ErrorReason {
     LoadNotFelt,
     /// The force under a known load is unsteady.
     LoadUnsteady,
-    /// The zero, the model set or the area factor changed while a known load was read.
+    /// The zero or the model set changed while a known load was read.
     LoadInterrupted,
     /// The model set is in use.
     ModelSetInUse,

@@ -1,7 +1,7 @@
 //! `ValidationService`: known loads, and how far the force read under them is off.
 
 use taxel_engine::command::{Command, Done};
-use taxel_engine::loads::{AreaFactor, JudgedLoad, KnownLoad, Load, Validation, Weight};
+use taxel_engine::loads::{JudgedLoad, KnownLoad, Load, Validation, Weight};
 use taxel_proto::v1;
 use taxel_proto::v1::record_load_request::Load as Laid;
 use taxel_proto::v1::validation_service_server::ValidationService;
@@ -72,17 +72,6 @@ fn validation(view: &Validation) -> v1::Validation {
         model_set: view.model_set.clone().unwrap_or_default(),
         loads: view.loads.iter().take(LOADS_MAX).map(of_judged).collect(),
         mean_absolute_error_percent: view.mean_absolute_error.and_then(|error| known(100.0 * error)),
-        area_factor: view.factor.map(|factor| area_factor(factor, view)),
-    }
-}
-
-fn area_factor(factor: AreaFactor, view: &Validation) -> v1::AreaFactor {
-    v1::AreaFactor {
-        value: factor.value,
-        sigma: factor.sigma,
-        loads: factor.loads as u32,
-        not_applied_because: view.not_applied_because.clone(),
-        places: factor.places as u32,
     }
 }
 
@@ -112,7 +101,6 @@ fn load(load: &Load) -> v1::Load {
         within_two_sigma: load.is_within_two_sigma(),
         reasons: load.read.reasons.clone(),
         model_set: load.model_set.clone(),
-        area_factor: load.area_factor,
         replaces: load.replaces.unwrap_or(0),
         taxels: load.read.taxels.iter().map(|taxel| u32::from(*taxel)).collect(),
         ..v1::Load::default()

@@ -78,7 +78,7 @@ impl Change<'_> {
                 Ok(())
             }
             Record::Answered(answered) => self.answered(answered),
-            Record::BoardZeros { patch, zeros, .. } => facts::put(connection, Key::named(ZEROS, patch), zeros),
+            Record::Zero { patch, zero, .. } => facts::put(connection, Key::named(ZEROS, patch), zero),
             // The audit log says who took it; nothing is restored from it.
             Record::Tared { .. } | Record::Sample { .. } => Ok(()),
         }

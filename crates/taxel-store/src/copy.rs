@@ -87,8 +87,8 @@ pub(crate) fn make_empty(connection: &mut Connection) -> Result<(), StoreError> 
 pub(crate) fn doubt_zeros(connection: &Connection) -> Result<(), StoreError> {
     let Found { mut restored, generation, .. } = restore::read(connection)?;
     restore::doubt_zeros(&mut restored);
-    for (patch, zeros) in &restored.board_zeros {
-        facts::put(connection, Key::named(ZEROS, patch), zeros)?;
+    for (patch, zero) in &restored.zeros {
+        facts::put(connection, Key::named(ZEROS, patch), zero)?;
     }
     facts::put(connection, GENERATION, &(generation + 1))
 }

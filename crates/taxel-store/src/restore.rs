@@ -11,7 +11,7 @@ use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::known_set::KnownSet;
 use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::BoardZeros;
+use taxel_engine::record::KeptZero;
 
 use crate::error::{Quarantined, StoreError};
 use crate::facts::{self, Key};
@@ -78,16 +78,15 @@ pub(crate) fn read(connection: &Connection) -> Result<Found, StoreError> {
         }
     }
     found.restored.next_load += 1;
-    for row in facts::all::<BoardZeros>(connection, ZEROS)? {
+    for row in facts::all::<KeptZero>(connection, ZEROS)? {
         match row.fact {
-            Ok(zeros) => found.restored.board_zeros.push((row.name, zeros)),
+            Ok(zero) => found.restored.zeros.push((row.name, zero)),
             Err(why) => {
                 found.zeros_damaged = true;
                 found.damage.push(Quarantined::new("what was noted of the boards' zeros", why));
             }
         }
     }
-    found.restored.board_zeros.retain(|(_, zeros)| *zeros != BoardZeros::default());
     Ok(found)
 }
 
@@ -161,13 +160,13 @@ const UNKNOWN: &str = "what was noted of the zeros of its boards is lost: one ma
 pub(crate) fn doubt_zeros(restored: &mut Restored) {
     let of_sets = restored.model_sets.iter().map(|set| &set.patch);
     let of_sessions = restored.sessions.iter().map(|view| &view.patch);
-    let of_zeros = restored.board_zeros.iter().map(|(patch, _)| patch);
+    let of_zeros = restored.zeros.iter().map(|(patch, _)| patch);
     let patches: BTreeSet<String> = of_sets.chain(of_sessions).chain(of_zeros).cloned().collect();
-    let mut known: BTreeMap<_, _> = restored.board_zeros.drain(..).collect();
+    let mut known: BTreeMap<_, _> = restored.zeros.drain(..).collect();
     for patch in patches {
-        let zeros = known.entry(patch).or_default();
-        zeros.unproven.get_or_insert_with(|| UNKNOWN.to_owned());
-        zeros.excused = None;
+        let zero = known.entry(patch).or_default();
+        zero.unproven.get_or_insert_with(|| UNKNOWN.to_owned());
+        (zero.excused, zero.zero) = (None, None);
     }
-    restored.board_zeros = known.into_iter().collect();
+    restored.zeros = known.into_iter().collect();
 }

@@ -7,7 +7,7 @@ use std::fmt;
 
 use taxel_wire::{CanId, Frame};
 
-use crate::board_settings::fnv::Fnv;
+use crate::fnv::Fnv;
 use crate::intake::cells::{DevicePlan, Sender};
 
 /// What stands before them, and instead of them where there are none.

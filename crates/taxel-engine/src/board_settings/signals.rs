@@ -10,7 +10,7 @@ use taxel_wire::CanId;
 use taxel_wire::array::FrameSpec;
 use taxel_wire::bits::{BitField, FrameMatch};
 
-use crate::board_settings::fnv::Fnv;
+use crate::fnv::Fnv;
 
 /// Where the taxels of a device lie in its frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::calibration::view::SessionView;
 use crate::known_set::KnownSet;
 use crate::loads::load::Load;
-use crate::loads::validation::Validation;
-use crate::zero::boards::BoardZeros;
+use crate::loads::load::Validation;
+use crate::zero::kept::KeptZero;
 
 /// Sessions and model sets as the store has them.
 #[derive(Clone, Debug, Default)]
@@ -38,8 +38,8 @@ pub struct Restored {
     pub loads: Vec<Arc<Load>>,
     /// The number that the next known load gets.
     pub next_load: u64,
-    /// Per patch name: what is known of the zeros of its boards, which keep them while the daemon is away.
-    pub board_zeros: Vec<(String, BoardZeros)>,
+    /// Per patch name: what is known of its zero and of those of its boards, which keep them while the daemon is away.
+    pub zeros: Vec<(String, KeptZero)>,
     /// What was found damaged and left out, a line each.
     pub problems: Vec<String>,
 }

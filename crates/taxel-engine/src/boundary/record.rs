@@ -8,7 +8,7 @@ pub use crate::calibration::samples::{RampBaseline, Sample};
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
-pub use crate::zero::boards::{BoardZeros, HiddenCounts};
+pub use crate::zero::kept::{KeptZero, TakenZero};
 use crate::zero::view::TareView;
 
 /// One durable fact. The store appends them; none is ever changed, and what is deleted leaves a row that says so.
@@ -63,12 +63,12 @@ pub enum Record {
     Asked(Box<Asked>),
     /// What came of it; the engine itself never records this.
     Answered(Box<Answered>),
-    /// What is known of the zeros of a patch's boards; the newest of a patch counts.
-    BoardZeros {
+    /// What is known of the zero of a patch and of those of its boards; the newest of a patch counts.
+    Zero {
         /// The patch.
         patch: String,
         /// What.
-        zeros: BoardZeros,
+        zero: KeptZero,
         /// When, nanoseconds since 1970.
         wall_ns: i64,
     },

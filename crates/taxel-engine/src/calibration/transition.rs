@@ -32,17 +32,13 @@ pub enum Trigger {
     FitFailed,
     /// The store takes nothing any more.
     StoreFailed,
-    /// Its model set came into use.
-    TakenIntoUse,
-    /// Its model set went out of use.
-    TakenOutOfUse,
     /// The daemon was started anew.
     Restart,
 }
 
 impl Trigger {
     /// Every trigger.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 14] = [
         Self::StartRamp,
         Self::FinishRamp,
         Self::Abort,
@@ -56,8 +52,6 @@ impl Trigger {
         Self::Fitted,
         Self::FitFailed,
         Self::StoreFailed,
-        Self::TakenIntoUse,
-        Self::TakenOutOfUse,
         Self::Restart,
     ];
 
@@ -100,10 +94,8 @@ pub const fn transition(state: SessionState, trigger: Trigger) -> Option<Session
         (T::NeverAtRest, S::Taring) | (T::ZeroLost | T::Hopeless, S::Ramping) | (T::FitFailed, S::Fitting) => {
             Some(S::Failed)
         }
-        (T::Fitted, S::Fitting) | (T::TakenOutOfUse, S::Active) => Some(S::Review),
+        (T::Fitted, S::Fitting) => Some(S::Review),
         (T::StoreFailed, S::Taring | S::Ramping | S::Fitting) => Some(S::Failed),
-        // An open session goes on when an earlier set of it comes into use.
-        (T::TakenIntoUse, S::Review | S::Aborted | S::Failed | S::Interrupted) => Some(S::Active),
         (T::Restart, S::Taring | S::Ramping | S::Fitting) => Some(S::Interrupted),
         _ => None,
     }
@@ -135,9 +127,10 @@ mod tests {
     fn every_open_state_can_be_left_and_every_state_but_the_first_reached() {
         for state in SessionState::ALL {
             let leaves = Trigger::ALL.iter().any(|t| transition(state, *t).is_some_and(|next| next != state));
-            assert!(leaves || state == SessionState::Discarded, "{state:?} is for ever");
+            let is_use = state == SessionState::Active; // which follows from the set in use alone
+            assert!(leaves || is_use || state == SessionState::Discarded, "{state:?} is for ever");
             let from = SessionState::ALL.into_iter().flat_map(|s| Trigger::ALL.map(|t| transition(s, t)));
-            assert!(from.flatten().any(|next| next == state), "nothing leads to {state:?}");
+            assert!(is_use || from.flatten().any(|next| next == state), "nothing leads to {state:?}");
         }
     }
 
@@ -153,7 +146,7 @@ mod tests {
     /// Every cell. A row is a trigger; where it leads from each state of [`SessionState::ALL`], by its first letters.
     #[test]
     fn the_table_is_this_one() {
-        const TABLE: [(Trigger, &str); 16] = [
+        const TABLE: [(Trigger, &str); 14] = [
             //                      Tar Ram Fit Rev Act Dis Abo Fai Int
             (Trigger::StartRamp, "    -   -   - TAR   -   - TAR TAR TAR"),
             (Trigger::FinishRamp, "   - FIT   -   -   -   -   - FIT FIT"),
@@ -168,8 +161,6 @@ mod tests {
             (Trigger::Fitted, "       -   - REV   -   -   -   -   -   -"),
             (Trigger::FitFailed, "    -   - FAI   -   -   -   -   -   -"),
             (Trigger::StoreFailed, "FAI FAI FAI   -   -   -   -   -   -"),
-            (Trigger::TakenIntoUse, " -   -   - ACT   -   - ACT ACT ACT"),
-            (Trigger::TakenOutOfUse, "-   -   -   - REV   -   -   -   -"),
             (Trigger::Restart, "    INT INT INT   -   -   -   -   -   -"),
         ];
         assert_eq!(TABLE.map(|(trigger, _)| trigger), Trigger::ALL);
@@ -193,7 +184,7 @@ mod tests {
         );
         assert!(why(Trigger::Abort).contains("a session can be aborted only in TARING, RAMPING, FITTING"));
         assert!(why(Trigger::Discard).contains("a session can be discarded only in REVIEW, DISCARDED"));
-        assert!(why(Trigger::TakenIntoUse).contains("this can happen only in"));
+        assert!(why(Trigger::Fitted).contains("this can happen only in"));
     }
 
     #[test]

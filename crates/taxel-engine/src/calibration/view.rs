@@ -20,7 +20,7 @@ pub enum SessionState {
     Fitting,
     /// A model set waits to be activated, discarded or extended by another ramp.
     Review,
-    /// Its model set was activated.
+    /// Its model set is in use. That is how readers see it, and not kept: see [`SessionView::seen`].
     Active,
     /// Its model set was laid aside, or what it gathered cannot be trusted; the reason is in the view.
     Discarded,
@@ -243,6 +243,16 @@ impl SessionView {
     #[must_use]
     pub fn known_settings(&self) -> Option<&[String]> {
         Some(&*self.board_settings).filter(|lines| !lines.is_empty())
+    }
+
+    /// The session as readers see it while the set of this id is in use on its patch.
+    #[must_use]
+    pub fn seen(self: &Arc<Self>, in_use: Option<&str>) -> Arc<Self> {
+        let idle = !self.state.is_open() && self.state != SessionState::Discarded;
+        if idle && in_use.is_some() && self.model_set.as_deref() == in_use {
+            return Arc::new(Self { state: SessionState::Active, ..Self::clone(self) });
+        }
+        Arc::clone(self)
     }
 
     /// Refuses to make models of what cannot be trusted, or to gather more beside it.

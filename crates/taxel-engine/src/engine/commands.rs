@@ -1,21 +1,13 @@
 //! What each command does, and why it is refused where it is.
 
-use std::sync::Arc;
-
 use crate::boundary::command::{Command, Done, Reply};
 use crate::boundary::output::Output;
-use crate::boundary::record::Record;
 use crate::calibration::transition::Trigger;
-use crate::calibration::view::{SessionState, SessionView};
 use crate::engine::answer::Answer;
-use crate::engine::pending::Effect;
-use crate::engine::plausible::implausible;
+use crate::engine::pending::Origin;
 use crate::engine::sessions::SessionRequest;
-use crate::engine::shared::ended_together;
 use crate::engine::step::Engine;
-use crate::known_set::SetSummary;
 use crate::loads::load::KnownLoad;
-use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
@@ -42,9 +34,11 @@ impl Engine {
             Command::Activate { patch, model_set, expected } => {
                 self.activate(now, request, (&patch, model_set, expected), out)
             }
-            Command::Import { model_set, insist } => self.import(request, model_set, insist, out),
-            Command::KeepRefit { model_set, sessions } => self.keep_refit(request, model_set, &sessions, out),
-            Command::KeepRecalibration { model_set } => self.keep_recalibration(request, model_set, out),
+            Command::Import { model_set, insist } => self.keep(model_set, Origin::File { request, insist }, out),
+            Command::KeepRefit { model_set, sessions } => {
+                self.keep(model_set, Origin::Refit { request, sessions }, out)
+            }
+            Command::KeepRecalibration { model_set } => self.keep(model_set, Origin::Loads { request }, out),
         };
         match answer {
             Ok(Answer::Now(done)) => out.push(Output::Reply(request, Ok(done))),
@@ -98,20 +92,12 @@ impl Engine {
         Ok(Answer::Later)
     }
 
-    /// Nothing presses on the boards of a patch: they are configured once that holds of all that share one of them, by looks
-    /// that ended together. A load may have come since an earlier one.
-    pub(super) fn on_boards_ready(&mut self, now: Now, index: usize, out: &mut Vec<Output>) {
-        let group = self.shared.group(index).to_vec();
-        if !group.iter().all(|&member| self.patches[member].is_ready_for_bring_up()) {
-            return;
-        }
-        let looks = group.iter().map(|&member| &self.patches[member]);
-        let looks: Vec<_> = looks.filter_map(|patch| Some((patch.looked()?, patch.look_lasts()))).collect();
-        let together = ended_together(now.time, &looks);
-        for member in group {
-            self.with_patch(now, member, out, |patch, _| {
-                if together { patch.configure_boards(now.time) } else { patch.look_again() }
-            });
+    /// It has been listened for long enough whether the boards stream: those that have to be configured are.
+    pub(super) fn begin_bring_up(&mut self, now: Now, out: &mut Vec<Output>) {
+        let mut wanted: Vec<Vec<bool>> = self.patches.iter().map(|patch| patch.boards_to_configure(now.time)).collect();
+        self.shared.spread(&mut wanted);
+        for (index, wanted) in wanted.iter().enumerate() {
+            self.with_patch(now, index, out, |patch, effects| patch.begin(now, wanted, effects));
         }
     }
 
@@ -121,72 +107,26 @@ impl Engine {
             let why = "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
             return Err(Rejection::FailedPrecondition(ErrorReason::ListenOnly, why));
         }
-        let group = self.shared.group(index).to_vec();
-        for &member in &group {
+        // A board that is configured forgets the modules of all its patches.
+        let mut wanted: Vec<Vec<bool>> =
+            self.plan.patches.iter().map(|plan| vec![false; plan.patch.boards().len()]).collect();
+        wanted[index].fill(true);
+        self.shared.spread(&mut wanted);
+        let members: Vec<usize> = (0..wanted.len()).filter(|member| wanted[*member].contains(&true)).collect();
+        for &member in &members {
             let patch = &self.patches[member];
             patch.calibration().refuse_if_open("abort it first")?;
             patch.check_vented(now)?; // a board that takes its zero under vacuum takes the load for rest
-            // Who vouches that nothing touches one skin knows nothing of another that shares a board with it.
+            // Who confirms that nothing touches one skin knows nothing of another that shares a board with it.
             if !confirmed || member != index {
                 patch.check_unloaded()?;
             }
         }
-        group.iter().for_each(|&member| self.patches[member].is_asked_anew(member == index));
-        // That which it was asked for comes last: with it all may be configured.
-        let others = group.into_iter().filter(|&member| member != index);
-        for member in others.chain([index]).collect::<Vec<_>>() {
-            let confirmed = confirmed && member == index;
-            self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, confirmed, effects));
+        for member in members {
+            let (confirmed, wanted) = (confirmed && member == index, &wanted[member]);
+            self.with_patch(now, member, out, |patch, effects| patch.configure(now, wanted, confirmed, effects));
         }
         self.health_dirty.0 = true; // boards that were verified are not any more
         Ok(Done::BringUpStarted)
-    }
-
-    /// The session of this daemon that a set came from, which names the set. It may have come back from a file since, which
-    /// proves no number of a session.
-    pub(super) fn session_of(&self, set: &str) -> Option<&Arc<SessionView>> {
-        self.sessions.values().rev().find(|view| view.model_set.as_deref() == Some(set))
-    }
-
-    /// Whether a set, or one that it was made of by known loads, is that of a session which was laid aside.
-    pub(super) fn comes_of_discarded(&self, set: &SetSummary) -> bool {
-        let discarded = |id: &str| {
-            let of = |view: &Arc<SessionView>| view.model_set.as_deref() == Some(id);
-            self.sessions.values().any(|view| of(view) && self.is_discarded(view))
-        };
-        discarded(&set.id) || set.origins.iter().any(|origin| discarded(origin))
-    }
-
-    /// Whether a session was laid aside, or is about to be.
-    fn is_discarded(&self, view: &SessionView) -> bool {
-        view.state == SessionState::Discarded || self.pending.ends(view.number) == Some(Trigger::Discard)
-    }
-
-    fn import(
-        &mut self,
-        request: RequestId,
-        set: Arc<ModelSet>,
-        insist: bool,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
-        self.store_takes_records()?;
-        let index = self.patch_named(&set.patch)?;
-        let (taxels, given) = (self.patches[index].taxels(), set.taxels.len());
-        if taxels != given {
-            let problem = format!("the set has {given} taxels, patch `{}` has {taxels}", set.patch);
-            return Err(Rejection::InvalidArgument { field: "json", problem });
-        }
-        let plan = self.patches[index].plan();
-        if let Some(problem) = implausible(&set, plan.session.target, plan.patch.counts().top()).filter(|_| !insist) {
-            let problem = format!("{problem}; if the set is right all the same, set `insist`");
-            return Err(Rejection::InvalidArgument { field: "json", problem });
-        }
-        if self.model_sets.get(&set.id).is_none() {
-            self.room_for_model_set()?;
-        }
-        // A set that is known already may still wait for the disk: it is written again, which the store finds done.
-        let record = Record::ModelSet(Arc::clone(&set));
-        self.commit(Effect::Import { request, set }, vec![record], out);
-        Ok(Answer::Later)
     }
 }

@@ -22,19 +22,12 @@ pub enum Effect {
         /// The set.
         set: Arc<ModelSet>,
     },
-    /// A model set is known.
-    Import {
-        /// Whom to answer.
-        request: RequestId,
+    /// A model set is kept.
+    Keep {
         /// The set.
         set: Arc<ModelSet>,
-    },
-    /// The model set of a fit of stored samples is known.
-    Refit {
-        /// Whom to answer.
-        request: RequestId,
-        /// The set.
-        set: Arc<ModelSet>,
+        /// Where it comes from.
+        origin: Origin,
     },
     /// A zero holds.
     Zero {
@@ -68,8 +61,36 @@ pub enum Effect {
         /// What is known of it then.
         view: Arc<SessionView>,
     },
-    /// A fit ends its session.
-    Fitted {
+    /// A command to a session goes on when its samples are read.
+    TakeUp(TakeUp),
+    /// An activation goes on when its set is read.
+    ReadSet(ReadSet),
+}
+
+/// Where a model set comes from that is kept.
+#[derive(Clone, Debug)]
+pub enum Origin {
+    /// A file.
+    File {
+        /// Whom to answer.
+        request: RequestId,
+        /// Somebody insists that it is right, whatever is odd about it.
+        insist: bool,
+    },
+    /// A fit of stored samples.
+    Refit {
+        /// Whom to answer.
+        request: RequestId,
+        /// Whose samples.
+        sessions: Vec<u64>,
+    },
+    /// Known loads, which corrected the active set.
+    Loads {
+        /// Whom to answer.
+        request: RequestId,
+    },
+    /// The fit that ends a session.
+    Session {
         /// Position of the patch.
         patch: usize,
         /// What it came to.
@@ -88,7 +109,7 @@ pub enum Forgotten {
 
 /// A command to a session whose samples are being read.
 #[derive(Clone, Copy, Debug)]
-pub struct Loading {
+pub struct TakeUp {
     /// Whom to answer.
     pub request: RequestId,
     /// Number of the session.
@@ -99,7 +120,7 @@ pub struct Loading {
 
 /// A command to use a model set that is being read.
 #[derive(Clone, Debug)]
-pub struct LoadingSet {
+pub struct ReadSet {
     /// Whom to answer.
     pub request: RequestId,
     /// Position of the patch.
@@ -115,8 +136,6 @@ pub struct LoadingSet {
 pub struct Pending {
     next: u64,
     effects: BTreeMap<u64, Effect>,
-    loads: BTreeMap<u64, Loading>,
-    sets: BTreeMap<u64, LoadingSet>,
 }
 
 impl Pending {
@@ -130,30 +149,6 @@ impl Pending {
     /// The effect of a ticket, once.
     pub fn take(&mut self, ticket: u64) -> Option<Effect> {
         self.effects.remove(&ticket)
-    }
-
-    /// Keeps a command until the samples of its session are read; its ticket.
-    pub fn load(&mut self, loading: Loading) -> u64 {
-        self.next += 1;
-        self.loads.insert(self.next, loading);
-        self.next
-    }
-
-    /// The command of a ticket, once.
-    pub fn take_load(&mut self, ticket: u64) -> Option<Loading> {
-        self.loads.remove(&ticket)
-    }
-
-    /// Keeps an activation until its set is read; its ticket.
-    pub fn load_set(&mut self, loading: LoadingSet) -> u64 {
-        self.next += 1;
-        self.sets.insert(self.next, loading);
-        self.next
-    }
-
-    /// The activation of a ticket, once.
-    pub fn take_set(&mut self, ticket: u64) -> Option<LoadingSet> {
-        self.sets.remove(&ticket)
     }
 
     /// Whether a patch waits for a model set to come into use.
@@ -171,7 +166,7 @@ impl Pending {
     /// How many model sets will be known beyond those that are.
     #[must_use]
     pub fn imports(&self) -> usize {
-        self.effects.values().filter(|effect| matches!(effect, Effect::Import { .. } | Effect::Refit { .. })).count()
+        self.effects.values().filter(|effect| matches!(effect, Effect::Keep { .. })).count()
     }
 
     /// How a session is being ended.
@@ -195,27 +190,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_ticket_is_another_one_and_is_good_for_what_it_was_given_for_once() {
+    fn every_ticket_is_another_one_and_is_good_once() {
         let mut pending = Pending::default();
         let request = RequestId(7);
-        let forget = Effect::Forget { request, what: Forgotten::Session(3) };
-        let zero = Effect::Zero { request, patch: 1 };
-        let tickets = [
-            pending.keep(forget),
-            pending.load(Loading { request, session: 3, command: Trigger::StartRamp }),
-            pending.load_set(LoadingSet { request, patch: 2, model_set: "m-1".to_owned(), expected: None }),
-            pending.keep(zero),
-        ];
-        assert!((0..4).all(|i| !tickets[..i].contains(&tickets[i])), "{tickets:?}");
-        assert!(pending.take(tickets[1]).is_none() && pending.take_load(tickets[0]).is_none());
+        let forget = pending.keep(Effect::Forget { request, what: Forgotten::Session(3) });
+        let zero = pending.keep(Effect::Zero { request, patch: 1 });
+        assert!(forget != zero);
         assert!(pending.forgets(&Forgotten::Session(3)) && !pending.forgets(&Forgotten::Session(4)));
-        assert!(matches!(pending.take(tickets[3]), Some(Effect::Zero { patch: 1, .. })));
-        assert!(pending.take(tickets[0]).is_some() && pending.take(tickets[0]).is_none());
-        assert!(!pending.forgets(&Forgotten::Session(3)));
-        assert_eq!(pending.take_load(tickets[1]).map(|loading| loading.session), Some(3));
-        assert!(pending.take_load(tickets[1]).is_none());
-        assert_eq!(pending.take_set(tickets[2]).map(|loading| loading.patch), Some(2));
-        assert!(pending.take_set(tickets[2]).is_none());
+        assert!(matches!(pending.take(zero), Some(Effect::Zero { patch: 1, .. })));
+        assert!(pending.take(forget).is_some() && pending.take(forget).is_none());
         let view = Arc::new(SessionView { number: 3, ..SessionView::default() });
         pending.keep(Effect::End { request, command: Trigger::Discard, view });
         assert_eq!([3, 4].map(|number| pending.ends(number)), [Some(Trigger::Discard), None]);

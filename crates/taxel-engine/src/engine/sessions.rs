@@ -9,10 +9,10 @@ use crate::boundary::record::Record;
 use crate::calibration::branch::Branch;
 use crate::calibration::samples::{NotLoaded, SessionSamples};
 use crate::calibration::transition::{Trigger, commanded};
-use crate::calibration::view::SessionView;
+use crate::calibration::view::{SessionState, SessionView};
 use crate::counts::Counts;
 use crate::engine::answer::Answer;
-use crate::engine::pending::{Effect, Loading};
+use crate::engine::pending::{Effect, Forgotten, TakeUp};
 use crate::engine::step::Engine;
 use crate::now::Now;
 use crate::patch::owner::Patch;
@@ -59,7 +59,6 @@ impl Engine {
             return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
-        patch.check_looked_at()?;
         patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
         let left_out = left_out(patch, &asked.leave_out)?;
@@ -94,13 +93,14 @@ impl Engine {
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
+        self.refuse_if_in_use(number, command)?;
         if command == Trigger::StartRamp {
             self.room_for_model_set()?;
             self.check_settings(number)?;
         }
         if self.is_succeeded(number, command) {
             self.check_successor(now, number)?;
-            let ticket = self.pending.load(Loading { request, session: number, command });
+            let ticket = self.pending.keep(Effect::TakeUp(TakeUp { request, session: number, command }));
             out.push(Output::Load { ticket, session: number });
             return Ok(Answer::Later);
         }
@@ -112,9 +112,18 @@ impl Engine {
         }
         self.check_take_up(now, number, command)?;
         self.room_for_model_set()?;
-        let ticket = self.pending.load(Loading { request, session: number, command });
+        let ticket = self.pending.keep(Effect::TakeUp(TakeUp { request, session: number, command }));
         out.push(Output::Load { ticket, session: number });
         Ok(Answer::Later)
+    }
+
+    /// A session whose models are in use stays as it is. Another ramp begins a session of its own.
+    fn refuse_if_in_use(&self, number: u64, command: Trigger) -> Result<(), Rejection> {
+        let state = self.sessions.get(&number).map(|view| self.seen(view).state);
+        match state.filter(|state| *state == SessionState::Active && command != Trigger::StartRamp) {
+            Some(state) => commanded(number, state, command).map(|_| ()),
+            None => Ok(()),
+        }
     }
 
     /// Refuses another ramp of boards or a gauge that are set otherwise than in the ramps before: no fit could tell them apart.
@@ -143,7 +152,7 @@ impl Engine {
         self.refuse_if_session_ends(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
-            let state = view.state.name();
+            let state = self.seen(view).state.name();
             let why = format!("session {number} is {state} and its models are in use; activate others first");
             return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
         }
@@ -205,7 +214,6 @@ impl Engine {
         let index = self.patch_named(&view.patch)?;
         self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
         if command == Trigger::StartRamp {
-            self.patches[index].check_looked_at()?;
             self.patches[index].check_gauge_heard(now)?;
             self.patches[index].check_vented(now)?;
         }
@@ -220,7 +228,7 @@ impl Engine {
         result: Result<SessionSamples, NotLoaded>,
         out: &mut Vec<Output>,
     ) {
-        let Some(loading) = self.pending.take_load(ticket) else { return };
+        let Some(Effect::TakeUp(loading)) = self.pending.take(ticket) else { return };
         let reply = self.take_up(now, loading, result, out);
         out.push(Output::Reply(loading.request, reply));
     }
@@ -229,13 +237,14 @@ impl Engine {
     fn take_up(
         &mut self,
         now: Now,
-        loading: Loading,
+        loading: TakeUp,
         result: Result<SessionSamples, NotLoaded>,
         out: &mut Vec<Output>,
     ) -> Reply {
-        let Loading { session: number, command, .. } = loading;
+        let TakeUp { session: number, command, .. } = loading;
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
+        self.refuse_if_in_use(number, command)?;
         if self.is_succeeded(number, command) {
             let index = self.check_successor(now, number)?;
             let samples = self.usable_samples(index, number, result)?;
@@ -280,6 +289,63 @@ impl Engine {
     pub(super) fn held(&self, number: u64) -> Option<usize> {
         self.patches.iter().position(|p| p.calibration().session().is_some_and(|s| s.number == number))
     }
+
+    pub(super) fn delete_session(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        number: u64,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        self.store_takes_records()?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
+        self.refuse_if_session_ends(number)?;
+        if view.state.is_open() {
+            let why = format!("session {number} is {}; abort it first", view.state.name());
+            return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));
+        }
+        if let Some(id) = view.model_set.as_deref() {
+            self.refuse_if_set_is_used(id)?;
+        }
+        let record = Record::SessionDeleted { session: number, wall_ns: now.wall_ns };
+        self.commit(Effect::Forget { request, what: Forgotten::Session(number) }, vec![record], out);
+        Ok(Answer::Later)
+    }
+
+    /// It is gone from the disk.
+    pub(super) fn forget(&mut self, what: &Forgotten, out: &mut Vec<Output>) {
+        match what {
+            Forgotten::ModelSet(id) => self.model_sets.retain(|known| known.id != *id),
+            Forgotten::Session(number) => {
+                self.sessions.remove(number);
+                if let Some(index) = self.held(*number) {
+                    self.patches[index].forget_session();
+                    out.push(Output::SessionGone(index));
+                }
+            }
+        }
+        self.catalogue_dirty = true;
+    }
+
+    /// Refuses what needs the samples of a session that is on its way out.
+    pub(super) fn refuse_if_session_goes(&self, number: u64) -> Result<(), Rejection> {
+        let goes = self.pending.forgets(&Forgotten::Session(number));
+        if goes { Err(session_is_being(number, "deleted")) } else { Ok(()) }
+    }
+
+    /// Refuses what changes a session that is on its way out, or about to end.
+    pub(super) fn refuse_if_session_ends(&self, number: u64) -> Result<(), Rejection> {
+        self.refuse_if_session_goes(number)?;
+        match self.pending.ends(number) {
+            Some(Trigger::Discard) => Err(session_is_being(number, "discarded")),
+            Some(_) => Err(session_is_being(number, "aborted")),
+            None => Ok(()),
+        }
+    }
+}
+
+fn session_is_being(number: u64, what: &str) -> Rejection {
+    Rejection::FailedPrecondition(ErrorReason::BeingDeleted, format!("session {number} is being {what}"))
 }
 
 /// The positions of the modules that an operator leaves out, given as board address and module number.

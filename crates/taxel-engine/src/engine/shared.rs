@@ -1,8 +1,6 @@
 //! Boards that serve several patches: what one of these learns of such a board, the others must know.
 
 use std::sync::Arc;
-use std::time::Duration;
-use taxel_skin::Time;
 
 use taxel_wire::array::FrameSpec;
 use taxel_wire::bits::{FrameMatch, Selector};
@@ -14,8 +12,6 @@ use crate::plan::{PatchPlan, Plan, Sender};
 pub struct SharedBoards {
     /// Per patch and board: the other patches that have it, and its position there.
     others: Vec<Vec<Vec<(usize, usize)>>>,
-    /// Per patch: it and all patches that share a board with it, directly or through others, ascending.
-    groups: Vec<Vec<usize>>,
 }
 
 impl SharedBoards {
@@ -23,9 +19,7 @@ impl SharedBoards {
     #[must_use]
     pub fn new(plan: &Plan) -> Self {
         let patches = &plan.patches;
-        let others: Vec<Vec<Vec<(usize, usize)>>> = (0..patches.len()).map(|patch| others_of(patches, patch)).collect();
-        let groups = (0..patches.len()).map(|patch| group_of(&others, patch)).collect();
-        Self { others, groups }
+        Self { others: (0..patches.len()).map(|patch| others_of(patches, patch)).collect() }
     }
 
     /// The other patches that have a board of a patch, each with the board's position there.
@@ -70,23 +64,16 @@ impl SharedBoards {
         told
     }
 
-    /// A patch and those that share a board with it, directly or through others: their boards are configured together,
-    /// because a board that is configured forgets all its modules.
-    #[must_use]
-    pub fn group(&self, patch: usize) -> &[usize] {
-        self.groups.get(patch).map_or(&[], Vec::as_slice)
+    /// With each board that is `wanted` of a patch, that of all other patches that have it.
+    pub fn spread(&self, wanted: &mut [Vec<bool>]) {
+        for patch in 0..wanted.len() {
+            for board in (0..wanted[patch].len()).filter(|board| wanted[patch][*board]).collect::<Vec<_>>() {
+                for &(other, there) in self.others(patch, board) {
+                    wanted[other][there] = true;
+                }
+            }
+        }
     }
-}
-
-/// Looks that began together end within this, beside what one may take longer than another.
-const LOOKS_TOGETHER: Duration = Duration::from_millis(100);
-
-/// Whether looks at the skins of several patches, given by when each ended and how long such a one takes at least and at the
-/// most, may have begun together.
-pub(super) fn ended_together(now: Time, looks: &[(Time, [Duration; 2])]) -> bool {
-    let shortest = looks.iter().map(|(_, [least, _])| *least).min().unwrap_or_default();
-    let longest = looks.iter().map(|(_, [_, most])| *most).max().unwrap_or_default();
-    looks.iter().all(|(ended, _)| now.since(*ended) <= LOOKS_TOGETHER + (longest - shortest))
 }
 
 fn others_of(patches: &[PatchPlan], patch: usize) -> Vec<Vec<(usize, usize)>> {
@@ -126,23 +113,9 @@ fn overlap(a: &FrameMatch, b: &FrameMatch) -> bool {
     a.id == b.id && !a.selectors.iter().any(|one| b.selectors.iter().any(|other| apart(one, other)))
 }
 
-fn group_of(others: &[Vec<Vec<(usize, usize)>>], patch: usize) -> Vec<usize> {
-    let mut group = vec![patch];
-    let mut next = 0;
-    while let Some(&member) = group.get(next) {
-        next += 1;
-        for &(other, _) in others[member].iter().flatten() {
-            if !group.contains(&other) {
-                group.push(other);
-            }
-        }
-    }
-    group.sort_unstable();
-    group
-}
-
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
     use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
     use taxel_wire::bits::{BitField, ByteOrder};
     use taxel_wire::{CanId, Frame};
@@ -159,17 +132,6 @@ mod tests {
             modules: vec![(Module::new(module as u8).unwrap(), ModuleKind::Triangle)],
         };
         PatchPlan::new(Patch::new(name, boards.iter().enumerate().map(board).collect()).unwrap())
-    }
-
-    #[test]
-    fn looks_that_began_together_end_within_a_scan_and_what_one_of_them_takes_longer() {
-        let ms = |ms: u64| Duration::from_millis(ms);
-        let now = Time::default() + ms(60_000);
-        let look = |before: u64, least: u64| (now - ms(before), [ms(least), ms(least + 50)]);
-        assert!(ended_together(now, &[]) && ended_together(now, &[look(0, 1_000), look(150, 1_000)]));
-        assert!(!ended_together(now, &[look(0, 1_000), look(151, 1_000)]));
-        assert!(ended_together(now, &[look(1_150, 1_000), look(0, 2_000)]));
-        assert!(!ended_together(now, &[look(0, 2_000), look(1_151, 1_000)]));
     }
 
     /// Their numbers only divide a patch: each of two arrays on a bus is the first device of its own.
@@ -226,7 +188,9 @@ mod tests {
         assert!([of(1, 0), of(1, 1), of(3, 0), of(0, 1), of(4, 0)].iter().all(Vec::is_empty));
         let shares = (0..5).map(|patch| shared.of_patch(patch));
         assert!(shares.eq([vec![true], vec![false; 2], vec![true; 2], vec![false, true], Vec::new()]));
-        let groups = (0..5).map(|patch| shared.group(patch));
-        assert!(groups.eq([[0, 2, 3].as_slice(), &[1], &[0, 2, 3], &[0, 2, 3], &[]]));
+        // Board 13 of the first and board 12 of the last, which the third has both.
+        let mut wanted = vec![vec![true], vec![false; 2], vec![false; 2], vec![false, true]];
+        shared.spread(&mut wanted);
+        assert_eq!(wanted, [vec![true], vec![false; 2], vec![true; 2], vec![false, true]]);
     }
 }

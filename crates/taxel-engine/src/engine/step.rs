@@ -14,11 +14,12 @@ use crate::boundary::snapshot::{Health, StoreHealth};
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::conflict::conflicts;
-use crate::engine::known_sets::KnownSets;
 use crate::engine::pending::{Effect, Pending};
 use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
+use crate::intake::boards::SILENT_AFTER;
 use crate::intake::health::{BusNotice, BusState};
+use crate::known_set::KnownSet;
 use crate::loads::load::Load;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
@@ -43,7 +44,8 @@ pub struct Engine {
     pub(super) patches: Vec<Patch>,
     pub(super) buses: Vec<BusState>,
     pub(super) sessions: BTreeMap<u64, Arc<SessionView>>,
-    pub(super) model_sets: KnownSets,
+    /// Every stored set, oldest first. In memory are those in use.
+    pub(super) model_sets: Vec<KnownSet>,
     pub(super) next_session: u64,
     pub(super) next_load: u64,
     pub(super) pending: Pending,
@@ -53,6 +55,8 @@ pub struct Engine {
     /// What the store found damaged.
     pub(super) damage: Vec<String>,
     pub(super) catalogue_dirty: bool,
+    /// When it has been listened for long enough whether the boards stream, until then.
+    begins: Option<Time>,
     health: Arc<Health>,
     health_shown: Option<Time>,
     /// Something but a counter changed since the health was shown, or a counter did.
@@ -66,15 +70,15 @@ impl Engine {
         let of_patch = |name: &str| -> Vec<Arc<Load>> {
             restored.loads.iter().filter(|load| load.patch == name).cloned().collect()
         };
-        let zeros_of = |name: &str| {
-            let known = restored.board_zeros.iter().find(|(patch, _)| patch == name);
-            known.map(|(_, zeros)| zeros.clone()).unwrap_or_default()
+        let zero_of = |name: &str| {
+            let known = restored.zeros.iter().find(|(patch, _)| patch == name);
+            known.map(|(_, zero)| zero.clone()).unwrap_or_default()
         };
         let shared = SharedBoards::new(&plan);
         let plan = shared.with_devices_of_all(&plan);
         let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
             let name = p.patch.name();
-            Patch::new(i, p.clone(), of_patch(name), zeros_of(name), shared.of_patch(i))
+            Patch::new(i, p.clone(), of_patch(name), zero_of(name), shared.of_patch(i))
         };
         let newest_load = restored.loads.iter().map(|load| load.number).max().unwrap_or(0);
         let mut engine = Self {
@@ -82,7 +86,7 @@ impl Engine {
             buses: vec![BusState::default(); plan.buses],
             patches: plan.patches.iter().enumerate().map(patch).collect(),
             sessions: restored.sessions.into_iter().map(|view| (view.number, view)).collect(),
-            model_sets: KnownSets::new(restored.model_sets),
+            model_sets: restored.model_sets,
             next_session: restored.next_session.max(1),
             next_load: restored.next_load.max(newest_load + 1),
             shared,
@@ -91,6 +95,7 @@ impl Engine {
             problems: conflicts(&plan).iter().map(ToString::to_string).collect(),
             damage: restored.problems,
             catalogue_dirty: true,
+            begins: None,
             health: Arc::default(),
             health_shown: None,
             health_dirty: (true, true),
@@ -99,6 +104,7 @@ impl Engine {
         for (patch, id) in restored.active {
             engine.install(&patch, &id);
         }
+        engine.keep_at_hand();
         engine
     }
 
@@ -116,7 +122,7 @@ impl Engine {
             (false, true) => Some(shown + COUNTERS_EVERY),
             (false, false) => None,
         });
-        self.patches.iter().filter_map(Patch::deadline).chain(health).min()
+        self.patches.iter().filter_map(Patch::deadline).chain(health).chain(self.begins).min()
     }
 
     /// Takes one input; what has to be done because of it is appended to `out`, in order.
@@ -125,7 +131,7 @@ impl Engine {
         if self.health_shown.is_none() {
             self.health_shown = Some(now.time);
             self.each_patch(now, out, |patch, effects| patch.start(now, effects));
-            self.agree_on_use(now, out);
+            self.begins = Some(now.time + SILENT_AFTER);
         }
         match input {
             Input::Frames(bus, frames) => self.on_frames(now, bus, frames, out),
@@ -170,7 +176,7 @@ impl Engine {
     ) -> T {
         let mut intents = Vec::new();
         let result = act(&mut self.patches[index], &mut Effects { out, intents: &mut intents });
-        self.patches[index].note_board_zeros(now, out);
+        self.patches[index].note_zero(now, out);
         for intent in intents {
             self.intend(now, index, intent, out);
         }
@@ -180,7 +186,6 @@ impl Engine {
     /// Has written down what a patch intends, before it takes effect, and tells others what concerns them, too.
     fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
         let (request, planned) = match intent {
-            Intent::BoardsReady => return self.on_boards_ready(now, index, out),
             Intent::News { board, news } => {
                 for (other, board) in self.shared.others(index, board).to_vec() {
                     self.with_patch(now, other, out, |patch, effects| patch.on_news(now, board, &news, effects));
@@ -345,6 +350,9 @@ impl Engine {
 
     fn tick(&mut self, now: Now, out: &mut Vec<Output>) {
         let before = out.len();
+        if self.begins.take_if(|at| *at <= now.time).is_some() {
+            self.begin_bring_up(now, out);
+        }
         self.each_patch(now, out, |patch, effects| patch.tick(now, effects));
         self.health_dirty.0 |= out.len() > before; // silence and bring-up show without a frame
         let since = self.health_shown.map_or(Duration::MAX, |shown| now.time.since(shown));
@@ -381,12 +389,12 @@ impl Engine {
         }
     }
 
-    fn catalogue(&mut self) -> Catalogue {
-        let validations = self.patches.iter_mut().map(|patch| Arc::new(patch.validate())).collect();
+    fn catalogue(&self) -> Catalogue {
+        let validations = self.patches.iter().map(|patch| Arc::new(patch.validate())).collect();
         let active = |p: &Patch| (p.name().to_owned(), p.models().map(|set| set.id.clone()));
         Catalogue {
-            sessions: self.sessions.values().cloned().collect(),
-            model_sets: self.model_sets.all().to_vec(),
+            sessions: self.sessions.values().map(|view| self.seen(view)).collect(),
+            model_sets: self.model_sets.clone(),
             active: self.patches.iter().map(active).collect(),
             validations,
         }

@@ -19,7 +19,6 @@ use crate::force;
 use crate::intake::health::BusNotice;
 use crate::now::Now;
 use crate::patch::edge_tests::configuring;
-use crate::patch::owner::Effects;
 use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan, PushPlan};
 
 const BUS: BusIndex = BusIndex(0);
@@ -282,22 +281,17 @@ fn the_first_scan_that_is_pushed_is_news_and_what_comes_after_it_takes_nothing_b
     assert_eq!(health_at(1_500, &[1_300, 1_320, 1_340]), Some((true, 3)));
 }
 
-/// Two patches with a module each of one board.
+/// Two patches with a module each of one board, of which one was configured otherwise before the start.
 #[test]
-fn a_board_is_configured_once_all_its_patches_are_ready() {
+fn a_board_is_configured_for_all_its_patches_or_for_none() {
     let plan = Plan { buses: 1, patches: vec![configuring(), configuring()] };
     let mut engine = Engine::new(Arc::new(plan), Restored::default());
     let mut out = Vec::new();
-    let is_ready = |engine: &Engine| [0, 1].map(|patch: usize| engine.patches[patch].is_ready_for_bring_up());
-    let mut effects = Effects { out: &mut out, intents: &mut Vec::new() };
-    engine.patches[0].start(now(1_000), &mut effects);
-    engine.patches[0].tick(now(1_300), &mut effects);
-    engine.on_boards_ready(now(1_300), 0, &mut out);
-    assert_eq!(is_ready(&engine), [true, false], "one waits for the other");
-    assert!(engine.patches[0].check_looked_at().is_err(), "it is not configured");
-    let mut effects = Effects { out: &mut out, intents: &mut Vec::new() };
-    engine.patches[1].start(now(12_000), &mut effects);
-    engine.patches[1].tick(now(12_300), &mut effects);
-    engine.on_boards_ready(now(12_300), 1, &mut out);
-    assert!(engine.patches.iter().all(|patch| patch.check_looked_at().is_ok()), "both are");
+    engine.step(now(1_000), Input::Tick, &mut out);
+    assert_eq!(engine.next_deadline(), Some(ms(1_000)), "the patches show themselves first");
+    engine.step(now(1_299), Input::Tick, &mut out);
+    assert!(!out.iter().any(|output| matches!(output, Output::Send(..))));
+    engine.step(now(1_300), Input::Tick, &mut out);
+    let sent = out.iter().filter(|output| matches!(output, Output::Send(..))).count();
+    assert_eq!(sent, 4, "two commands at once for each patch");
 }

@@ -17,7 +17,7 @@ use crate::request::{ErrorReason, Rejection};
 impl Engine {
     /// Whether a command to a session begins a successor of it.
     pub(super) fn is_succeeded(&self, number: u64, command: Trigger) -> bool {
-        let in_use = |view: &Arc<SessionView>| view.state == SessionState::Active;
+        let in_use = |view: &Arc<SessionView>| self.seen(view).state == SessionState::Active;
         command == Trigger::StartRamp && self.sessions.get(&number).is_some_and(in_use)
     }
 
@@ -39,7 +39,6 @@ impl Engine {
             return Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why));
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
-        patch.check_looked_at()?;
         patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
         Ok(index)

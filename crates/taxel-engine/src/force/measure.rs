@@ -123,12 +123,6 @@ impl ForceModel {
         }
     }
 
-    /// Other areas at the same positions: who lies beside whom is found once, by as many distances as there are pairs.
-    pub fn set_areas(&mut self, areas: &[SquareMillimetre], uncertainty: f64) {
-        self.areas_mm2 = areas.iter().map(|area| area.0).collect();
-        self.area_uncertainty = uncertainty;
-    }
-
     /// The neighbours of each taxel, where positions are known.
     #[must_use]
     pub const fn neighbours(&self) -> Option<&Neighbours> {

@@ -6,7 +6,7 @@
 mod shortcomings;
 
 use std::sync::Arc;
-use taxel_skin::{CountRange, Newton, SquareMillimetre};
+use taxel_skin::{CountRange, Newton};
 
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::contacts::ContactIds;
@@ -21,7 +21,6 @@ use crate::force::sample::{ForceSample, ForceState, Undetected};
 use crate::force::tables::Tables;
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
-use crate::zero::boards::HiddenCounts;
 
 /// Why there is no force without models.
 const NO_MODELS: &str = "no model set is active";
@@ -84,8 +83,6 @@ pub struct Force {
     zero: Option<Vec<TaxelBaseline>>,
     /// The same without what it has followed of the temperature since it was taken; empty without a zero.
     taken: Vec<TaxelBaseline>,
-    /// What the zeros of the boards hide; `None` where nobody looked.
-    hidden: Option<Arc<HiddenCounts>>,
     /// The zero that somebody vouched for, if there is one with the zeros that the boards have.
     vouched: Option<Arc<[TaxelBaseline]>>,
     /// How far it lies towards load from that of the models, as far as that may be what the skin remembers, counts.
@@ -125,7 +122,6 @@ impl Force {
             lacks_models: Reason::new(ReasonCode::NoModelSet, NO_MODELS),
             zero: None,
             taken: Vec::new(),
-            hidden: None,
             vouched: None,
             residue_counts: 0.0,
             evaluator: None,
@@ -177,9 +173,9 @@ impl Force {
         self.begin(Hysteresis::new);
     }
 
-    /// What the zeros of the boards hide, if anybody looked before they took them, and a zero that somebody vouched for since.
-    pub fn set_hidden(&mut self, hidden: Option<&Arc<HiddenCounts>>, vouched: Option<&Arc<[TaxelBaseline]>>) {
-        (self.hidden, self.vouched) = (hidden.cloned(), vouched.cloned());
+    /// A zero that somebody confirmed since the boards took theirs.
+    pub fn set_vouched(&mut self, vouched: Option<&Arc<[TaxelBaseline]>>) {
+        self.vouched = vouched.cloned();
         self.selected_for = None;
     }
 
@@ -195,15 +191,6 @@ impl Force {
                 None => self.hysteresis = self.set.as_ref().and_then(|set| Hysteresis::unknown(set, zero)),
             }
         }
-        self.tabulate();
-    }
-
-    /// Every area is multiplied by a factor; `uncertainty` is their relative standard uncertainty from now on.
-    ///
-    /// Zero, faults and what hysteresis has done stay: a load may lie on the skin.
-    pub fn set_areas(&mut self, areas: Vec<SquareMillimetre>, uncertainty: f64) {
-        self.model.set_areas(&areas, uncertainty);
-        (self.plan.layout.areas, self.plan.layout.area_uncertainty) = (areas, uncertainty);
         self.tabulate();
     }
 
@@ -259,8 +246,7 @@ impl Force {
         self.watched = unread.filter_map(watched).collect();
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
-            let hidden = self.hidden.as_ref().map_or(&[][..], |hidden| &hidden.counts);
-            let zero = Rest { zero, taken: &self.taken, hidden, vouched: self.vouched.as_deref().unwrap_or_default() };
+            let zero = Rest { zero, taken: &self.taken, vouched: self.vouched.as_deref().unwrap_or_default() };
             let relative_sigma = tables.set().gauge_gain_rel.hypot(self.plan.layout.area_uncertainty);
             let selected = evaluator.selection();
             self.remainder = Remainder::new(tables, zero, activation, selected, modules, relative_sigma);

@@ -217,13 +217,9 @@ mod tests {
         let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
         let zero = rest(TAXELS);
-        let rest = Rest { zero: &zero, taken: &zero, hidden: &[], vouched: &[] };
-        Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES, relative_sigma).unseen(
-            &counts,
-            active,
-            &[],
-            zero_sigma,
-        )
+        let rest = Rest { zero: &zero, taken: &zero, vouched: &[] };
+        let remainder = Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES, relative_sigma);
+        remainder.unseen(&counts, active, &[], zero_sigma)
     }
 
     proptest! {
@@ -300,7 +296,7 @@ mod tests {
         let mut zero = rest(TAXELS);
         zero.iter_mut().for_each(|taxel| taxel.mean -= 1.0);
         let found = |relative_sigma: f64| {
-            let rest = Rest { zero: &zero, taken: &zero, hidden: &[], vouched: &[] };
+            let rest = Rest { zero: &zero, taken: &zero, vouched: &[] };
             let remainder = Remainder::new(&tables(), rest, ACTIVATION, &[true; TAXELS], &MODULES, relative_sigma);
             remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), &[], 0.0)
         };
@@ -314,7 +310,7 @@ mod tests {
         let (zero, range) = (rest(TAXELS), taxel_skin::CountRange::to(65_535).unwrap());
         let bytes: Vec<u8> = (0..TAXELS as u8).map(|taxel| REST - taxel % 4).collect();
         let words: Vec<u16> = bytes.iter().map(|&count| range.nearest(f64::from(count))).collect();
-        let held = Rest { zero: &zero, taken: &zero, hidden: &[], vouched: &[] };
+        let held = Rest { zero: &zero, taken: &zero, vouched: &[] };
         let remainder = Remainder::new(&tables(), held, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);
         let active = || [3, 7].into_iter();
         let (narrow, wide) = (
@@ -336,7 +332,7 @@ mod tests {
         // With tables of an earlier zero, too.
         for tables in [Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION), tables()] {
             let unseen = |selected: &[bool; TAXELS]| {
-                let rest = Rest { zero: &unknown, taken: &unknown, hidden: &[], vouched: &[] };
+                let rest = Rest { zero: &unknown, taken: &unknown, vouched: &[] };
                 let remainder = Remainder::new(&tables, rest, ACTIVATION, selected, &MODULES, 0.1);
                 remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), &[], 0.1)
             };

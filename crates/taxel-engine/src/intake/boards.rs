@@ -7,6 +7,9 @@ use taxel_wire::icub::{FirmwareVersion, Message, StatusWord};
 /// MTB3 and MTB4 take their zero anew, without a word, after this many lost acknowledgements (icub-firmware).
 const NO_ACKS_TO_SILENT_TARE: u32 = 5;
 
+/// A board that was not heard for so long does not stream: three of the longest periods.
+pub const SILENT_AFTER: Duration = Duration::from_millis(300);
+
 /// Why a board's zero is in doubt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoardDoubt {
@@ -113,6 +116,12 @@ impl BoardState {
             return BoardDoubt { why, certain };
         }
         BoardDoubt { why: "reported a lost acknowledgement and may have taken a new zero".to_owned(), certain }
+    }
+
+    /// Whether it streams.
+    #[must_use]
+    pub fn is_heard(&self, now: Time) -> bool {
+        self.last.is_some_and(|last| now.since(last) <= SILENT_AFTER)
     }
 
     /// It is configured anew, and its counts of everything begin anew with it.

@@ -9,6 +9,8 @@ use taxel_skin::{Board, Patch, Time};
 use taxel_wire::Frame;
 use taxel_wire::icub::{BoardConfig, Command, TriangleConfig};
 
+use crate::intake::cells::DevicePlan;
+
 /// Between 0x4D and the first 0x50.
 const AFTER_BOARD_CONFIG: Duration = Duration::from_millis(10);
 /// A board measures its offsets after a 0x50.
@@ -32,12 +34,14 @@ pub struct BoardSetup {
 /// Where the bring-up of a patch stands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BringUpState {
-    /// The plan has no settings: the daemon only listens.
+    /// Nothing was sent: the daemon only listens, or has not heard yet whether the boards stream.
     Listening,
     /// Commands are being sent.
     Configuring,
     /// All commands are out; frames of every module are awaited.
     Proving,
+    /// The boards stream and were left alone; frames of every module are awaited.
+    LeftAlone,
     /// Every enabled module has been heard.
     Verified,
     /// These modules stayed silent: positions in the patch's module list.
@@ -70,41 +74,20 @@ impl BringUp {
         Self { state: BringUpState::Listening, steps: VecDeque::new(), heard, proof_until: Time::default() }
     }
 
-    /// Lays out all commands from `now` on. Without settings the patch is only listened to.
-    pub fn start(&mut self, now: Time, patch: &Patch, setups: &[BoardSetup]) {
-        self.steps.clear();
+    /// Lays out the commands from `now` on: for skin boards as the robots' own host sends them, for described devices those of
+    /// their plan. Only the boards that are `wanted` get any, and the others keep their zeros.
+    pub fn start(&mut self, now: Time, patch: &Patch, setups: &[BoardSetup], devices: &[DevicePlan], wanted: &[bool]) {
         self.heard.fill(false);
-        if setups.is_empty() {
-            self.state = BringUpState::Listening;
-            return;
-        }
-        self.state = BringUpState::Configuring;
-        let (configured, tared) = (now + AFTER_BOARD_CONFIG, now + AFTER_BOARD_CONFIG + AFTER_TRIANGLES);
-        for (index, (board, setup)) in patch.boards().iter().zip(setups).enumerate() {
-            self.plan(now, index, board, Command::QueryFirmware { protocol: PROTOCOL });
-            self.plan(now, index, board, Command::SetBoardConfig(setup.board));
-            for (n, triangles) in setup.triangles.iter().enumerate() {
-                let due = if n == 0 { configured } else { tared };
-                self.plan(due, index, board, Command::SetTriangles(*triangles));
-            }
-            self.plan(tared + BEFORE_START, index, board, Command::Start);
-        }
+        let is_wanted = |step: &Step| wanted.get(step.board) == Some(&true);
+        self.steps = steps(now, patch, setups, devices).filter(is_wanted).collect();
         self.steps.make_contiguous().sort_by_key(|step| step.due); // stable: a board's commands keep their order
-        self.proof_until = tared + BEFORE_START + PROOF_WITHIN;
-    }
-
-    /// Lays out the commands of devices that are described by their signals: each with its device's position and how long
-    /// after `now` it is due.
-    pub fn start_devices(&mut self, now: Time, commands: impl Iterator<Item = (usize, Duration, Frame)>) {
-        self.heard.fill(false);
-        self.steps = commands.map(|(board, after, frame)| Step { due: now + after, board, frame }).collect();
-        self.steps.make_contiguous().sort_by_key(|step| step.due); // stable: commands of one time keep their order
-        self.state = if self.steps.is_empty() { BringUpState::Listening } else { BringUpState::Configuring };
+        let configured = !setups.is_empty() || devices.iter().any(DevicePlan::is_configured);
+        self.state = match (configured, self.steps.is_empty()) {
+            (false, _) => BringUpState::Listening,
+            (true, true) => BringUpState::LeftAlone,
+            (true, false) => BringUpState::Configuring,
+        };
         self.proof_until = self.steps.back().map_or(now, |step| step.due) + PROOF_WITHIN;
-    }
-
-    fn plan(&mut self, due: Time, board: usize, at: &Board, command: Command) {
-        self.steps.push_back(Step { due, board, frame: command.encode(at.address) });
     }
 
     /// The next command that is due, with the position of its board; call until there is none.
@@ -126,13 +109,13 @@ impl BringUp {
     /// When the next command is due, or the proof must have come.
     #[must_use]
     pub fn deadline(&self) -> Option<Time> {
-        let proof = (self.state == BringUpState::Proving).then(|| self.proof_until + Duration::from_nanos(1));
+        let proof = self.awaits_frames().then(|| self.proof_until + Duration::from_nanos(1));
         self.steps.front().map(|step| step.due).or(proof)
     }
 
     /// A whole module was received.
     pub fn heard(&mut self, module: usize) {
-        if self.state != BringUpState::Proving && !matches!(self.state, BringUpState::Incomplete(_)) {
+        if !self.awaits_frames() && !matches!(self.state, BringUpState::Incomplete(_)) {
             return;
         }
         self.heard[module] = true;
@@ -143,12 +126,16 @@ impl BringUp {
 
     /// Time passed: an unproven bring-up becomes incomplete. Returns whether it has just become so.
     pub fn tick(&mut self, now: Time) -> bool {
-        let over = self.state == BringUpState::Proving && now > self.proof_until;
+        let over = self.awaits_frames() && now > self.proof_until;
         if over {
             let silent = self.heard.iter().enumerate().filter(|(_, h)| !**h).map(|(m, _)| m).collect();
             self.state = BringUpState::Incomplete(silent);
         }
         over
+    }
+
+    const fn awaits_frames(&self) -> bool {
+        matches!(self.state, BringUpState::Proving | BringUpState::LeftAlone)
     }
 
     /// Where it stands.
@@ -173,7 +160,7 @@ impl BringUp {
     #[must_use]
     pub fn in_words(&self, modules: impl Iterator<Item = (usize, String)>) -> String {
         match &self.state {
-            BringUpState::Listening => "listening".to_owned(),
+            BringUpState::Listening | BringUpState::LeftAlone => "listening".to_owned(),
             BringUpState::Configuring | BringUpState::Proving => "configuring".to_owned(),
             BringUpState::Verified => "verified".to_owned(),
             BringUpState::Incomplete(silent) => {
@@ -185,6 +172,39 @@ impl BringUp {
             }
         }
     }
+}
+
+/// All commands, each board's own in their order.
+fn steps<'a>(
+    now: Time,
+    patch: &'a Patch,
+    setups: &'a [BoardSetup],
+    devices: &'a [DevicePlan],
+) -> impl Iterator<Item = Step> + 'a {
+    let (configured, tared) = (now + AFTER_BOARD_CONFIG, now + AFTER_BOARD_CONFIG + AFTER_TRIANGLES);
+    let of_board = move |(board, (at, setup)): (usize, (&Board, &'a BoardSetup))| {
+        let (address, step) = (at.address, move |due, frame| Step { due, board, frame });
+        let first = [Command::QueryFirmware { protocol: PROTOCOL }, Command::SetBoardConfig(setup.board)];
+        let triangles = setup.triangles.iter().enumerate().map(move |(n, triangles)| {
+            step(if n == 0 { configured } else { tared }, Command::SetTriangles(*triangles).encode(address))
+        });
+        let first = first.into_iter().map(move |command| step(now, command.encode(address)));
+        first.chain(triangles).chain([step(tared + BEFORE_START, Command::Start.encode(address))])
+    };
+    let of_device = move |(board, device): (usize, &'a DevicePlan)| {
+        device.commands.iter().map(move |&(after, frame)| Step { due: now + after, board, frame })
+    };
+    let boards = patch.boards().iter().zip(setups).enumerate().flat_map(of_board);
+    boards.chain(devices.iter().enumerate().filter(|(_, device)| device.is_configured()).flat_map(of_device))
+}
+
+/// All commands with the positions of their boards, also those that another patch of a device sends.
+pub fn commands<'a>(
+    patch: &'a Patch,
+    setups: &'a [BoardSetup],
+    devices: &'a [DevicePlan],
+) -> impl Iterator<Item = (usize, Frame)> + 'a {
+    steps(Time::default(), patch, setups, devices).map(|step| (step.board, step.frame))
 }
 
 #[cfg(test)]
@@ -222,7 +242,7 @@ mod tests {
     #[test]
     fn commands_come_in_the_hosts_order_with_its_waits() {
         let mut bring_up = BringUp::new(4);
-        bring_up.start(ms(0), &patch(), &[setup(), setup()]);
+        bring_up.start(ms(0), &patch(), &[setup(), setup()], &[], &[true; 2]);
         let mut seen = Vec::new();
         for t in 0..600 {
             while let Some((board, frame)) = bring_up.next_due(ms(t)) {
@@ -245,7 +265,7 @@ mod tests {
     #[test]
     fn the_waits_are_kept_however_late_somebody_asks() {
         let mut bring_up = BringUp::new(4);
-        bring_up.start(ms(0), &patch(), &[setup(), setup()]);
+        bring_up.start(ms(0), &patch(), &[setup(), setup()], &[], &[true; 2]);
         let mut stages = Vec::new();
         for t in (100..2_000).step_by(30) {
             let sent = std::iter::from_fn(|| bring_up.next_due(ms(t))).count();
@@ -257,7 +277,7 @@ mod tests {
     #[test]
     fn only_frames_of_every_module_verify_it() {
         let mut bring_up = BringUp::new(4);
-        bring_up.start(ms(0), &patch(), &[setup(), setup()]);
+        bring_up.start(ms(0), &patch(), &[setup(), setup()], &[], &[true; 2]);
         bring_up.heard(3); // before the start: an old stream, proves nothing
         for t in 0..=520 {
             while bring_up.next_due(ms(t)).is_some() {}
@@ -274,8 +294,21 @@ mod tests {
     #[test]
     fn without_settings_nothing_is_sent() {
         let mut bring_up = BringUp::new(4);
-        bring_up.start(ms(0), &patch(), &[]);
+        bring_up.start(ms(0), &patch(), &[], &[], &[true; 2]);
         assert_eq!(bring_up.next_due(ms(9_999)), None);
         assert_eq!(bring_up.state(), &BringUpState::Listening);
+    }
+
+    #[test]
+    fn a_board_that_is_not_wanted_gets_no_command_and_has_to_be_heard_all_the_same() {
+        let mut bring_up = BringUp::new(4);
+        bring_up.start(ms(0), &patch(), &[setup(), setup()], &[], &[false, true]);
+        let sent: Vec<usize> = (0..=520).flat_map(|t| bring_up.next_due(ms(t))).map(|(board, _)| board).collect();
+        assert!(sent.iter().all(|board| *board == 1) && bring_up.state() == &BringUpState::Proving, "{sent:?}");
+        bring_up.start(ms(1_000), &patch(), &[setup(), setup()], &[], &[false; 2]);
+        assert_eq!((bring_up.next_due(ms(9_999)), bring_up.is_done()), (None, true));
+        (0..3).for_each(|module| bring_up.heard(module));
+        bring_up.tick(ms(3_001));
+        assert_eq!(bring_up.state(), &BringUpState::Incomplete(vec![3]));
     }
 }

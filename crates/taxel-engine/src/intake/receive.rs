@@ -146,17 +146,21 @@ impl Intake {
         }
     }
 
-    /// Configures the boards, if the plan has settings for them: their zeros are lost.
-    pub fn start_bring_up(&mut self, now: Time) {
-        self.boards.iter_mut().for_each(BoardState::on_bring_up);
-        self.paces.iter_mut().for_each(Pace::on_bring_up);
-        if self.plan.devices.is_empty() {
-            self.bring_up.start(now, &self.plan.patch, &self.plan.bring_up);
-        } else {
-            let devices = self.plan.devices.iter().enumerate().filter(|(_, device)| device.is_configured());
-            let commands = devices.flat_map(|(at, d)| d.commands.iter().map(move |&(after, frame)| (at, after, frame)));
-            self.bring_up.start_devices(now, commands);
+    /// Configures the boards that are `wanted`, if the plan has settings for them: their zeros are lost.
+    pub fn start_bring_up(&mut self, now: Time, wanted: &[bool]) {
+        let boards = self.boards.iter_mut().zip(self.regions.board_modules()).zip(wanted);
+        for ((board, modules), _) in boards.filter(|(_, wanted)| **wanted) {
+            board.on_bring_up();
+            self.paces[modules.clone()].iter_mut().for_each(Pace::on_bring_up);
         }
+        let IntakePlan { patch, bring_up, devices, .. } = &self.plan;
+        self.bring_up.start(now, patch, bring_up, devices, wanted);
+    }
+
+    /// Whether each board streams, also if only other patches hear it.
+    #[must_use]
+    pub fn streams(&self, now: Time) -> Vec<bool> {
+        self.boards.iter().map(|board| board.is_heard(now)).collect()
     }
 
     /// A frame with an identifier of one of this patch's modules.

@@ -1,7 +1,10 @@
-//! A known load and what the skin read under it.
+//! Known loads, what the skin read under them, and how far off that is.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use taxel_skin::Newton;
+use taxel_skin::{Newton, SquareMillimetre};
 
 use crate::request::Rejection;
 
@@ -77,14 +80,10 @@ pub struct Reading {
     pub sigma_n: f64,
     /// Most taxels that were beyond their calibrated range at a time: then the force read is a lower bound.
     pub out_of_range: u32,
-    /// Largest share of the patch's area that no usable taxel covered, 0 to 1.
-    pub uncovered_share: f64,
     /// Why the last sample was not good, in words; empty if it was.
     pub reasons: Vec<String>,
     /// Taxels that felt it in the last scan, ascending; empty if that is not known, as of earlier versions.
     pub taxels: Vec<u16>,
-    /// Largest share of the force that came from taxels which were filled by their neighbours, 0 to 1.
-    pub filled_share: f64,
 }
 
 /// A known load, what was read under it, and all that the reading depends on. Never changed.
@@ -116,10 +115,6 @@ pub struct Load {
     pub mean_area_mm2: f64,
     /// Whether faulty taxels were filled by their neighbours; not known of earlier versions.
     pub filled: Option<bool>,
-    /// What these areas were multiplied by when it was read.
-    pub area_factor: f64,
-    /// The relative standard uncertainty of the areas that the samples stated.
-    pub area_uncertainty: f64,
 }
 
 impl Load {
@@ -140,5 +135,104 @@ impl Load {
     #[must_use]
     pub fn scatter_of_mean_n(&self) -> f64 {
         self.read.scatter_n / f64::from(self.read.scans.max(1)).sqrt()
+    }
+}
+
+/// Configured areas are the same if their means agree to this share.
+const SAME_AREA_SHARE: f64 = 1e-9;
+
+/// All known loads of a patch, judged.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Validation {
+    /// The patch.
+    pub patch: String,
+    /// The active model set.
+    pub model_set: Option<String>,
+    /// Every load, newest first.
+    pub loads: Vec<JudgedLoad>,
+    /// Mean of the absolute errors of the loads that count for the active model set, as a share; `None` without one.
+    pub mean_absolute_error: Option<f64>,
+}
+
+/// A load and what it is good for now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JudgedLoad {
+    /// What was laid on and read.
+    pub load: Arc<Load>,
+    /// Why it says nothing of the present state, in words; empty if it does.
+    pub outdated_because: String,
+    /// Why it says nothing of the gain although it is of the present state, in words; empty if it does.
+    pub left_out_because: String,
+}
+
+impl JudgedLoad {
+    /// Whether it says something of the gain.
+    #[must_use]
+    pub fn counts(&self) -> bool {
+        self.outdated_because.is_empty() && self.left_out_because.is_empty()
+    }
+}
+
+/// Why a reading says nothing of the gain, in words: what a fault or the filling does to it is no property of the skin.
+fn unfit(load: &Load) -> String {
+    let read = &load.read;
+    if read.out_of_range > 0 {
+        format!("{} taxels were beyond their calibrated range", read.out_of_range)
+    } else if !read.reasons.is_empty() {
+        format!("the force had a shortcoming: {}", read.reasons.join("; "))
+    } else {
+        String::new()
+    }
+}
+
+/// Mean of the areas, in mm2.
+#[must_use]
+pub fn mean_area_mm2(areas: &[SquareMillimetre]) -> f64 {
+    areas.iter().map(|area| area.0).sum::<f64>() / areas.len().max(1) as f64
+}
+
+/// What loads are judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct Patch<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Mean of the configured areas, in mm2.
+    pub mean_area_mm2: f64,
+    /// Whether faulty taxels are filled by their neighbours.
+    pub fills: bool,
+}
+
+/// The loads of a patch, oldest first, judged by its active model set and the mean of its configured areas.
+#[must_use]
+pub fn judge(patch: Patch<'_>, all: &[Arc<Load>], model_set: Option<String>) -> Validation {
+    let area_mm2 = patch.mean_area_mm2;
+    let replaced: BTreeMap<u64, u64> = all.iter().filter_map(|load| Some((load.replaces?, load.number))).collect();
+    let outdated = |load: &Load| {
+        if let Some(by) = replaced.get(&load.number) {
+            format!("load {by} replaces it")
+        } else if Some(&load.model_set) != model_set.as_ref() {
+            "another model set is active now".to_owned()
+        } else if (load.mean_area_mm2 / area_mm2 - 1.0).abs() > SAME_AREA_SHARE {
+            format!("the configured areas were {:.3} mm2 in the mean, now {area_mm2:.3}", load.mean_area_mm2)
+        } else if load.filled.is_some_and(|then| then != patch.fills) {
+            let [then, now] = if patch.fills { ["not ", ""] } else { ["", "not "] };
+            format!("faulty taxels were {then}filled by their neighbours, and are {now}now")
+        } else {
+            String::new()
+        }
+    };
+    let judged = |load: &Arc<Load>| {
+        let outdated_because = outdated(load);
+        let left_out_because = if outdated_because.is_empty() { unfit(load) } else { String::new() };
+        JudgedLoad { load: Arc::clone(load), outdated_because, left_out_because }
+    };
+    let loads: Vec<JudgedLoad> = all.iter().rev().map(judged).collect();
+    let errors: Vec<f64> =
+        loads.iter().filter(|j| j.outdated_because.is_empty()).map(|j| j.load.error().abs()).collect();
+    Validation {
+        patch: patch.name.to_owned(),
+        model_set,
+        mean_absolute_error: (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64),
+        loads,
     }
 }

@@ -1,12 +1,10 @@
-//! The known loads of one patch: those that were read, the one that is being read, and the factor that they give.
+//! The known loads of one patch: those that were read, and the one that is being read.
 
 use std::sync::Arc;
 use taxel_skin::{SquareMillimetre, Time};
 
 use crate::force::owner::Measured;
-use crate::loads::factor::{AreaFactor, LOADS_MIN};
-use crate::loads::load::{KnownLoad, Load, Reading, Weight};
-use crate::loads::validation::{Patch, Validation, judge, mean_area_mm2};
+use crate::loads::load::{KnownLoad, Load, Patch, Reading, Validation, Weight, judge, mean_area_mm2};
 use crate::loads::watch::{LoadWatch, Unread};
 use crate::now::Now;
 use crate::request::{ErrorReason, Rejection, RequestId};
@@ -21,12 +19,8 @@ pub struct LoadsPlan {
     pub patch: String,
     /// The configured area of each taxel.
     pub areas: Vec<SquareMillimetre>,
-    /// Its relative standard uncertainty that all taxels share.
-    pub area_uncertainty: f64,
     /// Whether faulty taxels are filled by their neighbours.
     pub fills: bool,
-    /// Whether the areas are multiplied by the factor that loads give, once it is known.
-    pub area_from_loads: bool,
 }
 
 /// A load that was read, or why it could not be.
@@ -45,15 +39,13 @@ pub struct Loads {
     /// Oldest first.
     all: Vec<Arc<Load>>,
     watch: Option<LoadWatch>,
-    /// The factor that the areas are multiplied by.
-    applied: Option<AreaFactor>,
 }
 
 impl Loads {
     /// The loads of earlier runs, oldest first.
     #[must_use]
     pub const fn new(plan: LoadsPlan, all: Vec<Arc<Load>>) -> Self {
-        Self { plan, all, watch: None, applied: None }
+        Self { plan, all, watch: None }
     }
 
     /// How many loads are kept.
@@ -98,8 +90,7 @@ impl Loads {
 
     /// Takes the force that was published of the scan at `time`, read at the zero with this epoch.
     pub fn on_sample(&mut self, time: Time, epoch: u64, measured: &Measured) -> Option<LoadRead> {
-        let factor = self.applied.map_or(1.0, |factor| factor.value);
-        let verdict = self.watch.as_mut()?.take(time, (epoch, factor), measured)?;
+        let verdict = self.watch.as_mut()?.take(time, epoch, measured)?;
         self.end(verdict)
     }
 
@@ -146,8 +137,6 @@ impl Loads {
             model_set: model_set.to_owned(),
             mean_area_mm2: self.area_mm2(),
             filled: Some(self.plan.fills),
-            area_factor: self.applied.map_or(1.0, |factor| factor.value),
-            area_uncertainty: self.applied.map_or(self.plan.area_uncertainty, |factor| factor.area_uncertainty),
         })
     }
 
@@ -160,23 +149,6 @@ impl Loads {
     #[must_use]
     pub fn validation(&self, model_set: Option<String>) -> Validation {
         let patch = Patch { name: &self.plan.patch, mean_area_mm2: self.area_mm2(), fills: self.plan.fills };
-        let mut view = judge(patch, &self.all, model_set);
-        view.not_applied_because = match view.factor {
-            _ if !self.plan.area_from_loads => "the configuration says area_factor = \"off\"".to_owned(),
-            None => format!("it takes at least {LOADS_MIN} loads with the active model set"),
-            Some(factor) => factor.doubt().unwrap_or_default(),
-        };
-        view.applied = view.not_applied_because.is_empty();
-        view
-    }
-
-    /// The areas and their relative uncertainty by the factor of `view`, if that is another than before.
-    pub fn apply(&mut self, view: &Validation) -> Option<(Vec<SquareMillimetre>, f64)> {
-        let factor = view.factor.filter(|_| view.applied);
-        if std::mem::replace(&mut self.applied, factor) == factor {
-            return None;
-        }
-        let (k, u) = factor.map_or((1.0, self.plan.area_uncertainty), |f| (f.value, f.area_uncertainty));
-        Some((self.plan.areas.iter().map(|area| SquareMillimetre(area.0 * k)).collect(), u))
+        judge(patch, &self.all, model_set)
     }
 }

@@ -36,31 +36,25 @@ impl LaidAt {
     /// Why they say nothing of the whole skin, in words.
     #[must_use]
     pub fn too_few(&self) -> Option<String> {
-        too_few(self.place.len(), self.known, self.unplaced)
+        let (loads, known, unplaced) = (self.place.len(), self.known, self.unplaced);
+        let old = if unplaced > 0 {
+            format!(" (of {unplaced} it is not known where they lay: lay them again)")
+        } else {
+            String::new()
+        };
+        (known < PLACES_MIN).then(|| {
+            format!(
+                "the {loads} loads lie at {known} of at least {PLACES_MIN} places{old}, and another place may differ: lay \
+                 loads where other taxels feel them"
+            )
+        })
     }
-}
-
-/// Why so many loads at so many known places say nothing of the whole skin, in words; of how many of them it is not known
-/// where they lay.
-#[must_use]
-pub fn too_few(loads: usize, known: usize, unplaced: usize) -> Option<String> {
-    let old = if unplaced > 0 {
-        format!(" ({unplaced} are of an earlier version, which did not note where they lay: lay them again)")
-    } else {
-        String::new()
-    };
-    (known < PLACES_MIN).then(|| {
-        format!(
-            "the {loads} loads lie at {known} of at least {PLACES_MIN} places{old}, and another place may differ: lay loads \
-             where other taxels feel them"
-        )
-    })
 }
 
 /// The place of each load, counted from 0, by the taxels that felt it, ascending.
 ///
 /// Two loads lie at one place if they share more than half of the taxels of the smaller one. Those of which it is not known
-/// which taxels felt them (of an earlier version) lie at one place together.
+/// which taxels felt them lie at one place together.
 #[must_use]
 fn places(loads: &[&[u16]]) -> Vec<usize> {
     let mut first: Vec<&[u16]> = Vec::new();
@@ -121,7 +115,7 @@ mod tests {
         assert!(why.starts_with("the 5 loads lie at 2 of at least 3 places, and another"), "{why}");
         let old = laid(&[disc(20), vec![], disc(60), vec![]]);
         assert_eq!((old.known, old.unplaced, old.place.clone()), (2, 2, vec![0, 1, 2, 1]));
-        assert!(old.too_few().unwrap().contains("(2 are of an earlier version"));
+        assert!(old.too_few().unwrap().contains("(of 2 it is not known"));
         assert_eq!(laid(&vec![vec![]; 5]).known, 0);
         assert_eq!(laid(&[disc(20), disc(40), disc(60)]).too_few(), None);
         assert_eq!((LaidAt::apart(3).too_few(), laid(&[]).known), (None, 0));

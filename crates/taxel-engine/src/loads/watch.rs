@@ -43,8 +43,8 @@ pub struct LoadWatch {
     begun: Time,
     /// Receive time of the newest frame that was looked at.
     newest: Time,
-    /// Zero, model set and area factor of the first sample, which must stay.
-    first: Option<(u64, Option<Arc<str>>, f64)>,
+    /// Zero and model set of the first sample, which must stay.
+    first: Option<(u64, Option<Arc<str>>)>,
     totals_n: Vec<f64>,
     sigmas_n: f64,
     reading: Reading,
@@ -57,14 +57,9 @@ impl LoadWatch {
         Self { request, load, force_n, begun: now, newest: now, first, totals_n, sigmas_n: 0.0, reading }
     }
 
-    /// Takes what was published: the force of the scan at `time`, read at the zero with this epoch and with areas times
-    /// `factor`. `Some` ends the watch: the reading, or why there is none.
-    pub fn take(
-        &mut self,
-        time: Time,
-        (epoch, factor): (u64, f64),
-        measured: &Measured,
-    ) -> Option<Result<Reading, Unread>> {
+    /// Takes what was published: the force of the scan at `time`, read at the zero with this epoch.
+    /// `Some` ends the watch: the reading, or why there is none.
+    pub fn take(&mut self, time: Time, epoch: u64, measured: &Measured) -> Option<Result<Reading, Unread>> {
         let force = &measured.sample;
         if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
             return Some(Err((ErrorReason::NoForce, format!("there is no force: {}", force.why()))));
@@ -73,9 +68,9 @@ impl LoadWatch {
             return None; // no new frame in it
         }
         self.newest = time;
-        let ground = (epoch, force.model_set.clone(), factor);
+        let ground = (epoch, force.model_set.clone());
         if *self.first.get_or_insert_with(|| ground.clone()) != ground {
-            let why = "the zero, the model set or the area factor changed meanwhile".to_owned();
+            let why = "the zero or the model set changed meanwhile".to_owned();
             return Some(Err((ErrorReason::LoadInterrupted, why)));
         }
         self.add(force);
@@ -174,7 +169,7 @@ mod tests {
     /// What comes of scans every 50 ms with this force at each second.
     fn read(force_n: impl Fn(f64) -> f64) -> Result<Reading, Unread> {
         let mut watch = watch();
-        (1..100).find_map(|i| watch.take(at(50 * i), (1, 1.0), &sample(force_n(0.05 * i as f64)))).expect("an end")
+        (1..100).find_map(|i| watch.take(at(50 * i), 1, &sample(force_n(0.05 * i as f64)))).expect("an end")
     }
 
     #[test]
@@ -205,8 +200,8 @@ mod tests {
     fn the_same_frames_count_once_and_silence_ends_the_watch() {
         let mut watch = watch();
         for _ in 0..100 {
-            assert_eq!(watch.take(at(0), (1, 1.0), &sample(5.0)), None, "what came before the command does not count");
-            assert_eq!(watch.take(at(1_500), (1, 1.0), &sample(5.0)), None);
+            assert_eq!(watch.take(at(0), 1, &sample(5.0)), None, "what came before the command does not count");
+            assert_eq!(watch.take(at(1_500), 1, &sample(5.0)), None);
         }
         assert_eq!(watch.overdue(Time::from_seconds(3.0)), None);
         let (_, why) = watch.overdue(Time::from_seconds(3.1)).unwrap().unwrap_err();
@@ -217,14 +212,11 @@ mod tests {
     fn another_zero_or_the_loss_of_the_force_ends_the_watch() {
         let mut other = sample(5.0);
         let mut watch = watch();
-        assert_eq!(watch.take(at(50), (1, 1.0), &sample(5.0)), None);
-        assert!(watch.take(at(100), (9, 1.0), &other).unwrap().unwrap_err().1.contains("zero"));
-        let mut watch = self::watch();
-        assert_eq!(watch.take(at(50), (1, 1.0), &sample(5.0)), None);
-        assert!(watch.take(at(100), (1, 1.15), &sample(5.0)).unwrap().unwrap_err().1.contains("area factor"));
+        assert_eq!(watch.take(at(50), 1, &sample(5.0)), None);
+        assert!(watch.take(at(100), 9, &other).unwrap().unwrap_err().1.contains("zero"));
         let mut watch = self::watch();
         other.sample.state = ForceState::Stale;
         other.sample.reasons = vec![Reason::new(ReasonCode::TaxelsSilent, "80 taxels are silent")];
-        assert!(watch.take(at(150), (1, 1.0), &other).unwrap().unwrap_err().1.contains("80 taxels are silent"));
+        assert!(watch.take(at(150), 1, &other).unwrap().unwrap_err().1.contains("80 taxels are silent"));
     }
 }

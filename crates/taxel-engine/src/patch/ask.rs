@@ -7,12 +7,11 @@ use crate::calibration::job::FitOutcome;
 use crate::calibration::samples::SessionSamples;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
-use crate::force::reason::ReasonCode;
 use crate::intake::gauge::GaugeAtRest;
 use crate::intake::look::look;
+use crate::loads::load::Validation;
 use crate::loads::load::{KnownLoad, Load};
 use crate::loads::owner::LoadRead;
-use crate::loads::validation::Validation;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::{BEING_CONFIGURED, Effects, Patch};
@@ -70,29 +69,10 @@ impl Patch {
     /// # Errors
     /// [`Rejection::FailedPrecondition`].
     pub fn check_set_up(&self) -> Result<(), Rejection> {
-        if !self.bring_up_waits && self.intake.bring_up().is_done() {
+        if self.has_begun && self.intake.bring_up().is_done() {
             return Ok(());
         }
-        // What keeps them from being configured, if it was told.
-        let zero = self.zero.view();
-        let told = zero.code == Some(ReasonCode::BoardsNotConfigured) && zero.reason != BEING_CONFIGURED;
-        let why = match self.bring_up_waits && told {
-            true => zero.reason,
-            false => format!("{BEING_CONFIGURED}: ask again when they are verified"),
-        };
-        Err(Rejection::FailedPrecondition(ErrorReason::BoardsNotConfigured, why))
-    }
-
-    /// Refuses a ramp while the boards wait to be configured, because it is not known yet that nothing presses on them.
-    ///
-    /// # Errors
-    /// [`Rejection::FailedPrecondition`] with what they wait for.
-    pub fn check_looked_at(&self) -> Result<(), Rejection> {
-        // Without models they wait for no look, unless another patch has them, too.
-        if !self.bring_up_waits || (self.without_look && self.ready.is_none()) {
-            return Ok(());
-        }
-        let why = format!("the boards are not configured yet: {}", self.zero.reason());
+        let why = format!("{BEING_CONFIGURED}: ask again when they are verified");
         Err(Rejection::FailedPrecondition(ErrorReason::BoardsNotConfigured, why))
     }
 
@@ -235,7 +215,6 @@ impl Patch {
     ) -> Result<Arc<SessionView>, Rejection> {
         self.calibration.refuse_unless_possible(command)?; // before what only matters in the right state
         if command == Trigger::StartRamp {
-            self.check_looked_at()?;
             self.check_gauge_heard(now)?;
             self.check_vented(now)?;
         }
@@ -269,11 +248,9 @@ impl Patch {
     pub fn set_models(&mut self, set: Arc<ModelSet>) {
         self.intake.expect_noise(&set.baseline);
         self.zero.on_models(Some(&set));
-        // In time for a look at the boards, unless a session watches them already.
-        self.without_look &= self.intake.newest().is_some() || self.zero.watching().is_some();
         self.force.set_models(set, self.zero.residue_counts());
         self.force.move_zero(self.zero.in_force(), self.zero.without_drift()); // it may be one for other models
-        self.force.set_hidden(self.zero.hidden(), self.zero.vouched());
+        self.force.set_vouched(self.zero.vouched());
         self.zero.weigh(|| self.force.newton_per_count());
         self.dirty = true;
     }
@@ -317,14 +294,9 @@ impl Patch {
         self.loads.keep(load);
     }
 
-    /// All known loads, judged; the areas follow the factor where the plan asks for it.
-    pub fn validate(&mut self) -> Validation {
-        let view = self.loads.validation(self.force.models().map(|set| set.id.clone()));
-        if let Some((areas, uncertainty)) = self.loads.apply(&view) {
-            self.force.set_areas(areas, uncertainty);
-            self.zero.weigh(|| self.force.newton_per_count());
-            self.dirty = true;
-        }
-        view
+    /// All known loads, judged.
+    #[must_use]
+    pub fn validate(&self) -> Validation {
+        self.loads.validation(self.force.models().map(|set| set.id.clone()))
     }
 }

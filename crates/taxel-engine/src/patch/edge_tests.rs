@@ -1,20 +1,18 @@
 //! Where each limit of what is asked of a patch lies, and when its boards are configured.
 
-use std::time::Duration;
-
 use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::HOST_BOARD_CONFIG;
 use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Time};
-use taxel_wire::icub::TriangleConfig;
+use taxel_wire::icub::{StatusWord, TriangleConfig};
 
-use super::owner::{Effects, Intent, Patch, Ready};
+use super::owner::{Effects, Intent, Patch};
 use crate::boundary::output::Output;
 use crate::force;
+use crate::intake::boards::BoardNews;
 use crate::now::Now;
 use crate::plan::{BoardSetup, PatchPlan};
 use crate::request::{ErrorReason, Rejection};
-use crate::zero::boards::BoardZeros;
-use crate::zero::watch::Purpose;
+use crate::zero::kept::KeptZero;
 
 /// Ten taxels on one board.
 const TAXELS: usize = 10;
@@ -49,11 +47,15 @@ struct Scene {
 
 impl Scene {
     fn new(plan: PatchPlan, with_models: bool, shares_its_board: bool) -> Self {
-        let mut patch = Patch::new(0, plan, Vec::new(), BoardZeros::default(), vec![shares_its_board]);
+        let mut patch = Patch::new(0, plan, Vec::new(), KeptZero::default(), vec![shares_its_board]);
         if with_models {
             patch.set_models(force::tests::set(TAXELS));
         }
         Self { patch, out: Vec::new(), intents: Vec::new() }
+    }
+
+    fn knowing(plan: PatchPlan, known: KeptZero) -> Self {
+        Self { patch: Patch::new(0, plan, Vec::new(), known, vec![false]), out: Vec::new(), intents: Vec::new() }
     }
 
     fn act<T>(&mut self, act: impl FnOnce(&mut Patch, &mut Effects<'_>) -> T) -> T {
@@ -98,94 +100,31 @@ fn a_bag_is_vented_within_what_its_gauge_may_be_off_by() {
 }
 
 #[test]
-fn boards_that_were_not_heard_for_three_periods_are_configured_without_a_look() {
-    let mut scene = Scene::new(configuring(), true, false);
-    scene.act(|patch, effects| patch.start(now(1_000), effects));
-    assert!(scene.patch.check_looked_at().is_err());
-    let why = scene.patch.check_set_up().unwrap_err().to_string();
-    assert!(
-        why.ends_with("the boards are being configured, which takes their zero anew: ask again when they are verified"),
-        "{why}"
-    );
-    assert!(!scene.sends(1_000) && !scene.sends(1_299));
-    assert_eq!(scene.patch.deadline(), Some(now(1_300).time), "it wants to be woken for that");
-    assert!(scene.sends(1_300));
-    assert_ne!(scene.patch.deadline(), Some(now(1_300).time), "it waits for that no longer");
-    assert!(scene.patch.check_looked_at().is_ok());
-    assert!(scene.patch.check_set_up().is_err(), "they are not verified yet");
-}
-
-/// Silent boards show nothing, however long one looks.
-#[test]
-fn silent_boards_are_configured_again_at_once() {
-    let mut scene = Scene::new(configuring(), true, false);
-    scene.act(|patch, effects| patch.start(now(1_000), effects));
-    assert!(scene.sends(1_300));
-    scene.act(|patch, effects| patch.bring_up_again(now(60_000), false, effects));
-    assert!(scene.patch.check_looked_at().is_ok() && scene.sends(60_000));
-}
-
-#[test]
-fn boards_whose_load_no_model_would_show_are_configured_without_a_look_and_those_of_a_listener_never() {
-    let mut scene = Scene::new(configuring(), false, false);
-    scene.act(|patch, effects| patch.start(now(1_000), effects));
-    assert!(!scene.sends(1_000));
-    assert_eq!(scene.patch.deadline(), Some(now(1_300).time), "it wants to be woken, whoever watches meanwhile");
-    scene.act(|patch, _| patch.zero.watch(now(1_000).time, Purpose::Session { confirmed_by: None }, &mut Vec::new()));
-    assert_eq!(scene.patch.deadline(), Some(now(1_300).time));
-    assert!(!scene.sends(1_299) && scene.sends(1_300), "whether they stream is heard first");
-    assert!(scene.patch.check_looked_at().is_ok());
+fn a_board_is_configured_if_it_is_silent_or_was_configured_otherwise() {
+    let plan = configuring();
+    let same = KeptZero { configured: Some(plan.settings_sum()), ..KeptZero::default() };
+    for (known, streams, wanted) in [
+        (same.clone(), true, false),
+        (same.clone(), false, true),
+        (KeptZero { configured: Some(1), ..same }, true, true),
+        (KeptZero::default(), true, true),
+    ] {
+        let mut scene = Scene::knowing(plan.clone(), known);
+        scene.act(|patch, effects| patch.start(now(1_000), effects));
+        if streams {
+            scene.act(|patch, effects| {
+                let heard = BoardNews::Heard(now(1_250).time, StatusWord(0));
+                patch.on_news(now(1_250), 0, &heard, effects)
+            });
+        }
+        assert_eq!(scene.patch.boards_to_configure(now(1_300).time), [wanted]);
+        assert!(scene.patch.check_set_up().is_err(), "it is still listened");
+        scene.act(|patch, effects| patch.begin(now(1_300), &[wanted], effects));
+        assert_eq!(scene.sends(1_300), wanted);
+        // Something may have lain on a board that streamed.
+        assert_eq!(scene.patch.zero.distrusted().is_some(), wanted && streams);
+    }
     let mut scene = Scene::new(listening(), true, false);
     scene.act(|patch, effects| patch.start(now(1_000), effects));
-    assert!(scene.patch.check_looked_at().is_ok() && scene.patch.check_set_up().is_ok());
-    assert!(!scene.sends(1_000) && !scene.sends(2_000));
-}
-
-#[test]
-fn a_board_that_is_shared_waits_for_the_others_and_is_looked_at_meanwhile() {
-    let mut scene = Scene::new(configuring(), false, true);
-    assert!(!scene.patch.is_ready_for_bring_up());
-    scene.act(|patch, effects| patch.start(now(1_000), effects));
-    assert!(!scene.sends(1_300));
-    assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
-    assert!(scene.patch.is_ready_for_bring_up() && !scene.sends(1_500));
-    assert_eq!(scene.patch.deadline(), None, "nothing of its own is to be done");
-    scene.act(|patch, effects| patch.on_looked(now(1_500), Err("loaded".to_owned()), effects));
-    assert!(!scene.patch.is_ready_for_bring_up(), "a load has come meanwhile");
-    scene.act(|patch, effects| patch.on_looked(now(2_500), Ok(Ready::Seen), effects));
-    assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
-    assert!(scene.patch.is_ready_for_bring_up());
-    assert_eq!(scene.patch.looked(), Some(now(2_500).time));
-    scene.patch.look_again();
-    assert!(!scene.patch.is_ready_for_bring_up() && scene.patch.looked().is_none(), "what it saw is too old");
-    let scene = Scene::new(listening(), false, true);
-    assert!(scene.patch.is_ready_for_bring_up(), "a patch that configures nothing keeps nobody waiting");
-}
-
-#[test]
-fn who_vouches_for_a_patch_that_waits_for_another_is_believed_for_ten_seconds() {
-    for with_models in [true, false] {
-        believed_for_ten_seconds(Scene::new(configuring(), with_models, true));
-    }
-}
-
-fn believed_for_ten_seconds(mut scene: Scene) {
-    scene.act(|patch, effects| patch.start(now(1_000), effects));
-    scene.act(|patch, effects| patch.bring_up_again(now(2_000), true, effects));
-    assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
-    scene.patch.look_again();
-    assert!(scene.patch.is_ready_for_bring_up() && scene.patch.looked().is_none(), "nobody has to look");
-    scene.act(|patch, effects| patch.tick(now(11_999), effects));
-    assert!(scene.intents.is_empty() && scene.patch.deadline() == Some(now(12_000).time), "{:?}", scene.intents);
-    scene.act(|patch, effects| patch.tick(now(12_000), effects));
-    assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "silent boards need no word: {:?}", scene.intents);
-}
-
-#[test]
-fn a_look_takes_the_time_of_a_tare_or_of_ten_scans_and_ends_with_a_scan() {
-    let of = |period: u64| {
-        let plan = PatchPlan { period: Duration::from_millis(period), ..configuring() };
-        Scene::new(plan, true, true).patch.look_lasts().map(|lasts| lasts.as_millis())
-    };
-    assert_eq!((of(50), of(200)), ([1_000, 1_050], [2_000, 2_200]));
+    assert!(scene.patch.boards_to_configure(now(1_300).time) == [false] && scene.patch.check_set_up().is_ok());
 }

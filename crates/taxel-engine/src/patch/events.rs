@@ -6,10 +6,11 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::calibration::calibrate::CalibrationEvent;
 use crate::calibration::session::SessionRecord;
+use crate::calibration::view::SessionView;
 use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::now::Now;
-use crate::patch::owner::{Effects, Intent, Patch, Ready};
+use crate::patch::owner::{Effects, Intent, Patch};
 use crate::request::{ErrorReason, Rejection};
 use crate::zero::events::ZeroEvent;
 use crate::zero::watch::Purpose;
@@ -39,13 +40,7 @@ impl Patch {
                         }
                     }
                 }
-                ZeroEvent::Looked(found) => self.on_looked(now, found.map(|()| Ready::Seen), effects),
-                // Boards that are all silent show nothing; else they are looked at again.
-                ZeroEvent::Refused(Purpose::BeforeBringUp, ..) => {
-                    if self.intake.silent_taxels() == self.taxels() {
-                        self.on_looked(now, Ok(Ready::Unseen), effects);
-                    }
-                }
+                ZeroEvent::Restored => self.use_zero(),
                 ZeroEvent::Refused(Purpose::AtStart, _, why) => {
                     // What is held against the boards does not pass by itself.
                     let lasts = self.zero.distrusted().is_some();
@@ -89,11 +84,21 @@ impl Patch {
             self.set_models(Arc::new(set));
         }
         self.force.set_zero(self.zero.in_force(), self.zero.residue_counts());
-        self.force.set_hidden(self.zero.hidden(), self.zero.vouched());
+        self.force.set_vouched(self.zero.vouched());
         self.zero.weigh(|| self.force.newton_per_count());
         if let Some(baseline) = self.zero.baseline() {
             self.intake.expect_noise(baseline);
         }
+    }
+
+    fn seen(&self, view: &Arc<SessionView>) -> Arc<SessionView> {
+        view.seen(self.models().map(|set| set.id.as_str()))
+    }
+
+    /// The session that the patch holds or held last, as readers see it.
+    #[must_use]
+    pub fn seen_session(&self) -> Option<Arc<SessionView>> {
+        self.calibration.session().map(|view| self.seen(&Arc::new(view.clone())))
     }
 
     /// What the calibration wants goes to the zero, to disk and to readers.
@@ -119,9 +124,9 @@ impl Patch {
                 }
                 CalibrationEvent::Session(view) => {
                     effects.out.push(Output::Record(Record::Session(Arc::clone(&view))));
-                    effects.out.push(Output::Session(self.index, view));
+                    effects.out.push(Output::Session(self.index, self.seen(&view)));
                 }
-                CalibrationEvent::Progress(view) => effects.out.push(Output::Session(self.index, view)),
+                CalibrationEvent::Progress(view) => effects.out.push(Output::Session(self.index, self.seen(&view))),
                 CalibrationEvent::Fit(job) => effects.out.push(Output::Fit(*job)),
             }
         }

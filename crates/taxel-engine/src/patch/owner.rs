@@ -28,17 +28,13 @@ use crate::now::Now;
 use crate::plan::PatchPlan;
 use crate::request::RequestId;
 use crate::zero::bag::Bag;
-use crate::zero::boards::BoardZeros;
 use crate::zero::events::Surroundings;
 use crate::zero::holder::Zero;
+use crate::zero::kept::KeptZero;
 use crate::zero::watch::Purpose;
 
 /// Why a patch has no zero while its boards are configured.
 pub(super) const BEING_CONFIGURED: &str = "the boards are being configured, which takes their zero anew";
-
-/// So long after somebody has said that nothing touches the skin the boards are configured without a look, where they wait for
-/// another patch's.
-pub(super) const VOUCH_LASTS: Duration = Duration::from_secs(10);
 
 /// What a patch cannot do alone: what must be on disk before it takes effect, and what concerns a board that other patches
 /// have, too.
@@ -53,8 +49,6 @@ pub enum Intent {
     },
     /// A known load that was read, or why not.
     Load(LoadRead),
-    /// Nothing presses on its boards: they may be configured, once that holds of all that share one of them.
-    BoardsReady,
     /// Other patches that have this board must know.
     News {
         /// Position of the board in this patch.
@@ -62,17 +56,6 @@ pub enum Intent {
         /// What.
         news: BoardNews,
     },
-}
-
-/// Why the boards of a patch may be configured, as far as it knows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ready {
-    /// Nothing shows what presses on them: they are silent, or there are no models.
-    Unseen,
-    /// Nothing presses on them, as was seen.
-    Seen,
-    /// Somebody said that nothing does.
-    Vouched,
 }
 
 /// What a patch puts out in a step.
@@ -98,33 +81,28 @@ pub struct Patch {
     pub(super) faults: (Option<u64>, Arc<[FaultSet]>),
     /// Something changed that readers must see before the next scan.
     pub(super) dirty: bool,
-    /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
-    pub(super) bring_up_waits: bool,
-    pub(super) silent_until: Time,
     /// When the daemon began to listen.
     pub(super) started: Time,
-    /// There were no models at the start: nothing shows what presses on the boards until they are configured.
-    pub(super) without_look: bool,
-    /// They may be configured, as far as this patch knows and since when, and wait for patches that share one of them.
-    pub(super) ready: Option<(Ready, Time)>,
-    pub(super) shares_boards: bool,
+    /// It has been listened whether the boards stream, and they were configured where they had to be.
+    pub(super) has_begun: bool,
     /// The force that was published last, and from how many taxels; none of them if it is below what can be told from
     /// nothing.
     pub(super) felt: Option<(Newton, usize)>,
-    /// What is known of the boards' zeros, as last written down.
-    pub(super) noted: BoardZeros,
+    /// How the boards are set, as a sum.
+    pub(super) settings: u32,
+    /// What is known of zeros, as last written down.
+    pub(super) noted: KeptZero,
 }
 
 impl Patch {
-    /// Nothing heard, nothing sent; `loads` are those of earlier runs, `known` what was known then of the boards' zeros,
+    /// Nothing heard, nothing sent; `loads` are those of earlier runs, `known` what was known then of its zero,
     /// `shared` says which boards other patches have, too.
     #[must_use]
-    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, known: BoardZeros, shared: Vec<bool>) -> Self {
-        let shares_boards = shared.contains(&true);
+    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, known: KeptZero, shared: Vec<bool>) -> Self {
         let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
         let regions = intake.regions().clone();
         let mut zero = Zero::new(plan.zero(), regions.clone());
-        zero.go_on(&known);
+        zero.remember(&known);
         Self {
             index,
             zero,
@@ -134,13 +112,10 @@ impl Patch {
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
             dirty: true,
-            bring_up_waits: false,
-            silent_until: Time::default(),
             started: Time::default(),
-            without_look: false,
-            ready: None,
-            shares_boards,
+            has_begun: false,
             felt: None,
+            settings: plan.settings_sum(),
             noted: known,
             intake,
             plan,
@@ -339,7 +314,7 @@ impl Patch {
         let around = Surroundings {
             models: self.force.models().map(Arc::as_ref),
             configuring: !self.intake.bring_up().is_done(),
-            boards_ready: self.intake.bring_up().is_done() && !self.bring_up_waits,
+            boards_ready: self.has_begun && self.intake.bring_up().is_done(),
             parts_left_out: left_out,
             no_rest,
             bag: Bag {
@@ -397,7 +372,6 @@ impl Patch {
 
     /// Time passed.
     pub fn tick(&mut self, now: Now, effects: &mut Effects<'_>) {
-        self.begin_bring_up(now, effects);
         let (mut frames, mut events) = (Vec::new(), Vec::new());
         self.intake.tick(now.time, &mut frames, &mut events);
         for (board, frame) in frames {
@@ -427,14 +401,8 @@ impl Patch {
         if self.dirty {
             return Some(now);
         }
-        let waits = self.bring_up_waits && (self.without_look || self.zero.watching().is_none());
-        let bring_up = match self.ready {
-            None => waits.then_some(self.silent_until),
-            Some((Ready::Vouched, said)) => waits.then_some(said + VOUCH_LASTS),
-            Some(_) => (waits && self.shows_loads() && self.zero.watching().is_none()).then_some(now),
-        };
         let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];
-        organs.into_iter().chain([bring_up]).flatten().min()
+        organs.into_iter().flatten().min()
     }
 
     /// One entry per board.

@@ -21,9 +21,8 @@
 use std::ops::RangeInclusive;
 
 use crate::loads::places::LaidAt;
-use crate::recalibration::assumptions::Assumptions;
-use crate::recalibration::evidence::LoadPoint;
 use crate::recalibration::line::{Line, LinePoint, chi2_quantile, normal_quantile, of_reading, plus};
+use crate::recalibration::points::{Assumptions, LoadPoint};
 use crate::statistics::median;
 
 /// Fewer points do not show a wrong one among them with certainty.

@@ -1,13 +1,10 @@
-//! What the known loads of a patch propose for its active model set.
+//! What the known loads of a patch propose for its active model set, and the set that comes of it.
 
-use crate::loads::load::Load;
+use crate::loads::load::{Load, Validation};
 use crate::loads::places::LaidAt;
-use crate::loads::validation::Validation;
-use crate::model_set::ModelSet;
-use crate::recalibration::assumptions::Assumptions;
-use crate::recalibration::corrected::corrected;
-use crate::recalibration::estimate::{POINTS_MAX, Recalibration};
-use crate::recalibration::evidence::LoadPoint;
+use crate::model_set::{EARLIER_MAX, ModelSet, Recalibrated, RecordedTaxel};
+use crate::recalibration::estimate::{GAINS, POINTS_MAX, Recalibration};
+use crate::recalibration::points::{Assumptions, LoadPoint};
 
 /// A recalibration of a model set, not in use and not kept.
 #[derive(Clone, Debug)]
@@ -44,7 +41,7 @@ pub fn propose(
     for number in chosen.loads.iter().chain(&chosen.leave_out) {
         let judged = view.loads.iter().find(|judged| judged.load.number == *number);
         let judged = judged.ok_or_else(|| format!("patch `{}` has no load {number}", view.patch))?;
-        if chosen.leave_out.contains(number) || judged.in_factor() {
+        if chosen.leave_out.contains(number) || judged.counts() {
             continue;
         }
         let why = match (&judged.outdated_because, &judged.load.read) {
@@ -61,14 +58,99 @@ pub fn propose(
             && !chosen.leave_out.contains(&load.number)
             && load.model_set == source.id
     };
-    let counted = view.loads.iter().filter(|judged| judged.in_factor()).map(|judged| judged.load.as_ref());
+    let counted = view.loads.iter().filter(|judged| judged.counts()).map(|judged| judged.load.as_ref());
     let mut loads: Vec<&Load> = counted.filter(|load| taken(load)).take(POINTS_MAX).collect();
     loads.sort_by_key(|load| load.number);
     let points: Vec<LoadPoint> = loads.iter().copied().map(LoadPoint::of).collect();
     let found = Recalibration::at(&points, &LaidAt::of(&loads), assumptions)?;
-    let first = view.loads.iter().find(|judged| judged.in_factor()).map(|judged| &judged.load);
+    let first = view.loads.iter().find(|judged| judged.counts()).map(|judged| &judged.load);
     // Of an earlier version that is not known, and one that is known says it of all: the others are outdated.
     let filled = loads.iter().find_map(|load| load.filled);
     let set = corrected(source, &found, first.map(|load| (load.mean_area_mm2, filled)), now_wall_ns);
     Ok(Proposal { found, set })
 }
+
+/// The corrected set, without an id: which taxels are usable, the counts at rest and the settings of the boards are those
+/// of `source`; every pressure is corrected, and the uncertainty of the correction is in `gauge_gain_rel` and
+/// `gauge_offset_kpa`, which the whole skin shares. `read_with`: the mean area that the loads were read with, and whether
+/// faulty taxels were filled then, as far as that is known; if the points are forces.
+///
+/// # Errors
+/// In words: the recalibration is refused, or the gains of all corrections so far go beyond what a skin ages by.
+pub fn corrected(
+    source: &ModelSet,
+    found: &Recalibration,
+    read_with: Option<(f64, Option<bool>)>,
+    created_wall_ns: i64,
+) -> Result<ModelSet, String> {
+    if let Some(why) = found.refused_because.first() {
+        return Err(why.clone());
+    }
+    let (gain, offset) = (found.line.gain, found.line.offset);
+    let before = source.recalibrated.as_ref().map_or(1.0, |earlier| earlier.gain_in_all);
+    let gain_in_all = before * gain;
+    if !GAINS.contains(&gain_in_all) {
+        return Err(format!(
+            "with the corrections before it the gain would be {gain_in_all:.3}, and no skin ages by more than {} to {}: \
+             calibrate it in the bag",
+            GAINS.start(),
+            GAINS.end()
+        ));
+    }
+    let earlier: Vec<String> = source.origins().map(str::to_owned).collect();
+    if earlier.len() >= EARLIER_MAX {
+        return Err(format!("`{}` was corrected {EARLIER_MAX} times already: calibrate it in the bag", source.id));
+    }
+    let taxel = |taxel: &RecordedTaxel| RecordedTaxel {
+        rmse_kpa: gain * taxel.rmse_kpa,
+        sensitivity: taxel.sensitivity / gain,
+        hysteresis_kpa: taxel.hysteresis_kpa.map(|kpa| gain * kpa),
+        plays: taxel.plays.as_ref().map(|plays| plays.scaled(gain, offset)),
+    };
+    let mut recorded = source.recorded.clone();
+    if let Some(recorded) = &mut recorded {
+        recorded.taxels.iter_mut().flatten().for_each(|one| *one = taxel(one));
+    }
+    let points = found.points.iter().map(|judged| judged.point).collect();
+    let recalibrated = Recalibrated {
+        derived_from: source.id.clone(),
+        earlier,
+        area_mm2: read_with.map(|(area_mm2, _)| area_mm2),
+        filled: read_with.and_then(|(_, filled)| filled),
+        gain,
+        gain_sigma: found.gain_sigma(),
+        offset_kpa: offset,
+        offset_sigma_kpa: found.offset_sigma(),
+        place_rel: found.assumptions.place_rel,
+        relative_sigma: found.relative_sigma(),
+        gain_in_all,
+        points,
+    };
+    Ok(ModelSet {
+        id: String::new(),
+        patch: source.patch.clone(),
+        created_wall_ns,
+        session: None,
+        method: method(source, found),
+        board_settings: source.board_settings.clone(),
+        baseline: source.baseline.clone(),
+        pressure_max_kpa: gain * source.pressure_max_kpa,
+        gauge_gain_rel: source.gauge_gain_rel.hypot(found.relative_sigma()),
+        gauge_offset_kpa: (gain * source.gauge_offset_kpa).hypot(found.offset_sigma()),
+        taxels: source.taxels.iter().map(|model| model.scaled(gain, offset)).collect(),
+        recorded,
+        recalibrated: Some(recalibrated),
+        maker: source.maker.clone(),
+    })
+}
+
+/// How the set came to be, in words. The words of an earlier correction are not repeated: the chain tells.
+fn method(source: &ModelSet, found: &Recalibration) -> String {
+    let first = source.method.split(WORDS).next().unwrap_or_default();
+    let offset = if found.assumptions.offset { format!(" and {:+.2} kPa", found.line.offset) } else { String::new() };
+    let (gain, sigma, points) = (found.line.gain, found.gain_sigma(), found.points.len());
+    format!("{first}{WORDS}{gain:.4} +- {sigma:.4}{offset} from {points} known loads")
+}
+
+/// What separates the words of the fit from those of the correction.
+const WORDS: &str = ", recalibrated by ";

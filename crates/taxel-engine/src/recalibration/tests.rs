@@ -1,8 +1,7 @@
 //! What a recalibration promises, tried on loads that are drawn at random: the seed of each trial is printed.
 
-use crate::recalibration::assumptions::Assumptions;
 use crate::recalibration::estimate::{POINTS_MIN, Recalibration};
-use crate::recalibration::evidence::LoadPoint;
+use crate::recalibration::points::{Assumptions, LoadPoint};
 
 const TRIALS: u64 = 4_000;
 

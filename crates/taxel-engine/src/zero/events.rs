@@ -38,8 +38,8 @@ pub enum ZeroEvent {
     Doubted,
     /// It holds after all.
     Cleared,
-    /// The boards may be configured; or why not: something presses on them.
-    Looked(Result<(), String>),
+    /// That of before the start is valid again.
+    Restored,
 }
 
 /// What the zero has to be told with each scan.

@@ -17,12 +17,11 @@ use crate::regions::Regions;
 use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
-use crate::zero::boards::HiddenCounts;
 use crate::zero::continuity::{Continuity, Finding, UNSEEN_COUNTS};
-use crate::zero::count_sums::CountSums;
 use crate::zero::drift::follow::Drift;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::ground::Ground;
+use crate::zero::kept::TakenZero;
 use crate::zero::lookback::{Lookback, Present};
 use crate::zero::plan::ZeroPlan;
 use crate::zero::proven::{Known, Proven};
@@ -104,11 +103,10 @@ pub struct Zero {
     lookback: Lookback,
     /// Whether the boards were being configured when the last scan came, or are since.
     pub(super) configuring: bool,
-    /// What was seen when the boards were last found ready to be configured.
-    pub(super) looked: Option<Vec<TaxelBaseline>>,
-    /// What the boards' zeros hide, and the scans that tell what the taxels read with them, until these are enough.
-    pub(super) hidden: Option<Arc<HiddenCounts>>,
-    pub(super) first_scans: Option<CountSums>,
+    /// The last zero as it was taken, which outlives the daemon.
+    pub(super) kept: Option<Arc<TakenZero>>,
+    /// It is of before the start, and the counts have not shown yet that the boards still have theirs.
+    pub(super) on_trial: bool,
     /// The zero that somebody vouched for since the boards took theirs.
     pub(super) vouched: Option<Arc<[TaxelBaseline]>>,
     /// The zeros that sessions have taken since then, the newest last.
@@ -139,9 +137,8 @@ impl Zero {
             doubted: false,
             lookback: Lookback::new(regions.taxels(), plan.period, plan.drift.follow),
             configuring: false,
-            looked: None,
-            hidden: None,
-            first_scans: None,
+            kept: None,
+            on_trial: false,
             vouched: None,
             session_rests: VecDeque::new(),
             unseen: None,
@@ -272,7 +269,6 @@ impl Zero {
     /// Takes a scan.
     pub fn on_scan(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
         self.lookback.feel(scan);
-        self.settle_boards(scan, &around);
         self.check_continuity(scan, &around, events);
         self.check_unloading(scan, around.bag, events);
         self.watch_rest(now, scan, around, events);
@@ -323,6 +319,7 @@ impl Zero {
 
     pub(super) fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
         let doubted = self.continuity.doubted().is_some();
+        self.on_trial &= doubted;
         if doubted != self.doubted {
             self.doubted = doubted;
             events.push(if doubted { ZeroEvent::Doubted } else { ZeroEvent::Cleared });
@@ -376,13 +373,26 @@ impl Zero {
     }
 
     pub(super) fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {
+        let pads = self.lookback.pads();
+        self.take_at(now, view, baseline, &pads);
+        self.keep(pads);
+    }
+
+    /// The same of a zero that was taken with these means of each module's thermal pads, counts.
+    pub(super) fn take_at(
+        &mut self,
+        now: Time,
+        view: TareView,
+        baseline: Vec<TaxelBaseline>,
+        pads: &[[Option<f64>; 2]],
+    ) {
         let wall_ns = view.wall_ns;
         self.view = view;
         self.taken = now;
         self.ground.take(&baseline);
         self.memory.begin(&baseline, self.ground.signs());
         if let Some(drift) = &mut self.drift {
-            drift.begin(Now { time: now, wall_ns }, &baseline, &self.lookback.pads());
+            drift.begin(Now { time: now, wall_ns }, &baseline, pads);
             self.view.drift = *drift.view();
         }
         self.baseline = Some(baseline);
@@ -390,7 +400,8 @@ impl Zero {
         self.continuity.begin(self.view.at_rest);
         self.continuity.compare_with(&self.ground);
         self.doubted = false;
-        self.lookback.begin();
+        self.on_trial = false;
+        self.lookback.begin(pads);
     }
 
     /// The zero as it was taken, one per taxel, if there is one.

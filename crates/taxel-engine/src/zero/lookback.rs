@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use crate::baseline::TaxelBaseline;
 use crate::scan::Scan;
+use crate::statistics;
 use crate::zero::count_sums::CountSums;
 use crate::zero::rest::limits::RestLimits;
 use crate::zero::rest::moves::Moves;
@@ -56,11 +57,13 @@ impl Lookback {
         Self { later, warmth, sudden, scans, offset_counts: 0.0, median_counts: None }
     }
 
-    /// A zero was taken.
-    pub fn begin(&mut self) {
+    /// A zero was taken, with these means of each module's pads, counts.
+    pub fn begin(&mut self, pads: &[[Option<f64>; 2]]) {
         self.offset_counts = 0.0;
-        self.warmth.iter_mut().for_each(|warmth| warmth.begin(self.sudden.before()));
-        self.sudden.looked();
+        let mean = |pads: &[Option<f64>; 2]| statistics::mean(pads.iter().flatten().copied()).0;
+        let of_modules = || pads.iter().map(mean).map(|mean| if mean.is_finite() { mean } else { 0.0 }).collect();
+        self.warmth.iter_mut().for_each(|warmth| warmth.begin(of_modules()));
+        self.sudden.looked_at(pads);
         self.restart();
     }
 
@@ -130,7 +133,7 @@ mod tests {
     /// What the zero is off by after windows of scans at these counts, each sound or not.
     fn offset_after(windows: &[(u8, bool)]) -> f64 {
         let mut lookback = Lookback::new(TAXELS, Duration::from_millis(50), false);
-        lookback.begin();
+        lookback.begin(&[]);
         let zero = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS];
         let (signs, limits) = (vec![-1; TAXELS], RestLimits::default());
         let modules = [0..10, 10..TAXELS];

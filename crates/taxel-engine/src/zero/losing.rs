@@ -53,6 +53,9 @@ impl Zero {
             self.view.reason.clone_from(&reason);
             self.view.code = Some(code);
             self.view.drift = DriftView::default();
+            if std::mem::take(&mut self.on_trial) {
+                self.baseline = None; // as if there had been none: another is taken as after any start
+            }
             if let Some(drift) = &mut self.drift {
                 drift.end();
             }

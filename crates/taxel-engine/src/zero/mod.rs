@@ -1,8 +1,6 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
 pub mod bag;
-pub mod boards;
-mod bring_up;
 pub mod continuity;
 pub mod count_sums;
 pub mod drift;
@@ -11,6 +9,7 @@ mod following;
 mod ground;
 pub mod holder;
 pub mod inputs;
+pub mod kept;
 pub mod lanes;
 pub mod lookback;
 mod losing;

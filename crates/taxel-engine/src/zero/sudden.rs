@@ -85,6 +85,12 @@ impl SuddenWarmth {
         self.modules.as_flattened_mut().iter_mut().flatten().for_each(|pad| pad.looked = pad.before);
     }
 
+    /// A zero was taken with the pads there, counts.
+    pub(super) fn looked_at(&mut self, then: &[[Option<f64>; 2]]) {
+        let pads = self.modules.as_flattened_mut().iter_mut().zip(then.as_flattened());
+        pads.for_each(|(pad, then)| *pad = pad.zip(*then).map(|(pad, then)| Pad { looked: then, ..pad }).or(*pad));
+    }
+
     /// Where the pads of each module were a moment ago, counts, 0 without pads; nothing before the first scan.
     pub(super) fn before(&self) -> Vec<f64> {
         self.modules.iter().map(|pads| mean(pads, |pad| pad.before).unwrap_or(0.0)).collect()

@@ -14,13 +14,12 @@ use crate::regions::Regions;
 use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
-use crate::zero::boards::{BoardZeros, HiddenCounts};
-use crate::zero::bring_up::SESSION_RESTS;
 use crate::zero::drift::plan::DriftPlan;
 use crate::zero::drift::site::drift_sites;
 use crate::zero::drift::view::DriftState;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::Zero;
+use crate::zero::kept::{KeptZero, TakenZero};
 use crate::zero::plan::{TarePlan, ZeroPlan};
 use crate::zero::watch::Purpose;
 
@@ -29,58 +28,9 @@ const TAXELS: usize = 10 * MODULES;
 const PERIOD_NS: i64 = 50_000_000;
 
 #[test]
-fn what_lay_there_at_one_configuration_still_counts_at_the_next() {
-    let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
-    let mut skin = Skin::new();
-    skin.models = Some(models(240.0));
-    let rest = at(240.0);
-    let configured = |skin: &mut Skin, looked: Option<f64>, vouched: bool| {
-        skin.zero.looked = looked.map(at);
-        skin.zero.on_bring_up(Some(&rest), vouched, None);
-    };
-    let counts = |skin: &Skin| skin.zero.hidden().map(|hidden| hidden.counts[0]);
-    // One and a half counts of load were let pass; the boards hide them from the next look, which sees half a count more.
-    configured(&mut skin, Some(238.5), false);
-    skin.scan(15, |_| 0);
-    assert_eq!(counts(&skin), Some(-1.5));
-    assert!(skin.zero.hidden().unwrap().reads.is_empty());
-    skin.scan(1, |_| 0);
-    assert_eq!(skin.zero.hidden().unwrap().reads[0], 240.0);
-    configured(&mut skin, Some(239.5), false);
-    skin.scan(16, |_| 0);
-    assert_eq!(counts(&skin), Some(-2.0));
-    // Nor does a restart forget it.
-    let noted = skin.zero.news_of_boards(&BoardZeros::default()).unwrap();
-    skin.zero = Skin::new().zero;
-    skin.zero.go_on(&noted);
-    assert!(skin.zero.news_of_boards(&noted).is_none() && counts(&skin) == Some(-2.0));
-    // The load has gone: the boards read as much less.
-    configured(&mut skin, Some(242.0), false);
-    assert_eq!(counts(&skin), Some(0.0));
-    // Nobody knows yet what they read since.
-    configured(&mut skin, None, true);
-    configured(&mut skin, Some(239.0), false);
-    configured(&mut skin, Some(237.0), false);
-    assert_eq!(counts(&skin), Some(-1.0));
-    skin.scan(16, |_| 1);
-    assert_eq!(skin.zero.hidden().unwrap().reads[0], 239.0);
-    // Nobody hears the boards, which may not hear anybody: what is known stays.
-    configured(&mut skin, Some(238.0), false);
-    configured(&mut skin, None, false);
-    assert_eq!(counts(&skin), Some(-2.0));
-    // Somebody vouches that nothing touches the skin, whatever was looked at.
-    configured(&mut skin, Some(239.0), true);
-    assert_eq!((counts(&skin), skin.zero.looked.is_none()), (None, true));
-}
-
-#[test]
 fn a_vouched_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_the_disk() {
     for for_operator in [false, true] {
         let mut skin = Skin::new();
-        skin.zero.looked = Some(vec![TaxelBaseline { mean: 238.5, noise: 0.5 }; TAXELS]);
-        skin.zero.on_bring_up(Some(&[TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS]), false, None);
-        let counts = |skin: &Skin| skin.zero.hidden().unwrap().counts[0];
-        assert_eq!(counts(&skin), -1.5);
         skin.models = Some(models(240.0));
         let confirmed_by = Some("Ada".to_owned());
         let request = RequestId(1);
@@ -93,7 +43,7 @@ fn a_vouched_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_t
             skin.zero.adopt(skin.now(), request).unwrap();
         }
         assert!(skin.zero.holds());
-        assert_eq!((counts(&skin), skin.zero.vouched().map(|zero| zero[0].mean)), (-1.5, Some(240.0)));
+        assert_eq!(skin.zero.vouched().map(|zero| zero[0].mean), Some(240.0));
         // Another that nobody vouches for is told from that one, until a board takes another zero.
         skin.zero.lose(ReasonCode::ZeroLost, "bus-off", &mut skin.events);
         assert!(skin.zero.vouched().is_some());
@@ -102,42 +52,39 @@ fn a_vouched_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_t
     }
 }
 
-/// The models are of the skin as it was then, whatever lay on it; others may come into use again.
 #[test]
-fn models_of_a_session_since_the_boards_were_configured_count_beside_the_earlier_ones() {
-    let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
-    let rest_of = |mean: f64| ModelSet { baseline: at(mean), ..models(240.0) };
-    // By how much the skin lay from the rest of the earlier models, what the session's zero reads, and what counts then, where
-    // pressure lowers the counts.
-    for (looked, session, of_models, counts) in [
-        (242.0, 240.5, 240.5, -0.5), // it was colder, and is not for the new models
-        (238.5, 240.5, 240.5, -1.5), // a load was let pass: it lies there yet for the earlier ones
-        (242.0, 240.5, 240.25, 2.0), // models of another session
-    ] {
-        let mut zero = Skin::new().zero;
-        let hidden = HiddenCounts { counts: vec![looked as f32 - 240.0; TAXELS], reads: vec![240.0; TAXELS] };
-        zero.go_on(&BoardZeros { hidden: Some(Arc::new(hidden)), ..BoardZeros::default() });
-        zero.note_session_rest(&at(session));
-        (0..SESSION_RESTS - 1).for_each(|ramp| zero.note_session_rest(&at(200.0 + ramp as f64)));
-        zero.on_models(Some(&rest_of(of_models)));
-        assert_eq!(zero.hidden().map(|hidden| hidden.counts[0]), Some(counts), "{looked} {session} {of_models}");
-        // One more zero of a session, or another configuration, and it is forgotten which they were.
-        zero.note_session_rest(&at(100.0));
-        zero.on_models(Some(&rest_of(session - 7.0)));
-        zero.on_bring_up(Some(&at(240.0)), false, None);
-        zero.on_models(Some(&rest_of(100.0)));
-        assert_eq!(zero.hidden().map(|hidden| hidden.counts[0]), Some(counts), "{looked} {session} {of_models}");
+fn a_zero_of_before_the_start_is_valid_once_sixteen_scans_have_shown_that_no_board_has_another() {
+    for (load, holds) in [(0, true), (20, true), (-3, false)] {
+        let mut earlier = Skin::new();
+        earlier.models = Some(models(240.0));
+        earlier.zero.on_models(earlier.models.as_ref());
+        let earlier = earlier.zeroed(|_| 0);
+        let known = earlier.zero.news(7, &KeptZero::default()).unwrap();
+        assert!(earlier.zero.news(7, &known).is_none(), "it is noted once");
+        let known: KeptZero = serde_json::from_str(&serde_json::to_string(&known).unwrap()).unwrap();
+        let mut skin = Skin::new();
+        skin.zero.remember(&known);
+        skin.zero.on_models(earlier.models.as_ref());
+        skin.zero.go_on(skin.now(), known.zero.as_ref().unwrap(), &mut skin.events);
+        assert!(!skin.zero.holds(), "it is in doubt at first");
+        // Where a load lies on half of the skin, or what has become lighter.
+        skin.scan(17, |taxel| if taxel < TAXELS / 2 { load } else { 0 });
+        assert_eq!(skin.zero.holds(), holds, "{load}: {:?}", skin.events);
+        assert_eq!(skin.zero.view().epoch, earlier.zero.view().epoch + u64::from(!holds));
+        assert_eq!(skin.zero.baseline.is_some(), holds, "what was refuted is replaced as after any start");
     }
 }
 
 #[test]
-fn what_was_noted_of_other_taxels_is_held_against_the_boards() {
-    let mut zero = Skin::new().zero;
-    let hidden = HiddenCounts { counts: vec![-1.5; TAXELS - 10], reads: Vec::new() };
-    let noted = BoardZeros { hidden: Some(Arc::new(hidden)), ..BoardZeros::default() };
-    zero.go_on(&noted);
-    let news = zero.news_of_boards(&noted).unwrap();
-    assert!(news.unproven.unwrap().contains("is of 70 taxels, not 80") && news.hidden.is_none());
+fn a_zero_of_another_layout_or_one_that_needs_confirmation_is_not_gone_on_with() {
+    for (taxels, unproven) in [(TAXELS - 10, None), (TAXELS, Some("a load vanished".to_owned()))] {
+        let numbers = vec![240.0; taxels];
+        let zero = TakenZero { mean: numbers.clone(), noise: numbers, ..TakenZero::default() };
+        let mut skin = Skin::new();
+        skin.zero.remember(&KeptZero { unproven, ..KeptZero::default() });
+        skin.zero.go_on(skin.now(), &Arc::new(zero), &mut skin.events);
+        assert!(!skin.zero.view().valid && skin.events.is_empty(), "{taxels} taxels");
+    }
 }
 
 /// A skin, and what its zero told.

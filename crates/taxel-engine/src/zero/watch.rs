@@ -21,8 +21,6 @@ pub enum Purpose {
         /// Who vouches.
         confirmed_by: Option<String>,
     },
-    /// Nobody: before the boards are configured, which takes whatever lies on them for nothing. No zero is taken.
-    BeforeBringUp,
     /// A calibration session, before a ramp.
     Session {
         /// Who vouches.
@@ -35,7 +33,7 @@ impl Purpose {
     #[must_use]
     pub fn confirmed_by(&self) -> Option<&str> {
         match self {
-            Self::AtStart | Self::BeforeBringUp => None,
+            Self::AtStart => None,
             Self::Operator { confirmed_by, .. } | Self::Session { confirmed_by } => confirmed_by.as_deref(),
         }
     }

@@ -53,14 +53,6 @@ impl Zero {
         };
         let verdict = judge(&window, reference, &self.plan.tare.rest);
         let told = || verdict.told(|module| self.plan.module_name(module));
-        if purpose == Purpose::BeforeBringUp {
-            // What is far from the models' zero in another way is what a configuration mends.
-            let pressed = (verdict.is_loaded() || !verdict.is_still()).then(told);
-            let pressed = pressed.or_else(|| self.continuity.unproven().map(str::to_owned));
-            self.looked = pressed.is_none().then(|| window.all().baseline());
-            events.push(ZeroEvent::Looked(pressed.map_or(Ok(()), Err)));
-            return;
-        }
         // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
         // gauge shows that the bag does not press. Whatever is held against the boards, the models are of them as they are; other
         // models are not, and what is held against the boards is held against them.

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use taxel_engine::calibration::{FitJob, SessionView};
 use taxel_engine::command::{Command, Done, Reply, RequestId};
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{Catalogue, PatchSnapshot};
 use taxel_engine::{BusNotice, Engine, Input, Now, Output};
@@ -109,6 +110,11 @@ impl Daemon {
     /// Whether what was found of a board's zero was lost with an earlier run.
     pub const fn has_forgotten(&self) -> bool {
         self.store.has_forgotten()
+    }
+
+    /// A model set that was written down.
+    pub fn set_of(&self, id: &str) -> Arc<ModelSet> {
+        self.store.set_of(id).expect("it is on disk")
     }
 
     pub fn is_running(&self) -> bool {

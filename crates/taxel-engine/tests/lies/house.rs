@@ -256,7 +256,7 @@ fn calibrate(n: usize, (skin, patches): (Skin, Vec<Patch>), common_noise_counts:
     world.advance(settled, &mut Vec::new());
     let with_models = |plan: PatchPlan| {
         let mut sets = daemon.catalogue.model_sets.iter().filter(|set| set.patch == plan.patch.name());
-        let set = sets.next_back().expect("the fit gave models").at_hand.clone().expect("it is new");
+        let set = daemon.set_of(&sets.next_back().expect("the fit gave models").id);
         Part::new(world.skin(), plan, set)
     };
     let parts = plans.into_iter().map(with_models).collect();

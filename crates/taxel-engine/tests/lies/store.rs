@@ -6,7 +6,8 @@ use std::sync::Arc;
 use taxel_engine::Restored;
 use taxel_engine::calibration::{NotLoaded, SessionSamples, SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::{BoardZeros, Record};
+use taxel_engine::plan::PatchPlan;
+use taxel_engine::record::{KeptZero, Record};
 use taxel_skin::Time;
 
 /// Records on disk, and records that wait for it in order.
@@ -15,7 +16,7 @@ pub struct Store {
     model_sets: Vec<Arc<ModelSet>>,
     active: BTreeMap<String, String>,
     sessions: BTreeMap<u64, (Option<Arc<SessionView>>, SessionSamples)>,
-    board_zeros: BTreeMap<String, BoardZeros>,
+    zeros: BTreeMap<String, KeptZero>,
     waiting: VecDeque<(Time, Record)>,
     /// It takes nothing any more.
     pub failed: bool,
@@ -26,12 +27,14 @@ pub struct Store {
 }
 
 impl Store {
-    /// A disk with one calibration of each patch in use.
-    pub fn with(sets: Vec<Arc<ModelSet>>) -> Self {
+    /// A disk with one calibration of each patch in use, of boards that were configured as they are in the `plans`.
+    pub fn with(sets: Vec<Arc<ModelSet>>, plans: &[PatchPlan]) -> Self {
         let active = sets.iter().map(|set| (set.patch.clone(), set.id.clone())).collect();
         let sessions = sets.iter().filter_map(|set| Some((set.session?, (None, SessionSamples::default()))));
         let sessions = sessions.collect();
-        Self { model_sets: sets, active, sessions, ..Self::default() }
+        let zero = |plan: &PatchPlan| KeptZero { configured: Some(plan.settings_sum()), ..KeptZero::default() };
+        let zeros = plans.iter().map(|plan| (plan.patch.name().to_owned(), zero(plan))).collect();
+        Self { model_sets: sets, active, sessions, zeros, ..Self::default() }
     }
 
     /// Will be on disk at `due`, after all that came before; when that is, if the store takes it.
@@ -95,7 +98,7 @@ impl Store {
             }
             Record::ModelSetDeleted { model_set, .. } => self.model_sets.retain(|set| set.id != model_set),
             Record::SessionDeleted { session, .. } => drop(self.sessions.remove(&session)),
-            Record::BoardZeros { patch, zeros, .. } => drop(self.board_zeros.insert(patch, zeros)),
+            Record::Zero { patch, zero, .. } => drop(self.zeros.insert(patch, zero)),
             Record::Load(_) | Record::Asked(_) | Record::Answered(_) | Record::Tared { .. } => {}
         }
     }
@@ -127,7 +130,7 @@ impl Store {
             active: self.active.clone().into_iter().collect(),
             sessions: sessions.collect(),
             next_session: newest.map_or(1, |number| number + 1),
-            board_zeros: self.board_zeros.clone().into_iter().collect(),
+            zeros: self.zeros.clone().into_iter().collect(),
             ..Restored::default()
         }
     }
@@ -135,5 +138,5 @@ impl Store {
 
 /// Whether it was found that a board's zero may hold a load.
 fn finds_a_load(record: &Record) -> bool {
-    matches!(record, Record::BoardZeros { zeros, .. } if zeros.unproven.is_some())
+    matches!(record, Record::Zero { zero, .. } if zero.unproven.is_some())
 }

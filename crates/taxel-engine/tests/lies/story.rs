@@ -120,7 +120,7 @@ impl Story {
         let scene = format!("fill: {}, positions: {}", scene.outputs.fill, scene.geometry.is_some());
         let begins_loaded = dice.chance(0.12) && setting.course == Course::Minutes;
         let now = world.now();
-        let store = Store::with(house.parts.iter().map(|part| Arc::clone(&part.set)).collect());
+        let store = Store::with(house.parts.iter().map(|part| Arc::clone(&part.set)).collect(), &plan.patches);
         let daemon = Daemon::new(plan, store, root.of(2), now);
         let mut stage = Stage::new(house, (watched, has_positions), world, daemon, cleared);
         stage.tell(format!(

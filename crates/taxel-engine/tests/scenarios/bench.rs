@@ -238,9 +238,9 @@ impl Disk {
                     restored.next_session = restored.next_session.max(view.number + 1);
                 }
                 Record::SessionDeleted { session, .. } => drop(sessions.remove(session)),
-                Record::BoardZeros { patch, zeros, .. } => {
-                    restored.board_zeros.retain(|(known, _)| known != patch);
-                    restored.board_zeros.push((patch.clone(), zeros.clone()));
+                Record::Zero { patch, zero, .. } => {
+                    restored.zeros.retain(|(known, _)| known != patch);
+                    restored.zeros.push((patch.clone(), zero.clone()));
                 }
                 _ => {}
             }

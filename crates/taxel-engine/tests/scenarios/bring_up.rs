@@ -142,49 +142,99 @@ fn who_only_listens_never_sends() {
     assert_eq!(bench.host.sent, [], "not a single frame");
 }
 
-/// There is no force that would show the load, since there is no zero: the boards are looked at first.
+/// There is no force that would show the load, since there is no zero.
 #[test]
-fn boards_without_a_zero_are_not_configured_under_a_load_unless_somebody_confirms_rest() {
+fn boards_that_are_configured_without_a_force_need_a_zero_that_somebody_confirms() {
     let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
     bench.brought_up();
     bench.until_force(5.0, ForceState::Ok);
     bench.host.notice(BusNotice::BusOff);
+    bench.host.notice(BusNotice::Up);
     bench.lay(0.5, 33);
-    let (mark, sent) = (bench.mark(), bench.host.sent.len());
+    let mark = bench.mark();
     bench.ask(bring_up_again()).unwrap();
-    bench.seconds(4.0);
+    bench.seconds(0.1);
+    bench.brought_up();
+    let refused = bench.tare(None);
+    let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
+    assert!(why.contains("no force that would show a load"), "{why}");
     bench.is_truthful_since(mark, "a bring-up under a load");
-    assert_eq!(bench.host.sent.len(), sent, "nothing was sent to the boards");
-    assert!(
-        bench.host.reasons().contains("not configured until a look at the skin finds nothing on it: loaded: "),
-        "{}",
-        bench.host.reasons()
-    );
     bench.world.clear();
-    bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
+    bench.seconds(0.1);
     bench.brought_up();
     bench.tare(None).unwrap();
     bench.until_force(1.0, ForceState::Ok);
-    bench.host.notice(BusNotice::BusOff);
-    bench.lay(0.1, 33);
-    let confirmed_by = Some("Ada".to_owned());
-    bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
-    bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
 }
 
-/// There is nothing left to look at, so that they would wait for ever.
+/// The boards stream as this daemon configured them: a restart neither zeroes nor hides what lies on them.
 #[test]
-fn boards_that_fall_silent_while_they_are_looked_at_are_configured() {
+fn a_restart_under_a_load_goes_on_with_the_zero_of_before_within_two_seconds() {
+    for (configures, follow) in [(true, false), (true, true), (false, false)] {
+        let patch = || {
+            let mut patch = patch_plan(&small().skin);
+            patch.bring_up.retain(|_| configures);
+            patch.drift.follow = follow;
+            plan(patch)
+        };
+        let mut bench = Bench::new(small().world.clone(), patch(), small().restored());
+        bench.until_force(5.0, ForceState::Ok);
+        let weight = bench.lay(0.5, 33).0;
+        bench.seconds(2.0);
+        let before = bench.weigh(20);
+        assert!((before - weight).abs() < 0.2 * weight, "{before} N of {weight} N");
+        let zeros = Disk::after_a_crash(&bench.host).restored.zeros;
+        let mut bench = Bench::new(bench.world, patch(), Restored { zeros, ..small().restored() });
+        bench.until_force(2.0, ForceState::Ok);
+        assert_eq!(bench.host.sent, [], "boards that stream are left alone");
+        let after = bench.weigh(20);
+        assert!((after - before).abs() < 0.1, "{before} N before, {after} N after the restart");
+        bench.is_truthful_since(0, "a restart under a load");
+        assert!(
+            bench
+                .host
+                .health()
+                .boards
+                .iter()
+                .all(|board| board.bring_up == if configures { "verified" } else { "listening" })
+        );
+    }
+}
+
+/// Of two boards one has no power while the daemon starts: it is configured, and the zero of the patch is taken anew.
+#[test]
+fn a_board_that_is_silent_at_the_start_is_configured_alone_and_the_zero_is_proven_anew() {
     let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
-    bench.brought_up();
     bench.until_force(5.0, ForceState::Ok);
-    bench.host.notice(BusNotice::BusOff);
-    let sent = bench.host.sent.len();
-    bench.ask(bring_up_again()).unwrap();
-    bench.seconds(0.5);
-    assert_eq!(bench.host.sent.len(), sent, "they are looked at");
-    bench.passes = Box::new(|_| false);
-    bench.until(5.0, "what configures them", |host| host.sent.len() > sent);
+    let zeros = Disk::after_a_crash(&bench.host).restored.zeros;
+    bench.inject(Fault::PowerCycle { board: board(12), off: std::time::Duration::from_millis(10) });
+    let mut bench = Bench::new(bench.world, plan(patch_plan(&small().skin)), Restored { zeros, ..small().restored() });
+    bench.seconds(1.0);
+    let to: std::collections::BTreeSet<u8> =
+        bench.host.sent.iter().map(|(_, frame)| icub::Command::decode(frame).unwrap().0.get()).collect();
+    assert_eq!(to, [12].into(), "the other one keeps its zero");
+    bench.brought_up();
+    bench.until_force(3.0, ForceState::Ok);
+}
+
+/// What lay on the skin when the daemon configured boards that streamed with other settings, nobody knows.
+#[test]
+fn boards_that_stream_with_other_settings_are_configured_and_need_a_confirmed_zero() {
+    let mut changed = patch_plan(&small().skin);
+    changed.bring_up.iter_mut().for_each(|setup| setup.board.kind = 1);
+    let mut restored = small().restored();
+    let mut set = taxel_engine::model_set::ModelSet::clone(&small().set);
+    set.board_settings.clear(); // it is known of no settings
+    restored.model_sets = vec![Arc::new(set).into()];
+    let mut bench = Bench::new(small().world.clone(), plan(changed), restored);
+    bench.seconds(0.4);
+    assert!(!bench.host.sent.is_empty());
+    bench.brought_up();
+    bench.seconds(2.0);
+    assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
+    assert!(bench.tare(None).is_err());
+    bench.tare(Some("Ada")).unwrap();
+    bench.until_force(1.0, ForceState::Ok);
 }
 
 /// Without a model set nothing shows what lies on boards that stream, and what lies on them when they are configured reads as
@@ -222,9 +272,8 @@ fn configured_unseen(again: &[Option<&str>], session: bool) {
     assert_eq!(bench.host.state(), ForceState::TareInvalid);
     let refused = bench.tare(None);
     let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
-    assert!(why.contains("configured while no model set was active") && why.contains("confirmed_by"), "{why}");
-    let restored =
-        Restored { board_zeros: Disk::after_a_crash(&bench.host).restored.board_zeros, ..small().restored() };
+    assert!(why.contains("were configured while there was no force") && why.contains("confirmed_by"), "{why}");
+    let restored = Restored { zeros: Disk::after_a_crash(&bench.host).restored.zeros, ..small().restored() };
     let mut bench = Bench::new(bench.world, plan(patch_plan(&small().skin)), restored);
     bench.seconds(5.0);
     assert_ne!(bench.host.state(), ForceState::Ok, "a restart knows it, too");

@@ -11,6 +11,7 @@ use taxel_engine::snapshot::ForceState;
 use taxel_wire::{CanId, Frame};
 
 use crate::described::{Scene, patch_plan, plan};
+use crate::shared::configured;
 
 /// The same set with these words for the commands; with none it is one of an earlier version, which did not tell them.
 fn told(set: &ModelSet, commands: &str) -> Arc<ModelSet> {
@@ -20,21 +21,27 @@ fn told(set: &ModelSet, commands: &str) -> Arc<ModelSet> {
     Arc::new(set)
 }
 
+/// What lies on a device that streams with other commands, or none, is not known while it is configured.
 #[test]
-fn a_described_device_that_needs_commands_gets_them_after_a_start_with_models_too() {
+fn a_described_device_gets_its_commands_at_a_start_unless_it_streams_with_them() {
     let set = told(&Scene::in_use().newest_set(), "");
     let start = Frame::of(CanId::Extended(0x18FD_0001), [1]);
     let mut plan = plan();
     plan.patches[0].devices[0].commands = vec![(Duration::from_millis(50), start)];
-    let active = vec![("array".to_owned(), set.id.clone())];
-    let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
-    scene.load = (16, 25.0);
-    scene.seconds(3.0);
-    assert!(scene.host.sent.is_empty(), "a load lies on it, and a device that starts may take its zero");
-    scene.load = (0, 0.0);
-    scene.seconds(6.0);
-    assert!(scene.host.sent.iter().any(|(_, frame)| *frame == start), "{}", scene.host.reasons());
-    assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
+    for known in [false, true] {
+        let zero = configured(&plan.patches[0]);
+        let restored = Restored {
+            active: vec![("array".to_owned(), set.id.clone())],
+            model_sets: vec![set.clone().into()],
+            zeros: Some(("array".to_owned(), zero)).filter(|_| known).into_iter().collect(),
+            ..Restored::default()
+        };
+        let mut scene = Scene::new(plan.clone(), restored);
+        scene.seconds(6.0);
+        let sent = scene.host.sent.iter().any(|(_, frame)| *frame == start);
+        let state = if known { ForceState::Ok } else { ForceState::TareInvalid };
+        assert_eq!((sent, scene.host.state()), (!known, state), "{}", scene.host.reasons());
+    }
 }
 
 /// Each of the two models would be used for the other's taxel, and nothing at rest would tell.
@@ -62,7 +69,8 @@ fn a_device_that_is_sent_other_commands_than_at_the_calibration_has_no_force() {
         let set = told(&set, gathered_with);
         let active = vec![("array".to_owned(), set.id.clone())];
         let model_sets = vec![set.into()];
-        let mut scene = Scene::new(plan, Restored { model_sets, active, ..Restored::default() });
+        let zeros = vec![("array".to_owned(), configured(&plan.patches[0]))];
+        let mut scene = Scene::new(plan, Restored { model_sets, active, zeros, ..Restored::default() });
         scene.seconds(6.0);
         (scene.host.state(), scene.host.reasons())
     };
@@ -117,10 +125,9 @@ fn numbers_that_become_counts_in_another_way_than_at_the_calibration_have_no_for
     );
 }
 
-/// Another patch reads the same device and has the commands for it. A device that is configured may take what lies on this one
-/// for nothing.
+/// Another patch reads the same device and has the commands for it.
 #[test]
-fn a_device_that_another_patch_configures_is_left_alone_under_a_load() {
+fn a_device_is_configured_by_one_of_its_patches_and_both_lose_their_zero() {
     let scene = Scene::in_use();
     let set = told(&scene.newest_set(), "");
     let mut half = patch_plan("half", 0x18FE_0000);
@@ -128,15 +135,10 @@ fn a_device_that_another_patch_configures_is_left_alone_under_a_load() {
     let plan = Plan { buses: 1, patches: vec![patch_plan("array", 0x18FE_0000), half] };
     let active = vec![("array".to_owned(), set.id.clone())];
     let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
-    scene.load = (12, 30.0);
     scene.seconds(5.0);
-    assert_eq!(scene.host.sent, [], "nothing is sent to a device that bears a load");
-    assert_ne!(scene.host.state(), ForceState::Ok);
-    scene.load = (0, 0.0);
-    scene.seconds(5.0);
-    assert_eq!((scene.host.sent.len(), scene.host.state()), (1, ForceState::Ok), "one of them sends it");
-    let sent = scene.host.sent.len();
+    assert_eq!(scene.host.sent.len(), 1, "one of them sends it");
+    assert_eq!(scene.host.state(), ForceState::TareInvalid, "nobody saw what lay on it");
     scene.ask(Command::BringUp { patch: "array".to_owned(), confirmed_by: Some("Ada".to_owned()) });
     scene.seconds(1.0);
-    assert_eq!(scene.host.sent.len(), sent + 1, "whoever asks for one of them asks for both");
+    assert_eq!(scene.host.sent.len(), 2, "whoever asks for one of them asks for both");
 }

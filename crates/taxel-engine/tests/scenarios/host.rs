@@ -265,10 +265,17 @@ impl Host {
 
     /// A model set of the catalogue that is in memory.
     pub fn set(&self, position: usize) -> Arc<ModelSet> {
-        self.catalogue.model_sets[position].at_hand.clone().expect("it is in memory")
+        let id = &self.catalogue.model_sets[position].id;
+        let written = self.records.iter().filter_map(|record| match record {
+            Record::ModelSet(set) => Some(set),
+            _ => None,
+        });
+        let in_use = self.catalogue.model_sets.iter().filter_map(|known| known.at_hand.as_ref());
+        let mut all = written.chain(&self.shelf).chain(in_use);
+        Arc::clone(all.find(|set| set.id == *id).expect("it was written down"))
     }
 
-    /// The newest model set of the catalogue, which is in memory.
+    /// The newest model set of the catalogue.
     pub fn newest_set(&self) -> Arc<ModelSet> {
         self.set(self.catalogue.model_sets.len() - 1)
     }

@@ -107,7 +107,7 @@ fn a_rise_that_cannot_get_further_says_so_and_ends_with_what_it_has() {
         "{}",
         session.reason
     );
-    let set = bench.host.catalogue.model_sets.last().unwrap().at_hand.clone().unwrap();
+    let set = bench.host.newest_set();
     assert!((44.0..46.0).contains(&set.pressure_max_kpa), "{}", set.pressure_max_kpa);
 }
 

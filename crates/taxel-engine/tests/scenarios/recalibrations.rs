@@ -6,8 +6,8 @@ use std::sync::Arc;
 use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection};
-use taxel_engine::loads::validation::{Patch, judge};
 use taxel_engine::loads::{KnownLoad, Load, Validation, Weight};
+use taxel_engine::loads::{Patch, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, Recalibration, propose};
@@ -27,11 +27,6 @@ const OTHERS: [(f64, u16); 3] = [(0.45, 24), (0.55, 35), (0.65, 53)];
 
 fn too_small(plan: &mut PatchPlan) {
     plan.areas.iter_mut().for_each(|area| *area = SquareMillimetre(area.0 / OFF));
-}
-
-fn with_factor(plan: &mut PatchPlan) {
-    too_small(plan);
-    plan.area_from_loads = true;
 }
 
 /// Lays masses down one after the other and has each read as what `noted` says; the numbers of the loads.
@@ -130,37 +125,6 @@ fn masses_at_fewer_than_three_places_correct_nothing() {
     let apart = Recalibration::of(&points, Assumptions::MASSES).unwrap();
     assert!(found.found.gain_sigma() > 1.3 * apart.gain_sigma(), "{:?}, {:?} apart", found.found, apart);
     assert_eq!(found.found.line, apart.line, "the gain itself is the same");
-}
-
-#[test]
-fn the_area_factor_and_the_correction_of_the_same_loads_are_never_applied_together() {
-    let mut bench = small().in_use_with(with_factor);
-    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
-    let factor = validation(&bench).factor.unwrap().value;
-    assert!(validation(&bench).applied && (factor - OFF).abs() < 0.08, "{factor}");
-    let with_factor = ratio(&mut bench);
-    // The later loads were read with the factor applied, and the gain is that of the configured areas all the same.
-    let found = proposal(&bench, &small().set, &Chosen::default());
-    let gain = found.found.line.gain;
-    assert!((gain / factor - 1.0).abs() < 0.03, "gain {gain}, factor {factor}");
-    bench.ask(keep(&named(&found, "m-corrected"))).unwrap();
-    let seen = bench.host.snapshots.len();
-    bench.activate("m-corrected").unwrap();
-    assert_eq!((validation(&bench).factor, validation(&bench).applied), (None, false));
-    let corrected = ratio(&mut bench);
-    eprintln!(
-        "read over laid on: {with_factor:.3} with the factor, {corrected:.3} with the correction, gain {gain:.3}"
-    );
-    assert!((corrected / with_factor * factor / gain - 1.0).abs() < 0.02, "{corrected}, {with_factor}");
-    // At no moment were both in a force: while nothing lies there none is read, and a mass reads no tenth too much.
-    let most = bench.host.snapshots[seen..].iter().filter_map(|s| s.force.total).map(|n| n.0).fold(0.0, f64::max);
-    assert!(most < 0.65 * 9.81 * 1.08, "{most} N read");
-    // Loads with the corrected set make a factor of their own, near 1.
-    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
-    let again = validation(&bench).factor.unwrap().value;
-    assert!((again - 1.0).abs() < 0.05, "{again}");
-    let third = proposal(&bench, &named(&found, "m-corrected"), &Chosen::default());
-    assert!((third.found.line.gain - 1.0).abs() < 0.05 && !third.found.is_needed(), "{:?}", third.found);
 }
 
 #[test]
@@ -291,14 +255,14 @@ fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
     let mut bench = small().in_use_with(too_small);
     let numbers = weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
     let mut view = validation(&bench).clone();
-    assert!(view.loads.iter().all(|judged| judged.in_factor()));
+    assert!(view.loads.iter().all(|judged| judged.counts()));
     let mut loads: Vec<_> = view.loads.iter().rev().map(|judged| (*judged.load).clone()).collect();
     loads[0].read.reasons = vec!["module 3 is silent: the total is a lower bound".to_owned()];
     let (area_mm2, of) = (loads[0].mean_area_mm2, view.model_set.clone());
     let loads: Vec<_> = loads.into_iter().map(Arc::new).collect();
     let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, fills: true };
     view = judge(patch, &loads, of);
-    let counted = view.loads.iter().filter(|judged| judged.in_factor()).count();
+    let counted = view.loads.iter().filter(|judged| judged.counts()).count();
     assert_eq!(counted, MASSES.len() - 1);
     let chosen = Chosen { loads: numbers, ..Chosen::default() };
     let why = propose(&view, &small().set, &chosen, Assumptions::MASSES, 1).unwrap_err();
@@ -323,7 +287,7 @@ fn loads_and_their_correction_say_nothing_of_a_sum_that_is_made_in_another_way()
     let counted = |loads: &[Arc<Load>], fills| {
         let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, fills };
         let judged = judge(patch, loads, view.model_set.clone());
-        (judged.loads.iter().filter(|load| load.in_factor()).count(), judged.loads[0].outdated_because.clone())
+        (judged.loads.iter().filter(|load| load.counts()).count(), judged.loads[0].outdated_because.clone())
     };
     let said = "faulty taxels were filled by their neighbours, and are not now".to_owned();
     assert_eq!([counted(&loads, true), counted(&loads, false)], [(MASSES.len(), String::new()), (0, said)]);

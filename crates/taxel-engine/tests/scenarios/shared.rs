@@ -7,6 +7,7 @@ use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
+use taxel_engine::record::KeptZero;
 use taxel_sim::{Config, PumpCommand, Skin, World};
 use taxel_wire::TimedFrame;
 
@@ -58,6 +59,11 @@ fn calibrate(world: World, kpa_per_s: f64) -> Calibrated {
     Calibrated { skin, world: bench.world, session, set, log }
 }
 
+/// What a store has of boards that were configured so and of no zero.
+pub fn configured(plan: &PatchPlan) -> KeptZero {
+    KeptZero { configured: Some(plan.settings_sum()), ..KeptZero::default() }
+}
+
 impl Calibrated {
     /// What a store gives back after a restart with this calibration in use.
     pub fn restored(&self) -> Restored {
@@ -65,6 +71,7 @@ impl Calibrated {
             model_sets: vec![Arc::clone(&self.set).into()],
             active: vec![(self.set.patch.clone(), self.set.id.clone())],
             next_session: 2,
+            zeros: vec![(self.set.patch.clone(), configured(&patch_plan(&self.skin)))],
             ..Restored::default()
         }
     }

@@ -1,4 +1,4 @@
-//! Known loads on the skin, and the areas that they set right.
+//! Known loads on the skin.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,14 +16,6 @@ use taxel_skin::{Newton, SquareMillimetre};
 use crate::bench::Bench;
 use crate::rig::{patch_plan, plan, small_skin, small_world};
 use crate::shared::small;
-
-/// The configured areas are this much too small.
-const AREAS_OFF: f64 = 1.1;
-
-fn wrong_areas(plan: &mut PatchPlan) {
-    plan.areas.iter_mut().for_each(|area| *area = SquareMillimetre(area.0 / AREAS_OFF));
-    plan.area_from_loads = true;
-}
 
 fn known(weight: Weight) -> KnownLoad {
     KnownLoad { weight, relative_sigma: 0.005, note: "brass".to_owned(), by: "Ada".to_owned(), replaces: None }
@@ -55,75 +47,43 @@ fn weigh_known(bench: &mut Bench, kilogram: f64, centre: u16) -> Arc<Load> {
     load
 }
 
-/// Mean absolute error of the live force over a few loads that were not recorded.
-fn live_error(bench: &mut Bench) -> f64 {
-    let mut sum = 0.0;
-    for (kilogram, centre) in [(0.3, 14), (0.5, 55), (0.7, 24)] {
-        let weight = bench.lay(kilogram, centre).0;
-        bench.seconds(1.5);
-        sum += (bench.weigh(10) / weight - 1.0).abs() / 3.0;
-        bench.world.clear();
-        bench.seconds(2.0);
-    }
-    sum
-}
-
 const MASSES: [(f64, u16); 3] = [(0.4, 33), (0.6, 22), (0.8, 44)];
 
 #[test]
-fn three_masses_set_areas_right_that_are_a_tenth_off() {
-    let mut bench = small().in_use_with(wrong_areas);
-    let before = live_error(&mut bench);
+fn what_a_skin_reads_under_known_masses_is_kept_and_judged_also_after_a_restart() {
+    let mut bench = small().in_use();
     for (n, (kilogram, centre)) in MASSES.into_iter().enumerate() {
-        assert_eq!(validation(&bench).factor, None, "after {n} loads");
         let load = weigh_known(&mut bench, kilogram, centre);
-        assert_eq!((load.number, load.area_factor.to_bits()), (n as u64 + 1, 1.0_f64.to_bits()));
+        assert_eq!(load.number, n as u64 + 1);
         assert!((load.force_n - 9.80665 * kilogram).abs() < 1e-12 && load.mass_kg == Some(kilogram), "{load:?}");
         assert!((load.force_sigma_n - 0.005 * load.force_n).abs() < 1e-12);
-        assert!(load.read.scans >= 19 && load.error() < -0.05, "{load:?}");
+        assert!(load.read.scans >= 19 && load.is_within_two_sigma(), "{load:?}");
         assert_eq!((load.by.as_str(), load.note.as_str()), ("Ada", "brass"));
     }
     let view = validation(&bench).clone();
-    let factor = view.factor.expect("three loads give a factor");
-    let after = live_error(&mut bench);
-    eprintln!("k = {:.4} +- {:.4}, live error {before:.3} before, {after:.3} after", factor.value, factor.sigma);
-    assert!((factor.value - AREAS_OFF).abs() < 2.0 * factor.sigma && factor.sigma < 0.05, "{factor:?}");
-    assert!(view.applied && view.not_applied_because.is_empty(), "{view:?}");
-    assert!(view.loads.iter().all(|judged| judged.in_factor() && judged.outdated_because.is_empty()));
+    assert!(view.loads.iter().all(|judged| judged.counts() && judged.outdated_because.is_empty()));
     assert_eq!(view.loads.iter().map(|judged| judged.load.number).collect::<Vec<_>>(), [3, 2, 1]);
     let mean = view.loads.iter().map(|judged| judged.load.error().abs()).sum::<f64>() / 3.0;
     assert!((view.mean_absolute_error.unwrap() - mean).abs() < 1e-12);
-    assert!(after < 0.6 * before, "{after} after, {before} before");
-    // A load that is read with the factor in use leaves it where it is.
-    let fourth = weigh_known(&mut bench, 0.5, 33);
-    assert!((fourth.area_factor / factor.value - 1.0).abs() < 1e-12, "{fourth:?}");
-    assert!((fourth.area_uncertainty / factor.area_uncertainty - 1.0).abs() < 1e-12, "as the samples stated it");
-    assert!(fourth.is_within_two_sigma(), "{fourth:?}");
-    let again = validation(&bench).factor.unwrap();
-    assert!((again.value - factor.value).abs() < 2.0 * factor.sigma && again.loads == 4, "{again:?}");
-}
-
-#[test]
-fn three_masses_at_one_place_say_nothing_of_the_rest_of_the_skin() {
-    let mut bench = small().in_use_with(wrong_areas);
-    for kilogram in [0.4, 0.6, 0.8] {
-        weigh_known(&mut bench, kilogram, 33);
-    }
-    let view = validation(&bench).clone();
-    let factor = view.factor.expect("the factor of this place");
-    assert_eq!((factor.loads, factor.places, view.applied), (3, 1, false), "{view:?}");
-    assert!(view.not_applied_because.contains("1 of at least 3 places"), "{}", view.not_applied_because);
-    for (kilogram, centre) in [(0.6, 22), (0.8, 44)] {
-        weigh_known(&mut bench, kilogram, centre);
-    }
-    let view = validation(&bench);
-    assert!(view.applied && view.factor.unwrap().places == 3, "{view:?}");
-    // What is sent from now on knows that another place may differ.
-    let weight = bench.lay(0.5, 14).0;
-    bench.seconds(1.5);
-    let force = &bench.host.snapshots.last().unwrap().force;
-    let (total, sigma) = (force.total.unwrap().0, force.total_sigma.unwrap().0);
-    assert!(sigma > 0.03 * total && (total - weight).abs() < 2.0 * sigma, "{total} +- {sigma}, {weight} lie there");
+    let written = bench.host.records.iter();
+    let written = written.filter_map(|r| if let Record::Load(load) = r { Some(load.clone()) } else { None });
+    let loads: Vec<Arc<Load>> = written.collect();
+    assert_eq!(loads.len(), 3, "each was written once");
+    let restarted = |times: f64| {
+        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+        patch.areas.iter_mut().for_each(|area| *area = SquareMillimetre(area.0 * times));
+        let restored = Restored { loads: loads.clone(), next_load: 4, ..small().restored() };
+        let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+        bench.until_force(5.0, ForceState::Ok);
+        bench
+    };
+    let mut kept = restarted(1.0);
+    assert_eq!(*validation(&kept), view);
+    assert_eq!(weigh_known(&mut kept, 0.5, 33).number, 4);
+    // With other areas they say nothing.
+    let other = restarted(1.1);
+    assert_eq!(validation(&other).mean_absolute_error, None);
+    assert!(validation(&other).loads.iter().all(|judged| judged.outdated_because.contains("areas")));
 }
 
 #[test]
@@ -144,45 +104,6 @@ fn at_the_limit_of_loads_no_further_one_is_read() {
         let told = "there are 10000 loads, and 10000 is the limit: none can be added";
         assert!(taken || reply.unwrap_err().to_string().contains(told));
     }
-}
-
-#[test]
-fn a_restart_keeps_loads_and_factor_and_without_the_word_nothing_is_multiplied() {
-    let mut bench = small().in_use_with(wrong_areas);
-    for (kilogram, centre) in MASSES {
-        weigh_known(&mut bench, kilogram, centre);
-    }
-    let view = validation(&bench).clone();
-    let loads: Vec<Arc<Load>> = bench
-        .host
-        .records
-        .iter()
-        .filter_map(|r| if let Record::Load(load) = r { Some(load.clone()) } else { None })
-        .collect();
-    assert_eq!(loads.len(), 3, "each was written once");
-    let restarted = |change: &dyn Fn(&mut PatchPlan)| {
-        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-        change(&mut patch);
-        let restored = Restored { loads: loads.clone(), next_load: 4, ..small().restored() };
-        let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
-        bench.until_force(5.0, ForceState::Ok);
-        bench
-    };
-    let mut kept = restarted(&wrong_areas);
-    assert_eq!(*validation(&kept), view);
-    let mut off = restarted(&|plan| {
-        wrong_areas(plan);
-        plan.area_from_loads = false;
-    });
-    assert_eq!(validation(&off).factor, view.factor);
-    assert!(!validation(&off).applied && validation(&off).not_applied_because.contains("off"));
-    let (with, without) = (live_error(&mut kept), live_error(&mut off));
-    assert!(with < 0.6 * without, "{with} with the factor, {without} without");
-    assert_eq!(weigh_known(&mut kept, 0.5, 33).number, 4);
-    // Other areas, other factor: what was read with the old ones says nothing of it.
-    let other = restarted(&|plan| plan.area_from_loads = true);
-    assert_eq!((validation(&other).factor, validation(&other).mean_absolute_error), (None, None));
-    assert!(validation(&other).loads.iter().all(|judged| judged.outdated_because.contains("areas")));
 }
 
 #[test]
@@ -247,26 +168,22 @@ fn silence_ends_the_reading() {
 
 #[test]
 fn loads_beyond_the_range_replaced_ones_and_those_of_other_models_do_not_count() {
-    let mut bench = small().in_use_with(wrong_areas);
+    let mut bench = small().in_use();
     for (kilogram, centre) in MASSES {
         weigh_known(&mut bench, kilogram, centre);
     }
-    let factor = validation(&bench).factor;
     let heavy = weigh_known(&mut bench, 12.0, 33);
     assert!(heavy.read.out_of_range > 0);
-    assert_eq!(validation(&bench).factor, factor, "a lower bound says nothing of the area");
-    assert!(!validation(&bench).loads[0].in_factor() && validation(&bench).loads[0].outdated_because.is_empty());
+    assert!(!validation(&bench).loads[0].counts() && validation(&bench).loads[0].outdated_because.is_empty());
 
     bench.lay(0.5, 22);
     bench.seconds(1.5);
     let patch = String::new;
     let wrong = load_of(bench.ask(record(Weight::Kilogram(4.0))));
-    let absurd = validation(&bench);
-    assert!(!absurd.applied && absurd.not_applied_because.contains("noted wrong"), "{absurd:?}");
     let load = KnownLoad { replaces: Some(wrong.number), ..known(Weight::Kilogram(0.5)) };
     load_of(bench.ask(Command::RecordLoad { patch: patch(), load }));
     let view = validation(&bench);
-    assert!(view.applied && view.factor.unwrap().loads == 4, "{view:?}");
+    assert_eq!(view.loads.iter().filter(|judged| judged.counts()).count(), 4, "{view:?}");
     assert_eq!(view.loads[1].outdated_because, format!("load {} replaces it", wrong.number + 1));
     let load = KnownLoad { replaces: Some(99), ..known(Weight::Kilogram(0.5)) };
     let refused = bench.ask(Command::RecordLoad { patch: patch(), load });
@@ -278,21 +195,8 @@ fn loads_beyond_the_range_replaced_ones_and_those_of_other_models_do_not_count()
     bench.ask(Command::Import { model_set: other, insist: false }).unwrap();
     bench.activate("m-other").unwrap();
     let view = validation(&bench);
-    assert_eq!((view.factor, view.applied, view.mean_absolute_error), (None, false, None));
+    assert_eq!(view.mean_absolute_error, None);
     assert!(view.loads.iter().all(|judged| !judged.outdated_because.is_empty()));
     bench.activate(&small().set.id).unwrap();
-    assert!(validation(&bench).applied, "the loads of the earlier set count again with it");
-}
-
-/// A load that is read changes nothing of the world's other parts.
-#[test]
-fn the_factor_leaves_the_zero_alone() {
-    let mut bench = small().in_use_with(wrong_areas);
-    let epoch = |bench: &Bench| bench.host.snapshot().tare.as_ref().map(|tare| tare.epoch);
-    let before = epoch(&bench);
-    for (kilogram, centre) in MASSES {
-        weigh_known(&mut bench, kilogram, centre);
-    }
-    assert!(validation(&bench).applied && bench.host.snapshot().force.total.is_some());
-    assert_eq!(epoch(&bench), before);
+    assert!(validation(&bench).loads[0].counts(), "the loads of the earlier set count again with it");
 }

@@ -1,10 +1,8 @@
 //! What lies on the skin is no zero, however few taxels it lies on, and whatever its boards do meanwhile.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::command::Command;
-use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
@@ -115,14 +113,16 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
         bench.inject(Fault::SilentRetare(board(13)));
         bench.until(3.0, "the finding", |host| host.snapshot().tare.as_ref().is_some_and(|tare| !tare.valid));
         bench.seconds(1.0);
-        let board_zeros = Disk::after_a_crash(&bench.host).restored.board_zeros;
-        assert!(board_zeros.iter().all(|(_, zeros)| zeros.unproven.is_some()), "{board_zeros:?}");
-        assert_eq!(board_zeros.len(), 1);
+        let mut zeros = Disk::after_a_crash(&bench.host).restored.zeros;
+        assert!(zeros.iter().all(|(_, zero)| zero.unproven.is_some() && zero.zero.is_none()), "{zeros:?}");
+        assert_eq!(zeros.len(), 1);
         for _ in 0..2 {
             let patch = patch_plan(&ordinary().skin);
             let bring_up = if configures { patch.bring_up.clone() } else { Vec::new() };
-            let restored = Restored { board_zeros: board_zeros.clone(), ..ordinary().restored() };
-            bench = Bench::new(bench.world, plan(PatchPlan { bring_up, ..patch }), restored);
+            let patch = PatchPlan { bring_up, ..patch };
+            zeros[0].1.configured = Some(patch.settings_sum());
+            let restored = Restored { zeros: zeros.clone(), ..ordinary().restored() };
+            bench = Bench::new(bench.world, plan(patch), restored);
             bench.seconds(4.0);
             assert_eq!(bench.host.state(), ForceState::TareInvalid, "{configures}: {}", bench.host.reasons());
             assert!(bench.host.reasons().contains("it has taken a new zero"), "{}", bench.host.reasons());
@@ -147,10 +147,10 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
     }
 }
 
-/// What was last written down of the boards' zeros.
+/// What was last written down to be held against the boards' zeros.
 fn noted(bench: &Bench) -> Option<Option<String>> {
     bench.host.records.iter().rev().find_map(|record| match record {
-        Record::BoardZeros { zeros, .. } => Some(zeros.unproven.clone()),
+        Record::Zero { zero, .. } => Some(zero.unproven.clone()),
         _ => None,
     })
 }
@@ -191,124 +191,6 @@ fn a_load_that_is_lifted_without_a_zero_leaves_a_skin_at_rest() {
     }
 }
 
-/// What the look before a bring-up lets pass is zero to the boards from then on: the interval has to hold it.
-#[test]
-fn a_light_load_that_is_configured_into_the_zero_is_within_the_interval() {
-    for skin in [small(), ordinary()] {
-        let mut forces = 0;
-        for (kilogram, centre) in [0.05, 0.1, 0.15, 0.2, 0.25, 0.3].into_iter().zip([33, 70, 14, 45, 27, 64]) {
-            let mut bench = started(skin);
-            bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(centre), 3000.0)).unwrap();
-            bench.seconds(6.0);
-            forces += usize::from(bench.has_force_since(0));
-            bench.is_truthful_since(0, &format!("{kilogram} kg while the boards are configured"));
-        }
-        assert!(forces >= 2, "a light load passes for another day");
-    }
-}
-
-/// Boards that are configured once more while a light load lies in their zeros take it for nothing once more, and what is known
-/// of that stays known: only somebody who vouches for the skin may say that nothing lies there.
-#[test]
-fn a_light_load_stays_within_the_interval_through_another_bring_up_until_somebody_vouches_for_the_skin() {
-    for skin in [small(), ordinary()] {
-        let mut bench = started(skin);
-        bench.world.lay(Mass::on_disc(0.2, TaxelIndex(70), 3000.0)).unwrap();
-        bench.brought_up();
-        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
-        for (confirmed_by, knows) in [(None, true), (Some("Ada".to_owned()), false)] {
-            let before = floor(&bench);
-            let mark = bench.mark();
-            bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
-            if !knows {
-                bench.world.clear();
-            }
-            bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
-            bench.brought_up();
-            bench.tare(None).unwrap();
-            bench.until(3.0, "a force", |host| host.snapshot().force.total.is_some());
-            bench.is_truthful_since(mark, "0.2 kg while the boards are configured once more");
-            let after = floor(&bench);
-            // What the boards drew the first time is not in it any more, the load is until somebody vouches.
-            let fits = if knows { after > 9.81 * 0.2 } else { after < 0.8 * before };
-            assert!(fits, "the floor was {before} N and is {after} N");
-        }
-    }
-}
-
-/// The boards keep their zeros while the daemon is away, and so does what its look had let pass when it configured them.
-#[test]
-fn a_light_load_stays_within_the_interval_through_restarts_until_somebody_vouches_for_the_skin() {
-    for skin in [small(), ordinary()] {
-        let mut bench = started(skin);
-        let mass = Mass::on_disc(0.3, TaxelIndex(33), 3000.0);
-        bench.world.lay(mass).unwrap();
-        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
-        let before = floor(&bench);
-        for restart in 0..4 {
-            bench = restarted(bench, skin);
-            bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
-            bench.is_truthful_since(0, &format!("0.3 kg that was there before the daemon started, restart {restart}"));
-            let after = floor(&bench);
-            assert!(after > 9.81 * mass.kilogram, "the floor was {before} N and is {after} N");
-        }
-        bench.world.clear();
-        bench.ask(Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
-        bench.brought_up();
-        bench = restarted(bench, skin);
-        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
-        let after = floor(&bench);
-        assert!(after < 0.8 * before, "the floor was {before} N and is {after} N");
-    }
-}
-
-/// What the boards draw whenever they take a zero does not add up over the days.
-#[test]
-fn the_interval_of_a_skin_that_nothing_touches_does_not_grow_with_each_restart() {
-    let mut bench = started(ordinary());
-    let mut floors = Vec::new();
-    for _ in 0..60 {
-        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
-        floors.push(floor(&bench));
-        bench = restarted(bench, ordinary());
-    }
-    let mean = |floors: &[f64]| floors.iter().sum::<f64>() / floors.len() as f64;
-    let [first, last] = [mean(&floors[..20]), mean(&floors[40..])];
-    assert!(last < 1.2 * first, "{first} N in the mean, after forty restarts {last} N: {floors:.2?}");
-}
-
-/// Nor does what the models' rest lies beside what boards read that were just configured, as it does after a calibration of a
-/// skin that has warmed since they were; also where the daemon never comes as far as a force.
-#[test]
-fn the_interval_does_not_grow_with_each_restart_where_the_models_were_gathered_at_another_warmth() {
-    for (counts, lasts_s) in [(-1.0, None), (1.0, None), (-1.0, Some(2.6)), (1.0, Some(2.6))] {
-        let mut set = ModelSet::clone(&ordinary().set);
-        // On one module more than on all.
-        let module = |taxel: usize| if taxel / 10 == 3 { 3.0 } else { 1.0 };
-        set.baseline.iter_mut().enumerate().for_each(|(taxel, rest)| rest.mean += counts * module(taxel));
-        let of_set = || Restored { model_sets: vec![Arc::new(set.clone()).into()], ..ordinary().restored() };
-        let mut bench = Bench::new(ordinary().world.clone(), plan(patch_plan(&ordinary().skin)), of_set());
-        let (mut floors, mut configured) = (Vec::new(), 0);
-        for _ in 0..20 {
-            match lasts_s {
-                None => bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some()),
-                Some(seconds) => bench.seconds(seconds),
-            }
-            floors.extend(bench.host.snapshot().force.undetected.map(|undetected| undetected.at_most().0));
-            let board_zeros = Disk::after_a_crash(&bench.host).restored.board_zeros;
-            let known = board_zeros.first().and_then(|(_, zeros)| zeros.hidden.clone());
-            let mean = known.map_or(0.0, |known| known.counts.iter().sum::<f32>() / known.counts.len() as f32);
-            assert!(mean.abs() < 1.5, "{mean} counts are hidden at {counts}, {lasts_s:?}: {floors:.2?}");
-            configured += usize::from(mean != 0.0);
-            let restored = Restored { board_zeros, ..of_set() };
-            bench = Bench::new(bench.world, plan(patch_plan(&ordinary().skin)), restored);
-        }
-        let mean = |floors: &[f64]| floors.iter().sum::<f64>() / floors.len() as f64;
-        assert_eq!((floors.len(), configured > 15), (if lasts_s.is_none() { 20 } else { 0 }, true));
-        assert!(floors.is_empty() || mean(&floors[10..]) < 1.2 * mean(&floors[..10]), "{counts}: {floors:.2?} N");
-    }
-}
-
 /// A zero that somebody vouched for shows what the boards hide, and the next one, which nobody did, may hide it once more.
 #[test]
 fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interval() {
@@ -331,37 +213,9 @@ fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interva
     }
 }
 
-/// What presses on all of the skin and activates no taxel is part of the boards' zeros after a bring-up that nobody vouched for.
-#[test]
-fn what_presses_too_lightly_to_be_felt_stays_within_the_interval_through_a_bring_up() {
-    for kilogram in [0.05, 0.1, 0.15, 0.2] {
-        let mut bench = started(small());
-        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
-        bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(45), 4000.0)).unwrap();
-        bench.seconds(3.0);
-        let mark = bench.mark();
-        bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
-        bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
-        bench.brought_up();
-        bench.tare(None).unwrap();
-        bench.until(3.0, "a force", |host| host.snapshot().force.total.is_some());
-        bench.is_truthful_since(mark, &format!("{kilogram} kg on most of the skin"));
-    }
-}
-
-fn floor(bench: &Bench) -> f64 {
-    bench.host.snapshot().force.undetected.unwrap().at_most().0
-}
-
-/// The daemon starts beside a skin that is calibrated, and configures its boards.
+/// The daemon starts beside a skin that is calibrated and streams.
 fn started(skin: &Calibrated) -> Bench {
     Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored())
-}
-
-/// The daemon starts anew beside the same skin, with what the store has.
-fn restarted(bench: Bench, skin: &Calibrated) -> Bench {
-    let board_zeros = Disk::after_a_crash(&bench.host).restored.board_zeros;
-    Bench::new(bench.world, plan(patch_plan(&skin.skin)), Restored { board_zeros, ..skin.restored() })
 }
 
 /// A skin that became colder lies away from load everywhere, and so hides a light load.
@@ -398,24 +252,6 @@ fn a_skin_that_warms_at_once_while_all_of_it_is_touched_is_within_the_interval()
         assert!(bench.has_force_since(mark));
         bench.is_truthful_since(mark, &format!("{kelvin} K while a bag presses by {kpa_per_s} kPa more each second"));
     }
-}
-
-/// A board that took a new zero under a load while there was none reads as a skin at rest, and would take the load for its
-/// zero once more if it were configured.
-#[test]
-fn boards_are_not_configured_while_a_load_may_hide_in_the_zero_of_one() {
-    let mut bench = started(ordinary());
-    bench.lay(1.0, 33);
-    bench.seconds(3.0);
-    let mark = bench.mark();
-    bench.inject(Fault::SilentRetare(board(13)));
-    bench.seconds(5.0);
-    assert!(!bench.has_force_since(mark), "configured under a load");
-    assert!(bench.host.reasons().contains("it has taken a new zero"), "{}", bench.host.reasons());
-    bench.world.clear();
-    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
-    bench.until_force(5.0, ForceState::Ok);
-    bench.is_truthful_since(mark, "a new zero under a load before the boards were configured");
 }
 
 /// Five lost acknowledgements under a load, after which a board takes a new zero by itself: nor is that taken for rest.

@@ -59,7 +59,11 @@ fn facts(daemon: &Daemon) -> Named {
 }
 
 fn named(facts: &Facts) -> Named {
-    let sessions = facts.sessions.iter().map(|(number, (state, set))| (*number, (*state, set.map(id_of)))).collect();
+    let sessions = facts
+        .sessions
+        .iter()
+        .filter_map(|(number, (_, set))| Some((*number, (facts.seen(*number)?, set.map(id_of)))))
+        .collect();
     let mut sets: Vec<String> = facts.known.iter().copied().map(id_of).collect();
     sets.sort();
     (sessions, sets, facts.active.map(id_of))

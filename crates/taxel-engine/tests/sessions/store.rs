@@ -7,9 +7,9 @@ use taxel_engine::Restored;
 use taxel_engine::calibration::{NotLoaded, SessionSamples, SessionState, SessionView};
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::Record;
+use taxel_engine::record::{KeptZero, Record};
 
-use crate::world::PATCH;
+use crate::world::{PATCH, plan};
 
 #[derive(Default)]
 pub struct Store {
@@ -62,7 +62,7 @@ impl Store {
                 | Record::Load(_)
                 | Record::Asked(_)
                 | Record::Answered(_)
-                | Record::BoardZeros { .. } // of boards, which do not take part here
+                | Record::Zero { .. } // which do not take part here
                 | Record::Tared { .. } => {}
             }
         }
@@ -86,7 +86,9 @@ impl Store {
             false => KnownSet::stored(SetSummary::of(&set)),
         };
         let model_sets = model_sets.into_iter().map(known).collect();
-        Restored { model_sets, active, sessions, next_session: newest.unwrap_or(0) + 1, ..Restored::default() }
+        let configured = Some(plan().patches[0].settings_sum());
+        let zeros = vec![(PATCH.to_owned(), KeptZero { configured, ..KeptZero::default() })];
+        Restored { model_sets, active, sessions, next_session: newest.unwrap_or(0) + 1, zeros, ..Restored::default() }
     }
 
     /// The model set of this id.

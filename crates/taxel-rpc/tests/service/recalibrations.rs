@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use taxel_engine::command::{Command, Done};
-use taxel_engine::loads::{AreaFactor, JudgedLoad, Load, Reading, Validation};
+use taxel_engine::loads::{JudgedLoad, Load, Reading, Validation};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
@@ -13,11 +13,11 @@ use crate::fixture::{Daemon, FOREARM, model_set, start};
 
 type Client = ValidationServiceClient<tonic::transport::Channel>;
 
-/// A load under which a skin reads a tenth too little, read while the areas were multiplied by 1.05.
+/// A load under which a skin reads a tenth too little.
 fn load(number: u64, noted_times: f64) -> JudgedLoad {
     let laid_n = number as f64 + 2.0;
     let taxels = vec![number as u16]; // each at another place
-    let read = Reading { scans: 20, mean_n: 1.05 * laid_n / 1.1, sigma_n: 0.2, taxels, ..Reading::default() };
+    let read = Reading { scans: 20, mean_n: laid_n / 1.1, sigma_n: 0.2, taxels, ..Reading::default() };
     let load = Load {
         number,
         patch: FOREARM.to_owned(),
@@ -26,7 +26,6 @@ fn load(number: u64, noted_times: f64) -> JudgedLoad {
         read,
         model_set: "m-1".to_owned(),
         mean_area_mm2: 32.4,
-        area_factor: 1.05,
         ..Load::default()
     };
     JudgedLoad { load: Arc::new(load), outdated_because: String::new(), left_out_because: String::new() }
@@ -41,14 +40,8 @@ async fn daemon(loads: Vec<JudgedLoad>) -> (Daemon, Client) {
 }
 
 fn publish(daemon: &Daemon, loads: Vec<JudgedLoad>) {
-    let view = Validation {
-        patch: FOREARM.to_owned(),
-        model_set: Some("m-1".to_owned()),
-        loads,
-        factor: Some(AreaFactor { value: 1.05, sigma: 0.01, loads: 5, places: 5, unplaced: 0, area_uncertainty: 0.03 }),
-        applied: true,
-        ..Validation::default()
-    };
+    let view =
+        Validation { patch: FOREARM.to_owned(), model_set: Some("m-1".to_owned()), loads, ..Validation::default() };
     daemon.engine().catalogue(Arc::new(Catalogue {
         model_sets: vec![model_set("m-1", FOREARM).into()],
         active: vec![(FOREARM.to_owned(), Some("m-1".to_owned()))],
@@ -78,7 +71,7 @@ async fn what_is_accepted_is_what_was_proposed_and_reaches_the_engine_once() {
     assert!(daemon.requests.try_recv().is_err(), "a proposal asks nothing of the engine");
     assert!((got.gain - 1.1).abs() < 1e-9, "of the configured areas: {got:?}");
     assert_eq!((got.source.as_str(), got.contradicts, got.needed), ("m-1", 0, true));
-    assert!(got.refused_because.is_empty() && got.points.len() == 6 && got.area_factor == Some(1.05), "{got:?}");
+    assert!(got.refused_because.is_empty() && got.points.len() == 6, "{got:?}");
     assert!(got.relative_sigma > 0.03 && got.gain_sigma < 0.03, "{got:?}");
     let (answer, ()) = tokio::join!(client.recalibrate(accept(&got.model_set)), async {
         let request = daemon.requests.recv().await.unwrap();

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
-use taxel_engine::loads::{AreaFactor, JudgedLoad, Load, Reading, Validation, Weight};
+use taxel_engine::loads::{JudgedLoad, Load, Reading, Validation, Weight};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::record_load_request::Load as Laid;
@@ -18,10 +18,8 @@ fn load(number: u64, error: f64) -> Arc<Load> {
         scatter_n: 0.02,
         sigma_n: 0.2,
         out_of_range: 1,
-        uncovered_share: 0.05,
         reasons: vec!["1 taxels have a fault".to_owned()],
         taxels: vec![3, 4, 230],
-        filled_share: 0.25,
     };
     Arc::new(Load {
         number,
@@ -37,8 +35,6 @@ fn load(number: u64, error: f64) -> Arc<Load> {
         model_set: "m-1".to_owned(),
         mean_area_mm2: 32.4,
         filled: None,
-        area_factor: 1.0,
-        area_uncertainty: 0.05,
     })
 }
 
@@ -84,7 +80,6 @@ async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
         within_two_sigma: false,
         reasons: vec!["1 taxels have a fault".to_owned()],
         model_set: "m-1".to_owned(),
-        area_factor: 1.0,
         replaces: 2,
         outdated_because: String::new(),
         left_out_because: String::new(),
@@ -126,7 +121,7 @@ async fn what_is_no_load_is_refused_before_the_engine() {
 }
 
 #[tokio::test]
-async fn a_validation_shows_loads_errors_and_the_factor() {
+async fn a_validation_shows_loads_and_errors() {
     let daemon = start().await;
     let mut client = ValidationServiceClient::new(daemon.connect().await);
     let empty = client.get_validation(v1::PatchRequest::default()).await.unwrap().into_inner();
@@ -144,24 +139,11 @@ async fn a_validation_shows_loads_errors_and_the_factor() {
         model_set: Some("m-1".to_owned()),
         loads,
         mean_absolute_error: Some(0.02),
-        factor: Some(AreaFactor {
-            value: 1.1,
-            sigma: 0.01,
-            loads: 1_298,
-            places: 40,
-            unplaced: 0,
-            area_uncertainty: 0.0325,
-        }),
-        applied: true,
-        not_applied_because: String::new(),
     };
     daemon.engine().catalogue(Arc::new(Catalogue { validations: vec![Arc::new(view)], ..Catalogue::default() }));
     let got = client.get_validation(v1::PatchRequest::default()).await.unwrap().into_inner();
     assert_eq!((got.model_set.as_str(), got.loads.len()), ("m-1", 1_000));
     assert_eq!(got.mean_absolute_error_percent, Some(2.0));
-    let not_applied_because = String::new();
-    let factor = v1::AreaFactor { value: 1.1, sigma: 0.01, loads: 1_298, not_applied_because, places: 40 };
-    assert_eq!(got.area_factor, Some(factor));
     let newest = &got.loads[0];
     assert!(newest.load == 1_299 && newest.within_two_sigma, "{newest:?}");
 }

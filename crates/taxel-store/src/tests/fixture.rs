@@ -10,7 +10,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
 use taxel_engine::loads::{Load, Reading};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::{BoardZeros, RampBaseline, Record, Sample};
+use taxel_engine::record::{KeptZero, RampBaseline, Record, Sample};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
 
 use crate::{Batch, Durability, Quarantined, Store, StoreError, StoreEvent, models_json};
@@ -167,19 +167,18 @@ pub fn load(number: u64) -> Record {
         note: "on the wrist".to_owned(),
         force_n: number as f64 / 1.7,
         read,
-        area_factor: 1.0,
         ..Load::default()
     }))
 }
 
 pub fn zeros(unproven: Option<&str>) -> Record {
     let unproven = unproven.map(str::to_owned);
-    Record::BoardZeros { patch: PATCH.to_owned(), zeros: BoardZeros { unproven, ..BoardZeros::default() }, wall_ns: 0 }
+    Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { unproven, ..KeptZero::default() }, wall_ns: 0 }
 }
 
 /// Whether every zero of the patch needs confirmation.
 pub fn is_doubted(restored: &Restored) -> bool {
-    restored.board_zeros.iter().any(|(patch, zeros)| patch == PATCH && zeros.unproven.is_some())
+    restored.zeros.iter().any(|(patch, zero)| patch == PATCH && zero.unproven.is_some())
 }
 
 /// A store whose events can be received.

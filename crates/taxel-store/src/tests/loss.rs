@@ -65,14 +65,14 @@ fn started(closed: bool, what: &str, change: impl Fn(&Path), from: From) {
     }
     if from != From::File {
         assert!(!found.is_empty() && !restored.problems.is_empty(), "{what} is not told");
-        assert_eq!(is_doubted(&restored), from == From::Copy, "{what}: {:?}", restored.board_zeros);
+        assert_eq!(is_doubted(&restored), from == From::Copy, "{what}: {:?}", restored.zeros);
     }
     // It takes new ones, and the next start says nothing and believes no zero either.
     write(&store, vec![session(9, SessionState::Aborted)]).unwrap();
     store.close().unwrap();
     let (store, again, found, _events) = open(&path);
     assert_eq!((again.active, found), (restored.active, vec![]), "{what}, again");
-    assert_eq!(again.board_zeros, restored.board_zeros, "{what}, again");
+    assert_eq!(again.zeros, restored.zeros, "{what}, again");
     assert!(!beside(&path, NEW).exists());
     store.close().unwrap();
 }

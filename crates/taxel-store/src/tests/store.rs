@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use taxel_engine::calibration::SessionState;
 use taxel_engine::counts::SharedCounts;
-use taxel_engine::record::{BoardZeros, HiddenCounts, Record, Sample};
+use taxel_engine::record::{KeptZero, Record, Sample, TakenZero};
 use taxel_skin::CountRange;
 
 use super::fixture::*;
@@ -45,14 +45,20 @@ fn a_restart_finds_everything_again() {
 fn loads_zeros_and_the_audit_log_come_back_and_numbers_go_on() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
-    let hidden = HiddenCounts { counts: vec![0.1, 0.0], reads: vec![f32::NAN, 241.3] };
-    let known = BoardZeros {
+    let zero = TakenZero {
+        mean: vec![0.1, f64::NAN],
+        noise: vec![0.5, f64::NAN],
+        pads: vec![[Some(200.5), None]],
+        ..TakenZero::default()
+    };
+    let known = KeptZero {
+        configured: Some(u32::MAX),
         unproven: Some("a load: 2 N".to_owned()),
         excused: Some("m-1".to_owned()),
-        hidden: Some(Arc::new(hidden)),
+        zero: Some(Arc::new(zero)),
     };
     let (store, ..) = open(&path);
-    let noted = Record::BoardZeros { patch: PATCH.to_owned(), zeros: known.clone(), wall_ns: 0 };
+    let noted = Record::Zero { patch: PATCH.to_owned(), zero: known.clone(), wall_ns: 0 };
     write(&store, vec![load(1), load(2), asked(1), asked(2), answered(1), noted]).unwrap();
     store.close().unwrap();
     let (store, restored, quarantined, _events) = open(&path);
@@ -65,7 +71,7 @@ fn loads_zeros_and_the_audit_log_come_back_and_numbers_go_on() {
         })
         .collect();
     assert_eq!(restored.loads, given);
-    assert_eq!(format!("{:?}", restored.board_zeros), format!("{:?}", [(PATCH.to_owned(), known)]));
+    assert_eq!(format!("{:?}", restored.zeros), format!("{:?}", [(PATCH.to_owned(), known)]));
     // A new run numbers its requests anew.
     write(&store, vec![asked(1), answered(1)]).unwrap();
     let all = entries(&store, u64::MAX, 100).unwrap();

@@ -99,9 +99,5 @@ fn print_all(validation: &Validation) -> Outcome {
     if let Some(error) = validation.mean_absolute_error_percent {
         say!("mean absolute error: {error:.1} %");
     }
-    if let Some(factor) = &validation.area_factor {
-        let used = Some(factor.not_applied_because.as_str()).filter(|why| !why.is_empty()).unwrap_or("applied");
-        say!("area factor from {} loads: {:.3} +- {:.3}, {used}", factor.loads, factor.value, factor.sigma);
-    }
     Ok(())
 }

@@ -95,7 +95,4 @@ fn print(proposal: &Recalibration) {
     if !proposal.needed {
         say!("that is no more than the loads can tell: there is nothing to correct");
     }
-    if let Some(factor) = proposal.area_factor {
-        say!("the area factor {factor:.3} is of the same loads: it ends when the new set comes into use");
-    }
 }

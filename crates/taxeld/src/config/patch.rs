@@ -12,7 +12,7 @@ use super::boards::boards;
 use super::dbc::DbcFile;
 use super::file::{BusSource, Config, beside};
 use super::limits::{fit_options, gauge_uncertainty, live, session, tare};
-use super::patch_section::{AreaFactorWord, AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
+use super::patch_section::{AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
 use super::ports;
 use super::problem::{Faults, Said};
 use crate::files::read_any_text;
@@ -79,7 +79,6 @@ pub fn patch_plan(
     Some(PatchPlan {
         areas,
         area_uncertainty: area_uncertainty(section, faults),
-        area_from_loads: section.area_factor == AreaFactorWord::FromLoads,
         bring_up: if section.listen_only || section.port.is_some() { Vec::new() } else { setups },
         devices,
         pushed: push,

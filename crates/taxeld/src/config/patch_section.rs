@@ -33,9 +33,6 @@ pub struct PatchSection {
     pub area_mm2: Option<f64>,
     /// Relative standard uncertainty of the area; by default as little as is known of it.
     pub area_uncertainty: Option<f64>,
-    /// Whether the areas are multiplied by the factor that known loads give.
-    #[serde(default)]
-    pub area_factor: AreaFactorWord,
     /// What a force sample carries beside the total.
     #[serde(default)]
     pub outputs: Vec<OutputWord>,
@@ -79,17 +76,6 @@ pub enum AreaWord {
     Template,
     /// `area_mm2` for each, as in the paper.
     Equal,
-}
-
-/// `area_factor`
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum AreaFactorWord {
-    /// Areas are used as configured.
-    #[default]
-    Off,
-    /// Areas are multiplied by the factor that known loads give, once there are three.
-    FromLoads,
 }
 
 /// A part of the force sample.

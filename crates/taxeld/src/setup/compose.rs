@@ -112,7 +112,8 @@ pub fn compose(sources: &Sources, source: Option<&Source<'_>>, given: bool) -> R
     }
     let area_mm2 = area(sources, &boards);
     if area_mm2.is_some() {
-        let words = "the area of a taxel is estimated: known loads (area_factor = \"from-loads\") tell it better";
+        let words =
+            "the area of a taxel is estimated: known loads (`taxeld load`, `taxeld recalibrate`) tell it better";
         open.push(words.to_owned());
     }
     Ok(PatchDraft {

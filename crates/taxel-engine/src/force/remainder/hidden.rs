@@ -7,9 +7,7 @@
 //! colder one does, hides a contact by as much, so a contact is told from the median taxel then. Boards that took a zero
 //! of their own since the models were gathered leave a residue on every taxel, which may hide a load as well: how far the
 //! taxels lie apart is how large these are, `H` has the standard uncertainty `sqrt(sum (w d)^2)` of its taxels, `d` from the
-//! median deviation. And where the daemon configured the boards, their zero holds whatever its look before had let pass:
-//! that is added to every `h`, less the median of the skin where that lay away from load. Where somebody has vouched for a zero
-//! since, the same is told from that zero, and what is more counts.
+//! median deviation. Where somebody has confirmed a zero since, the same is told from that zero, and what is more counts.
 
 use std::ops::Range;
 
@@ -25,10 +23,7 @@ pub struct Rest<'a> {
     pub zero: &'a [TaxelBaseline],
     /// The same without what it has followed of the temperature since it was taken.
     pub taken: &'a [TaxelBaseline],
-    /// How far each taxel lay from the rest of the models when the boards took zeros of their own, counts; empty where nobody
-    /// looked.
-    pub hidden: &'a [f32],
-    /// The zero that somebody vouched for since they took these, one per taxel; empty without one.
+    /// The zero that somebody confirmed since the boards took theirs, one per taxel; empty without one.
     pub vouched: &'a [TaxelBaseline],
 }
 
@@ -41,13 +36,13 @@ pub(super) struct Hidden {
 }
 
 impl Hidden {
-    /// The more of what it may hide beside the models' rest, and beside a zero that somebody vouched for.
+    /// The more of what it may hide beside the models' rest, and beside a zero that somebody confirmed.
     pub(super) fn of(tables: &Tables, shares: &[Share], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
         let models = Self::beside(tables, shares, &tables.set().baseline, rest, modules);
         if rest.vouched.is_empty() {
             return models;
         }
-        let vouched = Self::beside(tables, shares, rest.vouched, Rest { hidden: &[], ..rest }, modules);
+        let vouched = Self::beside(tables, shares, rest.vouched, rest, modules);
         if vouched.upper_n() > models.upper_n() { vouched } else { models }
     }
 
@@ -59,14 +54,10 @@ impl Hidden {
         rest: Rest<'_>,
         modules: &[Range<usize>],
     ) -> Self {
-        // What lay away from load as a whole is warmth, and hides no less of a load.
-        let hidden =
-            |taxel: usize| rest.hidden.get(taxel).map_or(0.0, |counts| f64::from(*counts) * tables.sign(taxel));
-        let away = median((0..rest.hidden.len()).map(hidden)).unwrap_or(0.0).min(0.0);
         let moved = |taxel: usize| {
             let then = other.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
             let counts = (rest.taken.get(taxel)?.mean - then.mean) * tables.sign(taxel);
-            counts.is_finite().then_some(counts + hidden(taxel) - away)
+            counts.is_finite().then_some(counts)
         };
         let all: Vec<Option<f64>> = (0..shares.len()).map(moved).collect();
         let middle = median(all.iter().copied().flatten()).unwrap_or(0.0);
@@ -113,19 +104,17 @@ mod tests {
     struct Zero {
         tables: Tables,
         zero: Vec<TaxelBaseline>,
-        hidden: Vec<f32>,
         vouched: Vec<TaxelBaseline>,
     }
 
     impl Zero {
-        /// Taxels that have moved so many counts towards load since the models' zero, and had done so before the boards took
-        /// zeros of their own.
-        fn new(moved: impl Fn(usize) -> f64, before: impl Fn(usize) -> f32) -> Self {
+        /// Taxels that have moved so many counts towards load since the models' zero.
+        fn new(moved: impl Fn(usize) -> f64) -> Self {
             let at = |moved: f64| TaxelBaseline { mean: f64::from(REST) - moved, noise: 0.5 };
             let zero: Vec<TaxelBaseline> = (0..TAXELS).map(|taxel| at(moved(taxel))).collect();
             // Curves are read from the models' zero on, as the figures below are.
             let tables = Tables::new(set(TAXELS), &rest(TAXELS), &[AREA; TAXELS], ACTIVATION);
-            Self { tables, zero, hidden: (0..TAXELS).map(|taxel| -before(taxel)).collect(), vouched: Vec::new() }
+            Self { tables, zero, vouched: Vec::new() }
         }
 
         fn force_n(&self, counts: f64) -> f64 {
@@ -137,7 +126,7 @@ mod tests {
                 .map(|taxel| Share::of(&self.tables, self.zero[taxel], ACTIVATION, taxel).unwrap_or_default())
                 .collect();
             let modules: Vec<Range<usize>> = (0..TAXELS / 10).map(|module| 10 * module..10 * module + 10).collect();
-            let rest = Rest { zero: &self.zero, taken: &self.zero, hidden: &self.hidden, vouched: &self.vouched };
+            let rest = Rest { zero: &self.zero, taken: &self.zero, vouched: &self.vouched };
             Hidden::of(&self.tables, &shares, rest, &modules)
         }
     }
@@ -170,7 +159,7 @@ mod tests {
             ("residues under a load", |t| if t % 2 == 0 { 2.0 } else { 0.0 }, 50.0, all),
         ];
         for (what, moved, counts, deviations) in table {
-            let zero = Zero::new(moved, |_| 0.0);
+            let zero = Zero::new(moved);
             let (weight, found) = (zero.force_n(3.0) / 3.0, zero.hidden());
             let (is, sigma) = (found.newton / weight, found.sigma_n / weight);
             let fits = (is - counts).abs() < 1e-4 && (sigma - 1.4826 * deviations).abs() < 1e-4;
@@ -180,28 +169,22 @@ mod tests {
 
     #[test]
     fn beyond_the_threshold_skin_is_stiffer_and_the_curve_says_how_much() {
-        let zero = Zero::new(|taxel| if taxel == 7 { 20.0 } else { 0.0 }, |_| 0.0);
+        let zero = Zero::new(|taxel| if taxel == 7 { 20.0 } else { 0.0 });
         let linear = 20.0 * zero.force_n(3.0) / 3.0;
         let curve = zero.force_n(20.0);
         assert!((zero.hidden().newton - curve.max(linear)).abs() < 1e-6, "{:?} {curve} {linear}", zero.hidden());
     }
 
     #[test]
-    fn what_a_look_had_let_pass_before_boards_took_zeros_of_their_own_is_hidden_too() {
+    fn beside_a_zero_that_somebody_confirmed_it_may_be_more_and_is_never_less() {
         let weight = |zero: &Zero| zero.force_n(3.0) / 3.0;
-        let both = Zero::new(|_| 0.5, |_| 0.25);
-        assert!((both.hidden().newton - 37.5 * weight(&both)).abs() < 1e-6, "{:?}", both.hidden());
-        // What lay away from load as a whole is warmth, and takes nothing off.
-        let colder = Zero::new(|_| 0.5, |taxel| if taxel < 10 { 1.0 } else { -2.0 });
-        assert!((colder.hidden().newton - (25.0 + 30.0) * weight(&colder)).abs() < 1e-6, "{:?}", colder.hidden());
-        // Beside a zero that somebody vouched for it may be more, and is never less.
-        for (vouched_at, counts) in [(0.5, 37.5), (-0.5, 50.0), (f64::NAN, 37.5)] {
-            let mut vouched = Zero::new(|_| 0.5, |_| 0.25);
-            vouched.vouched = Zero::new(|_| vouched_at, |_| 0.0).zero;
-            assert!((vouched.hidden().newton - counts * weight(&vouched)).abs() < 1e-6, "{:?}", vouched.hidden());
+        for (confirmed_at, counts) in [(0.5, 25.0), (-0.5, 50.0), (f64::NAN, 25.0)] {
+            let mut zero = Zero::new(|_| 0.5);
+            zero.vouched = Zero::new(|_| confirmed_at).zero;
+            assert!((zero.hidden().newton - counts * weight(&zero)).abs() < 1e-6, "{:?}", zero.hidden());
         }
-        // Of one without a zero nothing is.
-        let unknown = Zero::new(|taxel| if taxel == 0 { f64::NAN } else { 0.5 }, |_| 0.25);
-        assert!((unknown.hidden().newton - 36.75 * weight(&unknown)).abs() < 1e-6, "{:?}", unknown.hidden());
+        // Of a taxel without a zero nothing is.
+        let unknown = Zero::new(|taxel| if taxel == 0 { f64::NAN } else { 0.5 });
+        assert!((unknown.hidden().newton - 24.5 * weight(&unknown)).abs() < 1e-6, "{:?}", unknown.hidden());
     }
 }

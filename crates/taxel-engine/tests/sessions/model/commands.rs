@@ -19,7 +19,7 @@ impl Model {
                 Answer::Refused
             }
             Step::StartSession => {
-                if self.open().is_some() || self.presses() || self.gauge_gone() || self.boards_wait {
+                if self.open().is_some() || self.presses() || self.gauge_gone() {
                     return Answer::Refused;
                 }
                 let number = self.next_session;
@@ -32,7 +32,7 @@ impl Model {
             Step::StartRamp(number) if self.state(number) == Some(S::Active) => self.command(Step::StartSession),
             Step::StartRamp(number) => {
                 let can = matches!(self.state(number), Some(S::Review | S::Interrupted | S::Failed | S::Aborted));
-                if !can || self.presses() || self.gauge_gone() || self.boards_wait || !self.take_up(number) {
+                if !can || self.presses() || self.gauge_gone() || !self.take_up(number) {
                     return Answer::Refused;
                 }
                 self.want_zero(number);
@@ -67,7 +67,7 @@ impl Model {
                     return Answer::Refused;
                 }
                 self.lose_zero();
-                (self.boards_ready, self.boards_wait, self.whole) = (false, false, false);
+                (self.boards_ready, self.whole) = (false, false);
                 (self.unseen, self.unjudged) = (false, None); // it is vouched for
                 Answer::Done
             }

@@ -54,11 +54,7 @@ impl Model {
     }
 
     fn put_to_use(&mut self, set: Set) {
-        let before = self.live.active.replace(set);
-        let taring = matches!(self.open(), Some((_, S::Taring)));
-        if self.unseen && !self.heard && !taring {
-            (self.boards_wait, self.unseen) = (true, false); // in time for a look at the boards
-        }
+        self.live.active = Some(set);
         let is_own = |fit: usize| self.fits[fit].has_ramp && self.begun.contains(&self.fits[fit].session);
         let own = matches!(set, Set::Fit(fit) if is_own(fit));
         if let Some(since) = self.unjudged.replace(if own { Since::Own } else { Since::Others }) {
@@ -66,14 +62,6 @@ impl Model {
             self.unseen = !own || (self.unseen && since != Since::Others);
         } else {
             self.unjudged = None;
-        }
-        let (old, new) = (before.and_then(|old| self.owner(old)), self.owner(set));
-        if let Some(old) = old.filter(|old| Some(*old) != new && self.state(*old) == Some(S::Active)) {
-            self.enter(old, S::Review);
-        }
-        let can = |state| matches!(state, Some(S::Review | S::Aborted | S::Failed | S::Interrupted));
-        if let Some(new) = new.filter(|new| can(self.state(*new))) {
-            self.enter(new, S::Active);
         }
     }
 
@@ -94,7 +82,7 @@ impl Model {
         }
     }
 
-    /// Only what is on disk is left. Of it, what was open is interrupted, and a session is ACTIVE if its set is.
+    /// Only what is on disk is left. Of it, what was open is interrupted, and no zero.
     pub(super) fn restart(&mut self) {
         let mut live = self.on_disk.clone();
         let newest = live.sessions.keys().next_back().copied();
@@ -106,22 +94,13 @@ impl Model {
         self.recorded = self.on_disk.clone();
         self.next_session = newest.unwrap_or(0) + 1;
         self.live = live;
-        let active = self.live.active;
-        for (number, (state, set)) in self.live.sessions.clone() {
-            match state {
-                S::Active if set != active => self.enter(number, S::Review),
-                S::Review if active.is_some() && set == active => self.enter(number, S::Active),
-                _ => {}
-            }
-        }
         self.fits.iter_mut().for_each(|fit| fit.out = false);
         (self.held, self.tare, self.disk) = (None, None, Disk::Fast);
         self.pending.clear();
         self.waiting.clear();
         self.settled.clear();
-        // Without models nobody can tell what a load would look like.
-        (self.gauge_fresh, self.boards_ready, self.boards_wait) = (false, false, self.live.active.is_some());
-        (self.heard, self.unseen) = (false, !self.boards_wait); // the store of these tests keeps no doubts
+        // The boards stream as they were configured, and the store of these tests keeps no doubts.
+        (self.gauge_fresh, self.boards_ready, self.heard, self.unseen) = (false, false, false, false);
         (self.unjudged, self.whole) = (None, false);
         self.begun.clear();
     }

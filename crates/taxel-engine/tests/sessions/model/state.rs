@@ -25,6 +25,15 @@ pub struct Facts {
     pub ramped: BTreeSet<u64>,
 }
 
+impl Facts {
+    /// The state of a session as readers see it: one whose set is in use is ACTIVE, unless it is open or laid aside.
+    pub fn seen(&self, number: u64) -> Option<S> {
+        let (state, set) = *self.sessions.get(&number)?;
+        let stays = matches!(state, S::Taring | S::Ramping | S::Fitting | S::Discarded);
+        Some(if !stays && set.is_some() && set == self.active { S::Active } else { state })
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pending {
     Activate { request: u64, set: Set },
@@ -59,11 +68,9 @@ pub struct Model {
     pub(super) kpa: u32,
     pub(super) gauge_fresh: bool,
     pub(super) boards_ready: bool,
-    /// The boards wait to be configured until it is known that nothing presses on them.
-    pub(super) boards_wait: bool,
     /// Whether a frame has come since the start.
     pub(super) heard: bool,
-    /// They were configured while no set was active that would have shown a load, and no zero has been taken since.
+    /// They were configured while there was no force that would have shown a load, and no zero has been taken since.
     pub(super) unseen: bool,
     /// A session took a zero all the same, which counts only for the models of sessions that took one since the start; and
     /// whether models are in use since, these or others.
@@ -105,7 +112,6 @@ impl Model {
             kpa: 0,
             gauge_fresh: false,
             boards_ready: false,
-            boards_wait: false,
             heard: false,
             unseen: true,
             unjudged: None,
@@ -137,7 +143,7 @@ impl Model {
     }
 
     pub(super) fn state(&self, number: u64) -> Option<S> {
-        self.live.sessions.get(&number).map(|(state, _)| *state)
+        self.live.seen(number)
     }
 
     /// How a session is about to end.

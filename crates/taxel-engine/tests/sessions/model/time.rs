@@ -27,9 +27,6 @@ impl Model {
         if self.just_trusted && how != Passing::Hold {
             return false; // whether the watch that goes on ends before that
         }
-        if self.boards_wait && !matches!(how, Passing::Hold | Passing::GaugeSilent) {
-            return false; // how much of a change they see before they are configured
-        }
         let zero_waits = self.pending.iter().any(|pending| matches!(pending, Pending::Zero { good: true, .. }));
         if how == Passing::Vent && self.kpa > 0 && zero_waits {
             return false; // whether so much vanishes at once that the zero counts as lost before it is on disk
@@ -91,8 +88,7 @@ impl Model {
         (self.heard, self.just_trusted) = (true, false);
         self.whole |= how != Passing::ModuleSilent;
         self.gauge_fresh = how != Passing::GaugeSilent;
-        self.boards_wait &= before > 0;
-        self.boards_ready = !self.boards_wait;
+        self.boards_ready = true;
         let still = before == self.kpa;
         if let Some((request, confirmed)) = self.tare.take() {
             let proven = self.live.active.is_some() && self.kpa == 0 && !self.unseen;

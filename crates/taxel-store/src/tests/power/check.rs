@@ -68,7 +68,7 @@ fn held(store: &Store, restored: &Restored) -> Result<Held, String> {
         set_of(store, &set.id).map_err(text)?;
         held.sets.insert(set.id.clone());
     }
-    held.zeros = restored.board_zeros.first().map(|(_, zeros)| zeros.clone()).unwrap_or_default();
+    held.zero = restored.zeros.first().map(|(_, zero)| zero.clone()).unwrap_or_default();
     held.active = restored.active.first().map(|(_, id)| id.clone());
     for view in &restored.sessions {
         let samples = samples_of(store, view.number).map_err(text)?.samples;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use taxel_engine::calibration::SessionState;
-use taxel_engine::record::{BoardZeros, HiddenCounts, Record, Sample};
+use taxel_engine::record::{KeptZero, Record, Sample, TakenZero};
 
 use crate::tests::fixture::*;
 
@@ -32,8 +32,8 @@ pub struct Held {
     pub sessions: BTreeMap<u64, u64>,
     /// Known loads.
     pub loads: usize,
-    /// What is known of the boards' zeros.
-    pub zeros: BoardZeros,
+    /// What is known of the zero.
+    pub zero: KeptZero,
     /// Requests in the audit log, and results.
     pub asked: usize,
     pub answered: usize,
@@ -51,7 +51,7 @@ impl Held {
                 Record::ModelSetDeleted { model_set, .. } => drop(self.sets.remove(model_set)),
                 Record::SessionDeleted { session, .. } => drop(self.sessions.remove(session)),
                 Record::Load(_) => self.loads += 1,
-                Record::BoardZeros { zeros, .. } => self.zeros.clone_from(zeros),
+                Record::Zero { zero, .. } => self.zero.clone_from(zero),
                 Record::Asked(_) => self.asked += 1,
                 Record::Answered(_) => self.answered += 1,
                 Record::Ramp { .. } | Record::Tared { .. } => {}
@@ -154,7 +154,7 @@ impl Drawing {
             7 => Event::Write(self.activation()),
             8..=9 => Event::Write(self.audited()),
             10 => Event::Write(vec![load(self.held.loads as u64 + 1)]),
-            11 => Event::Write(vec![self.board_zeros()]),
+            11 => Event::Write(vec![self.zero()]),
             _ => Event::Write(self.session()),
         };
         if matches!(event, Event::Reopen | Event::Refused(_)) {
@@ -200,13 +200,18 @@ impl Drawing {
         vec![Record::Activated { patch: PATCH.to_owned(), model_set, wall_ns: 5 }]
     }
 
-    /// Something is found against a board's zero, or the boards are configured.
-    fn board_zeros(&self) -> Record {
-        let unproven = self.held.zeros.unproven.is_none().then(|| format!("found with {} loads", self.held.loads));
-        let counts: Vec<f32> = (0..self.held.asked % 4).map(|taxel| taxel as f32 / 8.0).collect();
-        let hidden = (!counts.is_empty()).then(|| Arc::new(HiddenCounts { reads: counts.clone(), counts }));
+    /// Something is found against a zero, or another is taken.
+    fn zero(&self) -> Record {
+        let unproven = self.held.zero.unproven.is_none().then(|| format!("found with {} loads", self.held.loads));
+        let mean: Vec<f64> = (0..self.held.asked % 4).map(|taxel| taxel as f64 / 8.0).collect();
+        let taken = || TakenZero { noise: mean.clone(), mean: mean.clone(), ..TakenZero::default() };
+        let zero = (!mean.is_empty()).then(|| Arc::new(taken()));
         let excused = unproven.as_ref().map(|why| format!("m-{}", why.len()));
-        Record::BoardZeros { patch: PATCH.to_owned(), zeros: BoardZeros { unproven, excused, hidden }, wall_ns: 8 }
+        Record::Zero {
+            patch: PATCH.to_owned(),
+            zero: KeptZero { configured: None, unproven, excused, zero },
+            wall_ns: 8,
+        }
     }
 
     /// A set that is not in use or a session that is over goes.

@@ -1,0 +1,411 @@
+//! The model sets of all patches: kept, brought into use, deleted.
+
+use std::sync::Arc;
+
+use crate::boundary::catalogue::StoreDamage;
+use crate::boundary::command::Done;
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
+use crate::calibration::samples::NotLoaded;
+use crate::calibration::transition::Trigger;
+use crate::calibration::view::{SessionState, SessionView};
+use crate::engine::answer::Answer;
+use crate::engine::pending::{Effect, Forgotten, Origin, ReadSet};
+use crate::engine::plausible::implausible;
+use crate::engine::step::Engine;
+use crate::known_set::{KnownSet, SetSummary};
+use crate::model_set::ModelSet;
+use crate::now::Now;
+use crate::patch::owner::Patch;
+use crate::request::{ErrorReason, Rejection, RequestId};
+
+impl Engine {
+    /// Installs the model set that was active when the store was last written, unless it is of another skin than the one that
+    /// is configured now.
+    pub(super) fn install(&mut self, patch: &str, id: &str) {
+        let known = self.known_set(id).filter(|set| set.patch == patch);
+        let discarded = known.is_some_and(|known| self.comes_of_discarded(known));
+        let set = known.and_then(|known| known.at_hand.clone());
+        let Some(found) = self.patches.iter_mut().find(|p| p.name() == patch) else {
+            return; // the patch is not configured any more
+        };
+        let why = match set {
+            None => format!("the active model set `{id}` of patch `{patch}` is lost"),
+            Some(_) if discarded => {
+                format!(
+                    "model set `{id}` of patch `{patch}` is not used: its session was laid aside; activate another, or calibrate again"
+                )
+            }
+            Some(set) if set.taxels.len() != found.taxels() => {
+                format!("model set `{id}` is of another layout of patch `{patch}`: it is not used; calibrate again")
+            }
+            Some(set) => match found.unfit(&set) {
+                Some(why) => format!("model set `{id}` of patch `{patch}` is not used: {why}"),
+                None => return found.set_models(set),
+            },
+        };
+        found.refuse_models(&why);
+        self.problems.push(why);
+    }
+
+    /// The set of this id.
+    pub(super) fn known_set(&self, id: &str) -> Option<&KnownSet> {
+        self.model_sets.iter().find(|known| known.id == id)
+    }
+
+    /// In memory are the sets that are in use.
+    pub(super) fn keep_at_hand(&mut self) {
+        for known in &mut self.model_sets {
+            let used = self.patches.iter().filter_map(Patch::models).find(|set| set.id == known.id);
+            known.at_hand = used.cloned();
+        }
+    }
+
+    /// A set is kept and listed once it is on disk, and is not in use by that. Much may have changed since it was asked for or
+    /// made, so everything is asked here. One that is known already may still wait for the disk: it is written again, which the
+    /// store finds done.
+    ///
+    /// # Errors
+    /// [`Rejection`] of a set that cannot be one of its patch, or is not of what is in use.
+    pub(super) fn keep(
+        &mut self,
+        set: Arc<ModelSet>,
+        origin: Origin,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        self.store_takes_records()?;
+        let index = self.patch_named(&set.patch)?;
+        let (given, taxels) = (set.taxels.len(), self.patches[index].taxels());
+        if given != taxels {
+            let why = format!("the model set has {given} taxels, patch `{}` has {taxels}", set.patch);
+            return Err(match origin {
+                Origin::File { .. } => Rejection::InvalidArgument { field: "json", problem: why },
+                _ => Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why),
+            });
+        }
+        match &origin {
+            Origin::File { insist, .. } => self.check_plausible(index, &set, *insist)?,
+            Origin::Refit { sessions, .. } => self.check_sessions(&set, sessions)?,
+            Origin::Loads { .. } => self.check_source(index, &set)?,
+            Origin::Session { .. } => {}
+        }
+        self.refuse_if_set_is_deleted(&set.id)?;
+        // A session has had its room since its ramp began.
+        if self.known_set(&set.id).is_none() && !matches!(origin, Origin::Session { .. }) {
+            self.room_for_model_set()?;
+        }
+        let record = Record::ModelSet(Arc::clone(&set));
+        self.commit(Effect::Keep { set, origin }, vec![record], out);
+        Ok(Answer::Later)
+    }
+
+    fn check_plausible(&self, index: usize, set: &ModelSet, insist: bool) -> Result<(), Rejection> {
+        let plan = self.patches[index].plan();
+        match implausible(set, plan.session.target, plan.patch.counts().top()).filter(|_| !insist) {
+            None => Ok(()),
+            Some(problem) => {
+                let problem = format!("{problem}; if the set is right all the same, set `insist`");
+                Err(Rejection::InvalidArgument { field: "json", problem })
+            }
+        }
+    }
+
+    /// Refuses what was fitted to samples of sessions that are not there any more, or of another patch.
+    fn check_sessions(&self, set: &ModelSet, sessions: &[u64]) -> Result<(), Rejection> {
+        for number in sessions {
+            self.refuse_if_session_goes(*number)?;
+            let view = self.sessions.get(number).ok_or_else(|| Rejection::no_session(*number))?;
+            if view.patch != set.patch {
+                let why = format!("session {number} is of patch `{}`, the model set is of `{}`", view.patch, set.patch);
+                return Err(Rejection::FailedPrecondition(ErrorReason::SessionsDiffer, why));
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses what known loads made of another set than the active one, with which they were read.
+    fn check_source(&self, index: usize, set: &ModelSet) -> Result<(), Rejection> {
+        let refuse = |reason, why: String| Err(Rejection::FailedPrecondition(reason, why));
+        let Some(recalibrated) = &set.recalibrated else {
+            return refuse(ErrorReason::ProgramFault, format!("`{}` was not made by known loads", set.id));
+        };
+        let source = recalibrated.derived_from.as_str();
+        let active = self.patches[index].models().map(|active| active.id.as_str());
+        if active != Some(source) {
+            let is = active.unwrap_or("none");
+            let why = format!("the loads were read with `{source}`, and {is} is active now: propose it again");
+            return refuse(ErrorReason::ActiveSetChanged, why);
+        }
+        if self.comes_of_discarded(&SetSummary::of(set)) {
+            let why = format!("the session of `{source}` is DISCARDED: its models are not to be used");
+            return refuse(ErrorReason::ModelSetDiscarded, why);
+        }
+        self.check_fit(index, set)
+    }
+
+    /// A set is on disk.
+    pub(super) fn on_kept(&mut self, now: Now, set: Arc<ModelSet>, origin: Origin, out: &mut Vec<Output>) {
+        let known = self.known_set(&set.id).cloned();
+        let was_known = known.is_some();
+        let known = known.unwrap_or_else(|| KnownSet::stored(SetSummary::of(&set)));
+        if !was_known {
+            self.model_sets.push(known.clone());
+            self.catalogue_dirty = true;
+        }
+        let (request, done) = match origin {
+            Origin::File { request, .. } => (request, Done::Imported { model_set: set.id.clone() }),
+            Origin::Refit { request, .. } | Origin::Loads { request } => {
+                (request, Done::RefitKept { model_set: known, known: was_known })
+            }
+            Origin::Session { patch, outcome } => return self.end_fit(now, patch, &outcome, out),
+        };
+        out.push(Output::Reply(request, Ok(done)));
+    }
+
+    pub(super) fn activate(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        (patch, model_set, expected): (&str, String, Option<String>),
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        let patch = self.patch_named(patch)?;
+        let loading = ReadSet { request, patch, model_set, expected };
+        match self.check_activation(&loading)?.at_hand {
+            Some(set) => {
+                self.check_fit(patch, &set)?;
+                self.commit_activation(now, request, patch, set, out);
+            }
+            None => {
+                let model_set = loading.model_set.clone();
+                let ticket = self.pending.keep(Effect::ReadSet(loading));
+                out.push(Output::LoadSet { ticket, model_set });
+            }
+        }
+        Ok(Answer::Later)
+    }
+
+    /// The set was read, or why not.
+    pub(super) fn on_set_loaded(
+        &mut self,
+        now: Now,
+        ticket: u64,
+        result: Result<Arc<ModelSet>, NotLoaded>,
+        out: &mut Vec<Output>,
+    ) {
+        let Some(Effect::ReadSet(loading)) = self.pending.take(ticket) else { return };
+        match self.loaded(&loading, result) {
+            Ok(set) => self.commit_activation(now, loading.request, loading.patch, set, out),
+            Err(rejection) => out.push(Output::Reply(loading.request, Err(rejection))),
+        }
+    }
+
+    /// Everything may have changed while the set was read, so that everything is asked again.
+    fn loaded(&self, loading: &ReadSet, result: Result<Arc<ModelSet>, NotLoaded>) -> Result<Arc<ModelSet>, Rejection> {
+        let id = &loading.model_set;
+        let set = result.map_err(|why| match why {
+            NotLoaded::Damaged(what) => Rejection::FailedPrecondition(ErrorReason::DataDamaged, format!(
+                "model set `{id}` is damaged on disk and cannot be used: {what}; import it again, or activate another one"
+            )),
+            NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
+        })?;
+        let known = self.check_activation(loading)?;
+        if (&set.id, &set.patch, set.taxels.len()) != (&known.id, &known.patch, known.taxels) {
+            let why = format!("the store gave another model set than `{id}`, which is a fault of this program");
+            return Err(Rejection::FailedPrecondition(ErrorReason::ProgramFault, why));
+        }
+        self.check_fit(loading.patch, &set)?;
+        Ok(set)
+    }
+
+    /// Refuses a set that was gathered with other settings of the boards, or corrected with other areas.
+    fn check_fit(&self, patch: usize, set: &ModelSet) -> Result<(), Rejection> {
+        self.patches[patch]
+            .unfit(set)
+            .map_or(Ok(()), |why| Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)))
+    }
+
+    fn commit_activation(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        patch: usize,
+        set: Arc<ModelSet>,
+        out: &mut Vec<Output>,
+    ) {
+        let name = self.patches[patch].name().to_owned();
+        // The set goes along: the store finds it there, or writes it again if what it has is damaged.
+        let stored = Record::ModelSet(Arc::clone(&set));
+        let activated = Record::Activated { patch: name, model_set: set.id.clone(), wall_ns: now.wall_ns };
+        self.commit(Effect::Activate { request, patch, set }, vec![stored, activated], out);
+    }
+
+    /// The set, if it may come into use on the patch now.
+    fn check_activation(&self, asked: &ReadSet) -> Result<KnownSet, Rejection> {
+        let (index, id) = (asked.patch, asked.model_set.as_str());
+        self.store_takes_records()?;
+        let set = self.known_set(id).ok_or_else(|| Rejection::no_model_set(id))?;
+        self.refuse_if_set_is_deleted(id)?;
+        let patch = &self.patches[index];
+        let name = patch.name();
+        if set.patch != name {
+            let problem = format!("`{id}` is for patch `{}`, not for `{name}`", set.patch);
+            return Err(Rejection::InvalidArgument { field: "model_set", problem });
+        }
+        let refuse = |reason, why: String| Err(Rejection::FailedPrecondition(reason, why));
+        let (given, taxels) = (set.taxels, patch.taxels());
+        if given != taxels {
+            return refuse(
+                ErrorReason::LayoutChanged,
+                format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed"),
+            );
+        }
+        if self.pending.activates(index) {
+            return refuse(
+                ErrorReason::ActivationUnderWay,
+                format!("another model set of patch `{name}` is being activated: ask again"),
+            );
+        }
+        let is = patch.models().map_or("none", |set| set.id.as_str());
+        let wrong = |expected: &&String| if expected.is_empty() { is != "none" } else { expected.as_str() != is };
+        if let Some(expected) = asked.expected.as_ref().filter(wrong) {
+            return refuse(
+                ErrorReason::ActiveSetChanged,
+                format!("expected `{expected}` to be active, but it is {is}"),
+            );
+        }
+        if self.comes_of_discarded(set) {
+            return refuse(
+                ErrorReason::ModelSetDiscarded,
+                format!("the session of `{id}` is DISCARDED: its models are not to be used"),
+            );
+        }
+        Ok(set.clone())
+    }
+
+    /// A model set comes into use, and readers see the session that it came from in use.
+    pub(super) fn put_to_use(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        patch: usize,
+        set: &Arc<ModelSet>,
+        out: &mut Vec<Output>,
+    ) {
+        let before = self.patches[patch].models().cloned();
+        self.with_patch(now, patch, out, |patch, _| patch.set_models(Arc::clone(set)));
+        self.keep_at_hand();
+        if let Some(view) = self.patches[patch].seen_session() {
+            out.push(Output::Session(patch, view));
+        }
+        self.catalogue_dirty = true;
+        let previous = before.map(|set| set.id.clone());
+        out.push(Output::Reply(request, Ok(Done::Activated { model_set: set.id.clone(), previous })));
+    }
+
+    pub(super) fn delete_model_set(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        id: String,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        self.store_takes_records()?;
+        self.known_set(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
+        self.refuse_if_set_is_deleted(&id)?;
+        self.refuse_if_set_is_used(&id)?;
+        if let Some(view) = self.session_of(&id).filter(|view| view.state.is_open()) {
+            let (session, state) = (view.number, view.state.name());
+            let why = format!("`{id}` is of session {session}, which is {state}; finish or abort that first");
+            return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));
+        }
+        let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
+        self.commit(Effect::Forget { request, what: Forgotten::ModelSet(id) }, vec![record], out);
+        Ok(Answer::Later)
+    }
+
+    /// Refuses what needs a model set that is on its way out.
+    pub(super) fn refuse_if_set_is_deleted(&self, id: &str) -> Result<(), Rejection> {
+        if self.pending.forgets(&Forgotten::ModelSet(id.to_owned())) {
+            return Err(Rejection::FailedPrecondition(
+                ErrorReason::BeingDeleted,
+                format!("model set `{id}` is being deleted"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Refuses what cannot be while a model set is in use or about to be.
+    pub(super) fn refuse_if_set_is_used(&self, id: &str) -> Result<(), Rejection> {
+        let uses = |patch: &&Patch| patch.models().is_some_and(|set| set.id == id);
+        if let Some(patch) = self.patches.iter().find(uses) {
+            let why = format!("model set `{id}` is in use on patch `{}`; activate another one first", patch.name());
+            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
+        }
+        let in_use = |set: &KnownSet| {
+            let active = self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id);
+            active || self.pending.activates_set(&set.id)
+        };
+        let comes_of_it = |set: &KnownSet| set.origins.iter().any(|origin| origin == id);
+        if let Some(set) = self.model_sets.iter().find(|set| in_use(set) && comes_of_it(set)) {
+            let why = format!("`{}`, which is in use, was made of model set `{id}` by known loads", set.id);
+            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
+        }
+        if self.pending.activates_set(id) {
+            return Err(Rejection::FailedPrecondition(
+                ErrorReason::ModelSetInUse,
+                format!("model set `{id}` is being activated"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// The session of this daemon that a set came from, which names the set. It may have come back from a file since, which
+    /// proves no number of a session.
+    pub(super) fn session_of(&self, set: &str) -> Option<&Arc<SessionView>> {
+        self.sessions.values().rev().find(|view| view.model_set.as_deref() == Some(set))
+    }
+
+    /// A session as readers see it.
+    pub(super) fn seen(&self, view: &Arc<SessionView>) -> Arc<SessionView> {
+        let patch = self.patches.iter().find(|patch| patch.name() == view.patch);
+        view.seen(patch.and_then(Patch::models).map(|set| set.id.as_str()))
+    }
+
+    /// Whether a set, or one that it was made of by known loads, is that of a session which was laid aside.
+    pub(super) fn comes_of_discarded(&self, set: &SetSummary) -> bool {
+        let discarded = |id: &str| {
+            let of = |view: &Arc<SessionView>| view.model_set.as_deref() == Some(id);
+            self.sessions.values().any(|view| of(view) && self.is_discarded(view))
+        };
+        discarded(&set.id) || set.origins.iter().any(|origin| discarded(origin))
+    }
+
+    /// Whether a session was laid aside, or is about to be.
+    fn is_discarded(&self, view: &SessionView) -> bool {
+        view.state == SessionState::Discarded || self.pending.ends(view.number) == Some(Trigger::Discard)
+    }
+
+    /// The store found damage: what cannot be read any more is not offered any more. A set in use is whole in memory.
+    pub(super) fn on_store_damaged(&mut self, now: Now, damage: StoreDamage) {
+        self.damage = damage.problems;
+        self.health_dirty.0 = true;
+        for id in damage.model_sets {
+            if self.refuse_if_set_is_used(&id).is_ok() {
+                self.model_sets.retain(|known| known.id != id);
+            }
+        }
+        for (number, why) in damage.sessions {
+            let held = self.held(number).is_some();
+            let Some(view) =
+                self.sessions.get_mut(&number).filter(|view| !held && view.state == SessionState::Interrupted)
+            else {
+                continue;
+            };
+            let reason = format!("its samples are damaged on disk: {why}");
+            let state = SessionState::Failed;
+            *view = Arc::new(SessionView { state, reason, changed_wall_ns: now.wall_ns, ..SessionView::clone(view) });
+        }
+        self.catalogue_dirty = true;
+    }
+}
