@@ -225,7 +225,10 @@ fn what_cannot_be_pushed_is_refused_with_key_and_value() {
         (pushed(&PUSHED.replace("4095", "0"), ""), "push.count_max = 0"),
         (pushed(&format!("{PUSHED}\n{BOARD}"), ""), "expected one of boards, [patch.array] and push"),
         (pushed(&format!("{PUSHED}\n{gauge}"), ""), "a gauge sends over a CAN bus"),
-        (pushed(&format!("{PUSHED}\ngauge = {{ unit = \"Pa\" }}"), ""), "gauge.unit: the pressure comes with each scan"),
+        (
+            pushed(&format!("{PUSHED}\ngauge = {{ unit = \"Pa\" }}"), ""),
+            "gauge.unit: the pressure comes with each scan",
+        ),
         (pushed(&format!("{PUSHED}\ngauge = {{ ambient_kpa = 101.0 }}"), ""), "gauge.ambient_kpa: the pressure comes"),
         (pushed(&format!("{PUSHED}\ngauge = {{ bus = \"c\" }}"), ""), "gauge.bus: the pressure comes with each scan"),
         (pushed(BOARD, ""), "expected push = {"),
