@@ -89,7 +89,7 @@ fn proposed(
         Arc::new(ModelSet { id, ..set })
     });
     let id = set.as_ref().map(|set| set.id.clone()).unwrap_or_default();
-    Ok((message(&proposal, source, id, view), set))
+    Ok((message(&proposal, source, id), set))
 }
 
 /// What a request asks for.
@@ -108,7 +108,7 @@ fn asked(request: &v1::RecalibrateRequest) -> Result<(Chosen, Assumptions), Stat
     Ok((chosen, Assumptions { place_rel, ..Assumptions::MASSES }))
 }
 
-fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation) -> v1::Recalibration {
+fn message(proposal: &Proposal, source: &ModelSet, id: String) -> v1::Recalibration {
     let found = &proposal.found;
     let mut refused_because = found.refused_because.clone();
     if let Err(why) = &proposal.set
