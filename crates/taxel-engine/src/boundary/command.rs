@@ -19,14 +19,14 @@ pub enum Command {
     Tare {
         /// The patch; empty for the only one.
         patch: String,
-        /// An operator who vouches that nothing touches the skin; kept with the tare.
+        /// An operator who confirms that nothing touches the skin; kept with the tare.
         confirmed_by: Option<String>,
     },
     /// Configure the boards of a patch again; its zero is lost.
     BringUp {
         /// The patch; empty for the only one.
         patch: String,
-        /// An operator who vouches that nothing touches the skin, so that it need not be looked at first.
+        /// An operator who confirms that nothing touches the skin: whatever is felt, and whatever was held against the boards.
         confirmed_by: Option<String>,
     },
     /// A program begins to hand over the scans of a patch; the zero of what came before it is lost.
@@ -97,7 +97,7 @@ pub enum Command {
     Import {
         /// The set; its patch must be one of this daemon's.
         model_set: Arc<ModelSet>,
-        /// An operator insists on curves that do not look like those of the patch.
+        /// An operator insists that the set is right, whatever is odd about it.
         insist: bool,
     },
     /// Keep the model set that a fit of stored samples gave, without using it.

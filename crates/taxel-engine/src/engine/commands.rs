@@ -3,8 +3,7 @@
 use crate::boundary::command::{Command, Done, Reply};
 use crate::boundary::output::Output;
 use crate::calibration::transition::Trigger;
-use crate::engine::answer::Answer;
-use crate::engine::pending::Origin;
+use crate::engine::pending::{Answer, Origin};
 use crate::engine::sessions::SessionRequest;
 use crate::engine::step::Engine;
 use crate::loads::load::KnownLoad;
@@ -34,7 +33,7 @@ impl Engine {
             Command::Activate { patch, model_set, expected } => {
                 self.activate(now, request, (&patch, model_set, expected), out)
             }
-            Command::Import { model_set, insist } => self.keep(model_set, Origin::File { request, insist }, out),
+            Command::Import { model_set, insist } => self.keep(model_set, Origin::Import { request, insist }, out),
             Command::KeepRefit { model_set, sessions } => {
                 self.keep(model_set, Origin::Refit { request, sessions }, out)
             }

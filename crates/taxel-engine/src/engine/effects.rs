@@ -76,7 +76,7 @@ impl Engine {
             }
             Effect::Activate { request, .. }
             | Effect::Keep {
-                origin: Origin::File { request, .. } | Origin::Refit { request, .. } | Origin::Loads { request },
+                origin: Origin::Import { request, .. } | Origin::Refit { request, .. } | Origin::Loads { request },
                 ..
             }
             | Effect::Load { request, .. }

@@ -1,6 +1,5 @@
 //! All patches together: the step that everything goes through, commands, and which frame concerns whom.
 
-mod answer;
 mod commands;
 mod effects;
 pub mod limits;
@@ -14,7 +13,6 @@ mod shared;
 pub mod step;
 #[cfg(test)]
 mod step_tests;
-mod successors;
 
 pub use routes::{Route, Routes};
 pub use step::Engine;

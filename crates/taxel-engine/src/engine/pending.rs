@@ -3,12 +3,21 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::boundary::command::Done;
 use crate::calibration::job::FitOutcome;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
 use crate::request::RequestId;
+
+/// A command is answered at once, or its effect answers it later.
+pub(super) enum Answer {
+    /// With this.
+    Now(Done),
+    /// When it is on disk, or read from there.
+    Later,
+}
 
 /// The effect that something will have.
 #[derive(Clone, Debug)]
@@ -70,8 +79,8 @@ pub enum Effect {
 /// Where a model set comes from that is kept.
 #[derive(Clone, Debug)]
 pub enum Origin {
-    /// A file.
-    File {
+    /// A file that somebody imports.
+    Import {
         /// Whom to answer.
         request: RequestId,
         /// Somebody insists that it is right, whatever is odd about it.

@@ -9,8 +9,7 @@ use crate::boundary::record::Record;
 use crate::calibration::samples::NotLoaded;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::{SessionState, SessionView};
-use crate::engine::answer::Answer;
-use crate::engine::pending::{Effect, Forgotten, Origin, ReadSet};
+use crate::engine::pending::{Answer, Effect, Forgotten, Origin, ReadSet};
 use crate::engine::plausible::implausible;
 use crate::engine::step::Engine;
 use crate::known_set::{KnownSet, SetSummary};
@@ -53,7 +52,7 @@ impl Engine {
         self.model_sets.iter().find(|known| known.id == id)
     }
 
-    /// In memory are the sets that are in use.
+    /// In memory are the sets that are in use, and until another comes the one that came last: it is activated next.
     pub(super) fn keep_at_hand(&mut self) {
         for known in &mut self.model_sets {
             let used = self.patches.iter().filter_map(Patch::models).find(|set| set.id == known.id);
@@ -79,12 +78,12 @@ impl Engine {
         if given != taxels {
             let why = format!("the model set has {given} taxels, patch `{}` has {taxels}", set.patch);
             return Err(match origin {
-                Origin::File { .. } => Rejection::InvalidArgument { field: "json", problem: why },
+                Origin::Import { .. } => Rejection::InvalidArgument { field: "json", problem: why },
                 _ => Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why),
             });
         }
         match &origin {
-            Origin::File { insist, .. } => self.check_plausible(index, &set, *insist)?,
+            Origin::Import { insist, .. } => self.check_plausible(index, &set, *insist)?,
             Origin::Refit { sessions, .. } => self.check_sessions(&set, sessions)?,
             Origin::Loads { .. } => self.check_source(index, &set)?,
             Origin::Session { .. } => {}
@@ -147,13 +146,15 @@ impl Engine {
     pub(super) fn on_kept(&mut self, now: Now, set: Arc<ModelSet>, origin: Origin, out: &mut Vec<Output>) {
         let known = self.known_set(&set.id).cloned();
         let was_known = known.is_some();
-        let known = known.unwrap_or_else(|| KnownSet::stored(SetSummary::of(&set)));
+        let id = set.id.clone();
+        let known = known.unwrap_or_else(|| set.into());
         if !was_known {
+            self.keep_at_hand();
             self.model_sets.push(known.clone());
             self.catalogue_dirty = true;
         }
         let (request, done) = match origin {
-            Origin::File { request, .. } => (request, Done::Imported { model_set: set.id.clone() }),
+            Origin::Import { request, .. } => (request, Done::Imported { model_set: id }),
             Origin::Refit { request, .. } | Origin::Loads { request } => {
                 (request, Done::RefitKept { model_set: known, known: was_known })
             }

@@ -350,7 +350,8 @@ impl Engine {
 
     fn tick(&mut self, now: Now, out: &mut Vec<Output>) {
         let before = out.len();
-        if self.begins.take_if(|at| *at <= now.time).is_some() {
+        let heard = self.patches.iter().all(Patch::is_heard);
+        if self.begins.take_if(|at| heard || *at <= now.time).is_some() {
             self.begin_bring_up(now, out);
         }
         self.each_patch(now, out, |patch, effects| patch.tick(now, effects));

@@ -7,7 +7,6 @@ pub mod cells;
 pub mod faults;
 pub mod gauge;
 pub mod health;
-pub mod look;
 pub mod pace;
 pub mod receive;
 

@@ -8,7 +8,6 @@ use crate::calibration::samples::SessionSamples;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::intake::gauge::GaugeAtRest;
-use crate::intake::look::look;
 use crate::loads::load::Validation;
 use crate::loads::load::{KnownLoad, Load};
 use crate::loads::owner::LoadRead;
@@ -36,9 +35,9 @@ impl Patch {
     ) -> Result<(), Rejection> {
         self.calibration.refuse_if_open("it takes the zero itself; abort it first")?;
         self.check_set_up()?;
-        let mut events = Vec::new();
-        self.zero.watch(now.time, Purpose::Operator { request, confirmed_by }, &mut events);
-        self.on_zero_events(now, events, effects);
+        self.with_zero(now, effects, |zero, events| {
+            zero.watch(now.time, Purpose::Operator { request, confirmed_by }, events)
+        });
         Ok(())
     }
 
@@ -90,7 +89,7 @@ impl Patch {
         Err(Rejection::FailedPrecondition(ErrorReason::SkinLoaded, why))
     }
 
-    /// Refuses what needs a skin at rest while the bag presses on it, or while the gauge reads what a vented bag cannot
+    /// Refuses what needs an unloaded skin while the bag presses on it, or while the gauge reads what a vented bag cannot
     /// have: its pressure is above the air's or equal to it, so what is below is an offset of the gauge.
     ///
     /// # Errors
@@ -152,7 +151,7 @@ impl Patch {
             GaugeAtRest::Moves(least, most) => (
                 ErrorReason::GaugeOffset,
                 format!(
-                    "the gauge read {least:.2} to {most:.2} kPa within a second, and what it reads at rest is taken off the \
+                    "the gauge read {least:.2} to {most:.2} kPa within a second, and what it reads unloaded is taken off the \
                      pressures: wait until bag and gauge stand still; if it is the gauge's noise, raise \
                      `session.noise_band_kpa`"
                 ),
@@ -176,14 +175,14 @@ impl Patch {
     /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.
     #[must_use]
     pub fn look(&self, now: Now, left_out: &[u16]) -> Vec<String> {
-        look(&self.intake, now.time, self.plan.session.gauge_timeout, left_out)
+        self.intake.look(now.time, self.plan.session.gauge_timeout, left_out)
     }
 
     /// Begins a session. The caller has checked that none is open.
     pub fn start_session(&mut self, now: Now, view: SessionView, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.calibration.start(now, view, self.intake.gauge(), &mut events);
-        self.on_calibration_events(now, events, effects);
+        self.with_session(now, effects, |calibration, intake, events| {
+            calibration.start(now, view, intake.gauge(), events)
+        });
     }
 
     /// Takes up a session of an earlier run.
@@ -193,9 +192,9 @@ impl Patch {
 
     /// Begins a session that goes on from the samples of another one. The caller has checked that none is open.
     pub fn succeed_session(&mut self, now: Now, view: SessionView, samples: SessionSamples, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.calibration.succeed(now, view, samples, self.intake.gauge(), &mut events);
-        self.on_calibration_events(now, events, effects);
+        self.with_session(now, effects, |calibration, intake, events| {
+            calibration.succeed(now, view, samples, intake.gauge(), events)
+        });
     }
 
     /// The session that the patch holds was deleted.
@@ -227,16 +226,16 @@ impl Patch {
 
     /// Something from outside changes the state of the session that the patch holds.
     pub fn trigger_session(&mut self, now: Now, trigger: Trigger, reason: &str, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.calibration.trigger(now, trigger, reason, self.intake.gauge(), &mut events);
-        self.on_calibration_events(now, events, effects);
+        self.with_session(now, effects, |calibration, intake, events| {
+            calibration.trigger(now, trigger, reason, intake.gauge(), events)
+        });
     }
 
     /// A fit came back.
     pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.calibration.on_fitted(now, outcome, self.intake.gauge(), &mut events);
-        self.on_calibration_events(now, events, effects);
+        self.with_session(now, effects, |calibration, intake, events| {
+            calibration.on_fitted(now, outcome, intake.gauge(), events)
+        });
     }
 
     /// Samples of a session are on disk.

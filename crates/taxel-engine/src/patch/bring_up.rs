@@ -16,32 +16,39 @@ impl Patch {
     /// Begins to listen.
     pub fn start(&mut self, now: Now, effects: &mut Effects<'_>) {
         self.started = now.time;
-        let mut events = Vec::new();
-        self.zero.lose(ReasonCode::ZeroNotTaken, "no zero has been taken since start", &mut events);
-        self.on_zero_events(now, events, effects);
+        self.with_zero(now, effects, |zero, events| {
+            zero.lose(ReasonCode::ZeroNotTaken, "no zero has been taken since start", events)
+        });
         self.has_begun = !self.plan.configures() && self.noted.zero.is_none(); // there is nothing to listen for
+    }
+
+    /// Whether nothing is left to be listened for at the start: every module streams, or the boards were configured already.
+    #[must_use]
+    pub fn is_heard(&self) -> bool {
+        self.has_begun || self.intake.scan().whole
     }
 
     /// Whether each board has to be configured at the start: it is silent, or this daemon configured it otherwise last.
     #[must_use]
     pub fn boards_to_configure(&self, now: Time) -> Vec<bool> {
         let differs = self.noted.configured != Some(self.settings);
-        let wanted = |(board, streams): (usize, bool)| self.plan.configures_board(board) && (differs || !streams);
+        let may = |board| !self.has_begun && self.plan.configures_board(board);
+        let wanted = |(board, streams): (usize, bool)| may(board) && (differs || !streams);
         self.intake.streams(now).into_iter().enumerate().map(wanted).collect()
     }
 
     /// It has been listened whether the boards stream. Those that are `wanted` are configured; if none is, the patch goes on with
     /// the zero of before the start.
     pub fn begin(&mut self, now: Now, wanted: &[bool], effects: &mut Effects<'_>) {
-        self.has_begun = true;
         if wanted.contains(&true) {
             return self.configure(now, wanted, false, effects);
         }
+        if std::mem::replace(&mut self.has_begun, true) {
+            return;
+        }
         self.intake.start_bring_up(now.time, wanted);
         if let Some(kept) = self.noted.zero.clone().filter(|_| self.noted.configured == Some(self.settings)) {
-            let mut events = Vec::new();
-            self.zero.go_on(now, &kept, &mut events);
-            self.on_zero_events(now, events, effects);
+            self.with_zero(now, effects, |zero, events| zero.go_on(now, &kept, events));
         }
     }
 
@@ -55,7 +62,7 @@ impl Patch {
         self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
         self.zero.on_bring_up(confirmed, unseen.then_some(CONFIGURED_UNSEEN));
         self.intake.start_bring_up(now.time, wanted);
-        self.dirty = true;
+        (self.has_begun, self.dirty) = (true, true);
     }
 
     /// What is known of zeros outlives the daemon, as those of the boards do.

@@ -4,18 +4,44 @@ use std::sync::Arc;
 
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
-use crate::calibration::calibrate::CalibrationEvent;
+use crate::calibration::calibrate::{Calibration, CalibrationEvent};
 use crate::calibration::session::SessionRecord;
 use crate::calibration::view::SessionView;
 use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
+use crate::intake::receive::Intake;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
 use crate::request::{ErrorReason, Rejection};
 use crate::zero::events::ZeroEvent;
+use crate::zero::holder::Zero;
 use crate::zero::watch::Purpose;
 
 impl Patch {
+    /// Does something to the zero, and what follows from it.
+    pub(super) fn with_zero(
+        &mut self,
+        now: Now,
+        effects: &mut Effects<'_>,
+        act: impl FnOnce(&mut Zero, &mut Vec<ZeroEvent>),
+    ) {
+        let mut events = Vec::new();
+        act(&mut self.zero, &mut events);
+        self.on_zero_events(now, events, effects);
+    }
+
+    /// Does something to the session that the patch holds, and what follows from it.
+    pub(super) fn with_session(
+        &mut self,
+        now: Now,
+        effects: &mut Effects<'_>,
+        act: impl FnOnce(&mut Calibration, &Intake, &mut Vec<CalibrationEvent>),
+    ) {
+        let mut events = Vec::new();
+        act(&mut self.calibration, &self.intake, &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
     /// What the zero says goes to whoever depends on it.
     pub(super) fn on_zero_events(&mut self, now: Now, events: Vec<ZeroEvent>, effects: &mut Effects<'_>) {
         for event in events {
@@ -78,7 +104,7 @@ impl Patch {
     }
 
     pub(super) fn use_zero(&mut self) {
-        // A set that says nothing of the skin at rest takes it from a zero that somebody vouches for.
+        // A set that says nothing of the unloaded skin takes it from a zero that somebody confirmed.
         let completed = self.force.models().zip(self.zero.vouched_now()).and_then(|(set, zero)| set.with_rest(zero));
         if let Some(set) = completed {
             self.set_models(Arc::new(set));

@@ -166,9 +166,7 @@ impl Patch {
 
     /// Something has moved the zero of the boards.
     pub fn lose_zero(&mut self, now: Now, code: ReasonCode, why: impl Into<String>, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.zero.lose(code, why, &mut events);
-        self.on_zero_events(now, events, effects);
+        self.with_zero(now, effects, |zero, events| zero.lose(code, why, events));
     }
 
     /// The host may have lost frames of a bus, of all without one, of so long a time before `now`.
@@ -181,11 +179,9 @@ impl Patch {
     pub fn on_bus_lost(&mut self, now: Now, bus: BusIndex, why: &str, effects: &mut Effects<'_>) {
         let boards = self.plan.patch.boards().iter().enumerate().filter(|(_, board)| board.bus == bus);
         let boards: Vec<usize> = boards.map(|(board, _)| board).collect();
-        let mut events = Vec::new();
-        for board in boards {
-            self.zero.lose_by_board(board, why, &mut events);
-        }
-        self.on_zero_events(now, events, effects);
+        self.with_zero(now, effects, |zero, events| {
+            boards.into_iter().for_each(|board| zero.lose_by_board(board, why, events));
+        });
     }
 
     /// A frame with an identifier of one of this patch's modules.
@@ -230,9 +226,10 @@ impl Patch {
     pub fn begin_push(&mut self, now: Now, effects: &mut Effects<'_>) {
         if self.intake.newest().is_some() {
             let why = "another stream of scans has begun: what pushes them may have taken a new zero";
-            let mut events = Vec::new();
-            (0..self.plan.patch.boards().len()).for_each(|board| self.zero.lose_by_board(board, why, &mut events));
-            self.on_zero_events(now, events, effects);
+            let boards = 0..self.plan.patch.boards().len();
+            self.with_zero(now, effects, |zero, events| {
+                boards.for_each(|board| zero.lose_by_board(board, why, events));
+            });
         }
     }
 
@@ -281,25 +278,17 @@ impl Patch {
             match event {
                 IntakeEvent::Scan => self.on_scan(now, effects),
                 IntakeEvent::BoardDoubted { board, why, certain: true } => {
-                    let mut events = Vec::new();
-                    self.zero.lose_by_board(board, &why, &mut events);
-                    self.on_zero_events(now, events, effects);
+                    self.with_zero(now, effects, |zero, events| zero.lose_by_board(board, &why, events));
                 }
                 IntakeEvent::BoardDoubted { board, why, certain: false } => {
-                    let mut events = Vec::new();
-                    self.zero.doubt(board, &why, &mut events);
-                    self.on_zero_events(now, events, effects);
+                    self.with_zero(now, effects, |zero, events| zero.doubt(board, &why, events));
                 }
                 IntakeEvent::BoardUnwell { board } => self.zero.on_unwell(board),
                 IntakeEvent::BoardWell { board, why, certain } => {
-                    let mut events = Vec::new();
-                    self.zero.on_well(board, &why, certain, &mut events);
-                    self.on_zero_events(now, events, effects);
+                    self.with_zero(now, effects, |zero, events| zero.on_well(board, &why, certain, events));
                 }
                 IntakeEvent::BoardMoved { board, why } => {
-                    let mut events = Vec::new();
-                    self.zero.lose_by_another(board, &why, &mut events);
-                    self.on_zero_events(now, events, effects);
+                    self.with_zero(now, effects, |zero, events| zero.lose_by_another(board, &why, events));
                 }
                 IntakeEvent::News { board, news } => effects.intents.push(Intent::News { board, news }),
                 IntakeEvent::Changed => self.dirty = true,
@@ -340,9 +329,7 @@ impl Patch {
         let checked =
             self.check_set_up().and_then(|()| self.check_vented(now)).and_then(|()| self.check_gauge_at_rest(now));
         let Err(refusal) = checked else { return false };
-        let mut events = Vec::new();
-        self.zero.end_watch(refusal.reason(), refusal.to_string(), &mut events);
-        self.on_zero_events(now, events, effects);
+        self.with_zero(now, effects, |zero, events| zero.end_watch(refusal.reason(), refusal.to_string(), events));
         true
     }
 
@@ -364,10 +351,9 @@ impl Patch {
     }
 
     fn advance_session(&mut self, now: Now, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        let intake = &self.intake;
-        self.calibration.advance(now, intake.gauge(), || intake.silence(now.time), &mut events);
-        self.on_calibration_events(now, events, effects);
+        self.with_session(now, effects, |calibration, intake, events| {
+            calibration.advance(now, intake.gauge(), || intake.silence(now.time), events);
+        });
     }
 
     /// Time passed.
@@ -389,9 +375,9 @@ impl Patch {
         if let Some(read) = self.loads.tick(now.time) {
             effects.intents.push(Intent::Load(read));
         }
-        let mut events = Vec::new();
-        self.calibration.show(now.time, self.intake.gauge(), &mut events);
-        self.on_calibration_events(now, events, effects);
+        self.with_session(now, effects, |calibration, intake, events| {
+            calibration.show(now.time, intake.gauge(), events)
+        });
     }
 
     /// When [`Patch::tick`] has something to do at the latest, if nothing comes before.

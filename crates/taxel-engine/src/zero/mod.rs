@@ -13,6 +13,7 @@ pub mod kept;
 pub mod lanes;
 pub mod lookback;
 mod losing;
+mod over_restarts;
 pub mod plan;
 mod proven;
 mod residue;

@@ -134,6 +134,7 @@ impl Bench {
     }
 
     pub fn brought_up(&mut self) {
+        self.seconds(0.3); // health is shown four times a second
         self.until(5.0, "board bring-up", |host| {
             host.healths.last().is_some_and(|h| h.boards.iter().all(|b| b.bring_up == "verified"))
         });

@@ -71,7 +71,11 @@ fn calibrated(plan: Arc<Plan>) -> Calibrated {
     let mut bench = Bench::new(small_world(), plan, Restored::default());
     bench.brought_up();
     let set = calibrate(&mut bench);
-    Calibrated { world: bench.world.clone(), set, session: Arc::new(bench.host.session().clone()) }
+    Calibrated {
+        world: bench.world.clone(),
+        set,
+        session: Arc::new(SessionView { state: SessionState::Review, ..bench.host.session().clone() }),
+    }
 }
 
 impl Calibrated {

@@ -72,6 +72,7 @@ pub struct Host {
 impl Host {
     pub fn new(plan: Arc<Plan>, restored: Restored, now: Time) -> Self {
         let names = plan.patches.iter().map(|plan| plan.patch.name());
+        let shelf = restored.model_sets.iter().filter_map(|known| known.at_hand.clone()).collect();
         let mut host = Self {
             events: Vec::new(),
             event_watch: EventWatch::new(names, &restored.active),
@@ -91,7 +92,7 @@ impl Host {
             stored: HashMap::new(),
             loads: Vec::new(),
             set_loads: Vec::new(),
-            shelf: Vec::new(),
+            shelf,
             sessions_gone: Vec::new(),
             commits: Vec::new(),
             disk_is_slow: false,

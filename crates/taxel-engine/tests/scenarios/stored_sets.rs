@@ -115,15 +115,18 @@ fn an_interrupted_session_whose_samples_are_damaged_has_failed_and_no_other_has(
 }
 
 #[test]
-fn only_what_is_in_use_is_in_memory() {
+fn only_what_is_in_use_and_what_came_last_is_in_memory() {
     let (mut bench, _) = with_another_stored("m-other");
     let in_memory = |bench: &Bench| -> Vec<String> {
         let known = bench.host.catalogue.model_sets.iter();
         known.filter(|set| set.at_hand.is_some()).map(|set| set.id.to_string()).collect()
     };
-    let set = ModelSet { id: "m-9".to_owned(), session: None, ..ModelSet::clone(&small().set) };
-    bench.ask(Command::Import { model_set: Arc::new(set), insist: false }).unwrap();
-    assert_eq!((bench.host.catalogue.model_sets.len(), in_memory(&bench)), (3, vec![small().set.id.clone()]));
+    for id in ["m-8", "m-9"] {
+        let set = ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&small().set) };
+        bench.ask(Command::Import { model_set: Arc::new(set), insist: false }).unwrap();
+    }
+    assert_eq!(bench.host.catalogue.model_sets.len(), 4);
+    assert_eq!(in_memory(&bench), [small().set.id.as_str(), "m-9"]);
     bench.activate("m-9").unwrap();
     assert_eq!(in_memory(&bench), ["m-9"]);
 }

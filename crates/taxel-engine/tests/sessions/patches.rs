@@ -69,9 +69,9 @@ fn starts(engine: &mut Engine, from: Time, until: Time) -> BTreeMap<u8, usize> {
 }
 
 #[test]
-fn boards_are_configured_with_all_patches_that_share_them_and_no_others() {
+fn boards_are_configured_for_all_patches_that_have_them_and_no_others_are() {
     let seconds = |s: i64| Time::from_nanos(s * 1_000_000_000);
-    for (name, boards) in [("upper", [11, 12, 13].as_slice()), ("lower", &[11, 12, 13]), ("far", &[9])] {
+    for (name, boards) in [("upper", [13].as_slice()), ("lower", &[11, 12]), ("far", &[9])] {
         let mut engine = engine();
         let all = starts(&mut engine, seconds(0), seconds(5));
         assert_eq!(all, BTreeMap::from([(9, 1), (11, 1), (12, 2), (13, 2)]));

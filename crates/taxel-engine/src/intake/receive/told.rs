@@ -1,17 +1,40 @@
 //! What is told of a patch's boards: which modules are silent, and the health of each board.
 
 use std::ops::Range;
+use std::time::Duration;
 use taxel_skin::Time;
 
 use super::Intake;
 use crate::intake::cells::Device;
+use crate::intake::gauge::GaugeHistory;
 use crate::intake::health::BoardHealth;
 use crate::intake::pace::Pace;
 
 /// Smaller jumps are in the uncertainty, and nothing that anybody could mend: noise makes one now and then.
 const JUMP_TOLD_COUNTS: f32 = 3.0;
 
+/// A gauge that has read the very same in so many readings and for so long may stand still.
+const STANDS_READINGS: usize = 20;
+const STANDS: Duration = Duration::from_secs(1);
+
 impl Intake {
+    /// What an operator should see to before a session, so that what would spoil it is known before the pump runs, a line each:
+    /// modules that are silent, boards that send at another period or warn of themselves, a gauge that is silent or stands still.
+    /// `left_out` are modules that nobody waits for.
+    #[must_use]
+    pub fn look(&self, now: Time, gauge_timeout: Duration, left_out: &[u16]) -> Vec<String> {
+        let mut lines = Vec::new();
+        let waited_for = |module: usize| !left_out.iter().any(|out| usize::from(*out) == module);
+        if self.scan().silent.iter().enumerate().any(|(module, silent)| *silent && waited_for(module)) {
+            lines.push(self.silence(now));
+        }
+        for board in self.board_health(now) {
+            lines.extend(board.warnings.iter().map(|warning| format!("board {}: {warning}", board.address)));
+        }
+        lines.extend(look_at_gauge(&self.gauge, now, gauge_timeout));
+        lines
+    }
+
     /// Which modules keep a scan from being whole, in words.
     #[must_use]
     pub fn silence(&self, now: Time) -> String {
@@ -92,6 +115,21 @@ impl Intake {
         }
         warnings
     }
+}
+
+fn look_at_gauge(gauge: &GaugeHistory, now: Time, timeout: Duration) -> Option<String> {
+    let Some((time, kpa)) = gauge.newest() else {
+        return Some("no pressure has been heard: is the gauge on?".to_owned());
+    };
+    let silence = now.since(time);
+    if silence > timeout {
+        return Some(format!("the gauge has been silent for {:.1} s", silence.as_secs_f64()));
+    }
+    let (readings, span) = gauge.run();
+    (readings >= STANDS_READINGS && span >= STANDS).then(|| {
+        let seconds = span.as_secs_f64();
+        format!("the gauge has read exactly {:.3} kPa for {seconds:.1} s: see that it moves when the pump runs", kpa.0)
+    })
 }
 
 /// When a thing that may be over happened last. In whole minutes: health is told anew whenever a word of it changes.
