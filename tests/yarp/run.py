@@ -181,7 +181,7 @@ class Out:
         port = "/taxeld/left_forearm/force:o"
         host, number = re.search(r"ip (\S+) port (\d+)", self.yarp.run("name", "query", port)).groups()
         silent = [socket.create_connection((host, int(number))) for _ in range(40)]
-        until("a ping is answered", lambda: f"This is {port}" in self.yarp.run("ping", port))
+        until("a command is answered", lambda: "1 2 3" in self.yarp.run("admin", "rpc", port, text="[ver]\n"))
         for connection in silent:
             connection.close()
 

@@ -64,6 +64,7 @@ async fn message(connection: &mut Connection) -> io::Result<Message<'_>> {
         match words.next() {
             Some("d" | "D" | "do") => break words.nth(1).and_then(|stamp| stamp.parse().ok()),
             Some("Welcome") | None => {}
+            Some("q") => return Err(io::ErrorKind::ConnectionAborted.into()), // the port closes
             Some(_) => return Err(invalid(format!("no text of YARP: {}", line.chars().take(40).collect::<String>()))),
         }
     };
