@@ -139,7 +139,7 @@ mod tests {
     fn a_taxel_is_blind_where_fewer_than_two_beside_it_can_be_read() {
         let row = Neighbours::new(&row(20));
         let blind = |missing: &dyn Fn(usize) -> bool| blind_of(Some(&row), &[10, 10], missing);
-        assert_eq!(blind(&|taxel| taxel == 5), [], "one among sound ones");
+        assert!(blind(&|taxel| taxel == 5).is_empty(), "one among sound ones");
         assert_eq!(blind(&|taxel| taxel >= 10), (10..20).collect::<Vec<u16>>(), "a module");
         assert_eq!(blind(&|_| true).len(), 20);
     }

@@ -77,14 +77,10 @@ pub struct Reading {
     pub sigma_n: f64,
     /// Most taxels that were beyond their calibrated range at a time: then the force read is a lower bound.
     pub out_of_range: u32,
-    /// Largest share of the patch's area that no usable taxel covered, 0 to 1.
-    pub uncovered_share: f64,
     /// Why the last sample was not good, in words; empty if it was.
     pub reasons: Vec<String>,
     /// Taxels that felt it in the last scan, ascending; empty if that is not known, as of earlier versions.
     pub taxels: Vec<u16>,
-    /// Largest share of the force that came from taxels which were filled by their neighbours, 0 to 1.
-    pub filled_share: f64,
 }
 
 /// A known load, what was read under it, and all that the reading depends on. Never changed.

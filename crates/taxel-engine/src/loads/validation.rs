@@ -7,10 +7,6 @@ use taxel_skin::SquareMillimetre;
 use crate::loads::factor::AreaFactor;
 use crate::loads::load::Load;
 
-/// Neighbours tell of a filled taxel to about 20 %: of more than this share of a load that is 4 % of it, and would show in
-/// the factor.
-const FILLED_SHARE_MAX: f64 = 0.2;
-
 /// Configured areas are the same if their means agree to this share.
 const SAME_AREA_SHARE: f64 = 1e-9;
 
@@ -59,12 +55,6 @@ fn unfit(load: &Load) -> String {
         format!("{} taxels were beyond their calibrated range", read.out_of_range)
     } else if !read.reasons.is_empty() {
         format!("the force had a shortcoming: {}", read.reasons.join("; "))
-    } else if read.filled_share > FILLED_SHARE_MAX {
-        format!(
-            "{:.0} % of it came from taxels that were filled by their neighbours, where {:.0} % are allowed",
-            100.0 * read.filled_share,
-            100.0 * FILLED_SHARE_MAX
-        )
     } else {
         String::new()
     }

@@ -18,10 +18,8 @@ fn load(number: u64, error: f64) -> Arc<Load> {
         scatter_n: 0.02,
         sigma_n: 0.2,
         out_of_range: 1,
-        uncovered_share: 0.05,
         reasons: vec!["1 taxels have a fault".to_owned()],
         taxels: vec![3, 4, 230],
-        filled_share: 0.25,
     };
     Arc::new(Load {
         number,
