@@ -107,7 +107,7 @@ class Page:
 
 
 def newtons(text):
-    found = re.search(r"([\d.]+) ±", text)
+    found = re.search(r"([\d.]+) N ", text)
     return float(found.group(1)) if found else None
 
 

@@ -116,7 +116,7 @@ class Walk:
 
     def weigh(self, client, reader):
         taxels = client.call("SkinService/GetSkin").taxels
-        loaded = [t for t in taxels if t.board == 0 and t.module in LOADED]
+        loaded = [t for t in taxels if t.board == taxels[0].board and t.module in LOADED]
         truth = sum(LOAD_KPA * t.area_mm2 * 1e-3 for t in loaded)
         self.robot.loads = dict.fromkeys(LOADED, LOAD_KPA)
 

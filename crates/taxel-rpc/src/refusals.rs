@@ -29,7 +29,8 @@ impl Refusals {
             Entry::Occupied(mut told) => told.get_mut().1 += 1,
             Entry::Vacant(first) => {
                 first.insert((Instant::now(), 0));
-                tracing::warn!("{}", text());
+                let text = text();
+                tracing::warn!("{text}");
             }
         }
     }

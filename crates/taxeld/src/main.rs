@@ -50,7 +50,7 @@ use std::process::ExitCode;
 
 use clap::CommandFactory;
 use clap::{Parser, Subcommand};
-use config::{Config, Scene};
+use config::{CONFIG_FILE, Config, Scene};
 
 /// Calibrates robot skin in a vacuum bag and streams its force.
 ///
@@ -116,9 +116,6 @@ enum Subcommands {
         out: PathBuf,
     },
 }
-
-/// The configuration of an installed daemon.
-const CONFIG_FILE: &str = "/etc/taxeld/taxeld.toml";
 
 fn main() -> ExitCode {
     let cli = Cli::parse();

@@ -13,7 +13,7 @@ use taxel_engine::snapshot::Health;
 use taxel_skin::Kilopascal;
 use taxel_store::models_json;
 
-use crate::config::{BusSource, Config, Scene};
+use crate::config::{self, BusSource, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
 use crate::lanes::{Lanes, Run};
@@ -32,7 +32,7 @@ pub struct ReplayArgs {
     /// The log, as candump -l writes it, plain or .gz, or a recording (.mcap) or a folder of these; `-` is the standard input.
     log: PathBuf,
     /// Configuration; the buses' interfaces name those of the log.
-    #[arg(long, default_value = crate::CONFIG_FILE)]
+    #[arg(long, default_value = config::CONFIG_FILE)]
     pub config: PathBuf,
     /// Take a calibration from the log, up to this pressure or the configured target.
     #[arg(long, value_name = "KPA", num_args = 0..=1)]

@@ -43,16 +43,16 @@ use crate::tally::Tally;
 
 /// What 500 stories of one patch must not be worse than: what they came to, and a twentieth to a tenth.
 const BOUNDS: Bounds = Bounds {
-    ok_min: 0.85,
+    ok_min: 0.92,
     force_min: 0.84,
-    open_max: 0.14,
-    undetected_max_n: 4.7,
+    open_max: 0.07,
+    undetected_max_n: 1.5,
     sigma_max_n: 0.73,
-    width_max_n: 5.5,
+    width_max_n: 3.4,
     error_max: 0.2,
     sigma_over_error_max: 2.0,
     covered_min: 0.93,
-    score_max_n: 11.8,
+    score_max_n: 7.2,
     phantom_max: 0.003,
 };
 

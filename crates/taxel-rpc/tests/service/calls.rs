@@ -102,7 +102,11 @@ async fn a_force_carries_everything_that_the_engine_knows() {
     let streamed = stream.message().await.unwrap().unwrap();
     let counted = v1::ForceReason { which: Vec::new(), ..expected.causes[0].clone() };
     let sent = streamed.sent;
-    assert_eq!(streamed, v1::ForceSample { causes: vec![counted], sent, ..expected }, "a stream has no lists");
+    assert_eq!(
+        streamed,
+        v1::ForceSample { causes: vec![counted], sent, budget: Vec::new(), ..expected },
+        "a stream has no lists"
+    );
 }
 
 #[tokio::test]

@@ -203,6 +203,7 @@ mod tests {
             state: state.into(),
             total_n,
             total_sigma_n: total_n.map(|_| 0.25),
+            low_n: total_n.map(|total_n| total_n - 0.5),
             age_s: Some(0.02),
             max_age_s: 0.12,
             monotonic_ns: Some(1),
@@ -227,7 +228,7 @@ mod tests {
     #[test]
     fn a_line_has_the_force_its_uncertainty_its_age_and_its_state() {
         let line = describe(&judged(ForceState::Degraded, Some(4.9)));
-        assert!(line.starts_with("palm: 4.90 N +- 0.50 (k = 2), "), "{line}");
+        assert!(line.starts_with("palm: 4.90 N (4.40 N or more), "), "{line}");
         assert!(line.ends_with(" ms old, 18 taxels active, DEGRADED: a module is silent"), "{line}");
     }
 

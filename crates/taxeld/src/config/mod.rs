@@ -28,3 +28,6 @@ pub use ports::of_bus as port_of;
 pub use problem::{Faults, Problems};
 pub use read::{examine, examine_text, examine_with, read_text};
 pub use scene::Scene;
+
+/// The configuration of an installed daemon.
+pub const CONFIG_FILE: &str = "/etc/taxeld/taxeld.toml";

@@ -279,6 +279,16 @@ async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
     }
 }
 
+#[tokio::test]
+async fn a_variable_that_is_no_filter_is_told() {
+    for (variable, told) in [("", false), ("wran", true)] {
+        let daemon = Daemon::start(|command, _| _ = command.env("RUST_LOG", variable));
+        daemon.until_logged("taxeld is up");
+        let said = daemon.log().contains(&format!("RUST_LOG = \"{variable}\" is not used"));
+        assert_eq!(said, told, "{}", daemon.log());
+    }
+}
+
 /// Of a process that runs already, the limit on files is lowered below what its store has: no write gets through any more.
 #[tokio::test]
 async fn files_that_may_not_grow_are_a_full_disk_and_no_end() {

@@ -158,6 +158,22 @@ fn three_thousand_patches_are_refused_within_a_second() {
 }
 
 #[test]
+fn a_pipe_is_no_configuration() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.toml");
+    nix::unistd::mkfifo(&path, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    let refused = examine(&path).unwrap_err().to_string();
+    assert!(refused.contains("it is no regular file"), "{refused}");
+    let config = folder.path().join("u.toml");
+    std::fs::write(&config, format!("{SMALL}geometry = \"t.toml\"\n")).unwrap();
+    let refused = examine(&config).unwrap_err().to_string();
+    assert!(
+        refused.contains("u.toml:10: patch `p`: geometry ") && refused.contains("it is no regular file"),
+        "{refused}"
+    );
+}
+
+#[test]
 fn faults_of_syntax_are_told_at_once_and_up_to_the_limit() {
     let found = lines("[store\npath = 1\n[[bus]]\nname = = 2\n");
     assert!(found.len() >= 2 && found[0].starts_with("t.toml:1: "), "{found:#?}");
@@ -166,4 +182,18 @@ fn faults_of_syntax_are_told_at_once_and_up_to_the_limit() {
     assert_eq!(lines(&(unknown + SMALL)).len(), PROBLEMS_MAX);
 }
 
-proptest! {}
+proptest! {
+    /// Whatever is in the file: an end, and no panic.
+    #[test]
+    fn no_damage_to_the_example_panics(at in 0..EXAMPLE.len(), byte in 0_u8..128, cut in 0_usize..40) {
+        let mut bytes = EXAMPLE.as_bytes().to_vec();
+        bytes.drain(at..(at + cut).min(bytes.len()));
+        if let Some(place) = bytes.get_mut(at) {
+            *place = byte;
+        }
+        if let Ok(text) = String::from_utf8(bytes) {
+            let found = problems(&text);
+            prop_assert!(found.len() <= PROBLEMS_MAX && found.iter().all(|problem| !problem.message.is_empty()));
+        }
+    }
+}
