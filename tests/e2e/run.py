@@ -149,7 +149,7 @@ def tare_at_rest(client, **of):
         code, text = client.outcome("SkinService/Tare", **of)
         if code == "OK":
             return
-        assert code == "FAILED_PRECONDITION" and "rest is not proven" in text, (code, text)
+        assert code == "FAILED_PRECONDITION" and "tare refused" in text, (code, text)
     raise AssertionError(f"no zero in 20 watches: {text}")
 
 

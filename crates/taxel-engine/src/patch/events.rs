@@ -72,13 +72,13 @@ impl Patch {
                     let lasts = self.zero.distrusted().is_some();
                     let lacks = self.force.models().is_some_and(|set| !set.knows_rest());
                     let hint = match lasts || lacks {
-                        true => "; tare, and if nothing touches the skin, say so with confirmed_by",
+                        true => ". If the skin is unloaded: `taxeld tare --confirmed-by NAME`",
                         false => "",
                     };
-                    self.zero.explain(ReasonCode::RestNotProven, format!("rest is not proven: {why}{hint}"));
+                    self.zero.explain(ReasonCode::RestNotProven, format!("no zero yet: {why}{hint}"));
                 }
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
-                    let why = format!("rest is not proven: {why}{}", remedy(reason));
+                    let why = format!("tare refused: {why}{}", remedy(reason));
                     effects.out.push(Output::Reply(request, Err(Rejection::FailedPrecondition(reason, why))));
                 }
                 ZeroEvent::Refused(Purpose::Session { .. }, _, why) => {
@@ -163,9 +163,9 @@ impl Patch {
 const fn remedy(refused: ErrorReason) -> &'static str {
     match refused {
         ErrorReason::TareLoaded | ErrorReason::TareUnproven => {
-            "; if nothing touches the skin, say so with confirmed_by"
+            ". Unload the skin and tare again. If it is unloaded: `taxeld tare --confirmed-by NAME`"
         }
-        ErrorReason::TareUnsteady => "; tare while nothing touches the skin and nothing moves it",
+        ErrorReason::TareUnsteady => ". Tare while nothing touches the skin and nothing moves it",
         _ => "",
     }
 }

@@ -100,7 +100,7 @@ fn a_set_without_a_zero_takes_it_from_the_next_confirmed_tare() {
     let read = bench.host.snapshot().force.total.unwrap();
     assert!((read.0 / laid.0 - 1.0).abs() < 0.3, "{read:?} of {laid:?}");
     // From then on the skin can show rest by itself, and does not under the load.
-    assert!(format!("{:?}", bench.tare(None)).contains("loaded"));
+    assert!(format!("{:?}", bench.tare(None)).contains("TareLoaded"));
 }
 
 /// Whoever insists gets no force that nobody would doubt: what says that it may be off by more than a number holds is none.

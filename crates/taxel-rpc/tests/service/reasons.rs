@@ -61,7 +61,9 @@ fn pairs<const N: usize>(pairs: [(&str, &str); N]) -> Vec<(String, String)> {
 async fn the_engines_reason_comes_with_what_the_command_was_about() {
     let mut daemon = start().await;
     let mut client = SkinServiceClient::new(daemon.connect().await);
-    let refused = || Err(Rejection::FailedPrecondition(Engine::TareLoaded, "rest is not proven: loaded".to_owned()));
+    let refused = || {
+        Err(Rejection::FailedPrecondition(Engine::TareLoaded, "tare refused: something presses on the skin".to_owned()))
+    };
     let (answer, ()) = tokio::join!(client.tare(v1::TareRequest::default()), daemon.answer(refused(), |_| {}));
     let status = answer.unwrap_err();
     assert_eq!(about(&status), (ErrorReason::SkinLoaded, pairs([("patch", FOREARM)])), "the only patch, by its name");

@@ -198,15 +198,8 @@ fn compare_with_models(
     let modules = window.all().modules();
     let moved_median = moves.median();
     let (worst_module, worst_module_moved) = moves.worst_module(modules, moved_median.max(0.0));
-    let figures = RestFigures {
-        taxels: moves.counts().0,
-        moved_median,
-        share_one_sided: moves.share_one_sided(),
-        worst_module,
-        worst_module_moved,
-        drift,
-        noise_ratio,
-    };
+    let figures =
+        RestFigures { taxels: moves.counts().0, moved_median, worst_module, worst_module_moved, drift, noise_ratio };
     if moved_median > limits.moved_median_max || worst_module_moved > limits.moved_module_max {
         let (moved_median_max, moved_module_max) = (limits.moved_median_max, limits.moved_module_max);
         return RestVerdict::Loaded { figures, moved_median_max, moved_module_max };

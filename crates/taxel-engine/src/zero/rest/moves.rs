@@ -105,12 +105,6 @@ impl Moves {
         median(self.moved.iter().copied()).unwrap_or(f64::NAN)
     }
 
-    /// Share of the taxels that moved into the direction of load at all, 0 to 1.
-    #[must_use]
-    pub fn share_one_sided(&self) -> f64 {
-        self.moved.iter().filter(|&&m| m > 0.0).count() as f64 / self.sound as f64
-    }
-
     /// The module whose median taxel moved furthest beyond `all`, and how far; `(None, 0.0)` if none did.
     #[must_use]
     pub fn worst_module(&self, modules: &[Range<usize>], all: f64) -> (Option<usize>, f64) {

@@ -76,8 +76,8 @@ fn a_recording_that_starts_under_load_is_refused_with_its_figures() {
     let zero = another_day(&mut noise, 0.0);
     let verdict = say(&window(&mut noise, |t, _| zero[t] - 21.0));
     let RestVerdict::Loaded { figures, .. } = verdict else { panic!("{verdict}") };
-    assert!(figures.share_one_sided > 0.99 && (figures.moved_median - 21.0).abs() < 1.0, "{figures}");
-    assert!(say(&window(&mut noise, |t, _| zero[t] - 21.0)).to_string().starts_with("loaded: 150 taxels moved +2"));
+    assert!((figures.moved_median - 21.0).abs() < 1.0, "{figures}");
+    assert!(say(&window(&mut noise, |t, _| zero[t] - 21.0)).to_string().starts_with("something presses on "));
 }
 
 #[test]
@@ -263,14 +263,13 @@ fn a_zero_soon_after_the_bag_was_vented_says_that_a_later_one_is_better() {
     let figures = |moved_median| RestFigures {
         taxels: 218,
         moved_median,
-        share_one_sided: 0.9,
         worst_module: None,
         worst_module_moved: 0.0,
         drift: 0.0,
         noise_ratio: 1.0,
     };
     let said = |moved| RestVerdict::Rest { figures: figures(moved) }.to_string();
-    assert!(said(0.76).contains("some minutes later"), "{}", said(0.76));
+    assert!(said(0.76).contains("a later zero"), "{}", said(0.76));
     assert!(!said(0.1).contains("later") && !said(-0.8).contains("later"));
 }
 

@@ -15,8 +15,6 @@ pub struct RestFigures {
     pub taxels: usize,
     /// How far the median taxel has moved from its baseline, counts.
     pub moved_median: f64,
-    /// Share of the taxels that moved in the direction of load, 0 to 1.
-    pub share_one_sided: f64,
     /// The module that moved furthest in the direction of load.
     pub worst_module: Option<usize>,
     /// How far it moved beyond the median of all, counts.
@@ -178,26 +176,14 @@ pub enum Unsteadiness {
 impl fmt::Display for Unsteadiness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Median(moved, max) => {
-                write!(
-                    f,
-                    "its median taxel moved by {moved:.2} counts from the first half to the second, at rest by at \
-                           most {max:.2}"
-                )
+            Self::Median(moved, max) => write!(f, "{moved:.1} counts between the halves of the watch, limit {max:.1}"),
+            Self::Third(errors, max) => write!(f, "three taxels by {errors:.1} standard errors, limit {max}"),
+            Self::Noise(ratio, max) => write!(f, "three taxels have {ratio:.1} times their noise, limit {max}"),
+            Self::Single { taxels, all: false } => {
+                write!(f, "{taxels} taxels by more than {STEADY_ERRORS_MAX} standard errors")
             }
-            Self::Third(errors, max) => {
-                write!(f, "three of its taxels moved by {errors:.1} standard errors and more, at rest by at most {max}")
-            }
-            Self::Noise(ratio, max) => {
-                write!(f, "three of its taxels have {ratio:.1} times their noise and more, at rest at most {max}")
-            }
-            Self::Single { taxels, all } => {
-                let whose = if *all { "taxels of the skin, one of them its own," } else { "of its taxels" };
-                write!(
-                    f,
-                    "{taxels} {whose} moved by more than {STEADY_ERRORS_MAX} standard errors from the first half to the \
-                     second"
-                )
+            Self::Single { taxels, all: true } => {
+                write!(f, "{taxels} taxels of the skin by more than {STEADY_ERRORS_MAX} standard errors")
             }
         }
     }
@@ -229,66 +215,59 @@ impl RestVerdict {
     }
 
     fn write(&self, f: &mut fmt::Formatter<'_>, name: Name<'_>) -> fmt::Result {
-        let figures = |figures: &RestFigures| figures.told(name);
         match self {
-            Self::Rest { figures: of } if of.moved_median >= RECOVERING_COUNTS => write!(
+            Self::Rest { figures } => {
+                write!(f, "unloaded: {}", figures.told(name))?;
+                let recovers = figures.moved_median >= RECOVERING_COUNTS;
+                f.write_str(if recovers {
+                    "; the skin may still recover from a load: a later zero sees lighter ones"
+                } else {
+                    ""
+                })
+            }
+            Self::Loaded { figures, moved_median_max, moved_module_max } => {
+                let on_module = figures.worst_module.filter(|_| figures.worst_module_moved > *moved_module_max);
+                let (place, moved, limit) = match on_module {
+                    Some(module) => (name(module), figures.worst_module_moved, moved_module_max),
+                    None => ("most of the skin".to_owned(), figures.moved_median, moved_median_max),
+                };
+                write!(f, "something presses on {place} ({moved:.1} counts, limit {limit})")
+            }
+            Self::OtherZero { figures, moved_away_max } => write!(
                 f,
-                "at rest: {}; the skin may still be recovering from what pressed on it: a zero that is taken some minutes \
-                 later sees lighter loads",
-                figures(of)
+                "the boards have another zero than the models ({:.1} counts away from load, limit {moved_away_max})",
+                -figures.moved_median
             ),
-            Self::Rest { figures: of } => write!(f, "at rest: {}", figures(of)),
-            Self::Loaded { figures: of, moved_median_max, moved_module_max } => write!(
-                f,
-                "loaded: {}; at rest the median moves by at most {moved_median_max} counts towards load and a module by at \
-                 most {moved_module_max} more",
-                figures(of)
-            ),
-            Self::OtherZero { figures: of, moved_away_max } => write!(
-                f,
-                "another zero: {}; at rest the median moves by at most {moved_away_max} counts away from load",
-                figures(of)
-            ),
-            Self::LoadedInPart { module, taxels, moved, moved_max, from_zero } => {
-                let since = if *from_zero { "the present zero" } else { "the calibration" };
+            Self::LoadedInPart { module, taxels, moved, moved_max, .. } => {
                 let taxels = if *taxels == 2 { "two" } else { "three" };
-                write!(
-                    f,
-                    "loaded: {taxels} taxels of {} moved {moved:.2} counts and more towards load since {since}, at rest by \
-                     at most {moved_max}",
-                    name(*module)
-                )
+                let place = name(*module);
+                write!(f, "something presses on {place} ({moved:.1} counts on {taxels} taxels, limit {moved_max})")
             }
             Self::Standing { module, taxels, moved_max } => write!(
                 f,
-                "loaded: {taxels} taxels of {} stand still more than {moved_max} counts towards load: they are broken, or \
-                 beyond their range under a load",
+                "something presses on {0}, or {taxels} taxels are broken (they stand more than {moved_max} counts towards load)",
                 name(*module)
             ),
-            Self::Unsteady { module, what } => write!(f, "restless: something moved on {}: {what}", name(*module)),
+            Self::Unsteady { module, what } => write!(f, "something moved on {} ({what})", name(*module)),
             Self::Unlike { unlikeness, unlikeness_max } => write!(
                 f,
-                "restless: something came or went, perhaps spread over many modules: they moved more unlike each other than their \
-                 noise explains, by {unlikeness:.1} standard deviations, at rest by at most {unlikeness_max}"
+                "something moved on several modules ({unlikeness:.1} standard deviations apart, limit {unlikeness_max})"
             ),
             Self::Restless { drift, drift_max, noise_ratio, .. } if noise_ratio.is_nan() => {
-                write!(f, "restless: the median taxel drifts by {drift:+.2} counts, at rest by at most {drift_max:.2}")
+                write!(f, "the whole skin moved ({drift:+.1} counts in the median, limit {drift_max:.1})")
             }
-            Self::Restless { noise_ratio, noise_ratio_max, .. } => write!(
-                f,
-                "restless: the median taxel's noise is {noise_ratio:.1} times that at rest, expected at most \
-                 {noise_ratio_max}"
-            ),
+            Self::Restless { noise_ratio, noise_ratio_max, .. } => {
+                write!(f, "the whole skin trembled ({noise_ratio:.1} times its noise, limit {noise_ratio_max})")
+            }
             Self::Unproven { taxels, drift, noise } => write!(
                 f,
-                "still, but without a baseline to compare with: {taxels} taxels, drift {drift:+.2} counts, noise \
-                 {noise:.2} counts"
+                "still, but no calibration to compare with ({taxels} taxels, drift {drift:+.2} counts, noise {noise:.2})"
             ),
             Self::NotEnough { scans, scans_min, .. } if scans < scans_min => {
-                write!(f, "too little was seen: {scans} scans, {scans_min} are needed")
+                write!(f, "too little was seen ({scans} scans, at least {scans_min})")
             }
             Self::NotEnough { sound, comparable, .. } => {
-                write!(f, "too few sound taxels: {sound} of the {comparable} that have a baseline and a model")
+                write!(f, "too few sound taxels ({sound} of the {comparable} that have a model)")
             }
         }
     }
@@ -302,14 +281,8 @@ impl fmt::Display for RestFigures {
 
 impl RestFigures {
     fn told(&self, name: Name<'_>) -> String {
-        let share = 100.0 * self.share_one_sided;
         let worst =
-            self.worst_module.map(|module| format!(", {} by {:.2} more", name(module), self.worst_module_moved));
-        format!(
-            "{} taxels moved {:+.2} counts towards load in the median, {share:.0} % of them that way{}",
-            self.taxels,
-            self.moved_median,
-            worst.unwrap_or_default()
-        )
+            self.worst_module.map(|module| format!(", largest {:.1} ({})", self.worst_module_moved, name(module)));
+        format!("median shift {:.2} counts{}", self.moved_median, worst.unwrap_or_default())
     }
 }
