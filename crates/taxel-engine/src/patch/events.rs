@@ -96,7 +96,7 @@ impl Patch {
                     self.calibration.on_zero_doubted();
                 }
                 ZeroEvent::Moved | ZeroEvent::Cleared => {
-                    self.force.move_zero(self.zero.in_force(), self.zero.without_drift());
+                    self.force.move_zero(self.zero.in_force(), self.zero.as_taken());
                 }
             }
             self.on_calibration_events(now, follows, effects);

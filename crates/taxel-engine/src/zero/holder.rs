@@ -16,13 +16,11 @@ use crate::now::Now;
 use crate::regions::Regions;
 use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
-use crate::zero::bag::Bag;
-use crate::zero::continuity::{Continuity, Finding, UNSEEN_COUNTS};
-use crate::zero::drift::follow::Drift;
 use crate::zero::events::{Surroundings, ZeroEvent};
+use crate::zero::evidence::{Evidence, Finding, UNSEEN_COUNTS};
 use crate::zero::ground::Ground;
 use crate::zero::kept::TakenZero;
-use crate::zero::lookback::{Lookback, Present};
+use crate::zero::offset::Offset;
 use crate::zero::plan::ZeroPlan;
 use crate::zero::proven::{Known, Proven};
 use crate::zero::residue::Memory;
@@ -95,12 +93,10 @@ pub struct Zero {
     pub(super) taken: Time,
     pub(super) proven: Option<Proven>,
     pub(super) watch: Option<Watch>,
-    /// `None` where drift is not followed.
-    pub(super) drift: Option<Drift>,
-    pub(super) continuity: Continuity,
-    /// Whether the continuity is in doubt, as last told.
+    pub(super) offset: Offset,
+    pub(super) evidence: Evidence,
+    /// Whether the zero of a board is in doubt, as last told.
     pub(super) doubted: bool,
-    lookback: Lookback,
     /// Whether the boards were being configured when the last scan came, or are since.
     pub(super) configuring: bool,
     /// The last zero as it was taken, which outlives the daemon.
@@ -125,17 +121,16 @@ impl Zero {
     /// No zero.
     #[must_use]
     pub fn new(plan: ZeroPlan, regions: Regions) -> Self {
-        let drift = plan.drift.follow.then(|| Drift::new(plan.drift, plan.activation, plan.sites.clone()));
+        let offset = Offset::new(plan.drift, &regions, plan.sites.clone());
         Self {
             view: TareView::default(),
             baseline: None,
             taken: Time::default(),
             proven: None,
             watch: None,
-            drift,
-            continuity: Continuity::new(&regions, &plan.board_names),
+            offset,
+            evidence: Evidence::new(&regions, &plan.board_names),
             doubted: false,
-            lookback: Lookback::new(regions.taxels(), plan.period, plan.drift.follow),
             configuring: false,
             kept: None,
             on_trial: false,
@@ -176,7 +171,7 @@ impl Zero {
     #[must_use]
     pub fn view(&self) -> TareView {
         let mut view = self.view.clone();
-        if let Some(why) = self.continuity.doubted().filter(|_| self.doubted) {
+        if let Some(why) = self.evidence.doubted().filter(|_| self.doubted) {
             view.valid = false;
             view.reason = format!("{why}; this is being looked at");
             view.code = Some(ReasonCode::ZeroDoubted);
@@ -213,26 +208,24 @@ impl Zero {
     /// Standard uncertainty, in counts, of the zero that all taxels share.
     #[must_use]
     pub fn sigma_counts(&self) -> f64 {
-        let drift = self.drift.as_ref().filter(|_| self.view.valid).map_or(0.0, |drift| drift.view().sigma_counts);
-        drift.hypot(UNSEEN_COUNTS).hypot(self.lookback.offset_counts())
+        self.offset.sigma_counts().hypot(UNSEEN_COUNTS)
     }
 
     /// How far the zero lies towards load from that of the models, as far as that may be what the skin remembers of earlier
     /// loads, counts.
     #[must_use]
     pub fn residue_counts(&self) -> f64 {
-        self.memory.residue_counts()
+        self.memory.residue_counts(self.offset.followed_counts())
     }
 
-    /// That a load has just vanished from a whole board, if one has: a force is a lower bound until the counts have shown
-    /// that the board did not take a new zero.
+    /// That a load has just vanished from a whole board, if one has: nothing bounds a force above until the counts have shown that
+    /// the board did not take a new zero.
     #[must_use]
     pub fn load_vanished(&self) -> Option<Reason> {
-        let mut boards = self.continuity.unloaded().peekable();
+        let mut boards = self.evidence.unloaded().peekable();
         boards.peek()?;
-        let text = format!("{VANISHED}: the total is a lower bound");
         let taxels = boards.flat_map(|board| self.regions.boards()[board].clone());
-        Some(Reason::about(positions(taxels), ReasonCode::LoadVanished, text))
+        Some(Reason::about(positions(taxels), ReasonCode::LoadVanished, VANISHED))
     }
 
     /// Begins to watch the skin. An earlier watch is given up, and whoever wanted it told.
@@ -260,27 +253,25 @@ impl Zero {
             if !self.view.valid {
                 self.ground.take(&set.baseline); // without a zero, loads are told from the models'
             }
-            self.continuity.compare_with(&self.ground);
+            self.evidence.compare_with(&self.ground);
             self.on_rest_of_models(set);
         }
-        self.lookback.restart();
+        self.offset.restart();
     }
 
     /// Takes a scan.
     pub fn on_scan(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
-        self.lookback.feel(scan);
-        self.check_continuity(scan, &around, events);
-        self.check_unloading(scan, around.bag, events);
+        self.check_evidence(scan, &around, events);
         self.watch_rest(now, scan, around, events);
-        self.follow_drift(now, scan, around.bag.session_open, events);
+        self.follow_offset(scan, around.bag.session_open, events);
     }
 
-    fn check_continuity(&mut self, scan: &Scan<'_>, around: &Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
+    fn check_evidence(&mut self, scan: &Scan<'_>, around: &Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
         if !self.view.valid {
-            self.continuity.without_zero(scan, around.bag);
+            self.evidence.on_scan(scan, around.bag);
             self.spoil_proven();
             if std::mem::replace(&mut self.configuring, around.configuring) {
-                self.continuity.begin(true); // boards that were configured have taken zeros of their own
+                self.evidence.begin(true); // boards that were configured have taken zeros of their own
                 self.hold_unseen();
                 if !around.configuring && self.view.code == Some(ReasonCode::BoardsNotConfigured) {
                     self.explain(ReasonCode::RestNotProven, CONFIGURED.to_owned());
@@ -288,7 +279,7 @@ impl Zero {
             }
             return;
         }
-        match self.continuity.on_scan(scan, around.bag) {
+        match self.evidence.on_scan(scan, around.bag) {
             Some((board, Finding::NewZero(why))) => {
                 self.vouched = None;
                 self.lose(ReasonCode::ZeroLost, why.clone(), events);
@@ -311,43 +302,18 @@ impl Zero {
 
     pub(super) fn held_against(&self) -> Known {
         Known {
-            doubted: self.continuity.doubted().map(str::to_owned),
-            vanished: self.continuity.unloaded().next().map(|_| VANISHED.to_owned()),
-            unproven: self.continuity.unproven().map(str::to_owned),
+            doubted: self.evidence.doubted().map(str::to_owned),
+            vanished: self.evidence.unloaded().next().map(|_| VANISHED.to_owned()),
+            unproven: self.evidence.unproven().map(str::to_owned),
         }
     }
 
     pub(super) fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
-        let doubted = self.continuity.doubted().is_some();
+        let doubted = self.evidence.doubted().is_some();
         self.on_trial &= doubted;
         if doubted != self.doubted {
             self.doubted = doubted;
             events.push(if doubted { ZeroEvent::Doubted } else { ZeroEvent::Cleared });
-        }
-    }
-
-    /// A skin that becomes lighter than its zero was not at rest when that was taken. What is found stays: the zero is
-    /// lost until another is taken.
-    fn check_unloading(&mut self, scan: &Scan<'_>, bag: Bag, events: &mut Vec<ZeroEvent>) {
-        if !self.holds() {
-            return;
-        }
-        let (modules, limits) = (self.regions.modules(), &self.plan.tare.rest);
-        let present = Present { zero: self.ground.zero(), signs: self.ground.signs(), modules, limits };
-        if let Some(found) = self.lookback.on_scan(scan, present) {
-            let why = "the zero was taken under a load, or is another; unload the skin and tare";
-            let found = found.told(|module| self.plan.module_name(module));
-            self.lose(ReasonCode::ZeroLost, format!("{found}: {why}"), events);
-            return;
-        }
-        let seconds = scan.time.seconds_since(self.taken);
-        if let Some(median) = self.lookback.median_counts().filter(|_| !bag.session_open)
-            && self.memory.follow(median, seconds)
-        {
-            if let (Some(drift), Some(taken)) = (&mut self.drift, &self.baseline) {
-                drift.rebase(&self.memory.applied_to(taken, self.ground.signs()));
-            }
-            self.renew_zero(events);
         }
     }
 
@@ -373,35 +339,32 @@ impl Zero {
     }
 
     pub(super) fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {
-        let pads = self.lookback.pads();
+        let pads = self.offset.pads();
         self.take_at(now, view, baseline, &pads);
         self.keep(pads);
     }
 
-    /// The same of a zero that was taken with these means of each module's thermal pads, counts.
+    /// The same of a zero that was taken with this mean of each module's thermal pads, counts.
     pub(super) fn take_at(
         &mut self,
         now: Time,
         view: TareView,
         baseline: Vec<TaxelBaseline>,
-        pads: &[[Option<f64>; 2]],
+        pads: &[Option<f64>],
     ) {
-        let wall_ns = view.wall_ns;
         self.view = view;
         self.taken = now;
         self.ground.take(&baseline);
         self.memory.begin(&baseline, self.ground.signs());
-        if let Some(drift) = &mut self.drift {
-            drift.begin(Now { time: now, wall_ns }, &baseline, pads);
-            self.view.drift = *drift.view();
-        }
+        let residue = self.memory.residue_counts(0.0);
+        self.offset.begin(residue, pads);
+        self.view.drift = *self.offset.view();
         self.baseline = Some(baseline);
         self.unseen = None;
-        self.continuity.begin(self.view.at_rest);
-        self.continuity.compare_with(&self.ground);
+        self.evidence.begin(self.view.at_rest);
+        self.evidence.compare_with(&self.ground);
         self.doubted = false;
         self.on_trial = false;
-        self.lookback.begin(pads);
     }
 
     /// The zero as it was taken, one per taxel, if there is one.

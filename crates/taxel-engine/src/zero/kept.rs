@@ -39,8 +39,8 @@ pub struct TakenZero {
     /// Noise of each taxel, counts.
     #[serde(deserialize_with = "with_gaps")]
     pub noise: Vec<f64>,
-    /// The thermal pads of each module then, counts.
-    pub pads: Vec<[Option<f64>; 2]>,
+    /// Mean of the thermal pads of each module then, counts.
+    pub pads: Vec<Option<f64>>,
 }
 
 /// JSON has `null` for a number that is missing.
@@ -54,7 +54,7 @@ impl TakenZero {
         view: &TareView,
         baseline: &[TaxelBaseline],
         confirmed: bool,
-        pads: Vec<[Option<f64>; 2]>,
+        pads: Vec<Option<f64>>,
     ) -> Self {
         Self {
             epoch: view.epoch,

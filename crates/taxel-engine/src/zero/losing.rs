@@ -10,7 +10,7 @@ impl Zero {
     /// Something may have moved the zero of a board: the counts have to show that it did not.
     pub fn doubt(&mut self, board: usize, why: &str, events: &mut Vec<ZeroEvent>) {
         self.refuse_watch(why, events);
-        self.continuity.doubt(board, why.to_owned());
+        self.evidence.doubt(board, why.to_owned());
         if self.view.valid {
             self.tell_doubt(events);
         }
@@ -19,12 +19,12 @@ impl Zero {
     /// A board says that it is not well: what it sends says nothing until it is, and what it read before is kept, as of a
     /// silent one.
     pub fn on_unwell(&mut self, board: usize) {
-        self.continuity.on_unwell(board);
+        self.evidence.on_unwell(board);
     }
 
     /// It is well again, and may have taken a new zero; `certain`: after so long a time that its zero counts as lost.
     pub fn on_well(&mut self, board: usize, why: &str, certain: bool, events: &mut Vec<ZeroEvent>) {
-        self.continuity.on_well(board, why.to_owned());
+        self.evidence.on_well(board, why.to_owned());
         if certain {
             self.vouched = None;
             self.lose(ReasonCode::ZeroLost, why, events);
@@ -45,7 +45,7 @@ impl Zero {
         // For models of a session nothing is held against the boards, and for others it is already.
         let without_models = self.unjudged.take_if(|unjudged| unjudged.models != Models::OfSession);
         if let Some(held) = without_models.and_then(|unjudged| unjudged.held) {
-            self.continuity.distrust(held);
+            self.evidence.distrust(held);
         }
         if self.view.valid || self.view.reason.is_empty() {
             self.view.epoch += 1;
@@ -56,9 +56,7 @@ impl Zero {
             if std::mem::take(&mut self.on_trial) {
                 self.baseline = None; // as if there had been none: another is taken as after any start
             }
-            if let Some(drift) = &mut self.drift {
-                drift.end();
-            }
+            self.offset.end();
             self.doubted = false;
             events.push(ZeroEvent::Lost(reason));
         }
@@ -66,7 +64,7 @@ impl Zero {
 
     /// As [`Zero::lose`], by what a board has sent, which takes a new zero now: whatever lies on it reads as nothing then.
     pub fn lose_by_board(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
-        self.continuity.doubt(board, reason.to_owned());
+        self.evidence.doubt(board, reason.to_owned());
         self.vouched = None;
         self.lose(ReasonCode::ZeroLost, reason, events);
     }
@@ -74,7 +72,7 @@ impl Zero {
     /// As [`Zero::lose_by_board`], by what another patch has seen of the board some scans later: its load has vanished here,
     /// too, if one lay here.
     pub fn lose_by_another(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
-        self.continuity.moved(board, reason);
+        self.evidence.moved(board, reason);
         self.vouched = None;
         self.lose(ReasonCode::ZeroLost, reason, events);
     }

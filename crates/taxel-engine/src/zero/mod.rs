@@ -1,29 +1,25 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
 pub mod bag;
-pub mod continuity;
 pub mod count_sums;
 pub mod drift;
 pub mod events;
+pub mod evidence;
 mod following;
 mod ground;
 pub mod holder;
-pub mod inputs;
 pub mod kept;
-pub mod lanes;
-pub mod lookback;
 mod losing;
+pub mod offset;
 mod over_restarts;
 pub mod plan;
 mod proven;
 mod residue;
 pub mod rest;
-mod sudden;
 #[cfg(test)]
 mod tests;
 pub mod unloading;
 pub mod view;
-mod warmth;
 pub mod watch;
 mod watching;
 

@@ -26,7 +26,7 @@ impl Zero {
                 let own = Some(OwnModels { id: set.clone(), rest: Vec::new() });
                 self.unjudged = Some(Unjudged { held: known.unproven.clone(), models: Models::None, own });
             }
-            None => known.unproven.iter().for_each(|why| self.continuity.distrust(why.clone())),
+            None => known.unproven.iter().for_each(|why| self.evidence.distrust(why.clone())),
         }
     }
 
@@ -44,7 +44,7 @@ impl Zero {
         }
         self.take_at(now.time, view, baseline, &kept.pads);
         self.kept = Some(Arc::clone(kept));
-        (0..self.regions.boards().len()).for_each(|board| self.continuity.doubt(board, AWAY.to_owned()));
+        (0..self.regions.boards().len()).for_each(|board| self.evidence.doubt(board, AWAY.to_owned()));
         self.on_trial = true;
         events.push(ZeroEvent::Restored);
         self.tell_doubt(events);
@@ -53,7 +53,7 @@ impl Zero {
     /// Why the counts cannot show whether the skin is unloaded; also after a restart.
     #[must_use]
     pub fn distrusted(&self) -> Option<&str> {
-        self.continuity.unproven()
+        self.evidence.unproven()
     }
 
     /// What is known of the zero, if that is no more what was `noted`. The boards are set as the
@@ -80,7 +80,7 @@ impl Zero {
         self.kept.as_ref().filter(|_| self.view.valid && judged)
     }
 
-    pub(super) fn keep(&mut self, pads: Vec<[Option<f64>; 2]>) {
+    pub(super) fn keep(&mut self, pads: Vec<Option<f64>>) {
         let confirmed = self.vouched_now().is_some();
         let taken = self.baseline().map(|baseline| TakenZero::of(&self.view, baseline, confirmed, pads));
         self.kept = taken.map(Arc::new);
@@ -104,10 +104,10 @@ impl Zero {
     pub fn on_bring_up(&mut self, confirmed: bool, unseen: Option<&'static str>) {
         self.configuring = true;
         if confirmed {
-            self.continuity.forget();
+            self.evidence.forget();
             self.unjudged = None;
         }
-        self.unseen = unseen.or(self.continuity.unproven()).map(str::to_owned);
+        self.unseen = unseen.or(self.evidence.unproven()).map(str::to_owned);
         self.hold_unseen();
         self.session_rests.clear();
         self.vouched = None;
@@ -150,8 +150,8 @@ impl Zero {
         let models = if is_own { Models::OfSession } else { Models::Others };
         let before = std::mem::replace(&mut unjudged.models, models);
         match &unjudged.held {
-            Some(held) if !is_own => self.continuity.distrust(held.clone()),
-            Some(held) if before == Models::Others => self.continuity.trust_again(held),
+            Some(held) if !is_own => self.evidence.distrust(held.clone()),
+            Some(held) if before == Models::Others => self.evidence.trust_again(held),
             _ => {}
         }
         if is_own {
@@ -160,6 +160,6 @@ impl Zero {
     }
 
     pub(super) fn hold_unseen(&mut self) {
-        self.unseen.iter().for_each(|why| self.continuity.distrust(why.clone()));
+        self.unseen.iter().for_each(|why| self.evidence.distrust(why.clone()));
     }
 }

@@ -248,74 +248,6 @@ fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
     }
 }
 
-/// A window is two seconds, forty scans.
-#[test]
-fn what_all_taxels_read_beside_their_zero_is_an_uncertainty_of_it() {
-    let mut skin = Skin::new().zeroed(|_| 0);
-    assert_eq!(skin.zero.sigma_counts(), 0.15);
-    skin.scan(39, |_| 2);
-    assert_eq!(skin.zero.sigma_counts(), 0.15, "a window is not over");
-    skin.scan(1, |_| 2);
-    assert!((skin.zero.sigma_counts() - 2.0_f64.hypot(0.15)).abs() < 0.05, "{}", skin.zero.sigma_counts());
-    skin.scan(40, |_| 9);
-    assert!((skin.zero.sigma_counts() - 4.0_f64.hypot(0.15)).abs() < 1e-9, "nine counts are a load on half of it");
-    skin.scan(20, |_| 9);
-    skin.zero.on_models(Some(&models(240.0)));
-    skin.scan(39, |_| 0);
-    assert!(skin.zero.sigma_counts() > 4.0, "other models begin a window");
-    skin.scan(1, |_| 0);
-    assert!(skin.zero.sigma_counts() < 0.25, "{}", skin.zero.sigma_counts());
-    skin.scan(40, |_| 2);
-    let again = skin.zeroed(|_| 2);
-    assert_eq!(again.zero.sigma_counts(), 0.15, "of a new zero nothing is known");
-}
-
-/// Cold moves counts away from load. Where a light load on everything moves them back, only the pads show it. A zero that
-/// follows has not done so yet.
-#[test]
-fn what_the_pads_say_of_the_temperature_and_is_not_followed_is_an_uncertainty_of_a_zero() {
-    for follow in [false, true] {
-        let mut skin = Skin::with_drift(DriftPlan { follow, ..DriftPlan::default() }).zeroed(|_| 0);
-        skin.scan(40, |_| 0);
-        assert!((skin.zero.sigma_counts() - 0.15).abs() < 0.05, "{}", skin.zero.sigma_counts());
-        skin.pads = 101;
-        skin.scan(80, |_| 0);
-        assert_eq!(skin.lost(), None);
-        let sigma = skin.zero.sigma_counts();
-        // Taxels move by a quarter to all of what the pads do.
-        let expected = (21.0_f64 / 48.0).sqrt().hypot(0.15);
-        assert!((sigma - expected).abs() < 0.05, "{sigma}, expected {expected} (follows: {follow})");
-    }
-}
-
-#[test]
-fn a_zero_follows_a_skin_that_recovers_from_a_load_but_not_in_a_session() {
-    for session_open in [false, true] {
-        let mut skin = Skin::new().zeroed(|_| 0);
-        skin.session_open = session_open;
-        let before = skin.mean(0);
-        skin.recover();
-        let moved = skin.events.iter().any(|event| matches!(event, ZeroEvent::Moved));
-        assert_eq!((moved, skin.lost()), (!session_open, None));
-        let follows = if session_open { 0.0 } else { 0.2 };
-        assert!((skin.mean(0) - before - follows).abs() < 1e-9, "{} after {before}", skin.mean(0));
-    }
-}
-
-#[test]
-fn how_far_a_zero_lies_towards_load_from_that_of_the_models_is_what_a_skin_may_remember() {
-    let mut skin = Skin::new().zeroed(|_| 0);
-    assert_eq!(skin.zero.residue_counts(), 0.0, "nothing to compare with");
-    skin.zero.on_models(Some(&models(241.5)));
-    assert!((skin.zero.residue_counts() - 1.5).abs() < 0.2, "{}", skin.zero.residue_counts());
-    let residue = skin.zero.residue_counts();
-    skin.recover();
-    assert!((skin.zero.residue_counts() - residue + 0.2).abs() < 1e-9, "less of it than {residue}");
-    skin.events.clear();
-    let again = skin.zeroed(|taxel| i16::from(taxel < 50));
-    assert!((again.zero.residue_counts() - 2.0).abs() < 1e-9, "no more: {}", again.zero.residue_counts());
-}
-
 #[test]
 fn a_zero_that_could_not_be_written_down_is_not_taken_later() {
     for (rejected, holds) in [(RequestId(7), false), (RequestId(8), true)] {
@@ -345,60 +277,6 @@ fn a_watch_that_gets_no_scans_ends_at_its_deadline() {
     assert!(why.ends_with("nothing came") && skin.zero.watching().is_none(), "{why}");
 }
 
-/// Sixteen scans from the last one that is compared with the load: that is seen in the mean of four scans.
-#[test]
-fn a_load_that_vanishes_from_a_whole_board_is_told_for_sixteen_scans() {
-    let mut skin = Skin::new().zeroed(|_| 0);
-    skin.scan(30, |taxel| if taxel < 5 { 20 } else { 0 });
-    assert_eq!(skin.zero.load_vanished(), None);
-    skin.scan(1, |_| 0);
-    assert_eq!(skin.zero.load_vanished().expect("a reason").code(), ReasonCode::LoadVanished);
-    let mut told = 1;
-    while skin.zero.load_vanished().is_some() && told < 100 {
-        skin.scan(1, |_| 0);
-        told += 1;
-    }
-    assert!((17..=22).contains(&told) && skin.lost().is_none() && skin.zero.zero().is_some(), "{told} scans");
-}
-
-/// All taxels creep by a count, which pads that stay where they are explain half a count of at most.
-#[test]
-fn a_drift_is_followed_held_in_a_session_and_told_at_its_bound() {
-    let drift = DriftPlan { follow: true, rate_max_counts_per_min: 60.0, bound_counts: 0.4 };
-    let mut skin = Skin::with_drift(drift).zeroed(|_| 0);
-    let before = skin.mean(0);
-    assert_eq!(skin.zero.shortcoming(), None);
-    skin.scan(20 * 60, |_| 1);
-    assert_eq!((skin.zero.view().drift.state, skin.lost()), (DriftState::Bounded, None));
-    assert!((skin.mean(0) - before + 0.4).abs() < 1e-9, "{} after {before}", skin.mean(0));
-    assert_eq!(skin.zero.shortcoming().expect("at its bound").code(), ReasonCode::DriftBounded);
-    assert!(skin.events.iter().any(|event| matches!(event, ZeroEvent::Moved)));
-    assert!(skin.zero.sigma_counts() > 0.5, "half a count is left: {}", skin.zero.sigma_counts());
-    skin.session_open = true;
-    skin.events.clear();
-    skin.scan(20 * 60, |_| 0);
-    assert!((skin.mean(0) - before + 0.4).abs() < 1e-9, "a session holds it");
-    assert_eq!(skin.zero.view().drift.following.0, 0);
-    skin.zero.lose(ReasonCode::ZeroLost, "of a test", &mut skin.events);
-    assert_eq!(skin.zero.view().drift.state, DriftState::Off);
-}
-
-#[test]
-fn a_board_in_doubt_takes_the_zero_away_until_its_counts_have_shown_that_it_is_the_same() {
-    let mut skin = Skin::new().zeroed(|_| 0);
-    skin.scan(30, |_| 0);
-    skin.zero.doubt(0, "board 12 reported a lost acknowledgement", &mut skin.events);
-    assert!(skin.zero.zero().is_none() && matches!(skin.events[..], [ZeroEvent::Doubted]), "{:?}", skin.events);
-    let view = skin.zero.view();
-    assert_eq!((view.valid, view.code), (false, Some(ReasonCode::ZeroDoubted)));
-    assert!(view.reason.contains("lost acknowledgement; this is being looked at"), "{}", view.reason);
-    skin.scan(15, |_| 0);
-    assert!(skin.zero.zero().is_none());
-    skin.scan(1, |_| 0);
-    assert!(skin.zero.zero().is_some() && skin.zero.lacks().is_none() && skin.zero.view().valid);
-    assert!(matches!(skin.events[..], [ZeroEvent::Doubted, ZeroEvent::Cleared]), "{:?}", skin.events);
-}
-
 /// Two counts everywhere, which may be warmth after two minutes and is none after two seconds, and two more on three taxels.
 #[test]
 fn how_far_warmth_may_have_moved_the_skin_depends_on_the_time_since_the_zero() {
@@ -418,4 +296,56 @@ fn how_far_warmth_may_have_moved_the_skin_depends_on_the_time_since_the_zero() {
             events => panic!("{events:?}"),
         }
     }
+}
+
+#[test]
+fn a_board_in_doubt_takes_the_zero_away_until_its_counts_have_shown_that_it_is_the_same() {
+    let mut skin = Skin::new().zeroed(|_| 0);
+    skin.scan(30, |_| 0);
+    skin.zero.doubt(0, "board 12 reported a lost acknowledgement", &mut skin.events);
+    assert!(skin.zero.zero().is_none() && matches!(skin.events[..], [ZeroEvent::Doubted]), "{:?}", skin.events);
+    let view = skin.zero.view();
+    assert_eq!((view.valid, view.code), (false, Some(ReasonCode::ZeroDoubted)));
+    assert!(view.reason.contains("lost acknowledgement; this is being looked at"), "{}", view.reason);
+    skin.scan(8, |_| 0);
+    assert!(skin.zero.zero().is_none());
+    skin.scan(1, |_| 0);
+    assert!(skin.zero.zero().is_some() && skin.zero.lacks().is_none() && skin.zero.view().valid);
+    assert!(matches!(skin.events[..], [ZeroEvent::Doubted, ZeroEvent::Cleared]), "{:?}", skin.events);
+}
+
+/// Lighter is followed with and without `follow_drift`, by all but a session.
+#[test]
+fn a_zero_follows_a_skin_that_recovers_from_a_load_but_not_in_a_session() {
+    for session_open in [false, true] {
+        let mut skin = Skin::new();
+        skin.zero.on_models(Some(&models(242.0)));
+        let mut skin = skin.zeroed(|_| 0);
+        let residue = skin.zero.residue_counts();
+        skin.session_open = session_open;
+        let before = skin.mean(0);
+        skin.recover();
+        let moved = skin.mean(0) - before;
+        assert_eq!(skin.lost(), None);
+        assert!(if session_open { moved == 0.0 } else { (0.1..0.25).contains(&moved) }, "{moved} counts");
+        assert!((residue - skin.zero.residue_counts() - moved).abs() < 1e-9, "so much less is remembered");
+    }
+}
+
+/// All taxels creep by a count in ten minutes, which pads that stay where they are do not explain.
+#[test]
+fn a_drift_is_followed_held_in_a_session_and_told_at_its_bound() {
+    let mut skin = Skin::with_drift(DriftPlan { follow: true, bound_counts: 0.2 }).zeroed(|_| 0);
+    let before = skin.mean(0);
+    assert_eq!(skin.zero.shortcoming(), None);
+    (0..600).for_each(|second| skin.scan(20, |taxel| i16::from(taxel * 600 < second * TAXELS)));
+    assert_eq!((skin.zero.view().drift.state, skin.lost()), (DriftState::Bounded, None));
+    assert!((skin.mean(0) - before + 0.2).abs() < 1e-9, "{} after {before}", skin.mean(0));
+    assert_eq!(skin.zero.shortcoming().expect("at its bound").code(), ReasonCode::DriftBounded);
+    assert!(skin.events.iter().any(|event| matches!(event, ZeroEvent::Moved)));
+    skin.session_open = true;
+    skin.scan(20 * 60, |_| 0);
+    assert!((skin.mean(0) - before + 0.2).abs() < 1e-9, "a session holds it");
+    skin.zero.lose(ReasonCode::ZeroLost, "of a test", &mut skin.events);
+    assert_eq!(skin.zero.view().drift.state, DriftState::Off);
 }

@@ -62,7 +62,7 @@ impl Zero {
         let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
         let held = || self.held_over_restarts().map(str::to_owned);
         let unjudged = first.then(|| Unjudged { held: held(), models: Models::None, own: None });
-        let held = self.continuity.unproven().filter(|_| !first);
+        let held = self.evidence.unproven().filter(|_| !first);
         if vouched.is_none() && (!rest || held.is_some()) {
             let (reason, why) = match held {
                 Some(why) => (ErrorReason::TareUnproven, why.to_owned()),

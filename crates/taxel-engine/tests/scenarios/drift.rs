@@ -76,7 +76,7 @@ fn a_warm_up_moves_the_force_unless_it_is_followed() {
     let forces = [&mut followed, &mut ignored].map(|bench| weigh_half_a_kilogram(bench) / cold - 1.0);
     eprintln!("{view:?}; at rest {at_rest:?} N; half a kilogram off by {forces:?} of {cold} N");
     assert_eq!((view.state, drift(&ignored).state), (DriftState::Following, DriftState::Off));
-    assert!((-3.0..-2.0).contains(&view.median_counts), "{view:?}");
+    assert!((2.0..3.0).contains(&view.median_counts), "{view:?}");
     assert!(at_rest[0] < 0.01, "{at_rest:?} N");
     assert!(forces[0].abs() < 0.03 && forces[1] > 0.1, "{forces:?}");
     assert_eq!(followed.host.state(), ForceState::Ok, "{}", followed.host.reasons());
@@ -92,7 +92,9 @@ fn a_hand_that_lies_still_for_half_an_hour_keeps_its_force() {
     minutes(&mut bench, 30.0);
     let last = bench.weigh(200);
     eprintln!("{first} N, half an hour later {last} N; {:?}", drift(&bench));
-    assert!((last / first - 1.0).abs() < 0.02, "{first} N, half an hour later {last} N");
+    let force = &bench.host.snapshot().force;
+    assert!(force.low().zip(force.high()).is_some_and(|(low, high)| low.0 <= first && first <= high.0), "{force:?}");
+    assert!((last / first - 1.0).abs() < 0.04, "{first} N, half an hour later {last} N");
 }
 
 #[test]
@@ -101,8 +103,9 @@ fn a_load_that_creeps_in_on_a_module_is_not_eaten() {
     for _ in 0..10 {
         bench.world.lay(Mass::on_disc(0.004, TaxelIndex(33), 330.0)).unwrap();
         minutes(&mut bench, 1.0);
-        let view = drift(&bench);
-        assert!(view.max_counts.abs() < 0.15, "{view:?}");
+        let (force, truth, view) = (&bench.host.snapshot().force, bench.world.true_force(), drift(&bench));
+        assert!(force.high().is_none_or(|high| truth <= high), "{truth:?} of {:?}; {view:?}", force.high());
+        assert!(view.absorbed.0 < 0.5, "{view:?}");
     }
     bench.world.clear();
     minutes(&mut bench, 2.0);
@@ -117,11 +120,11 @@ fn at_its_bound_the_force_says_so_until_a_tare() {
     minutes(&mut bench, 15.0);
     assert_eq!(bench.host.state(), ForceState::Degraded);
     let why = bench.host.reasons();
-    assert!(why.contains("drift of -") && why.contains(" counts reached its bound of 3 counts: tare"), "{why}");
+    assert!(why.contains("drift of +") && why.contains(" counts reached its bound of 3 counts: tare"), "{why}");
     assert_eq!(drift(&bench).state, DriftState::Bounded);
     bench.tare(Some("Ada")).unwrap();
     bench.until_force(1.0, ForceState::Ok);
-    assert_eq!((drift(&bench).state, drift(&bench).max_counts), (DriftState::Held, 0.0));
+    assert_eq!((drift(&bench).state, drift(&bench).max_counts), (DriftState::Following, 0.0));
     minutes(&mut bench, 2.0);
     assert_eq!(drift(&bench).state, DriftState::Following);
 }

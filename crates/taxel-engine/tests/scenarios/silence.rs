@@ -64,14 +64,14 @@ fn a_silent_board_is_too_much_and_there_is_no_total() {
     assert_eq!(bench.host.reasons(), "20 of 80 taxels are silent");
     assert_eq!(bench.host.snapshot().force.total, None);
     bench.repair(Fault::BoardSilent(board(12)));
-    // Whether it comes back with the zero that it had is not known before its counts have shown it over 16 scans.
+    // Whether it comes back with the zero that it had is not known before its counts have shown it over some 20 scans.
     let back = bench.now();
     bench.until_force(0.1, ForceState::TareInvalid);
     assert!(bench.host.reasons().contains("board 12 was not heard for 0.2"), "{}", bench.host.reasons());
     bench.until(2.0, "a force", |host| host.snapshot().force.total.is_some());
     assert_eq!(bench.host.state(), ForceState::Ok, "{}", bench.host.reasons());
     let waited = bench.now().since(back);
-    assert!((Duration::from_millis(750)..Duration::from_millis(950)).contains(&waited), "{waited:?}");
+    assert!((Duration::from_millis(750)..Duration::from_millis(1250)).contains(&waited), "{waited:?}");
 }
 
 #[test]

@@ -81,7 +81,7 @@ fn four_lost_acknowledgements_are_borne() {
     bench.seconds(3.0); // taxels that read all zeros are faulty for a while yet
     assert_eq!(bench.host.state(), ForceState::Ok, "{}", bench.host.reasons());
     assert_eq!(bench.host.snapshot().tare.as_ref().unwrap().epoch, epoch, "the same zero");
-    assert!((19..=24).contains(&without), "sixteen scans after the last of four: {without}");
+    assert!((10..=24).contains(&without), "eight scans and more after the last of four: {without}");
 }
 
 /// The board counts over any time: the fifth takes its zero anew, and then it counts from nothing.
@@ -104,7 +104,7 @@ fn a_silent_retare_under_load_is_found_and_named() {
     bench.seconds(1.0);
     assert_eq!(bench.host.state(), ForceState::Ok, "{}", bench.host.reasons());
     bench.inject(Fault::SilentRetare(board(12)));
-    bench.until_force(0.2, ForceState::TareInvalid);
+    bench.until_force(0.6, ForceState::TareInvalid);
     bench.until(0.5, "proof", |host| host.reasons().contains("it has taken a new zero"));
     let why = bench.host.reasons();
     assert!(why.starts_with("board 12 "), "{why}");
@@ -258,7 +258,7 @@ fn the_first_force_comes_after_a_second_of_rest() {
     assert!(after <= Duration::from_millis(1_100), "{after:?} after the first whole scan");
     assert_eq!(forces(&bench), 1, "none before");
     let tare = bench.host.snapshot().tare.clone().unwrap();
-    assert!(tare.valid && tare.reason.starts_with("at rest"), "{}", tare.reason);
+    assert!(tare.valid && tare.reason.starts_with("unloaded"), "{}", tare.reason);
     assert!(bench.host.records.iter().any(|r| matches!(r, Record::Tared { .. })));
 }
 

@@ -225,7 +225,7 @@ fn a_board_that_takes_a_zero_under_a_load_while_there_is_none_is_not_tared() {
     bench.seconds(2.0);
     let mark = bench.mark();
     let why = bench.tare(None).unwrap_err().to_string();
-    assert!(why.contains("lost its load while it was silent") && why.contains("BringUp"), "{why}");
+    assert!(why.contains("lost its load while it was silent") && why.contains("taxeld bring-up"), "{why}");
     bench.is_truthful_since(mark, "a tare after a new zero of a board");
     bench.world.clear();
     bench.seconds(1.0);

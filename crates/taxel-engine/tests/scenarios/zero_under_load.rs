@@ -45,7 +45,7 @@ fn a_load_on_two_taxels_of_a_module_is_no_rest() {
     bench.seconds(2.0);
     let mark = bench.mark();
     let why = bench.refused(tare());
-    assert!(why.contains("two taxels of board 13 module"), "{why}");
+    assert!(why.contains("something presses on board 13 module") && why.contains("counts on two taxels"), "{why}");
     bench.seconds(2.0);
     bench.is_truthful_since(mark, "a tare under a load on two taxels of a module");
 }
@@ -73,7 +73,7 @@ fn a_start_under_a_load_on_two_taxels_of_a_module_takes_no_zero_by_itself() {
     lay_an_edge(&mut bench);
     bench.seconds(5.0);
     assert_eq!(bench.host.state(), ForceState::TareInvalid);
-    assert!(bench.host.reasons().contains("two taxels of board 13 module"), "{}", bench.host.reasons());
+    assert!(bench.host.reasons().contains("counts on two taxels"), "{}", bench.host.reasons());
     bench.world.clear();
     bench.until_force(3.0, ForceState::Ok);
 }
@@ -127,7 +127,7 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
             assert_eq!(bench.host.state(), ForceState::TareInvalid, "{configures}: {}", bench.host.reasons());
             assert!(bench.host.reasons().contains("it has taken a new zero"), "{}", bench.host.reasons());
             let why = bench.refused(tare());
-            assert!(why.contains("it has taken a new zero") && why.contains("confirmed_by"), "{why}");
+            assert!(why.contains("it has taken a new zero") && why.contains("--confirmed-by"), "{why}");
             assert_eq!(noted(&bench), None, "nothing new was found");
         }
         bench.world.clear();

@@ -8,9 +8,9 @@ pub enum DriftState {
     /// It is not asked for, or there is no zero.
     #[default]
     Off,
-    /// No module follows the others: touched, a session is open, a gap, too few modules, or the zero is too young.
+    /// No module is read: all are touched or were a moment ago, or a session is open.
     Held,
-    /// Some modules follow, the others are held.
+    /// Some modules are read, and their zero follows.
     Following,
     /// It has come to its bound in some module: the zero must be taken again.
     Bounded,
@@ -21,9 +21,7 @@ pub enum DriftState {
 pub struct DriftView {
     /// What is done about it.
     pub state: DriftState,
-    /// Since when, nanoseconds since 1970.
-    pub since_wall_ns: i64,
-    /// Median over the modules of what was added to the zero, counts; falls with warmth where counts fall with load.
+    /// Median over the modules of how far the zero has followed, counts towards load.
     pub median_counts: f64,
     /// That of the module that drifted furthest, counts.
     pub max_counts: f64,
@@ -31,6 +29,4 @@ pub struct DriftView {
     pub sigma_counts: f64,
     /// How much of a load that lies on the whole patch it may have taken for drift.
     pub absorbed: Newton,
-    /// Modules that follow the others now, and all.
-    pub following: (u32, u32),
 }
