@@ -288,7 +288,8 @@ fn a_board_is_configured_for_all_its_patches_or_for_none() {
     let mut engine = Engine::new(Arc::new(plan), Restored::default());
     let mut out = Vec::new();
     engine.step(now(1_000), Input::Tick, &mut out);
-    assert_eq!(engine.next_deadline(), Some(ms(1_000)), "the patches show themselves first");
+    engine.step(now(1_250), Input::Tick, &mut out);
+    assert_eq!(engine.next_deadline(), Some(ms(1_300)));
     engine.step(now(1_299), Input::Tick, &mut out);
     assert!(!out.iter().any(|output| matches!(output, Output::Send(..))));
     engine.step(now(1_300), Input::Tick, &mut out);

@@ -57,7 +57,8 @@ impl Patch {
     pub fn configure(&mut self, now: Now, wanted: &[bool], confirmed: bool, effects: &mut Effects<'_>) {
         let streams = self.intake.streams(now.time);
         let streaming = streams.iter().zip(wanted).any(|(streams, wanted)| *streams && *wanted);
-        let unseen = streaming && !confirmed && self.felt.is_none();
+        let shows_loads = self.force.is_ready() && self.felt.is_some();
+        let unseen = streaming && !confirmed && !shows_loads;
         self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
         self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
         self.zero.on_bring_up(confirmed, unseen.then_some(CONFIGURED_UNSEEN));

@@ -231,7 +231,8 @@ pub struct Disk {
 impl Disk {
     /// What a store makes of the records of a run that ended here.
     pub fn after_a_crash(host: &Host) -> Self {
-        let (mut restored, mut sessions) = (Restored::default(), BTreeMap::new());
+        let mut restored = Restored { zeros: host.zeros.clone(), ..Restored::default() };
+        let mut sessions = BTreeMap::new();
         for record in &host.records {
             match record {
                 Record::Session(view) => {

@@ -11,6 +11,7 @@ use taxel_engine::force::reason::ReasonCode;
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{BoardSetup, Plan};
+use taxel_engine::record::KeptZero;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Mass, PumpCommand, World};
 use taxel_skin::TaxelIndex;
@@ -18,6 +19,7 @@ use taxel_wire::icub::TriangleConfig;
 
 use crate::bench::{Bench, Disk};
 use crate::rig::{module, patch_plan, plan, small_skin, small_world};
+use crate::shared::configured;
 
 /// The small skin, its boards set in another way than usual.
 fn with_boards(change: impl FnOnce(&mut Vec<BoardSetup>)) -> Arc<Plan> {
@@ -42,9 +44,10 @@ fn with_no_load(no_load: u8) -> Arc<Plan> {
     })
 }
 
-/// What a calibration left.
+/// What a calibration left, on boards that were configured so.
 struct Calibrated {
     world: World,
+    configured: KeptZero,
     set: Arc<ModelSet>,
     session: Arc<SessionView>,
 }
@@ -68,24 +71,28 @@ fn calibrate(bench: &mut Bench) -> Arc<ModelSet> {
 }
 
 fn calibrated(plan: Arc<Plan>) -> Calibrated {
+    let configured = configured(&plan.patches[0]);
     let mut bench = Bench::new(small_world(), plan, Restored::default());
     bench.brought_up();
     let set = calibrate(&mut bench);
     Calibrated {
         world: bench.world.clone(),
+        configured,
         set,
         session: Arc::new(SessionView { state: SessionState::Review, ..bench.host.session().clone() }),
     }
 }
 
 impl Calibrated {
-    /// The daemon starts anew, beside boards that stream, with this set in use and its session, and has configured them.
+    /// The daemon starts anew, beside boards that stream, with this set in use and its session. It has configured them if
+    /// they were configured otherwise.
     fn restarted_with(&self, plan: Arc<Plan>, set: Arc<ModelSet>) -> Bench {
         let restored = Restored {
             sessions: vec![Arc::clone(&self.session)],
             active: vec![(set.patch.clone(), set.id.clone())],
             model_sets: vec![set.into()],
             next_session: 2,
+            zeros: vec![("small".to_owned(), self.configured.clone())],
             ..Restored::default()
         };
         let mut bench = Bench::new(self.world.clone(), plan, restored);
@@ -177,8 +184,9 @@ fn after_a_restart_with_the_settings_of_the_calibration_the_force_is_told_as_bef
     other_period.patches[0].period = Duration::from_millis(60);
     other_period.patches[0].bring_up.iter_mut().for_each(|board| board.board.period_ms = 60);
     // Boards that do not stream yet: nothing has to be proven at the earlier period.
-    let Calibrated { set, session, .. } = at_shift_1();
-    let silent = Calibrated { world: small_world(), set: Arc::clone(set), session: Arc::clone(session) };
+    let Calibrated { set, session, configured, .. } = at_shift_1();
+    let (set, session, configured) = (Arc::clone(set), Arc::clone(session), configured.clone());
+    let silent = Calibrated { world: small_world(), set, session, configured };
     weighs(&mut silent.restarted(Arc::new(other_period)), "no count depends on the period");
 }
 
@@ -303,6 +311,7 @@ fn of_a_hand_each_module_is_compared_with_its_own_settings() {
     let calibrated = calibrated(hand(&[(2, 1, 0x2000), (4, 1, 0x2200)]));
     let mut bench = calibrated.restarted(hand(&[(4, 1, 0x2200), (2, 1, 0x2000)]));
     assert!(bench.host.health().problems.is_empty());
+    bench.tare(Some("Ada")).unwrap(); // other commands: the boards were configured anew
     weighs(&mut bench, "the same exceptions in another order");
     // What was an exception may be said of the board, and the board's be exceptions: the same for each module.
     let turned = with_boards(|boards| {

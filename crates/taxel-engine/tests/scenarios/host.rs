@@ -11,7 +11,7 @@ use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::events::{Event, EventWatch};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
-use taxel_engine::record::{Record, Sample};
+use taxel_engine::record::{KeptZero, Record, Sample};
 use taxel_engine::snapshot::{Catalogue, ForceState, Health, PatchSnapshot};
 use taxel_engine::{BusNotice, Engine, Input, Now, Output, Restored};
 use taxel_skin::Time;
@@ -45,6 +45,8 @@ pub struct Host {
     pub fits: Vec<FitJob>,
     /// What an earlier run left on disk of its sessions.
     pub stored: HashMap<u64, SessionSamples>,
+    /// And of its zeros, which are written down again only if they change.
+    pub zeros: Vec<(String, KeptZero)>,
     /// Tickets and sessions whose samples are to be read, as soon as the disk is not slow.
     pub loads: Vec<(u64, u64)>,
     /// Model sets that an earlier run wrote down.
@@ -74,6 +76,7 @@ impl Host {
         let names = plan.patches.iter().map(|plan| plan.patch.name());
         let shelf = restored.model_sets.iter().filter_map(|known| known.at_hand.clone()).collect();
         let mut host = Self {
+            zeros: restored.zeros.clone(),
             events: Vec::new(),
             event_watch: EventWatch::new(names, &restored.active),
             engine: Engine::new(Arc::clone(&plan), restored),

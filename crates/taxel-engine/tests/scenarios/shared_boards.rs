@@ -68,8 +68,9 @@ fn calibrate(bench: &mut Bench, name: &str) {
     bench.ask(start).unwrap();
     bench.until_state(10.0, taxel_engine::calibration::SessionState::Ramping);
     bench.ramp(25.0, 4.0);
-    bench.until(20.0, "a model set", |host| host.session().model_set.is_some());
-    let model_set = bench.host.session().model_set.clone().unwrap();
+    let made = |host: &Host| host.sessions.iter().rev().find(|view| view.patch == name)?.model_set.clone();
+    bench.until(20.0, "a model set", |host| made(host).is_some());
+    let model_set = made(&bench.host).unwrap();
     bench.ask(Command::Activate { patch: name.to_owned(), model_set: model_set.to_string(), expected: None }).unwrap();
     bench.world.pump(PumpCommand::Vent);
     bench.seconds(20.0);

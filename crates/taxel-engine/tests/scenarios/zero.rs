@@ -12,7 +12,7 @@ use taxel_skin::TaxelIndex;
 
 use crate::bench::Bench;
 use crate::host::Host;
-use crate::rig::{board, module, patch_plan, plan};
+use crate::rig::{board, module, patch_plan, plan, small_world};
 use crate::shared::{ordinary, small};
 
 /// The zero is lost for this reason, stays lost, and comes back with a tare alone.
@@ -289,7 +289,7 @@ fn a_slow_ramp_from_nothing_gives_no_force() {
 
 #[test]
 fn after_a_bring_up_no_zero_is_taken_before_the_boards_are_verified() {
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), small().restored());
     bench.until_force(5.0, ForceState::Ok);
     let (started, _) = bench.host.sent.last().expect("the boards were started");
     assert!(*bench.host.published.last().unwrap() >= *started + Duration::from_secs(1));
