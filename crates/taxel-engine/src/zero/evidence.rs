@@ -32,7 +32,7 @@ use crate::zero::bag::Bag;
 use crate::zero::ground::Ground;
 
 /// Standard uncertainty, in counts, of a common shift of a board that the test would miss.
-pub const UNSEEN_COUNTS: f64 = 0.22;
+pub const UNSEEN_COUNTS: f64 = 0.25;
 
 /// The account from which on a board is suspect, below which it is clear again, and from which on its zero is lost.
 const SUSPECT: f32 = 12.0;
@@ -91,15 +91,14 @@ struct Taxel {
     now: f32,
     mean: f32,
     quick: [f32; 3],
-    /// What it read lately.
+    /// What it read lately, from the zero on.
     slow: f32,
     /// For how many scans it has been sound.
     sound: u8,
 }
 
 impl Taxel {
-    /// `scans`: how many there were with this one.
-    fn push(&mut self, count: f32, sound: bool, scans: u32) {
+    fn push(&mut self, count: f32, sound: bool) {
         self.now = self.sign * count - self.zero;
         self.sound = if sound { self.sound.saturating_add(1) } else { 0 };
         let towards = |mean: f32, share: f32| mean + share * (self.now - mean);
@@ -108,7 +107,7 @@ impl Taxel {
         self.mean = towards(self.mean, SHARE.max(few));
         self.quick = [towards(self.quick[0], QUICK_SHARE.max(few)), self.quick[0], self.quick[1]];
         if sound {
-            self.slow = towards(self.slow, SLOW_SHARE.max(1.0 / scans as f32));
+            self.slow = towards(self.slow, SLOW_SHARE);
         }
     }
 
@@ -299,7 +298,7 @@ impl Evidence {
         self.forget();
         self.at_rest = at_rest;
         self.scans = 0;
-        self.taxels.iter_mut().for_each(|taxel| taxel.sound = 0);
+        self.taxels.iter_mut().for_each(|taxel| (taxel.sound, taxel.slow) = (0, 0.0)); // its zero
         self.pads.iter_mut().for_each(|pad| pad.sound = 0);
     }
 
@@ -398,7 +397,7 @@ impl Evidence {
     pub fn on_scan(&mut self, scan: &Scan<'_>, bag: Bag) -> Option<(usize, Finding)> {
         self.scans = self.scans.saturating_add(1);
         for ((taxel, count), sound) in self.taxels.iter_mut().zip(scan.counts.iter_units()).zip(scan.sound) {
-            taxel.push(count as f32, *sound, self.scans);
+            taxel.push(count as f32, *sound);
         }
         let heard = scan.silent.iter().flat_map(|silent| [!silent; 2]);
         for ((pad, count), heard) in self.pads.iter_mut().zip(scan.pads.as_flattened()).zip(heard) {

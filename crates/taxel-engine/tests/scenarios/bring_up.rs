@@ -272,7 +272,7 @@ fn configured_unseen(again: &[Option<&str>], session: bool) {
     assert_eq!(bench.host.state(), ForceState::TareInvalid);
     let refused = bench.tare(None);
     let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
-    assert!(why.contains("were configured while there was no force") && why.contains("confirmed_by"), "{why}");
+    assert!(why.contains("were configured while there was no force") && why.contains("--confirmed-by"), "{why}");
     let restored = Restored { zeros: Disk::after_a_crash(&bench.host).restored.zeros, ..small().restored() };
     let mut bench = Bench::new(bench.world, plan(patch_plan(&small().skin)), restored);
     bench.seconds(5.0);

@@ -92,7 +92,7 @@ fn a_set_without_a_zero_takes_it_from_the_next_confirmed_tare() {
     let reasons = format!("{:?}", bench.host.snapshot().force.reasons);
     assert!(reasons.contains("taxeld tare --confirmed-by NAME"), "{reasons}");
     let refused = format!("{:?}", bench.tare(None));
-    assert!(refused.contains("without a baseline") && refused.contains("--confirmed-by"), "{refused}");
+    assert!(refused.contains("no calibration to compare with") && refused.contains("--confirmed-by"), "{refused}");
     bench.tare(Some("Ada")).unwrap();
     bench.until_force(2.0, ForceState::Ok);
     let laid = bench.lay(0.5, 33);
