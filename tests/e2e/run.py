@@ -182,8 +182,7 @@ def calibrate(client, boards, ramp_log, **of):
     view = session_until(client, session, ("REVIEW",))
     code, text = client.refused("CalibrationService/AdvanceSession", session=session, action="SESSION_ACTION_FINISH_RAMP")
     assert code == "FAILED_PRECONDITION" and "REVIEW" in text, (code, text)
-    answer = client.call("ModelService/ActivateModelSet", modelSet=view.model_set, **of)
-    assert answer.model_set == view.model_set, answer
+    client.call("ModelService/ActivateModelSet", modelSet=view.model_set, **of)
     zero_for_all(client, view.model_set, **of)
     print(f"calibrated: {view.accepted} scans entered, {view.durable} on disk, model set {view.model_set}", flush=True)
     return view
