@@ -14,7 +14,8 @@
 //! Where the zero follows (`drift.follow`) the tables move by `b`, up to the bound; else only as far as the skin becomes
 //! lighter, which no load does. What is not followed stays in the uncertainty: `hypot(b - followed, sqrt P)`.
 //!
-//! What it cannot tell: a load on everything that comes in step with the pads, and 1 N that creeps in.
+//! What it cannot tell: a load on everything that comes as the skin cools, in step with the pads, where boards compensate none
+//! of the warmth, and 1 N that creeps in.
 
 use std::ops::Range;
 use taxel_skin::{Newton, Time};
@@ -43,8 +44,8 @@ const RESIDUE_SHARE: f64 = 0.31;
 /// How an offset wanders by itself, counts per root of a second: while the fabric creeps back, and later.
 const CREEP_WANDER: f64 = 0.02;
 const WANDER: f64 = 0.004;
-/// Boards leave so much of the warmth of their pads, at least and at most.
-const COEFFICIENTS: [f64; 2] = [0.4, 1.0];
+/// What the pads explain of an offset, counts per count: so much of cold, and so much of warmth. More may be a load.
+const COEFFICIENTS: [f64; 2] = [0.5, 1.0];
 /// So long after a zero the fabric may creep, seconds.
 const CREEP_S: f64 = 600.0;
 /// Least standard uncertainty of what a module's taxels say together, counts: they differ by hysteresis and warmth.

@@ -65,7 +65,7 @@ pub const ALLOWED: &[(&str, &str, Budget, &str)] = &[
     (
         "",
         FORGOTTEN,
-        budget(50.0, 2.0, 10.0),
+        budget(50.0, 2.0, 12.0),
         "A board keeps its zero while the daemon is away, and what was found of it is on disk within a fraction of a \
          second. A disk that takes nothing, or a crash within that time, loses it, and the next run sees a skin at rest.",
     ),
@@ -156,7 +156,7 @@ pub const ALLOWED: &[(&str, &str, Budget, &str)] = &[
     (
         "foreign node",
         "",
-        budget(5.0, 8.0, 15.0),
+        budget(5.0, 8.0, 25.0),
         "The first scan that another node sends with a board's identifiers comes in its time; the next one is too many, \
          and the module is faulty from then on.",
     ),
