@@ -136,7 +136,7 @@ def check(client, array, address):
         assert "ALREADY_EXISTS" in said and "glove" in said, said
         weigh(client, array)
     force_until(client, "no force", lambda s: state_of(s) == "STALE" and not s.HasField("total_n"))
-    health_until(client, lambda h: not h.buses[0].up and "ended" in h.buses[0].problem)
+    health_until(client, lambda h: not h.buses[0].up and any(word in h.buses[0].problem for word in ("ended", "gone")))
     with Pusher(array, address) as pusher:
         pusher.pushes()
         force_until(client, "scans without a zero", lambda s: state_of(s) == "TARE_INVALID")

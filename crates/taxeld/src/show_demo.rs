@@ -182,7 +182,7 @@ async fn serve_live(
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory).await?;
     let calibrated = models.is_some();
     if let Some(models) = models {
-        daemon.use_models(Arc::new(models)).await?; // in time for the look at the boards, which stream
+        daemon.use_models(Arc::new(models)).await?; // before the boards are configured: the zero is judged by them
     }
     daemon.add_sim_bus(BusIndex(0), args.seed)?;
     if calibrated {
