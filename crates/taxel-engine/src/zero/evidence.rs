@@ -464,3 +464,7 @@ fn sum(loads: impl Iterator<Item = [f32; 3]>) -> [f32; 3] {
 fn is_vanished([was, is, touched]: [f32; 3]) -> bool {
     touched >= LOAD_TAXELS_MIN && was >= LOAD_MIN_COUNTS && is < VANISHED_SHARE * was
 }
+
+#[cfg(test)]
+#[path = "evidence_tests.rs"]
+mod tests;

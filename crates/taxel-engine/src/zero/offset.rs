@@ -482,3 +482,7 @@ fn trimmed(mut offsets: Vec<(f64, f64)>) -> (f64, f64) {
     let noise = inner.iter().map(|(_, noise)| noise).sum::<f64>() / n;
     (inner.iter().map(|(moved, _)| moved).sum::<f64>() / n, 1.1 * noise / (24.0 * n).sqrt())
 }
+
+#[cfg(test)]
+#[path = "offset_tests.rs"]
+mod tests;

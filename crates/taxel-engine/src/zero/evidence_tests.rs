@@ -1,0 +1,194 @@
+//! What the counts of a board show, and what they are worth.
+
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, Patch, Time};
+
+use super::*;
+use crate::baseline::{Activation, TaxelBaseline};
+use crate::zero::rest::tests::Noise;
+
+const MODULES: usize = 8;
+const ZERO: f64 = 240.3;
+/// A session holds the patch, and its bag presses on.
+const IN_BAG: Bag = Bag { session_open: true, presses: true, holds: true };
+
+/// One board of eight triangles with noise of 0.8 counts, and pads of 100.
+struct Watched {
+    evidence: Evidence,
+    noise: Noise,
+    scans: i64,
+    pads: f64,
+    silent: [bool; MODULES],
+    bag: Bag,
+}
+
+impl Watched {
+    fn new() -> Self {
+        let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
+        let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
+        let regions = Regions::new(&Patch::new("bag", vec![board]).unwrap());
+        let mut evidence = Evidence::new(&regions, &["12".to_owned()]);
+        evidence.begin(true);
+        let mut ground = Ground::new(&regions, Activation { sigmas: 4.0, floor_counts: 2.0 });
+        ground.take(&vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; regions.taxels()]);
+        evidence.compare_with(&ground);
+        let (silent, bag) = ([false; MODULES], Bag::default());
+        Self { evidence, noise: Noise(11), scans: 0, pads: 100.4, silent, bag }
+    }
+
+    /// Takes so many scans in which each taxel feels `load` counts; when the first finding came, and what it is.
+    fn scan(&mut self, scans: usize, load: impl Fn(usize) -> f64) -> Option<(usize, Finding)> {
+        let mut found = None;
+        for after in 0..scans {
+            self.scans += 1;
+            let mut count = |mean: f64| (mean + 0.8 * self.noise.normal()).round() as u8;
+            let counts: Vec<u8> = (0..10 * MODULES).map(|taxel| count(ZERO - load(taxel))).collect();
+            let pads: Vec<[u8; 2]> = (0..MODULES).map(|_| [count(self.pads), count(self.pads)]).collect();
+            let sound: Vec<bool> = (0..counts.len()).map(|taxel| !self.silent[taxel / 10]).collect();
+            let scan = Scan {
+                time: Time::from_nanos(self.scans * 50_000_000),
+                whole: true,
+                counts: (&counts).into(),
+                pads: &pads,
+                silent: &self.silent,
+                sound: &sound,
+                soundness: self.silent.iter().filter(|silent| **silent).count() as u64,
+                jumps: &[],
+            };
+            let finding = self.evidence.on_scan(&scan, self.bag);
+            found = found.or(finding.map(|(_, finding)| (after, finding)));
+        }
+        found
+    }
+
+    fn lost(&mut self, scans: usize, load: impl Fn(usize) -> f64) -> Option<String> {
+        (0..scans).find_map(|_| match self.scan(1, &load)?.1 {
+            Finding::NewZero(why) => Some(why),
+            Finding::Doubt(_) => None,
+        })
+    }
+}
+
+/// Residues of a new zero, a count up or down.
+fn residue(taxel: usize) -> f64 {
+    if (taxel * 7) % 5 < 2 { -1.0 } else { 1.0 }
+}
+
+/// Loads come and go meanwhile.
+#[test]
+fn noise_and_hands_take_no_zero_away_in_an_hour() {
+    let mut watched = Watched::new();
+    for touch in 0..1200 {
+        let pressed = 10 * (touch % MODULES);
+        let load = |taxel: usize| if (pressed..pressed + 6).contains(&taxel) { 15.0 } else { 0.0 };
+        let found = watched.scan(30, load).or_else(|| watched.scan(30, |_| 0.0));
+        assert_eq!(found, None, "touch {touch}");
+    }
+}
+
+#[test]
+fn a_new_zero_shows_on_what_nothing_touches_within_a_second_and_a_light_load_does_not_hide_it() {
+    for load in [0.0, 10.0] {
+        let pressed = |taxel: usize| if taxel < 20 { load } else { 0.0 };
+        let mut watched = Watched::new();
+        watched.scan(200, pressed);
+        let why = watched.lost(20, |taxel| if taxel < 20 { 0.0 } else { residue(taxel) });
+        assert!(why.as_ref().is_some_and(|why| why.starts_with("board 12 reads less than its zero")), "{why:?}");
+    }
+}
+
+#[test]
+fn a_skin_that_creeps_or_warms_slowly_keeps_its_zero() {
+    for counts_per_minute in [-1.0, 1.0] {
+        let mut watched = Watched::new();
+        for scan in 0..2400 {
+            let moved = counts_per_minute * f64::from(scan) / 1200.0;
+            watched.pads = 100.4 + moved;
+            assert_eq!(watched.scan(1, |_| moved), None, "scan {scan}");
+        }
+    }
+}
+
+#[test]
+fn pads_that_step_are_evidence_in_both_directions_but_in_a_bag() {
+    for (step, bag, lost) in [(4.0, Bag::default(), true), (-4.0, Bag::default(), true), (4.0, IN_BAG, false)] {
+        let mut watched = Watched { bag, ..Watched::new() };
+        watched.scan(100, |_| 0.0);
+        watched.pads += step;
+        assert_eq!(watched.lost(40, |_| 0.0).is_some(), lost, "{step} {bag:?}");
+    }
+}
+
+#[test]
+fn a_suspect_board_is_cleared_by_its_counts_and_waits_for_sound_ones_but_not_for_ever() {
+    let mut watched = Watched::new();
+    watched.scan(50, |_| 0.0);
+    watched.evidence.doubt(0, "board 12 was not heard".to_owned());
+    assert_eq!(watched.scan(8, |_| 0.0), None);
+    assert_eq!(watched.evidence.doubted(), Some("board 12 was not heard"));
+    assert_eq!(watched.scan(20, |_| 0.0), None);
+    assert_eq!(watched.evidence.doubted(), None);
+    watched.evidence.doubt(0, "board 12 was not heard".to_owned());
+    watched.silent = [true; MODULES];
+    watched.silent[0] = false; // no more than that is sound
+    watched.pads = 0.0;
+    let why = watched.lost(200, |_| 0.0).expect("nobody can tell any more");
+    assert!(why.contains("too few of its taxels are sound"), "{why}");
+}
+
+/// A load that vanishes bounds nothing for some scans, and then, with a board that kept its zero, everything is as before.
+#[test]
+fn a_load_that_vanishes_at_once_is_told_until_the_counts_have_cleared_the_board() {
+    let mut watched = Watched::new();
+    watched.scan(50, |taxel| if taxel < 5 { 20.0 } else { 0.0 });
+    assert_eq!(watched.evidence.unloaded().count(), 0);
+    let told = (0..40).filter(|_| {
+        assert_eq!(watched.scan(1, |_| 0.0), None);
+        watched.evidence.unloaded().count() == 1
+    });
+    let told = told.count();
+    assert!((4..=16).contains(&told), "{told} scans");
+}
+
+#[test]
+fn the_load_of_a_whole_board_does_not_vanish_while_the_bag_presses_and_that_of_few_taxels_may() {
+    for (every, lost) in [(1, true), (27, false)] {
+        let mut watched = Watched { bag: IN_BAG, ..Watched::new() };
+        watched.scan(30, |taxel| if taxel % every == 0 { 6.0 } else { 0.0 });
+        let why = watched.lost(30, |_| 0.0);
+        assert_eq!(why.is_some_and(|why| why.contains("while the bag was pressing")), lost, "one in {every}");
+    }
+}
+
+/// A board that sent a sign of trouble: its load is compared with what it was.
+#[test]
+fn a_suspect_board_that_reads_nothing_of_its_load_has_lost_its_zero_and_needs_confirmation() {
+    let load = |taxel: usize| if taxel < 4 { 20.0 } else { 0.0 };
+    let mut watched = Watched::new();
+    watched.scan(30, load);
+    watched.evidence.doubt(0, "board 12 reported a lost acknowledgement".to_owned());
+    let why = watched.lost(1, |_| 0.0).expect("it is gone");
+    assert!(why.contains("while it was silent or reported a fault"), "{why}");
+    assert_eq!(watched.evidence.unproven(), Some(why.as_str()));
+    watched.evidence.begin(true);
+    assert_eq!(watched.evidence.unproven(), None, "of a new zero nothing is held");
+    assert_eq!(watched.scan(60, |_| 0.0), None);
+}
+
+/// A bag presses on the board, which falls silent. When it is heard again it reads nothing: of a bag that has pressed on all the
+/// time that shows a new zero, of one that was let go meanwhile it shows nothing.
+#[test]
+fn a_board_that_was_silent_while_the_bag_let_go_has_not_lost_its_zero() {
+    let vented = Bag { session_open: true, presses: false, holds: false };
+    let falling = Bag { presses: true, ..vented };
+    for (in_silence, after, lost) in
+        [(IN_BAG, IN_BAG, true), (IN_BAG, falling, false), (falling, falling, false), (vented, vented, false)]
+    {
+        let mut watched = Watched { bag: IN_BAG, ..Watched::new() };
+        assert_eq!(watched.scan(30, |_| 6.0), None);
+        (watched.silent, watched.bag) = ([true; MODULES], in_silence);
+        assert_eq!(watched.scan(10, |_| 6.0), None);
+        (watched.silent, watched.bag) = ([false; MODULES], after);
+        let why = watched.lost(3, |_| 0.0);
+        assert_eq!(why.is_some_and(|why| why.contains("while it was silent")), lost, "{in_silence:?}, {after:?}");
+    }
+}

@@ -1,0 +1,183 @@
+//! Where the zero is: by the pads, by what nothing touches, and never by what may be a load.
+
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
+
+use super::*;
+use crate::baseline::Activation;
+use crate::zero::drift::site::drift_sites;
+use crate::zero::rest::tests::Noise;
+
+const MODULES: usize = 8;
+const TAXELS: usize = 10 * MODULES;
+const ZERO: f64 = 240.3;
+
+/// A board of eight triangles, all beside each other unless `apart`, scanned every 50 ms.
+struct Watched {
+    offset: Offset,
+    ground: Ground,
+    taken: Vec<TaxelBaseline>,
+    modules: Vec<Range<usize>>,
+    noise: Noise,
+    scans: i64,
+    pads: f64,
+}
+
+impl Watched {
+    fn new(follow: bool, apart: bool) -> Self {
+        let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
+        let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
+        let patch = Patch::new("p", vec![board]).unwrap();
+        let regions = Regions::new(&patch);
+        let mut sites = drift_sites(&patch, None, 0.01);
+        if apart {
+            sites.iter_mut().for_each(|site| site.beside.clear());
+        }
+        let taken = vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; TAXELS];
+        let mut ground = Ground::new(&regions, Activation { sigmas: 4.0, floor_counts: 2.0 });
+        ground.take(&taken);
+        let plan = DriftPlan { follow, ..DriftPlan::default() };
+        let offset = Offset::new(plan, &regions, sites);
+        let modules = regions.modules().to_vec();
+        let mut new = Self { offset, ground, taken, modules, noise: Noise(5), scans: 0, pads: 100.4 };
+        new.seconds(2.0, |_| 0.0);
+        new.zero();
+        new
+    }
+
+    fn zero(&mut self) {
+        let pads = self.offset.pads();
+        self.offset.begin(0.0, &pads);
+        self.offset.weigh(&vec![-0.1; TAXELS]);
+    }
+
+    /// In which each taxel reads so many counts towards load.
+    fn seconds(&mut self, seconds: f64, load: impl Fn(usize) -> f64) {
+        for _ in 0..(20.0 * seconds).round() as usize {
+            self.scans += 1;
+            let mut count = |mean: f64| (mean + 0.8 * self.noise.normal()).round() as u8;
+            let counts: Vec<u8> = (0..TAXELS).map(|taxel| count(ZERO - load(taxel))).collect();
+            let pads: Vec<[u8; 2]> = (0..MODULES).map(|_| [count(self.pads), count(self.pads)]).collect();
+            let scan = Scan {
+                time: Time::from_nanos(self.scans * 50_000_000),
+                whole: true,
+                counts: (&counts).into(),
+                pads: &pads,
+                silent: &[false; MODULES],
+                sound: &[true; TAXELS],
+                soundness: 0,
+                jumps: &[],
+            };
+            let compared = (&self.ground, Some(self.taken.as_slice()));
+            self.offset.on_scan(&scan, true, compared, (&self.modules, &RestLimits::default()));
+        }
+    }
+
+    fn offset(&self, module: usize) -> f64 {
+        self.offset.modules[module].offset
+    }
+
+    fn sigma(&self, module: usize) -> f64 {
+        self.offset.modules[module].p[0].sqrt()
+    }
+}
+
+fn near(is: f64, expected: f64, within: f64) {
+    assert!((is - expected).abs() <= within, "{is}, expected {expected}");
+}
+
+/// Nobody has touched it for long, and everything is known but for noise.
+#[test]
+fn an_untouched_module_tells_its_offset_whichever_way_it_drifts() {
+    for drift in [-0.3, 0.3] {
+        let mut watched = Watched::new(false, false);
+        watched.seconds(60.0, |_| drift);
+        (0..MODULES).for_each(|module| near(watched.offset(module), drift, 0.1));
+        assert!(watched.sigma(0) < 0.12, "{}", watched.sigma(0));
+    }
+}
+
+/// Before anything was read. Pads that warm read less, as taxels under a load do.
+#[test]
+fn the_pads_tell_of_warmth_at_once_and_how_little_is_known_of_what_the_boards_leave() {
+    let mut watched = Watched::new(false, false);
+    watched.pads -= 5.0;
+    watched.seconds(2.0, |_| 3.0 * GUESS + 20.0); // all of it is touched
+    near(watched.offset(0), 5.0 * GUESS, 0.4);
+    near(watched.sigma(0), 5.0 * GUESS_SIGMA.hypot(BETWEEN_MODULES), 0.3);
+    assert!(watched.offset.sigma_counts() > watched.sigma(0), "what is not followed comes to it");
+}
+
+#[test]
+fn what_a_module_learns_of_its_pads_it_and_the_others_know_later() {
+    let mut watched = Watched::new(true, true);
+    let touched = |taxel: usize| if taxel < 10 { 20.0 } else { 0.0 };
+    for minute in 0..40 {
+        watched.pads = 100.4 - 0.1 * f64::from(minute);
+        watched.seconds(60.0, |taxel| 0.04 * f64::from(minute) + touched(taxel));
+    }
+    near(watched.offset.modules[3].coefficient, 0.4, 0.1);
+    near(watched.offset(3), 1.56, 0.1);
+    near(watched.offset(0), 1.56, 0.6);
+    near(watched.ground.zero()[0].mean, ZERO, 1e-9);
+    near(watched.offset.applied_to(&watched.taken, watched.ground.signs())[40].mean, ZERO - 1.56, 0.2);
+}
+
+/// A count on everything at once is a load, and so is whatever creeps in beyond a newton.
+#[test]
+fn a_load_on_everything_is_not_taken_for_an_offset() {
+    let mut watched = Watched::new(false, false);
+    watched.seconds(40.0, |_| 0.0);
+    watched.seconds(60.0, |_| 1.0);
+    assert!(watched.offset(0) < 0.2, "{}", watched.offset(0));
+    let mut watched = Watched::new(true, false);
+    (0..600).for_each(|second| watched.seconds(1.0, |_| 0.002 * f64::from(second)));
+    assert!(watched.offset.view().absorbed.0 < ABSORBED_MAX.0 + 0.05, "{:?}", watched.offset.view());
+    assert!(watched.offset(0) < 0.2, "8 N a count of all: {}", watched.offset(0));
+}
+
+#[test]
+fn a_module_that_is_touched_and_those_beside_it_are_not_read_for_half_a_minute() {
+    for apart in [false, true] {
+        let mut watched = Watched::new(false, apart);
+        watched.seconds(4.0, |taxel| if taxel < 3 { 10.0 } else { 0.0 });
+        watched.seconds(20.0, |_| -0.4);
+        near(watched.offset(0), 0.0, 0.1);
+        near(watched.offset(5), if apart { -0.4 } else { 0.0 }, 0.1);
+        watched.seconds(20.0, |_| -0.4);
+        near(watched.offset(0), -0.4, 0.1);
+    }
+}
+
+/// The tables follow lighter alone, unless the zero is to follow the temperature; then to its bound.
+#[test]
+fn the_tables_follow_what_no_load_can_be_and_the_rest_where_it_is_asked_for() {
+    for (follow, drift, moved) in [(false, -0.5, -0.5), (false, 0.3, 0.0), (true, -0.5, -0.5), (true, -6.0, -3.0)] {
+        let mut watched = Watched::new(follow, false);
+        watched.seconds(60.0, |_| drift);
+        near(watched.offset.followed_counts(), moved, 0.1);
+        assert_eq!(watched.offset.shortcoming().is_some(), follow && drift < -3.0, "{follow} {drift}");
+    }
+}
+
+#[test]
+fn after_a_restart_the_first_scan_tells_what_the_pads_say_of_the_time_between() {
+    let mut watched = Watched::new(false, false);
+    let then = watched.offset.pads();
+    watched.pads += 6.0;
+    watched.seconds(2.0, |_| 0.0);
+    watched.offset.begin(0.0, &then);
+    watched.seconds(0.1, |_| 0.0);
+    near(watched.offset(0), -6.0 * GUESS, 0.4);
+    assert!(watched.sigma(0) > 1.0, "{}", watched.sigma(0));
+}
+
+#[test]
+fn a_gap_and_a_zero_that_is_lost_leave_nothing_of_a_window() {
+    let mut watched = Watched::new(false, false);
+    watched.seconds(40.0, |_| 0.0);
+    watched.scans += 20 * 60;
+    watched.seconds(20.0, |_| -0.5);
+    near(watched.offset(0), 0.0, 0.15);
+    watched.offset.end();
+    assert_eq!(watched.offset.view(), &DriftView::default());
+}
