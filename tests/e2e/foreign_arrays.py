@@ -19,7 +19,7 @@ sys.path.insert(0, str(HERE.parent / "arrays"))
 
 import arrays
 from foreign import Client
-from run import ADDRESS, Boards, Daemon, calibrate, mean_force
+from run import ADDRESS, Boards, Daemon, calibrate, health_until, mean_force
 
 # Below the 5 kPa/s that a session takes; down in three seconds, since a faster fall is that of a burst bag.
 RISE_KPA_PER_S = 4.0
@@ -68,6 +68,10 @@ class Bench:
         """Calibrates the array and reads the load, as a share too much."""
         client = Client(ADDRESS)
         with Boards(self.rest, self.ramp, self.load, interface=self.interface) as boards:
+            # A busy machine starts the boards late, and no session begins beside a silent gauge.
+            health_until(client, lambda health: any(
+                one.patch == self.patch and one.HasField("gauge_age_s") for one in health.patches
+            ))
             calibrate(client, boards, self.ramp, **self.of)
             boards.stay_at(self.load)
             truth = arrays.LOADED * arrays.LOAD_KPA * arrays.AREA_MM2 * 1e-3
