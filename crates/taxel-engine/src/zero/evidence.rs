@@ -41,9 +41,10 @@ const LOST: f32 = 25.0;
 /// Normalised evidence that is chance, and of a board that is suspect already; the most that an account falls by in a scan.
 const CHANCE: [f32; 2] = [4.0, 2.5];
 const FALL: [f32; 2] = [2.0, 0.5];
-/// Weight of a scan in the mean of a taxel or pad, and in the slow mean that a pad is compared with.
+/// Weight of a scan in the mean of a taxel or pad, in the slow mean that a pad is compared with, and in that of a taxel.
 const SHARE: f32 = 1.0 / 8.0;
 const SLOW_SHARE: f32 = 1.0 / 100.0;
+const CREEP_SHARE: f32 = 1.0 / 400.0;
 /// The same in the mean that tells how much a load was that vanishes.
 const QUICK_SHARE: f32 = 0.4;
 /// Variance of that mean over that of a scan, of which boards repeat some, and of a zero.
@@ -107,7 +108,7 @@ impl Taxel {
         self.mean = towards(self.mean, SHARE.max(few));
         self.quick = [towards(self.quick[0], QUICK_SHARE.max(few)), self.quick[0], self.quick[1]];
         if sound {
-            self.slow = towards(self.slow, SLOW_SHARE);
+            self.slow = towards(self.slow, CREEP_SHARE);
         }
     }
 
@@ -229,7 +230,9 @@ impl Board {
         if taxels + 2.0 * pads < WITNESSES_MIN {
             self.blind += 1;
             let why = self.suspect.as_ref().filter(|_| self.blind > BLIND_SCANS_MAX)?;
-            return Some(Finding::NewZero(format!("{why}, and too few of its taxels are sound to show that it has not")));
+            return Some(Finding::NewZero(format!(
+                "{why}, and too few of its taxels are sound to show that it has not"
+            )));
         }
         self.blind = 0;
         let (by_chance, sd) = (0.5 * taxels + pads, (1.25 * taxels + 2.0 * pads).sqrt());

@@ -345,13 +345,7 @@ impl Zero {
     }
 
     /// The same of a zero that was taken with this mean of each module's thermal pads, counts.
-    pub(super) fn take_at(
-        &mut self,
-        now: Time,
-        view: TareView,
-        baseline: Vec<TaxelBaseline>,
-        pads: &[Option<f64>],
-    ) {
+    pub(super) fn take_at(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>, pads: &[Option<f64>]) {
         self.view = view;
         self.taken = now;
         self.ground.take(&baseline);

@@ -50,12 +50,7 @@ fn with_gaps<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::
 }
 
 impl TakenZero {
-    pub(super) fn of(
-        view: &TareView,
-        baseline: &[TaxelBaseline],
-        confirmed: bool,
-        pads: Vec<Option<f64>>,
-    ) -> Self {
+    pub(super) fn of(view: &TareView, baseline: &[TaxelBaseline], confirmed: bool, pads: Vec<Option<f64>>) -> Self {
         Self {
             epoch: view.epoch,
             at_rest: view.at_rest,

@@ -10,6 +10,7 @@ mod ground;
 pub mod holder;
 pub mod kept;
 mod losing;
+mod module_offset;
 pub mod offset;
 mod over_restarts;
 pub mod plan;

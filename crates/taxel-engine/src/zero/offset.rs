@@ -1,11 +1,9 @@
 //! Where the zero is now: how far the counts of each module lie from it though nothing presses, estimated all the time.
 //!
 //! Model. Counts are turned so that load is positive: `c_i = s_i (y_i - zero_i) = b_m(t) + g_i(p_i) + e_i` with `p_i >= 0`.
-//! The offset `b_m` of a module follows its thermal pads, which no load reaches, and wanders: `db = k dT + dW`. Boards leave
-//! a quarter to all of the warmth, so `k` is `K` give or take [`BETWEEN_MODULES`], and `K` of the patch is known to be
-//! [`GUESS`] give or take [`GUESS_SIGMA`] counts per count of the pads before anything is seen. Both states and their
-//! covariance are a Kalman filter of two states, predicted from the pads and updated with the trimmed mean of the taxels of
-//! a module that nothing has touched for [`HOLD_OFF_S`], nor one beside it (PX4's estimators of biases have this form).
+//! The offset `b_m` of a module follows its thermal pads, which no load reaches, and wanders: `db = k dT + dW`
+//! ([`ModuleOffset`]). It is predicted from the pads and read as the trimmed mean of the taxels of a module that nothing has
+//! touched for [`HOLD_OFF_S`], nor one beside it (PX4's estimators of biases have this form).
 //!
 //! Load is one-sided, and so is the gate. What is lighter than predicted is always taken. What is heavier is taken only
 //! within three standard deviations, and while what no warmth of the pads explains weighs less than [`ABSORBED_MAX`]: else
@@ -30,22 +28,16 @@ use crate::zero::drift::plan::DriftPlan;
 use crate::zero::drift::site::DriftSite;
 use crate::zero::drift::view::{DriftState, DriftView};
 use crate::zero::ground::Ground;
+use crate::zero::module_offset::{ModuleOffset, coefficient_of_all};
 use crate::zero::rest::limits::RestLimits;
 use crate::zero::unloading::{Later, Unloading};
 
-/// Coefficient of a patch before anything is seen, and its standard uncertainty.
-const GUESS: f64 = 0.62;
-const GUESS_SIGMA: f64 = 0.25;
-/// How far the coefficient of one module lies from that of the patch, standard deviation.
-const BETWEEN_MODULES: f64 = 0.15;
 /// Standard uncertainty of a new zero, counts, and what of a residue of earlier loads comes to it.
 const ZERO_SIGMA: f64 = 0.15;
 const RESIDUE_SHARE: f64 = 0.31;
 /// How an offset wanders by itself, counts per root of a second: while the fabric creeps back, and later.
 const CREEP_WANDER: f64 = 0.02;
 const WANDER: f64 = 0.004;
-/// What the pads explain of an offset, counts per count: so much of cold, and so much of warmth. More may be a load.
-const COEFFICIENTS: [f64; 2] = [0.5, 1.0];
 /// So long after a zero the fabric may creep, seconds.
 const CREEP_S: f64 = 600.0;
 /// Least standard uncertainty of what a module's taxels say together, counts: they differ by hysteresis and warmth.
@@ -61,8 +53,8 @@ const TOUCH_SHARE: f64 = 0.5;
 /// Fewest taxels that may speak for a module.
 const TAXELS_MIN: usize = 5;
 /// Time constant of the pads' mean, and how often the offsets are predicted from them, seconds.
-const PADS_S: f64 = 0.3;
-const PREDICT_S: f64 = 0.5;
+const PADS_S: f64 = 1.0;
+const PREDICT_S: f64 = 0.2;
 /// Length of a window of counts, and what is a gap, seconds.
 const WINDOW_S: f64 = 2.0;
 const GAP_S: f64 = 2.0;
@@ -70,107 +62,12 @@ const GAP_S: f64 = 2.0;
 const TABLES_COUNTS: f64 = 0.1;
 const TABLES_S: f64 = 5.0;
 
-/// One module: its offset in counts and its coefficient, with their covariance.
-#[derive(Clone, Debug, Default)]
-struct Module {
-    offset: f64,
-    coefficient: f64,
-    /// Variance of the offset, covariance, variance of the coefficient.
-    p: [f64; 3],
-    /// Mean of its pads now, and where it was at the last prediction; in counts.
-    pads: Option<f64>,
-    predicted_at: Option<f64>,
-    /// Which way pressure moves the counts.
-    sign: f64,
-    /// How far the pads have moved since the offset was read last, counts.
-    moved: f64,
-    untouched_s: f64,
-    /// How far the pads have moved since the zero, counts towards load.
-    warmed: f64,
-    /// What of the offset is in the tables, counts.
-    followed: f64,
-    bounded: bool,
-}
-
-impl Module {
-    fn begin(&mut self, sigma: f64, pads_then: Option<f64>) {
-        let p = [sigma * sigma, 0.0, GUESS_SIGMA.powi(2) + BETWEEN_MODULES.powi(2)];
-        let (pads, predicted_at, sign) = (self.pads, pads_then, self.sign);
-        *self = Self { coefficient: GUESS, p, pads, predicted_at, sign, untouched_s: HOLD_OFF_S, ..Self::default() };
-    }
-
-    fn feel(&mut self, pads: [u8; 2], sign: f64, share: f64) {
-        let live = || pads.iter().filter(|pad| !matches!(**pad, u8::MIN | u8::MAX)).map(|pad| f64::from(*pad));
-        let n = live().count();
-        if n > 0 {
-            let mean = live().sum::<f64>() / n as f64;
-            self.sign = sign;
-            self.pads = Some(self.pads.map_or(mean, |before| before + share * (mean - before)));
-        }
-    }
-
-    /// `dt_s` seconds have passed, in which the offset wanders.
-    fn predict(&mut self, dt_s: f64, wander: f64) {
-        let step = self.pads.zip(self.predicted_at).map_or(0.0, |(now, then)| self.sign * (now - then));
-        self.predicted_at = self.pads;
-        self.moved += step;
-        self.warmed += step;
-        self.offset += self.coefficient * step;
-        let [offset, both, coefficient] = self.p;
-        let wandered = wander * wander * dt_s;
-        self.p =
-            [offset + 2.0 * step * both + step * step * coefficient + wandered, both + step * coefficient, coefficient];
-    }
-
-    /// How far the offset lies towards load beyond what any warmth explains, counts: what may be a load that was taken for one.
-    fn absorbed(&self) -> f64 {
-        let [least, most] = COEFFICIENTS;
-        (self.offset - (least * self.warmed).max(most * self.warmed)).max(0.0)
-    }
-
-    /// The offset after a reading, counts.
-    fn after(&self, seen: f64, sigma: f64) -> f64 {
-        self.offset + self.p[0] / (self.p[0] + sigma * sigma) * (seen - self.offset)
-    }
-
-    /// Nothing touches it, and its taxels read `seen`, give or take `sigma`. Heavier is taken where `heavier_may`.
-    fn read(&mut self, seen: f64, sigma: f64, heavier_may: bool) -> bool {
-        let [offset, both, coefficient] = self.p;
-        let (apart, variance) = (seen - self.offset, offset + sigma * sigma);
-        if apart > 0.0 && (!heavier_may || apart * apart > 9.0 * variance) {
-            return false;
-        }
-        let gains = [offset / variance, both / variance];
-        self.offset += gains[0] * apart;
-        self.coefficient += gains[1] * apart;
-        self.p = [offset - gains[0] * offset, both - gains[0] * both, coefficient - gains[1] * both];
-        self.moved = 0.0;
-        true
-    }
-
-    /// The patch's coefficient, with its variance, is news to a module that has learned little of its own.
-    fn hear(&mut self, patch: f64, variance: f64) {
-        let known = variance + BETWEEN_MODULES.powi(2);
-        if self.p[2] > known {
-            self.offset += (patch - self.coefficient) * self.moved;
-            self.coefficient = patch;
-            let less = self.p[2] - known;
-            self.p[0] = (self.p[0] - self.moved * self.moved * less).max(ZERO_SIGMA.powi(2));
-            (self.p[1], self.p[2]) = (self.moved * known, known);
-        }
-    }
-
-    fn variance(&self) -> f64 {
-        self.p[0] + (self.offset - self.followed).powi(2)
-    }
-}
-
 /// The offsets of one patch.
 #[derive(Clone, Debug)]
 pub struct Offset {
     plan: DriftPlan,
     sites: Vec<DriftSite>,
-    modules: Vec<Module>,
+    modules: Vec<ModuleOffset>,
     window: CountSums,
     /// Whether the counts of all scans of the window count.
     counts: bool,
@@ -201,7 +98,7 @@ impl Offset {
     pub fn new(plan: DriftPlan, regions: &Regions, sites: Vec<DriftSite>) -> Self {
         Self {
             plan,
-            modules: vec![Module::default(); sites.len()],
+            modules: vec![ModuleOffset::default(); sites.len()],
             sites,
             window: CountSums::new(regions.taxels()),
             counts: true,
@@ -221,7 +118,7 @@ impl Offset {
     pub fn begin(&mut self, residue_counts: f64, pads: &[Option<f64>]) {
         let sigma = ZERO_SIGMA.hypot(RESIDUE_SHARE * residue_counts);
         let pads = pads.iter().copied().chain(std::iter::repeat(None));
-        self.modules.iter_mut().zip(pads).for_each(|(module, then)| module.begin(sigma, then));
+        self.modules.iter_mut().zip(pads).for_each(|(module, then)| module.begin(sigma, then, HOLD_OFF_S));
         (self.zeroed, self.zero_s, self.tables_s) = (true, 0.0, 0.0);
         self.predict_s = PREDICT_S; // what the pads say since, after a restart: at once
         self.view = DriftView::default();
@@ -247,7 +144,7 @@ impl Offset {
     /// Mean of the pads of each module in the last second, counts, `None` without one.
     #[must_use]
     pub fn pads(&self) -> Vec<Option<f64>> {
-        self.modules.iter().map(|module| module.pads).collect()
+        self.modules.iter().map(ModuleOffset::pads).collect()
     }
 
     /// How much a count more of each taxel weighs, N; empty while nobody knows.
@@ -286,8 +183,8 @@ impl Offset {
         self.tables_s += dt_s;
         if self.predict_s >= PREDICT_S {
             let wander = if self.zero_s < CREEP_S { CREEP_WANDER } else { WANDER };
-            let passed_s = std::mem::take(&mut self.predict_s);
-            self.modules.iter_mut().for_each(|module| module.predict(passed_s, wander));
+            let wandered = wander * wander * std::mem::take(&mut self.predict_s);
+            self.modules.iter_mut().for_each(|module| module.predict(wandered));
             self.describe();
         }
         if gap {
@@ -315,14 +212,14 @@ impl Offset {
 
     /// What the window says of each module that nothing touches.
     fn read(&mut self, seen: &[TaxelBaseline], taken: &[TaxelBaseline], ground: &Ground) {
-        let offsets = |site: &DriftSite, module: &Module| {
+        let offsets = |site: &DriftSite, module: &ModuleOffset| {
             let mut touched = false;
             let mut offsets = Vec::with_capacity(site.taxels.len());
             for taxel in site.taxels.clone() {
                 let (Some(zero), Some(seen)) = (taken.get(taxel), seen.get(taxel)) else { continue };
                 let moved = f64::from(ground.signs()[taxel]) * (seen.mean - zero.mean);
                 if moved.is_finite() && ground.signs()[taxel] != 0 {
-                    touched |= moved - module.offset > TOUCH_SHARE * ground.touched_counts(taxel);
+                    touched |= moved - module.offset() > TOUCH_SHARE * ground.touched_counts(taxel);
                     offsets.push((moved, zero.noise));
                 }
             }
@@ -349,26 +246,15 @@ impl Offset {
                 module.untouched_s = 0.0;
             }
         }
-        self.share_coefficient();
-    }
-
-    /// What the modules have learned is news to those that could not.
-    fn share_coefficient(&mut self) {
-        let prior = GUESS_SIGMA.powi(2);
-        let (mut sum, mut weight) = (GUESS / prior, 1.0 / prior);
-        for module in self.modules.iter().filter(|module| module.p[2] < BETWEEN_MODULES.powi(2)) {
-            let own = 1.0 / (module.p[2] + BETWEEN_MODULES.powi(2));
-            sum += own * module.coefficient;
-            weight += own;
-        }
-        self.modules.iter_mut().for_each(|module| module.hear(sum / weight, 1.0 / weight));
+        // What the modules have learned is news to those that could not.
+        let patch = coefficient_of_all(&self.modules);
+        self.modules.iter_mut().for_each(|module| module.hear(patch));
     }
 
     /// Whether what would be absorbed with these readings is little enough.
     fn absorbs(&self, read: &[Option<(f64, f64)>]) -> bool {
         let after = self.modules.iter().zip(read).map(|(module, read)| {
-            let offset = read.map_or(module.offset, |(seen, sigma)| module.after(seen, sigma));
-            Module { offset, ..module.clone() }.absorbed()
+            module.unexplained(read.map_or(module.offset(), |(seen, sigma)| module.after(seen, sigma)))
         });
         if self.newton_per_count.is_empty() {
             return after.fold(0.0, f64::max) < ABSORBED_MAX_COUNTS;
@@ -377,7 +263,8 @@ impl Offset {
     }
 
     fn absorbed(&self) -> Newton {
-        Newton(self.modules.iter().zip(&self.newton_per_count).map(|(module, weighs)| module.absorbed() * weighs).sum())
+        let of = |(module, weighs): (&ModuleOffset, &f64)| module.unexplained(module.offset()) * weighs;
+        Newton(self.modules.iter().zip(&self.newton_per_count).map(of).sum())
     }
 
     /// Whether the tables have to move.
@@ -386,11 +273,11 @@ impl Offset {
             return false;
         }
         let plan = self.plan;
-        let to = |module: &Module| {
+        let to = |module: &ModuleOffset| {
             if plan.follow {
-                module.offset.clamp(-plan.bound_counts, plan.bound_counts)
+                module.offset().clamp(-plan.bound_counts, plan.bound_counts)
             } else {
-                module.offset.min(0.0)
+                module.offset().min(0.0)
             }
         };
         if !self.modules.iter().any(|module| (to(module) - module.followed).abs() >= TABLES_COUNTS) {
@@ -427,7 +314,9 @@ impl Offset {
     pub fn sigma_counts(&self) -> f64 {
         let of = |held: bool| {
             let these = self.modules.iter().filter(|module| !held || module.untouched_s < HOLD_OFF_S);
-            let (sum, n) = these.fold((0.0, 0), |(sum, n), module| (sum + module.variance(), n + 1));
+            let (sum, n) = these.fold((0.0, 0), |(sum, n), module| {
+                (sum + module.variance() + (module.offset() - module.followed).powi(2), n + 1)
+            });
             (n > 0).then(|| (sum / f64::from(n)).sqrt())
         };
         of(true).or_else(|| of(false)).unwrap_or(ZERO_SIGMA)
@@ -442,9 +331,9 @@ impl Offset {
     /// Why the force is not what it should be, if the drift is at its bound.
     #[must_use]
     pub fn shortcoming(&self) -> Option<Reason> {
-        let bounded = || self.sites.iter().zip(&self.modules).filter(|(_, module)| module.bounded);
+        let bounded = || self.sites.iter().zip(&self.modules).filter(|(_, module)| module.is_bounded);
         let furthest = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
-        let target = bounded().map(|(_, module)| module.offset).reduce(furthest)?;
+        let target = bounded().map(|(_, module)| module.offset()).reduce(furthest)?;
         let text = format!("drift of {target:+.1} counts reached its bound of {} counts: tare", self.plan.bound_counts);
         let taxels = bounded().flat_map(|(site, _)| site.taxels.clone());
         Some(Reason::about(positions(taxels), ReasonCode::DriftBounded, text))
@@ -457,12 +346,12 @@ impl Offset {
         self.view.absorbed = self.absorbed();
         for module in &mut self.modules {
             // A little below its bound it is free again, so that noise does not make it come and go.
-            let at = if module.bounded { 0.9 } else { 1.0 };
-            module.bounded = module.offset.abs() >= at * self.plan.bound_counts;
+            let at = if module.is_bounded { 0.9 } else { 1.0 };
+            module.is_bounded = module.offset().abs() >= at * self.plan.bound_counts;
         }
         let follows = self.modules.iter().any(|module| module.untouched_s >= HOLD_OFF_S);
         self.view.state = match () {
-            () if self.modules.iter().any(|module| module.bounded) => DriftState::Bounded,
+            () if self.modules.iter().any(|module| module.is_bounded) => DriftState::Bounded,
             () if follows => DriftState::Following,
             () => DriftState::Held,
         };

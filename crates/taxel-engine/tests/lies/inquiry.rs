@@ -76,7 +76,10 @@ mod tests {
             let accused = story::play(ONE, seed, Kinds::default(), Kinds::default());
             assert!(accused.lies.iter().any(|lie| lie.from == Some(Kind::WarmRamp) && !lie.argued), "seed {seed}");
             let told = play(ONE, seed);
-            assert_eq!(told.lines[0], "   `temperature ramp` is cleared: the same lies are told without it", "seed {seed}");
+            assert_eq!(
+                told.lines[0], "   `temperature ramp` is cleared: the same lies are told without it",
+                "seed {seed}"
+            );
             assert!(told.lies.iter().all(|lie| lie.argued), "seed {seed}");
             assert_eq!(told.lies.len(), accused.lies.len(), "a name makes no lie true");
         }
