@@ -48,7 +48,7 @@ fn loads_zeros_and_the_audit_log_come_back_and_numbers_go_on() {
     let zero = TakenZero {
         mean: vec![0.1, f64::NAN],
         noise: vec![0.5, f64::NAN],
-        pads: vec![[Some(200.5), None]],
+        pads: vec![Some(200.5), None],
         ..TakenZero::default()
     };
     let known = KeptZero {
