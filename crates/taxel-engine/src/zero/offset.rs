@@ -59,8 +59,8 @@ const PREDICT_S: f64 = 0.2;
 const WINDOW_S: f64 = 2.0;
 const GAP_S: f64 = 2.0;
 /// The tables follow in steps of so many counts, and at most so often, seconds.
-const TABLES_COUNTS: f64 = 0.1;
-const TABLES_S: f64 = 5.0;
+const TABLES_COUNTS: f64 = 0.15;
+const TABLES_S: f64 = 10.0;
 
 /// The offsets of one patch.
 #[derive(Clone, Debug)]

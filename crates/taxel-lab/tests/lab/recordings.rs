@@ -41,7 +41,7 @@ fn a_real_skin_is_calibrated_and_read_with_the_defaults() {
     for (name, area_max, taxel_max) in [("validation", 8.0, 12.5), ("steps", 4.0, 9.7)] {
         thinned(name, &data, -1.0).unwrap();
         let said = apply();
-        assert!(said.contains("tared from the first 2 s: at rest"), "{said}");
+        assert!(said.contains("tared from the first 2 s: unloaded"), "{said}");
         let (area, taxel) = (number(&said, "above 30 kPa: "), number(&said, "taxel RMSE: mean "));
         assert!(area <= area_max && taxel <= taxel_max, "{name}: {said}");
     }
