@@ -6,11 +6,11 @@ use anyhow::Context;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rpc::{Grant, Role, Subject};
-use taxel_skin::{BusIndex, SquareMillimetre, printable};
+use taxel_skin::{BusIndex, SquareMillimetre, printable, written_modules};
 
 use crate::config::{
     self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, bus_load,
-    examine_with, modules_written, read_text,
+    examine_with, read_text,
 };
 use crate::missing::{missing, obstacles};
 
@@ -152,7 +152,7 @@ fn patch(config: &Config, plan: &PatchPlan) {
     for board in patch.boards() {
         let bus = config.bus.get(board.bus.0 as usize).map_or("", |section| &section.name);
         let kind = if plan.devices.is_empty() { "board" } else { "device" };
-        tell!("  {kind} {} of bus {bus}: modules {}", board.address, modules_written(&board.modules));
+        tell!("  {kind} {} of bus {bus}: modules {}", board.address, written_modules(&board.modules));
     }
     if !plan.devices.is_empty() {
         let (top, per_unit) = (patch.counts().top(), patch.counts().per_unit());

@@ -42,7 +42,7 @@ fn the_example_is_the_real_forearm() {
             return;
         };
         let posed = taxel_skin::PositionFile::parse(&text).unwrap().modules();
-        let listed = crate::config::modules::modules(modules).unwrap();
+        let listed = taxel_skin::parse_modules(modules).unwrap();
         let listed: Vec<usize> = (0..16).chain(listed.iter().map(|(m, _)| 16 + usize::from(m.get()))).collect();
         assert_eq!(posed, listed, "{file}");
     }
