@@ -3,7 +3,7 @@
 //! - [`Frame`]: a CAN frame, classic or FD, independent of any socket library.
 //! - [`icub`]: what skin boards say, what the host tells them, and how two frames become one module scan.
 //! - [`bits`]: a number anywhere in a frame; [`signal`]: the pressure of any other sensor; [`array`](mod@array): the taxels of any other
-//!   skin; [`dbc`]: both by the names that a DBC file gives them.
+//!   skin.
 //! - [`candump`]: the log text of can-utils.
 //!
 //! Every decoder takes any frame or line there is: what it does not accept is refused with the reason, never lost
@@ -12,7 +12,6 @@
 pub mod array;
 pub mod bits;
 pub mod candump;
-pub mod dbc;
 mod frame;
 pub mod icub;
 #[cfg(test)]

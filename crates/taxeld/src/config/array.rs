@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use taxel_dbc::{DbcFile, Place};
 use taxel_engine::plan::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Patch, SquareMillimetre, Time,
@@ -10,7 +11,6 @@ use taxel_skin::{
 use taxel_wire::array::{CountField, FrameSpec};
 use taxel_wire::bits::{BitField, FrameMatch};
 use taxel_wire::candump::parse_line;
-use taxel_wire::dbc::{DbcFile, Place};
 use taxel_wire::{Frame, FrameKind};
 
 use super::patch_section::{ArraySection, GridSection, PatchSection, PushSection};

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::time::Duration;
 
+use taxel_dbc::DbcFile;
 use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Gauge, Outputs, PatchPlan, PushPlan};
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
-use taxel_wire::dbc::DbcFile;
 use taxel_wire::signal::{PressureUnit, SignalSpec};
 
 use super::array::{Described, describe, grid, pushed};

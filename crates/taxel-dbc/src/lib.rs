@@ -1,4 +1,4 @@
-//! Signals by the names that a DBC file gives them, and single ones in its notation.
+//! Signals by the names that a DBC file gives them, and single ones in its notation. Whoever has the file gives its text.
 
 use std::collections::HashMap;
 
@@ -7,9 +7,9 @@ use can_dbc::{
     SignalExtendedValueType, ValueType,
 };
 
-use crate::CanId;
-use crate::bits::{BitField, ByteOrder, FrameMatch, Selector};
-use crate::signal::{PressureMeaning, PressureUnit, SignalSpec};
+use taxel_wire::CanId;
+use taxel_wire::bits::{BitField, ByteOrder, FrameMatch, Selector};
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
 
 /// The message of a DBC file that holds signals of no message.
 const INDEPENDENT: &str = "VECTOR__INDEPENDENT_SIG_MSG";
