@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
+use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Outputs;
 use taxel_rpc::Rules;
@@ -169,11 +170,16 @@ async fn serve_live(
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory).await?;
     let calibrated = models.is_some();
     if let Some(models) = models {
-        daemon.use_models(Arc::new(models)).await?; // in time for the look at the boards, which stream
+        // In time for the load check of the boards, which stream.
+        let (patch, model_set) = (models.patch.clone(), models.id.clone());
+        ask(&daemon, Command::Import { model_set: Arc::new(models), insist: false }).await?;
+        ask(&daemon, Command::Activate { patch, model_set, expected: None }).await?;
     }
     daemon.add_sim_bus(BusIndex(0), args.seed)?;
     if calibrated {
-        daemon.vouch_for_boards("taxeld demo").await?; // its mass is not there yet
+        // Its mass is not there yet.
+        let confirmed_by = Some("taxeld demo".to_owned());
+        ask(&daemon, Command::BringUp { patch: String::new(), confirmed_by }).await?;
     }
     let what = if calibrated { "calibrated and live" } else { "live, and not calibrated yet," };
     say!();
@@ -194,6 +200,11 @@ async fn serve_live(
     }
     say!("Ctrl-C ends it.");
     daemon.until_the_end().await
+}
+
+async fn ask(daemon: &Daemon, command: Command) -> anyhow::Result<()> {
+    let reply = daemon.handle.ask(command).await.context("the engine has stopped")?;
+    reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
 }
 
 /// The address to listen on: the one asked for, or the usual one, or one with another port if that is taken.
