@@ -17,8 +17,6 @@ mod doors;
 mod driver;
 mod files;
 mod force_file;
-mod lanes;
-mod log_words;
 mod logs;
 mod missing;
 mod offline;
@@ -148,9 +146,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         #[cfg(feature = "sim")]
         Subcommands::Demo(args) => show_demo::demo(&args),
         Subcommands::Run { config: path } => {
-            let text = config::read_text(&path)?;
-            let (config, scene) = config::examine_text(&path, &text)?;
-            let reload = reload::Reload::new(&path, &text, scene.doors.ruled);
+            let (config, scene) = config::examine(&path)?;
+            let reload = reload::Reload::new(&path, scene.doors.ruled);
             let runtime = runtime::runtime()?;
             let ended = runtime.block_on(run::run(config, scene, reload));
             runtime.shutdown_background(); // dropped, it would wait for calls into a disk that hangs
