@@ -217,7 +217,7 @@ fn pages(config: &Config, plan: &Plan) -> anyhow::Result<(Pages, Vec<String>)> {
     Ok((pages, problems))
 }
 
-/// The daemon on the buses of its configuration, of which `reload` knows the text.
+/// The daemon on the buses of its configuration, which `reload` reads again.
 ///
 /// # Errors
 /// Whatever keeps it from starting.
