@@ -51,9 +51,19 @@ async fn a_command_takes_along_who_asked_from_where_and_for_what() {
     let all = asked.await.unwrap();
     let shown: Vec<_> = all.iter().map(|a| (a.method.as_str(), a.what.as_str(), a.claimed.as_str())).collect();
     let expected = [
-        ("Tare", "", "Ann"),
-        ("StartSession", "target 60 kPa, branches both, without board 13 module 2", ""),
-        ("RecordLoad", "0.5 kg, relative uncertainty 0.02, replaces load 4, `left`", "Bob"),
+        ("Tare", "TareRequest { patch: \"\", confirmed_by: \" Ann \" }", "Ann"),
+        (
+            "StartSession",
+            "StartSessionRequest { patch: \"\", target_kpa: Some(60.0), confirmed_by: \"\", branches: Both, \
+             leave_out: [ModuleName { board: 13, module: 2 }] }",
+            "",
+        ),
+        (
+            "RecordLoad",
+            "RecordLoadRequest { patch: \"\", relative_uncertainty: Some(0.02), note: \"left\", by: \"Bob\", replaces: 4, \
+             load: Some(MassKg(0.5)) }",
+            "Bob",
+        ),
     ];
     assert_eq!(shown, expected);
     for asked in &all {
