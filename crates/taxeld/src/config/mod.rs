@@ -5,7 +5,6 @@
 
 mod array;
 mod boards;
-pub mod bus_load;
 mod file;
 mod limits;
 mod listen;

@@ -108,17 +108,6 @@ fn limits_of_a_session_that_exclude_each_other_are_told() {
 }
 
 #[test]
-fn a_bus_that_cannot_carry_its_scans_is_refused() {
-    let of = |period_ms: u32| {
-        told(&text("", &format!("boards = [{{ address = 13, modules = \"0-15\" }}]\nperiod_ms = {period_ms}"), ""))
-    };
-    let found = of(1);
-    assert_eq!((found.len(), found[0].0.as_str()), (1, "patch[0].period_ms"));
-    assert!(found[0].1.contains("355 % of 1 Mbit/s"), "{found:#?}");
-    assert!(of(5).is_empty());
-}
-
-#[test]
 fn a_slow_array_has_the_time_that_its_period_takes() {
     let folder = tempfile::tempdir().unwrap();
     let dbc = "VERSION \"\"\nNS_ :\nBS_:\nBU_: D\nBO_ 1 A: 1 D\n SG_ T : 0|8@1+ (1,0) [0|0] \"\" D\n";
