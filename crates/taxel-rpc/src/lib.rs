@@ -53,6 +53,7 @@ pub use answer::Answer;
 pub use backend::{Backend, Told};
 pub use clock::Clock;
 pub use connections::{Call, Connections, Seat};
+pub use convert::force_state;
 pub use events::EventFollower;
 pub use follow::PatchFollower;
 pub use handle::{Handle, Publisher, Request};

@@ -43,12 +43,12 @@ mod tasks;
 mod upkeep;
 mod values;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::CommandFactory;
 use clap::{Parser, Subcommand};
-use config::{CONFIG_FILE, Config, Scene};
+use config::CONFIG_FILE;
 
 /// Calibrates robot skin in a vacuum bag and streams its force.
 ///
@@ -156,14 +156,10 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Check { store: Some(store), .. } => check::store(&store),
         Subcommands::Check { config, json, .. } => check::check(&config, json),
         Subcommands::Replay(args) => {
-            let (config, scene) = load(&args.config)?;
+            let (config, scene) = config::examine(&args.config)?;
             replay::replay(args, &config, scene)
         }
         Subcommands::Setup(args) => setup::setup(&args),
         Subcommands::Scan(args) => scan::scan(&args),
     }
-}
-
-fn load(path: &Path) -> anyhow::Result<(Config, Scene)> {
-    Ok(config::examine(path)?)
 }
