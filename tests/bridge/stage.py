@@ -94,6 +94,8 @@ class Stage:
             failed = 0
         except BaseException:
             traceback.print_exc()
+            for log in sorted(self.scratch.glob("*.log")):
+                print(f"-- {log.name}", *log.read_text(errors="replace").splitlines()[-4:], sep="\n   ", file=sys.stderr)
         finally:
             for process in self.processes:
                 self.end(process)

@@ -9,7 +9,6 @@ import pathlib
 import re
 import signal
 import socket
-import subprocess
 import sys
 import time
 
@@ -206,9 +205,7 @@ class Out:
         bridge.wait(30)
         assert ports <= self.yarp.names(), "a registration outlives its process"
         again = self.stage.start("bridge", self.bridge_program, "run", "--config", self.config)
-        reader = self.yarp.stage.start("read", self.yarp.programs / "yarp", "read", "/test/again")
-        until("it has the names", lambda: "Success" in subprocess.run(
-            [self.yarp.programs / "yarp", "connect", "/taxeld/left_forearm/force:o", "/test/again"], capture_output=True, text=True).stdout)
+        reader = self.yarp.read("/test/again", "/taxeld/left_forearm/force:o")
         pressures = self.yarp.read("/test/kpa", "/taxeld/left_forearm/pressure:o")
         until("it is read", lambda: messages(reader) and messages(pressures))
         self.stage.end(self.demo)

@@ -37,8 +37,10 @@ class Yarp:
         return set(re.findall(r"registration name (\S+)", self.run("name", "list")))
 
     def read(self, name, source):
-        """A process that reads a port, and the file that it writes to."""
-        return self.stage.start("yarp-read", self.programs / "yarp", "read", name, source)
+        """A process that reads a port, and the file that it writes to. What fails on a busy machine is tried again."""
+        reader = self.stage.start("yarp-read", self.programs / "yarp", "read", name)
+        until(f"{name} reads {source}", lambda: name in self.names() and "Success" in self.run("connect", source, name))
+        return reader
 
     def write(self, name):
         """A process that sends each line of its input from a port."""

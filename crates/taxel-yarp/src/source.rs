@@ -59,12 +59,15 @@ impl PortBus {
         Self { server: server.map(str::to_owned), port, content, reader: None, pause: Duration::ZERO, told: None }
     }
 
-    async fn connect(&self) -> Result<PortReader, PortError> {
+    /// After a pause that grows until a message comes.
+    async fn connect(&mut self) -> Result<PortReader, PortError> {
         sleep(self.pause).await;
+        self.pause = (2 * self.pause).clamp(PAUSES[0], PAUSES[1]);
         PortReader::open(&NameServer::of(self.server.as_deref())?, &self.port).await
     }
 
-    /// Reads a message; or why none comes that makes sense. Then the connection is of no use any more.
+    /// Reads a message; or why none came that makes sense. One that does not fit says nothing against the connection: a port that
+    /// sends such a vector would send it again, and YARP's ports can hang when connections come and go many times a second.
     async fn message(&mut self, frames: &mut Vec<TimedFrame>) -> Result<(), String> {
         if self.reader.is_none() {
             let reader = self.connect().await.map_err(|error| error.to_string())?;
@@ -74,9 +77,17 @@ impl PortBus {
             }
         }
         let Some((reader, clock)) = &mut self.reader else { return Ok(()) };
-        let message = reader.next().await.map_err(|error| error.to_string())?;
-        let time = clock.time_of(ClockReading::now().time, message.stamp_s);
-        self.content.take(time, message.line, frames).map_err(|unfit| format!("port {}: {unfit}", self.port))
+        match reader.next().await {
+            Ok(message) => {
+                self.pause = Duration::ZERO;
+                let time = clock.time_of(ClockReading::now().time, message.stamp_s);
+                self.content.take(time, message.line, frames).map_err(|unfit| format!("port {}: {unfit}", self.port))
+            }
+            Err(lost) => {
+                self.reader = None;
+                Err(lost.to_string())
+            }
+        }
     }
 }
 
@@ -85,15 +96,8 @@ impl FrameSource for PortBus {
         batch.clear();
         while batch.is_empty() {
             let event = match self.message(&mut batch.frames).await {
-                Ok(()) => {
-                    self.pause = Duration::ZERO;
-                    BusEvent::Up
-                }
-                Err(why) => {
-                    self.reader = None;
-                    self.pause = (2 * self.pause).clamp(PAUSES[0], PAUSES[1]);
-                    BusEvent::SourceDown { why }
-                }
+                Ok(()) => BusEvent::Up,
+                Err(why) => BusEvent::SourceDown { why },
             };
             if self.told.as_ref() != Some(&event) {
                 self.told = Some(event.clone());
