@@ -106,7 +106,7 @@ fn log() -> Store {
             number,
             asked: Some(Asked {
                 who: format!("who {number}"),
-                patch: if number % 10 == 0 { "palm" } else { "" }.to_owned(),
+                patch: if number.is_multiple_of(10) { "palm" } else { "" }.to_owned(),
                 wall_ns: 1,
                 ..Asked::default()
             }),
