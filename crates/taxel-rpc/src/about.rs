@@ -1,15 +1,10 @@
 //! What a command is about, in words: for the logs and for refusals.
 
-use std::fmt::{self, Write};
-
 use taxel_engine::audit::Asked;
 use taxel_engine::command::Command;
 
 use crate::access::caller::Caller;
 use crate::service::Service;
-
-/// Longest account of a request that is kept, in characters.
-const SAID_CHARS_MAX: usize = 256;
 
 /// What a command is about.
 pub(crate) struct About {
@@ -75,23 +70,5 @@ impl Service {
         // An empty name stands for the only patch.
         let named = self.patch(&patch).map(|index| self.plan(index).patch.name().to_owned());
         About { patch: named.unwrap_or(patch), thing, claimed: claimed.cloned().unwrap_or_default() }
-    }
-}
-
-/// A request as it came, short: what a terminal would act upon is written out.
-pub(crate) fn said(request: &impl fmt::Debug) -> String {
-    let mut short = Short(String::new());
-    let _ = write!(short, "{request:?}"); // it ends where there is no more room
-    short.0
-}
-
-/// Takes a text up to its limit: one with a model set in it has megabytes.
-struct Short(String);
-
-impl Write for Short {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        let room = SAID_CHARS_MAX.saturating_sub(self.0.chars().count());
-        self.0.extend(text.chars().take(room));
-        if room > 0 { Ok(()) } else { Err(fmt::Error) }
     }
 }

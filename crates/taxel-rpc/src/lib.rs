@@ -34,6 +34,7 @@ mod reasons;
 mod recalibration;
 mod refit;
 mod refusals;
+mod said;
 mod serve;
 mod service;
 mod shares;

@@ -14,12 +14,12 @@ use taxel_proto::v1::ErrorReason;
 use tokio::sync::{mpsc, oneshot, watch};
 use tonic::{Code, Response, Status};
 
-use crate::about::said;
 use crate::access::caller::Caller;
 use crate::access::rules::Access;
 use crate::backend::{Backend, ask};
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
+use crate::said::said;
 use crate::shares::{Held, Shares};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, left_open, of_rejection, unavailable};
 

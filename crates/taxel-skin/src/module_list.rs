@@ -1,6 +1,7 @@
 //! The list of a board's modules, as a person writes it: `"0-3, 7"`, or with kinds `"0-4 fingertip, 8-11 palm"`.
 
-use crate::{Module, ModuleKind};
+use crate::ids::Module;
+use crate::layout::ModuleKind;
 
 /// What modules are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
