@@ -30,6 +30,6 @@ pub use clock::ClockReading;
 pub use log_reader::LogReader;
 pub use log_report::{BadLine, LogReport};
 pub use log_times::LogTimes;
-pub use recorded::{LogFault, RecordedFrames};
+pub use recorded::{Lanes, RecordedFrames, Run};
 pub use socket_can::{LINK_POLL, OpenError, SocketCan, SocketCanOptions};
 pub use source::{Batch, BusEvent, DownReason, FrameSource, NotSent, SendError, SourceError};

@@ -7,7 +7,7 @@ use taxel_wire::candump::parse_line;
 use taxel_wire::{FrameKind, TimedFrame};
 
 use crate::log_report::LogReport;
-use crate::recorded::{LogFault, RecordedFrames};
+use crate::recorded::RecordedFrames;
 
 /// Bytes asked of the file at once.
 const BLOCK_BYTES: usize = 256 * 1024;
@@ -31,16 +31,11 @@ pub struct LogReader {
 }
 
 impl LogReader {
-    /// A log of anything that can be read; whether it is gzipped or UTF-16 is seen by its first bytes. `name` is for errors. With
-    /// `interface`, frames of other interfaces are left out and counted.
-    ///
-    /// # Errors
-    /// [`LogFault`] if the first bytes cannot be read.
-    pub fn new(
-        name: String,
-        mut input: impl Read + Send + 'static,
-        interface: Option<String>,
-    ) -> Result<Self, LogFault> {
+    /// A log of anything that can be read; whether it is gzipped or UTF-16 is seen by its first bytes. `name` is for faults. With
+    /// `interface`, frames of other interfaces are left out and counted. Where it cannot be read on the report tells it: all
+    /// complete lines before are handed out, but of a damaged gzip those that were unpacked together with the damage.
+    #[must_use]
+    pub fn new(name: String, mut input: impl Read + Send + 'static, interface: Option<String>) -> Self {
         let mut magic = Vec::new();
         let mut begun = input.by_ref().take(3).read_to_end(&mut magic);
         let gzipped = magic.starts_with(&GZIP_MAGIC);
@@ -48,9 +43,8 @@ impl LogReader {
             begun = begun.and_then(|_| input.read_to_end(&mut magic));
             magic = taxel_skin::text::decode(&magic).into_bytes();
         }
-        if let Err(error) = begun {
-            return Err(LogFault { name, line: 0, error });
-        }
+        let mut report = LogReport::default();
+        report.faults.extend(begun.err().map(|error| format!("{name}: {error}")));
         let whole = Cursor::new(magic).chain(input);
         let input: Box<dyn Read + Send> = if gzipped {
             Box::new(MultiGzDecoder::new(BufReader::with_capacity(BLOCK_BYTES, whole)))
@@ -58,7 +52,7 @@ impl LogReader {
             Box::new(whole)
         };
         let input = BufReader::with_capacity(BLOCK_BYTES, input);
-        Ok(Self { name, input, interface, line: Vec::new(), lost: 0, report: LogReport::default() })
+        Self { name, input, interface, line: Vec::new(), lost: 0, report }
     }
 
     /// The frame of the line that was read.
@@ -101,21 +95,22 @@ fn dropped(line: &[u8]) -> Option<u64> {
 }
 
 impl RecordedFrames for LogReader {
-    fn next_batch(&mut self, frames: &mut Vec<TimedFrame>, max: usize) -> Result<bool, LogFault> {
+    fn next_batch(&mut self, frames: &mut Vec<TimedFrame>, max: usize) -> bool {
         let until = frames.len() + max;
         while frames.len() < until {
             self.line.clear();
             let read = self.input.by_ref().take(LINE_BYTES_MAX).read_until(b'\n', &mut self.line);
-            let fault = |error| LogFault { name: self.name.clone(), line: self.report.lines, error };
-            if read.map_err(fault)? == 0 {
-                return Ok(false);
+            let fault =
+                |error| self.report.faults.push(format!("{}: after line {}: {error}", self.name, self.report.lines));
+            if read.map_err(fault).unwrap_or(0) == 0 {
+                return false;
             }
             frames.extend(self.frame());
             if self.lost > 0 {
                 break;
             }
         }
-        Ok(true)
+        true
     }
 
     fn take_lost(&mut self) -> u64 {
@@ -138,12 +133,12 @@ mod tests {
     const LOG: &str = "(1.000000) can0 301#01\n\n# a comment\n(2.000000) can1 302#02\nnonsense\n(1.500000) can0 301#03";
 
     fn reader(bytes: &[u8], interface: Option<&str>) -> LogReader {
-        LogReader::new("log".to_owned(), Cursor::new(bytes.to_vec()), interface.map(str::to_owned)).unwrap()
+        LogReader::new("log".to_owned(), Cursor::new(bytes.to_vec()), interface.map(str::to_owned))
     }
 
     fn read_all(reader: &mut LogReader) -> Vec<TimedFrame> {
         let mut frames = Vec::new();
-        while reader.next_batch(&mut frames, 64).unwrap() {}
+        while reader.next_batch(&mut frames, 64) {}
         frames
     }
 
@@ -176,7 +171,7 @@ mod tests {
                     (2.0) can0 301#01\n";
         let mut log = reader(text.as_bytes(), None);
         let mut frames = Vec::new();
-        assert!(log.next_batch(&mut frames, 64).unwrap());
+        assert!(log.next_batch(&mut frames, 64));
         assert_eq!((frames.len(), frames[0].frame.bytes().len(), log.take_lost(), log.take_lost()), (1, 8, 300, 0));
         read_all(&mut log);
         assert_eq!(log.report().words(), ["the recorder lost 300 frames, the first before line 2"]);
@@ -237,14 +232,9 @@ mod tests {
         let mut whole = gzipped(text.as_bytes());
         whole.truncate(whole.len() / 2);
         let mut log = reader(&whole, None);
-        let mut frames = Vec::new();
-        let fault = loop {
-            match log.next_batch(&mut frames, 1000) {
-                Ok(more) => assert!(more, "the end was not the log's"),
-                Err(fault) => break fault,
-            }
-        };
-        assert!(!frames.is_empty() && fault.line == frames.len() as u64, "{fault}");
+        let frames = read_all(&mut log);
+        let [fault] = &log.report().faults[..] else { panic!("the end was not the log's") };
+        assert!(!frames.is_empty() && fault.contains(&format!("log: after line {}: ", frames.len())), "{fault}");
     }
 
     #[test]

@@ -78,6 +78,33 @@ impl LogReport {
         (self.frames >= SUSPICIOUS_FRAMES).then(|| self.times.fault(self.frames))?
     }
 
+    /// Why there is no frame of `interface`, or of any interface without one: its first line that is no frame, or the interfaces
+    /// that there are.
+    #[must_use]
+    pub fn frame_fault(&self, interface: Option<&str>) -> Option<String> {
+        if self.frames > self.errors {
+            return None;
+        }
+        Some(match self.first_bad.first() {
+            _ if self.errors > 0 => {
+                let of = interface.map(|interface| format!(" of {interface}")).unwrap_or_default();
+                format!("there is no frame{of} in it, only error frames: {}", self.errors)
+            }
+            _ if self.other_interface > 0 => format!(
+                "none of its {} frames is of {}: they are of {}. Name one: `--interface {}` of scan, or `interface` of the bus in \
+                 the configuration",
+                self.other_interface,
+                interface.unwrap_or_default(),
+                self.interfaces.join(", "),
+                self.interfaces.first().map_or("can0", String::as_str)
+            ),
+            Some(bad) => {
+                format!("not one of its {} lines is a frame: line {}: {}", self.lines, bad.line, bad.fault)
+            }
+            None => "there is no frame in it".to_owned(),
+        })
+    }
+
     #[cold]
     pub(crate) fn refuse(&mut self, fault: LogError) {
         self.bad += 1;

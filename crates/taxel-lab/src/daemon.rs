@@ -10,9 +10,6 @@ use taxel_proto::v1::{ExportModelSetRequest, ListRequest, Load, PatchRequest, Se
 /// Largest answer: a model set as text, with the framing around it.
 const ANSWER_BYTES_MAX: usize = 17 << 20;
 
-/// The daemon lists so many model sets at a time; an older one is asked for by its whole id.
-const SETS_MAX: u32 = 1000;
-
 /// A connection. All services share it.
 pub struct Daemon {
     line: Line,
@@ -51,7 +48,7 @@ impl Daemon {
     }
 
     async fn full_id(&self, wanted: &str) -> anyhow::Result<String> {
-        let request = ListRequest { patch: self.patch.clone(), page_size: SETS_MAX, ..Default::default() };
+        let request = ListRequest { patch: self.patch.clone(), ..Default::default() };
         let sets = self.models().list_model_sets(request).await.map_err(refused)?.into_inner().model_sets;
         let mut ids: Vec<String> = sets.into_iter().map(|set| set.model_set).collect();
         if wanted == "newest" {

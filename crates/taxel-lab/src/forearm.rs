@@ -59,7 +59,7 @@ pub(crate) struct Scan {
 }
 
 /// A forearm on a simulated bus.
-pub(crate) struct Forearm {
+struct Forearm {
     world: World,
     gauge: SignalSpec,
     boards: Vec<Range<usize>>,
@@ -76,7 +76,7 @@ impl Forearm {
     ///
     /// # Errors
     /// A layout or configuration that cannot be, which the fixed ones are not.
-    pub fn new(effects: &[Effect], seed: u64) -> anyhow::Result<Self> {
+    fn new(effects: &[Effect], seed: u64) -> anyhow::Result<Self> {
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
         let (skin, config) = Effect::forearm(effects, seed)?;
         let world = World::new(skin, Config { boards, ..config });
@@ -113,7 +113,7 @@ impl Forearm {
     }
 
     /// Lets time pass and gives the scans of it.
-    pub fn watch(&mut self, seconds: f64) -> Vec<Scan> {
+    fn watch(&mut self, seconds: f64) -> Vec<Scan> {
         let end = self.world.now() + Duration::from_secs_f64(seconds);
         let mut parts: Vec<Vec<Scan>> = self.boards.iter().map(|_| Vec::new()).collect();
         let mut frames = Vec::new();
@@ -163,7 +163,7 @@ impl Forearm {
     }
 
     /// What the taxels read now, at rest.
-    pub fn rest(&mut self) -> Vec<TaxelBaseline> {
+    fn rest(&mut self) -> Vec<TaxelBaseline> {
         let mut statistics = RestStatistics::new(self.counts.len());
         for scan in self.watch(REST_S) {
             statistics.push(scan.counts.iter().map(|count| Some(f64::from(*count))));
@@ -172,7 +172,7 @@ impl Forearm {
     }
 
     /// From rest to about `target_kpa` and back to rest, every scan of it.
-    pub fn cycle(&mut self, target_kpa: f64, kpa_per_s: f64) -> Vec<Scan> {
+    fn cycle(&mut self, target_kpa: f64, kpa_per_s: f64) -> Vec<Scan> {
         let mut scans = self.watch(CYCLE_REST_S);
         for target in [target_kpa, 0.0] {
             self.world.pump(PumpCommand::Ramp { target: Kilopascal(target), kpa_per_s });
@@ -211,7 +211,7 @@ impl Forearm {
 }
 
 /// Scans as a recording.
-pub(crate) fn recording(scans: &[Scan]) -> Recording {
+fn recording(scans: &[Scan]) -> Recording {
     let taxels = scans.first().map_or(0, |scan| scan.counts.len());
     let column = |taxel: usize| scans.iter().map(|scan| f64::from(scan.counts[taxel])).collect();
     Recording {
@@ -274,6 +274,18 @@ impl Tried {
         };
         let forces = self.weighings.iter().map(&mut force).collect();
         (forces, median(times_us))
+    }
+
+    /// The median time of a scan under the masses with these outputs, us.
+    pub fn scan_us(&self, set: Arc<ModelSet>, outputs: Outputs) -> f64 {
+        let plan = PatchPlan { outputs, ..self.plans[0].clone() };
+        let mut live = Live::new(set, &plan, &self.rest);
+        let time = |scan: &Scan| {
+            let begun = std::time::Instant::now();
+            std::hint::black_box(live.read(&scan.counts));
+            1e6 * begun.elapsed().as_secs_f64()
+        };
+        median(self.weighings.iter().flat_map(|weighed| &weighed.scans).map(time))
     }
 }
 

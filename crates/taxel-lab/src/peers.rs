@@ -1,14 +1,10 @@
 //! Fits as others would write them: the same contenders in every table of the report.
 //!
 //! A fair one first: Chebyshev polynomials on the range of the data, by QR. Then what most would write: powers of the raw
-//! abscissa by QR, SVD and normal equations, all by nalgebra. They work on one row a sample, so that time and memory grow
+//! abscissa by QR and normal equations, all by nalgebra. They work on one row a sample, so that time and memory grow
 //! with the samples.
 
 use nalgebra::{DMatrix, DVector};
-
-/// Iterations that a singular value decomposition may take; healthy ones need a few a column. Without a limit a matrix
-/// that is not finite would be iterated for ever.
-const MAX_SVD_ITERATIONS: usize = 10_000;
 
 /// A way to fit a polynomial.
 #[derive(Clone, Copy)]
@@ -22,10 +18,9 @@ pub(crate) struct Peer {
 }
 
 /// All of them, in the same order everywhere.
-pub(crate) const PEERS: [Peer; 4] = [
+pub(crate) const PEERS: [Peer; 3] = [
     Peer { name: "Chebyshev by QR", chebyshev: true, solve: qr },
     Peer { name: "raw powers by QR", chebyshev: false, solve: qr },
-    Peer { name: "raw powers by SVD", chebyshev: false, solve: svd },
     Peer { name: "raw powers by normal equations", chebyshev: false, solve: normal },
 ];
 
@@ -92,15 +87,6 @@ fn qr(matrix: DMatrix<f64>, mut right: DVector<f64>) -> Option<DVector<f64>> {
     let qr = (matrix.nrows() >= columns).then(|| matrix.qr())?;
     qr.q_tr_mul(&mut right);
     qr.unpack_r().solve_upper_triangular(&right.rows(0, columns))
-}
-
-/// Cut at the machine's epsilon times the largest singular value.
-fn svd(matrix: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {
-    if matrix.iter().chain(right.iter()).any(|value| !value.is_finite()) {
-        return None;
-    }
-    let svd = matrix.try_svd(true, true, 5.0 * f64::EPSILON, MAX_SVD_ITERATIONS)?;
-    svd.solve(&right, f64::EPSILON * svd.singular_values.max()).ok()
 }
 
 fn normal(matrix: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {

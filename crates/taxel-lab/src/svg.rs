@@ -94,7 +94,7 @@ fn tenths(px: f64) -> f64 {
     (10.0 * px).round() / 10.0
 }
 
-/// Draws `figure`. Points that have no place on its axes are counted in a note.
+/// Draws `figure`. Points that have no place on its axes are left out.
 #[must_use]
 pub fn svg(figure: &Figure) -> String {
     let points = || figure.lines.iter().flat_map(|line| line.points.iter().map(move |point| (line.look, *point)));
@@ -106,10 +106,8 @@ pub fn svg(figure: &Figure) -> String {
     let floor = figure.lines.iter().any(|line| matches!(line.look, Look::Bars(_))).then_some(0.0);
     let heights = points().map(|(_, (_, y))| y).chain(floor);
     let y = Scale::new(figure.y, heights, [BOTTOM_PX, TOP_PX]);
-    let without_place = points().filter(|(_, (at, value))| x.px(*at).is_none() || y.px(*value).is_none()).count();
     let rows = figure.lines.len().div_ceil(2);
-    let note_px = LEGEND_PX + rows as f64 * ROW_PX + 4.0;
-    let height = note_px + if without_place > 0 { 16.0 } else { 0.0 };
+    let height = LEGEND_PX + rows as f64 * ROW_PX + 4.0;
     let lines = || figure.lines.iter().enumerate();
     let picture = html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (WIDTH_PX) " " (height) } role="img" aria-label=(figure.title)
@@ -120,11 +118,6 @@ pub fn svg(figure: &Figure) -> String {
             @for (at, line) in lines() { (draw(line, at, &x, &y)) }
             @for (at, label) in &figure.levels { (mark(x.px(*at), label)) }
             @for (at, line) in lines() { (legend(line, at, rows)) }
-            @if without_place > 0 {
-                text x=(LEFT_PX) y=(note_px) fill="#555555" {
-                    "Not drawn: " (without_place) " points (no finite value, or 0 on a logarithmic axis)."
-                }
-            }
         }
     };
     picture.into_string() + "\n"
@@ -237,7 +230,7 @@ mod tests {
                     !picture.contains("NaN") && !picture.contains("inf\"") && !picture.contains("<name>"),
                     "{picture}"
                 );
-                assert!(picture.contains("Not drawn: ") && picture.ends_with("</svg>\n"));
+                assert!(picture.ends_with("</svg>\n"));
             }
         }
     }

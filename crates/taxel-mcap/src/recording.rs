@@ -9,7 +9,7 @@ use mcap::McapError;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use prost::Message as _;
-use taxel_can::{LogFault, LogReport, RecordedFrames};
+use taxel_can::{LogReport, RecordedFrames};
 use taxel_proto::v1::CanFrames;
 use taxel_skin::Time;
 use taxel_wire::{FrameKind, TimedFrame};
@@ -141,19 +141,19 @@ impl Recording {
 }
 
 impl RecordedFrames for Recording {
-    fn next_batch(&mut self, frames: &mut Vec<TimedFrame>, max: usize) -> Result<bool, LogFault> {
+    fn next_batch(&mut self, frames: &mut Vec<TimedFrame>, max: usize) -> bool {
         let until = frames.len() + max;
         loop {
             let room = (until - frames.len()).min(self.waiting.len());
             frames.extend(self.waiting.drain(..room));
             if frames.len() == until {
-                return Ok(true);
+                return true;
             }
             if !self.read_on() {
-                return Ok(false);
+                return false;
             }
             if self.lost > 0 {
-                return Ok(true); // what waits now comes behind the loss
+                return true; // what waits now comes behind the loss
             }
         }
     }

@@ -72,7 +72,7 @@ impl Metrics {
         for v1::PatchHealth { patch, .. } in &health.patches {
             let request = caller.request(v1::PatchRequest { patch: patch.clone() });
             samples.push(force.get_force(request).await?.into_inner());
-            let request = v1::ListRequest { patch: patch.clone(), page_size: 1, ..Default::default() };
+            let request = v1::ListRequest { patch: patch.clone(), most: 1, ..Default::default() };
             newest.extend(calibration.list_sessions(caller.request(request)).await?.into_inner().sessions);
         }
         forces(&mut sheet, &samples);

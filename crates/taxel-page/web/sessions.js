@@ -14,10 +14,10 @@ export function sessions(signal) {
     put(list, table(heads, all.map((one) => row(one, update)), "no session yet"));
     put(more, next && button("Older ones", () => load(next)));
   };
-  const load = async (pageToken = "") => {
-    const page = await call("CalibrationService/ListSessions", { patch: state.patch, pageSize: 50, pageToken });
-    all = pageToken ? [...all, ...(page.sessions ?? [])] : page.sessions ?? [];
-    show(page.nextPageToken);
+  const load = async (before = 0) => {
+    const { sessions = [] } = await call("CalibrationService/ListSessions", { patch: state.patch, most: 50, before });
+    all = before ? [...all, ...sessions] : sessions;
+    show(sessions.length === 50 && sessions[49].session);
   };
   const update = () => load().catch((error) => toast(error.message, "bad"));
   let last = "";

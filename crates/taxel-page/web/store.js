@@ -167,7 +167,7 @@ export function watch(session) {
 
 /** Looks whether somebody began a session, here or elsewhere. */
 export async function findSession() {
-  const { sessions = [] } = await call("CalibrationService/ListSessions", { patch: state.patch, pageSize: 1 });
+  const { sessions = [] } = await call("CalibrationService/ListSessions", { patch: state.patch, most: 1 });
   const newest = sessions[0];
   if (!newest) {
     if (state.session) { state.session = null; emit("session"); }

@@ -1,35 +1,36 @@
-//! `AuditService`: the audit log in pages.
+//! `AuditService`: the audit log.
 
 use taxel_engine::audit::AuditEntry;
 use taxel_proto::v1;
 use taxel_proto::v1::audit_service_server::AuditService;
-use tonic::Request;
+use tonic::{Request, Response};
 
 use crate::backend::ask;
 use crate::convert::timestamp;
-use crate::page::{before, page_size};
-use crate::service::{Reply, Service, held, list};
+use crate::page::part;
+use crate::service::{Reply, Service, held};
 
 #[tonic::async_trait]
 impl AuditService for Service {
     async fn list_audit(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListAuditResponse> {
-        let held = held(&request)?;
-        let v1::ListRequest { patch, page_size: size, page_token } = request.into_inner();
-        let size = page_size(size)?;
-        let before = before(&page_token)?;
-        // One more than is shown tells whether there is another page.
-        let (entries, _) = ask(held, |told| self.backend.audit(before, size as u32 + 1, told)).await?;
-        list(move || Ok(page(entries, size, &patch))).await
+        let (mut held, request) = (held(&request)?, request.into_inner());
+        let (most, mut before) = part(&request)?;
+        // Of one patch it has what is known to be of it, and what is damaged.
+        let patch = request.patch;
+        let is_of = |entry: &v1::AuditEntry| patch.is_empty() || entry.patch == patch || !entry.damage.is_empty();
+        let mut entries = Vec::new();
+        loop {
+            let (read, still) = ask(held, |told| self.backend.audit(before, most as u32, told)).await?;
+            held = still;
+            let is_end = read.len() < most;
+            before = read.last().map_or(0, |last| last.number);
+            entries.extend(read.into_iter().map(message).filter(is_of));
+            if is_end || entries.len() >= most {
+                entries.truncate(most);
+                return Ok(Response::new(v1::ListAuditResponse { entries }));
+            }
+        }
     }
-}
-
-/// A page of so many, of which there may be more. Of one patch it has what is known to be of it, and what is damaged.
-fn page(mut entries: Vec<AuditEntry>, size: usize, patch: &str) -> v1::ListAuditResponse {
-    let more = entries.len() > size;
-    entries.truncate(size);
-    let next_page_token = entries.last().filter(|_| more).map(|last| last.number.to_string()).unwrap_or_default();
-    let is_of = |entry: &v1::AuditEntry| patch.is_empty() || entry.patch == patch || !entry.damage.is_empty();
-    v1::ListAuditResponse { entries: entries.into_iter().map(message).filter(is_of).collect(), next_page_token }
 }
 
 fn message(entry: AuditEntry) -> v1::AuditEntry {

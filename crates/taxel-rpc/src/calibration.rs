@@ -15,7 +15,7 @@ use tonic::{Request, Response, Status};
 
 use crate::access::caller::Caller;
 use crate::convert::{known, timestamp};
-use crate::page::page;
+use crate::page::part;
 use crate::service::{Reply, Service, caller, check_session, confirmed_by, held, list, strange_answer};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
@@ -25,11 +25,11 @@ impl Service {
         if !request.patch.is_empty() {
             self.patch(&request.patch)?;
         }
-        let wanted = |view: &Arc<SessionView>| request.patch.is_empty() || view.patch == request.patch;
-        let (sessions, next_page_token) =
-            page(&self.sessions(), request.page_size, &request.page_token, |view| view.number.to_string(), wanted)?;
-        let sessions = sessions.iter().map(|view| self.message(view)).collect();
-        Ok(v1::ListSessionsResponse { sessions, next_page_token })
+        let (most, before) = part(request)?;
+        let of_patch = |view: &SessionView| request.patch.is_empty() || view.patch == request.patch;
+        let sessions = self.sessions();
+        let wanted = sessions.iter().rev().filter(|view| view.number < before && of_patch(view)).take(most);
+        Ok(v1::ListSessionsResponse { sessions: wanted.map(|view| self.message(view)).collect() })
     }
 }
 

@@ -160,7 +160,9 @@ pub(crate) fn faults(set: FaultSet) -> Vec<String> {
     set.iter().map(|fault| fault.name().to_owned()).collect()
 }
 
-const fn force_state(state: ForceState) -> v1::ForceState {
+/// The engine's states under the same names.
+#[must_use]
+pub const fn force_state(state: ForceState) -> v1::ForceState {
     match state {
         ForceState::Ok => v1::ForceState::Ok,
         ForceState::Degraded => v1::ForceState::Degraded,

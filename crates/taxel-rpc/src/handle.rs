@@ -165,6 +165,12 @@ impl Handle {
         self.patches.get(patch).map(|feed| Arc::clone(&feed.snapshot.borrow()))
     }
 
+    /// The session of the patch at this position of the plan.
+    #[must_use]
+    pub fn session(&self, patch: usize) -> Option<Arc<SessionView>> {
+        self.patches.get(patch)?.session.borrow().clone()
+    }
+
     /// Sessions and model sets as the engine published them last.
     #[must_use]
     pub fn stored(&self) -> Arc<Catalogue> {

@@ -12,7 +12,7 @@ use taxel_proto::v1::model_service_server::ModelService;
 use tonic::{Request, Response, Status};
 
 use crate::convert::{known, timestamp};
-use crate::page::page;
+use crate::page::part;
 use crate::service::{Reply, Service, aside, caller, held, list, strange_answer};
 use crate::status::invalid;
 
@@ -24,12 +24,14 @@ impl Service {
         if !request.patch.is_empty() {
             self.patch(&request.patch)?;
         }
-        let wanted = |set: &KnownSet| request.patch.is_empty() || set.patch == request.patch;
+        if request.before != 0 {
+            return Err(invalid("before", "model sets have no numbers: leave it out"));
+        }
+        let (most, _) = part(request)?;
+        let wanted = |set: &&KnownSet| request.patch.is_empty() || set.patch == request.patch;
         let catalogue = Arc::clone(&self.handle.catalogue.borrow());
-        let (sets, next_page_token) =
-            page(&catalogue.model_sets, request.page_size, &request.page_token, |set| set.id.clone(), wanted)?;
-        let model_sets = sets.iter().map(|set| self.summary(set.summary())).collect();
-        Ok(v1::ListModelSetsResponse { model_sets, next_page_token })
+        let sets = catalogue.model_sets.iter().rev().filter(wanted).take(most);
+        Ok(v1::ListModelSetsResponse { model_sets: sets.map(|set| self.summary(set.summary())).collect() })
     }
 }
 

@@ -1,5 +1,6 @@
 //! What the services share: looking things up, sending commands, counting streams.
 
+use std::fmt;
 use std::sync::Arc;
 use taxel_engine::audit::Asked;
 use taxel_engine::calibration::SessionView;
@@ -18,6 +19,7 @@ use crate::access::rules::Access;
 use crate::backend::{Backend, ask};
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
+use crate::said::said;
 use crate::shares::{Held, Shares};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, left_open, of_rejection, unavailable};
 
@@ -224,9 +226,9 @@ pub(crate) fn noted<T: Clone + Send + Sync + 'static, M>(request: &tonic::Reques
     Ok(request.extensions().get::<T>().cloned().ok_or_else(unknown)?)
 }
 
-/// Who makes a call.
-pub(crate) fn caller<M>(request: &tonic::Request<M>) -> Result<Caller, Status> {
-    noted(request)
+/// Who makes a call, and what is asked for.
+pub(crate) fn caller<M: fmt::Debug>(request: &tonic::Request<M>) -> Result<Caller, Status> {
+    Ok(Caller { said: said(request.get_ref()), ..noted(request)? })
 }
 
 /// The place of a call.

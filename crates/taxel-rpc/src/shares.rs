@@ -101,8 +101,13 @@ mod tests {
         let shares = Shares::new(limits);
         let origin = Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into()));
         let take = |name: &str, role| {
-            let caller =
-                Caller { origin: Arc::clone(&origin), name: Some(name.into()), by_token: true, role: Some(role) };
+            let caller = Caller {
+                origin: Arc::clone(&origin),
+                name: Some(name.into()),
+                by_token: true,
+                role: Some(role),
+                said: String::new(),
+            };
             shares.place(What::Stream, &caller).map_err(|status| status.message().to_owned())
         };
         let mut held: Vec<_> = (0..6).map(|_| take("a", Role::Operator).unwrap()).collect();

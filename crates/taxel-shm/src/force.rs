@@ -76,7 +76,9 @@ pub(crate) fn judge(sample: &Sample, beat_ns: i64, now_ns: i64, limits: Limits) 
     if silence > limits.beat {
         return Err(NoForce::WriterGone(silence));
     }
-    let (Some(total_n), Some(frame_ns), true) = (sample.total_n, sample.monotonic_ns, sample.state.has_force()) else {
+    let (Some(total_n), Some(frame_ns), true) =
+        (sample.total_n, sample.monotonic_ns, matches!(sample.state, State::Ok | State::Degraded))
+    else {
         return Err(NoForce::State(sample.state, sample.reasons));
     };
     let age = since(frame_ns)?;

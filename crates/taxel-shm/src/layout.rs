@@ -116,8 +116,7 @@ pub(crate) fn encode(sample: &Sample) -> SampleWords {
     words[MONOTONIC] = sample.monotonic_ns.unwrap_or_default().cast_unsigned();
     words[WALL] = sample.wall_ns.cast_unsigned();
     words[WRITTEN] = sample.written_ns.cast_unsigned();
-    let flags = [(sample.monotonic_ns.is_some(), SEEN), (sample.simulated, SIMULATED)];
-    let flags = flags.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, flag)| all | flag);
+    let flags = (u32::from(sample.monotonic_ns.is_some()) * SEEN) | (u32::from(sample.simulated) * SIMULATED);
     words[STATE_AND_FLAGS] = pair(sample.state as u32, flags);
     let figures = [sample.total_n, sample.sigma_n, sample.low_n, sample.high_n, sample.undetected_n, sample.step_n];
     for (at, figure) in [TOTAL, SIGMA, LOW, HIGH, UNDETECTED, STEP].into_iter().zip(figures) {

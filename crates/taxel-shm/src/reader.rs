@@ -66,12 +66,6 @@ impl Page {
         Ok(Self { map, limits, file: (about.dev(), about.ino()) })
     }
 
-    /// The limits that its daemon set.
-    #[must_use]
-    pub const fn limits(&self) -> Limits {
-        self.limits
-    }
-
     /// The newest sample as it was written, good or not; `None` before the first one. Not for controllers.
     #[must_use]
     pub fn newest(&self) -> Option<Sample> {
@@ -124,12 +118,6 @@ impl Reader {
         let lost =
             matches!(judged, Err(NoForce::NoPage | NoForce::NothingYet | NoForce::Closed | NoForce::WriterGone(_)));
         if lost && self.finds_another() { self.judged() } else { judged }
-    }
-
-    /// The page that is read at present.
-    #[must_use]
-    pub const fn page(&self) -> Option<&Page> {
-        self.page.as_ref()
     }
 
     fn judged(&self) -> Result<Force, NoForce> {

@@ -27,12 +27,6 @@ pub enum State {
 }
 
 impl State {
-    /// Whether it carries a force.
-    #[must_use]
-    pub const fn has_force(self) -> bool {
-        matches!(self, Self::Ok | Self::Degraded)
-    }
-
     /// Its name in the service, without the prefix.
     #[must_use]
     pub const fn name(self) -> &'static str {

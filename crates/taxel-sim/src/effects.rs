@@ -42,20 +42,6 @@ impl Effect {
         Self::GaugeLag,
     ];
 
-    /// In words, for a table.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::GapsAndLayer => "gaps, soft layer, pads",
-            Self::Crosstalk => "crosstalk of neighbours",
-            Self::SlowCreep => "creep of 0.3 to 300 s",
-            Self::Wrinkles => "wrinkles of the bag",
-            Self::Gradient => "gradient of temperature",
-            Self::Ageing => "gains of another day",
-            Self::GaugeLag => "lag of the gauge",
-        }
-    }
-
     /// A forearm and its world with these effects, and no others.
     ///
     /// # Errors

@@ -62,6 +62,16 @@ impl Geometry {
         let remarks = remarks(&poses, normals, furthest);
         Self { poses, normals, remarks }
     }
+
+    /// That of a flat array: the first taxel is the origin, columns go along x, rows along y, normals along z.
+    #[must_use]
+    pub fn grid(rows: u16, columns: u16, pitch_mm: f64) -> Self {
+        let metres = |number: u16| f64::from(number) * pitch_mm * 1e-3;
+        let pose = |row, column| TaxelPose { position: [metres(column), metres(row), 0.0], normal: [0.0, 0.0, 1.0] };
+        let poses = (0..rows).flat_map(|row| (0..columns).map(move |column| Some(pose(row, column)))).collect();
+        // Equal normals are a placeholder in a file of positions; here somebody says that the array is flat.
+        Self { poses, normals: NormalsVerdict::Usable, remarks: Vec::new() }
+    }
 }
 
 fn judge_normals(poses: &[Option<TaxelPose>]) -> NormalsVerdict {

@@ -4,9 +4,11 @@
 
 pub mod area;
 mod count_range;
+mod drawing;
 mod geometry;
 mod ids;
 mod layout;
+mod module_list;
 mod positions;
 pub mod text;
 mod time;
@@ -14,9 +16,11 @@ mod units;
 mod words;
 
 pub use count_range::CountRange;
+pub use drawing::Drawing;
 pub use geometry::{Geometry, NormalsVerdict};
 pub use ids::{BoardAddress, BusIndex, IdError, Module, TaxelIndex};
 pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, VALUES_PER_BOARD, VALUES_PER_MODULE};
+pub use module_list::{KindWord, parse_modules, written_modules};
 pub use positions::{GeometryError, PositionFile, TaxelPose};
 pub use time::Time;
 pub use units::{Kilopascal, Newton, SquareMillimetre};

@@ -6,13 +6,16 @@ use anyhow::Context;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rpc::{Grant, Role, Subject};
-use taxel_skin::{BusIndex, SquareMillimetre, printable};
+use taxel_skin::{BusIndex, SquareMillimetre, printable, written_modules};
 
 use crate::config::{
-    self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, bus_load,
-    examine_with, modules_written, read_text,
+    self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
+    read_text,
 };
 use crate::missing::{missing, obstacles};
+
+/// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
+const FRAME_S: f64 = 111e-6;
 
 /// Prints a line. What the configuration has in it a terminal must not act upon: that is written out.
 macro_rules! tell {
@@ -152,7 +155,7 @@ fn patch(config: &Config, plan: &PatchPlan) {
     for board in patch.boards() {
         let bus = config.bus.get(board.bus.0 as usize).map_or("", |section| &section.name);
         let kind = if plan.devices.is_empty() { "board" } else { "device" };
-        tell!("  {kind} {} of bus {bus}: modules {}", board.address, modules_written(&board.modules));
+        tell!("  {kind} {} of bus {bus}: modules {}", board.address, written_modules(&board.modules));
     }
     if !plan.devices.is_empty() {
         let (top, per_unit) = (patch.counts().top(), patch.counts().per_unit());
@@ -178,12 +181,12 @@ fn patch(config: &Config, plan: &PatchPlan) {
 
 /// What a patch reads from its bus.
 fn reads(plan: &PatchPlan) {
-    let (frames_per_s, share) = bus_load::of_patch(plan);
-    tell!(
-        "  reads: {frames_per_s:.0} frames/s at {} ms: {:.1} % of a 1 Mbit/s bus",
-        plan.period.as_millis(),
-        100.0 * share
-    );
+    let frames = match plan.devices.iter().map(|device| device.frames.len()).sum::<usize>() {
+        0 => 2 * plan.patch.modules().len(),
+        described => described,
+    };
+    let (frames_per_s, ms) = (frames as f64 / plan.period.as_secs_f64(), plan.period.as_millis());
+    tell!("  reads: {frames_per_s:.0} frames/s at {ms} ms: {:.1} % of a 1 Mbit/s bus", 100.0 * frames_per_s * FRAME_S);
 }
 
 /// Sum and range of the areas of the taxels.

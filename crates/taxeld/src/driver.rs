@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::audit::Asked;
-use taxel_engine::calibration::{Direction, SessionState, SessionView};
+use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, ErrorReason, Rejection, Reply, RequestId};
 use taxel_engine::events::EventWatch;
 use taxel_engine::plan::Plan;
@@ -21,7 +21,7 @@ use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::Time;
 use taxel_store::{Batch, OnDurable, Store, StoreEvent};
 use taxel_wire::Frame;
-use tokio::sync::{Semaphore, mpsc, oneshot, watch};
+use tokio::sync::{Semaphore, mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
 
 use crate::audit::Auditor;
@@ -37,30 +37,6 @@ const CATCH_UP_BATCHES_MAX: usize = BATCHES_WAITING_MAX + 4 * 71;
 /// So many looks in a row must find nothing new before the queues count as empty: one lets the bus tasks see that the
 /// kernel has something, one lets them hand it over.
 const QUIET_LOOKS: usize = 2;
-
-/// What a session is at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
-pub struct Stage {
-    /// Where it stands.
-    pub state: SessionState,
-    /// Which branch a ramp gathers.
-    pub direction: Direction,
-}
-
-impl Stage {
-    /// The one of several sessions in one bag that whoever holds the pump goes by: nothing is pumped before each has its zero, and
-    /// the pressure falls once none wants it to rise.
-    fn first(stages: impl Iterator<Item = Self>) -> Option<Self> {
-        stages.max_by_key(|stage| match (stage.state, stage.direction) {
-            (SessionState::Taring, _) => 4,
-            (SessionState::Ramping, Direction::Rising) => 3,
-            (SessionState::Ramping, Direction::Falling) => 2,
-            (SessionState::Fitting, _) => 1,
-            _ => 0,
-        })
-    }
-}
 
 /// Somebody who waits for the answer to a command.
 struct Waiting {
@@ -102,8 +78,6 @@ pub struct Driver {
     last_tick: Option<Time>,
     events: EventWatch,
     out: Vec<Output>,
-    /// What the sessions are at, for whoever plays the operator's hand.
-    pub session_state: Option<watch::Sender<Option<Stage>>>,
 }
 
 impl Driver {
@@ -135,7 +109,6 @@ impl Driver {
             tell_done,
             last_tick: None,
             out: Vec::new(),
-            session_state: None,
         }
     }
 

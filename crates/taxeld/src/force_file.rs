@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use taxel_engine::plan::Plan;
-use taxel_engine::snapshot::{ForceState, PatchSnapshot};
+use taxel_engine::snapshot::PatchSnapshot;
+use taxel_proto::judge::word;
 
 use crate::output::Output;
 
@@ -52,7 +53,7 @@ impl ForceFile {
             let row = [
                 format!("{}.{:09}", time_ns.div_euclid(1_000_000_000), time_ns.rem_euclid(1_000_000_000)),
                 self.patches[patch].clone(),
-                state_name(force.state).to_owned(),
+                word(taxel_rpc::force_state(force.state)).to_owned(),
                 newton(force.total),
                 newton(force.total_sigma),
                 newton(force.low()),
@@ -79,15 +80,5 @@ impl ForceFile {
         let whole = csv.into_inner().map_err(csv::IntoInnerError::into_error).and_then(Output::finish);
         whole.with_context(|| path.display().to_string())?;
         Ok(format!("force: {rows} rows, {with_force} with a force: {}", path.display()))
-    }
-}
-
-const fn state_name(state: ForceState) -> &'static str {
-    match state {
-        ForceState::Ok => "OK",
-        ForceState::Degraded => "DEGRADED",
-        ForceState::Stale => "STALE",
-        ForceState::TareInvalid => "TARE_INVALID",
-        ForceState::Uncalibrated => "UNCALIBRATED",
     }
 }

@@ -143,12 +143,10 @@ fn filter_of(text: &str) -> Option<EnvFilter> {
     text.split(',').map(str::trim).any(is_known).then_some(filter)
 }
 
-/// Whether standard error is the journal's: it names its device and its number.
+/// Whether standard error is the journal's. A terminal or file of a session may have the variable, too.
 fn is_the_journal() -> bool {
-    let stream = std::env::var("JOURNAL_STREAM").unwrap_or_default();
-    let named = stream.split_once(':').and_then(|(device, inode)| Some((device.parse().ok()?, inode.parse().ok()?)));
-    let own = std::fs::metadata("/proc/self/fd/2").ok().map(|file| (file.dev(), file.ino()));
-    named.is_some() && own == named
+    let own = std::fs::metadata("/proc/self/fd/2").map(|file| format!("{}:{}", file.dev(), file.ino()));
+    own.is_ok_and(|own| std::env::var("JOURNAL_STREAM").is_ok_and(|named| named == own))
 }
 
 #[cfg(test)]

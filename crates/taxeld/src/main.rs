@@ -17,8 +17,6 @@ mod doors;
 mod driver;
 mod files;
 mod force_file;
-mod lanes;
-mod log_words;
 mod logs;
 mod missing;
 mod offline;
@@ -45,12 +43,12 @@ mod tasks;
 mod upkeep;
 mod values;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::CommandFactory;
 use clap::{Parser, Subcommand};
-use config::{CONFIG_FILE, Config, Scene};
+use config::CONFIG_FILE;
 
 /// Calibrates robot skin in a vacuum bag and streams its force.
 ///
@@ -148,9 +146,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         #[cfg(feature = "sim")]
         Subcommands::Demo(args) => show_demo::demo(&args),
         Subcommands::Run { config: path } => {
-            let text = config::read_text(&path)?;
-            let (config, scene) = config::examine_text(&path, &text)?;
-            let reload = reload::Reload::new(&path, &text, scene.doors.ruled);
+            let (config, scene) = config::examine(&path)?;
+            let reload = reload::Reload::new(&path, scene.doors.ruled);
             let runtime = runtime::runtime()?;
             let ended = runtime.block_on(run::run(config, scene, reload));
             runtime.shutdown_background(); // dropped, it would wait for calls into a disk that hangs
@@ -159,14 +156,10 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Check { store: Some(store), .. } => check::store(&store),
         Subcommands::Check { config, json, .. } => check::check(&config, json),
         Subcommands::Replay(args) => {
-            let (config, scene) = load(&args.config)?;
+            let (config, scene) = config::examine(&args.config)?;
             replay::replay(args, &config, scene)
         }
         Subcommands::Setup(args) => setup::setup(&args),
         Subcommands::Scan(args) => scan::scan(&args),
     }
-}
-
-fn load(path: &Path) -> anyhow::Result<(Config, Scene)> {
-    Ok(config::examine(path)?)
 }

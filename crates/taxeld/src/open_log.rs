@@ -38,7 +38,7 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedF
             format!("{name}: recordings of YARP's ports, and a bus of the configuration has no source = \"yarp\"")
         })?;
         let log = taxel_yarp::candump_of(path, &port, content)?;
-        return Ok(Box::new(LogReader::new(name, Cursor::new(log), None)?));
+        return Ok(Box::new(LogReader::new(name, Cursor::new(log), None)));
     }
     if path.is_dir() {
         // In the order in which they were recorded.
@@ -56,5 +56,5 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedF
     if is_recording {
         return Ok(Box::new(taxel_mcap::Recording::of_reader(name, whole, bus)));
     }
-    Ok(Box::new(LogReader::new(name, whole, wanted.interface)?))
+    Ok(Box::new(LogReader::new(name, whole, wanted.interface)))
 }

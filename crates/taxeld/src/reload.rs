@@ -1,7 +1,6 @@
 //! What changes while the daemon runs: on SIGHUP the configuration is read again, and with it certificates and tokens. Who may
-//! do what changes; all else waits for a restart, and the log names it.
+//! do what changes; all else waits for a restart, which the log says.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,11 +8,9 @@ use anyhow::Context;
 use taxel_rpc::Rules;
 use tokio::signal::unix::Signal;
 use tokio_util::sync::CancellationToken;
-use toml::{Table, Value};
 
-use crate::config::{self, Scene};
+use crate::config::{self, Doors};
 use crate::credentials::Credentials;
-use crate::files::read_utf8;
 use crate::systemd;
 
 /// Reads files again until the daemon ends. Each time a thread for what blocks does it, so that a disk that hangs holds up
@@ -48,53 +45,36 @@ pub async fn keep(
 #[derive(Clone, Debug)]
 pub struct Reload {
     path: PathBuf,
-    started: Table,
     /// Whether the configuration has rules of who may do what.
     ruled: bool,
 }
 
 impl Reload {
-    /// Remembers what the daemon starts with: the text that its configuration was read from.
-    pub fn new(path: &Path, text: &str, ruled: bool) -> Self {
-        let started = toml::from_str(text).unwrap_or_default(); // what was read as a configuration is TOML
-        Self { path: path.to_path_buf(), started, ruled }
+    /// Remembers what the daemon starts with.
+    pub fn new(path: &Path, ruled: bool) -> Self {
+        Self { path: path.to_path_buf(), ruled }
     }
 
-    /// Reads the file again and applies what can be. Gives the rules of who may do what, which are to be in force now;
-    /// nothing if they need a restart or the file cannot be used.
+    /// Reads the file again. Gives the rules of who may do what, which are to be in force now; nothing if they need a restart or
+    /// the daemon could not be started with the file.
     fn again(&self) -> Option<Rules> {
-        let text = read_utf8(&self.path).map_err(|error| format!("{}: {error}", self.path.display()));
-        let (rules, waiting) = match text.and_then(|text| self.apply(&text)) {
-            Ok(applied) => applied,
-            Err(error) => {
-                tracing::error!("nothing is reloaded: {error}");
-                return None;
+        match config::examine(&self.path) {
+            Ok((_, scene)) => self.rules(scene.doors),
+            Err(problems) => {
+                tracing::error!("nothing is reloaded: {}", problems.to_string().replace('\n', "; "));
+                None
             }
-        };
-        if !waiting.is_empty() {
-            tracing::warn!("not reloaded, as it needs a restart: {}", waiting.join(", "));
         }
-        rules
     }
 
-    /// Applies what can be of a text with which the daemon could be started. Gives the rules, and the sections that wait.
-    fn apply(&self, text: &str) -> Result<(Option<Rules>, Vec<String>), String> {
-        let examined = config::examine_text(&self.path, text);
-        let (_, Scene { doors, .. }) = examined.map_err(|problems| problems.to_string().replace('\n', "; "))?;
-        tracing::info!("reloaded");
-        let found: Table = toml::from_str(text).map_err(|error| error.to_string())?;
-        let regrants = doors.ruled == self.ruled;
-        Ok((regrants.then_some(doors.rules), self.waiting(&found, regrants)))
-    }
-
-    /// The sections that have another value than at the start, or are here or there alone, and need a restart: not who may do
-    /// what, but where the tokens are.
-    fn waiting(&self, found: &Table, regrants: bool) -> Vec<String> {
-        let tokens = |table: &Table| table.get("access").and_then(|access| access.get("tokens")).map(Value::to_string);
-        let is_applied = |name: &str| name == "access" && regrants && tokens(&self.started) == tokens(found);
-        let names: BTreeSet<&String> = self.started.keys().chain(found.keys()).collect();
-        let changed = names.into_iter().filter(|name| self.started.get(*name) != found.get(*name));
-        changed.filter(|name| !is_applied(name)).cloned().collect()
+    /// Without rules everybody may do everything, so that a daemon goes from one to the other by a restart alone.
+    fn rules(&self, doors: Doors) -> Option<Rules> {
+        if doors.ruled != self.ruled {
+            tracing::warn!("not reloaded: whether there is an [access] section needs a restart");
+            return None;
+        }
+        tracing::info!("reloaded: the lists of [access], certificates and tokens; other keys need a restart");
+        Some(doors.rules)
     }
 }
 
@@ -114,34 +94,26 @@ mod tests {
         vec![Grant { subject: Subject::User(user.to_owned()), role: Role::Operator }]
     }
 
-    #[test]
-    fn grants_are_applied_and_other_keys_wait_for_a_restart() {
-        let reload = Reload::new(Path::new("taxeld.toml"), &granting("ann"), true);
-        let (rules, waiting) = reload.apply(&granting("bob")).unwrap();
-        assert_eq!((rules.unwrap().grants, waiting), (grants("bob"), vec![]));
-        let other = format!("socket_group = \"skin\"\n{}", granting("ann"));
-        let (rules, waiting) = reload.apply(&other).unwrap();
-        assert_eq!((rules.unwrap().grants, waiting), (grants("ann"), vec!["socket_group".to_owned()]));
+    /// What a daemon whose configuration had rules, or had none, takes of this text.
+    fn reloaded(ruled: bool, text: &str) -> Option<Rules> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("taxeld.toml");
+        std::fs::write(&path, text).unwrap();
+        Reload::new(&path, ruled).again()
     }
 
     #[test]
-    fn whether_there_are_rules_at_all_waits_for_a_restart() {
-        let path = Path::new("taxeld.toml");
-        let (rules, waiting) = Reload::new(path, &granting("ann"), true).apply(SCENE).unwrap();
-        assert_eq!((rules, waiting.len()), (None, 1), "without [access] there are no rules");
-        let bare = format!("{SCENE}[access]\n");
-        let (rules, waiting) = Reload::new(path, SCENE, false).apply(&bare).unwrap();
-        assert_eq!((rules, waiting), (None, vec!["access".to_owned()]));
-        assert_eq!(Reload::new(path, SCENE, false).apply(SCENE), Ok((Some(Rules::open()), vec![])));
+    fn grants_are_applied_and_whether_there_are_rules_at_all_waits_for_a_restart() {
+        assert_eq!(reloaded(true, &granting("bob")).unwrap().grants, grants("bob"));
+        assert_eq!(reloaded(true, SCENE), None, "without [access] there are no rules");
+        assert_eq!(reloaded(false, &format!("{SCENE}[access]\n")), None);
+        assert_eq!(reloaded(false, SCENE), Some(Rules::open()));
     }
 
     #[test]
     fn a_file_that_the_daemon_could_not_be_started_with_changes_nothing() {
-        let folder = tempfile::tempdir().unwrap();
-        let reload = Reload::new(&folder.path().join("taxeld.toml"), &granting("ann"), true);
-        assert_eq!(reload.again(), None, "it is not there");
-        let refused = |text: &str| reload.apply(text).unwrap_err();
-        assert!(refused(&granting("ann").replace("user:", "usr:")).contains("expected user:NAME"));
-        assert!(refused(&granting("ann").replace("\"p\"", "\"a b\"")).contains("a name is 1 to 64"));
+        assert_eq!(Reload::new(Path::new("/nowhere/taxeld.toml"), true).again(), None, "it is not there");
+        assert_eq!(reloaded(true, &granting("ann").replace("user:", "usr:")), None);
+        assert_eq!(reloaded(true, &granting("ann").replace("\"p\"", "\"a b\"")), None);
     }
 }

@@ -5,20 +5,20 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use taxel_can::{Lanes, LogReport, Run};
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Sender;
 use taxel_engine::snapshot::Health;
-use taxel_skin::Kilopascal;
+use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
 use crate::config::{self, BusSource, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
-use crate::lanes::{Lanes, Run};
-use crate::log_words::{expect_frames, expect_times};
 use crate::offline::Offline;
+use crate::open_log::{Wanted, open_log};
 use crate::output;
 use crate::say;
 use crate::values::refusals_of;
@@ -96,13 +96,13 @@ fn expect_understood(understood: u64, others: u64) -> anyhow::Result<()> {
 }
 
 fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<()> {
-    let mut lanes = Lanes::open(&request.log, config, &scene)?;
+    let mut lanes = open(&request.log, config, &scene)?;
     let models = request.models.as_deref().map(read_models).transpose()?;
     let mut force = request.force.as_deref().map(|path| ForceFile::create(path, &scene.plan)).transpose()?;
     let mut offline = Offline::new(Arc::new(scene.plan));
     offline.collected = force.is_some().then(Vec::new);
     let (begun, mut total, mut first) = (Instant::now(), 0_u64, None);
-    while let Some(Run { bus, frames, lost }) = lanes.next() {
+    while let Some(Run { bus, frames, lost }) = lanes.next_run() {
         total += frames.len() as u64;
         if let (None, Some(target), Some(frame)) = (first, request.calibrate, frames.first()) {
             offline.advance(frame.time);
@@ -120,7 +120,10 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
         }
     }
     let elapsed = begun.elapsed();
-    lanes.reports().try_for_each(|report| expect_times(&request.log, report))?;
+    let named = |fault: String| anyhow::anyhow!("{}: {fault}", request.log.display());
+    if let Some(fault) = lanes.reports().find_map(LogReport::time_fault) {
+        return Err(named(fault));
+    }
     let end = offline.now() + Duration::from_secs(1);
     offline.advance(end);
     finish_session(&mut offline)?;
@@ -133,7 +136,7 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
     );
     print_report(&lanes, &offline);
     for (section, report) in config.bus.iter().zip(lanes.reports()) {
-        expect_frames(&request.log, section.interface.as_deref(), report)?;
+        report.frame_fault(section.interface.as_deref()).map_or(Ok(()), |fault| Err(named(fault)))?;
     }
     let understood: u64 = offline.health.buses.iter().map(|bus| bus.frames).sum();
     expect_understood(understood, total - lanes.reports().map(|report| report.errors).sum::<u64>())?;
@@ -142,6 +145,17 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
         say!("{}", file.finish()?);
     }
     print_models(request, &offline)
+}
+
+/// Opens a log once for each bus.
+fn open(log: &Path, config: &Config, scene: &Scene) -> anyhow::Result<Lanes> {
+    let wanted = config.bus.iter().zip(0..).map(|(section, position)| Wanted {
+        interface: section.interface.clone(),
+        // A recording knows the names of buses; with one bus they need not be the same.
+        bus: (config.bus.len() > 1).then(|| section.name.clone()),
+        port: config::port_of(config, &scene.plan, BusIndex(position)),
+    });
+    Ok(Lanes::new(wanted.map(|wanted| open_log(log, wanted)).collect::<anyhow::Result<_>>()?))
 }
 
 /// Gives a command that is answered at once.

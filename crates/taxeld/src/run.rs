@@ -5,9 +5,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
 use taxel_engine::BusNotice;
-use taxel_engine::command::Command;
 use taxel_engine::engine::routes::Routes;
-use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rpc::push_line::push_line;
 use taxel_rpc::{Handle, Limits, Server, handle::channel};
@@ -15,7 +13,7 @@ use taxel_skin::BusIndex;
 use taxel_wire::Frame;
 use taxel_yarp::PortBus;
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::mpsc;
 
 use crate::backend::DaemonBackend;
 use crate::bus::{self, BATCHES_WAITING_MAX, Ends, FRAMES_WAITING_MAX};
@@ -23,7 +21,7 @@ use crate::clock::boottime;
 use crate::config::{self, BusSource, Config, Scene};
 use crate::credentials::Credentials;
 use crate::doors::{self, Open};
-use crate::driver::{Driver, Stage};
+use crate::driver::Driver;
 use crate::page::serve_pages;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
@@ -38,12 +36,11 @@ use crate::upkeep;
 /// Everything of a daemon but its buses.
 pub struct Daemon {
     plan: Arc<Plan>,
-    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
-    handle: Handle,
+    /// The way to its engine, for the simulator and the demo.
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))]
+    pub handle: Handle,
     to_engine: mpsc::Sender<BusBatch>,
     to_buses: Vec<Option<(mpsc::Receiver<Frame>, Tap)>>,
-    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
-    session: watch::Receiver<Option<Stage>>,
     credentials: Credentials,
     tasks: Tasks,
     /// Listened to since before anybody could see that it serves: until then SIGTERM ends the process as it is.
@@ -82,11 +79,10 @@ impl Daemon {
         let reader = store.reader();
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
-        let (session_state, session) = watch::channel(None);
         let is_pushed = plan.patches.iter().any(|patch| patch.pushed.is_some());
         let (push, pushed) = is_pushed.then(|| push_line(patches)).unzip();
         let mut driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders);
-        (driver.pages, driver.session_state) = (pages, Some(session_state));
+        driver.pages = pages;
         let driver = driver.begun();
         tasks.parts.spawn(driver.run(Queues { batches, pushed, commands, done }, tasks.cancel.clone()));
         tasks.parts.spawn(upkeep::keep(handle.clone(), reader.clone(), kept, tasks.cancel.clone()));
@@ -108,7 +104,7 @@ impl Daemon {
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
         let to_buses = receivers.into_iter().zip(taps).map(Some).collect();
         let (tasks, reload) = (std::mem::take(tasks), None);
-        Ok(Self { plan, handle, to_engine, to_buses, session, credentials, tasks, terminate, reload })
+        Ok(Self { plan, handle, to_engine, to_buses, credentials, tasks, terminate, reload })
     }
 
     /// Adds the source of a bus.
@@ -168,37 +164,9 @@ impl Daemon {
     /// If there is no thread to be had.
     #[cfg(feature = "sim")]
     pub fn add_sim_bus(&mut self, bus: BusIndex, seed: u64) -> anyhow::Result<()> {
-        // What the calibration is at concerns whoever plays the operator's hand.
-        let source = crate::sim_bus::SimBus::new(seed, (&self.plan, bus), self.session.clone())?;
+        let source = crate::sim_bus::SimBus::new(seed, (&self.plan, bus), self.handle.clone())?;
         self.add_bus(bus, source);
         Ok(())
-    }
-
-    /// Uses a model set from now on.
-    ///
-    /// # Errors
-    /// What the engine has against it.
-    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
-    pub async fn use_models(&self, model_set: Arc<ModelSet>) -> anyhow::Result<()> {
-        let (patch, id) = (model_set.patch.clone(), model_set.id.clone());
-        let activate = Command::Activate { patch, model_set: id, expected: None };
-        self.ask(Command::Import { model_set, insist: false }).await?;
-        self.ask(activate).await
-    }
-
-    /// Has the boards configured by the word of `who` that nothing touches the skin.
-    ///
-    /// # Errors
-    /// What the engine has against it.
-    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
-    pub async fn vouch_for_boards(&self, who: &str) -> anyhow::Result<()> {
-        self.ask(Command::BringUp { patch: String::new(), confirmed_by: Some(who.to_owned()) }).await
-    }
-
-    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
-    async fn ask(&self, command: Command) -> anyhow::Result<()> {
-        let reply = self.handle.ask(command).await.context("the engine has stopped")?;
-        reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
     }
 
     /// Runs until a signal comes, then closes.
@@ -249,7 +217,7 @@ fn pages(config: &Config, plan: &Plan) -> anyhow::Result<(Pages, Vec<String>)> {
     Ok((pages, problems))
 }
 
-/// The daemon on the buses of its configuration, of which `reload` knows the text.
+/// The daemon on the buses of its configuration, which `reload` reads again.
 ///
 /// # Errors
 /// Whatever keeps it from starting.

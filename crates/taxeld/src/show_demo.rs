@@ -6,8 +6,9 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
+use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{Outputs, Plan};
+use taxel_engine::plan::Outputs;
 use taxel_rpc::Rules;
 use taxel_sim::STANDARD_GRAVITY;
 use taxel_skin::{BusIndex, Geometry};
@@ -25,14 +26,14 @@ const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 50_05
 /// What can be asked of the demo.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld demo                         # then, in another terminal: taxeld watch\n  taxeld demo --bare --listen 127.0.0.1:50052\n  taxeld demo --once --skins 10"
+    after_help = "Examples:\n  taxeld demo                         # then, in another terminal: taxeld watch\n  taxeld demo --bare --listen 127.0.0.1:50052\n  taxeld demo --once --seed 2"
 )]
 pub struct DemoArgs {
     /// End after the table instead of serving the simulated skin live.
     #[arg(long)]
     once: bool,
     /// Serve the skin at once, without the table and without models: it waits to be calibrated.
-    #[arg(long, conflicts_with_all = ["once", "skins"])]
+    #[arg(long, conflicts_with = "once")]
     bare: bool,
     /// Where the live skin is served; without it another port is taken if the usual one is not free.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "once")]
@@ -43,12 +44,6 @@ pub struct DemoArgs {
     /// Which simulated skin.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     seed: u64,
-    /// Calibrate and weigh so many skins, with seeds from --seed on.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
-    skins: u64,
-    /// Leave the area of excluded taxels out of the force, as the paper does.
-    #[arg(long)]
-    no_fill: bool,
 }
 
 /// Runs the demo.
@@ -56,20 +51,21 @@ pub struct DemoArgs {
 /// # Errors
 /// If a calibration does not come to its end, or the service cannot start.
 pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
-    let (mut config, scene) = scene(!args.no_fill)?;
+    let (mut config, scene) = scene()?;
     let plan = Arc::new(scene.plan.clone());
     if !args.once {
         config.shared_memory = shared_memory(args)?; // what cannot be had is told before the work, and not after it
     }
     say!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
-    let outcomes = if args.bare { Vec::new() } else { procedures(args, &plan)? };
-    if !args.bare {
-        print_table(args, &outcomes);
+    let outcome = if args.bare { None } else { Some(procedure(&plan, args.seed)?) };
+    if let Some(outcome) = &outcome {
+        print_calibration(outcome);
+        print_table(&outcome.weighings);
     }
     if args.once {
         return Ok(());
     }
-    let models = outcomes.first().map(|outcome| outside_of_sessions(&outcome.models));
+    let models = outcome.map(|outcome| outside_of_sessions(&outcome.models));
     let runtime = crate::runtime::runtime()?;
     runtime.block_on(serve_live(args, config, scene, models))
 }
@@ -82,40 +78,34 @@ fn outside_of_sessions(models: &ModelSet) -> ModelSet {
 }
 
 /// The configuration of the simulated forearm.
-fn scene(fill: bool) -> anyhow::Result<(Config, Scene)> {
+fn scene() -> anyhow::Result<(Config, Scene)> {
     let path = Path::new("demo_config.toml");
     let (config, mut scene) = config::examine_text(path, include_str!("demo_config.toml"))?;
     let (skin, _) = crate::demo::skin(1)?; // all seeds have one shape
     if let Some(patch) = scene.plan.patches.first_mut() {
         // The simulator writes its positions as the robots' files are written; they are read as any other.
         patch.geometry = Some(Geometry::parse(&skin.positions_file(), &patch.patch)?);
-        patch.outputs = Outputs { resultant: true, moment: true, contacts: true, fill };
+        patch.outputs = Outputs { resultant: true, moment: true, contacts: true, fill: true };
     }
     Ok((config, scene))
 }
 
-fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>> {
-    let mut outcomes = Vec::new();
-    for seed in args.seed..args.seed + args.skins {
-        let outcome = procedure(plan, seed)?;
-        let usable = outcome.models.taxels.iter().filter(|model| model.is_usable()).count();
-        say!(
-            "skin {seed}: ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated ({})",
-            outcome.models.pressure_max_kpa,
-            outcome.session.accepted,
-            crate::values::refusals_of(&outcome.session),
-            outcome.models.taxels.len(),
-            outcome.models.method,
-        );
-        outcomes.push(outcome);
-    }
-    Ok(outcomes)
+fn print_calibration(Outcome { session, models, .. }: &Outcome) {
+    let usable = models.taxels.iter().filter(|model| model.is_usable()).count();
+    say!(
+        "ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated ({})",
+        models.pressure_max_kpa,
+        session.accepted,
+        crate::values::refusals_of(session),
+        models.taxels.len(),
+        models.method,
+    );
 }
 
-fn print_table(args: &DemoArgs, outcomes: &[Outcome]) {
+fn print_table(weighings: &[Weighing]) {
     say!();
     say!("load            force N   measured N (mean)   standard uncertainty N   mean error   mean |error|");
-    let of = |contact: Contact| outcomes.iter().flat_map(|o| &o.weighings).filter(move |w| w.contact == contact);
+    let of = |contact: Contact| weighings.iter().filter(move |w| w.contact == contact);
     let row = |name: String, newton: f64, contact: Contact| {
         let rows: Vec<_> = of(contact).filter(|w| (w.true_n - newton).abs() < 1e-6).collect();
         let over = |value: &dyn Fn(&Weighing) -> f64| mean(rows.iter().map(|w| value(w)));
@@ -139,13 +129,11 @@ fn print_table(args: &DemoArgs, outcomes: &[Outcome]) {
         let covered = of(contact).filter(|w| (w.measured_n - w.true_n).abs() <= 2.0 * w.sigma_n).count();
         let error = 100.0 * mean(of(contact).map(|w| w.error().abs()));
         say!(
-            "{name}: mean absolute force error {error:.1} % over {count} weighings on {} skin(s); truth within 2 standard \
-             uncertainties: {covered}",
-            outcomes.len(),
+            "{name}: mean absolute force error {error:.1} % over {count} weighings; truth within 2 standard uncertainties: \
+             {covered}"
         );
     }
-    let what = if args.no_fill { "excluded taxels left out" } else { "excluded taxels filled from their neighbours" };
-    say!("({what}; the paper reports about 12 % for masses on the real forearm)");
+    say!("(the paper reports about 12 % for masses on the real forearm)");
 }
 
 /// The demo's page in shared memory, in the folder that was asked for, or in the usual one if it can be had.
@@ -182,11 +170,16 @@ async fn serve_live(
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory).await?;
     let calibrated = models.is_some();
     if let Some(models) = models {
-        daemon.use_models(Arc::new(models)).await?; // before the boards are configured: the zero is judged by them
+        // Before the boards are configured: the zero is judged by them.
+        let (patch, model_set) = (models.patch.clone(), models.id.clone());
+        ask(&daemon, Command::Import { model_set: Arc::new(models), insist: false }).await?;
+        ask(&daemon, Command::Activate { patch, model_set, expected: None }).await?;
     }
     daemon.add_sim_bus(BusIndex(0), args.seed)?;
     if calibrated {
-        daemon.vouch_for_boards("taxeld demo").await?; // its mass is not there yet
+        // Its mass is not there yet.
+        let confirmed_by = Some("taxeld demo".to_owned());
+        ask(&daemon, Command::BringUp { patch: String::new(), confirmed_by }).await?;
     }
     let what = if calibrated { "calibrated and live" } else { "live, and not calibrated yet," };
     say!();
@@ -207,6 +200,11 @@ async fn serve_live(
     }
     say!("Ctrl-C ends it.");
     daemon.until_the_end().await
+}
+
+async fn ask(daemon: &Daemon, command: Command) -> anyhow::Result<()> {
+    let reply = daemon.handle.ask(command).await.context("the engine has stopped")?;
+    reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
 }
 
 /// The address to listen on: the one asked for, or the usual one, or one with another port if that is taken.

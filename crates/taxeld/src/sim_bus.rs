@@ -14,15 +14,14 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
-use taxel_engine::calibration::{Direction, SessionState};
-
+use taxel_engine::calibration::{Direction, SessionState, SessionView};
 use taxel_engine::plan::Plan;
+use taxel_rpc::Handle;
 use taxel_sim::{BoardsConfig, Config, Mass, PumpCommand, Skin, World};
 use taxel_skin::{Board, BusIndex, Kilopascal, ModuleKind, Patch, TaxelIndex, Time};
 use taxel_wire::{Frame, TimedFrame};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::mpsc;
 
-use crate::driver::Stage;
 use crate::runtime;
 
 /// The world is computed so far ahead; a command takes effect at most so much later.
@@ -59,15 +58,11 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// The skin of this seed that the plan expects on this bus; `session` says what the calibration is at.
+    /// The skin of this seed that the plan expects on this bus; `handle` says what the calibration is at.
     ///
     /// # Errors
     /// If the simulator's own defaults contradict each other, or there is no thread to be had.
-    pub fn new(
-        seed: u64,
-        (plan, bus): (&Plan, BusIndex),
-        session: watch::Receiver<Option<Stage>>,
-    ) -> anyhow::Result<Self> {
+    pub fn new(seed: u64, (plan, bus): (&Plan, BusIndex), handle: Handle) -> anyhow::Result<Self> {
         let begun = ClockReading::now().time;
         // A robot's boards stream already when a daemon comes that only listens.
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
@@ -85,7 +80,7 @@ impl SimBus {
         let late_after = period.mul_f64(LATE_SHARE);
         let (lag, lag_max) = (Duration::ZERO, period);
         let simulation =
-            Simulation { world, begun, session, received, to_bus, pumping, places, loaded, late_after, lag, lag_max };
+            Simulation { world, begun, handle, received, to_bus, pumping, places, loaded, late_after, lag, lag_max };
         runtime::start("sim-bus", move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
@@ -109,7 +104,7 @@ fn beyond<'a>(forearm: &Skin, plan: &'a Plan, bus: BusIndex) -> Option<&'a Patch
 struct Simulation {
     world: World,
     begun: Time,
-    session: watch::Receiver<Option<Stage>>,
+    handle: Handle,
     received: Receiver<Frame>,
     to_bus: mpsc::Sender<TimedFrame>,
     /// The branch that the pump follows.
@@ -154,8 +149,10 @@ impl Simulation {
     }
 
     fn lend_a_hand(&mut self, now: Time) {
-        let stage = *self.session.borrow();
-        let ramping = stage.filter(|stage| stage.state == SessionState::Ramping).map(|stage| stage.direction);
+        let sessions = (0..self.handle.patches()).filter_map(|patch| self.handle.session(patch));
+        let session = sessions.max_by_key(|session| rank(session));
+        let session = session.as_deref();
+        let ramping = session.filter(|one| one.state == SessionState::Ramping).map(|one| one.direction);
         if ramping != self.pumping {
             self.pumping = ramping;
             self.world.pump(match ramping {
@@ -164,7 +161,7 @@ impl Simulation {
                 None => PumpCommand::Vent,
             });
         }
-        let open = stage.is_some_and(|stage| stage.state.is_open());
+        let open = session.is_some_and(|one| one.state.is_open());
         let seconds = now.since(self.begun).as_secs();
         let in_second_half = seconds % MASS_PERIOD_S >= MASS_PERIOD_S / 2;
         let place = self.places[(seconds / MASS_PERIOD_S) as usize % UNDER_THE_MASS.len()];
@@ -177,6 +174,18 @@ impl Simulation {
                 tracing::warn!(%error, "the simulated mass");
             }
         }
+    }
+}
+
+/// Of several sessions in one bag the pump goes by the one of highest rank: nothing is pumped before each has its zero, and the
+/// pressure falls once none wants it to rise.
+fn rank(session: &SessionView) -> u8 {
+    match (session.state, session.direction) {
+        (SessionState::Taring, _) => 4,
+        (SessionState::Ramping, Direction::Rising) => 3,
+        (SessionState::Ramping, Direction::Falling) => 2,
+        (SessionState::Fitting, _) => 1,
+        _ => 0,
     }
 }
 
@@ -219,6 +228,21 @@ mod tests {
         let board = Board { bus: BusIndex(1), address: BoardAddress::new(address).unwrap(), modules };
         let patch = Patch::new("palm", vec![board]).unwrap();
         Plan { buses: 2, patches: vec![PatchPlan::new(patch)] }
+    }
+
+    #[test]
+    fn of_two_sessions_in_one_bag_nothing_is_pumped_before_both_have_their_zero_and_the_one_that_still_rises_goes_first()
+     {
+        let session = |state, direction| SessionView { state, direction, ..SessionView::default() };
+        let (rising, falling) = (Direction::Rising, Direction::Falling);
+        let in_order = [
+            session(SessionState::Taring, rising),
+            session(SessionState::Ramping, rising),
+            session(SessionState::Ramping, falling),
+            session(SessionState::Fitting, rising),
+            session(SessionState::Review, rising),
+        ];
+        assert!(in_order.windows(2).all(|pair| rank(&pair[0]) > rank(&pair[1])));
     }
 
     #[test]

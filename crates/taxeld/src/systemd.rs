@@ -8,9 +8,6 @@ use std::time::Duration;
 use sd_notify::NotifyState;
 use taxel_rpc::Handle;
 
-/// Without a watchdog this often the state is looked at for `systemctl status`.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
-
 fn tell(states: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(states) {
         tracing::debug!(%error, "the service manager was not told");
@@ -33,23 +30,13 @@ async fn keep_telling(
     // The address is bound and the engine runs: whoever connects now is served.
     handle.first_turn().await;
     tell(&[NotifyState::Ready, NotifyState::Status(&status)]);
-    // At half the time: one sign may come late.
-    let every = watchdog.map_or(LOOK_EVERY, |limit| (limit / 2).min(LOOK_EVERY));
-    let mut stands_still = false;
-    while !handle.is_over() {
-        let silence = handle.stalled_for();
-        if let Some(silence) = silence {
-            tell(&[NotifyState::Status(&format!("the engine has not run for {:.1} s", silence.as_secs_f64()))]);
-        } else if stands_still {
-            tell(&[NotifyState::Status(&status)]);
-        }
-        if silence.is_none() && watchdog.is_some() {
+    let Some(limit) = watchdog else { return pending().await };
+    loop {
+        if handle.stalled_for().is_none() && !handle.is_over() {
             tell(&[NotifyState::Watchdog]);
         }
-        stands_still = silence.is_some();
-        tokio::time::sleep(every).await;
+        tokio::time::sleep(limit / 3).await; // one sign may come late
     }
-    pending().await // nothing lives any more that could be told of
 }
 
 /// Tells that the configuration is being read again; [`reloaded`] must follow.
@@ -107,13 +94,11 @@ mod tests {
         publisher.beat();
         let first = after(short).await;
         assert!(first[0] == "Ready" && first.contains(&fed), "{first:?}");
-        assert_eq!(after(LOOK_EVERY).await, ["Watchdog"]);
+        assert_eq!(after(limit / 3).await, ["Watchdog"]);
         now_ms.fetch_add(150, Ordering::Relaxed); // the engine has had no turn for longer than it may
-        let still = after(3 * LOOK_EVERY).await;
-        assert!(still.len() == 3 && still.iter().all(|told| told.contains("has not run for 0.1 s")), "{still:?}");
+        assert!(after(limit).await.is_empty());
         publisher.beat();
-        let again = after(LOOK_EVERY).await;
-        assert!(again.contains(&fed) && again[0].contains("serving 1 patch"), "{again:?}");
+        assert_eq!(after(limit / 3).await, ["Watchdog"]);
         keeping.abort();
     }
 }

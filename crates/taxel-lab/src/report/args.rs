@@ -28,7 +28,4 @@ pub struct ReportArgs {
     /// Only these sections.
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = PossibleValuesParser::new(NAMES))]
     pub(super) only: Vec<String>,
-    /// The `taxeld` that the section `scenes` runs [default: the one beside this program].
-    #[arg(long, value_name = "FILE")]
-    pub(super) taxeld: Option<PathBuf>,
 }

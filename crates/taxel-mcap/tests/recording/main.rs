@@ -50,7 +50,7 @@ fn labelled(timed: TimedFrame) -> TimedFrame {
 
 fn read(mut recording: Recording) -> (Vec<TimedFrame>, LogReport) {
     let mut frames = Vec::new();
-    while recording.next_batch(&mut frames, 70).unwrap() {}
+    while recording.next_batch(&mut frames, 70) {}
     assert_eq!(recording.take_lost(), recording.report().lost);
     (frames, recording.report().clone())
 }

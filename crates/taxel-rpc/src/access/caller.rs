@@ -17,6 +17,8 @@ pub(crate) struct Caller {
     /// By a token, and not by what the connection proves.
     pub(crate) by_token: bool,
     pub(crate) role: Option<Role>,
+    /// What is asked for, as it came and shortened, once the request has been read.
+    pub(crate) said: String,
 }
 
 impl Caller {
@@ -50,6 +52,7 @@ mod tests {
             name: name.map(Arc::from),
             by_token,
             role: None,
+            said: String::new(),
         };
         assert_eq!(caller(None, false).who(), "nobody in particular");
         assert_eq!(caller(Some("ada"), false).who(), "ada");

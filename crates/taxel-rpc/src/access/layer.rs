@@ -193,7 +193,7 @@ mod tests {
         let origin = Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into()));
         let denied_as = |name: Option<&str>, by_token| {
             let (origin, name, role) = (Arc::clone(&origin), name.map(Arc::from), Some(Role::Observer));
-            denied(&Caller { origin, name, by_token, role }, tare)
+            denied(&Caller { origin, name, by_token, role, said: String::new() }, tare)
         };
         let by_token = denied_as(Some("bench"), true);
         assert_eq!(by_token.code(), Code::PermissionDenied);

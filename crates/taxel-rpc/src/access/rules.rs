@@ -76,7 +76,7 @@ impl Rules {
         }
         let Some(authorization) = authorization else {
             let (name, role) = (origin.name().map(Arc::from), self.role(origin));
-            return Ok(Caller { origin: Arc::clone(origin), name, by_token: false, role });
+            return Ok(Caller { origin: Arc::clone(origin), name, by_token: false, role, said: String::new() });
         };
         if matches!(**origin, Origin::Insecure(_)) {
             return Err(Refusal::unauthenticated(
@@ -91,7 +91,7 @@ impl Rules {
             Refusal::unauthenticated("the token in `authorization` is none of those in the daemon's token file")
         })?;
         let name = Some(Arc::from(holder.name.as_str()));
-        Ok(Caller { origin: Arc::clone(origin), name, by_token: true, role: Some(holder.role) })
+        Ok(Caller { origin: Arc::clone(origin), name, by_token: true, role: Some(holder.role), said: String::new() })
     }
 }
 

@@ -22,15 +22,13 @@ async fn sessions_come_newest_first_in_pages_with_the_live_state() {
     daemon.engine().session(1, Some(view(6, HAND, SessionState::Ramping)));
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
 
-    let (mut numbers, mut page_token) = (Vec::new(), String::new());
-    loop {
-        let request = v1::ListRequest { page_size: 4, page_token, ..Default::default() };
+    let (mut numbers, mut before) = (Vec::new(), 0);
+    for sessions in [4, 2] {
+        let request = v1::ListRequest { most: 4, before, ..Default::default() };
         let page = client.list_sessions(request).await.unwrap().into_inner();
+        assert_eq!(page.sessions.len(), sessions);
         numbers.extend(page.sessions.iter().map(|s| (s.session, s.state())));
-        page_token = page.next_page_token;
-        if page_token.is_empty() {
-            break;
-        }
+        before = page.sessions[sessions - 1].session;
     }
     use v1::SessionState::{Discarded, Ramping, Review};
     let expected = [(6, Ramping), (5, Discarded), (4, Review), (3, Discarded), (2, Discarded), (1, Discarded)];
@@ -39,9 +37,9 @@ async fn sessions_come_newest_first_in_pages_with_the_live_state() {
     let request = v1::ListRequest { patch: FOREARM.to_owned(), ..Default::default() };
     let page = client.list_sessions(request).await.unwrap().into_inner();
     assert_eq!(page.sessions.iter().map(|s| s.session).collect::<Vec<_>>(), [4, 2]);
-    let request = v1::ListRequest { page_size: 1_001, ..Default::default() };
+    let request = v1::ListRequest { most: 1_001, ..Default::default() };
     let status = client.list_sessions(request).await.unwrap_err();
-    assert!(status.message().contains("page_size: 1001 is not in 0 to 1000"), "{status:?}");
+    assert!(status.message().contains("most: 1001 is not in 0 to 1000"), "{status:?}");
 }
 
 #[tokio::test]
@@ -51,14 +49,14 @@ async fn model_sets_come_newest_first_and_the_active_one_is_marked() {
     let active = vec![(FOREARM.to_owned(), Some("m-2".to_owned()))];
     daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
     let mut client = ModelServiceClient::new(daemon.connect().await);
-    let request = v1::ListRequest { page_size: 2, ..Default::default() };
+    let request = v1::ListRequest { most: 2, ..Default::default() };
     let first = client.list_model_sets(request).await.unwrap().into_inner();
     let shown = |page: &v1::ListModelSetsResponse| -> Vec<(String, bool)> {
         page.model_sets.iter().map(|set| (set.model_set.clone(), set.active)).collect()
     };
     assert_eq!(shown(&first), [("m-3".to_owned(), false), ("m-2".to_owned(), true)]);
-    let request = v1::ListRequest { page_token: first.next_page_token, ..Default::default() };
-    let last = client.list_model_sets(request).await.unwrap().into_inner();
-    assert_eq!(shown(&last), [("m-1".to_owned(), false)]);
-    assert_eq!(last.next_page_token, "");
+    let all = client.list_model_sets(v1::ListRequest::default()).await.unwrap().into_inner();
+    assert_eq!((shown(&all).len(), shown(&all)[2].clone()), (3, ("m-1".to_owned(), false)));
+    let request = v1::ListRequest { before: 2, ..Default::default() };
+    assert!(client.list_model_sets(request).await.unwrap_err().message().contains("model sets have no numbers"));
 }

@@ -7,9 +7,6 @@ use super::connect::Daemon;
 use super::failure::Outcome;
 use super::table;
 
-/// Entries of one question.
-const PAGE: u32 = 500;
-
 /// Who changed what, the newest last. It asks for the role operator.
 #[derive(Debug, clap::Args)]
 #[command(
@@ -19,7 +16,7 @@ pub struct AuditArgs {
     #[command(flatten)]
     server: Server,
     /// At most so many entries, the newest.
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1000))]
     last: u32,
 }
 
@@ -29,20 +26,12 @@ pub struct AuditArgs {
 /// No daemon, or one that refuses.
 pub async fn audit(args: AuditArgs) -> Outcome {
     let daemon = Daemon::at(&args.server).await?;
-    let (mut lines, mut page_token, last) = (Vec::new(), String::new(), args.last as usize);
-    loop {
-        let request = v1::ListRequest { patch: daemon.patch(), page_size: PAGE.min(args.last), page_token };
-        let answer = daemon.audit().list_audit(request).await?.into_inner();
-        lines.extend(answer.entries.iter().take(last - lines.len()).map(line));
-        page_token = answer.next_page_token;
-        if page_token.is_empty() || lines.len() == last {
-            break;
-        }
-    }
-    if lines.is_empty() {
+    let request = v1::ListRequest { patch: daemon.patch(), most: args.last, before: 0 };
+    let entries = daemon.audit().list_audit(request).await?.into_inner().entries;
+    if entries.is_empty() {
         say!("the audit log is empty");
     }
-    lines.iter().rev().for_each(|line| say!("{line}"));
+    entries.iter().rev().for_each(|entry| say!("{}", line(entry)));
     Ok(())
 }
 

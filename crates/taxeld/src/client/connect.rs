@@ -81,21 +81,13 @@ impl Daemon {
         Ok(Places::of(&self.skin().get_skin(request).await?.into_inner()))
     }
 
-    /// All model sets of the patch, newest first, in pages that need no place of their own at the daemon.
+    /// All model sets of the patch, newest first.
     ///
     /// # Errors
     /// One that refuses, or a lost connection.
     pub async fn model_sets(&self) -> Outcome<Vec<ModelSetSummary>> {
-        let (mut sets, mut page_token) = (Vec::new(), String::new());
-        loop {
-            let request = ListRequest { patch: self.patch(), page_size: 100, page_token };
-            let page = self.models().list_model_sets(request).await?.into_inner();
-            sets.extend(page.model_sets);
-            page_token = page.next_page_token;
-            if page_token.is_empty() {
-                return Ok(sets);
-            }
-        }
+        let request = ListRequest { patch: self.patch(), ..ListRequest::default() };
+        Ok(self.models().list_model_sets(request).await?.into_inner().model_sets)
     }
 
     /// `ValidationService`.

@@ -148,25 +148,19 @@ async fn delete(one: &One, yes: bool) -> Outcome {
 
 async fn list(server: &Server, as_json: bool) -> Outcome {
     let daemon = Daemon::at(server).await?;
-    let (mut rows, mut page_token) = (Vec::new(), String::new());
+    let (mut sessions, mut before) = (Vec::<Session>::new(), 0);
     loop {
-        let request = ListRequest { patch: daemon.patch(), page_size: 100, page_token };
-        let page = daemon.calibration().list_sessions(request).await?.into_inner();
-        for view in &page.sessions {
-            if as_json {
-                json::print("Session", view)?;
-            } else {
-                rows.push(row(view));
-            }
-        }
-        page_token = page.next_page_token;
-        if page_token.is_empty() {
-            break;
-        }
+        let request = ListRequest { patch: daemon.patch(), most: 0, before };
+        let more = daemon.calibration().list_sessions(request).await?.into_inner().sessions;
+        let Some(last) = more.last() else { break };
+        before = last.session;
+        sessions.extend(more);
     }
-    if !as_json {
-        table::print(&["session", "patch", "state", "started", "ramps", "scans", "model set", ""], &rows);
+    if as_json {
+        return sessions.iter().try_for_each(|session| json::print("Session", session));
     }
+    let rows: Vec<_> = sessions.iter().map(row).collect();
+    table::print(&["session", "patch", "state", "started", "ramps", "scans", "model set", ""], &rows);
     Ok(())
 }
 

@@ -3,17 +3,16 @@
 
 use std::time::Duration;
 
+use taxel_dbc::{DbcFile, Place};
 use taxel_engine::plan::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 use taxel_skin::{
-    Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, NormalsVerdict, Patch, SquareMillimetre,
-    TaxelPose, Time,
+    Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Patch, SquareMillimetre, Time,
 };
 use taxel_wire::array::{CountField, FrameSpec};
 use taxel_wire::bits::{BitField, FrameMatch};
 use taxel_wire::candump::parse_line;
 use taxel_wire::{Frame, FrameKind};
 
-use super::dbc::{DbcFile, Place};
 use super::patch_section::{ArraySection, GridSection, PatchSection, PushSection};
 
 /// About so many taxels form a module, as on skin boards: a contact touches a few modules, and three taxels of one that
@@ -244,7 +243,7 @@ fn no_overlap<'a>(frames: &FrameMatch, numbers: impl Iterator<Item = (&'a str, B
     Ok(())
 }
 
-/// Positions and area of a grid: the first taxel is the origin, columns go along x, rows along y, normals along z.
+/// Positions and area of a grid.
 ///
 /// # Errors
 /// In words, with the key, its value and what was expected.
@@ -256,16 +255,7 @@ pub fn grid(grid: GridSection, taxels: usize) -> Result<(Geometry, SquareMillime
     if !(0.1..=100.0).contains(&pitch_mm) {
         return Err(format!("grid.pitch_mm = {pitch_mm}: expected 0.1 to 100"));
     }
-    let pose = |taxel: usize| {
-        let (row, column) = (taxel / usize::from(columns), taxel % usize::from(columns));
-        let position = [column, row].map(|n| n as f64 * pitch_mm * 1e-3);
-        TaxelPose { position: [position[0], position[1], 0.0], normal: [0.0, 0.0, 1.0] }
-    };
-    let mut geometry = Geometry::from_poses((0..taxels).map(|taxel| Some(pose(taxel))).collect());
-    // Equal normals are a placeholder in a file of positions; here somebody says that the grid is flat.
-    geometry.normals = NormalsVerdict::Usable;
-    geometry.remarks.clear();
-    Ok((geometry, SquareMillimetre(pitch_mm * pitch_mm)))
+    Ok((Geometry::grid(rows, columns, pitch_mm), SquareMillimetre(pitch_mm * pitch_mm)))
 }
 
 #[cfg(test)]

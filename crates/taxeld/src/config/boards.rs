@@ -1,10 +1,9 @@
 //! The boards of a patch, and how each is configured.
 
 use taxel_engine::plan::BoardSetup;
-use taxel_skin::{Board, BoardAddress, BusIndex, Module};
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, parse_modules};
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
-use super::modules::modules;
 use super::patch_section::{BoardSection, PatchSection};
 use super::problem::Faults;
 
@@ -43,7 +42,8 @@ fn board(
         let why = |why| format!("board {}: {why}", entry.address);
         // A port has all boards of its part, in its order, also those of which the patch has nothing.
         let is_none = section.port.is_some() && entry.modules.is_empty();
-        let listed = if is_none { Vec::new() } else { faults.take(&key, modules(&entry.modules).map_err(why))? };
+        let listed =
+            if is_none { Vec::new() } else { faults.take(&key, parse_modules(&entry.modules).map_err(why))? };
         if let Some((module, _)) = listed.iter().find(|(module, _)| all.iter().any(|(other, _)| other == module)) {
             faults.note(&key, format!("board {}: module {module} is there twice", entry.address));
         }

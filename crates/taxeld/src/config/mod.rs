@@ -5,12 +5,9 @@
 
 mod array;
 mod boards;
-pub mod bus_load;
-mod dbc;
 mod file;
 mod limits;
 mod listen;
-mod modules;
 mod patch;
 mod patch_section;
 mod ports;
@@ -22,8 +19,6 @@ pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection
 #[cfg(feature = "sim")]
 pub use file::{MetricsSection, PageSection};
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
-pub use modules::KindWord;
-pub use modules::written as modules_written;
 pub use ports::of_bus as port_of;
 pub use problem::{Faults, Problems};
 pub use read::{examine, examine_text, examine_with, read_text};

@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::time::Duration;
 
+use taxel_dbc::DbcFile;
 use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Gauge, Outputs, PatchPlan, PushPlan};
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
 use taxel_wire::signal::{PressureUnit, SignalSpec};
 
 use super::array::{Described, describe, grid, pushed};
 use super::boards::boards;
-use super::dbc::DbcFile;
 use super::file::{BusSource, Config, beside};
 use super::limits::{fit_options, gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
@@ -108,8 +108,9 @@ fn bus_index(config: &Config, key: &str, name: &str, faults: &mut Faults) -> Opt
 
 fn dbc_file(array: &ArraySection, path: &Path, faults: &mut Faults) -> Option<DbcFile> {
     let file = beside(path, &array.dbc);
-    let read = DbcFile::read(&file).map_err(|why| format!("array.dbc {}: {why}", file.display()));
-    faults.take("array.dbc", read)
+    // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
+    let read = read_any_text(&file).map_err(|e| e.to_string()).and_then(|text| DbcFile::new(&text));
+    faults.take("array.dbc", read.map_err(|why| format!("array.dbc {}: {why}", file.display())))
 }
 
 /// What the patch leaves out, and what a user should know.

@@ -6,7 +6,6 @@ use taxel_engine::conflict::{Conflict, conflicts};
 use taxel_engine::plan::Plan;
 use taxel_rpc::{Grant, Rules, Subject};
 
-use super::bus_load;
 use super::file::{BusSection, BusSource, Config, SharedMemorySection};
 use super::listen::{Doors, doors};
 use super::patch::patch_plan;
@@ -63,7 +62,6 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
         scene.plan.patches.extend(plan);
     }
     conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&key_of(config, conflict), conflict));
-    bus_load::judge(config, &scene.plan, faults, &mut scene.said);
     faults.is_empty().then_some(scene)
 }
 

@@ -13,7 +13,7 @@ use taxel_store::{Batch, Durability, OnDurable, QueueFull, StoreError, models_js
 use taxel_wire::Frame;
 use tokio::sync::oneshot;
 
-use super::{Driver, Stage, Waiting};
+use super::{Driver, Waiting};
 use crate::queues::{Done, TellDone};
 
 impl Driver {
@@ -179,10 +179,6 @@ impl Driver {
         if before.is_none_or(|before| (before.number, before.state) != (number, state)) {
             let (session, state) = (number, state.name());
             tracing::info!(session, patch = %view.patch, state, reason = %view.reason, "calibration session");
-        }
-        if let Some(told) = &self.session_state {
-            let stage = |view: &Arc<SessionView>| Stage { state: view.state, direction: view.direction };
-            told.send_replace(Stage::first(self.sessions.iter().flatten().map(stage)));
         }
         self.publisher.session(index, Some(view));
     }

@@ -483,20 +483,3 @@ async fn a_bring_up_waits_until_it_is_on_disk_who_asked_for_it() {
     };
     assert_eq!(reason, ErrorReason::ListenOnly);
 }
-
-#[test]
-fn of_two_sessions_in_one_bag_nothing_is_pumped_before_both_have_their_zero_and_the_one_that_still_rises_goes_first() {
-    let stage = |state, direction| Stage { state, direction };
-    let (rising, falling) = (Direction::Rising, Direction::Falling);
-    let taring = stage(SessionState::Taring, rising);
-    let ramping = stage(SessionState::Ramping, rising);
-    let venting = stage(SessionState::Ramping, falling);
-    let fitting = stage(SessionState::Fitting, rising);
-    let review = stage(SessionState::Review, rising);
-    for pair in [[taring, ramping], [ramping, venting], [ramping, fitting], [ramping, review], [fitting, review]] {
-        let [first, second] = pair;
-        assert_eq!(Stage::first(pair.into_iter()), Some(first));
-        assert_eq!(Stage::first([second, first].into_iter()), Some(first));
-    }
-    assert_eq!(Stage::first(std::iter::empty()), None);
-}

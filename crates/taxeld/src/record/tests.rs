@@ -56,7 +56,7 @@ async fn what_the_controller_tells_the_engine_is_recorded() {
     let files = Folder::list(scratch.path()).unwrap();
     let files = files.iter().map(|(name, _)| scratch.path().join(name.to_string()));
     let (mut recording, mut frames) = (Recording::of_files(files, Some("can7".to_owned())), Vec::new());
-    assert!(!recording.next_batch(&mut frames, 10).unwrap());
+    assert!(!recording.next_batch(&mut frames, 10));
     let off = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]).unwrap();
     assert_eq!(frames.iter().map(|timed| timed.frame).collect::<Vec<_>>(), [off]);
 }

@@ -18,7 +18,6 @@ use taxel_wire::FrameKind;
 
 use crate::config;
 use crate::files;
-use crate::log_words::{expect_frames, expect_times, read_on, tell};
 use crate::open_log::{Wanted, open_log};
 use crate::output;
 use crate::say;
@@ -105,7 +104,7 @@ fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, String)
     let (mut survey, mut frames, mut more) = (Survey::default(), Vec::new(), true);
     while more {
         frames.clear();
-        more = read_on(reader.as_mut(), &mut frames, FRAMES);
+        more = reader.next_batch(&mut frames, FRAMES);
         for timed in &frames {
             match timed.frame.kind {
                 FrameKind::Error => each_bus_error(&timed.frame, |error| survey.error(&error)),
@@ -114,9 +113,10 @@ fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, String)
         }
     }
     let report = reader.report();
-    tell(report);
-    expect_frames(log, wanted.as_deref(), report)?;
-    expect_times(log, report)?;
+    report.words().iter().for_each(|line| say::error_line(format_args!("{line}")));
+    if let Some(fault) = report.frame_fault(wanted.as_deref()).or_else(|| report.time_fault()) {
+        bail!("{}: {fault}", log.display());
+    }
     match (wanted, report.interfaces.as_slice()) {
         (Some(interface), _) => Ok((survey, interface)),
         (None, [interface]) => Ok((survey, interface.clone())),

@@ -3,14 +3,11 @@
 use std::time::Duration;
 
 use anyhow::ensure;
+use taxel_skin::{VALUES_PER_BOARD, VALUES_PER_MODULE as VALUES};
 use taxel_yarp::{NameServer, PortError, PortReader, read_counts};
 use tokio::time::{Instant, timeout};
 
 use super::words::numbers;
-
-/// Values of a triangle, and triangles of a board.
-const VALUES: usize = 12;
-const TRIANGLES: usize = 16;
 
 /// Reads all ports with skin in their name for so long; a text for people.
 ///
@@ -79,7 +76,7 @@ impl Port {
         if let Some(why) = &self.other {
             return format!("{rate:.1} messages/s, no counts of skin: {why}");
         }
-        let boards = self.alive.chunks(TRIANGLES).zip(1..).map(|(board, place)| {
+        let boards = self.alive.chunks(VALUES_PER_BOARD / VALUES).zip(1..).map(|(board, place)| {
             let alive = (0..).zip(board).filter(|(_, alive)| **alive).map(|(triangle, _)| triangle);
             let alive = numbers(alive);
             format!("board {place}: {}", if alive.is_empty() { "none" } else { &alive })

@@ -3,13 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use taxel_skin::{Module, ModuleKind, PositionFile};
+use taxel_skin::{Drawing, KindWord, Module, ModuleKind, PositionFile};
 
-use super::drawing::Drawing;
 use super::part::Part;
 use super::robot::{DraftPort, Source};
 use super::settings::{BoardValues, ModuleValues, Settings, USUAL};
-use crate::config::KindWord;
 
 /// The address that all boards listen to.
 const EVERYONE: u8 = 15;

@@ -1,7 +1,6 @@
 //! `taxeld setup`: from the robot's own files to a configuration.
 
 mod compose;
-mod drawing;
 mod part;
 mod robot;
 mod settings;
@@ -13,14 +12,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
-use taxel_skin::PositionFile;
+use taxel_skin::{Drawing, PositionFile};
 
 use crate::config;
 use crate::files::{self, read_any_text};
 use crate::output;
 use crate::say;
 use compose::{PatchDraft, Sources, compose};
-use drawing::Drawing;
 use part::Part;
 use robot::{Robot, Source};
 

@@ -1,6 +1,6 @@
 //! The parts of an iCub: on which bus each is, and which boards it has in the order of its port.
 
-use crate::config::KindWord;
+use taxel_skin::KindWord;
 
 /// One part of the robot, for example its left forearm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

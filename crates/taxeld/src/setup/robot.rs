@@ -8,13 +8,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use roxmltree::{Document, Node, ParsingOptions};
+use taxel_skin::VALUES_PER_BOARD;
 
 use super::part::Part;
 use super::settings::{Param, Settings, number, numbers, value};
 use crate::files::read_any_text;
-
-/// Values of a board on a port.
-const BOARD_VALUES: usize = 16 * 12;
 
 /// What the files say of skin.
 #[derive(Debug, Default)]
@@ -187,7 +185,7 @@ impl Robot {
         let (name, wrapper, file) = (&port.name, &port.wrapper, &port.file);
         match devices[..] {
             [device] => {
-                let (first_board, port_boards) = (port.first / BOARD_VALUES, port.boards);
+                let (first_board, port_boards) = (port.first / VALUES_PER_BOARD, port.boards);
                 Ok(Some(Source { device, first_board, port: self.port(name), file: Some(file), port_boards }))
             }
             [] => {
@@ -325,7 +323,7 @@ fn ports(node: Node<'_, '_>, wrapper: &str, file: &Path) -> Vec<Port> {
         let range = numbers(elem.text()?);
         let first = range.first().copied()?.try_into().ok()?;
         let last: usize = range.get(1).copied().unwrap_or_default().try_into().ok()?;
-        let boards = (last + 1).saturating_sub(first).div_ceil(BOARD_VALUES);
+        let boards = (last + 1).saturating_sub(first).div_ceil(VALUES_PER_BOARD);
         let (name, networks) = (elem.attribute("name")?.trim().to_owned(), networks.clone());
         Some(Port { name, first, boards, wrapper: wrapper.to_owned(), file: file.to_owned(), networks })
     };

@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use taxel_skin::written_modules;
+
 use super::compose::{BoardDraft, PatchDraft};
 use super::settings::ModuleValues;
-use crate::config::modules_written;
 
 /// Marks what somebody has to look at.
 pub const CHECK: &str = "CHECK:";
@@ -79,10 +80,10 @@ fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
             let of_board = draft.boards.iter().filter(|board| board.address == *address);
             let mut modules: Vec<_> = of_board.flat_map(BoardDraft::modules).copied().collect();
             modules.sort_by_key(|(module, _)| module.get());
-            let _ = writeln!(text, "    {{ address = {address}, modules = \"{}\" }},", modules_written(&modules));
+            let _ = writeln!(text, "    {{ address = {address}, modules = \"{}\" }},", written_modules(&modules));
         }),
         None => draft.boards.iter().for_each(|board| {
-            board.modules.iter().for_each(|(values, modules)| entry(text, board, &modules_written(modules), *values));
+            board.modules.iter().for_each(|(values, modules)| entry(text, board, &written_modules(modules), *values));
         }),
     }
     text.push_str("]\n");

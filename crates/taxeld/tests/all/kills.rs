@@ -173,16 +173,7 @@ impl Told {
 }
 
 async fn all_sets(models: &mut ModelServiceClient<Channel>) -> Vec<v1::ModelSetSummary> {
-    let (mut listed, mut page_token) = (Vec::new(), String::new());
-    loop {
-        let request = v1::ListRequest { page_token, ..v1::ListRequest::default() };
-        let page = models.list_model_sets(request).await.unwrap().into_inner();
-        listed.extend(page.model_sets);
-        page_token = page.next_page_token;
-        if page_token.is_empty() {
-            return listed;
-        }
-    }
+    models.list_model_sets(v1::ListRequest::default()).await.unwrap().into_inner().model_sets
 }
 
 #[tokio::test]

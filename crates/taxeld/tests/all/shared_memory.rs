@@ -64,7 +64,7 @@ fn a_daemon_that_hangs_ends_or_is_killed_never_looks_alive_and_the_next_one_is_f
     let mut reader = Reader::new(&path, None);
     let mut demo = Demo::start(folder.path());
     let force = until(&mut reader, Result::ok);
-    assert!(force.age <= reader.page().unwrap().limits().age && force.total_n >= 0.0, "{force:?}");
+    assert!(force.age <= Duration::from_millis(150) && force.total_n >= 0.0, "{force:?}");
     assert!(force.sample.model_set.as_str().starts_with("m-") && force.sample.sigma_n.is_some(), "{force:?}");
 
     demo.signal("-STOP");

@@ -100,7 +100,7 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: boo
         let session = daemon.calibration().get_session(SessionRequest { session }).await?.into_inner();
         return take_up(daemon, session).await;
     }
-    let request = ListRequest { patch: daemon.patch(), page_size: 1, page_token: String::new() };
+    let request = ListRequest { patch: daemon.patch(), most: 1, before: 0 };
     let newest = daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next();
     if let Some(session) = newest.filter(|_| !args.new)
         && wants(&session, args, screen, asks).await?

@@ -53,7 +53,7 @@ fn a_grid_gives_positions_areas_and_normals() {
     let plan = shipped("multiplexed");
     assert!(plan.areas.iter().all(|area| (area.0 - 16.0).abs() < 1e-12));
     let geometry = plan.geometry.unwrap();
-    assert_eq!((geometry.normals, geometry.remarks.len()), (NormalsVerdict::Usable, 0));
+    assert_eq!((geometry.normals, geometry.remarks.len()), (taxel_skin::NormalsVerdict::Usable, 0));
     let pose = geometry.poses[9].unwrap();
     assert_eq!(pose.position.map(|m| (m * 1e3).round()), [4.0, 4.0, 0.0]);
     assert_eq!(pose.normal, [0.0, 0.0, 1.0]);

@@ -1,17 +1,15 @@
-//! Signals by the names that a DBC file gives them, and single ones in its notation.
+//! Signals by the names that a DBC file gives them, and single ones in its notation. Whoever has the file gives its text.
 
 use std::collections::HashMap;
-use std::path::Path;
 
 use can_dbc::{
     AttributeValue, ByteOrder as DbcOrder, Dbc, Message, MessageId, MultiplexIndicator, Signal,
     SignalExtendedValueType, ValueType,
 };
+
 use taxel_wire::CanId;
 use taxel_wire::bits::{BitField, ByteOrder, FrameMatch, Selector};
 use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
-
-use crate::files::read_any_text;
 
 /// The message of a DBC file that holds signals of no message.
 const INDEPENDENT: &str = "VECTOR__INDEPENDENT_SIG_MSG";
@@ -48,16 +46,6 @@ pub struct Place<'a> {
 }
 
 impl DbcFile {
-    /// Reads a file.
-    ///
-    /// # Errors
-    /// The system's reason, or where the file is no DBC file.
-    pub fn read(path: &Path) -> Result<Self, String> {
-        // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
-        let text = read_any_text(path).map_err(|e| e.to_string())?;
-        Self::new(&text)
-    }
-
     /// Of the text of a file.
     ///
     /// # Errors
@@ -229,6 +217,7 @@ fn names(dbc: &Dbc) -> Vec<(usize, usize, Name)> {
 
 impl Place<'_> {
     /// What it says of a pressure: of the difference to the ambient pressure, or where that is given, of the bag's own.
+    #[must_use]
     pub fn pressure(&self, unit: PressureUnit, ambient_kpa: Option<f64>) -> SignalSpec {
         let Signal { start_bit, size, factor, offset, .. } = *self.signal;
         SignalSpec {
@@ -246,16 +235,19 @@ impl Place<'_> {
     }
 
     /// Its bits.
+    #[must_use]
     pub fn length_bits(&self) -> u16 {
         bits(self.signal.size)
     }
 
     /// Who sends it.
+    #[must_use]
     pub fn sender(&self) -> &str {
         self.message.transmitter.as_deref().unwrap_or_default()
     }
 
     /// Whether each frame of `other` has this number at the same place.
+    #[must_use]
     pub fn is_beside(&self, other: &Self) -> bool {
         let place = |signal: &Signal| (signal.start_bit, signal.size, signal.byte_order);
         self.frames.selectors.is_empty() && other.message.signals.iter().any(|s| place(s) == place(self.signal))

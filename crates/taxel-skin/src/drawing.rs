@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::config::KindWord;
+use crate::module_list::KindWord;
 
 /// Most modules that a part can have: more boards than one bus has addresses.
 const MODULES_MAX: usize = 16 * 16;
@@ -23,6 +23,7 @@ pub struct Drawing {
 
 impl Drawing {
     /// Reads a drawing file; no text is refused, rows that say nothing of a module are remarked on.
+    #[must_use]
     pub fn parse(text: &str) -> Self {
         let (mut drawing, mut in_sensors) = (Self::default(), false);
         for (line, text) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {

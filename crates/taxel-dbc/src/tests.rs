@@ -2,7 +2,7 @@ use super::*;
 use proptest::prelude::*;
 
 /// A skin of four taxels in two multiplexed frames, with its gauge and state.
-pub const SKIN: &str = r#"VERSION ""
+const SKIN: &str = r#"VERSION ""
 NS_ :
 BS_:
 BU_: Host
@@ -69,17 +69,6 @@ fn a_signal_alone_is_written_as_in_a_file() {
     }
     assert!(of(0x2000_0000, "0|8@1+").unwrap_err().contains("more than 29 bits"));
     assert!(of(1, "500|32@1+").is_err() && of(1, "0|0@1+").is_err());
-}
-
-/// Of an editor that begins files with a byte order mark, and with a unit in Latin-1.
-#[test]
-fn the_encoding_of_a_file_does_not_matter() {
-    let folder = tempfile::tempdir().unwrap();
-    let (before, after) = SKIN.split_once("kPa").unwrap();
-    let bytes = ["\u{feff}".as_bytes(), before.as_bytes(), b"\xB0C", after.as_bytes()].concat();
-    let path = folder.path().join("skin.dbc");
-    std::fs::write(&path, bytes).unwrap();
-    assert_eq!(DbcFile::read(&path).unwrap().matching("Skin.T*").unwrap().len(), 4);
 }
 
 /// As CANdb++ and cantools write names of more than 32 characters.

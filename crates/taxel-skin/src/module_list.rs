@@ -1,6 +1,7 @@
 //! The list of a board's modules, as a person writes it: `"0-3, 7"`, or with kinds `"0-4 fingertip, 8-11 palm"`.
 
-use taxel_skin::{Module, ModuleKind};
+use crate::ids::Module;
+use crate::layout::ModuleKind;
 
 /// What modules are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +64,7 @@ impl KindWord {
 ///
 /// # Errors
 /// What is wrong and what was expected.
-pub fn modules(text: &str) -> Result<Vec<(Module, ModuleKind)>, String> {
+pub fn parse_modules(text: &str) -> Result<Vec<(Module, ModuleKind)>, String> {
     let wrong = || {
         format!(
             "modules = \"{text}\": expected ascending numbers or ranges of 0 to 15, each with a kind of its own where \
@@ -91,7 +92,7 @@ pub fn modules(text: &str) -> Result<Vec<(Module, ModuleKind)>, String> {
 
 /// Modules as a configuration writes them: `0-4 fingertip, 8-11 palm`. Triangles have no word.
 #[must_use]
-pub fn written(modules: &[(Module, ModuleKind)]) -> String {
+pub fn written_modules(modules: &[(Module, ModuleKind)]) -> String {
     let word = |(module, kind): &(Module, ModuleKind)| match kind {
         ModuleKind::Triangle => "",
         ModuleKind::Fingertip => " fingertip",
@@ -115,11 +116,11 @@ mod tests {
 
     #[test]
     fn a_hand_has_modules_of_several_kinds_on_one_board() {
-        let hand = modules("0-4 fingertip, 8-11 palm").unwrap();
+        let hand = parse_modules("0-4 fingertip, 8-11 palm").unwrap();
         let taxels: usize = hand.iter().map(|(_, kind)| kind.taxel_slots().len()).sum();
         assert_eq!((hand.len(), taxels), (9, 104), "as iCub's hand has");
         assert_eq!(hand[8].1, ModuleKind::PalmPad7);
-        assert_eq!(modules("0-4 fingertip,8 palm, 9-10 palm , 11 palm-pad7").unwrap(), hand);
+        assert_eq!(parse_modules("0-4 fingertip,8 palm, 9-10 palm , 11 palm-pad7").unwrap(), hand);
     }
 
     #[test]
@@ -127,11 +128,11 @@ mod tests {
         for text in
             ["0-15", "1, 5, 8-10, 12-13", "0-4 fingertip, 8-11 palm", "5-7 palm-pad11, 9 palm", "0, 1 palm-pad7"]
         {
-            let read = modules(text).unwrap();
-            assert_eq!(modules(&written(&read)).unwrap(), read, "{text}");
+            let read = parse_modules(text).unwrap();
+            assert_eq!(parse_modules(&written_modules(&read)).unwrap(), read, "{text}");
         }
-        let hand = modules("0-4 fingertip, 8-11 palm").unwrap();
-        assert_eq!(written(&hand), "0-4 fingertip, 8-11 palm");
+        let hand = parse_modules("0-4 fingertip, 8-11 palm").unwrap();
+        assert_eq!(written_modules(&hand), "0-4 fingertip, 8-11 palm");
     }
 
     #[test]
@@ -144,7 +145,7 @@ mod tests {
             ("fingertip", "expected ascending numbers"),
             ("", "expected ascending numbers"),
         ] {
-            let message = modules(text).unwrap_err();
+            let message = parse_modules(text).unwrap_err();
             assert!(message.contains(says), "{text}: {message}");
         }
     }
