@@ -6,20 +6,20 @@
 //! pressure, and its removal only back to the zero. So a taxel that reads *less* than its zero is evidence, and so is a
 //! thermal pad, which no load reaches, that steps either way.
 //!
-//! With `c` the mean of a taxel over some 8 scans, turned so that load is positive, and `d` the step of a pad:
-//! `T = sum min(max(-c, 0)^2 / v, 16) + sum min(d^2 / v, 16)`; the bound keeps one flickering input from deciding. While
-//! nothing happens T has the mean `N/2 + M` and the variance `1.25 N + 2 M` of N taxels and M pads; what a skin has more in
-//! its first [`LEARNING_SCANS`] is expected from then on. With z the normalised T the account is a one-sided cumulative sum
-//! (CUSUM, Page 1954): `A = max(0, A + max(z - 5, -0.5))`: suspect from [`SUSPECT`], clear below [`CLEAR`], lost from
-//! [`LOST`]. All else is paid in by name: a silence, a lost acknowledgement, a fault that the board reports make it suspect;
-//! a load that vanishes in one scan pays as much, and makes a lower
-//! bound of the force until the account is empty again.
+//! With `c` how far the mean of a taxel over some 8 scans lies towards load, from its zero or from what it reads on the long run
+//! if that is less (skins creep), and `d` the step of a pad: `T = sum min(max(-c, 0)^2 / v, 16) + sum min(d^2 / v, 16)`; the bound
+//! keeps one flickering input from deciding. While nothing happens T has the mean `N/2 + M` and the variance `1.25 N + 2 M` of
+//! N taxels and M pads; what a skin has more in its first `LEARNING_SCANS` is expected from then on. With z the normalised T
+//! the account is a one-sided cumulative sum (CUSUM, Page 1954), `A = max(0, A + max(z - 4, -fall))`: suspect from `SUSPECT`,
+//! clear below `CLEAR`, lost from `LOST`. All else is paid in by name: a silence, a lost acknowledgement, a fault that the board
+//! reports make it suspect; a load that vanishes in one scan pays as much, and nothing bounds the force above until the account
+//! is empty again.
 //!
 //! A board that was silent or suspect and then reads nothing of what lay on it has lost its zero without further proof: its
 //! load may have been lifted just then, but nobody can tell. In a bag that presses, the load of a whole board does not
 //! vanish at all.
 //!
-//! What it cannot see: a board with fewer than [`WITNESSES_MIN`] sound inputs; a new zero whose residues differ from the old
+//! What it cannot see: a board with fewer than `WITNESSES_MIN` sound inputs; a new zero whose residues differ from the old
 //! ones by less than about a count (root mean square, of twenty taxels), pads included. What such a shift does to a force is
 //! in the uncertainty: [`UNSEEN_COUNTS`].
 

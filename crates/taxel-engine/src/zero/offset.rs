@@ -2,11 +2,11 @@
 //!
 //! Model. Counts are turned so that load is positive: `c_i = s_i (y_i - zero_i) = b_m(t) + g_i(p_i) + e_i` with `p_i >= 0`.
 //! The offset `b_m` of a module follows its thermal pads, which no load reaches, and wanders: `db = k dT + dW`
-//! ([`ModuleOffset`]). It is predicted from the pads and read as the trimmed mean of the taxels of a module that nothing has
-//! touched for [`HOLD_OFF_S`], nor one beside it (PX4's estimators of biases have this form).
+//! (`ModuleOffset`). It is predicted from the pads and read as the trimmed mean of the taxels of a module that nothing has
+//! touched for `HOLD_OFF_S`, nor one beside it (PX4's estimators of biases have this form).
 //!
 //! Load is one-sided, and so is the gate. What is lighter than predicted is always taken. What is heavier is taken only
-//! within three standard deviations, and while what no warmth of the pads explains weighs less than [`ABSORBED_MAX`]: else
+//! within three standard deviations, and while what no warmth of the pads explains weighs less than `ABSORBED_MAX`: else
 //! it may be a load. That force is told as [`DriftView::absorbed`].
 //!
 //! Where the zero follows (`drift.follow`) the tables move by `b`, up to the bound; else only as far as the skin becomes

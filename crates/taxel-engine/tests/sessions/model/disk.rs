@@ -22,9 +22,11 @@ impl Model {
     /// All that was recorded so far is on disk, and what waited for that takes effect.
     pub(super) fn write(&mut self) {
         self.on_disk = self.recorded.clone();
+        let mut other_models = false;
         for pending in std::mem::take(&mut self.pending) {
             match pending {
                 Pending::Activate { request, set } => {
+                    other_models = true;
                     self.settle(request, true);
                     self.put_to_use(set);
                 }
@@ -32,7 +34,9 @@ impl Model {
                     self.settle(request, true);
                     self.live.known.insert(set);
                 }
+                // A zero that was judged by the models of before is none.
                 Pending::Zero { request, good, vouched } => {
+                    let good = good && !other_models;
                     self.unseen &= !good;
                     self.unjudged.take_if(|since| good && (vouched || *since == Since::Others));
                     self.settle(request, good);
