@@ -14,6 +14,9 @@ pub const FORGOTTEN: &str = "; found and not written down";
 /// What the name of a lie ends with that is told of a skin without positions, some of whose taxels cannot be read.
 pub const UNPLACED: &str = "; without positions";
 
+/// What the name of a lie ends with that is no larger than what lies about taxels without a model.
+pub const ON_UNREAD: &str = "; on what is not read";
+
 /// How often lies of a root may be told, and by how much they may be wrong.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
@@ -61,6 +64,13 @@ pub const ALLOWED: &[(&str, &str, Budget, &str)] = &[
         budget(20.0, 3.0, 5.0),
         "Where positions are not known, nobody knows which taxels lie beside one that cannot be read. A total is a lower bound \
          where few taxels of its module are touched; a fingertip on it may touch none of these, and some of another module.",
+    ),
+    (
+        "",
+        ON_UNREAD,
+        budget(1000.0, 25.0, 5.0),
+        "A fingertip on a taxel without a model: those beside it read its flank alone, and a wide light load reads the same. With \
+         two patches three loads in ten are fingertips, and one taxel in eight has no model.",
     ),
     (
         "",

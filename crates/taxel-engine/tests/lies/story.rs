@@ -7,7 +7,7 @@ use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot, Undetected};
 use taxel_skin::Time;
 
-use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, UNPLACED, is_allowed};
+use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, ON_UNREAD, UNPLACED, is_allowed};
 use crate::daemon::Daemon;
 use crate::dice::Dice;
 use crate::figures::{Judged, STEADY};
@@ -291,7 +291,14 @@ fn name(
     let forgotten = if forgotten && RETARES.iter().any(|kind| kind.name() == root) { FORGOTTEN } else { "" };
     let unplaced = from.is_none() && lie.too_little && !stage.has_positions && snapshot.force.excluded > 0;
     let unplaced = if unplaced { UNPLACED } else { "" };
-    (from, format!("{root}; {load}; {way}{size}{apart}{forgotten}{unplaced}"))
+    let unread = if lie.too_little && bears_on_excluded_n(stage) >= lie.excess_n { ON_UNREAD } else { "" };
+    (from, format!("{root}; {load}; {way}{size}{apart}{forgotten}{unplaced}{unread}"))
+}
+
+/// How much of the true force lies about taxels without a model, N.
+fn bears_on_excluded_n(stage: &Stage) -> f64 {
+    let excluded = stage.house.parts[stage.watched].excluded();
+    stage.world.true_force_about(|taxel| excluded.contains(&taxel)).0
 }
 
 /// Whether a statement would be true if each module had been read at another moment of what a sample may be of, or of what
