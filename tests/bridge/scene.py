@@ -232,7 +232,7 @@ def stopped_daemon(scene):
         was lifted meanwhile, it also wants somebody's word for it."""
         if "TARE_INVALID" in scene.force_status().message:
             success, message = call(PATIENCE_S)
-            if not success and "ask for BringUp" in message:
+            if not success and "taxeld bring-up" in message:
                 scene.truth.client.call("SkinService/BringUp", confirmed_by="the test")
         return scene.topics["wrench"].count() > count + 10
 
