@@ -41,13 +41,13 @@ const LOST: f32 = 25.0;
 /// Normalised evidence that is chance, and of a board that is suspect already; the most that an account falls by in a scan.
 const CHANCE: [f32; 2] = [4.0, 2.5];
 const FALL: [f32; 2] = [2.0, 0.5];
-/// Weight of a scan in the mean of a taxel or pad, in the slow mean that a pad is compared with, and in that of a taxel.
+/// Weight of a scan in the mean of a taxel or pad, and in the slow mean that a pad is compared with and that of a taxel.
 const SHARE: f32 = 1.0 / 8.0;
-const SLOW_SHARE: f32 = 1.0 / 100.0;
-const CREEP_SHARE: f32 = 1.0 / 400.0;
+const PAD_SLOW_SHARE: f32 = 1.0 / 100.0;
+const TAXEL_SLOW_SHARE: f32 = 1.0 / 400.0;
 /// The same in the mean that tells how much a load was that vanishes.
 const QUICK_SHARE: f32 = 0.4;
-/// Variance of that mean over that of a scan, of which boards repeat some, and of a zero.
+/// Variance of the mean over that of a scan, of which boards repeat some, and of a zero.
 const MEAN_VARIANCE: f64 = 0.11 + 0.1;
 /// Noise that an input is credited with at least, and that of a pad, counts.
 const NOISE_MIN_COUNTS: f64 = 0.5;
@@ -62,7 +62,7 @@ const SOUND_SCANS: u8 = 12;
 /// Fewest sound inputs, pads counted twice, that may clear a board; so many scans a suspicion waits for them.
 const WITNESSES_MIN: f32 = 8.0;
 const BLIND_SCANS_MAX: u32 = 160;
-/// Scans for which a load that vanished makes the force a lower bound, and until all modules of a board are heard again.
+/// Scans for which less is asked of a board whose load vanished, and until all modules of one that was silent are heard again.
 const VANISHED_SCANS: u8 = 16;
 const RETURN_SCANS: u8 = 3;
 /// Of the load on a board less than this share remains when it vanishes; it lay on so many taxels with so many counts.
@@ -92,7 +92,7 @@ struct Taxel {
     now: f32,
     mean: f32,
     quick: [f32; 3],
-    /// What it read lately, from the zero on.
+    /// What it has read on the long run since the zero.
     slow: f32,
     /// For how many scans it has been sound.
     sound: u8,
@@ -108,7 +108,7 @@ impl Taxel {
         self.mean = towards(self.mean, SHARE.max(few));
         self.quick = [towards(self.quick[0], QUICK_SHARE.max(few)), self.quick[0], self.quick[1]];
         if sound {
-            self.slow = towards(self.slow, CREEP_SHARE);
+            self.slow = towards(self.slow, TAXEL_SLOW_SHARE);
         }
     }
 
@@ -134,7 +134,7 @@ impl Pad {
         self.sound = if sound { self.sound.saturating_add(1) } else { 0 };
         let few = 1.0 / f32::from(self.sound.max(1));
         self.mean += SHARE.max(few) * (f32::from(count) - self.mean);
-        self.slow += SLOW_SHARE.max(few) * (f32::from(count) - self.slow);
+        self.slow += PAD_SLOW_SHARE.max(few) * (f32::from(count) - self.slow);
     }
 }
 

@@ -111,14 +111,14 @@ pub const ALLOWED: &[(&str, &str, Budget, &str)] = &[
     (
         "silent re-tare of a board",
         "",
-        budget(400.0, 6.0, 5.0),
+        budget(50.0, 6.0, 5.0),
         "A new zero shows by its residues on taxels that nothing touches. A board with some twenty taxels, nearly all \
          of them under the load, and residues of half a count has too few such taxels.",
     ),
     (
         "lost acknowledgements",
         "",
-        budget(200.0, 4.0, 4.0),
+        budget(50.0, 4.0, 4.0),
         "As a silent re-tare: five of them lose the zero, but what lay on the board when it took its own is not known. A load \
          too light to be seen to vanish with it, or one that goes and gives its place to another as heavy, passes for rest \
          when the next zero is taken.",
@@ -126,7 +126,7 @@ pub const ALLOWED: &[(&str, &str, Budget, &str)] = &[
     (
         "board hangs below 1 s, new zero",
         "",
-        budget(500.0, 4.0, 4.0),
+        budget(150.0, 4.0, 4.0),
         "As a silent re-tare: a hang that is shorter than a silence leaves nothing but the new zero.",
     ),
     (

@@ -43,17 +43,17 @@ use crate::tally::Tally;
 
 /// What 500 stories of one patch must not be worse than: what they came to, and a twentieth to a tenth.
 const BOUNDS: Bounds = Bounds {
-    ok_min: 0.92,
-    force_min: 0.86,
-    open_max: 0.07,
-    undetected_max_n: 1.25,
-    sigma_max_n: 0.79, // grows with the loads that are weighed, so also with the time that has a force
-    width_max_n: 3.4,
+    ok_min: 0.945,
+    force_min: 0.88,
+    open_max: 0.05,
+    undetected_max_n: 0.95,
+    sigma_max_n: 0.57, // grows with the loads that are weighed, so also with the time that has a force
+    width_max_n: 2.4,
     error_max: 0.2,
-    sigma_over_error_max: 2.0,
+    sigma_over_error_max: 1.3,
     covered_min: 0.93,
-    score_max_n: 7.2,
-    phantom_max: 0.003,
+    score_max_n: 5.4,
+    phantom_max: 0.002,
 };
 
 /// The numbers of the first stories of one patch, committed: who changes what a skin says changes them, and people read it.
