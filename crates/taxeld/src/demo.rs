@@ -118,7 +118,8 @@ impl Bench {
         let end = self.now + limit;
         while !done(self) {
             if self.now >= end {
-                bail!("{what} did not happen within {} s of simulated time", limit.as_secs());
+                let force = self.offline.snapshots.first().map(|snapshot| snapshot.force.why()).unwrap_or_default();
+                bail!("{what} did not happen within {} s of simulated time: {force}", limit.as_secs());
             }
             self.run(STEP);
         }

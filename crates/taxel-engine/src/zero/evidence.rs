@@ -12,8 +12,8 @@
 //! N taxels and M pads; what a skin has more in its first `LEARNING_SCANS` is expected from then on. With z the normalised T
 //! the account is a one-sided cumulative sum (CUSUM, Page 1954), `A = max(0, A + max(z - 4, -fall))`: suspect from `SUSPECT`,
 //! clear below `CLEAR`, lost from `LOST`. All else is paid in by name: a silence, a lost acknowledgement, a fault that the board
-//! reports make it suspect; a load that vanishes in one scan pays as much, and nothing bounds the force above until the account
-//! is empty again.
+//! reports make it suspect. A load that vanishes in one scan pays as much into a second account, and nothing bounds the force above
+//! until that is empty again, or for 16 scans.
 //!
 //! A board that was silent or suspect and then reads nothing of what lay on it has lost its zero without further proof: its
 //! load may have been lifted just then, but nobody can tell. In a bag that presses, the load of a whole board does not
@@ -62,8 +62,10 @@ const SOUND_SCANS: u8 = 12;
 /// Fewest sound inputs, pads counted twice, that may clear a board; so many scans a suspicion waits for them.
 const WITNESSES_MIN: f32 = 8.0;
 const BLIND_SCANS_MAX: u32 = 160;
-/// Scans for which less is asked of a board whose load vanished, and until all modules of one that was silent are heard again.
-const VANISHED_SCANS: u8 = 16;
+/// Scans for which a load that vanished may leave it unclear whether the board has its zero, and for which it counts as lately.
+const UNCLEAR_SCANS: u8 = 16;
+const VANISHED_LATELY_SCANS: u8 = 32;
+/// Scans until all modules of a board that was silent are heard again.
 const RETURN_SCANS: u8 = 3;
 /// Of the load on a board less than this share remains when it vanishes; it lay on so many taxels with so many counts.
 const VANISHED_SHARE: f32 = 0.4;
@@ -75,6 +77,9 @@ const IN_BAG_SHARE: f32 = 0.5;
 /// What is said of a board by its counts.
 const BY_COUNTS: &str = "reads less than its zero on taxels that nothing touches, or its thermal pads stepped: it has taken a \
                          new zero, or the zero was taken under a load that has gone";
+/// The same while it is a suspicion.
+const MAYBE_BY_COUNTS: &str = "reads less than its zero on taxels that nothing touches, or its thermal pads stepped: it may have \
+                               taken a new zero";
 /// What is said of a board whose load is gone after a silence.
 const SINCE_SILENT: &str = "lost its load while it was silent or reported a fault: it has taken a new zero under it, or \
                             the load was lifted; unload the skin, then `taxeld bring-up --confirmed-by NAME`";
@@ -160,8 +165,9 @@ struct Board {
     blind: u32,
     /// What it had more evidence than by chance at first: sum and scans.
     learned: (f32, u32),
-    /// For how many scans yet its load has vanished, and lately: twice as long.
-    vanished: u8,
+    /// A second account, paid in when its load vanishes: until it is empty, nothing bounds the force above.
+    unclear: f32,
+    /// For how many scans yet its load has vanished lately.
     vanished_lately: u8,
     /// All its modules are silent, or it is not well.
     silent: bool,
@@ -175,7 +181,7 @@ struct Board {
 impl Board {
     fn begin(&mut self) {
         (self.account, self.suspect, self.blind, self.learned) = (0.0, None, 0, (0.0, 0));
-        (self.vanished, self.vanished_lately) = (0, 0);
+        (self.unclear, self.vanished_lately) = (0.0, 0);
         self.before.take_if(|_| !self.unwell);
     }
 
@@ -221,11 +227,9 @@ impl Board {
 
     /// Pays in what a scan shows: evidence of so many taxels and pads, and whether the load vanished with it.
     fn pay(&mut self, evidence: f32, [taxels, pads]: [f32; 2], vanishes: bool) -> Option<Finding> {
-        let comes = vanishes && self.vanished == 0;
-        self.vanished = if comes { VANISHED_SCANS } else { self.vanished.saturating_sub(1) };
-        self.vanished_lately = if comes { 2 * VANISHED_SCANS } else { self.vanished_lately.saturating_sub(1) };
-        if comes {
-            self.account += SUSPECT;
+        self.vanished_lately = self.vanished_lately.saturating_sub(1);
+        if vanishes && self.vanished_lately <= VANISHED_LATELY_SCANS - UNCLEAR_SCANS {
+            (self.unclear, self.vanished_lately) = (SUSPECT, VANISHED_LATELY_SCANS);
         }
         if taxels + 2.0 * pads < WITNESSES_MIN {
             self.blind += 1;
@@ -242,17 +246,21 @@ impl Board {
             self.learned = (learned + more, scans + 1);
         }
         let expected = if scans < LEARNING_SCANS { 0.0 } else { (learned / scans as f32).clamp(0.0, CHANCE[1]) };
-        let chance = CHANCE[usize::from(self.suspect.is_some() || self.vanished > 0)];
-        let fall = FALL[usize::from(self.suspect.is_some())];
+        let (chance, fall) = if self.suspect.is_some() { (CHANCE[1], FALL[1]) } else { (CHANCE[0], FALL[0]) };
         self.account = (self.account + (more - expected - chance).max(-fall)).max(0.0);
+        if self.unclear > 0.0 {
+            let lasts = self.vanished_lately > VANISHED_LATELY_SCANS - UNCLEAR_SCANS;
+            let left = (self.unclear + (more - expected - CHANCE[1]).max(-FALL[0])).max(0.0);
+            self.unclear = if lasts { left } else { 0.0 };
+        }
         if self.account >= LOST {
             return Some(Finding::NewZero(format!("{}{BY_COUNTS}", self.name)));
         }
         if self.account < CLEAR {
             self.suspect = None;
         }
-        if self.account >= SUSPECT && self.suspect.is_none() && self.vanished == 0 {
-            let why = format!("{}{BY_COUNTS}", self.name);
+        if self.account >= SUSPECT && self.suspect.is_none() {
+            let why = format!("{}{MAYBE_BY_COUNTS}", self.name);
             self.suspect = Some(why.clone());
             return Some(Finding::Doubt(why));
         }
@@ -367,7 +375,7 @@ impl Evidence {
 
     /// The boards whose load vanished at once, until their counts have shown that they took no new zero with that.
     pub fn unloaded(&self) -> impl Iterator<Item = usize> {
-        (0..self.boards.len()).filter(|&board| self.boards[board].vanished > 0 && self.boards[board].account > 0.0)
+        (0..self.boards.len()).filter(|&board| self.boards[board].unclear > 0.0)
     }
 
     /// Why the counts cannot show that the skin is unloaded: a load vanished while its board was silent, or with a new zero
@@ -449,7 +457,7 @@ impl Evidence {
         if vanishes && bag.holds && load[2] >= IN_BAG_SHARE * inputs[0] {
             return Some(Finding::NewZero(format!("{}{IN_BAG}", board.name)));
         }
-        let under_a_load = self.at_rest && (board.vanished > 0 || vanishes);
+        let under_a_load = self.at_rest && (board.vanished_lately > 0 || vanishes);
         let finding = board.pay(evidence, inputs, vanishes);
         if let Some(Finding::NewZero(why)) = finding.as_ref().filter(|_| under_a_load) {
             self.distrust(why.clone());
