@@ -76,19 +76,22 @@ def fleet(scene):
     """One robot of a fleet, by our own view and by foreign hands."""
     view, raw = FleetView(scene), []
     reader = scene.ros.session.declare_subscriber("taxel/icub01/force/*", lambda sample: raw.append(bytes(sample.payload)))
-    whole = lambda row: row.get("state") in ("OK", "DEGRADED") and row["zero_valid"]
-    until("the robot with its force and its zero", lambda: whole(view.row()))
+    health = []
+    other = scene.ros.session.declare_subscriber("taxel/icub01/health", lambda sample: health.append(bytes(sample.payload)))
+    until("the robot with its force", lambda: view.row().get("state") in ("OK", "DEGRADED"))
     row = view.row()
-    assert row["zero_taken"] > 1.6e9, row
     until("a force of the daemon's", lambda: view.row()["force_n"] in scene.truth.totals())
-    until("forces by foreign hands", lambda: len(raw) > 20)
+    until("forces and the health by foreign hands", lambda: len(raw) > 20 and health)
     pool = scene.truth.client.pool
     decode = GetMessageClass(pool.FindMessageTypeByName("taxel.v1.ForceSample")).FromString
+    told = GetMessageClass(pool.FindMessageTypeByName("taxel.v1.Health")).FromString(health[-1])
+    assert told.patches[0].tare.valid and told.patches[0].patch == "left_forearm", told
     known = {one.sequence: one.total_n for samples in list(scene.truth.forces.values()) for one in list(samples)}
     compared = [sample for sample in map(decode, raw) if sample.HasField("total_n") and sample.sequence in known]
     assert len(compared) > 5 and all(sample.total_n == known[sample.sequence] for sample in compared)
     assert row["model_set"] in {sample.model_set for sample in compared}, row
     reader.undeclare()
+    other.undeclare()
     print(f"fleet: {row['state']}, {row['force_n']} N, {row['excluded']} excluded, models {row['model_set']}", flush=True)
     return view
 

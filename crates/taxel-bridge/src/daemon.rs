@@ -1,14 +1,15 @@
 //! The way to the daemon: an ordinary client of its service.
 
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use anyhow::Context;
 use taxel_client::{Address, Forces, Line, Options, TlsOptions};
 use taxel_proto::code_name;
-use taxel_proto::v1::Health;
+use taxel_proto::judge::on_the_way;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_proto::v1::{Health, PatchRequest, Skin, StreamRequest, TaxelSample};
 use tokio::sync::watch;
-use tonic::{Response, Status};
+use tonic::{Response, Status, Streaming};
 
 use crate::config::DaemonSection;
 
@@ -19,6 +20,8 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(100);
 const HEALTH_EVERY: Duration = Duration::from_secs(1);
 /// A daemon that does not answer by then does not run.
 const HEALTH_WITHIN: Duration = Duration::from_secs(2);
+/// Between two attempts to open a stream of taxels.
+const AGAIN_AFTER: Duration = Duration::from_millis(250);
 
 /// The daemon's health, or why it gives none.
 pub type HealthFeed = watch::Receiver<Result<Health, String>>;
@@ -56,6 +59,19 @@ impl Daemon {
         taxel_client::follow(Options { patch: patch.to_owned(), rate_hz, ..self.options.clone() })
     }
 
+    /// Follows the taxels of a patch, so many samples a second.
+    pub fn taxels(&self, patch: &str, rate_hz: f64) -> Taxels {
+        Taxels { daemon: self.clone(), patch: patch.to_owned(), rate_hz, stream: None, told: String::new() }
+    }
+
+    /// Where the taxels of a patch lie.
+    ///
+    /// # Errors
+    /// If the daemon does not answer.
+    pub async fn layout(&self, patch: &str) -> Result<Skin, Status> {
+        Ok(self.skin().get_skin(PatchRequest { patch: patch.to_owned() }).await?.into_inner())
+    }
+
     /// `SkinService`.
     pub fn skin(&self) -> SkinServiceClient<Line> {
         SkinServiceClient::new(self.line.clone())
@@ -77,8 +93,59 @@ impl Daemon {
     }
 }
 
+/// The taxels of a patch, over one stream after the other.
+pub struct Taxels {
+    daemon: Daemon,
+    patch: String,
+    rate_hz: f64,
+    /// A daemon that comes back may have another configuration, so each stream has its layout.
+    stream: Option<(Skin, Streaming<TaxelSample>)>,
+    /// Why the last stream ended.
+    told: String,
+}
+
+impl Taxels {
+    /// The next sample, how long ago it was sent, and where its taxels lie; `None` when the stream has ended or none could be
+    /// opened.
+    pub async fn next(&mut self) -> Option<(&Skin, TaxelSample, Duration)> {
+        match self.received().await {
+            Ok(sample) => {
+                let waited = on_the_way(sample.sent.as_ref(), SystemTime::now());
+                self.stream.as_ref().map(|(skin, _)| (skin, sample, waited))
+            }
+            Err(status) => {
+                let why = words(&status);
+                if self.told != why {
+                    tracing::warn!(patch = self.patch, "no taxels from the daemon: {why}");
+                }
+                (self.stream, self.told) = (None, why);
+                None
+            }
+        }
+    }
+
+    async fn received(&mut self) -> Result<TaxelSample, Status> {
+        let (skin, stream) = match &mut self.stream {
+            Some(open) => open,
+            none => {
+                if !self.told.is_empty() {
+                    tokio::time::sleep(AGAIN_AFTER).await;
+                }
+                let skin = self.daemon.layout(&self.patch).await?;
+                let request = StreamRequest { patch: self.patch.clone(), rate_hz: Some(self.rate_hz) };
+                none.insert((skin, self.daemon.skin().stream_taxels(request).await?.into_inner()))
+            }
+        };
+        match stream.message().await? {
+            Some(sample) if sample.taxels.len() == skin.taxels.len() => Ok(sample),
+            Some(_) => Err(Status::aborted("the patch has another number of taxels now")),
+            None => Err(Status::unavailable("the daemon ended the stream")),
+        }
+    }
+}
+
 /// What a failed call says, with the system's own reason where there is one.
-pub fn words(status: &Status) -> String {
+fn words(status: &Status) -> String {
     let mut words = status.message().to_owned();
     let mut cause = std::error::Error::source(status);
     while let Some(source) = cause {

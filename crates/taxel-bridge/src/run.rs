@@ -75,7 +75,8 @@ impl Bridge {
             if patch.taxels_hz > 0.0 {
                 let topic =
                     node.topic(&ros.absolute(&format!("{}/taxels", name_of(&patch.name))), publish::NEWEST).await?;
-                tasks.spawn(publish::taxels(topic, patch.clone(), self.daemon.clone()));
+                let taxels = self.daemon.taxels(&patch.name, patch.taxels_hz);
+                tasks.spawn(publish::taxels(topic, patch.clone(), taxels));
             }
         }
         let topic = publish::diagnostics_topic(&mut node).await?;
@@ -106,10 +107,9 @@ impl Bridge {
             });
             if yarp.pressure_hz > 0.0 {
                 let (section, taken) = (yarp.clone(), self.taken.clone());
-                let (name, daemon) = (patch.name.clone(), self.daemon.clone());
+                let taxels = self.daemon.taxels(&patch.name, yarp.pressure_hz);
                 tasks.spawn(async move {
-                    let port = ports::opened(&section, &pressure, &taken).await;
-                    ports::taxels(port, name, daemon, section.pressure_hz).await;
+                    ports::taxels(ports::opened(&section, &pressure, &taken).await, taxels).await;
                     Ok(())
                 });
             }

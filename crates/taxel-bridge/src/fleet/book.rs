@@ -6,16 +6,15 @@ use std::time::Duration;
 use serde::Serialize;
 use taxel_client::{Moment, Received};
 use taxel_proto::judge::{NoForce, word};
-use taxel_proto::v1::{ForceSample, ForceState, Health};
+use taxel_proto::v1::{ForceSample, ForceState};
 
-/// A robot tells its force at least once a second, and its health.
+/// A robot tells its force at least once a second.
 const SILENT_AFTER: Duration = Duration::from_secs(3);
 
 /// All robots.
 #[derive(Debug, Default)]
 pub struct Book {
     patches: BTreeMap<(String, String), Received>,
-    health: BTreeMap<String, (Moment, Health)>,
 }
 
 /// A patch of a robot.
@@ -31,16 +30,10 @@ pub struct Row {
     pub force_n: Option<f64>,
     /// Its standard uncertainty in N.
     pub sigma_n: Option<f64>,
-    /// Its age in s.
-    pub age_s: Option<f64>,
     /// Whether a simulator makes it, and no skin is touched.
     pub simulated: bool,
     /// Taxels that do not count.
     pub excluded: Option<u32>,
-    /// Whether the zero is valid; absent where the daemon's health is not known.
-    pub zero_valid: Option<bool>,
-    /// When the zero was taken, s since 1970.
-    pub zero_taken: Option<i64>,
     /// The model set in use; empty where it is not known.
     pub model_set: String,
     /// Why the state is not OK.
@@ -53,35 +46,14 @@ impl Book {
         self.patches.insert((robot.to_owned(), patch.to_owned()), Received::now(sample));
     }
 
-    /// The health of a robot's daemon came just now.
-    pub fn health(&mut self, robot: &str, health: Health) {
-        self.health.insert(robot.to_owned(), (Moment::now(), health));
-    }
-
     /// Everything, robot by robot and patch by patch.
     pub fn rows(&self, now: Moment) -> Vec<Row> {
-        let row = |((robot, name), received): (&(String, String), &Received)| {
-            // Nobody knows what has become of the zero of an engine that stands still, or of a daemon that says nothing.
-            let known = |(came, health): &&(Moment, Health)| {
-                now.since(*came) <= SILENT_AFTER && health.engine_stalled_s.is_none()
-            };
-            let health = self.health.get(robot).filter(known);
-            let zero = health.and_then(|(_, health)| health.patches.iter().find(|health| health.patch == *name));
-            let zero = zero.and_then(|health| health.tare.as_ref());
-            Row {
-                robot: robot.clone(),
-                patch: name.clone(),
-                zero_valid: zero.map(|zero| zero.valid),
-                zero_taken: zero.and_then(|zero| Some(zero.time.as_ref()?.seconds)),
-                ..force(received, now)
-            }
-        };
-        self.patches.iter().map(row).collect()
+        self.patches.iter().map(|((robot, patch), received)| row(robot, patch, received, now)).collect()
     }
 }
 
 /// The robot's bridge has judged the force when it sent it; here it is judged again, by its age now.
-fn force(received: &Received, now: Moment) -> Row {
+fn row(robot: &str, patch: &str, received: &Received, now: Moment) -> Row {
     let (sample, waited, judged) = (received.sample(), received.waited(now), received.force(now, None));
     let (state, reasons) = match &judged {
         _ if waited > SILENT_AFTER => ("SILENT", vec![format!("nothing new for {:.1} s", waited.as_secs_f64())]),
@@ -90,15 +62,15 @@ fn force(received: &Received, now: Moment) -> Row {
     };
     let force = judged.ok().filter(|_| waited <= SILENT_AFTER);
     Row {
+        robot: robot.to_owned(),
+        patch: patch.to_owned(),
         state: state.to_owned(),
         force_n: force.map(|force| force.total_n),
         sigma_n: force.and(sample.total_sigma_n),
-        age_s: force.map(|force| force.age.as_secs_f64()),
         simulated: sample.simulated,
         excluded: force.map(|_| sample.excluded),
         model_set: sample.model_set.clone(),
         reasons,
-        ..Row::default()
     }
 }
 
@@ -106,8 +78,6 @@ fn force(received: &Received, now: Moment) -> Row {
 mod tests {
     use super::*;
     use std::time::SystemTime;
-    use taxel_proto::Timestamp;
-    use taxel_proto::v1::{PatchHealth, TareStatus};
 
     /// A good force that was sent so long ago.
     fn sent(ago_s: f64) -> ForceSample {
@@ -125,27 +95,18 @@ mod tests {
     }
 
     /// The first row in so many seconds.
-    fn row(book: &Book, in_s: f64) -> Row {
+    fn first(book: &Book, in_s: f64) -> Row {
         book.rows(Moment::now() + Duration::from_secs_f64(in_s)).remove(0)
     }
 
     #[test]
-    fn a_robot_is_shown_with_its_force_its_zero_and_its_model_set() {
+    fn a_robot_is_shown_with_its_force_and_its_model_set() {
         let mut book = Book::default();
         book.force("icub", "arm", sent(0.0));
-        let time = Some(Timestamp { seconds: 1_600_000_000, nanos: 0 });
-        let tare = Some(TareStatus { valid: true, time, ..TareStatus::default() });
-        let patches = vec![PatchHealth { patch: "arm".into(), tare, ..PatchHealth::default() }];
-        let health = Health { patches, ..Health::default() };
-        book.health("icub", health.clone());
-        let now = row(&book, 0.0);
+        let now = first(&book, 0.0);
         assert_eq!((now.robot.as_str(), now.patch.as_str(), now.state.as_str()), ("icub", "arm", "OK"));
         assert_eq!((now.force_n, now.sigma_n, now.excluded), (Some(4.9), Some(0.5), Some(3)));
-        assert_eq!((now.zero_valid, now.zero_taken), (Some(true), Some(1_600_000_000)));
         assert_eq!(now.model_set, "m-1");
-        assert_eq!(row(&book, 3.1).zero_valid, None, "a health that is old");
-        book.health("icub", Health { engine_stalled_s: Some(0.2), ..health });
-        assert_eq!(row(&book, 0.0).zero_valid, None, "an engine that stands still tells no zero");
     }
 
     #[test]
@@ -153,13 +114,13 @@ mod tests {
         let mut book = Book::default();
         book.force("icub", "arm", sent(0.0));
         for (in_s, state, why) in [(1.0, "STALE", "ms old, more than 150 ms"), (3.1, "SILENT", "nothing new for 3.")] {
-            let row = row(&book, in_s);
-            assert_eq!((row.state.as_str(), row.force_n, row.sigma_n, row.age_s), (state, None, None, None));
+            let row = first(&book, in_s);
+            assert_eq!((row.state.as_str(), row.force_n, row.sigma_n), (state, None, None));
             assert!(row.reasons[0].contains(why), "{:?}", row.reasons);
         }
         let tare = ForceSample { state: ForceState::TareInvalid.into(), reasons: vec!["why".into()], ..sent(0.0) };
         book.force("icub", "arm", tare);
-        let row = row(&book, 0.0);
+        let row = first(&book, 0.0);
         assert_eq!((row.state.as_str(), row.force_n, row.reasons), ("TARE_INVALID", None, vec!["why".to_owned()]));
     }
 
@@ -168,8 +129,8 @@ mod tests {
     fn a_force_that_was_long_on_its_way_is_as_old_as_it_is() {
         let mut book = Book::default();
         book.force("icub", "arm", sent(1.0));
-        assert_eq!(row(&book, 0.0).state, "STALE");
+        assert_eq!(first(&book, 0.0).state, "STALE");
         book.force("icub", "arm", sent(3_600.0));
-        assert_eq!(row(&book, 0.0).state, "SILENT");
+        assert_eq!(first(&book, 0.0).state, "SILENT");
     }
 }

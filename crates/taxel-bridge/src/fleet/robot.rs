@@ -16,7 +16,7 @@ use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
 use crate::daemon::HealthFeed;
-use crate::fleet::keys::{Told, key};
+use crate::fleet::keys;
 use crate::link::tried;
 
 /// Tells a patch's newest sample at a rate, also where it is no force any more.
@@ -24,7 +24,7 @@ use crate::link::tried;
 /// # Errors
 /// If the session is closed.
 pub async fn force(session: Session, robot: String, patch: String, forces: Forces, rate_hz: f64) -> anyhow::Result<()> {
-    let publisher = publisher(&session, &robot, Told::Force(&patch), "taxel.v1.ForceSample").await?;
+    let publisher = publisher(&session, keys::force(&robot, &patch), "taxel.v1.ForceSample").await?;
     let mut ticks = interval(Duration::from_secs_f64(1.0 / rate_hz));
     // What was missed is not made up for: the value of a tick that is long past is an old one.
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -42,7 +42,7 @@ pub async fn force(session: Session, robot: String, patch: String, forces: Force
 /// # Errors
 /// If the session is closed.
 pub async fn health(session: Session, robot: String, mut health: HealthFeed) -> anyhow::Result<()> {
-    let publisher = publisher(&session, &robot, Told::Health, "taxel.v1.Health").await?;
+    let publisher = publisher(&session, keys::health(&robot), "taxel.v1.Health").await?;
     loop {
         health.changed().await?;
         let bytes = health.borrow_and_update().as_ref().ok().map(Message::encode_to_vec);
@@ -53,8 +53,8 @@ pub async fn health(session: Session, robot: String, mut health: HealthFeed) -> 
 }
 
 /// A publisher that waits for no reader.
-async fn publisher(session: &Session, robot: &str, told: Told<'_>, schema: &str) -> anyhow::Result<Publisher<'static>> {
-    let publisher = session.declare_publisher(key(robot, told)).congestion_control(CongestionControl::Drop);
+async fn publisher(session: &Session, key: String, schema: &str) -> anyhow::Result<Publisher<'static>> {
+    let publisher = session.declare_publisher(key).congestion_control(CongestionControl::Drop);
     tried("a publisher", publisher.encoding(Encoding::APPLICATION_PROTOBUF.with_schema(schema)).await)
 }
 

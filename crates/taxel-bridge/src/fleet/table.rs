@@ -6,49 +6,27 @@ use taxel_skin::printable;
 
 use crate::fleet::book::Row;
 
-const HEAD: [&str; 9] = ["robot", "patch", "state", "force N", "age", "excluded", "zero", "model set", "why"];
+const HEAD: [&str; 7] = ["robot", "patch", "state", "force N", "excluded", "model set", "why"];
 
-/// A span of time as people say it.
-fn span(seconds: f64) -> String {
-    match seconds {
-        s if s < 10.0 => format!("{s:.1} s"),
-        s if s < 120.0 => format!("{s:.0} s"),
-        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
-        s if s < 172_800.0 => format!("{:.0} h", s / 3600.0),
-        s => format!("{:.0} days", s / 86_400.0),
-    }
-}
-
-/// How long ago something was, in s; what a clock that is ahead says of the future is now.
-fn ago(seconds: i64) -> String {
-    format!("{} ago", span(seconds.max(0) as f64))
-}
-
-fn cells(row: &Row, now_s: i64) -> [String; HEAD.len()] {
+fn cells(row: &Row) -> [String; HEAD.len()] {
     let force = row.force_n.map(|n| row.sigma_n.map_or(format!("{n:.2}"), |sigma| format!("{n:.2} +- {sigma:.2}")));
-    let zero = match row.zero_valid {
-        Some(false) => Some("not valid".to_owned()),
-        _ => row.zero_taken.map(|at| ago(now_s - at)),
-    };
     let none = || "-".to_owned();
     [
         row.robot.clone(),
         row.patch.clone(),
         if row.simulated { format!("{}, simulated", row.state) } else { row.state.clone() },
         force.unwrap_or_else(none),
-        row.age_s.filter(|age| age.is_finite()).map_or_else(none, span),
         row.excluded.map_or_else(none, |excluded| excluded.to_string()),
-        zero.unwrap_or_else(none),
         if row.model_set.is_empty() { none() } else { row.model_set.clone() },
         row.reasons.join("; "),
     ]
 }
 
-/// The table, at the time `now_s` since 1970. Robots write into it what they like, but no other rows and nothing that a
+/// The table. Robots write into it what they like, but no other rows and nothing that a
 /// terminal obeys.
-pub fn text(rows: &[Row], now_s: i64) -> String {
+pub fn text(rows: &[Row]) -> String {
     let lines: Vec<_> = std::iter::once(HEAD.map(str::to_owned))
-        .chain(rows.iter().map(|row| cells(row, now_s).map(|cell| printable(&cell))))
+        .chain(rows.iter().map(|row| cells(row).map(|cell| printable(&cell))))
         .collect();
     let mut widths = [0; HEAD.len()];
     for line in &lines {
@@ -80,30 +58,24 @@ mod tests {
             state: "OK".into(),
             force_n: Some(4.904),
             sigma_n: Some(0.21),
-            age_s: Some(0.02),
             excluded: Some(11),
-            zero_valid: Some(true),
-            zero_taken: Some(1_000),
             model_set: "m-1".into(),
             ..Row::default()
         };
         let reasons = vec!["nothing new for 9.1 s".to_owned()];
         let silent = Row { robot: "r1".into(), patch: "leg".into(), state: "SILENT".into(), reasons, ..Row::default() };
-        let text = text(&[row, silent], 8_300);
+        let text = text(&[row, silent]);
         let lines: Vec<_> = text.lines().collect();
-        assert_eq!(lines[0], "robot  patch  state   force N       age    excluded  zero     model set  why");
-        assert_eq!(lines[1], "icub   arm    OK      4.90 +- 0.21  0.0 s  11        2 h ago  m-1");
-        assert_eq!(
-            lines[2],
-            "r1     leg    SILENT  -             -      -         -        -          nothing new for 9.1 s"
-        );
+        assert_eq!(lines[0], "robot  patch  state   force N       excluded  model set  why");
+        assert_eq!(lines[1], "icub   arm    OK      4.90 +- 0.21  11        m-1");
+        assert_eq!(lines[2], "r1     leg    SILENT  -             -         -          nothing new for 9.1 s");
     }
 
     #[test]
     fn what_a_robot_says_forges_no_row_and_is_no_command_to_the_terminal() {
         let forged = "\nicub02  arm  OK  4.90 +- 0.10\u{1b}[2J".to_owned();
         let row = Row { state: "OK".into(), simulated: true, reasons: vec![forged], ..Row::default() };
-        let text = text(&[row], 8_300);
+        let text = text(&[row]);
         assert_eq!((text.lines().count(), text.contains('\u{1b}')), (2, false), "{text}");
         assert!(text.contains("OK, simulated"), "{text}");
     }

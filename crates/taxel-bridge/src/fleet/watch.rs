@@ -4,19 +4,19 @@ use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use prost::{DecodeError, Message};
+use prost::Message;
 use taxel_client::Moment;
+use taxel_proto::v1::ForceSample;
 use tokio::time::{Instant, MissedTickBehavior, interval_at};
 use zenoh::handlers::FifoChannel;
 use zenoh::sample::Sample;
 
 use crate::config::ZenohSection;
 use crate::fleet::book::Book;
-use crate::fleet::keys::{self, Told};
+use crate::fleet::keys;
 use crate::fleet::table;
 use crate::link::{self, tried};
 use crate::signals::asked_to_end;
-use crate::wall;
 
 /// Messages that may wait here: a hundred from each of a hundred robots. Beyond that Zenoh waits, and the router drops.
 const QUEUE: usize = 10_000;
@@ -50,7 +50,7 @@ pub struct FleetArgs {
 /// If the router's configuration cannot be used, the session breaks or nobody takes the output.
 pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     let session = link::open(&ZenohSection { router: args.router, config: args.zenoh_config }).await?;
-    let told = tried("listening", session.declare_subscriber(keys::ALL).with(FifoChannel::new(QUEUE)).await)?;
+    let told = tried("listening", session.declare_subscriber(keys::FORCES).with(FifoChannel::new(QUEUE)).await)?;
     let mut book = Book::default();
     let first = Instant::now() + if args.once { ONCE_AFTER } else { SHOW_EVERY };
     let mut show = interval_at(first, SHOW_EVERY);
@@ -76,18 +76,11 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
 /// Writes down what a robot told.
 fn take(book: &mut Book, sample: &Sample) {
     let key = sample.key_expr().as_str();
-    let Some((robot, told)) = keys::split(key) else { return };
-    let taken = match told {
-        Told::Force(patch) => decoded(sample).map(|force| book.force(robot, patch, force)),
-        Told::Health => decoded(sample).map(|health| book.health(robot, health)),
-    };
-    if let Err(error) = taken {
-        tracing::warn!(key, "a message that cannot be read: {error}");
+    let Some((robot, patch)) = keys::split(key) else { return };
+    match ForceSample::decode(&*sample.payload().to_bytes()) {
+        Ok(force) => book.force(robot, patch, force),
+        Err(error) => tracing::warn!(key, "a message that cannot be read: {error}"),
     }
-}
-
-fn decoded<M: Message + Default>(sample: &Sample) -> Result<M, DecodeError> {
-    M::decode(&*sample.payload().to_bytes())
 }
 
 fn print(book: &Book, json: bool) -> anyhow::Result<()> {
@@ -97,7 +90,7 @@ fn print(book: &Book, json: bool) -> anyhow::Result<()> {
         writeln!(out, "{}", serde_json::json!({ "rows": rows }))?;
     } else {
         let clear = if out.is_terminal() { CLEAR } else { "" };
-        write!(out, "{clear}{}", table::text(&rows, wall::now_ns() / 1_000_000_000))?;
+        write!(out, "{clear}{}", table::text(&rows))?;
     }
     Ok(out.flush()?)
 }

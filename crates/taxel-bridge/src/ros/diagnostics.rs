@@ -84,7 +84,7 @@ fn reasons(codes: impl Iterator<Item = ReasonCode>) -> Option<KeyValue> {
 }
 
 /// What the daemon says of itself, or why it says nothing.
-pub fn daemon(robot: &str, health: Result<&Health, &str>) -> Vec<DiagnosticStatus> {
+pub fn daemon(robot: &str, health: Result<&Health, &String>) -> Vec<DiagnosticStatus> {
     let status = |level, name: String, message: String, values| DiagnosticStatus {
         level,
         name: format!("taxel: {name}"),
@@ -230,7 +230,7 @@ mod tests {
         let stalled = daemon("icub", Ok(&Health { engine_stalled_s: Some(0.3), ..health }));
         let told: Vec<_> = stalled[1..].iter().map(|s| (s.level, s.message.as_str(), s.values.len())).collect();
         assert_eq!(told, [(STALE, "not known: the daemon's engine does not run", 0); 3]);
-        let silent = daemon("icub", Err("connection refused"));
+        let silent = daemon("icub", Err(&"connection refused".to_owned()));
         assert_eq!((silent.len(), silent[0].level), (1, ERROR));
     }
 }

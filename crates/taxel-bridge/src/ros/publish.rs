@@ -1,17 +1,15 @@
 //! What goes out to ROS, and when: a force the moment it comes and only if it is one, taxels at their rate, the
-//! diagnostics once a second and when something changes.
+//! diagnostics once a second.
 
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use taxel_client::Forces;
-use taxel_proto::judge::on_the_way;
-use taxel_proto::v1::{ForceSample, PatchRequest, StreamRequest};
+use taxel_proto::v1::ForceSample;
 use tokio::sync::watch;
-use tokio::time::{Instant, Interval, MissedTickBehavior, interval};
-use tonic::Status;
+use tokio::time::{Interval, MissedTickBehavior, interval};
 
 use crate::config::{PatchSection, RosSection};
-use crate::daemon::{Daemon, HealthFeed, words};
+use crate::daemon::{HealthFeed, Taxels};
 use crate::ros::diagnostics;
 use crate::ros::node::{Node, Topic};
 use crate::ros::types::{
@@ -22,12 +20,8 @@ use crate::wall;
 
 /// Where ROS expects diagnostics, in every namespace.
 const DIAGNOSTICS: &str = "/diagnostics";
-/// Diagnostics go out so often, and at once when a level changes.
+/// Diagnostics go out so often.
 const DIAGNOSTICS_EVERY: Duration = Duration::from_secs(1);
-/// So often it is looked whether a level has changed.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// Between two attempts to open a stream of taxels.
-const AGAIN_AFTER: Duration = Duration::from_millis(500);
 /// Readers want the newest force and no queue of old ones.
 pub const NEWEST: usize = 1;
 
@@ -72,11 +66,11 @@ impl ForceTopics {
         mut forces: Forces,
         status: watch::Sender<DiagnosticStatus>,
     ) -> anyhow::Result<()> {
-        let (mut last, mut newest, mut published, mut look) = (None, Stamp::default(), 0, looks());
+        let (mut last, mut newest, mut published, mut seconds) = (None, Stamp::default(), 0, seconds());
         loop {
             tokio::select! {
                 () = forces.changed() => {}
-                _ = look.tick() => {
+                _ = seconds.tick() => {
                     status.send_replace(diagnostics::patch(&robot, &section.name, &forces.force(), published));
                     continue;
                 }
@@ -108,55 +102,25 @@ impl ForceTopics {
     }
 }
 
-/// Publishes a patch's taxels as they come, over one stream after the other.
+/// Publishes a patch's taxels as they come.
 ///
 /// # Errors
 /// If the middleware has ended.
-pub async fn taxels(mut topic: Topic<PointCloud2>, section: PatchSection, daemon: Daemon) -> anyhow::Result<()> {
-    let mut told = None;
+pub async fn taxels(mut topic: Topic<PointCloud2>, section: PatchSection, mut taxels: Taxels) -> anyhow::Result<()> {
     loop {
-        let ended = match one_stream(&mut topic, &section, &daemon).await {
-            Ok(closed) => return closed,
-            Err(status) => words(&status),
-        };
-        if told.as_ref() != Some(&ended) {
-            tracing::warn!(patch = section.name, "no taxels from the daemon: {ended}");
-            told = Some(ended);
-        }
-        tokio::time::sleep(AGAIN_AFTER).await;
-    }
-}
-
-/// Publishes the taxels of one stream, until the daemon ends it (`Err`) or the middleware has ended (`Ok`).
-async fn one_stream(
-    topic: &mut Topic<PointCloud2>,
-    section: &PatchSection,
-    daemon: &Daemon,
-) -> Result<anyhow::Result<()>, Status> {
-    let patch = section.name.clone();
-    // A daemon that comes back may have another configuration.
-    let skin = daemon.skin().get_skin(PatchRequest { patch: patch.clone() }).await?.into_inner();
-    let request = StreamRequest { patch, rate_hz: Some(section.taxels_hz) };
-    let mut stream = daemon.skin().stream_taxels(request).await?.into_inner();
-    while let Some(sample) = stream.message().await? {
-        if sample.taxels.len() != skin.taxels.len() {
-            return Err(Status::aborted("the patch has another number of taxels now"));
-        }
-        let waited = on_the_way(sample.sent.as_ref(), SystemTime::now());
-        if let Some(cloud) = messages::taxels(&sample, &skin, section.frame(), waited)
-            && let Err(closed) = topic.publish(cloud).await
+        if let Some((skin, sample, waited)) = taxels.next().await
+            && let Some(cloud) = messages::taxels(&sample, skin, section.frame(), waited)
         {
-            return Ok(Err(closed));
+            topic.publish(cloud).await?;
         }
     }
-    Err(Status::unavailable("the daemon ended the stream"))
 }
 
-/// When it is looked whether a level has changed.
-fn looks() -> Interval {
-    let mut look = interval(LOOK_EVERY);
-    look.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    look
+/// When diagnostics are due.
+fn seconds() -> Interval {
+    let mut seconds = interval(DIAGNOSTICS_EVERY);
+    seconds.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    seconds
 }
 
 /// Announces the topic of diagnostics.
@@ -177,25 +141,15 @@ pub async fn diagnostics(
     patches: Vec<watch::Receiver<DiagnosticStatus>>,
     health: HealthFeed,
 ) -> anyhow::Result<()> {
-    let (mut look, mut sent) = (looks(), None::<(Instant, Vec<u8>)>);
+    let mut seconds = seconds();
     loop {
-        look.tick().await;
+        seconds.tick().await;
         let mut status: Vec<_> = patches.iter().map(|patch| patch.borrow().clone()).collect();
-        status.extend(match &*health.borrow() {
-            Ok(health) => diagnostics::daemon(&robot, Ok(health)),
-            Err(why) => diagnostics::daemon(&robot, Err(why)),
-        });
-        let levels: Vec<u8> = status.iter().map(|status| status.level).collect();
-        let due = sent.as_ref().is_none_or(|(at, before)| at.elapsed() >= DIAGNOSTICS_EVERY || *before != levels);
-        if due {
-            let ns = wall::now_ns();
-            let stamp = Time {
-                sec: i32::try_from(ns / 1_000_000_000).unwrap_or(i32::MAX),
-                nanosec: (ns % 1_000_000_000) as u32,
-            };
-            topic.publish(DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status }).await?;
-            sent = Some((Instant::now(), levels));
-        }
+        status.extend(diagnostics::daemon(&robot, health.borrow().as_ref()));
+        let ns = wall::now_ns();
+        let stamp =
+            Time { sec: i32::try_from(ns / 1_000_000_000).unwrap_or(i32::MAX), nanosec: (ns % 1_000_000_000) as u32 };
+        topic.publish(DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status }).await?;
     }
 }
 

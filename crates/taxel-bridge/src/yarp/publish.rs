@@ -1,28 +1,26 @@
 //! When what goes out on which port.
 
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use taxel_client::Forces;
 use taxel_proto::Timestamp;
-use taxel_proto::judge::on_the_way;
-use taxel_proto::v1::{PatchRequest, StreamRequest};
 use taxel_yarp::{NameServer, OutPort, PortError, Value};
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, sleep};
-use tonic::Status;
 
 use super::layout::Layout;
 use super::messages::{contact, force, pressures};
 use super::parts::Part;
 use crate::config::{PatchSection, YarpSection};
-use crate::daemon::{Daemon, words};
+use crate::daemon::{Daemon, Taxels};
+use crate::wall;
 
 /// Contacts go out as often as skinManager sends them.
 const EVENTS_EVERY: Duration = Duration::from_millis(20);
 /// That there is no force is said so often.
 const NO_FORCE_EVERY: Duration = Duration::from_millis(100);
-/// Between two attempts to open a port or a stream.
+/// Between two attempts to open a port, or to ask for a layout.
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 
 /// The names that this bridge has taken, to be given back at its end. Another program's are not touched.
@@ -69,7 +67,7 @@ fn seconds(time: Option<&Timestamp>) -> f64 {
 }
 
 fn now() -> f64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64()
+    wall::now_ns() as f64 * 1e-9
 }
 
 /// Sends each force as it comes, and ten times a second that there is none.
@@ -90,43 +88,19 @@ pub async fn forces(mut port: OutPort, mut forces: Forces) {
     }
 }
 
-/// Sends the pressures of all rows as they come, over one stream after the other; in between that there are none.
-pub async fn taxels(mut port: OutPort, patch: String, daemon: Daemon, rate_hz: f64) {
-    let (mut told, mut rows) = (String::new(), 0);
+/// Sends the pressures of all rows as they come; when a stream has ended, that there are none.
+pub async fn taxels(mut port: OutPort, mut taxels: Taxels) {
+    let mut rows = 0;
     loop {
-        let ended = one_stream(&mut port, &patch, &daemon, rate_hz, &mut rows).await;
-        port.send(now(), &vec![Value::Float(f64::NAN); rows]);
-        let why = ended.map_or_else(|status| words(&status), |()| "the daemon ended the stream".to_owned());
-        if told != why {
-            tracing::warn!(patch, "no taxels from the daemon: {why}");
-            told = why;
+        if let Some((skin, sample, waited)) = taxels.next().await {
+            let layout = Layout::new(skin);
+            rows = layout.rows;
+            let kpa = pressures(&sample, &layout, waited).into_iter().map(Value::Float);
+            port.send(seconds(sample.time.as_ref()), &kpa.collect::<Vec<_>>());
+        } else {
+            port.send(now(), &vec![Value::Float(f64::NAN); rows]);
         }
-        sleep(PAUSES[0]).await;
     }
-}
-
-async fn one_stream(
-    port: &mut OutPort,
-    patch: &str,
-    daemon: &Daemon,
-    rate_hz: f64,
-    rows: &mut usize,
-) -> Result<(), Status> {
-    let layout = layout(patch, daemon).await?;
-    *rows = layout.rows;
-    let request = StreamRequest { patch: patch.to_owned(), rate_hz: Some(rate_hz) };
-    let mut stream = daemon.skin().stream_taxels(request).await?.into_inner();
-    while let Some(sample) = stream.message().await? {
-        let waited = on_the_way(sample.sent.as_ref(), SystemTime::now());
-        let kpa = pressures(&sample, &layout, waited).into_iter().map(Value::Float);
-        port.send(seconds(sample.time.as_ref()), &kpa.collect::<Vec<_>>());
-    }
-    Ok(())
-}
-
-async fn layout(patch: &str, daemon: &Daemon) -> Result<Layout, Status> {
-    let skin = daemon.skin().get_skin(PatchRequest { patch: patch.to_owned() }).await?.into_inner();
-    Ok(Layout::new(&skin))
 }
 
 /// A patch whose contacts go out.
@@ -143,8 +117,8 @@ impl Followed {
         let (patch, asked) = (section.name.clone(), daemon.clone());
         tokio::spawn(async move {
             while !to.is_closed() {
-                match layout(&patch, &asked).await {
-                    Ok(layout) => return drop(to.send_replace(Arc::new(layout))),
+                match asked.layout(&patch).await {
+                    Ok(skin) => return drop(to.send_replace(Arc::new(Layout::new(&skin)))),
                     Err(_) => sleep(PAUSES[1]).await,
                 }
             }
