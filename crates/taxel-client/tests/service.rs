@@ -15,7 +15,7 @@ use taxel_engine::plan::{LiveLimits, PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot};
 use taxel_proto::judge;
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Backend, Drain, Limits, Listener, Publisher, Role, Rules, ServeError, Server, Tls, TlsFiles};
+use taxel_rpc::{Access, Backend, Limits, Listener, Publisher, Role, Rules, Server, Tls, TlsFiles};
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -35,7 +35,7 @@ struct Daemon {
     publisher: Publisher,
     origin: Instant,
     shutdown: CancellationToken,
-    server: JoinHandle<Result<Drain, ServeError>>,
+    server: JoinHandle<std::io::Result<()>>,
 }
 
 impl Daemon {

@@ -43,16 +43,9 @@ pub fn compare(args: &CompareArgs) -> anyhow::Result<()> {
             Ok((of(&daemon, earlier, &args.earlier).await?, of(&daemon, later, &args.later).await?))
         })?,
     };
-    ensure!(
-        earlier.patch == later.patch && earlier.taxels.len() == later.taxels.len(),
-        "{} is for {} taxels of patch `{}`, {} for {} of `{}`",
-        later.id,
-        later.taxels.len(),
-        later.patch,
-        earlier.id,
-        earlier.taxels.len(),
-        earlier.patch
-    );
+    let skin = |set: &ModelSet| format!("{} taxels of patch `{}`", set.taxels.len(), set.patch);
+    let (is, was) = (skin(&later), skin(&earlier));
+    ensure!(is == was, "{} is for {is}, {} for {was}", later.id, earlier.id);
     print(&earlier, &later);
     Ok(())
 }
@@ -67,8 +60,7 @@ async fn of(daemon: &Daemon, read: Option<ModelSet>, name: &str) -> anyhow::Resu
 fn print(earlier: &ModelSet, later: &ModelSet) {
     let compared = Comparison::of(earlier, later);
     say!("{} against {}, patch {}:", later.id, earlier.id, later.patch);
-    let over =
-        |figure: fn(&TaxelComparison) -> Option<f64>| spread(compared.taxels.iter().filter_map(figure).collect());
+    let over = |of: fn(&TaxelComparison) -> Option<f64>| spread(compared.taxels.iter().filter_map(of).collect());
     if let Some((low, median, high)) = over(change_percent) {
         say!("  pressure at equal counts from rest: median {median:+.1} %, {low:+.1} % to {high:+.1} %");
     }
@@ -80,9 +72,9 @@ fn print(earlier: &ModelSet, later: &ModelSet) {
     }
     let far = |taxel: &&TaxelComparison| change_percent(taxel).is_some_and(|change| change.abs() > NAMED_PERCENT);
     let far: Vec<u32> = compared.taxels.iter().filter(far).map(|taxel| taxel.taxel).collect();
-    let changed = format!("changed by more than {NAMED_PERCENT} %");
-    let lines =
-        [("no longer usable", &compared.lost), ("newly usable", &compared.became_usable), (changed.as_str(), &far)];
+    let changed = &*format!("changed by more than {NAMED_PERCENT} %");
+    let Comparison { lost, became_usable, .. } = &compared;
+    let lines = [("no longer usable", lost), ("newly usable", became_usable), (changed, &far)];
     for (what, taxels) in lines.into_iter().filter(|(_, taxels)| !taxels.is_empty()) {
         let numbers: Vec<String> = taxels.iter().map(ToString::to_string).collect();
         say!("  {} taxels {what}: {}", taxels.len(), numbers.join(" "));

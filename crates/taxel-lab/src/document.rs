@@ -14,9 +14,9 @@ const DIGITS: usize = 4;
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Section {
     /// Short, stable, lower case, for example `force`.
-    pub id: &'static str,
+    pub id: String,
     /// The heading.
-    pub title: &'static str,
+    pub title: String,
     /// Paragraphs of plain text above the figures: what was asked, how it was measured, what came out.
     pub text: Vec<String>,
     /// What was promised; on the first screen.

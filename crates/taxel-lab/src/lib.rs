@@ -15,7 +15,6 @@ mod forearm;
 mod numbers;
 mod page;
 pub mod paper;
-mod peers;
 pub mod recording;
 pub mod report;
 mod session;

@@ -135,7 +135,7 @@ mod tests {
         };
         let rows = vec![row!["a < b", 1.0 / 3.0, false]];
         let section = Section {
-            id: "a",
+            id: "a".to_owned(),
             text: vec!["first <p>".to_owned()],
             aims: vec![Aim::at_most("kept", 0.25, 1.0), Aim::at_most("missed", 2.0, 1.0)],
             figures: vec![figure],

@@ -96,13 +96,6 @@ impl Refusal {
         self
     }
 
-    /// The same, about all these; the narrowest last.
-    #[must_use]
-    pub fn about_all(mut self, things: impl IntoIterator<Item = (&'static str, String)>) -> Self {
-        self.about.extend(things);
-        self
-    }
-
     /// What the condition that failed is one of: the last thing named, which is the narrowest.
     fn subject(&self) -> String {
         self.about.last().map_or_else(String::new, |(what, which)| {

@@ -91,14 +91,9 @@ pub trait Backend: Send + Sync {
     }
 }
 
-/// Asks the store and waits for its answer. `held` goes the way of the question: where the caller has gone meanwhile, it is
-/// dropped when the store has answered and not before, so that calls which are given up do not pile up in the store.
-pub(crate) async fn ask<T: Send + 'static, H: Send + 'static>(
-    held: H,
-    question: impl FnOnce(Told<T>),
-) -> Result<(T, H), Refusal> {
+/// Asks the store and waits for its answer.
+pub(crate) async fn ask<T: Send + 'static>(question: impl FnOnce(Told<T>)) -> Result<T, Refusal> {
     let (tell, told) = oneshot::channel();
-    question(Box::new(move |answer| drop(tell.send((answer, held)))));
-    let (answer, held) = told.await.map_err(|_| unavailable(STOPPED))?;
-    Ok((answer?, held))
+    question(Box::new(move |answer| drop(tell.send(answer))));
+    told.await.map_err(|_| unavailable(STOPPED))?
 }

@@ -1,37 +1,32 @@
 //! `CalibrationService`: sessions, by command and by view.
 
-use futures_util::stream;
+use futures_util::stream::{self, StreamExt};
 use std::sync::Arc;
+use std::time::Duration;
+use taxel_engine::calibration::export::{sample_row, table_head};
 use taxel_engine::calibration::fit::Branch;
-use taxel_engine::calibration::{Direction, SampleRefusal, SessionState, SessionView};
+use taxel_engine::calibration::{Direction, Sample, SampleRefusal, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Command, Done};
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::snapshot::Catalogue;
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
+use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::calibration_service_server::CalibrationService;
 use taxel_skin::Kilopascal;
-use tokio::sync::watch;
 use tonic::{Request, Response, Status};
 
-use crate::access::caller::Caller;
-use crate::convert::{known, timestamp};
-use crate::page::part;
-use crate::service::{Reply, Service, caller, check_session, confirmed_by, held, list, strange_answer};
+use crate::access::rules::Caller;
+use crate::backend::ask;
+use crate::convert::{known, same_names, timestamp};
+use crate::service::{Reply, Service, caller, check_session, confirmed_by, list, misfit, part};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
-impl Service {
-    fn page_of_sessions(&self, request: &v1::ListRequest) -> Result<v1::ListSessionsResponse, Status> {
-        if !request.patch.is_empty() {
-            self.patch(&request.patch)?;
-        }
-        let (most, before) = part(request)?;
-        let of_patch = |view: &SessionView| request.patch.is_empty() || view.patch == request.patch;
-        let sessions = self.sessions();
-        let wanted = sessions.iter().rev().filter(|view| view.number < before && of_patch(view)).take(most);
-        Ok(v1::ListSessionsResponse { sessions: wanted.map(|view| self.message(view)).collect() })
-    }
-}
+/// A watched session is looked at this often.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// Scans of one piece: of 230 taxels 100 kB.
+const PIECE_SCANS: usize = 100;
 
 #[tonic::async_trait]
 impl CalibrationService for Service {
@@ -71,10 +66,9 @@ impl CalibrationService for Service {
     async fn delete_session(&self, request: Request<v1::SessionRequest>) -> Reply<()> {
         let caller = caller(&request)?;
         let session = check_session(request.get_ref().session)?;
-        match self.command(&caller, "DeleteSession", Command::DeleteSession { session }).await? {
-            Done::Deleted => Ok(Response::new(())),
-            other => Err(strange_answer(&other)),
-        }
+        let done = self.command(&caller, "DeleteSession", Command::DeleteSession { session }).await?;
+        let Done::Deleted = done else { return Err(misfit()) };
+        Ok(Response::new(()))
     }
 
     async fn get_session(&self, request: Request<v1::SessionRequest>) -> Reply<v1::Session> {
@@ -83,14 +77,34 @@ impl CalibrationService for Service {
 
     async fn list_sessions(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListSessionsResponse> {
         let (request, service) = (request.into_inner(), self.clone());
-        list(move || service.page_of_sessions(&request)).await
+        self.check_wanted(&request.patch)?;
+        let (most, before) = part(&request)?;
+        list(move || {
+            let of_patch = |view: &SessionView| request.patch.is_empty() || view.patch == request.patch;
+            let sessions = service.sessions();
+            let wanted = sessions.iter().rev().filter(|view| view.number < before && of_patch(view)).take(most);
+            v1::ListSessionsResponse { sessions: wanted.map(|view| service.message(view)).collect() }
+        })
+        .await
     }
 
     type ExportSamplesStream = MessageStream<v1::SampleTable>;
 
     async fn export_samples(&self, request: Request<v1::SessionRequest>) -> Reply<Self::ExportSamplesStream> {
         let session = self.session(request.get_ref().session)?.number;
-        Ok(Response::new(self.export(held(&request)?, session).await?))
+        let samples = ask(|told| self.backend.samples(session, told)).await;
+        let samples = samples.map_err(|refusal| refusal.about("session", session))?;
+        let Some(first_ns) = samples.samples.first().map(|sample| sample.time_ns) else {
+            let why = format!("session {session} has no samples");
+            return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, why).into());
+        };
+        let view = self.session(session)?; // as it is now that the samples are read
+        let plan = self.handle.plan.patches.iter().find(|plan| plan.patch.name() == view.patch);
+        let head = plan.map(|plan| table_head(&plan.about(&view), &samples)).unwrap_or_default();
+        let pieces = samples.samples.len().div_ceil(PIECE_SCANS);
+        let rows = stream::iter(0..pieces).map(move |number| rows(&samples, number, first_ns));
+        let pieces = stream::once(std::future::ready(head)).chain(rows);
+        Ok(Response::new(pieces.map(|text| Ok(v1::SampleTable { text })).boxed()))
     }
 
     async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Reply<v1::Refit> {
@@ -102,15 +116,12 @@ impl CalibrationService for Service {
     type WatchSessionStream = MessageStream<v1::Session>;
 
     async fn watch_session(&self, request: Request<v1::SessionRequest>) -> Reply<Self::WatchSessionStream> {
-        let number = request.get_ref().session;
-        let patch = self.patch(&self.session(number)?.patch)?;
-        let live = self.handle.patches[patch].session.clone();
-        let catalogue = self.handle.catalogue.clone();
-        let watch = Watch { service: self.clone(), number, live, catalogue, last: None };
-        Ok(Response::new(Box::pin(stream::unfold(watch, |mut watch| async {
-            let view = watch.next().await.transpose()?;
-            Some((view.map(|view| watch.service.message(&view)), watch))
-        }))))
+        let number = self.session(request.get_ref().session)?.number;
+        let sessions = stream::try_unfold((self.clone(), None), move |(service, last)| async move {
+            let next = service.next_view(number, last.as_deref()).await?;
+            Ok(next.map(|view| (service.message(&view), (service, Some(view)))))
+        });
+        Ok(Response::new(Box::pin(sessions)))
     }
 }
 
@@ -122,10 +133,8 @@ impl Service {
     }
 
     async fn session_command(&self, caller: &Caller, name: &'static str, command: Command) -> Reply<v1::Session> {
-        match self.command(caller, name, command).await? {
-            Done::Session(view) => Ok(Response::new(self.message(&view))),
-            other => Err(strange_answer(&other)),
-        }
+        let Done::Session(view) = self.command(caller, name, command).await? else { return Err(misfit()) };
+        Ok(Response::new(self.message(&view)))
     }
 }
 
@@ -134,45 +143,29 @@ fn module_name(name: &v1::ModuleName) -> Result<(u8, u8), Status> {
     let byte = |number: u32| u8::try_from(number).ok();
     byte(name.board).zip(byte(name.module)).ok_or_else(|| {
         let (board, module) = (name.board, name.module);
-        invalid(
-            "leave_out",
-            format_args!("board {board} module {module}: expected a board of 1 to 15, a module of 0 to 15"),
-        )
+        let expected = "expected a board of 1 to 15, a module of 0 to 15";
+        invalid("leave_out", format_args!("board {board} module {module}: {expected}"))
     })
 }
 
-/// One watcher of one session.
-struct Watch {
-    service: Service,
-    number: u64,
-    /// The session that its patch is at, most often this one.
-    live: watch::Receiver<Option<Arc<SessionView>>>,
-    /// Where it changes once its patch is at another one.
-    catalogue: watch::Receiver<Arc<Catalogue>>,
-    last: Option<Arc<SessionView>>,
-}
-
-impl Watch {
-    /// The session as it is at first, then whenever it is not what was sent last; nothing after its end.
-    async fn next(&mut self) -> Result<Option<Arc<SessionView>>, Status> {
-        if self.last.as_ref().is_some_and(|last| has_ended(last.state)) {
+impl Service {
+    /// A watched session as it is at first, then as soon as it is not what was sent last; nothing after its end.
+    async fn next_view(&self, number: u64, last: Option<&SessionView>) -> Result<Option<Arc<SessionView>>, Status> {
+        if last.is_some_and(|last| has_ended(last.state)) {
             return Ok(None);
         }
         loop {
-            self.live.mark_unchanged();
-            self.catalogue.mark_unchanged();
-            let view = Some(self.service.session(self.number)?);
-            if self.last != view {
-                self.last.clone_from(&view);
-                return Ok(view);
+            let view = self.session(number)?;
+            if last != Some(&*view) {
+                return Ok(Some(view));
             }
-            let changed = tokio::select! {
-                biased;
-                () = self.service.handle.shutdown.cancelled() => return Err(unavailable(SHUTTING_DOWN).into()),
-                changed = self.live.changed() => changed,
-                changed = self.catalogue.changed() => changed,
-            };
-            changed.map_err(|_| unavailable(STOPPED))?;
+            let _ = tokio::time::timeout(LOOK_EVERY, self.handle.shutdown.cancelled()).await; // whichever comes first
+            if self.handle.is_over() {
+                return Err(unavailable(SHUTTING_DOWN).into());
+            }
+            if !self.handle.is_connected() {
+                return Err(unavailable(STOPPED).into());
+            }
         }
     }
 }
@@ -231,16 +224,15 @@ fn left_out(plan: &PatchPlan, view: &SessionView) -> Vec<v1::ModuleName> {
     view.left_out.iter().filter_map(name).collect()
 }
 
-const fn state(state: SessionState) -> v1::SessionState {
-    match state {
-        SessionState::Taring => v1::SessionState::Taring,
-        SessionState::Ramping => v1::SessionState::Ramping,
-        SessionState::Fitting => v1::SessionState::Fitting,
-        SessionState::Review => v1::SessionState::Review,
-        SessionState::Active => v1::SessionState::Active,
-        SessionState::Discarded => v1::SessionState::Discarded,
-        SessionState::Aborted => v1::SessionState::Aborted,
-        SessionState::Failed => v1::SessionState::Failed,
-        SessionState::Interrupted => v1::SessionState::Interrupted,
-    }
+same_names!(state: SessionState => v1::SessionState,
+    Taring Ramping Fitting Review Active Discarded Aborted Failed Interrupted);
+
+fn rows(samples: &SessionSamples, piece: usize, first_ns: i64) -> String {
+    let row = |sample: &Sample| {
+        let counts = sample.counts.counts();
+        let raw = (0..counts.len()).filter_map(|taxel| counts.raw(taxel)).map(u32::from);
+        let since_ns = sample.time_ns.saturating_sub(first_ns);
+        sample_row(since_ns, sample.pressure_kpa, raw, u32::from(sample.ramp) + 1)
+    };
+    samples.samples.iter().skip(piece * PIECE_SCANS).take(PIECE_SCANS).map(row).collect()
 }

@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::net::IpAddr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -17,7 +18,7 @@ use nix::sys::socket::{Shutdown, shutdown};
 use tokio::time::MissedTickBehavior;
 
 use crate::access::origin::peer_at;
-use crate::limits::Limits;
+use crate::limits::{Limits, UNTAKEN_CHECKS};
 use crate::refusals::Refusals;
 
 /// All connections of one server. Cheap to clone.
@@ -26,16 +27,11 @@ pub struct Connections(Arc<Inner>);
 
 #[derive(Debug)]
 struct Inner {
-    open: Mutex<Open>,
+    /// By the order in which they arrived.
+    open: Mutex<BTreeMap<u64, Entry>>,
+    arrived: AtomicU64,
     limits: Limits,
     refusals: Arc<Refusals>,
-}
-
-#[derive(Debug, Default)]
-struct Open {
-    arrived: u64,
-    /// By the order in which they arrived.
-    entries: BTreeMap<u64, Entry>,
 }
 
 /// One connection, as the watch sees it.
@@ -51,10 +47,7 @@ struct Entry {
     /// Calls of which something is to be taken.
     waiting: usize,
     idle_since: Instant,
-    /// Grows with each sign of life.
-    progress: u64,
-    /// Its progress at the last check, and how many checks ago that began to be all.
-    progress_before: u64,
+    /// Checks since its last sign of life, while one is due.
     still_checks: u32,
 }
 
@@ -68,7 +61,7 @@ pub struct Seat {
 impl Connections {
     /// None yet.
     pub(crate) fn new(limits: Limits, refusals: Arc<Refusals>) -> Self {
-        Self(Arc::new(Inner { open: Mutex::default(), limits, refusals }))
+        Self(Arc::new(Inner { open: Mutex::default(), arrived: AtomicU64::new(0), limits, refusals }))
     }
 
     /// For a listener of its own.
@@ -82,10 +75,10 @@ impl Connections {
     pub(crate) fn arrive(&self, socket: OwnedFd, peer: &str) -> Option<Arc<Seat>> {
         let limits = &self.0.limits;
         let mut open = self.open();
-        let of_peer = open.entries.values().filter(|entry| entry.peer == peer).count();
+        let of_peer = open.values().filter(|entry| entry.peer == peer).count();
         let own = of_peer >= limits.connections_per_peer;
-        if own || open.entries.len() >= limits.connections {
-            let candidates = open.entries.iter().filter(|(_, entry)| !own || entry.peer == peer);
+        if own || open.len() >= limits.connections {
+            let candidates = open.iter().filter(|(_, entry)| !own || entry.peer == peer);
             let idle = candidates.filter(|(_, entry)| entry.calls == 0);
             let idle = idle.map(|(number, entry)| (entry.proven, entry.idle_since, *number));
             let Some((.., number)) = idle.min() else {
@@ -96,11 +89,12 @@ impl Connections {
                 });
                 return None;
             };
-            open.entries.remove(&number).iter().for_each(Entry::end);
+            open.remove(&number).iter().for_each(Entry::end);
         }
-        open.arrived += 1;
-        let number = open.arrived;
-        open.entries.insert(number, Entry::new(peer, socket));
+        let number = self.0.arrived.fetch_add(1, Ordering::Relaxed);
+        let (peer, idle_since) = (peer.to_owned(), Instant::now());
+        let entry = Entry { peer, socket, proven: false, calls: 0, waiting: 0, idle_since, still_checks: 0 };
+        open.insert(number, entry);
         Some(Arc::new(Seat { number, connections: self.clone() }))
     }
 
@@ -123,50 +117,31 @@ impl Connections {
 
     fn check(&self) {
         let Inner { limits, refusals, .. } = &*self.0;
-        let mut ended = Vec::new();
-        for entry in self.open().entries.values_mut() {
+        for entry in self.open().values_mut() {
             let waits = !entry.proven || entry.waiting > 0;
-            entry.still_checks =
-                if waits && entry.progress == entry.progress_before { entry.still_checks + 1 } else { 0 };
-            entry.progress_before = entry.progress;
-            let most = if entry.proven { limits.untaken_checks } else { limits.preface_checks };
+            entry.still_checks = if waits { entry.still_checks + 1 } else { 0 };
+            let most = if entry.proven { UNTAKEN_CHECKS } else { limits.preface_checks };
             if entry.still_checks > most {
                 entry.end();
                 entry.still_checks = 0;
-                ended.push((entry.peer.clone(), entry.proven));
+                let (peer, untaken) = (&entry.peer, "for too long it took nothing of an answer");
+                let why = if entry.proven { untaken } else { "it sent no request in time" };
+                refusals.tell(("ended", peer), || format!("a connection of {peer} was closed: {why}"));
             }
-        }
-        for (peer, proven) in ended {
-            let why = if proven { "for too long it took nothing of an answer" } else { "it sent no request in time" };
-            refusals.tell(("ended", &peer), || format!("a connection of {peer} was closed: {why}"));
         }
     }
 
     /// Closes all of them.
     pub(crate) fn end_all(&self) {
-        self.open().entries.values().for_each(Entry::end);
+        self.open().values().for_each(Entry::end);
     }
 
-    fn open(&self) -> MutexGuard<'_, Open> {
+    fn open(&self) -> MutexGuard<'_, BTreeMap<u64, Entry>> {
         self.0.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Entry {
-    fn new(peer: &str, socket: OwnedFd) -> Self {
-        Self {
-            peer: peer.to_owned(),
-            socket,
-            proven: false,
-            calls: 0,
-            waiting: 0,
-            idle_since: Instant::now(),
-            progress: 0,
-            progress_before: 0,
-            still_checks: 0,
-        }
-    }
-
     fn end(&self) {
         let _ = shutdown(self.socket.as_raw_fd(), Shutdown::Both); // the peer may have closed it
     }
@@ -174,14 +149,14 @@ impl Entry {
 
 impl Drop for Seat {
     fn drop(&mut self) {
-        self.connections.open().entries.remove(&self.number);
+        self.connections.open().remove(&self.number);
     }
 }
 
 impl Seat {
     fn sign(&self, change: impl FnOnce(&mut Entry)) {
-        if let Some(entry) = self.connections.open().entries.get_mut(&self.number) {
-            entry.progress += 1;
+        if let Some(entry) = self.connections.open().get_mut(&self.number) {
+            entry.still_checks = 0;
             change(entry);
         }
     }

@@ -11,7 +11,19 @@ use taxel_proto::{Timestamp, v1};
 use taxel_skin::{Newton, Time};
 
 use crate::freshness::Freshness;
-use crate::reasons;
+
+/// An enumeration of the engine's as the one of the service with the same names.
+macro_rules! same_names {
+    ($(#[$doc:meta])* $visibility:vis $name:ident: $from:ty => $to:ty, $($variant:ident)+) => {
+        $(#[$doc])*
+        $visibility const fn $name(value: $from) -> $to {
+            match value {
+                $(<$from>::$variant => <$to>::$variant,)+
+            }
+        }
+    };
+}
+pub(crate) use same_names;
 
 /// When a message goes out and what it leaves behind.
 #[derive(Clone, Copy, Debug)]
@@ -48,25 +60,15 @@ pub(crate) fn known(figure: f64) -> Option<f64> {
 
 /// A sample of a stream: of each reason how many taxels it is about.
 pub(crate) fn force(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
-    sample(plan, snapshot, sending, reasons::counted)
+    sample(plan, snapshot, sending, false)
 }
 
-/// A sample that was asked for once: of each reason also which taxels it is about.
+/// A sample that was asked for once: of each reason also which taxels it is about, and what the uncertainty is made of.
 pub(crate) fn force_in_full(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
-    let mut message = sample(plan, snapshot, sending, reasons::listed);
-    if message.total_n.is_some() {
-        let term = |(term, sigma): (Term, Newton)| v1::Uncertainty { term: term.name().to_owned(), sigma_n: sigma.0 };
-        message.budget = snapshot.force.budget.terms().map(term).collect();
-    }
-    message
+    sample(plan, snapshot, sending, true)
 }
 
-fn sample(
-    plan: &PatchPlan,
-    snapshot: &PatchSnapshot,
-    sending: Sending,
-    cause: fn(&Reason) -> v1::ForceReason,
-) -> v1::ForceSample {
+fn sample(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending, in_full: bool) -> v1::ForceSample {
     let force = &snapshot.force;
     // A value without any frame has no time and so no age.
     let framed = snapshot.seen;
@@ -80,7 +82,7 @@ fn sample(
         low_n: force.low().and_then(|low| known(low.0)),
         high_n: force.high().and_then(|high| known(high.0)),
         undetected_n: force.undetected.and_then(|undetected| known(undetected.at_most().0)),
-        budget: Vec::new(),
+        budget: if in_full && force.total.is_some() { force.budget.terms().map(term).collect() } else { Vec::new() },
         zero_epoch: force.zero_epoch,
         step_n: force.step.and_then(|step| known(step.0)),
         age_s: framed.then(|| sending.now.since(snapshot.time).as_secs_f64()),
@@ -93,7 +95,7 @@ fn sample(
         out_of_range: force.out_of_range,
         model_set: force.model_set.as_deref().unwrap_or_default().to_owned(),
         reasons: reasons().map(|reason| reason.text().to_owned()).collect(),
-        causes: reasons().map(cause).collect(),
+        causes: reasons().map(|reason| cause(reason, in_full)).collect(),
         patch: plan.patch.name().to_owned(),
         resultant_n: force.resultant.map(vector),
         moment_nm: force.moment.map(vector),
@@ -160,17 +162,10 @@ pub(crate) fn faults(set: FaultSet) -> Vec<String> {
     set.iter().map(|fault| fault.name().to_owned()).collect()
 }
 
-/// The engine's states under the same names.
-#[must_use]
-pub const fn force_state(state: ForceState) -> v1::ForceState {
-    match state {
-        ForceState::Ok => v1::ForceState::Ok,
-        ForceState::Degraded => v1::ForceState::Degraded,
-        ForceState::Stale => v1::ForceState::Stale,
-        ForceState::TareInvalid => v1::ForceState::TareInvalid,
-        ForceState::Uncalibrated => v1::ForceState::Uncalibrated,
-    }
-}
+same_names!(
+    /// The engine's state of a force as that of the service.
+    #[must_use]
+    pub force_state: ForceState => v1::ForceState, Ok Degraded Stale TareInvalid Uncalibrated);
 
 pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
     let Some(tare) = tare else {
@@ -184,9 +179,23 @@ pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
         valid: tare.valid,
         time: timestamp(tare.wall_ns),
         reason: tare.reason.clone(),
-        reason_code: tare.code.map_or(v1::ReasonCode::Unspecified, reasons::code).into(),
+        reason_code: tare.code.map_or(v1::ReasonCode::Unspecified, code).into(),
         baseline_median_counts: known(tare.baseline_median).unwrap_or_default(),
         noise_median_counts: known(tare.noise_median).unwrap_or_default(),
         drift_median_counts: known(tare.drift.median_counts).unwrap_or_default(),
     }
 }
+
+fn term((term, sigma): (Term, Newton)) -> v1::Uncertainty {
+    v1::Uncertainty { term: term.name().to_owned(), sigma_n: sigma.0 }
+}
+
+/// A reason with the number of its taxels, which a sample of a stream can bear, and in full with all of them.
+fn cause(reason: &Reason, in_full: bool) -> v1::ForceReason {
+    let which = if in_full { reason.taxels().iter().map(|&taxel| taxel.into()).collect() } else { Vec::new() };
+    v1::ForceReason { code: code(reason.code()).into(), taxels: reason.taxels().len() as u32, which }
+}
+
+same_names!(code: ReasonCode => v1::ReasonCode,
+    NoFrame FrameOld EngineStalled TaxelsSilent TaxelsFaulty TaxelsBlind TaxelsWithoutZero TaxelsOutOfRange LoadVanished
+    DriftBounded NoModelSet NoUsableTaxel ZeroNotTaken RestNotProven BoardsNotConfigured ZeroLost ZeroDoubted);

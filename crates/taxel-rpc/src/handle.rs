@@ -1,6 +1,7 @@
 //! The two ends between the services and the engine's task: commands go one way, snapshots the other.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use taxel_engine::audit::Asked;
 use taxel_engine::calibration::SessionView;
@@ -8,14 +9,13 @@ use taxel_engine::command::{Command, Reply};
 use taxel_engine::events::Event;
 use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
+use taxel_skin::Time;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
-use crate::clock::Clock;
 use crate::convert::Sending;
 use crate::event_log::EventLog;
 use crate::freshness::Freshness;
-use crate::heartbeat::Heartbeat;
 
 /// Commands that may wait for the engine's task. Commands come from people and the engine takes one in microseconds, so
 /// more than a few waiting means that the task hangs; then it is better to refuse than to queue.
@@ -23,6 +23,9 @@ pub const COMMANDS_WAITING_MAX: usize = 16;
 
 /// The first turn comes within milliseconds of the start.
 const FIRST_TURN_LOOK: Duration = Duration::from_millis(1);
+
+/// The run's clock, the same that stamps the frames. It never steps. Handed in, so that tests give time as they like.
+pub type Clock = Arc<dyn Fn() -> Time + Send + Sync>;
 
 /// A command on its way to the engine.
 #[derive(Debug)]
@@ -49,7 +52,7 @@ pub struct Handle {
     pub(crate) shutdown: CancellationToken,
     /// Held by whoever fits: one fit takes up to 150 MB.
     pub(crate) fits: Arc<Semaphore>,
-    pub(crate) events: Arc<EventLog>,
+    pub(crate) events: watch::Receiver<EventLog>,
 }
 
 /// What comes from one patch.
@@ -62,12 +65,11 @@ pub(crate) struct PatchFeed {
 /// The engine's end: publishes snapshots, never waits. When it is dropped every stream ends with UNAVAILABLE.
 pub struct Publisher {
     heartbeat: Arc<Heartbeat>,
-    snapshots: Vec<watch::Sender<Arc<PatchSnapshot>>>,
-    sessions: Vec<watch::Sender<Option<Arc<SessionView>>>>,
+    patches: Vec<(watch::Sender<Arc<PatchSnapshot>>, watch::Sender<Option<Arc<SessionView>>>)>,
     health: watch::Sender<Arc<Health>>,
     catalogue: watch::Sender<Arc<Catalogue>>,
     fits: Arc<Semaphore>,
-    events: Arc<EventLog>,
+    events: watch::Sender<EventLog>,
 }
 
 /// Makes both ends for the patches of `plan`. Until the first publication readers see empty snapshots, which say so.
@@ -83,13 +85,16 @@ pub fn channel(
     let (commands, requests) = mpsc::channel(COMMANDS_WAITING_MAX);
     let (to_health, health) = watch::channel(Arc::default());
     let (to_catalogue, catalogue) = watch::channel(Arc::default());
-    let (fits, events) = (Arc::new(Semaphore::new(1)), Arc::new(EventLog::new()));
-    let (snapshots, seen): (Vec<_>, Vec<_>) = plan.patches.iter().map(|_| watch::channel(Arc::default())).unzip();
-    let (sessions, at): (Vec<_>, Vec<_>) = plan.patches.iter().map(|_| watch::channel(None)).unzip();
-    let feeds = seen.into_iter().zip(at).map(|(snapshot, session)| PatchFeed { snapshot, session });
+    let (to_events, events) = watch::channel(EventLog::default());
+    let fits = Arc::new(Semaphore::new(1));
+    let patch = |_| {
+        let ((to_snapshot, snapshot), (to_session, session)) = (watch::channel(Arc::default()), watch::channel(None));
+        ((to_snapshot, to_session), PatchFeed { snapshot, session })
+    };
+    let (patches, feeds): (Vec<_>, Vec<_>) = plan.patches.iter().map(patch).unzip();
     let handle = Handle {
         commands,
-        patches: feeds.collect(),
+        patches: feeds.into(),
         health,
         catalogue,
         plan,
@@ -97,10 +102,10 @@ pub fn channel(
         heartbeat: Arc::clone(&heartbeat),
         shutdown,
         fits: Arc::clone(&fits),
-        events: Arc::clone(&events),
+        events,
     };
-    let publisher =
-        Publisher { heartbeat, snapshots, sessions, health: to_health, catalogue: to_catalogue, fits, events };
+    let (health, catalogue, events) = (to_health, to_catalogue, to_events);
+    let publisher = Publisher { heartbeat, patches, health, catalogue, fits, events };
     (handle, publisher, requests)
 }
 
@@ -122,14 +127,14 @@ impl Publisher {
 
     /// New live state of the patch at this position of the plan.
     pub fn patch(&self, position: usize, snapshot: Arc<PatchSnapshot>) {
-        if let Some(sender) = self.snapshots.get(position) {
+        if let Some((sender, _)) = self.patches.get(position) {
             sender.send_replace(snapshot);
         }
     }
 
     /// The session of the patch at this position of the plan changed; `None`: it was deleted.
     pub fn session(&self, position: usize, view: Option<Arc<SessionView>>) {
-        if let Some(sender) = self.sessions.get(position) {
+        if let Some((_, sender)) = self.patches.get(position) {
             sender.send_replace(view);
         }
     }
@@ -141,7 +146,7 @@ impl Publisher {
 
     /// Something happened that an operator may ask for later.
     pub fn event(&self, event: Event) {
-        self.events.push(event);
+        self.events.send_modify(|log| log.push(event));
     }
 
     /// Sessions or model sets changed.
@@ -213,5 +218,52 @@ impl Handle {
     /// Whether there is an engine's task at the other end, running or not.
     pub(crate) fn is_connected(&self) -> bool {
         self.health.has_changed().is_ok()
+    }
+}
+
+/// The engine's task has its turn at least this often, also when nothing happens.
+pub const BEAT_EVERY: Duration = Duration::from_millis(50);
+
+/// An engine that had no turn for longer is stalled: what it published last may not be true any more. Two beats, so
+/// that one late wake-up is no alarm.
+pub const STALLED_AFTER: Duration = Duration::from_millis(100);
+
+/// Before the first turn. Nothing can be published yet, so nothing can be wrong.
+const NEVER: i64 = i64::MIN;
+
+/// The time of the engine's last turn.
+pub(crate) struct Heartbeat {
+    clock: Clock,
+    last_ns: AtomicI64,
+}
+
+impl Heartbeat {
+    /// None yet.
+    pub(crate) fn new(clock: Clock) -> Self {
+        Self { clock, last_ns: AtomicI64::new(NEVER) }
+    }
+
+    /// The engine has its turn now. Gives for how long it had none, if it was stalled.
+    pub(crate) fn beat(&self) -> Option<Duration> {
+        let gap = self.stalled_for();
+        self.last_ns.store((self.clock)().as_nanos(), Ordering::Relaxed);
+        gap
+    }
+
+    /// For how long the engine has not run, if it is stalled.
+    pub(crate) fn stalled_for(&self) -> Option<Duration> {
+        Some(self.silence()).filter(|silence| *silence > STALLED_AFTER)
+    }
+
+    /// Whether there was a first turn.
+    pub(crate) fn has_begun(&self) -> bool {
+        self.last_ns.load(Ordering::Relaxed) != NEVER
+    }
+
+    /// How long ago the last turn was; nothing before the first.
+    pub(crate) fn silence(&self) -> Duration {
+        // Read before the clock: a beat in between would be taken for one of the future, which is no silence either.
+        let last_ns = self.last_ns.load(Ordering::Relaxed);
+        if last_ns == NEVER { Duration::ZERO } else { (self.clock)().since(Time::from_nanos(last_ns)) }
     }
 }

@@ -12,7 +12,7 @@ use nix::sys::socket::{setsockopt, sockopt};
 use tokio::net::unix::UCred;
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 
-use crate::access::accounts::look_up;
+use crate::access::origin::look_up;
 use crate::access::origin::{Account, Origin, peer_at};
 use crate::connection::{Connection, Io};
 use crate::connections::Connections;

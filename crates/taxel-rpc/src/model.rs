@@ -12,34 +12,28 @@ use taxel_proto::v1::model_service_server::ModelService;
 use tonic::{Request, Response, Status};
 
 use crate::convert::{known, timestamp};
-use crate::page::part;
-use crate::service::{Reply, Service, aside, caller, held, list, strange_answer};
+use crate::service::{Reply, Service, aside, caller, list, misfit, part};
 use crate::status::invalid;
 
 /// Models in full that one answer may have: each has the curve at every count.
 const CURVES_MAX: usize = 32;
 
-impl Service {
-    fn page_of_sets(&self, request: &v1::ListRequest) -> Result<v1::ListModelSetsResponse, Status> {
-        if !request.patch.is_empty() {
-            self.patch(&request.patch)?;
-        }
-        if request.before != 0 {
-            return Err(invalid("before", "model sets have no numbers: leave it out"));
-        }
-        let (most, _) = part(request)?;
-        let wanted = |set: &&KnownSet| request.patch.is_empty() || set.patch == request.patch;
-        let catalogue = Arc::clone(&self.handle.catalogue.borrow());
-        let sets = catalogue.model_sets.iter().rev().filter(wanted).take(most);
-        Ok(v1::ListModelSetsResponse { model_sets: sets.map(|set| self.summary(set.summary())).collect() })
-    }
-}
-
 #[tonic::async_trait]
 impl ModelService for Service {
     async fn list_model_sets(&self, request: Request<v1::ListRequest>) -> Reply<v1::ListModelSetsResponse> {
         let (request, service) = (request.into_inner(), self.clone());
-        list(move || service.page_of_sets(&request)).await
+        self.check_wanted(&request.patch)?;
+        if request.before != 0 {
+            return Err(invalid("before", "model sets have no numbers: leave it out"));
+        }
+        let (most, _) = part(&request)?;
+        list(move || {
+            let wanted = |set: &&KnownSet| request.patch.is_empty() || set.patch == request.patch;
+            let catalogue = Arc::clone(&service.handle.catalogue.borrow());
+            let sets = catalogue.model_sets.iter().rev().filter(wanted).take(most);
+            v1::ListModelSetsResponse { model_sets: sets.map(|set| service.summary(set.summary())).collect() }
+        })
+        .await
     }
 
     async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Reply<v1::ModelSet> {
@@ -65,33 +59,29 @@ impl ModelService for Service {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
         let patch = self.plan(self.patch(&patch)?).patch.name().to_owned();
-        match self.command(&caller, "ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
-            Done::Activated { previous, .. } => {
-                let previous = previous.unwrap_or_default();
-                Ok(Response::new(v1::ActivateModelSetResponse { previous }))
-            }
-            other => Err(strange_answer(&other)),
-        }
+        let done = self.command(&caller, "ActivateModelSet", Command::Activate { patch, model_set, expected }).await?;
+        let Done::Activated { previous, .. } = done else { return Err(misfit()) };
+        let previous = previous.unwrap_or_default();
+        Ok(Response::new(v1::ActivateModelSetResponse { previous }))
     }
 
     async fn export_model_set(&self, request: Request<v1::ExportModelSetRequest>) -> Reply<v1::ExportModelSetResponse> {
-        let (held, request) = (held(&request)?, request.into_inner());
+        let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch).await?;
         let backend = Arc::clone(&self.backend);
-        let json = aside(held, move || backend.to_json(&set)).await?.map_err(Refusal::fault)?;
+        let json = aside(move || backend.to_json(&set)).await?.map_err(Refusal::fault)?;
         Ok(Response::new(v1::ExportModelSetResponse { json }))
     }
 
     async fn import_model_set(&self, request: Request<v1::ImportModelSetRequest>) -> Reply<v1::ImportModelSetResponse> {
-        let (caller, held) = (caller(&request)?, held(&request)?);
+        let caller = caller(&request)?;
         let v1::ImportModelSetRequest { json, insist } = request.into_inner();
         let backend = Arc::clone(&self.backend);
-        let set = aside(held, move || backend.read_foreign_json(&json)).await?;
+        let set = aside(move || backend.read_foreign_json(&json)).await?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
-        match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {
-            Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
-            other => Err(strange_answer(&other)),
-        }
+        let done = self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await?;
+        let Done::Imported { model_set } = done else { return Err(misfit()) };
+        Ok(Response::new(v1::ImportModelSetResponse { model_set }))
     }
 
     async fn delete_model_set(&self, request: Request<v1::DeleteModelSetRequest>) -> Reply<()> {
@@ -100,10 +90,9 @@ impl ModelService for Service {
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
-        match self.command(&caller, "DeleteModelSet", Command::DeleteModelSet { model_set }).await? {
-            Done::Deleted => Ok(Response::new(())),
-            other => Err(strange_answer(&other)),
-        }
+        let done = self.command(&caller, "DeleteModelSet", Command::DeleteModelSet { model_set }).await?;
+        let Done::Deleted = done else { return Err(misfit()) };
+        Ok(Response::new(()))
     }
 }
 

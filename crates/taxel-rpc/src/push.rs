@@ -15,12 +15,13 @@ use taxel_skin::Kilopascal;
 use tokio::sync::watch;
 use tonic::{Code, Request, Response, Status, Streaming};
 
-use crate::access::layer::may_push;
+use crate::access::layer::may;
 use crate::access::origin::Origin;
 use crate::access::rules::Rules;
+use crate::access::table::PUSH;
 use crate::arrivals::{Arrivals, LOOK_EVERY};
 use crate::push_line::Pusher;
-use crate::service::{Reply, Service, caller, strange_answer};
+use crate::service::{Reply, Service, caller, misfit};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
@@ -51,10 +52,9 @@ impl IngestService for Service {
             let why = format!("{other} pushes the scans of patch `{name}`");
             Refusal::new(Code::AlreadyExists, ErrorReason::NoPlace, why).about("patch", &name)
         })?;
-        match self.command(&caller, "PushScans", Command::BeginPush { patch: name }).await? {
-            Done::PushBegun => pusher.begun(),
-            other => return Err(strange_answer(&other)),
-        }
+        let begun = self.command(&caller, "PushScans", Command::BeginPush { patch: name }).await?;
+        let Done::PushBegun = begun else { return Err(misfit()) };
+        pusher.begun();
         let (service, origin, scans) = (self.clone(), caller.origin, 0);
         let pushing = PushStream { service, origin, credential, rules, patch, pusher, arrivals, scans };
         let begun = stream::once(std::future::ready(Ok(v1::PushScansResponse::default())));
@@ -138,7 +138,7 @@ impl PushStream {
                 biased; // what comes after other rules is judged by them
                 Ok(()) = self.rules.changed() => {
                     let rules = Arc::clone(&self.rules.borrow_and_update());
-                    may_push(&rules.caller(&self.origin, self.credential.as_deref())?)?;
+                    may(&rules.caller(&self.origin, self.credential.as_deref())?, PUSH)?;
                 }
                 next = &mut next => return next,
                 () = tokio::time::sleep(LOOK_EVERY) => self.arrivals.look((self.service.handle.clock)()),
@@ -172,10 +172,8 @@ fn counts(plan: &PatchPlan, scan: u64, counts: &[u32]) -> Result<Vec<u16>, Statu
     let (taxels, top) = (plan.patch.taxels().len(), plan.patch.counts().top());
     if counts.len() != taxels {
         let found = counts.len();
-        return Err(invalid(
-            "counts",
-            format_args!("scan {scan} has {found} counts, expected {taxels}, one per taxel"),
-        ));
+        let problem = format_args!("scan {scan} has {found} counts, expected {taxels}, one per taxel");
+        return Err(invalid("counts", problem));
     }
     let count = |(taxel, count): (usize, &u32)| {
         let found = u16::try_from(*count).ok().filter(|count| *count <= top);
@@ -191,9 +189,8 @@ fn pressure(plan: &PatchPlan, scan: u64, kpa: Option<f64>) -> Result<Option<Kilo
     let Some(kpa) = kpa else { return Ok(None) };
     if !plan.pushed.is_some_and(|pushed| pushed.pressure) {
         let name = plan.patch.name();
-        let problem = format_args!(
-            "comes with scan {scan}, but patch `{name}` takes none: add gauge = {{}} to it, or leave it out"
-        );
+        let what_to_do = "add gauge = {} to it, or leave it out";
+        let problem = format_args!("comes with scan {scan}, but patch `{name}` takes none: {what_to_do}");
         return Err(invalid("pressure_kpa", problem));
     }
     if !PRESSURE_KPA.contains(&kpa) {

@@ -10,10 +10,10 @@ use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
-use crate::access::caller::Caller;
+use crate::access::rules::Caller;
 use crate::backend::ask;
 use crate::convert::wall_ns;
-use crate::service::{Service, aside, strange_answer};
+use crate::service::{Service, aside, misfit};
 use crate::status::{invalid, of_rejection};
 
 impl Service {
@@ -31,40 +31,33 @@ impl Service {
         }
         let views = numbers.iter().map(|number| self.session(*number)).collect::<Result<Vec<_>, _>>()?;
         if let Some(view) = views.iter().find(|view| view.state == SessionState::Discarded) {
-            let words = format!(
-                "session {} was laid aside: no models are made of its samples; export them to look at them",
-                view.number
-            );
+            let laid_aside = "was laid aside: no models are made of its samples; export them to look at them";
+            let words = format!("session {} {laid_aside}", view.number);
             return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, words).into());
         }
         let refit = self.plan_refit(views, &options).await?;
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
-        let mut turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
-            Refusal::exhausted(
-                ErrorReason::NoPlace,
-                "another fit is under way, which ends within seconds: try again then",
-            )
+        let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
+            let why = "another fit is under way, which ends within seconds: try again then";
+            Refusal::exhausted(ErrorReason::NoPlace, why)
         })?;
         let sessions = refit.numbers();
         let mut samples = Vec::with_capacity(sessions.len());
         for number in &sessions {
-            let read = ask(turn, |told| self.backend.samples(*number, told)).await;
-            let (of_session, still) = read.map_err(|refusal| refusal.about("session", number))?;
-            samples.push(of_session);
-            turn = still;
+            let read = ask(|told| self.backend.samples(*number, told)).await;
+            samples.push(read.map_err(|refusal| refusal.about("session", number))?);
         }
         let scans = samples.iter().map(|samples| samples.samples.len() as u64).sum();
-        // The turn goes along: a fit whose client is gone ends by itself.
         let backend = Arc::clone(&self.backend);
-        let fit = move || refit.job(samples, wall_ns()).map(|job| job.run(|set| backend.content_id(set)).result);
-        let model_set = aside(turn, fit).await?.map_err(|why| of_rejection(&why))?;
+        let fit = move || {
+            let _turn = turn; // goes along, and ends with the fit
+            refit.job(samples, wall_ns()).map(|job| job.run(|set| backend.content_id(set)).result)
+        };
+        let model_set = aside(fit).await?.map_err(|why| of_rejection(&why))?;
         let model_set = model_set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
-        match self.command(caller, "RefitSessions", Command::KeepRefit { model_set, sessions }).await? {
-            Done::RefitKept { model_set, known } => {
-                Ok(v1::Refit { model_set: Some(self.summary(model_set.summary())), known, scans })
-            }
-            other => Err(strange_answer(&other)),
-        }
+        let done = self.command(caller, "RefitSessions", Command::KeepRefit { model_set, sessions }).await?;
+        let Done::RefitKept { model_set, known } = done else { return Err(misfit()) };
+        Ok(v1::Refit { model_set: Some(self.summary(model_set.summary())), known, scans })
     }
 
     /// What is to be fitted. The settings of the boards are those that each session's own model set tells.

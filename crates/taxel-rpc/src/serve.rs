@@ -1,7 +1,10 @@
 //! The server: all services on one listener, with limits, until the shutdown and no longer than the drain.
 
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
+
+use axum::middleware::from_fn_with_state;
 use taxel_proto::v1::audit_service_server::AuditServiceServer;
 use taxel_proto::v1::calibration_service_server::CalibrationServiceServer;
 use taxel_proto::v1::force_service_server::ForceServiceServer;
@@ -9,47 +12,22 @@ use taxel_proto::v1::ingest_service_server::IngestServiceServer;
 use taxel_proto::v1::model_service_server::ModelServiceServer;
 use taxel_proto::v1::skin_service_server::SkinServiceServer;
 use taxel_proto::v1::validation_service_server::ValidationServiceServer;
-use thiserror::Error;
-use tokio::sync::watch;
 use tonic::service::Routes;
 use tonic_health::server::HealthReporter;
-use tower_layer::Layer;
 
-use crate::access::layer::{Gate, Guarded};
+use crate::access::layer::{Gate, guard};
 use crate::access::rules::Access;
 use crate::backend::Backend;
 use crate::connections::Connections;
 use crate::handle::Handle;
 use crate::health::Report;
-use crate::limits::Limits;
+use crate::limits::{Limits, Shares};
 use crate::listener::{Listener, accept};
 use crate::refusals::Refusals;
 use crate::service::Service;
-use crate::shares::Shares;
-use crate::watchdog::Watchdog;
 
-/// How a server ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drain {
-    /// Every call had ended and every connection was closed in time.
-    Clean,
-    /// Some connections were still open at the deadline and were cut.
-    Cut,
-}
-
-/// Why there is no server.
-#[derive(Debug, Error)]
-pub enum ServeError {
-    /// The compiled-in description of the service is broken.
-    #[error("the service descriptors cannot be read")]
-    Reflection(#[from] tonic_reflection::server::Error),
-    /// A listener cannot be used.
-    #[error("a listener cannot be used")]
-    Listener(#[from] std::io::Error),
-    /// The server itself failed.
-    #[error("the gRPC server failed")]
-    Server(#[from] tonic::transport::Error),
-}
+/// A connection is closed whose peer has not answered a ping after this time.
+const PING_MAX: Duration = Duration::from_secs(5);
 
 /// Pending resets that a peer may pile up before its connection is closed (the "rapid reset" attack).
 const PENDING_RESETS_MAX: usize = 20;
@@ -76,74 +54,65 @@ const REQUEST_MAX: Duration = Duration::from_secs(5);
 /// it is given one.
 const ERROR_RESETS_MAX: usize = 1024;
 
-/// A cut connection ends as soon as its task runs; a server that takes longer is left behind.
-const CUT_MAX: Duration = Duration::from_secs(1);
-
-/// The services for whoever calls them without a socket: the page.
-pub type SharedServices = Guarded<Routes>;
+/// The services for whoever calls them without a socket: the page. It gives the client's address as
+/// [`TcpConnectInfo`](tonic::transport::server::TcpConnectInfo) and its `authorization`.
+pub type SharedServices = Routes;
 
 /// All services, before they are served.
 pub struct Server {
     handle: Handle,
     limits: Limits,
     refusals: Arc<Refusals>,
-    gate: Gate,
     reporter: HealthReporter,
     routes: Routes,
-    /// Wakes subscribers.
-    wake: watch::Sender<()>,
 }
 
 impl Server {
     /// The services over this engine and backend. Each call is let through by `access`.
     ///
     /// # Errors
-    /// [`ServeError`] if the compiled-in description of the service is broken.
-    pub fn new(handle: Handle, backend: Arc<dyn Backend>, access: Access, limits: Limits) -> Result<Self, ServeError> {
-        let (wake, woken) = watch::channel(());
-        let (shares, refusals) = (Shares::new(limits.clone()), Arc::new(Refusals::default()));
+    /// If the compiled-in description of the service is broken.
+    pub fn new(handle: Handle, backend: Arc<dyn Backend>, access: Access, limits: Limits) -> io::Result<Self> {
+        let (shares, refusals) = (Arc::new(Shares::new(limits.clone())), Arc::new(Refusals::default()));
         let gate = Gate::new(access.clone(), Arc::clone(&shares), Arc::clone(&refusals));
         let reporter = HealthReporter::new();
-        let service =
-            Service { handle: handle.clone(), backend, wake: woken, limits: Arc::new(limits.clone()), shares, access };
-        let routes = routes(service, &reporter)?;
-        Ok(Self { handle, limits, refusals, gate, reporter, routes, wake })
+        let service = Service { handle: handle.clone(), backend, limits: Arc::new(limits.clone()), shares, access };
+        let routes = routes(service, &reporter).map_err(io::Error::other)?;
+        let routes = Routes::from(routes.into_axum_router().layer(from_fn_with_state(gate, guard))).prepare();
+        Ok(Self { handle, limits, refusals, reporter, routes })
     }
 
     /// The services for whoever calls them without a socket, from any runtime, let through by the same rules and limits.
     #[must_use]
     pub fn shared(&self) -> SharedServices {
-        self.gate.layer(self.routes.clone())
+        self.routes.clone()
     }
 
     /// Serves everything on all `listeners` until the shutdown of the handle, then at most [`Limits::drain`] longer.
     ///
     /// # Errors
-    /// [`ServeError`] if the server fails; a failing connection or call is not an error of the server.
-    pub async fn serve(self, listeners: Vec<Listener>) -> Result<Drain, ServeError> {
-        let Self { handle, limits, refusals, gate, reporter, routes, wake } = self;
+    /// If the server fails; a failing connection or call is not an error of the server.
+    pub async fn serve(self, listeners: Vec<Listener>) -> io::Result<()> {
+        let Self { handle, limits, refusals, reporter, routes } = self;
         let shutdown = handle.shutdown.clone();
         let connections = Connections::new(limits.clone(), Arc::clone(&refusals));
         let incoming = accept(listeners, &connections, &refusals)?;
-        let server = tonic_server(&limits).layer(gate).add_routes(routes);
+        let server = tonic_server(&limits).add_routes(routes);
         let server = server.serve_with_incoming_shutdown(incoming, shutdown.clone().cancelled_owned());
         let overdue = async {
             shutdown.cancelled().await;
             tokio::time::sleep(limits.drain).await;
         };
-        let report = Report::begin(handle.clone(), reporter).await;
-        let watchdog = Watchdog::new(handle, report, wake);
-        tokio::pin!(server);
+        let report = Report::begin(handle, reporter).await;
         tokio::select! {
-            served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
-            never = watchdog.keep() => match never {},
+            served = server => return served.map_err(io::Error::other),
+            never = report.keep() => match never {},
             never = connections.keep() => match never {},
             () = overdue => {}
         }
         tracing::warn!("connections were still open {} s after the shutdown began: cut", limits.drain.as_secs_f64());
         connections.end_all();
-        tokio::time::timeout(CUT_MAX, server).await.unwrap_or(Ok(()))?;
-        Ok(Drain::Cut)
+        Ok(())
     }
 }
 
@@ -155,13 +124,13 @@ fn tonic_server(limits: &Limits) -> tonic::transport::Server {
         .timeout(limits.command + REQUEST_MAX)
         .max_concurrent_streams(CALLS_PER_CONNECTION)
         .http2_keepalive_interval(Some(limits.keepalive_interval))
-        .http2_keepalive_timeout(Some(limits.keepalive_timeout))
+        .http2_keepalive_timeout(Some(PING_MAX))
         .http2_max_header_list_size(HEADER_BYTES)
         .http2_max_pending_accept_reset_streams(Some(PENDING_RESETS_MAX))
         .http2_max_local_error_reset_streams(Some(ERROR_RESETS_MAX))
 }
 
-fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeError> {
+fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, tonic_reflection::server::Error> {
     let health = tonic_health::server::HealthService::from_health_reporter(reporter.clone());
     // grpcurl up to 1.8.6 knows only v1alpha; a client asks for health by reflection as for any other service.
     let reflection = || {
@@ -179,6 +148,5 @@ fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeEr
         .add_service(ModelServiceServer::new(service).max_decoding_message_size(MODELS_BYTES))
         .add_service(tonic_health::pb::health_server::HealthServer::new(health))
         .add_service(reflection().build_v1()?)
-        .add_service(reflection().build_v1alpha()?)
-        .prepare())
+        .add_service(reflection().build_v1alpha()?))
 }

@@ -10,21 +10,21 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
 use taxel_proto::refusal::Refusal;
-use taxel_proto::v1::ErrorReason;
-use tokio::sync::{mpsc, oneshot, watch};
+use taxel_proto::v1::{self, ErrorReason};
+use tokio::sync::{mpsc, oneshot};
 use tonic::{Code, Response, Status};
 
-use crate::access::caller::Caller;
-use crate::access::rules::Access;
+use crate::access::rules::{Access, Caller, said};
 use crate::backend::{Backend, ask};
 use crate::handle::{Handle, Request};
-use crate::limits::Limits;
-use crate::said::said;
-use crate::shares::{Held, Shares};
+use crate::limits::{Limits, Shares};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, left_open, of_rejection, unavailable};
 
 /// Longest text that a client may have written down, in bytes.
 const NAME_BYTES_MAX: usize = 256;
+
+/// Most items in one answer with a list.
+const ITEMS_MAX: u32 = 1_000;
 
 /// What a call is answered with.
 pub(crate) type Reply<T> = Result<Response<T>, Status>;
@@ -34,8 +34,6 @@ pub(crate) type Reply<T> = Result<Response<T>, Status>;
 pub(crate) struct Service {
     pub(crate) handle: Handle,
     pub(crate) backend: Arc<dyn Backend>,
-    /// Changes when subscribers have to judge anew what they were sent last.
-    pub(crate) wake: watch::Receiver<()>,
     pub(crate) limits: Arc<Limits>,
     pub(crate) shares: Arc<Shares>,
     pub(crate) access: Access,
@@ -53,11 +51,15 @@ impl Service {
             return Err(invalid("patch", format_args!("must name one of the patches: {}", names())));
         }
         let found = patches.iter().position(|p| p.patch.name() == name);
-        let short = || name.chars().take(NAME_BYTES_MAX).collect::<String>();
         Ok(found.ok_or_else(|| {
-            let why = format!("there is no patch `{}`; there are: {}", short(), names());
-            Refusal::not_found(ErrorReason::PatchUnknown, why).about("patch", short())
+            let why = format!("there is no patch `{name}`; there are: {}", names());
+            Refusal::not_found(ErrorReason::PatchUnknown, why).about("patch", name)
         })?)
+    }
+
+    /// Whether an answer of several patches is about this one: an empty name wants all.
+    pub(crate) fn check_wanted(&self, patch: &str) -> Result<(), Status> {
+        if patch.is_empty() { Ok(()) } else { self.patch(patch).map(drop) }
     }
 
     pub(crate) fn plan(&self, patch: usize) -> &PatchPlan {
@@ -86,11 +88,9 @@ impl Service {
         } else {
             id.to_owned()
         };
-        let known = self.known_set(&id);
-        let short = || id.chars().take(NAME_BYTES_MAX).collect::<String>();
-        let known = known.ok_or_else(|| {
-            let why = format!("there is no model set `{}`", short());
-            Refusal::not_found(ErrorReason::ModelSetUnknown, why).about("model_set", short())
+        let known = self.known_set(&id).ok_or_else(|| {
+            let why = format!("there is no model set `{id}`");
+            Refusal::not_found(ErrorReason::ModelSetUnknown, why).about("model_set", &id)
         })?;
         if let Some(set) = known.at_hand {
             return Ok(set);
@@ -101,10 +101,10 @@ impl Service {
     /// A model set that is not in memory, with this summary.
     async fn stored_set(&self, summary: &SetSummary) -> Result<Arc<ModelSet>, Status> {
         let named = |refusal: Refusal| refusal.about("model_set", &summary.id);
-        let read = ask((), |told| self.backend.model_set(summary.id.clone(), told)).await;
-        let ((text, ()), backend) = (read.map_err(named)?, Arc::clone(&self.backend));
+        let text = ask(|told| self.backend.model_set(summary.id.clone(), told)).await.map_err(named)?;
+        let backend = Arc::clone(&self.backend);
         let damaged = |why| Refusal::failed_precondition(ErrorReason::DataDamaged, format!("{}: {why}", summary.id));
-        let set = aside((), move || backend.read_json(&text)).await?.map_err(|why| named(damaged(why)))?;
+        let set = aside(move || backend.read_json(&text)).await?.map_err(|why| named(damaged(why)))?;
         if SetSummary::of(&set) != *summary {
             return Err(Refusal::fault(format!("the store gave another model set than {}", summary.id)).into());
         }
@@ -153,25 +153,14 @@ impl Service {
         }
         let (reply, answer) = oneshot::channel();
         let about = self.about(&command);
-        let things = about.things();
-        let asked = about.asked(caller, name);
-        let told = asked.clone();
-        let answer = self.answer(Request { command, reply, asked: Some(Box::new(asked)) }, answer).await;
-        let answer = answer.map_err(|refusal| Status::from(refusal.about_all(things)));
+        let told = about.asked(caller, name);
+        let answer = self.answer(Request { command, reply, asked: Some(Box::new(told.clone())) }, answer).await;
+        let answer = answer.map_err(|refusal| Status::from(about.of(refusal)));
         // Of a caller that goes away before the answer the audit log tells what came of it.
         let Asked { who, role, place: from, what: request, claimed, .. } = &told;
         let why = answer.as_ref().err().map(Status::message);
-        tracing::info!(
-            command = name,
-            request,
-            who,
-            role,
-            from,
-            claimed,
-            why,
-            "{}",
-            if why.is_some() { "refused" } else { "done" }
-        );
+        let end = if why.is_some() { "refused" } else { "done" };
+        tracing::info!(command = name, request, who, role, from, claimed, why, "{end}");
         answer
     }
 
@@ -198,42 +187,24 @@ impl Service {
 }
 
 /// A list that `make` makes, beside the thread on which all streams are served: a long one takes tens of milliseconds.
-pub(crate) async fn list<M: Send + 'static>(make: impl FnOnce() -> Result<M, Status> + Send + 'static) -> Reply<M> {
-    aside((), make).await?.map(Response::new)
+pub(crate) async fn list<M: Send + 'static>(make: impl FnOnce() -> M + Send + 'static) -> Reply<M> {
+    aside(make).await.map(Response::new)
 }
 
-/// Does work of tens of milliseconds, beside the thread on which all streams are served. What is held goes along: where the
-/// caller has gone meanwhile, it is dropped when the work is done and not before, so that calls which are given up do not
-/// pile up there.
+/// Does work of tens of milliseconds, beside the thread on which all streams are served.
 ///
 /// # Errors
 /// INTERNAL if the work panicked.
-pub(crate) async fn aside<T: Send + 'static, H: Send + 'static>(
-    held: H,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, Status> {
-    let done = tokio::task::spawn_blocking(move || {
-        let done = work();
-        drop(held);
-        done
-    });
-    Ok(done.await.map_err(|lost| Refusal::fault(format!("the work for this call was lost: {lost}")))?)
+pub(crate) async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, Status> {
+    let lost = |error| Refusal::fault(format!("the work for this call was lost: {error}"));
+    Ok(tokio::task::spawn_blocking(work).await.map_err(lost)?)
 }
 
-/// What the gate has noted of a call.
-pub(crate) fn noted<T: Clone + Send + Sync + 'static, M>(request: &tonic::Request<M>) -> Result<T, Status> {
-    let unknown = || Refusal::fault("nobody has judged this call, which is a fault of this program");
-    Ok(request.extensions().get::<T>().cloned().ok_or_else(unknown)?)
-}
-
-/// Who makes a call, and what is asked for.
+/// Who makes a call, as the gate has noted it, and what is asked for.
 pub(crate) fn caller<M: fmt::Debug>(request: &tonic::Request<M>) -> Result<Caller, Status> {
-    Ok(Caller { said: said(request.get_ref()), ..noted(request)? })
-}
-
-/// The place of a call.
-pub(crate) fn held<M>(request: &tonic::Request<M>) -> Result<Held, Status> {
-    noted(request)
+    let unknown = || Refusal::fault("nobody has judged this call, which is a fault of this program");
+    let caller = request.extensions().get::<Caller>().cloned().ok_or_else(unknown)?;
+    Ok(Caller { said: said(request.get_ref()), ..caller })
 }
 
 /// Session numbers begin at 1, so that a field that was left out is not taken for a session.
@@ -248,7 +219,7 @@ pub(crate) fn confirmed_by(text: &str) -> Result<Option<String>, Status> {
 }
 
 /// A person's name in a request, trimmed. It is written down and shown, so it is short and nothing but text.
-pub(crate) fn name(field: &'static str, text: &str) -> Result<String, Status> {
+pub(crate) fn name(field: &str, text: &str) -> Result<String, Status> {
     let text = line(field, text, NAME_BYTES_MAX, "a name")?;
     if !text.is_empty() && !text.contains(char::is_alphanumeric) {
         return Err(invalid(field, format_args!("`{text}` has no letter and no digit, expected a name")));
@@ -257,26 +228,26 @@ pub(crate) fn name(field: &'static str, text: &str) -> Result<String, Status> {
 }
 
 /// Checks a text that is kept in logs: short, and nothing that a terminal acts upon. `expected` says what it should be.
-pub(crate) fn line<'a>(
-    field: &'static str,
-    text: &'a str,
-    bytes_max: usize,
-    expected: &str,
-) -> Result<&'a str, Status> {
+pub(crate) fn line<'a>(field: &str, text: &'a str, bytes_max: usize, expected: &str) -> Result<&'a str, Status> {
     let length = text.len();
     if length > bytes_max {
         return Err(invalid(field, format_args!("{length} bytes, at most {bytes_max} are kept")));
     }
-    match taxel_skin::unprintable(text).map(u32::from) {
-        Some(odd) => {
-            Err(invalid(field, format_args!("has the unprintable character U+{odd:04X}, expected {expected}")))
-        }
-        None => Ok(text),
-    }
+    let Some(odd) = taxel_skin::unprintable(text).map(u32::from) else { return Ok(text) };
+    Err(invalid(field, format_args!("has the unprintable character U+{odd:04X}, expected {expected}")))
 }
 
 /// The engine answered a command with something else than that command's result.
-pub(crate) fn strange_answer(done: &Done) -> Status {
-    tracing::error!(?done, "the engine's answer does not fit the command");
+pub(crate) fn misfit() -> Status {
     Refusal::fault("the engine's answer does not fit the command").into()
+}
+
+/// How much of a list is asked for: so many items at most, and only those with a number below the second.
+pub(crate) fn part(request: &v1::ListRequest) -> Result<(usize, u64), Status> {
+    let before = if request.before == 0 { u64::MAX } else { request.before };
+    match request.most {
+        0 => Ok((ITEMS_MAX as usize, before)),
+        most if most <= ITEMS_MAX => Ok((most as usize, before)),
+        most => Err(invalid("most", format_args!("{most} is not in 0 to {ITEMS_MAX}"))),
+    }
 }

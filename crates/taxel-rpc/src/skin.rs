@@ -11,20 +11,28 @@ use tonic::{Request, Response};
 
 use crate::convert::{self, vector};
 use crate::freshness::not_run_for;
-use crate::service::{Reply, Service, caller, confirmed_by, strange_answer};
+use crate::service::{Reply, Service, caller, confirmed_by, misfit};
 use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
 impl SkinService for Service {
     async fn get_skin(&self, request: Request<v1::PatchRequest>) -> Reply<v1::Skin> {
         let plan = self.plan(self.patch(&request.get_ref().patch)?);
-        let active = self.active(plan.patch.name());
-        let set = match active {
+        let set = match self.active(plan.patch.name()) {
             Some(id) => Some(self.model_set(&id, "").await?),
             None => None,
         };
-        let patches = self.handle.plan.patches.iter().map(|p| p.patch.name().to_owned()).collect();
-        Ok(Response::new(skin(plan, patches, set.as_deref())))
+        let no_geometry = || vec!["no geometry is configured: no vector, moment or contact is served".to_owned()];
+        let remarks = plan.geometry.as_ref().map(|geometry| geometry.remarks.clone());
+        Ok(Response::new(v1::Skin {
+            patch: plan.patch.name().to_owned(),
+            patches: self.handle.plan.patches.iter().map(|p| p.patch.name().to_owned()).collect(),
+            taxels: (0..plan.patch.taxels().len()).map(|taxel| layout(plan, taxel, set.as_deref())).collect(),
+            model_set: set.as_deref().map(|set| set.id.clone()).unwrap_or_default(),
+            count_max: u32::from(plan.patch.counts().top()),
+            counts_per_unit: plan.patch.counts().per_unit(),
+            geometry_remarks: remarks.unwrap_or_else(no_geometry),
+        }))
     }
 
     type StreamTaxelsStream = MessageStream<v1::TaxelSample>;
@@ -40,10 +48,9 @@ impl SkinService for Service {
         let request = request.into_inner();
         let name = self.plan(self.patch(&request.patch)?).patch.name();
         let confirmed_by = confirmed_by(&request.confirmed_by)?;
-        match self.command(&caller, "Tare", Command::Tare { patch: name.to_owned(), confirmed_by }).await? {
-            Done::Tared(view) => Ok(Response::new(convert::tare(name, Some(&view)))),
-            other => Err(strange_answer(&other)),
-        }
+        let done = self.command(&caller, "Tare", Command::Tare { patch: name.to_owned(), confirmed_by }).await?;
+        let Done::Tared(view) = done else { return Err(misfit()) };
+        Ok(Response::new(convert::tare(name, Some(&view))))
     }
 
     async fn bring_up(&self, request: Request<v1::TareRequest>) -> Reply<()> {
@@ -51,10 +58,9 @@ impl SkinService for Service {
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
         let confirmed_by = confirmed_by(&request.confirmed_by)?;
-        match self.command(&caller, "BringUp", Command::BringUp { patch, confirmed_by }).await? {
-            Done::BringUpStarted => Ok(Response::new(())),
-            other => Err(strange_answer(&other)),
-        }
+        let done = self.command(&caller, "BringUp", Command::BringUp { patch, confirmed_by }).await?;
+        let Done::BringUpStarted = done else { return Err(misfit()) };
+        Ok(Response::new(()))
     }
 
     type WatchEventsStream = MessageStream<v1::Event>;
@@ -67,21 +73,40 @@ impl SkinService for Service {
         let health = self.handle.health.borrow().clone();
         // Found here and not by the engine, which cannot tell that it does not run.
         let stalled = self.handle.stalled_for();
-        let never_ran = health.buses.is_empty() && !self.handle.heartbeat.has_begun();
-        let unknown = never_ran.then(|| "the engine has not run yet: nothing is known of buses and boards".to_owned());
         let recording = self.backend.recording();
         let unrecorded = recording.iter().map(|state| &state.problem).filter(|problem| !problem.is_empty());
         let unrecorded = unrecorded.map(|problem| format!("nothing is recorded: {problem}"));
-        let own = [stalled.map(not_run_for), unknown].into_iter().flatten();
+        let problems = stalled.map(not_run_for).into_iter().chain(health.problems.iter().cloned());
+        let problems = problems.chain(unrecorded).chain(self.backend.lacks());
+        let bus = |(bus, health): (usize, &BusHealth)| v1::BusHealth {
+            bus: bus as u32,
+            up: health.up,
+            problem: health.problem.clone(),
+            frames: health.frames,
+            foreign: health.foreign,
+            malformed: health.malformed,
+            last_malformed: health.last_malformed.clone(),
+            dropped: health.dropped,
+        };
+        let board = |health: &BoardHealth| v1::BoardHealth {
+            patch: health.patch.clone(),
+            bus: u32::from(health.bus),
+            address: u32::from(health.address),
+            bring_up: health.bring_up.clone(),
+            modules_enabled: health.modules.0,
+            modules_fresh: health.modules.1,
+            scans: health.scans,
+            orphans: health.orphans,
+            status_errors: health.status_errors,
+            celsius: health.celsius,
+            firmware: health.firmware.clone().unwrap_or_default(),
+            warnings: health.warnings.clone(),
+        };
         Ok(Response::new(v1::Health {
-            buses: health.buses.iter().enumerate().map(|(bus, health)| bus_health(bus, health)).collect(),
-            boards: health.boards.iter().map(board_health).collect(),
+            buses: health.buses.iter().enumerate().map(bus).collect(),
+            boards: health.boards.iter().map(board).collect(),
             patches: (0..self.handle.plan.patches.len()).map(|patch| self.patch_health(patch)).collect(),
-            problems: own
-                .chain(health.problems.iter().cloned())
-                .chain(unrecorded)
-                .chain(self.backend.lacks())
-                .collect(),
+            problems: problems.collect(),
             streams: self.shares.streams_open() as u32,
             streams_max: self.limits.streams as u32,
             store: Some(v1::StoreHealth {
@@ -89,16 +114,15 @@ impl SkinService for Service {
                 damage: health.store.damage.clone(),
             }),
             recording,
-            engine_stalled_s: stalled.map(|silence| silence.as_secs_f64()).or(never_ran.then_some(0.0)),
+            engine_stalled_s: stalled.map(|silence| silence.as_secs_f64()),
         }))
     }
 }
 
 impl Service {
     fn patch_health(&self, patch: usize) -> v1::PatchHealth {
-        let name = self.plan(patch).patch.name();
-        let snapshot = self.snapshot(patch);
-        let plan = self.plan(patch);
+        let (plan, snapshot) = (self.plan(patch), self.snapshot(patch));
+        let name = plan.patch.name();
         let active = self.active(name).is_some();
         let force = convert::force_in_full(plan, &snapshot, self.handle.sending(patch, &snapshot, 0));
         let no_force = active && force.total_n.is_none();
@@ -116,21 +140,6 @@ impl Service {
             gauge_age_s: gauge.map(|gauge| now.seconds_since(gauge.time).max(0.0)),
             has_gauge: plan.has_gauge(),
         }
-    }
-}
-
-fn skin(plan: &PatchPlan, patches: Vec<String>, set: Option<&ModelSet>) -> v1::Skin {
-    v1::Skin {
-        patch: plan.patch.name().to_owned(),
-        patches,
-        taxels: (0..plan.patch.taxels().len()).map(|taxel| layout(plan, taxel, set)).collect(),
-        model_set: set.map(|set| set.id.clone()).unwrap_or_default(),
-        count_max: u32::from(plan.patch.counts().top()),
-        counts_per_unit: plan.patch.counts().per_unit(),
-        geometry_remarks: plan.geometry.as_ref().map_or_else(
-            || vec!["no geometry is configured: no vector, moment or contact is served".to_owned()],
-            |geometry| geometry.remarks.clone(),
-        ),
     }
 }
 
@@ -157,35 +166,5 @@ fn layout(plan: &PatchPlan, taxel: usize, set: Option<&ModelSet>) -> v1::TaxelLa
         area_mm2: plan.areas.get(taxel).map_or(0.0, |area| area.0),
         calibrated: exclusion.is_empty(),
         exclusion,
-    }
-}
-
-fn bus_health(bus: usize, health: &BusHealth) -> v1::BusHealth {
-    v1::BusHealth {
-        bus: bus as u32,
-        up: health.up,
-        problem: health.problem.clone(),
-        frames: health.frames,
-        foreign: health.foreign,
-        malformed: health.malformed,
-        last_malformed: health.last_malformed.clone(),
-        dropped: health.dropped,
-    }
-}
-
-fn board_health(health: &BoardHealth) -> v1::BoardHealth {
-    v1::BoardHealth {
-        patch: health.patch.clone(),
-        bus: u32::from(health.bus),
-        address: u32::from(health.address),
-        bring_up: health.bring_up.clone(),
-        modules_enabled: health.modules.0,
-        modules_fresh: health.modules.1,
-        scans: health.scans,
-        orphans: health.orphans,
-        status_errors: health.status_errors,
-        celsius: health.celsius,
-        firmware: health.firmware.clone().unwrap_or_default(),
-        warnings: health.warnings.clone(),
     }
 }

@@ -18,12 +18,12 @@ use x509_cert::ext::pkix::SubjectAltName;
 use x509_cert::ext::pkix::name::GeneralName;
 
 use crate::access::origin::{Certificate, uri_name};
-use crate::access::private_file::{Reader, SECRET, TRUSTED, is_readable, read_guarded, read_small};
+use crate::access::private_file::{Reader, SECRET, TRUSTED, is_readable, read_guarded};
 
 /// What a TLS listener is made from, all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsFiles {
-    /// The server's certificate, and those between it and its authority.
+    /// The server's certificate, and those between it and its authority; only its owner may change it.
     pub certificate: PathBuf,
     /// Its key, which only its owner may read.
     pub key: PathBuf,
@@ -83,21 +83,19 @@ fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, 
     let wrong = |path: &Path, problem: String| format!("{}: {problem}", path.display());
     let provider = Arc::new(ring::default_provider());
     let mut roots = RootCertStore::empty();
-    let authorities = read_guarded(&files.client_ca, TRUSTED, reader).map_err(|why| wrong(&files.client_ca, why))?;
-    for authority in certificates(&files.client_ca, &authorities)? {
+    for authority in certificates(&files.client_ca, reader)? {
         roots.add(authority).map_err(|error| wrong(&files.client_ca, error.to_string()))?;
     }
     let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
         .build()
         .map_err(|error| wrong(&files.client_ca, error.to_string()))?;
-    let secret = read_guarded(&files.key, SECRET, reader).map_err(|why| wrong(&files.key, why))?;
+    let secret = read_guarded(&files.key, SECRET, reader)?;
     let key = PrivateKeyDer::from_pem_slice(&secret).map_err(|error| wrong(&files.key, error.to_string()))?;
-    let own = read_small(&files.certificate).map_err(|why| wrong(&files.certificate, why))?;
     let mut config = ServerConfig::builder_with_provider(provider)
         .with_protocol_versions(&[&TLS13])
         .map_err(|error| wrong(&files.certificate, error.to_string()))?
         .with_client_cert_verifier(verifier)
-        .with_single_cert(certificates(&files.certificate, &own)?, key)
+        .with_single_cert(certificates(&files.certificate, reader)?, key)
         .map_err(|error| wrong(&files.certificate, format!("does not go with the key: {error}")))?;
     config.alpn_protocols = vec![b"h2".to_vec()];
     // A resumed connection would not show its certificate again.
@@ -105,10 +103,11 @@ fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, 
     Ok(Arc::new(config))
 }
 
-/// All certificates of a file's text, at least one.
-fn certificates(path: &Path, text: &[u8]) -> Result<Vec<CertificateDer<'static>>, String> {
+/// All certificates of a file, at least one.
+fn certificates(path: &Path, reader: Reader) -> Result<Vec<CertificateDer<'static>>, String> {
     let wrong = |problem: String| format!("{}: {problem}", path.display());
-    let read = CertificateDer::pem_slice_iter(text).collect::<Result<Vec<_>, _>>();
+    let text = read_guarded(path, TRUSTED, reader)?;
+    let read = CertificateDer::pem_slice_iter(&text).collect::<Result<Vec<_>, _>>();
     let found = read.map_err(|error| wrong(error.to_string()))?;
     if found.is_empty() { Err(wrong("there is no certificate in it".to_owned())) } else { Ok(found) }
 }

@@ -95,7 +95,7 @@ impl Daemon {
         let lives = handle.clone();
         let ended = on_a_thread("service", async move {
             tokio::select! {
-                served = server.serve(listeners) => served.map(drop).context("the service ended"),
+                served = server.serve(listeners) => served.context("the service ended"),
                 never = systemd::keep(lives) => match never {},
             }
         })?;

@@ -5,16 +5,20 @@
 
 mod data;
 mod figures;
-mod simulate;
 mod tables;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, ensure};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, OneByOne, PlaysChoice, fit};
+use taxel_model::Estimator;
 
-use self::data::Data;
+use self::data::{Data, Weighing, Weighings};
+use self::figures::RUNS;
 use crate::document::Section;
 use crate::fit::parse_number;
+use crate::forearm::{TARGET_KPA, Tried, Weighed};
 use crate::page::Page;
 use crate::recording::Recording;
 use crate::soundness::{Purpose, check};
@@ -49,19 +53,15 @@ const INTRODUCTION: &str = "What J. Kangro, S. Traversaro, D. Pucci and F. Nori 
 /// no error: it is left out, and the page says why.
 pub fn paper(args: &PaperArgs) -> anyhow::Result<()> {
     let data = match &args.data {
-        None => simulate::simulate(args.seed, args.min_swing)?,
+        None => simulate(args.seed, args.min_swing)?,
         Some(path) => recording(path).with_context(|| path.display().to_string())?,
     };
     let section = section(&data, args.min_swing);
     for line in section.text.iter().chain(section.tables.iter().map(|table| &table.caption)) {
         say!("{line}");
     }
-    let page = Page {
-        title: "The paper's figures and tables",
-        introduction: &[INTRODUCTION.to_owned()],
-        sections: &[section],
-    };
-    page.write(&args.out, "paper")?;
+    let (title, introduction) = ("The paper's figures and tables", [INTRODUCTION.to_owned()]);
+    Page { title, introduction: &introduction, sections: &[section] }.write(&args.out, "paper")?;
     say!("{}", args.out.join("index.html").display());
     Ok(())
 }
@@ -77,7 +77,37 @@ fn section(data: &Data, min_swing: f64) -> Section {
     }
     let mut tables = vec![tables::calibration(data, &models, min_swing)];
     tables.extend(data.loads.iter().enumerate().map(|(at, loads)| tables::errors(at, loads)));
-    Section { id: "paper", title: "Figures", text, figures, tables, ..Section::default() }
+    let (id, title) = ("paper".to_owned(), "Figures".to_owned());
+    Section { id, title, text, figures, tables, ..Section::default() }
+}
+
+/// The paper's experiment on a simulated forearm: three runs in the bag, then masses on the skin, with models that exclude taxels of less swing than this.
+///
+/// # Errors
+/// A simulation that cannot be set up, which it can.
+fn simulate(seed: u64, min_swing_counts: f64) -> anyhow::Result<Data> {
+    let tried = Tried::new(&[], seed, RUNS, 0)?;
+    let read = |by: &str, estimator| -> anyhow::Result<Weighings> {
+        let mut recipe = FitRecipe { branch: Branch::Rising, plays: PlaysChoice::Off, ..FitRecipe::default() };
+        recipe.options.estimator = estimator;
+        recipe.options.exclusion.min_swing_counts = min_swing_counts;
+        let set = fit(&tried.calibration.as_scans(), &recipe, &OneByOne)?;
+        let (forces, _) = tried.forces(Arc::new(set), &recipe);
+        let weighing = |(measured_n, one): (f64, &Weighed)| {
+            let (kilogram, true_n) = (Some(one.kilogram), one.true_n);
+            Weighing { kilogram, true_n, measured_n }
+        };
+        Ok(Weighings { by: by.to_owned(), all: forces.into_iter().zip(&tried.weighings).map(weighing).collect() })
+    };
+    let loads = vec![
+        read("the paper's recipe: its models, equal areas, active taxels only", Estimator::Paper)?,
+        read("the shipped default: binned models, excluded taxels filled", Estimator::PressureBinned)?,
+    ];
+    let source = format!("a simulated forearm, seed {seed}: {RUNS} runs to {TARGET_KPA} kPa");
+    let kpa = tried.calibration.pressure_kpa.unwrap_or_default();
+    let mut data = Data::new(source, kpa, tried.calibration.counts);
+    data.loads = loads;
+    Ok(data)
 }
 
 fn recording(path: &Path) -> anyhow::Result<Data> {
@@ -93,7 +123,6 @@ fn recording(path: &Path) -> anyhow::Result<Data> {
 
 #[cfg(test)]
 mod tests {
-    use super::data::{Weighing, Weighings};
     use super::*;
     use crate::document::words;
 

@@ -237,14 +237,9 @@ fn table(source: &Source) -> Table {
         cells.extend(row![of.within_percent, of.fit_ms, of.scan_us, of.usable as f64]);
         cells
     };
-    let caption =
-        format!("Errors of the force on data that no fit saw, and times for the whole skin: {}.", source.skin);
-    Table::new(
-        &format!("force-{}", source.id),
-        caption,
-        columns,
-        recipes().into_iter().zip(&source.outcomes).map(line).collect(),
-    )
+    let (what, skin) = ("Errors of the force on data that no fit saw, and times for the whole skin", source.skin);
+    let rows = recipes().into_iter().zip(&source.outcomes).map(line).collect();
+    Table::new(&format!("force-{}", source.id), format!("{what}: {skin}."), columns, rows)
 }
 
 #[cfg(test)]

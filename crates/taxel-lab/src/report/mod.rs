@@ -48,7 +48,7 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<()> {
             Section { text, ..Section::default() }
         });
         say!("{name}: {:.1} s", begun.elapsed().as_secs_f64());
-        sections.push(Section { id: name, title, ..section });
+        sections.push(Section { id: (*name).to_owned(), title: (*title).to_owned(), ..section });
     }
     let introduction = [INTRODUCTION.to_owned(), machine(args)];
     let page = Page { title: "taxeld: how right, and how fast", introduction: &introduction, sections: &sections };

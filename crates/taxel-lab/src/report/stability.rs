@@ -1,15 +1,17 @@
 //! Section `stability`: the suite of stiff, extreme and broken cases that taxel-model and taxel-engine keep, with what other
 //! methods make of the same samples.
 
+mod peers;
+
 use std::time::Instant;
 
 use serde_json::Value;
 use taxel_model::stability::case::{Case, Contest, Problem};
 
+use self::peers::{PEERS, Peer, Polynomial, Samples};
 use super::args::ReportArgs;
 use crate::document::{Aim, Section, Table, row};
 use crate::numbers::median;
-use crate::peers::{PEERS, Peer, Polynomial, Samples};
 
 /// Every case with what came out.
 ///

@@ -179,7 +179,7 @@ fn known_loads_of_the_set_count_and_replaced_ones_do_not() {
 fn the_same_evidence_gives_the_same_bytes_and_any_other_another_number() {
     let (one, other) = (certificate(&case()).unwrap(), certificate(&case()).unwrap());
     assert_eq!(one.to_json(), other.to_json());
-    assert_eq!(one.to_html(), other.to_html());
+    assert_eq!(one.to_html().unwrap(), other.to_html().unwrap());
     let mut changed = case();
     changed.samples.samples[5].counts = [234, 235, 7].as_slice().into();
     assert_ne!(one.number(), certificate(&changed).unwrap().number());
@@ -203,7 +203,7 @@ fn what_was_not_measured_or_stated_is_said_and_not_invented() {
         assert!(limits.contains(words), "{words}: {limits}");
     }
     assert!(all["stated"].as_object().unwrap().values().all(Value::is_null));
-    let html = certificate(&case).unwrap().to_html();
+    let html = certificate(&case).unwrap().to_html().unwrap();
     assert_eq!(html.matches(">not stated</td>").count(), 16, "every line");
 }
 
@@ -212,7 +212,7 @@ fn what_is_stated_stands_there_and_can_do_nothing() {
     let mut case = case();
     case.stated.customer = Some("<script>alert(1)</script>".to_owned());
     case.stated.reference_expanded_uncertainty_kpa = Some(4.0);
-    let html = certificate(&case).unwrap().to_html();
+    let html = certificate(&case).unwrap().to_html().unwrap();
     assert!(html.contains("&lt;script&gt;") && !html.contains("<script"), "{html}");
     near(&json(&case)["budget"][0]["taxel_kpa"], 2.0);
 }
@@ -242,13 +242,13 @@ fn a_set_that_is_no_longer_that_of_its_session_says_so() {
 
 #[test]
 fn a_certificate_of_no_real_skin_says_so_first_and_cannot_be_signed() {
-    let real = certificate(&case()).unwrap().to_html();
+    let real = certificate(&case()).unwrap().to_html().unwrap();
     assert!(real.contains("signature") && !real.contains("SIMULATED"), "{real}");
     let (mut by_set, mut by_session) = (case(), case());
     by_set.set.maker = Maker::this(true);
     by_session.about.simulated = true;
     for case in [by_set, by_session] {
-        let html = certificate(&case).unwrap().to_html();
+        let html = certificate(&case).unwrap().to_html().unwrap();
         assert!(!html.contains("signature") && html.matches("SIMULATED OR REPLAYED").count() == 2, "{html}");
         let all = json(&case);
         assert_eq!(all["simulated"], true);

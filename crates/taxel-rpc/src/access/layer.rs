@@ -1,26 +1,26 @@
 //! Before all services: who calls, whether the table lets that one through, and whether there is room.
 
-use std::mem;
-use std::pin::Pin;
 use std::sync::Arc;
-use std::task::{Context, Poll};
+use std::time::Duration;
 
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http;
+use axum::middleware::Next;
+use axum::response::Response;
 use taxel_proto::refusal::{Refusal, complete};
 use taxel_proto::v1::ErrorReason;
-use tonic::body::Body;
-use tonic::codegen::{Service, http};
 use tonic::transport::server::TcpConnectInfo;
 use tonic::{Code, Status};
-use tower_layer::Layer;
 
-use crate::access::caller::Caller;
 use crate::access::origin::Origin;
 use crate::access::rules::Access;
-use crate::access::table::{Method, PUSH, method};
-use crate::answer::Answer;
-use crate::connection::Peer;
+use crate::access::rules::Caller;
+use crate::access::table::{Method, method};
+use crate::connection::{Answer, Peer};
+use crate::limits::{Place, Shares};
 use crate::refusals::Refusals;
-use crate::shares::{Held, Shares};
+use crate::status::left_open;
 
 /// Longest method name that an answer repeats, in characters.
 const NAME_CHARS_MAX: usize = 100;
@@ -33,15 +33,18 @@ pub(crate) struct Gate {
     refusals: Arc<Refusals>,
 }
 
+/// A long call whose request does not come whole, or whose answer nobody makes, gives its place back after this time.
+const LONG_CALL_MAX: Duration = Duration::from_secs(120);
+
 /// What a call was let through with.
-type Admitted = (Caller, Peer, Held);
+type Admitted = (Caller, Peer, Option<Arc<Place>>);
 
 impl Gate {
     pub(crate) const fn new(access: Access, shares: Arc<Shares>, refusals: Arc<Refusals>) -> Self {
         Self { access, shares, refusals }
     }
 
-    fn admit(&self, request: &http::Request<Body>) -> Result<Admitted, Status> {
+    fn admit(&self, request: &Request) -> Result<Admitted, Status> {
         let extensions = request.extensions();
         // Who calls within this process says for whom; a connection of ours always says itself who it is.
         let for_whom = || Some(Peer::of_tcp(extensions.get::<TcpConnectInfo>()?.remote_addr()?));
@@ -50,7 +53,7 @@ impl Gate {
         let path = request.uri().path();
         let admitted = self.permitted(&peer.origin, path, request.headers()).and_then(|(caller, method)| {
             let place = method.takes.map(|what| self.shares.place(what, &caller)).transpose()?;
-            Ok((caller, peer.clone(), place.map(Arc::new)))
+            Ok((caller, peer.clone(), place))
         });
         admitted.inspect_err(|status| {
             let origin = &peer.origin;
@@ -81,15 +84,11 @@ impl Gate {
     }
 }
 
-/// Whether this caller may still do what goes on for long and changes something all the while: push scans.
+/// Whether this caller may call this method.
 ///
 /// # Errors
-/// What a new call would be refused with.
-pub(crate) fn may_push(caller: &Caller) -> Result<(), Status> {
-    may(caller, PUSH)
-}
-
-fn may(caller: &Caller, method: Method) -> Result<(), Status> {
+/// What the call is refused with.
+pub(crate) fn may(caller: &Caller, method: Method) -> Result<(), Status> {
     if caller.role < Some(method.role) { Err(denied(caller, method)) } else { Ok(()) }
 }
 
@@ -122,62 +121,40 @@ fn shown(path: &str) -> String {
     path.strip_prefix('/').unwrap_or(path).chars().take(NAME_CHARS_MAX).flat_map(char::escape_debug).collect()
 }
 
-impl<S> Layer<S> for Gate {
-    type Service = Guarded<S>;
-
-    fn layer(&self, inner: S) -> Guarded<S> {
-        Guarded { inner, gate: self.clone() }
-    }
-}
-
-/// The services behind the gate. Who calls them without a socket gives the client's address as [`TcpConnectInfo`] and its
+/// Stands before all services. Who calls them without a socket gives the client's address as [`TcpConnectInfo`] and its
 /// `authorization`, and is judged as if the client had come over TCP without TLS.
-#[derive(Clone)]
-pub struct Guarded<S> {
-    inner: S,
-    gate: Gate,
+pub(crate) async fn guard(State(gate): State<Gate>, mut request: Request, next: Next) -> Response {
+    let (caller, peer, place) = match gate.admit(&request) {
+        Ok(admitted) => admitted,
+        Err(status) => return status.into_http(),
+    };
+    let call = peer.seat.as_ref().map(|seat| seat.begin());
+    let is_long = place.as_ref().is_some_and(|place| place.is_long());
+    request.extensions_mut().insert(caller);
+    let answer = async move {
+        let mut answer = next.run(request).await;
+        complete(answer.headers_mut());
+        answer.map(|body| Body::new(Answer::new(body, call, place)))
+    };
+    if is_long { to_its_end(answer).await } else { answer.await }
 }
 
-type Answering<E> = Pin<Box<dyn Future<Output = Result<http::Response<Body>, E>> + Send>>;
-
-impl<S> Service<http::Request<Body>> for Guarded<S>
-where
-    S: Service<http::Request<Body>, Response = http::Response<Body>> + Clone + Send + 'static,
-    S::Future: Send,
-    S::Error: Send,
-{
-    type Response = http::Response<Body>;
-    type Error = S::Error;
-    type Future = Answering<S::Error>;
-
-    fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
-        self.inner.poll_ready(cx)
-    }
-
-    fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
-        let (caller, peer, place) = match self.gate.admit(&request) {
-            Ok(admitted) => admitted,
-            Err(status) => return Box::pin(std::future::ready(Ok(status.into_http()))),
-        };
-        let call = peer.seat.as_ref().map(|seat| seat.begin());
-        request.extensions_mut().insert(caller);
-        request.extensions_mut().insert(place.clone());
-        // The one that was ready is taken, and a clone of it stays.
-        let waiting = self.inner.clone();
-        let mut inner = mem::replace(&mut self.inner, waiting);
-        Box::pin(async move {
-            let mut answer = inner.call(request).await?;
-            complete(answer.headers_mut());
-            Ok(answer.map(|body| Body::new(Answer::new(body, call, place))))
-        })
-    }
+/// A long call goes on when its caller has gone, and holds its place meanwhile: so calls that are given up do not pile up in
+/// the store or among the fits.
+async fn to_its_end(answer: impl Future<Output = Response> + Send + 'static) -> Response {
+    let refusal = match tokio::spawn(tokio::time::timeout(LONG_CALL_MAX, answer)).await {
+        Ok(Ok(answer)) => return answer,
+        Ok(Err(late)) => left_open(Code::DeadlineExceeded, late),
+        Err(lost) => Refusal::fault(format!("the work for this call was lost: {lost}")),
+    };
+    Status::from(refusal).into_http()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::access::role::Role;
     use crate::access::rules::Rules;
+    use crate::access::table::Role;
     use crate::limits::Limits;
 
     #[test]
@@ -206,8 +183,8 @@ mod tests {
 
     #[test]
     fn a_credential_that_is_there_twice_is_none() {
-        let gate = Gate::new(Access::new(Rules::open()), Shares::new(Limits::default()), Arc::default());
-        let mut request = http::Request::builder().uri("/taxel.v1.SkinService/Tare").body(Body::empty()).unwrap();
+        let gate = Gate::new(Access::new(Rules::open()), Arc::new(Shares::new(Limits::default())), Arc::default());
+        let mut request = Request::builder().uri("/taxel.v1.SkinService/Tare").body(Body::empty()).unwrap();
         request.extensions_mut().insert(Peer::of_tcp(([127, 0, 0, 1], 4000).into()));
         for token in ["Bearer a", "Bearer b"] {
             request.headers_mut().append(http::header::AUTHORIZATION, token.parse().unwrap());

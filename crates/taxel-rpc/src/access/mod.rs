@@ -5,12 +5,9 @@
 //! role each method needs; what is not in the table is not served. The [`layer`](layer::Gate) stands before all
 //! services and asks both.
 
-pub(crate) mod accounts;
-pub(crate) mod caller;
 pub(crate) mod layer;
 pub(crate) mod origin;
 pub(crate) mod private_file;
-pub(crate) mod role;
 pub(crate) mod rules;
 pub(crate) mod table;
 pub(crate) mod token;

@@ -2,7 +2,7 @@
 
 use nix::fcntl::OFlag;
 use nix::unistd::{AccessFlags, access, geteuid};
-use std::fs::{File, Metadata, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::Read;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
@@ -36,29 +36,12 @@ pub(crate) fn is_readable(path: &Path) -> bool {
 /// Reads a file with which others may do no more than that.
 ///
 /// # Errors
-/// What is wrong with the file and what was expected, without its path.
-pub(crate) fn read_guarded(path: &Path, (forbidden, why): Forbidden, reader: Reader) -> Result<Vec<u8>, String> {
-    let (file, about) = open_small(path)?;
-    let (owner, own) = (about.uid(), geteuid().as_raw());
-    if reader == Reader::Daemon && owner != 0 && owner != own {
-        return Err(format!("belongs to user {owner}, expected root or user {own}, who runs the daemon"));
-    }
-    let mode = about.mode() & 0o777;
-    if mode & forbidden != 0 {
-        return Err(format!("its mode is {mode:03o}: {why}"));
-    }
-    read_open(file)
+/// The path, what is wrong with the file and what was expected.
+pub(crate) fn read_guarded(path: &Path, forbidden: Forbidden, reader: Reader) -> Result<Vec<u8>, String> {
+    read(path, forbidden, reader).map_err(|problem| format!("{}: {problem}", path.display()))
 }
 
-/// Reads a file that everybody may have, such as the server's own certificate.
-///
-/// # Errors
-/// What is wrong with the file and what was expected, without its path.
-pub(crate) fn read_small(path: &Path) -> Result<Vec<u8>, String> {
-    read_open(open_small(path)?.0)
-}
-
-fn open_small(path: &Path) -> Result<(File, Metadata), String> {
+fn read(path: &Path, (forbidden, why): Forbidden, reader: Reader) -> Result<Vec<u8>, String> {
     // A pipe that nobody writes to is opened at once so, and then refused; without it the daemon would wait for a writer.
     let nonblocking = OFlag::O_NONBLOCK.bits();
     let file = OpenOptions::new().read(true).custom_flags(nonblocking).open(path).map_err(|error| error.to_string())?;
@@ -70,10 +53,14 @@ fn open_small(path: &Path) -> Result<(File, Metadata), String> {
     if about.len() > BYTES_MAX {
         return Err(format!("has {} bytes, expected at most {BYTES_MAX}", about.len()));
     }
-    Ok((file, about))
-}
-
-fn read_open(file: File) -> Result<Vec<u8>, String> {
+    let (owner, own) = (about.uid(), geteuid().as_raw());
+    if reader == Reader::Daemon && owner != 0 && owner != own {
+        return Err(format!("belongs to user {owner}, expected root or user {own}, who runs the daemon"));
+    }
+    let mode = about.mode() & 0o777;
+    if mode & forbidden != 0 {
+        return Err(format!("its mode is {mode:03o}: {why}"));
+    }
     let mut bytes = Vec::new();
     file.take(BYTES_MAX).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
     Ok(bytes)

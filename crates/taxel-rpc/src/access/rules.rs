@@ -1,15 +1,18 @@
-//! The rules of an installation: which role an account, a certificate, an address or a token gives.
+//! The rules of an installation: which role an account, a certificate, an address or a token gives to who calls.
 
+use std::fmt::{self, Write};
 use std::sync::Arc;
 use std::time::SystemTime;
 use taxel_proto::refusal::Refusal;
 use tokio::sync::watch;
 use tonic::Status;
 
-use crate::access::caller::Caller;
 use crate::access::origin::Origin;
-use crate::access::role::Role;
+use crate::access::table::Role;
 use crate::access::token::Tokens;
+
+/// Longest name that goes into a log line, in characters.
+const NAME_CHARS_MAX: usize = 128;
 
 /// Whom a rule means.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,6 +32,59 @@ pub struct Grant {
     pub subject: Subject,
     /// What that one may do.
     pub role: Role,
+}
+
+/// Who makes a call. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(crate) struct Caller {
+    pub(crate) origin: Arc<Origin>,
+    /// The name that is proven: of an account, a certificate or a token's holder.
+    pub(crate) name: Option<Arc<str>>,
+    /// By a token, and not by what the connection proves.
+    pub(crate) by_token: bool,
+    pub(crate) role: Option<Role>,
+    /// What is asked for, as it came and shortened, once the request has been read.
+    pub(crate) said: String,
+}
+
+impl Caller {
+    /// The proven name for logs and the audit log, without anything that a terminal would act on.
+    pub(crate) fn who(&self) -> String {
+        let name = self.name.as_deref().unwrap_or("nobody in particular");
+        let shown: String = name.chars().take(NAME_CHARS_MAX).flat_map(char::escape_debug).collect();
+        if self.by_token { format!("token {shown}") } else { shown }
+    }
+
+    /// Whether reserved places are for this one, too.
+    pub(crate) fn is_operator(&self) -> bool {
+        self.role >= Some(Role::Operator)
+    }
+
+    /// Whose share the call takes: the holder of a token has one beside that of others from the same place.
+    pub(crate) fn key(&self) -> String {
+        if self.by_token { self.who() } else { self.origin.key() }
+    }
+}
+
+/// Longest account of a request that is kept, in characters.
+const SAID_CHARS_MAX: usize = 256;
+
+/// A request as it came, short: what a terminal would act upon is written out.
+pub(crate) fn said(request: &impl fmt::Debug) -> String {
+    let mut short = Short(String::new());
+    let _ = write!(short, "{request:?}"); // it ends where there is no more room
+    short.0
+}
+
+/// Takes a text up to its limit: one with a model set in it has megabytes.
+struct Short(String);
+
+impl Write for Short {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let room = SAID_CHARS_MAX.saturating_sub(self.0.chars().count());
+        self.0.extend(text.chars().take(room));
+        if room > 0 { Ok(()) } else { Err(fmt::Error) }
+    }
 }
 
 /// All rules. Whoever none of them means has the role of the way by which he came, which may be none.
@@ -79,11 +135,9 @@ impl Rules {
             return Ok(Caller { origin: Arc::clone(origin), name, by_token: false, role, said: String::new() });
         };
         if matches!(**origin, Origin::Insecure(_)) {
-            return Err(Refusal::unauthenticated(
-                "a token came over a connection without encryption, where anybody can read it: make a new token, and \
-                 use TLS or this machine's own addresses",
-            )
-            .into());
+            let why = "a token came over a connection without encryption, where anybody can read it";
+            let what_to_do = "make a new token, and use TLS or this machine's own addresses";
+            return Err(Refusal::unauthenticated(format!("{why}: {what_to_do}")).into());
         }
         let token = strip_scheme(authorization)
             .ok_or_else(|| Refusal::unauthenticated("the metadata `authorization` is not `Bearer TOKEN`"))?;
@@ -244,5 +298,24 @@ mod tests {
         let origin = Arc::new(Origin::of_tcp("192.0.2.7:1".parse().unwrap()));
         let status = rules().caller(&origin, Some(b"Bearer abc")).unwrap_err();
         assert!(status.message().contains("without encryption"), "{status:?}");
+    }
+
+    #[test]
+    fn a_caller_is_told_by_the_proven_name_short_and_without_control_characters() {
+        let address = ([127, 0, 0, 1], 4000).into();
+        let caller = |name: Option<&str>, by_token| Caller {
+            origin: Arc::new(Origin::of_tcp(address)),
+            name: name.map(Arc::from),
+            by_token,
+            role: None,
+            said: String::new(),
+        };
+        assert_eq!(caller(None, false).who(), "nobody in particular");
+        assert_eq!(caller(Some("ada"), false).who(), "ada");
+        assert_eq!(caller(Some("bench"), true).who(), "token bench");
+        assert_eq!(caller(Some("a\u{1b}[2Jb\n"), false).who(), "a\\u{1b}[2Jb\\n");
+        assert_eq!(caller(Some(&"x".repeat(500)), false).who().len(), NAME_CHARS_MAX);
+        assert_eq!(caller(Some("ada"), false).key(), "loopback TCP");
+        assert_eq!(caller(Some("bench"), true).key(), "token bench");
     }
 }

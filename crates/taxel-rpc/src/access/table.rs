@@ -1,7 +1,47 @@
-//! Which role each method needs: the one place that says so. A method that is not here is not served.
+//! The three roles, and which each method needs: the one place that says so. A method that is not here is not served.
 
-use crate::access::role::Role;
-use crate::shares::What;
+use std::fmt;
+
+/// What somebody may do. Each may do what the one before it may, and more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// Reads and streams; changes nothing.
+    Observer,
+    /// Also tares, calibrates, validates, activates model sets and configures boards.
+    Operator,
+    /// Also imports and deletes.
+    Admin,
+}
+
+impl Role {
+    /// All of them, least first.
+    pub const ALL: [Self; 3] = [Self::Observer, Self::Operator, Self::Admin];
+
+    /// As configurations and token files write it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Observer => "observer",
+            Self::Operator => "operator",
+            Self::Admin => "admin",
+        }
+    }
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// What a call takes a place of. One that is answered from what is known takes none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum What {
+    /// A call that takes tens of milliseconds, or megabytes.
+    LongCall,
+    /// A stream.
+    Stream,
+}
 
 /// What a method is.
 #[derive(Clone, Copy, Debug)]

@@ -9,7 +9,7 @@ use std::path::Path;
 use sha2::{Digest, Sha256};
 
 use crate::access::private_file::{Reader, SECRET, is_readable, read_guarded};
-use crate::access::role::Role;
+use crate::access::table::Role;
 
 /// Hexadecimal digits of a SHA-256.
 const HASH_DIGITS: usize = 64;
@@ -67,7 +67,7 @@ impl Tokens {
 
     fn read(path: &Path, reader: Reader) -> Result<Self, String> {
         let within = |problem: String| format!("{}: {problem}", path.display());
-        let bytes = read_guarded(path, SECRET, reader).map_err(within)?;
+        let bytes = read_guarded(path, SECRET, reader)?;
         let text = String::from_utf8(bytes).map_err(|_| within("is not text".to_owned()))?;
         Self::parse(&text).map_err(within)
     }
@@ -93,7 +93,9 @@ fn holder(line: &str) -> Result<(String, Holder), String> {
         let why = format!("has {characters} characters, expected {HASH_DIGITS} hexadecimal digits");
         return Err(format!("the third word of `{name}` {why}"));
     }
-    Ok((hash.to_ascii_lowercase(), Holder { name: name.to_owned(), role: role.parse()? }))
+    let known = Role::ALL.into_iter().find(|known| known.name() == role);
+    let role = known.ok_or_else(|| format!("`{role}` is no role: expected observer, operator or admin"))?;
+    Ok((hash.to_ascii_lowercase(), Holder { name: name.to_owned(), role }))
 }
 
 #[cfg(test)]

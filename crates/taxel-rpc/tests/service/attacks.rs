@@ -4,14 +4,14 @@ use std::time::Duration;
 
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_rpc::{Access, Limits, Listener, Rules};
+use taxel_rpc::Limits;
 use taxel_skin::Time;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpSocket, TcpStream};
 use tonic::Streaming;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Channel;
 
-use crate::fixture::{Daemon, FOREARM, patient, serve_on, snapshot, start, start_with};
+use crate::fixture::{Daemon, FOREARM, on_two_doors, patient, snapshot, start, start_with};
 use crate::server::read_to_end;
 
 /// Preface and empty settings.
@@ -85,13 +85,7 @@ async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
 #[tokio::test]
 async fn idle_connections_make_room_for_new_programs_and_not_for_those_with_a_stream() {
     let limits = Limits { connections: 12, connections_per_peer: 8, ..patient() };
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("socket");
-    let tcp = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = tcp.local_addr().unwrap();
-    let unix = std::os::unix::net::UnixListener::bind(&path).unwrap();
-    let listeners = vec![Listener::Tcp(tcp), Listener::Unix(unix)];
-    let daemon = serve_on(listeners, Access::new(Rules::open()), (&[FOREARM], limits), address);
+    let (daemon, _folder, unix) = on_two_doors(limits);
     daemon.engine().patch(0, snapshot(1, Time::default()));
     let mut reader = stream(daemon.connect().await).await.unwrap();
     reader.message().await.unwrap().unwrap();
@@ -108,9 +102,7 @@ async fn idle_connections_make_room_for_new_programs_and_not_for_those_with_a_st
     daemon.engine().patch(0, snapshot(2, Time::default()));
     assert_eq!(reader.message().await.unwrap().unwrap().sequence, 2, "a stream is not idle");
     // Another peer has its own places.
-    get_force(Endpoint::from_shared(format!("unix:{}", path.display())).unwrap().connect().await.unwrap())
-        .await
-        .unwrap();
+    get_force(unix.connect().await.unwrap()).await.unwrap();
 }
 
 #[tokio::test]

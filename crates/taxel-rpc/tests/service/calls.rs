@@ -310,15 +310,3 @@ async fn model_sets_are_shown_activated_exported_and_imported() {
     );
     assert_eq!(activated.unwrap().into_inner().previous, "m-b");
 }
-
-/// What a load is noted with is shown on terminals.
-#[tokio::test]
-async fn a_note_that_is_no_line_of_text_is_refused() {
-    let mut daemon = start().await;
-    let mut loads = v1::validation_service_client::ValidationServiceClient::new(daemon.connect().await);
-    let (load, note) = (Some(v1::record_load_request::Load::MassKg(0.5)), "brass\nsteel".to_owned());
-    let request = v1::RecordLoadRequest { load, note, by: "Ada".to_owned(), ..v1::RecordLoadRequest::default() };
-    let refused = loads.record_load(request).await.unwrap_err();
-    assert!(refused.message().contains("U+000A, expected one line of text"), "{refused:?}");
-    assert!(daemon.requests.try_recv().is_err(), "nothing of it reached the engine");
-}

@@ -35,23 +35,20 @@ async fn a_patch_must_be_named_where_there_are_several_and_must_exist() {
     let nose = || "nose".to_owned();
     let status = force.get_force(v1::PatchRequest { patch: nose() }).await.unwrap_err();
     expect(status, Code::NotFound, &["patch `nose`", FOREARM, HAND]);
-    let request = v1::StreamRequest { patch: nose(), rate_hz: None };
-    expect(force.stream_force(request).await.unwrap_err(), Code::NotFound, &["nose"]);
-
-    let mut skin = SkinServiceClient::new(channel.clone());
-    let status = skin.get_skin(v1::PatchRequest { patch: nose() }).await.unwrap_err();
-    expect(status, Code::NotFound, &["nose"]);
-    let status = skin.tare(v1::TareRequest { patch: nose(), ..Default::default() }).await.unwrap_err();
-    expect(status, Code::NotFound, &["nose"]);
-    let status = skin.bring_up(v1::TareRequest { patch: nose(), ..Default::default() }).await.unwrap_err();
-    expect(status, Code::NotFound, &["nose"]);
-
-    let mut models = ModelServiceClient::new(channel.clone());
+    let (mut skin, mut models) = (SkinServiceClient::new(channel.clone()), ModelServiceClient::new(channel.clone()));
+    let tare = || v1::TareRequest { patch: nose(), ..Default::default() };
+    let unknown = [
+        force.stream_force(v1::StreamRequest { patch: nose(), rate_hz: None }).await.map(drop),
+        skin.get_skin(v1::PatchRequest { patch: nose() }).await.map(drop),
+        skin.tare(tare()).await.map(drop),
+        skin.bring_up(tare()).await.map(drop),
+        models.list_model_sets(v1::ListRequest { patch: nose(), ..Default::default() }).await.map(drop),
+    ];
+    for answer in unknown {
+        expect(answer.unwrap_err(), Code::NotFound, &["nose"]);
+    }
     let status = models.get_model_set(v1::GetModelSetRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["patch"]);
-    let request = v1::ListRequest { patch: nose(), ..Default::default() };
-    expect(models.list_model_sets(request).await.unwrap_err(), Code::NotFound, &["nose"]);
-
     let mut sessions = CalibrationServiceClient::new(channel);
     let status = sessions.start_session(v1::StartSessionRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["patch", HAND]);

@@ -16,7 +16,7 @@ use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use taxel_rpc::handle::channel;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
-use taxel_rpc::{Access, Backend, Clock, Drain, Limits, Listener, Publisher, Request, Rules, ServeError, Server, Told};
+use taxel_rpc::{Access, Backend, Clock, Limits, Listener, Publisher, Request, Rules, Server, Told};
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
 };
@@ -40,7 +40,7 @@ pub struct Daemon {
     pub pushed: mpsc::Receiver<Pushed>,
     pub shutdown: CancellationToken,
     pub address: SocketAddr,
-    pub server: JoinHandle<Result<Drain, ServeError>>,
+    pub server: JoinHandle<std::io::Result<()>>,
     clock: Arc<AtomicI64>,
 }
 
@@ -52,7 +52,6 @@ pub fn patient() -> Limits {
         command: hour,
         push_pause: hour,
         keepalive_interval: hour,
-        keepalive_timeout: hour,
         drain: hour,
         ..Limits::default()
     }
@@ -130,6 +129,19 @@ impl Backend for Store {
 /// A daemon behind these listeners; `address` is where [`Daemon::connect`] goes.
 pub fn serve_on(listeners: Vec<Listener>, access: Access, scene: (&[&str], Limits), address: SocketAddr) -> Daemon {
     serve_all((listeners, access), scene, address, Store::default())
+}
+
+/// A daemon on loopback and on a Unix socket, two peers for one test.
+pub fn on_two_doors(limits: Limits) -> (Daemon, tempfile::TempDir, Endpoint) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("socket");
+    let tcp = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = tcp.local_addr().unwrap();
+    let unix = std::os::unix::net::UnixListener::bind(&path).unwrap();
+    let listeners = vec![Listener::Tcp(tcp), Listener::Unix(unix)];
+    let daemon = serve_on(listeners, Access::new(Rules::open()), (&[FOREARM], limits), address);
+    let endpoint = Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();
+    (daemon, folder, endpoint)
 }
 
 fn serve_all(

@@ -6,7 +6,6 @@ use taxel_engine::command::{ErrorReason as Engine, Rejection};
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tonic::{Code, Status};
@@ -101,9 +100,6 @@ async fn however_long_a_refusal_would_be_it_fits_into_the_headers_that_clients_t
 async fn what_the_libraries_refuse_has_a_reason_too() {
     let daemon = start().await;
     let channel = daemon.connect().await;
-    let request = v1::PatchRequest { patch: "x".repeat(5 << 20) };
-    let status = ForceServiceClient::new(channel.clone()).get_force(request).await.unwrap_err();
-    assert_eq!((status.code(), reason(&status)), (Code::OutOfRange, ErrorReason::FieldInvalid));
     let request = HealthCheckRequest { service: "x.Y".to_owned() };
     let status = HealthClient::new(channel.clone()).check(request).await.unwrap_err();
     assert_eq!((status.code(), reason(&status)), (Code::NotFound, ErrorReason::MethodUnknown));

@@ -5,7 +5,7 @@ use std::time::Duration;
 use taxel_engine::snapshot::{Health, StoreHealth};
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_rpc::{Drain, Limits};
+use taxel_rpc::Limits;
 use taxel_skin::Time;
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
@@ -108,7 +108,7 @@ async fn a_peer_that_holds_on_is_cut_at_the_deadline() {
     // An answer on a later connection proves that the mute one was accepted.
     ForceServiceClient::new(daemon.connect().await).get_force(v1::PatchRequest::default()).await.unwrap();
     daemon.shutdown.cancel();
-    assert_eq!(daemon.server.await.unwrap().unwrap(), Drain::Cut);
+    daemon.server.await.unwrap().unwrap();
     read_to_end(&mut mute).await; // ends, so it was closed
 }
 

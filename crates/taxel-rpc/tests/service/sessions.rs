@@ -134,6 +134,12 @@ async fn a_watcher_sees_the_session_at_once_and_to_its_end() {
     let last = watch.message().await.unwrap().unwrap();
     assert_eq!(last.state(), v1::SessionState::Discarded);
     assert!(watch.message().await.unwrap().is_none(), "the stream ends with OK");
+    // One that is not at its end is told of the daemon's.
+    let mut watch = client.watch_session(v1::SessionRequest { session: 3 }).await.unwrap().into_inner();
+    watch.message().await.unwrap().unwrap();
+    daemon.shutdown.cancel();
+    let status = watch.message().await.unwrap_err();
+    assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
 }
 
 #[tokio::test]
@@ -151,16 +157,4 @@ async fn a_session_that_has_ended_is_shown_once() {
         let got = client.get_session(v1::SessionRequest { session: number }).await.unwrap().into_inner();
         assert_eq!(got, shown);
     }
-}
-
-#[tokio::test]
-async fn a_watcher_is_told_of_the_shutdown() {
-    let daemon = start().await;
-    publish(&daemon, 2, SessionState::Ramping);
-    let mut client = CalibrationServiceClient::new(daemon.connect().await);
-    let mut watch = client.watch_session(v1::SessionRequest { session: 2 }).await.unwrap().into_inner();
-    watch.message().await.unwrap().unwrap();
-    daemon.shutdown.cancel();
-    let status = watch.message().await.unwrap_err();
-    assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
 }

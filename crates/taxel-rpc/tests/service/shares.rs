@@ -8,13 +8,13 @@ use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::{Access, Limits, Listener, Rules};
-use tonic::transport::{Channel, Endpoint};
+use taxel_rpc::Limits;
+use tonic::transport::Channel;
 use tonic::{Code, Status, Streaming};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{Daemon, FOREARM, model_set, patient, serve_on, start_with};
+use crate::fixture::{FOREARM, model_set, on_two_doors, patient, start_with};
 
 type Force = Streaming<v1::ForceSample>;
 
@@ -23,23 +23,10 @@ async fn stream(channel: &Channel) -> Result<Force, Status> {
     ForceServiceClient::new(channel.clone()).stream_force(request).await.map(tonic::Response::into_inner)
 }
 
-/// A daemon on loopback and on a Unix socket, two peers for one test.
-fn on_two_doors(rules: Rules, limits: Limits) -> (Daemon, tempfile::TempDir, Endpoint) {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("socket");
-    let tcp = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = tcp.local_addr().unwrap();
-    let unix = std::os::unix::net::UnixListener::bind(&path).unwrap();
-    let listeners = vec![Listener::Tcp(tcp), Listener::Unix(unix)];
-    let daemon = serve_on(listeners, Access::new(rules), (&[FOREARM], limits), address);
-    let endpoint = Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();
-    (daemon, folder, endpoint)
-}
-
 #[tokio::test]
 async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_beside_it_go_on() {
     let limits = Limits { streams: 128, ..patient() };
-    let (daemon, _folder, unix) = on_two_doors(Rules::open(), limits);
+    let (daemon, _folder, unix) = on_two_doors(limits);
     let channel = daemon.connect().await;
     let mut held = Vec::new();
     for _ in 0..64 {

@@ -5,7 +5,6 @@ use std::time::Duration;
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::Drain;
 use taxel_skin::Time;
 use tonic::{Code, Streaming};
 
@@ -115,7 +114,7 @@ async fn every_stream_ends_with_the_reason_when_the_daemon_stops() {
         let status = stream.message().await.unwrap_err();
         assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
     }
-    assert_eq!(daemon.server.await.unwrap().unwrap(), Drain::Clean);
+    daemon.server.await.unwrap().unwrap(); // within the drain, which is an hour here
 }
 
 #[tokio::test]

@@ -103,14 +103,16 @@ async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
 
 #[tokio::test]
 async fn what_is_no_load_is_refused_before_the_engine() {
-    let daemon = start_with(&[FOREARM, HAND], patient()).await;
+    let mut daemon = start_with(&[FOREARM, HAND], patient()).await;
     let mut client = ValidationServiceClient::new(daemon.connect().await);
     let of = |patch: &str, asked: v1::RecordLoadRequest| v1::RecordLoadRequest { patch: patch.to_owned(), ..asked };
     let kilogram = || request(Some(Laid::MassKg(1.0)));
     let long = v1::RecordLoadRequest { note: "x".repeat(1025), ..kilogram() };
+    let two_lines = v1::RecordLoadRequest { note: "brass\nsteel".to_owned(), ..kilogram() };
     for (asked, code, says) in [
         (of(FOREARM, request(None)), Code::InvalidArgument, "load: neither mass_kg nor force_n"),
         (of(FOREARM, long), Code::InvalidArgument, "note: 1025 bytes, at most 1024"),
+        (of(FOREARM, two_lines), Code::InvalidArgument, "U+000A, expected one line of text"),
         (of("", kilogram()), Code::InvalidArgument, "patch: must name one"),
         (of("leg", kilogram()), Code::NotFound, "no patch `leg`"),
     ] {
@@ -118,6 +120,7 @@ async fn what_is_no_load_is_refused_before_the_engine() {
         assert_eq!(refused.code(), code, "{refused:?}");
         assert!(refused.message().contains(says), "expected `{says}` in: {}", refused.message());
     }
+    assert!(daemon.requests.try_recv().is_err(), "nothing of it reached the engine");
 }
 
 #[tokio::test]

@@ -83,17 +83,33 @@ impl Bench {
         self.batches.try_send(BusBatch { bus: BusIndex(0), frames, notices: Vec::new() }).is_ok()
     }
 
-    /// Gives a command and takes turns until it is answered.
-    async fn reply(&mut self, command: Command) -> Reply {
-        let (reply, mut answer) = oneshot::channel();
-        self.commands.try_send(Request { command, reply, asked: None }).unwrap();
+    /// Gives a command, of which it may be known who asks for it.
+    fn give(&self, command: Command, who: Option<&str>) -> oneshot::Receiver<Reply> {
+        let (reply, answer) = oneshot::channel();
+        let asked = |who: &str| Asked { who: who.to_owned(), patch: "left_forearm".to_owned(), ..Asked::default() };
+        let asked = who.map(|who| Box::new(asked(who)));
+        self.commands.try_send(Request { command, reply, asked }).unwrap();
+        answer
+    }
+
+    /// Takes turns until a command is answered.
+    async fn answered(&mut self, mut answer: oneshot::Receiver<Reply>) -> Reply {
         loop {
-            self.turn().await;
             match answer.try_recv() {
-                Err(oneshot::error::TryRecvError::Empty) => {}
+                Err(oneshot::error::TryRecvError::Empty) => self.turn().await,
                 answered => return answered.unwrap(),
             }
         }
+    }
+
+    async fn reply(&mut self, command: Command) -> Reply {
+        let answer = self.give(command, None);
+        self.answered(answer).await
+    }
+
+    async fn audited(&mut self, who: &str, command: Command) -> Reply {
+        let answer = self.give(command, Some(who));
+        self.answered(answer).await
     }
 
     /// Imports a set that must be refused as not to be stored; why it is.
@@ -289,10 +305,7 @@ async fn a_refusal_is_told_when_it_is_in_the_audit_log() {
     let mut bench = Bench::new();
     bench.turn().await;
     let release = bench.hold_writer();
-    let (reply, mut answer) = oneshot::channel();
-    let asked = Some(Box::new(Asked { who: "eve".to_owned(), patch: "left_forearm".to_owned(), ..Asked::default() }));
-    let command = Command::DiscardSession { session: 7 };
-    bench.commands.try_send(Request { command, reply, asked }).unwrap();
+    let mut answer = bench.give(Command::DiscardSession { session: 7 }, Some("eve"));
     // Of the next one it is not known who asked, so that nothing is written down of it.
     let refused = bench.reply(Command::DiscardSession { session: 8 }).await.unwrap_err();
     assert!(matches!(refused, Rejection::NotFound(..)), "{refused:?}");
@@ -312,10 +325,7 @@ async fn whoever_asks_much_of_a_slow_disk_is_refused_before_that_ends_all_writin
     let (mut waiting, mut refused) = (Vec::new(), None);
     while refused.is_none() {
         assert!(waiting.len() < QUEUE_BATCHES, "all was taken");
-        let asked = Some(Box::new(Asked { who: "ann".to_owned(), ..Asked::default() }));
-        let (reply, mut answer) = oneshot::channel();
-        let command = import(waiting.len() as i64);
-        bench.commands.try_send(Request { command, reply, asked }).unwrap();
+        let mut answer = bench.give(import(waiting.len() as i64), Some("ann"));
         bench.turn().await;
         refused = answer.try_recv().ok();
         waiting.push(answer);
@@ -328,14 +338,8 @@ async fn whoever_asks_much_of_a_slow_disk_is_refused_before_that_ends_all_writin
     }
     release.send(()).unwrap();
     waiting.pop();
-    for mut answer in waiting {
-        let stored = loop {
-            match answer.try_recv() {
-                Err(oneshot::error::TryRecvError::Empty) => bench.turn().await,
-                answered => break answered.unwrap(),
-            }
-        };
-        assert!(stored.is_ok(), "{stored:?}");
+    for answer in waiting {
+        bench.answered(answer).await.unwrap();
     }
     assert!(bench.reply(import(-1)).await.is_ok());
 }
@@ -377,21 +381,6 @@ async fn a_fit_that_is_lost_comes_back_with_the_reason() {
 }
 
 impl Bench {
-    /// Gives a command that somebody is known to have asked for.
-    async fn audited(&mut self, who: &str, command: Command) -> Reply {
-        let (reply, mut answer) = oneshot::channel();
-        let (who, patch) = (who.to_owned(), "left_forearm".to_owned());
-        let asked = Some(Box::new(Asked { who, patch, ..Asked::default() }));
-        self.commands.try_send(Request { command, reply, asked }).unwrap();
-        loop {
-            self.turn().await;
-            match answer.try_recv() {
-                Err(oneshot::error::TryRecvError::Empty) => {}
-                answered => return answered.unwrap(),
-            }
-        }
-    }
-
     /// The whole audit log, oldest first: who, model set before and after, result.
     fn audit_log(&self) -> Vec<[String; 4]> {
         let (tell, told) = std::sync::mpsc::channel();
@@ -454,10 +443,8 @@ async fn nothing_is_done_that_the_audit_log_cannot_have() {
 async fn a_bring_up_waits_until_it_is_on_disk_who_asked_for_it() {
     let mut bench = Bench::new();
     let release = bench.hold_writer();
-    let (reply, mut answer) = oneshot::channel();
-    let asked = Some(Box::new(Asked { who: "ann".to_owned(), patch: "left_forearm".to_owned(), ..Asked::default() }));
     let command = || Command::BringUp { patch: String::new(), confirmed_by: None };
-    bench.commands.try_send(Request { command: command(), reply, asked }).unwrap();
+    let mut answer = bench.give(command(), Some("ann"));
     bench.turn().await;
     let request = *bench.driver.waiting.keys().next().expect("it waits, and the engine has not heard of it");
     assert!(matches!(answer.try_recv(), Err(oneshot::error::TryRecvError::Empty)));
@@ -467,10 +454,7 @@ async fn a_bring_up_waits_until_it_is_on_disk_who_asked_for_it() {
     assert_eq!(answer.await.unwrap().unwrap_err(), Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
     assert!(bench.driver.waiting.is_empty());
     // Somebody who does not wait any more is not obeyed when the disk comes back.
-    let (reply, gone) = oneshot::channel();
-    drop(gone);
-    let asked = Some(Box::new(Asked { who: "eve".to_owned(), patch: "left_forearm".to_owned(), ..Asked::default() }));
-    bench.commands.try_send(Request { command: command(), reply, asked }).unwrap();
+    drop(bench.give(command(), Some("eve")));
     bench.turn().await;
     release.send(()).unwrap();
     while !bench.driver.waiting.is_empty() {

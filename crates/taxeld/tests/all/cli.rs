@@ -1,40 +1,14 @@
 //! The programme as its users start it.
 
-use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::{CONFIG, fails, path, scratch, succeeds, text};
+use crate::common::{self, CONFIG, fails, path, scratch, succeeds, text};
 
-/// A log of twenty taxels that lose one count a kPa, one second at rest and then 1 kPa in 0.4 s up to 75 kPa, with
-/// some lines that are no frames.
+/// A ramp, with a line that is no frame and a head that is too short.
 fn log() -> String {
-    let mut log = String::new();
-    let mut time_us = 1_600_000_000_000_000_u64;
-    for scan in 0..640_u32 {
-        let kpa = 2.5 * (f64::from(scan) * 0.05 - 1.5).max(0.0);
-        let mut line = |frame: String| {
-            writeln!(log, "({}.{:06}) can0 {frame}", time_us / 1_000_000, time_us % 1_000_000).unwrap();
-            time_us += 120;
-        };
-        let pascal: String = ((kpa * 1000.0) as i32).to_le_bytes().iter().map(|b| format!("{b:02X}")).collect();
-        line(format!("3A1#{pascal}"));
-        for module in 0..2 {
-            // Pressure does not reach the two thermal pads.
-            let pressed = |k: u32| if matches!(k, 6 | 10) { 0.0 } else { kpa };
-            let count =
-                |k: u32| (240.0 - pressed(k) + f64::from((scan * 7 + k * 3) % 3) - 1.0).clamp(0.0, 255.0).round() as u8;
-            let hex = |from: u32, to: u32| (from..to).map(|k| format!("{:02X}", count(k))).collect::<String>();
-            line(format!("4D{module}#40{}", hex(0, 7)));
-            line(format!("4D{module}#C0{}0000", hex(7, 12)));
-        }
-        if scan == 100 {
-            log.push_str("this is no frame\n");
-        }
-        time_us += 50_000 - 5 * 120;
-    }
-    log.push_str("(1600000040.000000) can0 4D0#40F0F0\n"); // a head that is too short
-    log
+    let log = common::log(&common::frames(), |_| 1_600_000_000).replacen('\n', "\nthis is no frame\n", 1);
+    log + "(1600000040.000000) can0 4D0#40F0F0\n"
 }
 
 #[test]

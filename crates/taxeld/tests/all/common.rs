@@ -1,7 +1,9 @@
 //! Commands as processes, and the files that they are given.
 
+use std::fmt::Write as _;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 /// Two triangles on a bus that is only listened to, and a gauge.
 pub const CONFIG: &str = r#"
@@ -17,6 +19,73 @@ listen_only = true
 boards = [{ address = 13, modules = "0-1" }]
 gauge = { id = 0x3A1, signal = "0|32@1-", unit = "Pa", noise_kpa = 0.02 }
 "#;
+
+/// A process that ends with its test.
+pub struct Ended(pub Child);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        let _ = self.0.kill(); // it may have ended
+        let _ = self.0.wait();
+    }
+}
+
+impl Ended {
+    /// Sends a signal such as `-HUP`.
+    pub fn signal(&self, name: &str) {
+        assert!(Command::new("kill").args([name, &self.0.id().to_string()]).status().unwrap().success(), "{name}");
+    }
+}
+
+/// An address that is free now; the daemon takes it a moment later.
+pub fn free_address() -> SocketAddr {
+    TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap()
+}
+
+/// A simulated board with its store in this folder; `top` are keys that come first.
+pub fn simulated(store: &Path, top: &str) -> String {
+    format!(
+        "{top}\n[store]\npath = \"{}/store.db\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n[[patch]]\nname = \"forearm\"\n\
+         bus = \"skin\"\nboards = [{{ address = 13, modules = \"0-15\" }}]\n",
+        store.display()
+    )
+}
+
+/// Lines of a scan of [`frames`].
+pub const SCAN_LINES: usize = 5;
+
+/// The frames of 640 scans of twenty taxels, one every 50 ms, that lose one count a kPa: at rest for 1.5 s, then 2.5 kPa/s
+/// up to 76 kPa. With the times in microseconds at which they came, the first at 0.
+pub fn frames() -> Vec<(u64, String)> {
+    let mut frames = Vec::new();
+    for scan in 0..640_u32 {
+        let kpa = 2.5 * (f64::from(scan) * 0.05 - 1.5).max(0.0);
+        let pascal: String = ((kpa * 1000.0) as i32).to_le_bytes().iter().map(|b| format!("{b:02X}")).collect();
+        let mut of_scan = vec![format!("3A1#{pascal}")];
+        for module in 0..2 {
+            // Pressure does not reach the two thermal pads.
+            let pressed = |k: u32| if matches!(k, 6 | 10) { 0.0 } else { kpa };
+            let count =
+                |k: u32| (240.0 - pressed(k) + f64::from((scan * 7 + k * 3) % 3) - 1.0).clamp(0.0, 255.0).round() as u8;
+            let hex = |from: u32, to: u32| (from..to).map(|k| format!("{:02X}", count(k))).collect::<String>();
+            of_scan.push(format!("4D{module}#40{}", hex(0, 7)));
+            of_scan.push(format!("4D{module}#C0{}0000", hex(7, 12)));
+        }
+        let at = |line: usize| u64::from(scan) * 50_000 + line as u64 * 120;
+        frames.extend(of_scan.into_iter().enumerate().map(|(line, frame)| (at(line), frame)));
+    }
+    frames
+}
+
+/// A log of these frames; `begin_s` says from when on the clock counts at each line, from 0.
+pub fn log(frames: &[(u64, String)], begin_s: impl Fn(usize) -> u64) -> String {
+    let mut log = String::new();
+    for (line, (at_us, frame)) in frames.iter().enumerate() {
+        let time_us = begin_s(line) * 1_000_000 + at_us;
+        writeln!(log, "({}.{:06}) can0 {frame}", time_us / 1_000_000, time_us % 1_000_000).unwrap();
+    }
+    log
+}
 
 /// Runs a command to its end; its standard input is empty.
 pub fn taxeld(arguments: &[&str]) -> Output {

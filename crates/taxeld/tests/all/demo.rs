@@ -1,13 +1,13 @@
 //! `taxeld demo` as a process of its own, and commands against it.
 
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 
-use crate::common::text;
+use crate::common::{Ended, text};
 
-/// A demo that ends with its test.
+/// A demo.
 pub struct Demo {
-    pub child: Child,
+    pub child: Ended,
     pub server: String,
 }
 
@@ -25,7 +25,7 @@ impl Demo {
         let address = live.expect("the demo says where it listens");
         let server = address.trim_end_matches('.').to_owned();
         std::thread::spawn(move || lines.for_each(drop)); // its text goes on and must not block it
-        Self { child, server }
+        Self { child: Ended(child), server }
     }
 
     pub fn command(&self, arguments: &[&str]) -> Output {
@@ -84,12 +84,5 @@ impl Demo {
             }
         }
         panic!("{arguments:?} never succeeded: {said}");
-    }
-}
-
-impl Drop for Demo {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }

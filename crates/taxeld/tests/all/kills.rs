@@ -2,9 +2,9 @@
 //! back, and the set in use is the one that was. 12 times, or as often as TAXELD_KILLS says.
 
 use std::collections::BTreeMap;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use taxel_engine::baseline::TaxelBaseline;
@@ -18,6 +18,8 @@ use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_store::models_json;
 use tonic::transport::Channel;
 
+use crate::common::{Ended, free_address, simulated};
+
 /// Kills unless the environment says otherwise.
 const KILLS: u64 = 12;
 
@@ -28,24 +30,19 @@ const PATIENCE: Duration = Duration::from_secs(120);
 const TAXELS: usize = 160;
 
 struct Daemon {
-    child: Child,
+    child: Ended,
     address: SocketAddr,
 }
 
 impl Daemon {
     fn start(folder: &Path) -> Self {
-        let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
-        let config = format!(
-            "store.path = \"{}/store.db\"\nlisten = [\"tcp:{address}\"]\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
-             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\n\
-             boards = [{{ address = 13, modules = \"0-15\" }}]\n",
-            folder.display()
-        );
+        let address = free_address();
+        let config = simulated(folder, &format!("listen = [\"tcp:{address}\"]"));
         std::fs::write(folder.join("taxeld.toml"), config).unwrap();
         let log = std::fs::File::options().create(true).append(true).open(folder.join("log")).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
         command.args(["run", "--config"]).arg(folder.join("taxeld.toml"));
-        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap();
+        let child = Ended(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap());
         Self { child, address }
     }
 
@@ -53,7 +50,7 @@ impl Daemon {
     async fn served(&mut self) -> Channel {
         let begun = Instant::now();
         loop {
-            assert_eq!(self.child.try_wait().unwrap(), None, "the daemon ended by itself");
+            assert_eq!(self.child.0.try_wait().unwrap(), None, "the daemon ended by itself");
             assert!(begun.elapsed() < PATIENCE, "the daemon does not come up");
             if let Ok(mut client) = ForceServiceClient::connect(format!("http://{}", self.address)).await {
                 let mut stream = client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner();
@@ -62,13 +59,6 @@ impl Daemon {
             }
             tokio::task::yield_now().await;
         }
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -191,14 +181,14 @@ async fn what_was_acknowledged_is_there_after_kills_at_random_moments() {
             told.go_on(&channel).await.unwrap();
         }
         // Dead at any moment of what is done next.
-        let (pid, after) = (daemon.child.id(), Duration::from_micros((seed >> 33) % 60_000));
+        let (pid, after) = (daemon.child.0.id(), Duration::from_micros((seed >> 33) % 60_000));
         let kill = tokio::task::spawn_blocking(move || {
             std::thread::sleep(after);
             Command::new("kill").args(["-KILL", &pid.to_string()]).status().unwrap();
         });
         while told.go_on(&channel).await.is_ok() {}
         kill.await.unwrap();
-        daemon.child.wait().unwrap();
+        daemon.child.0.wait().unwrap();
     }
     let mut daemon = Daemon::start(folder.path());
     let channel = daemon.served().await;

@@ -1,52 +1,14 @@
 //! Logs of a bus as they are found: of several interfaces, cut off, of a clock that was set.
 
-use std::fmt::Write as _;
-
 use flate2::{Compression, write::GzEncoder};
 
-use crate::common::{CONFIG, fails, path, scratch, taxeld, text};
+use crate::common::{CONFIG, SCAN_LINES, fails, frames, log, path, scratch, taxeld, text};
 
 /// What a command that must succeed prints, and what it says beside that.
 fn succeeds(arguments: &[&str]) -> (String, String) {
     let output = taxeld(arguments);
     assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
     (text(&output.stdout), text(&output.stderr))
-}
-
-/// Lines of a scan.
-const SCAN_LINES: usize = 5;
-
-/// The frames of 640 scans of twenty taxels, one every 50 ms, that lose one count a kPa: at rest for 1.5 s, then 2.5 kPa/s
-/// up to 76 kPa. With the times in microseconds at which they came, the first at 0.
-fn frames() -> Vec<(u64, String)> {
-    let mut frames = Vec::new();
-    for scan in 0..640_u32 {
-        let kpa = 2.5 * (f64::from(scan) * 0.05 - 1.5).max(0.0);
-        let pascal: String = ((kpa * 1000.0) as i32).to_le_bytes().iter().map(|b| format!("{b:02X}")).collect();
-        let mut of_scan = vec![format!("3A1#{pascal}")];
-        for module in 0..2 {
-            // Pressure does not reach the two thermal pads.
-            let pressed = |k: u32| if matches!(k, 6 | 10) { 0.0 } else { kpa };
-            let count =
-                |k: u32| (240.0 - pressed(k) + f64::from((scan * 7 + k * 3) % 3) - 1.0).clamp(0.0, 255.0).round() as u8;
-            let hex = |from: u32, to: u32| (from..to).map(|k| format!("{:02X}", count(k))).collect::<String>();
-            of_scan.push(format!("4D{module}#40{}", hex(0, 7)));
-            of_scan.push(format!("4D{module}#C0{}0000", hex(7, 12)));
-        }
-        let at = |line: usize| u64::from(scan) * 50_000 + line as u64 * 120;
-        frames.extend(of_scan.into_iter().enumerate().map(|(line, frame)| (at(line), frame)));
-    }
-    frames
-}
-
-/// A log of these frames; `begin_s` says from when on the clock counts at each line, from 0.
-fn log(frames: &[(u64, String)], begin_s: impl Fn(usize) -> u64) -> String {
-    let mut log = String::new();
-    for (line, (at_us, frame)) in frames.iter().enumerate() {
-        let time_us = begin_s(line) * 1_000_000 + at_us;
-        writeln!(log, "({}.{:06}) can0 {frame}", time_us / 1_000_000, time_us % 1_000_000).unwrap();
-    }
-    log
 }
 
 #[test]

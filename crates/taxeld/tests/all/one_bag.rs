@@ -1,10 +1,10 @@
 //! Two patches in one bag: a command, a session and a model set for each, and one ramp.
 
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::text;
+use crate::common::{Ended, text};
 
 /// The simulated forearm as two patches, a board each, and one gauge.
 const CONFIG: &str = r#"
@@ -30,15 +30,6 @@ boards = [{ address = 12, modules = "0-6" }]
 gauge = { id = 0x3A1, signal = "0|32@1-", unit = "Pa" }
 "#;
 
-struct Daemon(Child);
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 fn taxeld(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     let server = format!("unix:{}", folder.join("s").display());
@@ -46,11 +37,11 @@ fn taxeld(folder: &Path, arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-fn start(folder: &Path, config: &str) -> Daemon {
+fn start(folder: &Path, config: &str) -> Ended {
     std::fs::write(folder.join("taxeld.toml"), config).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     command.args(["run", "--config", "taxeld.toml"]).current_dir(folder).stderr(Stdio::null());
-    let daemon = Daemon(command.spawn().unwrap());
+    let daemon = Ended(command.spawn().unwrap());
     let limit = Instant::now() + Duration::from_secs(120);
     while !taxeld(folder, &["sessions", "list"]).status.success() {
         assert!(Instant::now() < limit, "the daemon does not answer");

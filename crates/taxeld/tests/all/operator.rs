@@ -4,10 +4,10 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::text;
+use crate::common::{Ended, text};
 use crate::demo::Demo;
 
 #[test]
@@ -163,10 +163,6 @@ fn stored_samples_are_fitted_once_more(demo: &Demo, session: &str, own: &str) {
 #[test]
 fn a_calibration_says_stop_while_the_daemon_hangs() {
     let demo = Demo::start(&["--bare"]);
-    let signal = |name: &str| {
-        let pid = demo.child.id().to_string();
-        assert!(Command::new("kill").args([name, &pid]).status().unwrap().success());
-    };
     let mut calibrate = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     calibrate
         .args(["calibrate", "--target", "30", "--yes", "--confirmed-by", "test"])
@@ -175,20 +171,10 @@ fn a_calibration_says_stop_while_the_daemon_hangs() {
     let mut child = Ended(child);
     let mut lines = BufReader::new(child.0.stdout.take().unwrap()).lines().map(Result::unwrap);
     assert!(lines.any(|line| line.starts_with("RAMPING")), "the ramp begins");
-    signal("-STOP");
+    demo.child.signal("-STOP");
     assert!(lines.any(|line| line.contains("stop pumping: nothing new comes from the daemon")), "it says so");
-    signal("-CONT");
+    demo.child.signal("-CONT");
     assert!(lines.any(|line| !line.contains("stop pumping")), "it goes on, or says why not");
-}
-
-/// A command that ends with its test.
-struct Ended(Child);
-
-impl Drop for Ended {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
 }
 
 #[test]
@@ -297,19 +283,15 @@ fn a_daemon_that_is_not_there_is_no_refusal() {
 #[test]
 fn simulated_boards_that_were_held_up_do_not_send_too_fast_afterwards() {
     let demo = Demo::start(&["--bare"]);
-    let signal = |name: &str| {
-        let kill = Command::new("kill").args(["-s", name, &demo.child.id().to_string()]).status();
-        assert!(kill.unwrap().success(), "{name}");
-    };
     // It ends with 3 while modules are silent, as they are at first.
     let boards = || {
         let health = text(&demo.command(&["health", "--json"]).stdout);
         serde_json::from_str::<serde_json::Value>(&health).unwrap()["boards"].clone()
     };
     let scans = |boards: &serde_json::Value| boards[0]["scans"].as_str().unwrap().parse::<u64>().unwrap();
-    signal("STOP");
+    demo.child.signal("-STOP");
     std::thread::sleep(Duration::from_secs(1)); // so long it stands still
-    signal("CONT");
+    demo.child.signal("-CONT");
     let begun = scans(&boards());
     let later = loop {
         let boards = boards();

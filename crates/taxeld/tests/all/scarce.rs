@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use taxel_proto::v1;
@@ -16,11 +16,13 @@ use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tempfile::TempDir;
 use tonic::{Code, Status, Streaming};
 
+use crate::common::{Ended, free_address, simulated};
+
 /// Nothing that is waited for takes longer, on the slowest machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 struct Daemon {
-    child: Child,
+    child: Ended,
     address: SocketAddr,
     folder: TempDir,
 }
@@ -28,36 +30,28 @@ struct Daemon {
 impl Daemon {
     /// A daemon with its store in the folder `disk` beside its configuration, changed by `with` before it is started.
     fn start(with: impl FnOnce(&mut Command, &Path)) -> Self {
-        Self::start_in(tempfile::tempdir().unwrap(), |command, folder| {
-            command.stderr(File::create(folder.join("log")).unwrap());
-            with(command, folder);
-        })
-    }
-
-    fn start_in(folder: TempDir, with: impl FnOnce(&mut Command, &Path)) -> Self {
-        let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
-        let config = format!(
-            "listen = [\"tcp:{address}\", \"unix:socket\"]\nstore.path = \"{}/disk/store.db\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
-             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\nboards = [{{ address = 13, modules = \"0-15\" }}]\n",
-            folder.path().display()
-        );
+        let folder = tempfile::tempdir().unwrap();
+        let address = free_address();
+        let listen = format!("listen = [\"tcp:{address}\", \"unix:socket\"]");
+        let config = simulated(&folder.path().join("disk"), &listen);
         std::fs::write(folder.path().join("taxeld.toml"), config).unwrap();
         // The shell sets limits for what it becomes.
         let mut command = Command::new("sh");
         command.args(["-c", "ulimit -n ${DESCRIPTORS:-1024}; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_taxeld"), "run"]);
         command.arg("--config").arg(folder.path().join("taxeld.toml"));
+        command.stderr(File::create(folder.path().join("log")).unwrap());
         with(&mut command, folder.path());
-        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+        let child = Ended(command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap());
         Self { child, address, folder }
     }
 
-    /// One whose disk is slow while there is a file `slow`.
-    fn with_slow_disk() -> Self {
+    /// One whose disk takes so long for each write while there is this file; `with` changes more.
+    fn with_slow_disk(milliseconds: &str, when: &str, with: impl FnOnce(&Path)) -> Self {
         Self::start(|command, folder| {
             let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
-            let milliseconds = std::env::var("TAXELD_SLOW_MS").unwrap_or_else(|_| "500".to_owned());
             command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", milliseconds);
-            command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("slow"));
+            command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join(when));
+            with(folder);
         })
     }
 
@@ -93,10 +87,6 @@ impl Daemon {
         client.get_health(()).await.unwrap().into_inner()
     }
 
-    async fn problems(&self) -> Vec<String> {
-        self.health().await.problems
-    }
-
     async fn tare(&self) -> Result<(), Status> {
         let mut skin = SkinServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
         let request = v1::TareRequest { confirmed_by: "Ann".to_owned(), ..v1::TareRequest::default() };
@@ -124,18 +114,6 @@ impl Daemon {
     }
 }
 
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// Lets the daemon whose configuration is in the folder publish its force in this one, too.
-fn publishing(folder: &Path, memory: &Path) {
-    configured(folder, &format!("[shared_memory]\npath = \"{}\"\n", memory.display()));
-}
-
 /// Adds sections to the configuration in the folder.
 fn configured(folder: &Path, sections: &str) {
     let path = folder.join("taxeld.toml");
@@ -155,7 +133,8 @@ fn compiled(folder: &Path, text: &str) -> PathBuf {
 
 #[tokio::test]
 async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
-    let daemon = Daemon::with_slow_disk();
+    let milliseconds = std::env::var("TAXELD_SLOW_MS").unwrap_or_else(|_| "500".to_owned());
+    let daemon = Daemon::with_slow_disk(&milliseconds, "slow", |_| ());
     let mut stream = daemon.stream().await;
     daemon.tared(&mut stream).await;
     let slow = daemon.folder.path().join("slow");
@@ -190,13 +169,10 @@ async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
 #[test]
 fn a_start_that_fails_after_the_store_was_opened_closes_it() {
     let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let mut daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
-        command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", "20");
-        command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("taxeld.toml"));
+    let mut daemon = Daemon::with_slow_disk("20", "taxeld.toml", |folder| {
         configured(folder, &format!("[metrics]\nlisten = \"{}\"\n", taken.local_addr().unwrap()));
     });
-    assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{}", daemon.log());
+    assert_eq!(daemon.child.0.wait().unwrap().code(), Some(1), "{}", daemon.log());
     assert!(daemon.log().contains("Address already in use"), "{}", daemon.log());
     let disk = daemon.folder.path().join("disk");
     assert!(disk.join("store.db").exists() && !disk.join("store.db-wal").exists(), "it is not closed");
@@ -205,15 +181,11 @@ fn a_start_that_fails_after_the_store_was_opened_closes_it() {
 /// Until somebody ends it: each call takes an hour.
 #[tokio::test]
 async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so() {
-    let mut daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
-        command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", "3600000");
-        command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("hangs"));
-    });
+    let mut daemon = Daemon::with_slow_disk("3600000", "hangs", |_| ());
     daemon.stream().await.message().await.unwrap().unwrap();
     std::fs::write(daemon.folder.path().join("hangs"), "").unwrap();
-    assert!(Command::new("kill").arg(daemon.child.id().to_string()).status().unwrap().success());
-    assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{}", daemon.log());
+    daemon.child.signal("-TERM");
+    assert_eq!(daemon.child.0.wait().unwrap().code(), Some(1), "{}", daemon.log());
     assert!(daemon.log().contains("some parts did not close in time"), "{}", daemon.log());
 }
 
@@ -260,7 +232,7 @@ async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
     for (why, in_the_way) in [("No space left", ""), ("Is a directory", "forearm"), ("others could put pages", ".")] {
         let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
         let daemon = Daemon::start(|command, folder| {
-            publishing(folder, memory.path());
+            configured(folder, &format!("[shared_memory]\npath = \"{}\"\n", memory.path().display()));
             match in_the_way {
                 "" => {
                     let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
@@ -271,7 +243,7 @@ async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
             }
         });
         daemon.stream().await.message().await.unwrap().unwrap();
-        let problems = daemon.problems().await;
+        let problems = daemon.health().await.problems;
         let said =
             |problem: &&String| problem.starts_with("no force of forearm in shared memory: ") && problem.contains(why);
         assert_eq!(problems.iter().filter(said).count(), 1, "{why}: {problems:?}");
@@ -295,7 +267,7 @@ async fn files_that_may_not_grow_are_a_full_disk_and_no_end() {
     let mut daemon = Daemon::start(|_, _| {});
     let mut stream = daemon.stream().await;
     daemon.tared(&mut stream).await;
-    let limited = Command::new("prlimit").args(["--fsize=4096", "--pid", &daemon.child.id().to_string()]).status();
+    let limited = Command::new("prlimit").args(["--fsize=4096", "--pid", &daemon.child.0.id().to_string()]).status();
     assert!(limited.unwrap().success());
     // A skin may look unsteady for a second.
     let refused = loop {
@@ -308,9 +280,9 @@ async fn files_that_may_not_grow_are_a_full_disk_and_no_end() {
     for _ in 0..20 {
         stream.message().await.unwrap().unwrap();
     }
-    let problems = daemon.problems().await;
+    let problems = daemon.health().await.problems;
     assert!(problems.iter().any(|problem| problem.contains("the store")), "{problems:?}");
-    assert_eq!(daemon.child.try_wait().unwrap(), None);
+    assert_eq!(daemon.child.0.try_wait().unwrap(), None);
 }
 
 /// The machine is suspended for an hour: by `CLOCK_BOOTTIME` the engine has not run for as long, and what the boards did

@@ -1,8 +1,7 @@
 //! The documented way to certificates and tokens, word for word, and a daemon that lives by them.
 
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use taxel_proto::v1;
@@ -10,6 +9,8 @@ use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 use tonic::{Code, Request, Status};
+
+use crate::common::{Ended, free_address};
 
 /// A daemon that does not come up by then has failed.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -37,16 +38,9 @@ fn make_certificates(folder: &Path) {
 }
 
 struct Daemon {
-    child: Child,
+    child: Ended,
     folder: PathBuf,
     tls: String,
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 const SCENE: &str = r#"
@@ -64,7 +58,7 @@ const GRANT: &str = r#"operators = ["certificate:spiffe://robot/skin/operator"]"
 
 impl Daemon {
     fn start(folder: &Path) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let port = free_address().port();
         let config = format!(
             r#"
             listen = ["unix:socket", "tls:127.0.0.1:{port}"]
@@ -82,6 +76,7 @@ impl Daemon {
             .stderr(Stdio::inherit())
             .spawn()
             .unwrap();
+        let child = Ended(child);
         Self { child, folder: folder.to_path_buf(), tls: format!("https://127.0.0.1:{port}") }
     }
 
@@ -165,7 +160,7 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     }
     let folder = tempfile::tempdir().unwrap();
     make_certificates(folder.path());
-    let mut daemon = Daemon::start(folder.path());
+    let daemon = Daemon::start(folder.path());
     let unix = daemon.unix().await;
 
     let status = tare(&unix, None, "Nobody").await.unwrap_err();
@@ -196,8 +191,6 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     assert_eq!(of_patch("left_forearm"), text);
 
     // Killed and started again on the socket that it left.
-    daemon.child.kill().unwrap();
-    daemon.child.wait().unwrap();
     drop(daemon);
     let daemon = Daemon::start(folder.path());
     tare(&daemon.unix().await, Some(token.trim()), "Ann").await.unwrap();
@@ -227,9 +220,7 @@ async fn on_a_signal_other_certificates_and_tokens_count_and_useless_ones_change
     for name in ["ca.pem", "server.pem", "server.key", "tokens"] {
         std::fs::copy(other.path().join(name), folder.path().join(name)).unwrap();
     }
-    let hang_up =
-        || assert!(Command::new("kill").args(["-HUP", &daemon.child.id().to_string()]).status().unwrap().success());
-    hang_up();
+    daemon.child.signal("-HUP");
     let begun = Instant::now();
     while tare(&daemon.with_certificates(other.path()), None, "Ann").await.is_err() {
         assert!(begun.elapsed() < PATIENCE, "the new certificates do not count");
@@ -241,13 +232,13 @@ async fn on_a_signal_other_certificates_and_tokens_count_and_useless_ones_change
     }
 
     std::fs::write(folder.path().join("server.pem"), "no certificate").unwrap();
-    hang_up();
+    daemon.child.signal("-HUP");
     tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
 
     // A pipe in its place is never read to its end.
     make_pipe(&folder.path().join("server.pem"));
     std::fs::write(folder.path().join("tokens"), "").unwrap();
-    hang_up();
+    daemon.child.signal("-HUP");
     until_refused(&unix, token.trim()).await;
     tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
 }
@@ -285,8 +276,7 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
     let text = std::fs::read_to_string(&path).unwrap();
     let hang_up_with = |text: &str| {
         std::fs::write(&path, text).unwrap();
-        let child = daemon.child.id().to_string();
-        assert!(Command::new("kill").args(["-HUP", &child]).status().unwrap().success());
+        daemon.child.signal("-HUP");
     };
     // Who comes by the socket may, and the certificate's grant is gone.
     hang_up_with(

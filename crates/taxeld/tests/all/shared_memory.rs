@@ -2,45 +2,26 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use taxel_shm::{Force, NoForce, Reader};
 
+use crate::common::Ended;
+
 /// How long a busy machine may take for anything.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// A demo that ends with its test.
-struct Demo(Child);
-
-impl Demo {
-    /// Starts a demo and waits until it is live.
-    fn start(folder: &Path) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-        command.args(["demo", "--listen", "127.0.0.1:0", "--shared-memory"]).arg(folder);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
-        let page = folder.join("left_forearm").display().to_string();
-        assert!(lines.any(|line| line == format!("In shared memory: {page}")), "the demo says where its page is");
-        std::thread::spawn(move || lines.for_each(drop)); // its text goes on and must not block it
-        Self(child)
-    }
-
-    fn signal(&self, signal: &str) {
-        let pid = self.0.id().to_string();
-        assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
-    }
-
-    fn wait(&mut self) {
-        self.0.wait().unwrap();
-    }
-}
-
-impl Drop for Demo {
-    fn drop(&mut self) {
-        let _ = self.0.kill(); // it may have ended
-        let _ = self.0.wait();
-    }
+/// Starts a demo and waits until it is live.
+fn start(folder: &Path) -> Ended {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    command.args(["demo", "--listen", "127.0.0.1:0", "--shared-memory"]).arg(folder);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
+    let page = folder.join("left_forearm").display().to_string();
+    assert!(lines.any(|line| line == format!("In shared memory: {page}")), "the demo says where its page is");
+    std::thread::spawn(move || lines.for_each(drop)); // its text goes on and must not block it
+    Ended(child)
 }
 
 /// Reads until there is what is looked for.
@@ -62,7 +43,7 @@ fn a_daemon_that_hangs_ends_or_is_killed_never_looks_alive_and_the_next_one_is_f
     let folder = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
     let path = folder.path().join("left_forearm");
     let mut reader = Reader::new(&path, None);
-    let mut demo = Demo::start(folder.path());
+    let mut demo = start(folder.path());
     let force = until(&mut reader, Result::ok);
     assert!(force.age <= Duration::from_millis(150) && force.total_n >= 0.0, "{force:?}");
     assert!(force.sample.model_set.as_str().starts_with("m-") && force.sample.sigma_n.is_some(), "{force:?}");
@@ -76,15 +57,15 @@ fn a_daemon_that_hangs_ends_or_is_killed_never_looks_alive_and_the_next_one_is_f
     until(&mut reader, |force| matches!(force, Ok(_) | Err(NoForce::State(..))).then_some(()));
 
     demo.signal("-KILL");
-    demo.wait();
+    demo.0.wait().unwrap();
     until(&mut reader, gone);
     assert!(path.exists(), "a killed daemon leaves its page, and nobody takes it for a living one");
 
-    let mut demo = Demo::start(folder.path());
+    let mut demo = start(folder.path());
     until(&mut reader, Result::ok);
 
     demo.signal("-TERM");
-    demo.wait();
+    demo.0.wait().unwrap();
     assert_eq!(until(&mut reader, Result::err), NoForce::Closed);
     assert!(!path.exists());
 }

@@ -2,10 +2,10 @@
 //! plays the service manager.
 
 use std::fs::File;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::os::unix::net::UnixDatagram;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use taxel_proto::v1;
@@ -13,11 +13,13 @@ use taxel_proto::v1::force_service_client::ForceServiceClient;
 use tempfile::TempDir;
 use tonic::Streaming;
 
+use crate::common::{Ended, free_address, simulated};
+
 /// Nothing that is waited for takes longer, on the slowest machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 struct Service {
-    child: Child,
+    child: Ended,
     manager: UnixDatagram,
     address: SocketAddr,
     folder: TempDir,
@@ -28,8 +30,7 @@ impl Service {
         let folder = tempfile::tempdir().unwrap();
         let manager = UnixDatagram::bind(folder.path().join("notify")).unwrap();
         manager.set_read_timeout(Some(PATIENCE)).unwrap();
-        // The port is free again when the listener is dropped, and taken by the daemon a moment later.
-        let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
+        let address = free_address();
         let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
         let log = File::create(folder.path().join("log")).unwrap();
         command.args(arguments).arg("run").arg("--config").arg(folder.path().join("taxeld.toml"));
@@ -39,7 +40,7 @@ impl Service {
             None => command.env_remove("WATCHDOG_USEC"),
         };
         write_config(&folder, address, "");
-        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap();
+        let child = Ended(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap());
         Self { child, manager, address, folder }
     }
 
@@ -81,31 +82,14 @@ impl Service {
         }
     }
 
-    fn signal(&self, name: &str) {
-        let sent = Command::new("kill").arg(name).arg(self.child.id().to_string()).status().unwrap();
-        assert!(sent.success());
-    }
-
     async fn stream(&self) -> Streaming<v1::ForceSample> {
         let mut client = ForceServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
         client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner()
     }
 }
 
-impl Drop for Service {
-    fn drop(&mut self) {
-        let _ = self.child.kill(); // it may have ended
-        let _ = self.child.wait();
-    }
-}
-
 fn write_config(folder: &TempDir, address: SocketAddr, more: &str) {
-    let store = folder.path().join("store.db");
-    let text = format!(
-        "listen = [\"tcp:{address}\"]\n{more}\n[store]\npath = \"{}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
-         [[patch]]\nname = \"forearm\"\nbus = \"skin\"\nboards = [{{ address = 13, modules = \"0-15\" }}]\n",
-        store.display()
-    );
+    let text = simulated(folder.path(), &format!("listen = [\"tcp:{address}\"]\n{more}"));
     std::fs::write(folder.path().join("taxeld.toml"), text).unwrap();
 }
 
@@ -123,9 +107,9 @@ async fn the_manager_is_told_when_the_daemon_serves_that_it_lives_and_when_it_st
     next(&mut service.stream().await).await; // it serves when it says so
     service.until_told("WATCHDOG=1");
     service.until_told("WATCHDOG=1");
-    service.signal("-TERM");
+    service.child.signal("-TERM");
     service.until_told("STOPPING=1");
-    assert!(service.child.wait().unwrap().success(), "{}", service.log());
+    assert!(service.child.0.wait().unwrap().success(), "{}", service.log());
     // The store is closed: nothing waits in a log to be folded back.
     for (name, there) in [("store.db", true), ("store.db-wal", false)] {
         assert_eq!(service.path(name).exists(), there, "{name}");
@@ -136,7 +120,7 @@ async fn the_manager_is_told_when_the_daemon_serves_that_it_lives_and_when_it_st
 async fn without_a_watchdog_none_is_fed() {
     let service = Service::start(None, &[]);
     service.until_told("READY=1");
-    service.signal("-TERM");
+    service.child.signal("-TERM");
     let mut told = service.told();
     while !told.contains("STOPPING=1") {
         assert!(!told.contains("WATCHDOG"), "{told}");
@@ -152,7 +136,7 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     let mut before = next(&mut stream).await.sequence;
     let more = "socket_group = \"skin\"\n";
     write_config(&service.folder, service.address, more);
-    service.signal("-HUP");
+    service.child.signal("-HUP");
     let reloading = service.until_told("RELOADING=1");
     assert!(reloading.contains("MONOTONIC_USEC="), "{reloading}");
     service.until_told("READY=1");
@@ -167,13 +151,13 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     service.until_logged("other keys need a restart");
     // Rules that grant nothing to anybody are rules, too.
     write_config(&service.folder, service.address, &format!("{more}[access]\n"));
-    service.signal("-HUP");
+    service.child.signal("-HUP");
     service.until_told("RELOADING=1");
     service.until_told("READY=1");
     service.until_logged("not reloaded: whether there is an [access] section needs a restart");
     // A file that cannot be used changes nothing.
     std::fs::write(service.path("taxeld.toml"), "[store]\npath = 5\n").unwrap();
-    service.signal("-HUP");
+    service.child.signal("-HUP");
     service.until_told("RELOADING=1");
     service.until_told("READY=1");
     next(&mut stream).await;
@@ -187,7 +171,7 @@ async fn a_pipe_in_the_place_of_the_configuration_is_refused_and_no_section_of_a
     service.until_logged("EVERYBODY ON THIS MACHINE IS ADMINISTRATOR");
     std::fs::remove_file(service.path("taxeld.toml")).unwrap();
     assert!(Command::new("mkfifo").arg(service.path("taxeld.toml")).status().unwrap().success());
-    service.signal("-HUP");
+    service.child.signal("-HUP");
     service.until_logged("it is no regular file");
     next(&mut service.stream().await).await;
 }

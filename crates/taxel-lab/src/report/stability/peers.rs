@@ -1,4 +1,4 @@
-//! Fits as others would write them: the same contenders in every table of the report.
+//! Fits as others would write them.
 //!
 //! A fair one first: Chebyshev polynomials on the range of the data, by QR. Then what most would write: powers of the raw
 //! abscissa by QR and normal equations, all by nalgebra. They work on one row a sample, so that time and memory grow
