@@ -199,35 +199,6 @@ fn modules_are_compared_where_both_are_known() {
     assert!(says(&device(16), &device(16)).is_none() && says(&device(16), &device(8)).is_some());
 }
 
-#[test]
-fn lines_of_one_fit_are_equal_but_for_what_an_earlier_version_did_not_tell() {
-    let short = "device 1: counts from 0 to 65535, 256 to a unit";
-    let long = format!("{short}; numbers from 0, lowest 8 bits left out");
-    let differ = |a: &str, b: &str| differ_in(&[a.to_owned()], &[b.to_owned()]);
-    for (a, b) in [(short, long.as_str()), (&long, short), (&long, &long), (LINE, LINE), ("as they are", "as they are")]
-    {
-        assert_eq!(differ(a, b), None);
-    }
-    let seven = long.replace("lowest 8", "lowest 7");
-    let less = short.replace("65535", "65534");
-    let other_period = LINE.replace("period 50", "period 20");
-    for (a, b) in [
-        (long.as_str(), seven.as_str()),
-        (short, less.as_str()),
-        (LINE, other_period.as_str()),
-        (LINE, "board 13: shift 3"),
-        (LINE, short),
-    ] {
-        assert_eq!(differ(a, b), Some((a.to_owned(), b.to_owned())));
-    }
-    let two = [LINE.to_owned(), short.to_owned()];
-    assert_eq!(differ_in(&two, &two[..1]), Some((format!("{LINE}; {short}"), LINE.to_owned())));
-    let told = [LINE.to_owned(), long];
-    assert_eq!(differ_in(&two, &told), None);
-    let other = [other_period, told[1].clone()];
-    assert_eq!(differ_in(&two, &other).unwrap().1, other[0], "and not the line that only tells more");
-}
-
 proptest! {
     #[test]
     fn any_text_is_read_or_not(text in "(board|device) 1: .{0,60}(; modules .{0,20})?", other in ".*") {

@@ -7,9 +7,7 @@ use taxel_skin::{Kilopascal, Time};
 use super::branch::{Branch, Direction};
 use super::calibrate::{Calibration, CalibrationEvent};
 use super::calibration_plan::CalibrationPlan;
-use super::job::FitOutcome;
 use super::limits::SessionLimits;
-use super::session::SessionRecord;
 use super::transition::Trigger;
 use super::view::{SampleRefusal, SessionState, SessionView};
 use crate::baseline::TaxelBaseline;
@@ -67,20 +65,6 @@ impl Scene {
         scene
     }
 
-    /// A fit that is out; its outcome.
-    fn fitting() -> (Self, FitOutcome) {
-        let mut scene = Self::ramping(Branch::Rising);
-        scene.events.clear();
-        let now = scene.now();
-        scene.calibration.command(now, Trigger::FinishRamp, &scene.gauge, &mut scene.events).unwrap();
-        let job = scene.events.iter().find_map(|event| match event {
-            CalibrationEvent::Fit(job) => Some((job.session, job.fit)),
-            _ => None,
-        });
-        let (session, fit) = job.unwrap();
-        (scene, FitOutcome { session, fit, result: Err("it gave none".to_owned()) })
-    }
-
     fn now(&self) -> Now {
         Now { time: ms(self.ms), wall_ns: self.ms }
     }
@@ -133,36 +117,6 @@ fn wants_zero(event: &CalibrationEvent) -> bool {
     matches!(event, CalibrationEvent::WantsZero { .. })
 }
 
-fn wants_none(event: &CalibrationEvent) -> bool {
-    matches!(event, CalibrationEvent::ZeroNotWanted)
-}
-
-#[test]
-fn a_session_ramps_from_its_zero_on_and_leaves_out_what_was_asked_for() {
-    let mut scene = Scene::new();
-    assert!(!scene.calibration.is_ramping() && !scene.calibration.leaves_out(1));
-    scene = Scene::started(Branch::Rising);
-    assert!(!scene.calibration.is_ramping());
-    assert_eq!([0, 1].map(|module| scene.calibration.leaves_out(module)), [false, true]);
-    scene.take_zero();
-    assert!(scene.calibration.is_ramping());
-}
-
-#[test]
-fn a_zero_is_wanted_until_it_is_taken_and_the_end_of_that_is_told_once() {
-    let mut scene = Scene::started(Branch::Rising);
-    assert_eq!((scene.count(wants_zero), scene.count(wants_none)), (1, 0));
-    scene.take_zero();
-    let ramps = |event: &CalibrationEvent| matches!(event, CalibrationEvent::Record(SessionRecord::Ramp(_)));
-    assert_eq!((scene.count(ramps), scene.count(wants_none)), (1, 0), "the zero that was taken ends its own watch");
-    let now = scene.now();
-    scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();
-    assert_eq!((scene.state(), scene.count(wants_none)), (SessionState::Aborted, 0));
-    let mut scene = Scene::started(Branch::Rising);
-    scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();
-    assert_eq!((scene.count(wants_zero), scene.count(wants_none)), (1, 1));
-}
-
 #[test]
 fn rest_that_is_not_proven_is_waited_for_as_long_as_patience_goes() {
     let mut scene = Scene::started(Branch::Rising);
@@ -207,28 +161,6 @@ fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_wen
     scene.calibration.command(now, Trigger::FinishRamp, &scene.gauge, &mut scene.events).unwrap();
     let view = scene.calibration.session().unwrap();
     assert_eq!((view.state, view.reason.as_str()), (SessionState::Fitting, ""));
-}
-
-#[test]
-fn only_the_newest_fit_of_the_session_that_waits_for_it_counts() {
-    let (mut scene, outcome) = Scene::fitting();
-    let now = scene.now();
-    let others = [
-        FitOutcome { fit: outcome.fit + 1, ..outcome.clone() },
-        FitOutcome { session: outcome.session + 1, ..outcome.clone() },
-    ];
-    for other in &others {
-        assert!(!scene.calibration.awaits(other), "{other:?}");
-        scene.calibration.on_fitted(now, other, &scene.gauge, &mut scene.events);
-        assert_eq!(scene.state(), SessionState::Fitting);
-    }
-    assert!(scene.calibration.awaits(&outcome));
-    scene.calibration.on_fitted(now, &outcome, &scene.gauge, &mut scene.events);
-    assert_eq!(scene.state(), SessionState::Failed);
-    assert!(!scene.calibration.awaits(&outcome), "once");
-    let (mut scene, outcome) = Scene::fitting();
-    scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();
-    assert!(!scene.calibration.awaits(&outcome), "a session that was aborted waits for nothing");
 }
 
 #[test]

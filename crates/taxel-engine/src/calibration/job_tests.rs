@@ -137,13 +137,6 @@ fn what_a_zero_is_off_by_after_a_ramp_is_what_it_was_off_by_from_ramp_to_ramp() 
 }
 
 #[test]
-fn modules_that_were_left_out_get_no_model_and_the_others_do() {
-    let without = FitJob { left_out: vec![1], ..job(gathered(&[240], false), Branch::Rising) };
-    let usable: Vec<bool> = set(&without).taxels.iter().map(taxel_model::TaxelModel::is_usable).collect();
-    assert_eq!(usable, [true, true, false, false]);
-}
-
-#[test]
 fn a_set_says_what_it_was_fitted_of() {
     let rising = job(gathered(&[240], false), Branch::Rising);
     assert_eq!(set(&rising).method, "order 5, pressure-binned");

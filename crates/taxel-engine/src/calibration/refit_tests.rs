@@ -30,19 +30,6 @@ fn the_branches_that_were_gathered_are_fitted_where_none_are_asked_for() {
 }
 
 #[test]
-fn ramps_of_sessions_that_are_joined_are_numbered_on() {
-    let samples = |ramps: u16| SessionSamples {
-        ramps: (0..ramps).map(|ramp| RampBaseline { ramp, taxels: Vec::new(), gauge_kpa: None }).collect(),
-        samples: (0..ramps)
-            .map(|ramp| Sample { ramp, time_ns: 0, pressure_kpa: 1.0, counts: [0_u8].as_slice().into() })
-            .collect(),
-    };
-    let joined = joined(vec![samples(2), samples(3)]).unwrap();
-    assert_eq!(joined.ramps.iter().map(|ramp| ramp.ramp).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
-    assert_eq!(joined.samples.iter().map(|sample| sample.ramp).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
-}
-
-#[test]
 fn of_sessions_over_both_branches_the_rising_fit_has_the_samples_up_to_the_top_of_each_ramp() {
     let sample = |(n, &(ramp, pressure_kpa)): (usize, &(u16, f64))| Sample {
         ramp,

@@ -118,12 +118,6 @@ mod tests {
     }
 
     #[test]
-    fn before_anything_came_nothing_is_claimed() {
-        let why = Rise::default().why(stall(0.0));
-        assert!(why.contains("0 of 0 taxels"), "{why}");
-    }
-
-    #[test]
     fn what_is_said_of_a_rise_changes_at_what_can_be_told_from_noise() {
         let says = |gauge_kpa: &[f64], counts: [u8; 2]| {
             let last = gauge_kpa[gauge_kpa.len() - 1];

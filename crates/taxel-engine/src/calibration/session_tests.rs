@@ -6,7 +6,7 @@ use super::branch::{Branch, Direction};
 use super::limits::SessionLimits;
 use super::samples::{Sample, SessionSamples};
 use super::session::{Pending, Progress, SessionRecord, SessionRun};
-use super::view::{SampleRefusal, SessionState, SessionView};
+use super::view::{SampleRefusal, SessionView};
 use crate::baseline::TaxelBaseline;
 use crate::counts::SharedCounts;
 use crate::intake::gauge::GaugeHistory;
@@ -110,20 +110,6 @@ fn no_more_than_512_scans_wait_and_the_oldest_goes_first() {
 }
 
 #[test]
-fn nothing_waits_before_a_ramp_and_nothing_that_waits_outlives_it() {
-    let mut scene = Scene::new(Branch::Rising, 50.0);
-    scene.run.on_scan(scan(ms(10), [200; TAXELS]));
-    scene.run.enter(at(ms(20)), SessionState::Failed, "over");
-    scene.run.drop_waiting();
-    assert_eq!(scene.refused(SampleRefusal::ZeroInDoubt), 0);
-    scene.run.enter(at(ms(30)), SessionState::Taring, "");
-    scene.run.on_scan(scan(ms(40), [200; TAXELS]));
-    scene.run.on_scan(None);
-    scene.run.drop_waiting();
-    assert_eq!(scene.run.view().refused, super::view::RefusalCounts::default());
-}
-
-#[test]
 fn a_ramp_ends_when_the_session_is_full() {
     let mut scene = Scene::with(Branch::Rising, 50.0, |limits| limits.scans_max = 5);
     assert_eq!(scene.go(2.0, 10.0), Progress::RampEnded);
@@ -142,23 +128,6 @@ fn a_rise_ends_at_its_target_and_a_fall_where_the_bag_is_vented() {
     let last = scene.run.samples().samples.last().unwrap().pressure_kpa;
     assert!((0.9..1.2).contains(&last), "the branch ends at 1 kPa: {last}");
     assert!(!scene.run.turn(ms(scene.ms)), "a fall turns no more");
-}
-
-#[test]
-fn a_ramp_over_the_rise_alone_does_not_turn() {
-    let mut scene = Scene::new(Branch::Rising, 10.0);
-    assert!(!scene.run.turn(ms(10)));
-    let mut scene = Scene::new(Branch::Both, 10.0);
-    scene.run.enter(at(ms(10)), SessionState::Taring, "");
-    assert!(!scene.run.turn(ms(10)), "nor before it has begun");
-}
-
-/// The last scan that could have entered is judged a second late, so that much is added to the patience.
-#[test]
-fn patience_ends_after_a_minute_and_the_second_for_which_scans_wait() {
-    let mut scene = Scene::new(Branch::Rising, 50.0);
-    assert_eq!(scene.advance(61_000), Progress::On);
-    assert_eq!(scene.advance(61_001), Progress::Failed);
 }
 
 #[test]
@@ -213,23 +182,6 @@ fn the_time_left_is_what_is_missing_to_the_end_of_the_branch_at_the_present_rate
 }
 
 #[test]
-fn beyond_the_end_no_time_is_left_and_outside_of_a_ramp_none_is_told() {
-    let mut scene = Scene::new(Branch::Rising, 3.0);
-    for i in 1..=400 {
-        scene.gauge.push(ms(10 * i), Kilopascal(0.02 * i as f64));
-    }
-    scene.ms = 4_000;
-    assert_eq!(scene.shown().remaining_s, Some(0.0));
-    scene.run.enter(at(ms(4_000)), SessionState::Review, "");
-    assert_eq!(scene.shown().remaining_s, None);
-    assert!(scene.shown().pressure_kpa.is_some());
-    scene.ms = 4_500;
-    assert!(scene.shown().pressure_kpa.is_some(), "half a second is the gauge's timeout");
-    scene.ms = 4_501;
-    assert_eq!(scene.shown().pressure_kpa, None);
-}
-
-#[test]
 fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_counts_responds() {
     let sample = |pressure_kpa: f64, counts: [u8; TAXELS]| Sample {
         ramp: 0,
@@ -247,12 +199,4 @@ fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_count
     assert_eq!((run.view().accepted, run.view().durable), (6, 6));
     run.refresh(ms(0), &GaugeHistory::default());
     assert!((run.view().coverage - 0.3).abs() < 1e-9, "steps 0, 1 and 3 of ten: {}", run.view().coverage);
-}
-
-#[test]
-fn what_is_on_disk_is_never_told_less() {
-    let mut scene = Scene::new(Branch::Rising, 50.0);
-    scene.run.set_durable(7);
-    scene.run.set_durable(3);
-    assert_eq!(scene.run.view().durable, 7);
 }

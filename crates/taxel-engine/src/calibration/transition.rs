@@ -123,26 +123,6 @@ pub fn commanded(number: u64, state: SessionState, command: Trigger) -> Result<S
 mod tests {
     use super::*;
 
-    #[test]
-    fn every_open_state_can_be_left_and_every_state_but_the_first_reached() {
-        for state in SessionState::ALL {
-            let leaves = Trigger::ALL.iter().any(|t| transition(state, *t).is_some_and(|next| next != state));
-            let is_use = state == SessionState::Active; // which follows from the set in use alone
-            assert!(leaves || is_use || state == SessionState::Discarded, "{state:?} is for ever");
-            let from = SessionState::ALL.into_iter().flat_map(|s| Trigger::ALL.map(|t| transition(s, t)));
-            assert!(is_use || from.flatten().any(|next| next == state), "nothing leads to {state:?}");
-        }
-    }
-
-    #[test]
-    fn an_open_session_ends_with_a_restart_and_with_a_failed_store() {
-        for state in SessionState::ALL {
-            let ended = |trigger| transition(state, trigger).is_some_and(|next| !next.is_open());
-            assert_eq!(ended(Trigger::Restart), state.is_open(), "{state:?}");
-            assert_eq!(ended(Trigger::StoreFailed), state.is_open(), "{state:?}");
-        }
-    }
-
     /// Every cell. A row is a trigger; where it leads from each state of [`SessionState::ALL`], by its first letters.
     #[test]
     fn the_table_is_this_one() {
@@ -185,15 +165,5 @@ mod tests {
         assert!(why(Trigger::Abort).contains("a session can be aborted only in TARING, RAMPING, FITTING"));
         assert!(why(Trigger::Discard).contains("a session can be discarded only in REVIEW, DISCARDED"));
         assert!(why(Trigger::Fitted).contains("this can happen only in"));
-    }
-
-    #[test]
-    fn a_refused_command_names_where_it_can_be_done() {
-        let Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why)) =
-            commanded(3, SessionState::Fitting, Trigger::StartRamp)
-        else {
-            panic!("not refused")
-        };
-        assert_eq!(why, "session 3 is FITTING; a ramp can begin only in REVIEW, ACTIVE, ABORTED, FAILED, INTERRUPTED");
     }
 }

@@ -40,17 +40,3 @@ fn limited(there: usize, max: usize, what: &str, then: &str) -> Result<(), Rejec
         format!("there are {there} {what}, and {max} is the limit: {then}"),
     ))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn as_many_as_the_limit_says_are_kept_and_no_more() {
-        assert!(limited(2, 3, "loads", "none can be added").is_ok());
-        for there in [3, 4] {
-            let why = limited(there, 3, "loads", "none can be added").unwrap_err().to_string();
-            assert_eq!(why, format!("there are {there} loads, and 3 is the limit: none can be added"));
-        }
-    }
-}

@@ -193,24 +193,3 @@ impl Pending {
         self.effects.values().any(|effect| matches!(effect, Effect::Forget { what, .. } if what == gone))
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_ticket_is_another_one_and_is_good_once() {
-        let mut pending = Pending::default();
-        let request = RequestId(7);
-        let forget = pending.keep(Effect::Forget { request, what: Forgotten::Session(3) });
-        let zero = pending.keep(Effect::Zero { request, patch: 1 });
-        assert!(forget != zero);
-        assert!(pending.forgets(&Forgotten::Session(3)) && !pending.forgets(&Forgotten::Session(4)));
-        assert!(matches!(pending.take(zero), Some(Effect::Zero { patch: 1, .. })));
-        assert!(pending.take(forget).is_some() && pending.take(forget).is_none());
-        let view = Arc::new(SessionView { number: 3, ..SessionView::default() });
-        pending.keep(Effect::End { request, command: Trigger::Discard, view });
-        assert_eq!([3, 4].map(|number| pending.ends(number)), [Some(Trigger::Discard), None]);
-        assert!(!pending.activates(1) && !pending.activates_set("m-1") && pending.imports() == 0);
-    }
-}

@@ -159,13 +159,6 @@ fn a_set_that_comes_into_use_while_the_zero_is_in_doubt_has_a_history_from_then_
 }
 
 #[test]
-fn plays_follow_while_the_zero_is_in_doubt() {
-    let mut skin = Skin::known();
-    skin.go(20).doubt().go(60).go(20).clear();
-    skin.is_known("squeezed and relaxed in doubt");
-}
-
-#[test]
 fn a_set_that_comes_into_use_under_a_load_does_not_know_how_it_came_there() {
     for (most, present) in [(60, 20), (20, 20), (40, 40), (30, 8)] {
         let what = format!("{most} counts, then {present}");

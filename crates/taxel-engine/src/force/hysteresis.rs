@@ -348,13 +348,6 @@ mod tests {
         assert_eq!(offsets(&mut moved, (197..237).rev()), there);
     }
 
-    #[test]
-    fn a_set_without_plays_needs_no_hysteresis() {
-        let mut plain = ModelSet::clone(&set(0.5));
-        plain.recorded = None;
-        assert!(Hysteresis::new(&Arc::new(plain), &rest()).is_none());
-    }
-
     proptest! {
         #[test]
         fn any_time_step_leaves_it_finite_and_bounded(

@@ -276,18 +276,6 @@ mod tests {
             let found = unseen(&tables, &taxels, zero_sigma);
             prop_assert!(found.newton + 2.0 * found.sigma_n >= pressing - 1e-4, "{found:?} {pressing}");
         }
-
-        #[test]
-        fn it_is_never_certain_of_a_selected_taxel_and_never_not_a_number(
-            taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64
-        ) {
-            let found = unseen(&tables(), &taxels, zero_sigma);
-            prop_assert!(found.newton.is_finite() && found.newton >= 0.0 && found.sigma_n.is_finite(), "{found:?}");
-            let open = taxels.iter().any(|&(_, selected, active)| selected && !active);
-            prop_assert!(!open || found.sigma_n > 0.0, "{found:?}");
-            let selected = taxels.iter().any(|&(_, selected, _)| selected);
-            prop_assert!(found.choice_n.is_finite() && (!selected || found.choice_n > 0.0), "{found:?}");
-        }
     }
 
     /// All taxels rest a count nearer to load than the models' zero.

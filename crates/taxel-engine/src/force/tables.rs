@@ -334,16 +334,6 @@ mod tests {
     use crate::force::tests::{ACTIVATION, AREA, REST, rest, set};
     use proptest::prelude::*;
 
-    proptest! {
-        #[test]
-        fn no_history_makes_a_pressure_negative(count in any::<u8>(), offset_kpa in -100.0..100.0_f32) {
-            let tables = Tables::new(set(1), &rest(1), &[AREA], ACTIVATION);
-            let reading = tables.reading(0, count, offset_kpa).unwrap();
-            prop_assert!(reading.pressure_kpa >= 0.0, "{reading:?}");
-            prop_assert!(reading.sigma_kpa >= 0.0 && reading.kpa_per_count >= 0.0, "{reading:?}");
-        }
-    }
-
     #[test]
     fn beyond_the_calibrated_range_pressure_and_uncertainty_grow_and_it_is_told() {
         let tables = Tables::new(set(1), &rest(1), &[AREA], ACTIVATION);

@@ -258,23 +258,6 @@ fn a_fault_away_from_the_contact_degrades_nothing_and_one_beside_it_does() {
     assert_eq!(states, [ForceState::Ok, ForceState::Degraded], "any of the module may be beside it");
 }
 
-#[test]
-fn a_taxel_that_the_models_exclude_degrades_nothing() {
-    let mut models = ModelSet::clone(&set(TAXELS));
-    models.taxels[22] = Accumulator::new().fit(&FitOptions::default());
-    assert!(!models.taxels[22].is_usable());
-    for sound in [true, false] {
-        let mut skin = Skin::with_models(Some(row(TAXELS)), Arc::new(models.clone())).press(20..26, 30);
-        skin.sound[22] = sound;
-        let (state, reasons, bound) = skin.verdict();
-        assert_eq!(
-            (state, reasons.as_slice(), bound),
-            (ForceState::Ok, [].as_slice(), false),
-            "its own fault: {sound}"
-        );
-    }
-}
-
 /// Found by the simulation, seed 1003775: the tip of a load on a taxel without a model, less than a third of it on one beside it, and
 /// something light on many others.
 #[test]
@@ -299,34 +282,11 @@ fn silent_and_blind_modules_leave_the_force_without_an_upper_bound() {
     assert!(reasons[0].starts_with("10 taxels cannot be read"), "{reasons:?}");
 }
 
-#[test]
-fn taxels_that_a_zero_left_out_are_told_with_the_remedy() {
-    let mut skin = Skin::new(Some(row(TAXELS)));
-    let mut zero = rest(TAXELS);
-    zero[50..60].fill(TaxelBaseline { mean: f64::NAN, noise: f64::NAN });
-    skin.force.set_zero(Some(&zero), 0.0);
-    let (state, reasons, bound) = skin.verdict();
-    assert!(state == ForceState::Degraded && bound && reasons.len() == 2, "{reasons:?}");
-    assert!(reasons[1].starts_with("10 taxels have no zero") && reasons[1].contains("tare"), "{reasons:?}");
-}
-
-#[test]
-fn one_blind_taxel_is_borne_but_told() {
-    let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).fault(50).verdict(); // it has one neighbour only
-    assert_eq!((state, reasons.as_slice(), bound), (ForceState::Ok, [].as_slice(), true));
-}
-
 /// An untouched skin would be DEGRADED for one scan in twenty, for whatever taxel the noise activates beside a faulty one.
 #[test]
 fn a_single_active_taxel_beside_one_with_a_fault_degrades_nothing_and_two_do() {
     let state = |pressed: Range<usize>| Skin::new(Some(row(TAXELS))).press(pressed, 4).fault(24).verdict().0;
     assert_eq!((state(23..24), state(22..24)), (ForceState::Ok, ForceState::Degraded));
-}
-
-#[test]
-fn a_load_beyond_the_calibrated_range_has_no_upper_bound() {
-    let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).press(20..22, 100).verdict();
-    assert!(state == ForceState::Degraded && bound && reasons[0].contains("than was calibrated"), "{reasons:?}");
 }
 
 #[test]

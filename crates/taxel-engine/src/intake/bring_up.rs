@@ -275,31 +275,6 @@ mod tests {
     }
 
     #[test]
-    fn only_frames_of_every_module_verify_it() {
-        let mut bring_up = BringUp::new(4);
-        bring_up.start(ms(0), &patch(), &[setup(), setup()], &[], &[true; 2]);
-        bring_up.heard(3); // before the start: an old stream, proves nothing
-        for t in 0..=520 {
-            while bring_up.next_due(ms(t)).is_some() {}
-        }
-        for module in 0..3 {
-            bring_up.heard(module);
-        }
-        bring_up.tick(ms(2_521));
-        assert_eq!(bring_up.state(), &BringUpState::Incomplete(vec![3]));
-        bring_up.heard(3);
-        assert_eq!(bring_up.state(), &BringUpState::Verified, "a late module still completes it");
-    }
-
-    #[test]
-    fn without_settings_nothing_is_sent() {
-        let mut bring_up = BringUp::new(4);
-        bring_up.start(ms(0), &patch(), &[], &[], &[true; 2]);
-        assert_eq!(bring_up.next_due(ms(9_999)), None);
-        assert_eq!(bring_up.state(), &BringUpState::Listening);
-    }
-
-    #[test]
     fn a_board_that_is_not_wanted_gets_no_command_and_has_to_be_heard_all_the_same() {
         let mut bring_up = BringUp::new(4);
         bring_up.start(ms(0), &patch(), &[setup(), setup()], &[], &[false, true]);

@@ -195,15 +195,6 @@ mod tests {
     }
 
     #[test]
-    fn a_burst_of_old_scans_is_one_scan_at_most() {
-        let mut pace = Pace::new(PERIOD);
-        assert!(refused(&mut pace, (0..20).map(|i| f64::from(i) * 50.0)).is_empty());
-        let burst = refused(&mut pace, (0..200).map(|i| 1_000.0 + f64::from(i) * 1.25));
-        assert!(burst.len() >= 193, "{} of 200 refused", burst.len()); // 251 ms hold six periods
-        assert!(pace.excess().1 >= 193);
-    }
-
-    #[test]
     fn the_second_scan_too_many_takes_the_module_out_for_longer() {
         let mut pace = Pace::new(PERIOD);
         pace.on_scan(ms(0.0));

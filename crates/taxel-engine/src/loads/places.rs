@@ -77,8 +77,6 @@ fn same(a: &[u16], b: &[u16]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loads::load::Reading;
-    use proptest::prelude::*;
 
     fn disc(centre: u16) -> Vec<u16> {
         (centre - 5..centre + 5).collect()
@@ -100,40 +98,5 @@ mod tests {
     #[test]
     fn loads_whose_place_is_not_known_are_one_place() {
         assert_eq!(of(&[vec![], disc(20), vec![], vec![]]), [0, 1, 0, 0]);
-    }
-
-    #[test]
-    fn loads_at_fewer_than_three_places_say_nothing_of_the_skin() {
-        let load = |taxels: Vec<u16>| Load { read: Reading { taxels, ..Reading::default() }, ..Load::default() };
-        let laid = |at: &[Vec<u16>]| {
-            let loads: Vec<Load> = at.iter().cloned().map(load).collect();
-            LaidAt::of(&loads.iter().collect::<Vec<_>>())
-        };
-        let same = laid(&[disc(20), disc(20), disc(60), disc(60), disc(61)]);
-        assert_eq!((same.known, same.unplaced), (2, 0));
-        let why = same.too_few().unwrap();
-        assert!(why.starts_with("the 5 loads lie at 2 of at least 3 places, and another"), "{why}");
-        let old = laid(&[disc(20), vec![], disc(60), vec![]]);
-        assert_eq!((old.known, old.unplaced, old.place.clone()), (2, 2, vec![0, 1, 2, 1]));
-        assert!(old.too_few().unwrap().contains("(of 2 it is not known"));
-        assert_eq!(laid(&vec![vec![]; 5]).known, 0);
-        assert_eq!(laid(&[disc(20), disc(40), disc(60)]).too_few(), None);
-        assert_eq!((LaidAt::apart(3).too_few(), laid(&[]).known), (None, 0));
-    }
-
-    proptest! {
-        /// Places are numbered as they come, and a load that is there twice is at one place.
-        #[test]
-        fn places_are_numbered_as_they_come(centres in proptest::collection::vec(5_u16..95, 0..12)) {
-            let loads: Vec<_> = centres.iter().map(|centre| disc(*centre)).collect();
-            let found = of(&loads);
-            let mut next = 0;
-            for place in &found {
-                prop_assert!(*place <= next, "{found:?}");
-                next = next.max(place + 1);
-            }
-            let twice: Vec<_> = loads.iter().chain(&loads).cloned().collect();
-            prop_assert_eq!(of(&twice), [found.as_slice(), found.as_slice()].concat());
-        }
     }
 }

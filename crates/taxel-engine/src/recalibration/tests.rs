@@ -90,19 +90,6 @@ fn a_wrong_load_among_five_is_refused_and_named_in_99_percent_of_trials() {
 }
 
 #[test]
-fn two_wrong_loads_among_six_are_refused() {
-    for (place_rel, factors) in [(0.015, [1.15, 1.15]), (0.03, [1.3, 0.7]), (0.03, [2.0, 2.0]), (0.03, [0.5, 0.5])] {
-        let refused = percent(&format!("scatter {place_rel}, two of six off by {factors:?}"), |random| {
-            let skin = Skin::new(random, place_rel);
-            let mut points = skin.points(random, 6, (2.0, 20.0));
-            points.iter_mut().zip(factors).for_each(|(point, factor)| point.known *= factor);
-            !Recalibration::of(&points, skin.assumptions).unwrap().is_sound()
-        });
-        assert!(refused >= 99.0, "scatter {place_rel}, {factors:?}: {refused} %");
-    }
-}
-
-#[test]
 fn sound_loads_are_refused_in_one_percent_of_trials_as_stated() {
     for count in [5, 8, 20] {
         let refused = percent(&format!("{count} sound loads refused"), |random| {
@@ -157,21 +144,6 @@ fn what_all_loads_may_be_off_by_together_stays_however_many_there_are() {
         eprintln!("{count} loads of one balance: {coverage:.2} % of {sound} gains within 1.96 sigma");
         assert!(coverage >= 93.0, "{coverage} %");
     }
-}
-
-#[test]
-fn whoever_assumes_less_scatter_than_there_is_states_no_less_uncertainty() {
-    let stated = |place_rel: f64| {
-        let points: Vec<LoadPoint> = exact(1.0)
-            .into_iter()
-            .zip([1.04, 0.96, 1.03, 0.97, 1.0])
-            .map(|(p, off)| LoadPoint { read: p.read * off, ..p })
-            .collect();
-        Recalibration::of(&points, Assumptions { place_rel, ..Assumptions::MASSES }).unwrap().relative_sigma()
-    };
-    assert!(stated(0.01) > 0.035, "{}", stated(0.01));
-    let less = Assumptions { place_rel: 0.005, ..Assumptions::MASSES };
-    assert!(Recalibration::of(&exact(1.1), less).unwrap_err().contains("0.005, expected 0.01 to 0.2"));
 }
 
 #[test]
@@ -231,17 +203,6 @@ fn what_no_skin_does_is_refused_in_words() {
 }
 
 #[test]
-fn the_refusal_names_the_load_and_what_the_others_say_of_it() {
-    let mut points = exact(1.0);
-    points[3].known = 14.0;
-    let found = Recalibration::of(&points, Assumptions { floor: 0.0, ..Assumptions::MASSES }).unwrap();
-    assert_eq!(found.contradicts, Some(4));
-    let why = &found.refused_because[0];
-    assert!(why.contains("point 4") && why.contains("noted as 14.000") && why.contains("it is 7.000"), "{why}");
-    assert!(found.widening() > 1.0, "loads that disagree are never believed better than they agree");
-}
-
-#[test]
 fn a_point_that_decides_alone_is_refused_because_nothing_can_contradict_it() {
     let offset = Assumptions { place_rel: 0.01, floor: 0.1, offset: true };
     let mut points = exact(1.0);
@@ -249,10 +210,4 @@ fn a_point_that_decides_alone_is_refused_because_nothing_can_contradict_it() {
     (points[4].read, points[4].known) = (10.0, 10.0);
     let found = Recalibration::of(&points, offset).unwrap();
     assert!(!found.is_sound() && found.refused_because[0].contains("point 5 decides"), "{found:?}");
-}
-
-#[test]
-fn a_skin_that_reads_right_needs_no_correction() {
-    assert!(!Recalibration::of(&exact(1.01), Assumptions::MASSES).unwrap().is_needed());
-    assert!(Recalibration::of(&exact(1.2), Assumptions::MASSES).unwrap().is_needed());
 }

@@ -158,19 +158,4 @@ mod tests {
         assert_eq!(sums.scans(), 1);
         assert_eq!(sums.baseline(), [TaxelBaseline { mean: 255.0, noise: 0.0 }]);
     }
-
-    #[test]
-    fn nothing_is_left_of_an_earlier_window() {
-        let range = CountRange::to(u16::MAX).unwrap();
-        let (mut bytes, mut words) = (CountSums::new(1), CountSums::new(1));
-        for count in [250_u8, 10] {
-            bytes.restart();
-            words.restart();
-            (0..3).for_each(|_| bytes.push(&scan(&[count], &[true])));
-            (0..3).for_each(|_| words.push(&scan(Counts::Words(&[256 * u16::from(count)], range), &[true])));
-            assert_eq!([bytes.scans(), words.scans()], [3; 2]);
-            let expected = TaxelBaseline { mean: f64::from(count), noise: 0.0 };
-            assert_eq!([bytes.baseline()[0], words.baseline()[0]], [expected; 2]);
-        }
-    }
 }

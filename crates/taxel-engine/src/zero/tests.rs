@@ -169,14 +169,6 @@ impl Skin {
         self
     }
 
-    /// Takes a window of two seconds in which every fifth reading is a count lighter, a fifth of a count in the mean.
-    fn recover(&mut self) {
-        for _ in 0..40 {
-            let scan = self.scans as usize;
-            self.scan(1, |taxel| if (taxel + scan).is_multiple_of(5) { -1 } else { 0 });
-        }
-    }
-
     fn mean(&self, taxel: usize) -> f64 {
         self.zero.zero().expect("a zero")[taxel].mean
     }
@@ -215,20 +207,6 @@ fn models(rest: f64) -> ModelSet {
     }
 }
 
-#[test]
-fn a_skin_that_becomes_lighter_than_its_zero_has_none() {
-    // On one taxel of three, so that no single scan and no mean of sixteen shows it by themselves.
-    for (taxels, limit) in [(TAXELS, 1), (10, 2), (3, 3)] {
-        let load = |taxel: usize| if taxel < taxels { limit } else { 0 };
-        let mut skin = Skin::new().zeroed(load);
-        skin.scan(60, load);
-        assert_eq!(skin.lost(), None);
-        skin.scan(80, |_| 0);
-        assert!(skin.lost().is_some() && skin.zero.zero().is_none(), "{taxels}");
-        assert_eq!(skin.zero.view().code, Some(ReasonCode::ZeroLost));
-    }
-}
-
 /// Another patch of the same board proves some scans later that it has a new zero. A load that vanished here with it lies
 /// there still, as far as anybody knows.
 #[test]
@@ -248,20 +226,6 @@ fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
     }
 }
 
-#[test]
-fn a_zero_that_could_not_be_written_down_is_not_taken_later() {
-    for (rejected, holds) in [(RequestId(7), false), (RequestId(8), true)] {
-        let mut skin = Skin::new();
-        let (request, confirmed_by) = (RequestId(7), Some("Ada".to_owned()));
-        skin.zero.watch(skin.now().time, Purpose::Operator { request, confirmed_by }, &mut skin.events);
-        skin.scan(20, |_| 0);
-        assert!(matches!(skin.events[..], [ZeroEvent::Proven { .. }]), "{:?}", skin.events);
-        assert!(skin.zero.zero().is_none(), "it is not on disk yet");
-        skin.zero.reject(rejected);
-        assert_eq!((skin.zero.adopt(skin.now(), request).is_ok(), skin.zero.zero().is_some()), (holds, holds));
-    }
-}
-
 /// Two seconds longer than planned, and then at once.
 #[test]
 fn a_watch_that_gets_no_scans_ends_at_its_deadline() {
@@ -275,61 +239,6 @@ fn a_watch_that_gets_no_scans_ends_at_its_deadline() {
     skin.zero.tick(deadline, || "nothing came".to_owned(), &mut skin.events);
     let [ZeroEvent::Refused(_, ErrorReason::SkinSilent, why)] = &skin.events[..] else { panic!("{:?}", skin.events) };
     assert!(why.ends_with("nothing came") && skin.zero.watching().is_none(), "{why}");
-}
-
-/// Two counts everywhere, which may be warmth after two minutes and is none after two seconds, and two more on three taxels.
-#[test]
-fn how_far_warmth_may_have_moved_the_skin_depends_on_the_time_since_the_zero() {
-    for (seconds, is_rest) in [(2, false), (120, true)] {
-        let mut skin = Skin::new().zeroed(|_| 0);
-        skin.models = Some(models(240.0));
-        skin.scan(20 * seconds, |_| 0);
-        skin.zero.watch(
-            skin.now().time,
-            Purpose::Operator { request: RequestId(1), confirmed_by: None },
-            &mut skin.events,
-        );
-        skin.scan(20, |taxel| if (30..33).contains(&taxel) { 4 } else { 2 });
-        match &skin.events[..] {
-            [ZeroEvent::Proven { .. }] => assert!(is_rest, "after {seconds} s"),
-            [ZeroEvent::Refused(_, ErrorReason::TareLoaded, why)] => assert!(!is_rest, "after {seconds} s: {why}"),
-            events => panic!("{events:?}"),
-        }
-    }
-}
-
-#[test]
-fn a_board_in_doubt_takes_the_zero_away_until_its_counts_have_shown_that_it_is_the_same() {
-    let mut skin = Skin::new().zeroed(|_| 0);
-    skin.scan(30, |_| 0);
-    skin.zero.doubt(0, "board 12 reported a lost acknowledgement", &mut skin.events);
-    assert!(skin.zero.zero().is_none() && matches!(skin.events[..], [ZeroEvent::Doubted]), "{:?}", skin.events);
-    let view = skin.zero.view();
-    assert_eq!((view.valid, view.code), (false, Some(ReasonCode::ZeroDoubted)));
-    assert!(view.reason.contains("lost acknowledgement; this is being looked at"), "{}", view.reason);
-    skin.scan(8, |_| 0);
-    assert!(skin.zero.zero().is_none());
-    skin.scan(1, |_| 0);
-    assert!(skin.zero.zero().is_some() && skin.zero.lacks().is_none() && skin.zero.view().valid);
-    assert!(matches!(skin.events[..], [ZeroEvent::Doubted, ZeroEvent::Cleared]), "{:?}", skin.events);
-}
-
-/// Lighter is followed with and without `follow_drift`, by all but a session.
-#[test]
-fn a_zero_follows_a_skin_that_recovers_from_a_load_but_not_in_a_session() {
-    for session_open in [false, true] {
-        let mut skin = Skin::new();
-        skin.zero.on_models(Some(&models(242.0)));
-        let mut skin = skin.zeroed(|_| 0);
-        let residue = skin.zero.residue_counts();
-        skin.session_open = session_open;
-        let before = skin.mean(0);
-        (0..6).for_each(|_| skin.recover()); // the tables follow once in ten seconds
-        let moved = skin.mean(0) - before;
-        assert_eq!(skin.lost(), None);
-        assert!(if session_open { moved == 0.0 } else { (0.1..0.25).contains(&moved) }, "{moved} counts");
-        assert!((residue - skin.zero.residue_counts() - moved).abs() < 1e-9, "so much less is remembered");
-    }
 }
 
 /// All taxels creep by a count in ten minutes, which pads that stay where they are do not explain.

@@ -1,12 +1,6 @@
 //! An alarm that is always on is ignored: only what touches the total degrades it.
 
-use taxel_engine::snapshot::ForceState;
-use taxel_sim::Fault;
-use taxel_wire::{CanId, Frame, TimedFrame};
-
-use crate::bench::Bench;
-use crate::rig::{board, module};
-use crate::shared::small;
+use crate::prelude::*;
 use crate::unseen_force::without;
 
 /// From now on taxel 30, the first of module 3 of board 13, reads 0 in every second scan.

@@ -1,21 +1,25 @@
 //! A simulated skin on a simulated bus, and the engine that listens to it, in virtual time.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::Restored;
 use taxel_engine::calibration::fit::Branch;
 use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection, Reply};
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
+use taxel_engine::{BusNotice, Restored};
 use taxel_sim::{Fault, Mass, PumpCommand, World};
 use taxel_skin::{Kilopascal, Newton, TaxelIndex, Time};
-use taxel_wire::TimedFrame;
+use taxel_wire::{CanId, Frame, TimedFrame};
 
 use crate::host::{Host, SLOT};
+use crate::say;
 use crate::truth::Truth;
 
 pub struct Bench {
@@ -146,16 +150,47 @@ impl Bench {
     }
 
     pub fn start_session_over(&mut self, branches: Branch, target_kpa: Option<f64>) -> u64 {
-        let command = Command::StartSession {
-            patch: String::new(),
-            target: target_kpa.map(Kilopascal),
-            branches: Some(branches),
-            confirmed_by: None,
-            leave_out: Vec::new(),
-        };
+        let (patch, target, leave_out) = (String::new(), target_kpa.map(Kilopascal), Vec::new());
+        let command = Command::StartSession { patch, target, branches: Some(branches), confirmed_by: None, leave_out };
         let number = session_of(self.ask(command)).number;
         self.until_state(10.0, SessionState::Ramping);
         number
+    }
+
+    pub fn until_pressure(&mut self, kpa: f64) {
+        self.until(40.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= kpa));
+    }
+
+    /// Another ramp of a session, which has its zero.
+    pub fn ramp_again(&mut self, session: u64) {
+        session_of(self.ask(Command::StartRamp { session }));
+        self.until_state(30.0, SessionState::Ramping);
+    }
+
+    /// Ends a ramp and waits for the models; their id.
+    pub fn finish(&mut self, session: u64) -> String {
+        session_of(self.ask(Command::FinishRamp { session }));
+        self.until_state(1.0, SessionState::Review);
+        self.host.session().model_set.as_deref().unwrap().to_owned()
+    }
+
+    /// Vents the bag and waits for so long.
+    pub fn vent(&mut self, seconds: f64) {
+        self.world.pump(PumpCommand::Vent);
+        self.seconds(seconds);
+    }
+
+    /// The daemon ends without a word and starts anew on what is on disk, after the bag was vented and the skin has settled.
+    pub fn restarted(&self, plan: Arc<Plan>, change: impl FnOnce(&mut Disk)) -> Self {
+        let mut world = self.world.clone();
+        world.pump(PumpCommand::Vent);
+        world.advance(self.now() + Duration::from_secs(20), &mut Vec::new());
+        let mut disk = Disk::after_a_crash(&self.host);
+        disk.restored.model_sets = self.host.catalogue.model_sets.clone();
+        change(&mut disk);
+        let mut bench = Self::after(world, plan, disk);
+        bench.brought_up();
+        bench
     }
 
     pub fn ramp(&mut self, target_kpa: f64, kpa_per_s: f64) {
@@ -163,7 +198,25 @@ impl Bench {
     }
 
     pub fn activate(&mut self, model_set: &str) -> Reply {
-        self.ask(Command::Activate { patch: String::new(), model_set: model_set.to_owned(), expected: None })
+        self.ask(say::activate(model_set))
+    }
+
+    /// A model set from elsewhere, which is taken as it is.
+    pub fn import(&mut self, model_set: Arc<ModelSet>) {
+        self.ask(say::import(model_set)).unwrap();
+    }
+
+    /// The boards are configured once more, and heard.
+    pub fn configure_again(&mut self, confirmed_by: Option<&str>) {
+        self.ask(say::bring_up(confirmed_by)).unwrap();
+        self.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+        self.brought_up();
+    }
+
+    /// The bus is off and up again.
+    pub fn bus_off(&mut self) {
+        self.host.notice(BusNotice::BusOff);
+        self.host.notice(BusNotice::Up);
     }
 
     pub fn tare(&mut self, confirmed_by: Option<&str>) -> Reply {
@@ -172,15 +225,26 @@ impl Bench {
 
     /// Asks for a session and for a tare, whatever the answers.
     pub fn meddle(&mut self) {
-        let patch = String::new;
-        self.host.command(Command::StartSession {
-            patch: patch(),
-            target: None,
-            branches: None,
-            confirmed_by: Some("Ada".to_owned()),
-            leave_out: Vec::new(),
+        self.host.command(say::start());
+        self.host.command(Command::Tare { patch: String::new(), confirmed_by: Some("Ada".to_owned()) });
+    }
+
+    /// Lets the tails of a module report so many lost acknowledgements as are set, though nothing is wrong with its counts.
+    pub fn reports_lost_acknowledgements(&mut self, id: u16) -> Rc<Cell<u32>> {
+        let left = Rc::new(Cell::new(0));
+        let reports = Rc::clone(&left);
+        self.alters = Box::new(move |timed| {
+            if let [0xC0, .., _] = timed.frame.bytes()
+                && timed.frame.id == CanId::Standard(id)
+                && reports.get() > 0
+            {
+                reports.set(reports.get() - 1);
+                let mut tail = timed.frame.bytes().to_vec();
+                tail[7] |= 1;
+                timed.frame = Frame::data(timed.frame.id, &tail).unwrap();
+            }
         });
-        self.host.command(Command::Tare { patch: patch(), confirmed_by: Some("Ada".to_owned()) });
+        left
     }
 
     pub fn inject(&mut self, fault: Fault) {

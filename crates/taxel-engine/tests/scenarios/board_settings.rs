@@ -1,24 +1,10 @@
 //! A model set comes into use only on boards that are set as they were when it was gathered: the rest looks the same
 //! whatever a count is worth, so that nothing else tells a force that is half of the true one.
 
-use std::sync::{Arc, OnceLock};
-use std::time::Duration;
-
-use taxel_engine::Restored;
-use taxel_engine::calibration::{SessionState, SessionView};
-use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::force::reason::ReasonCode;
-use taxel_engine::known_set::{KnownSet, SetSummary};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{BoardSetup, Plan};
 use taxel_engine::record::KeptZero;
-use taxel_engine::snapshot::ForceState;
-use taxel_sim::{Mass, PumpCommand, World};
-use taxel_skin::TaxelIndex;
-use taxel_wire::icub::TriangleConfig;
 
-use crate::bench::{Bench, Disk};
-use crate::rig::{module, patch_plan, plan, small_skin, small_world};
+use crate::prelude::*;
 use crate::shared::configured;
 
 /// The small skin, its boards set in another way than usual.
@@ -29,19 +15,8 @@ fn with_boards(change: impl FnOnce(&mut Vec<BoardSetup>)) -> Arc<Plan> {
 }
 
 pub fn with_shift(shift: u8) -> Arc<Plan> {
-    with_boards(|boards| set_shift(boards, shift))
-}
-
-fn set_shift(boards: &mut [BoardSetup], shift: u8) {
-    boards.iter_mut().flat_map(|board| &mut board.triangles).for_each(|triangles| triangles.shift = shift);
-}
-
-/// Skin boards as at the calibration, but for their no-load value.
-fn with_no_load(no_load: u8) -> Arc<Plan> {
-    with_boards(|boards| {
-        set_shift(boards, 1);
-        boards.iter_mut().for_each(|board| board.board.no_load = no_load);
-    })
+    let set = |triangles: &mut TriangleConfig| triangles.shift = shift;
+    with_boards(|boards| boards.iter_mut().flat_map(|board| &mut board.triangles).for_each(set))
 }
 
 /// What a calibration left, on boards that were configured so.
@@ -55,7 +30,13 @@ struct Calibrated {
 /// Up to 30 kPa with shift 1: a count is worth half of the usual. The bag is vented.
 fn at_shift_1() -> &'static Calibrated {
     static CALIBRATED: OnceLock<Calibrated> = OnceLock::new();
-    CALIBRATED.get_or_init(|| calibrated(with_shift(1)))
+    CALIBRATED.get_or_init(|| {
+        let mut bench = Bench::new(small_world(), with_shift(1), Restored::default());
+        bench.brought_up();
+        let (configured, set) = (configured(&bench.host.plan.patches[0]), calibrate(&mut bench));
+        let session = Arc::new(SessionView { state: SessionState::Review, ..bench.host.session().clone() });
+        Calibrated { world: bench.world, configured, set, session }
+    })
 }
 
 /// A session up to 30 kPa, whose set is in use then. The bag is vented.
@@ -63,24 +44,10 @@ fn calibrate(bench: &mut Bench) -> Arc<ModelSet> {
     bench.start_session(Some(30.0));
     bench.ramp(74.0, 4.0);
     bench.until_state(30.0, SessionState::Review);
-    bench.world.pump(PumpCommand::Vent);
-    bench.seconds(20.0);
+    bench.vent(20.0);
     let set = bench.host.newest_set();
     bench.activate(&set.id).unwrap();
     set
-}
-
-fn calibrated(plan: Arc<Plan>) -> Calibrated {
-    let configured = configured(&plan.patches[0]);
-    let mut bench = Bench::new(small_world(), plan, Restored::default());
-    bench.brought_up();
-    let set = calibrate(&mut bench);
-    Calibrated {
-        world: bench.world.clone(),
-        configured,
-        set,
-        session: Arc::new(SessionView { state: SessionState::Review, ..bench.host.session().clone() }),
-    }
 }
 
 impl Calibrated {
@@ -130,11 +97,6 @@ fn other(id: &str, change: impl FnOnce(&mut ModelSet)) -> Arc<ModelSet> {
     let mut set = ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&at_shift_1().set) };
     change(&mut set);
     Arc::new(set)
-}
-
-fn import(bench: &mut Bench, set: Arc<ModelSet>) {
-    let taken = bench.ask(Command::Import { model_set: set, insist: false });
-    assert!(matches!(taken, Ok(Done::Imported { .. })), "{taken:?}");
 }
 
 #[test]
@@ -192,47 +154,20 @@ fn after_a_restart_with_the_settings_of_the_calibration_the_force_is_told_as_bef
 
 #[test]
 fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
-    let mut bench = calibrated(with_shift(2)).restarted(with_shift(2));
-    let own = bench.host.catalogue.active[0].1.clone();
-    bench.until_force(10.0, ForceState::Ok);
-    import(&mut bench, other("m-other", |_| {}));
-    let activation = Command::Activate { patch: String::new(), model_set: "m-other".to_owned(), expected: None };
-    let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = bench.ask(activation.clone()) else {
-        panic!("not refused")
-    };
+    let mut bench = small().in_charge();
+    bench.import(other("m-other", |_| {}));
+    let answer = bench.ask(say::activate("m-other"));
+    let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
     let said =
         "`m-other` was gathered with shift 1 on module 0 of board 13, where the configuration has shift 2 (and 7 more)";
     assert!(why.starts_with(said), "{why}");
-    assert_eq!(bench.host.catalogue.active[0].1, own, "what is refused has no effect");
+    assert_eq!(bench.host.catalogue.active[0].1.as_ref(), Some(&small().set.id), "what is refused has no effect");
     weighs(&mut bench, "another set was refused");
     // Whoever changes the configuration then may use it.
     let mut later = at_shift_1().restarted(with_shift(1));
-    import(&mut later, other("m-other", |_| {}));
-    later.ask(activation).unwrap();
+    later.import(other("m-other", |_| {}));
+    later.activate("m-other").unwrap();
     weighs(&mut later, "a set of boards with the same settings");
-}
-
-/// As many taxels, and each with the model of another one.
-#[test]
-fn a_set_of_other_modules_or_of_boards_in_another_order_is_not_used() {
-    let calibrated = at_shift_1();
-    let lines = calibrated.set.board_settings.clone();
-    assert!(lines[0].ends_with("; modules 0-5") && lines[1].ends_with("; modules 0-1"), "{lines:?}");
-    let other_modules = vec![lines[0].replace("modules 0-5", "modules 1-6"), lines[1].clone()];
-    let other_order = vec![lines[1].clone(), lines[0].clone()];
-    for (lines, said) in [
-        (other_modules, "with modules 1-6 on board 13, where the configuration has modules 0-5: "),
-        (other_order, "with board 12, board 13 in this order, where the configuration has board 13, board 12: "),
-    ] {
-        let set = other("m-other", |set| set.board_settings = lines);
-        let why = unused(&mut calibrated.restarted_with(with_shift(1), Arc::clone(&set)));
-        assert!(why.contains(said), "{why}");
-        let mut bench = calibrated.restarted(with_shift(1));
-        import(&mut bench, set);
-        let why =
-            bench.refused(Command::Activate { patch: String::new(), model_set: "m-other".to_owned(), expected: None });
-        assert!(why.contains(said), "{why}");
-    }
 }
 
 #[test]
@@ -242,41 +177,22 @@ fn a_set_that_is_read_from_the_disk_first_is_refused_all_the_same() {
     let restored = Restored { model_sets, ..Restored::default() };
     let mut bench = Bench::new(at_shift_1().world.clone(), with_shift(0), restored);
     bench.host.shelf.push(stored);
-    let activation = Command::Activate { patch: String::new(), model_set: "m-stored".to_owned(), expected: None };
-    let why = bench.refused(activation);
+    let why = bench.refused(say::activate("m-stored"));
     assert!(why.contains("shift 1 on module 0 of board 13, where the configuration has shift 0"), "{why}");
     assert_eq!(bench.host.catalogue.active[0].1, None);
-}
-
-/// The counts of a load and the higher no-load value make up for each other: the skin lies where it lay at rest.
-#[test]
-fn a_load_that_another_no_load_value_makes_up_for_is_not_taken_for_rest() {
-    let mut bench = at_shift_1().restarted(with_no_load(250));
-    let mark = bench.mark();
-    bench.world.lay(Mass::on_disc(1.0, TaxelIndex(35), 20_000.0)).unwrap();
-    let why = unused(&mut bench);
-    assert!(why.contains("no_load 240 on board 13, where the configuration has no_load 250 (and 1 more)"), "{why}");
-    bench.is_truthful_since(mark, "a load beside another no-load value");
-    // With the right one it is told from rest.
-    let mut bench = at_shift_1().restarted(with_no_load(240));
-    let mark = bench.mark();
-    bench.world.lay(Mass::on_disc(1.0, TaxelIndex(35), 20_000.0)).unwrap();
-    bench.seconds(10.0);
-    bench.is_truthful_since(mark, "a load at the start");
-    assert_eq!(bench.host.state(), ForceState::TareInvalid);
 }
 
 #[test]
 fn where_the_settings_of_one_side_are_not_known_nothing_changes() {
     let calibrated = at_shift_1();
-    // An earlier version, a file, or a daemon that only listened.
+    // Of a file, or of a daemon that only listened.
     let listened = ["board 13: settings unknown", "board 12: settings unknown"].map(str::to_owned).to_vec();
-    for lines in [Vec::new(), listened, vec!["as they were".to_owned()]] {
+    for lines in [Vec::new(), listened] {
         let set = other("m-unknown", |set| set.board_settings.clone_from(&lines));
         let mut bench = calibrated.restarted_with(with_shift(1), set);
         assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some("m-unknown"), "{lines:?}");
         weighs(&mut bench, "a set whose settings are not known");
-        import(&mut bench, other("m-too", |set| set.board_settings.clone_from(&lines)));
+        bench.import(other("m-too", |set| set.board_settings.clone_from(&lines)));
         bench.activate("m-too").unwrap();
     }
     // One that only listens now does not know what the boards were told.
@@ -287,78 +203,6 @@ fn where_the_settings_of_one_side_are_not_known_nothing_changes() {
     };
     let mut bench = Bench::new(calibrated.world.clone(), with_boards(Vec::clear), restored);
     weighs(&mut bench, "a daemon that only listens");
-    import(&mut bench, other("m-too", |_| {}));
+    bench.import(other("m-too", |_| {}));
     bench.activate("m-too").unwrap();
-}
-
-/// A hand: other values on some modules of a board, as exceptions.
-fn hand(exceptions: &[(u8, u8, u16)]) -> Arc<Plan> {
-    with_boards(|boards| {
-        let usual = boards[0].triangles[0];
-        let of = |&(number, shift, cdc_offset): &(u8, u8, u16)| TriangleConfig {
-            first: module(number),
-            last: module(number),
-            shift,
-            cdc_offset,
-            ..usual
-        };
-        boards[0].triangles.extend(exceptions.iter().map(of));
-    })
-}
-
-#[test]
-fn of_a_hand_each_module_is_compared_with_its_own_settings() {
-    let calibrated = calibrated(hand(&[(2, 1, 0x2000), (4, 1, 0x2200)]));
-    let mut bench = calibrated.restarted(hand(&[(4, 1, 0x2200), (2, 1, 0x2000)]));
-    assert!(bench.host.health().problems.is_empty());
-    bench.tare(Some("Ada")).unwrap(); // other commands: the boards were configured anew
-    weighs(&mut bench, "the same exceptions in another order");
-    // What was an exception may be said of the board, and the board's be exceptions: the same for each module.
-    let turned = with_boards(|boards| {
-        let usual = boards[0].triangles[0];
-        let (first, last) = (module(0), module(5));
-        let part = |first: u8, last: u8, shift: u8, cdc_offset: u16| TriangleConfig {
-            first: module(first),
-            last: module(last),
-            shift,
-            cdc_offset,
-            ..usual
-        };
-        let all = TriangleConfig { first, last, shift: 1, ..usual };
-        boards[0].triangles = vec![all, part(0, 3, 2, 0x2200), part(5, 5, 2, 0x2200), part(2, 2, 1, 0x2000)];
-    });
-    assert!(calibrated.restarted(turned).host.health().problems.is_empty());
-    for (exceptions, said) in [
-        (vec![(2, 1, 0x2000)], "shift 1 on module 4 of board 13, where the configuration has shift 2: "),
-        (
-            vec![(2, 1, 0x2200), (4, 1, 0x2200)],
-            "cdc_offset 0x2000 on module 2 of board 13, where the configuration has cdc_offset 0x2200: ",
-        ),
-        (
-            vec![(2, 1, 0x2000), (4, 1, 0x2200), (5, 0, 0x2200)],
-            "shift 2 on module 5 of board 13, where the configuration has shift 0: ",
-        ),
-    ] {
-        let why = unused(&mut calibrated.restarted(hand(&exceptions)));
-        assert!(why.contains(said), "{why}");
-    }
-}
-
-#[test]
-fn boards_of_another_type_are_told_from_those_of_the_calibration() {
-    let other_type = with_boards(|boards| {
-        set_shift(boards, 1);
-        boards[1].board.kind = 8;
-    });
-    let why = unused(&mut at_shift_1().restarted(other_type));
-    assert!(why.contains("type 0 on board 12, where the configuration has type 8: "), "{why}");
-}
-
-#[test]
-fn a_skin_whose_set_is_of_other_settings_is_calibrated_again() {
-    let mut bench = at_shift_1().restarted(with_shift(2));
-    unused(&mut bench);
-    calibrate(&mut bench);
-    bench.tare(None).unwrap();
-    weighs(&mut bench, "calibrated again");
 }

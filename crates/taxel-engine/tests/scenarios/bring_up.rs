@@ -1,31 +1,16 @@
 //! Boards are configured, proven by their frames, and not touched where the scene only listens.
 
-use std::cell::Cell;
-use std::rc::Rc;
-use std::sync::Arc;
+use taxel_engine::ErrorReason;
+use taxel_wire::icub;
 
-use taxel_engine::calibration::SessionState;
-use taxel_engine::command::{Command, Done, Rejection};
-use taxel_engine::snapshot::ForceState;
-use taxel_engine::{BusNotice, ErrorReason, Restored, plan::PatchPlan};
-use taxel_sim::{Fault, PumpCommand};
-use taxel_wire::{CanId, Frame, icub};
-
-use crate::bench::{Bench, Disk};
-use crate::rig::{board, module, patch_plan, plan, small_world};
-use crate::shared::small;
-
-fn bring_up_again() -> Command {
-    Command::BringUp { patch: String::new(), confirmed_by: None }
-}
+use crate::prelude::*;
+use crate::say::bring_up;
 
 #[test]
 fn a_bring_up_loses_the_zero_and_is_verified_again() {
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
-    bench.brought_up();
-    bench.until_force(5.0, ForceState::Ok);
+    let mut bench = small().in_charge();
     let sent = bench.host.sent.len();
-    bench.ask(bring_up_again()).unwrap();
+    bench.ask(bring_up(None)).unwrap();
     bench.until_force(0.1, ForceState::TareInvalid);
     assert!(bench.host.reasons().contains("boards are being configured"), "{}", bench.host.reasons());
     bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
@@ -43,45 +28,26 @@ fn a_bring_up_loses_the_zero_and_is_verified_again() {
 
 #[test]
 fn boards_that_bear_a_load_are_configured_only_if_somebody_vouches_for_the_skin() {
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
-    bench.brought_up();
-    bench.until_force(5.0, ForceState::Ok);
+    let mut bench = small().in_charge();
     bench.lay(0.5, 33);
     bench.seconds(1.0);
-    let refused = bench.ask(bring_up_again());
+    let refused = bench.ask(bring_up(None));
     let Err(Rejection::FailedPrecondition(ErrorReason::SkinLoaded, why)) = refused else { panic!("{refused:?}") };
     assert!(why.contains("unload the skin first"), "{why}");
-    let confirmed = Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) };
-    assert!(matches!(bench.ask(confirmed), Ok(Done::BringUpStarted)));
+    assert!(matches!(bench.ask(bring_up(Some("Ada"))), Ok(Done::BringUpStarted)));
 }
 
 /// The daemon counts lost acknowledgements from the last bring-up. The status words say so and nothing is wrong, so that
 /// the counts show no new zero.
 #[test]
 fn lost_acknowledgements_are_counted_anew_after_a_bring_up() {
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
-    bench.brought_up();
-    bench.until_force(5.0, ForceState::Ok);
-    let left = Rc::new(Cell::new(0));
-    let reports = Rc::clone(&left);
-    bench.alters = Box::new(move |timed| {
-        if let [0xC0, .., _] = timed.frame.bytes()
-            && timed.frame.id == CanId::Standard(0x4D1)
-            && reports.get() > 0
-        {
-            reports.set(reports.get() - 1);
-            let mut tail = timed.frame.bytes().to_vec();
-            tail[7] |= 1;
-            timed.frame = Frame::data(timed.frame.id, &tail).unwrap();
-        }
-    });
+    let mut bench = small().in_charge();
+    let left = bench.reports_lost_acknowledgements(0x4D1);
     for _ in 0..3 {
         left.set(3);
         bench.seconds(4.0);
         assert_eq!((left.get(), bench.host.state()), (0, ForceState::Ok), "{}", bench.host.reasons());
-        bench.ask(bring_up_again()).unwrap();
-        bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
-        bench.brought_up();
+        bench.configure_again(None);
         bench.tare(None).unwrap();
         bench.until_force(1.0, ForceState::Ok);
     }
@@ -93,28 +59,30 @@ fn lost_acknowledgements_are_counted_anew_after_a_bring_up() {
 }
 
 #[test]
-fn an_incomplete_bring_up_names_the_modules() {
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-    bench.inject(Fault::ModuleSilent(board(13), module(2)));
-    bench.inject(Fault::ModuleSilent(board(13), module(5)));
-    bench.seconds(4.0);
-    let words: Vec<_> =
-        bench.host.health().boards.iter().map(|b| (b.address, b.bring_up.as_str(), b.modules)).collect();
-    assert_eq!(words, [(13, "incomplete: no frame from modules 2, 5", (6, 4)), (12, "verified", (2, 2))]);
-    bench.repair(Fault::ModuleSilent(board(13), module(2)));
-    bench.seconds(0.5);
-    assert_eq!(bench.host.health().boards[0].bring_up, "incomplete: no frame from modules 2, 5");
-    bench.repair(Fault::ModuleSilent(board(13), module(5)));
-    bench.brought_up();
-}
-
-#[test]
-fn a_bring_up_that_no_board_answers_is_told_though_no_frame_comes() {
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-    [13, 12].into_iter().for_each(|address| bench.inject(Fault::BoardSilent(board(address))));
-    bench.seconds(4.0);
-    let words: Vec<_> = bench.host.health().boards.iter().map(|b| b.bring_up.as_str()).collect();
-    assert_eq!(words, ["incomplete: no frame from modules 0, 1, 2, 3, 4, 5", "incomplete: no frame from modules 0, 1"]);
+fn an_incomplete_bring_up_names_the_modules_also_where_no_frame_comes() {
+    let words = |bench: &Bench| bench.host.health().boards.iter().map(|b| b.bring_up.clone()).collect::<Vec<_>>();
+    for (silent, expected) in [
+        (
+            [2, 5].map(|n| Fault::ModuleSilent(board(13), module(n))),
+            ["incomplete: no frame from modules 2, 5", "verified"],
+        ),
+        (
+            [13, 12].map(|address| Fault::BoardSilent(board(address))),
+            ["incomplete: no frame from modules 0, 1, 2, 3, 4, 5", "incomplete: no frame from modules 0, 1"],
+        ),
+    ] {
+        let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+        silent.into_iter().for_each(|fault| bench.inject(fault));
+        bench.seconds(4.0);
+        assert_eq!(words(&bench), expected);
+        if let [Fault::ModuleSilent(..), _] = silent {
+            bench.repair(silent[0]);
+            bench.seconds(0.5);
+            assert_eq!(words(&bench), expected, "one is missing yet");
+            bench.repair(silent[1]);
+            bench.brought_up();
+        }
+    }
 }
 
 #[test]
@@ -125,7 +93,7 @@ fn who_only_listens_never_sends() {
     let mut bench = Bench::new(world, plan(listening), Restored::default());
     bench.seconds(1.0);
     assert!(bench.host.health().boards.iter().all(|b| b.bring_up == "listening"), "{:?}", bench.host.health());
-    let why = bench.refused(bring_up_again());
+    let why = bench.refused(bring_up(None));
     assert!(why.contains("only listens"), "{why}");
     bench.start_session(Some(20.0));
     bench.ramp(25.0, 4.0);
@@ -145,24 +113,17 @@ fn who_only_listens_never_sends() {
 /// There is no force that would show the load, since there is no zero.
 #[test]
 fn boards_that_are_configured_without_a_force_need_a_zero_that_somebody_confirms() {
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
-    bench.brought_up();
-    bench.until_force(5.0, ForceState::Ok);
-    bench.host.notice(BusNotice::BusOff);
-    bench.host.notice(BusNotice::Up);
+    let mut bench = small().in_charge();
+    bench.bus_off();
     bench.lay(0.5, 33);
     let mark = bench.mark();
-    bench.ask(bring_up_again()).unwrap();
-    bench.seconds(0.1);
-    bench.brought_up();
+    bench.configure_again(None);
     let refused = bench.tare(None);
     let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
     assert!(why.contains("no force that would show a load"), "{why}");
     bench.is_truthful_since(mark, "a bring-up under a load");
     bench.world.clear();
-    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
-    bench.seconds(0.1);
-    bench.brought_up();
+    bench.configure_again(Some("Ada"));
     bench.tare(None).unwrap();
     bench.until_force(1.0, ForceState::Ok);
 }
@@ -190,21 +151,15 @@ fn a_restart_under_a_load_goes_on_with_the_zero_of_before_within_two_seconds() {
         let after = bench.weigh(20);
         assert!((after - before).abs() < 0.1, "{before} N before, {after} N after the restart");
         bench.is_truthful_since(0, "a restart under a load");
-        assert!(
-            bench
-                .host
-                .health()
-                .boards
-                .iter()
-                .all(|board| board.bring_up == if configures { "verified" } else { "listening" })
-        );
+        let word = if configures { "verified" } else { "listening" };
+        assert!(bench.host.health().boards.iter().all(|board| board.bring_up == word));
     }
 }
 
 /// Of two boards one has no power while the daemon starts: it is configured, and the zero of the patch is taken anew.
 #[test]
 fn a_board_that_is_silent_at_the_start_is_configured_alone_and_the_zero_is_proven_anew() {
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    let mut bench = small().started();
     bench.until_force(5.0, ForceState::Ok);
     let zeros = Disk::after_a_crash(&bench.host).restored.zeros;
     bench.inject(Fault::PowerCycle { board: board(12), off: std::time::Duration::from_millis(10) });
@@ -215,26 +170,6 @@ fn a_board_that_is_silent_at_the_start_is_configured_alone_and_the_zero_is_prove
     assert_eq!(to, [12].into(), "the other one keeps its zero");
     bench.brought_up();
     bench.until_force(3.0, ForceState::Ok);
-}
-
-/// What lay on the skin when the daemon configured boards that streamed with other settings, nobody knows.
-#[test]
-fn boards_that_stream_with_other_settings_are_configured_and_need_a_confirmed_zero() {
-    let mut changed = patch_plan(&small().skin);
-    changed.bring_up.iter_mut().for_each(|setup| setup.board.kind = 1);
-    let mut restored = small().restored();
-    let mut set = taxel_engine::model_set::ModelSet::clone(&small().set);
-    set.board_settings.clear(); // it is known of no settings
-    restored.model_sets = vec![Arc::new(set).into()];
-    let mut bench = Bench::new(small().world.clone(), plan(changed), restored);
-    bench.seconds(0.4);
-    assert!(!bench.host.sent.is_empty());
-    bench.brought_up();
-    bench.seconds(2.0);
-    assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
-    assert!(bench.tare(None).is_err());
-    bench.tare(Some("Ada")).unwrap();
-    bench.until_force(1.0, ForceState::Ok);
 }
 
 /// Without a model set nothing shows what lies on boards that stream, and what lies on them when they are configured reads as
@@ -249,23 +184,20 @@ fn a_set_that_comes_after_the_boards_were_configured_unseen_takes_no_zero_unless
 }
 
 fn configured_unseen(again: &[Option<&str>], session: bool) {
-    let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    let mut earlier = small().started();
     earlier.brought_up();
     earlier.lay(0.5, 33);
     let Bench { world, .. } = earlier; // its boards stream
     let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
     for who in again {
-        let confirmed_by = who.map(str::to_owned);
-        bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
-        bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
-        bench.brought_up();
+        bench.configure_again(*who);
     }
     if session {
         begun_and_aborted(&mut bench);
     }
     let mark = bench.mark();
-    bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
+    bench.import(Arc::clone(&small().set));
     bench.activate(&small().set.id).unwrap();
     bench.seconds(5.0);
     bench.is_truthful_since(mark, "a load that was configured into the zero of the boards");
@@ -278,8 +210,7 @@ fn configured_unseen(again: &[Option<&str>], session: bool) {
     bench.seconds(5.0);
     assert_ne!(bench.host.state(), ForceState::Ok, "a restart knows it, too");
     bench.world.clear();
-    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
-    bench.brought_up();
+    bench.configure_again(Some("Ada"));
     bench.tare(None).unwrap();
     bench.until_force(1.0, ForceState::Ok);
 }
@@ -294,7 +225,7 @@ fn begun_and_aborted(bench: &mut Bench) {
 #[test]
 fn a_zero_of_a_session_without_models_does_not_hold_for_a_set_from_elsewhere() {
     for loaded in [true, false] {
-        let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+        let mut earlier = small().started();
         earlier.brought_up();
         let listens = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
         let mut bench = Bench::new(earlier.world, plan(listens), Restored::default());
@@ -304,7 +235,7 @@ fn a_zero_of_a_session_without_models_does_not_hold_for_a_set_from_elsewhere() {
         }
         begun_and_aborted(&mut bench);
         let mark = bench.mark();
-        bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
+        bench.import(Arc::clone(&small().set));
         bench.activate(&small().set.id).unwrap();
         bench.seconds(3.0);
         bench.is_truthful_since(mark, "a load that a session took into its zero");
@@ -316,75 +247,36 @@ fn a_zero_of_a_session_without_models_does_not_hold_for_a_set_from_elsewhere() {
     }
 }
 
-/// A skin has nothing to be compared with before its first calibration, which rests on the gauge.
-#[test]
-fn a_first_session_needs_nobody_to_vouch_for_boards_that_were_configured_unseen() {
-    let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
-    earlier.brought_up();
-    let Bench { world, .. } = earlier;
-    let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
-    bench.start_session(Some(20.0));
-    bench.ramp(25.0, 4.0);
-    bench.until(10.0, "a model set", |host| host.session().model_set.is_some());
-}
-
-/// A first session gives models, and the bag is vented. Their id.
-fn first_calibrated(bench: &mut Bench) -> Arc<str> {
-    bench.start_session(Some(20.0));
-    bench.ramp(25.0, 4.0);
-    bench.until(15.0, "a model set", |host| host.session().model_set.is_some());
-    let own = bench.host.session().model_set.clone().unwrap();
-    bench.world.pump(PumpCommand::Vent);
-    bench.seconds(20.0);
-    own
-}
-
 /// A load that the boards hide lies there from before they were configured, while a session takes it for rest and after a restart.
 #[test]
 fn what_was_held_against_the_boards_is_after_a_restart_for_all_sets_but_that_of_the_session() {
-    let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    let mut earlier = small().started();
     earlier.brought_up();
     earlier.lay(0.5, 33);
     let mut bench = Bench::new(earlier.world, plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
-    let own = first_calibrated(&mut bench);
+    bench.start_session(Some(20.0)); // a first one, which needs nobody's word
+    bench.ramp(25.0, 4.0);
+    bench.until(15.0, "a model set", |host| host.session().model_set.is_some());
+    let own = bench.host.session().model_set.clone().unwrap();
+    bench.vent(20.0);
     bench.activate(&own).unwrap();
     bench.until_force(2.0, ForceState::Ok);
-    for start in ["with it in use", "once more"] {
+    for story in ["before a restart", "with it in use", "once more"] {
+        let mark = bench.mark();
+        bench.import(Arc::clone(&small().set));
+        bench.activate(&small().set.id).unwrap();
+        bench.seconds(3.0);
+        bench.is_truthful_since(mark, story);
+        assert_eq!(bench.host.state(), ForceState::TareInvalid, "{story}: {}", bench.host.reasons());
+        assert!(bench.tare(None).is_err(), "{story}: it was configured unseen");
+        bench.activate(&own).unwrap();
+        bench.until_force(2.0, ForceState::Ok);
         let mut disk = Disk::after_a_crash(&bench.host);
         disk.restored.model_sets = bench.host.catalogue.model_sets.clone();
         disk.restored.active = vec![("small".to_owned(), own.to_string())];
         bench = Bench::after(bench.world, plan(patch_plan(&small().skin)), disk);
         bench.brought_up();
         bench.until_force(5.0, ForceState::Ok);
-        let mark = bench.mark();
-        bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
-        bench.activate(&small().set.id).unwrap();
-        bench.seconds(3.0);
-        bench.is_truthful_since(mark, start);
-        assert_eq!(bench.host.state(), ForceState::TareInvalid, "{start}: {}", bench.host.reasons());
-        assert!(bench.tare(None).is_err(), "{start}: it was configured unseen");
-        bench.activate(&own).unwrap();
-        bench.until_force(2.0, ForceState::Ok);
-    }
-}
-
-/// In whatever order: models of the session are of the boards as they are, and others are not.
-#[test]
-fn a_zero_of_a_session_without_models_holds_for_its_own_set_also_after_one_from_elsewhere() {
-    let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
-    earlier.brought_up();
-    let mut bench = Bench::new(earlier.world, plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
-    let own = first_calibrated(&mut bench);
-    bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
-    for _ in 0..2 {
-        bench.activate(&small().set.id).unwrap();
-        bench.seconds(1.0);
-        assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
-        assert!(bench.tare(None).is_err(), "it was configured unseen");
-        bench.activate(&own).unwrap();
-        bench.until_force(2.0, ForceState::Ok);
     }
 }

@@ -1,11 +1,6 @@
 //! What a controller reports of its bus, and what the health makes of it.
 
-use taxel_engine::BusNotice;
-use taxel_engine::snapshot::ForceState;
-
-use crate::bench::Bench;
-use crate::rig::{patch_plan, plan, small_world};
-use crate::shared::small;
+use crate::prelude::*;
 
 fn tared() -> Bench {
     let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), small().restored());

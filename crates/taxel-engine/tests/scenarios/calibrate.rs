@@ -1,9 +1,8 @@
 //! The calibration of the paper, from frames to newtons.
 
-use taxel_engine::calibration::SessionState;
-use taxel_engine::snapshot::{ForceState, RangeFlag};
+use taxel_engine::snapshot::RangeFlag;
 
-use crate::shared::{forearm, small};
+use crate::prelude::*;
 
 #[test]
 fn a_whole_calibration_ends_in_review_with_nearly_all_taxels_usable() {

@@ -1,183 +1,162 @@
-//! No file of a crate imports in a circle with another: whoever reads one file never needs a second one that needs
-//! the first. The finder itself is tried on small made-up crates below.
-
-mod imports;
-mod modules;
-mod tokens;
+//! No file of a crate imports in a circle with another: whoever reads one file never needs a second one that needs the first.
+//! Files are read as text: paths are what a `use` names and what has `::` elsewhere, without comments and tests.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 
-use imports::{Import, imports};
-use modules::{Sources, modules};
+use crate::house::{code, crates, members, sources};
 
-use super::house::{code, crates, members, sources};
+/// Where a module stands: the names on the way from the root.
+type Place = Vec<String>;
 
-/// One circle: its files, and every import from one of them to another.
-struct Circle {
-    files: BTreeSet<String>,
-    imports: Vec<Import>,
+/// The text of each file of a crate.
+type Files = BTreeMap<Place, String>;
+
+/// `a/b.rs` and `a/b/mod.rs` are the module `a::b`.
+fn place_of(file: &str) -> Place {
+    let path = file.trim_end_matches(".rs").trim_end_matches("/mod");
+    let path = if ["lib", "main"].contains(&path) { "" } else { path };
+    path.split('/').filter(|name| !name.is_empty()).map(str::to_owned).collect()
 }
 
-/// Every file that can be reached from each file by following imports.
-fn reachable(imports: &[Import]) -> BTreeMap<&str, BTreeSet<&str>> {
-    let mut direct: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
-    for import in imports {
-        direct.entry(&import.from).or_default().insert(&import.to);
+/// A tree of a `use` as paths, each with the name that it makes known.
+fn expand(tree: &str) -> Vec<(String, String)> {
+    let tree = tree.trim();
+    if let Some((head, tail)) = tree.split_once('{') {
+        let (inner, mut depth) = (tail.trim_end_matches('}'), 0);
+        let parts = inner.split(|c: char| {
+            depth += i32::from(c == '{') - i32::from(c == '}');
+            c == ',' && depth == 0
+        });
+        let parts: Vec<&str> = parts.filter(|part| !part.trim().is_empty()).collect();
+        let itself = head.trim_end_matches("::").rsplit("::").next().unwrap_or_default();
+        let named = |name: String| if name == "self" { itself.to_owned() } else { name };
+        return parts.into_iter().flat_map(expand).map(|(path, name)| (format!("{head}{path}"), named(name))).collect();
     }
-    let mut all = BTreeMap::new();
-    for file in direct.keys() {
-        let (mut seen, mut open) = (BTreeSet::new(), vec![*file]);
-        while let Some(next) = open.pop() {
-            let new = direct.get(next).into_iter().flatten().filter(|to| seen.insert(**to));
-            open.extend(new.copied().collect::<Vec<_>>());
+    let (path, name) = tree.split_once(" as ").unwrap_or((tree, tree.trim_end_matches("::self")));
+    vec![(path.to_owned(), name.rsplit("::").next().unwrap_or_default().trim().to_owned())]
+}
+
+/// A text without what stands from each `begin` to the next `end`.
+fn without(text: &str, begin: &str, end: &str) -> String {
+    let mut parts = text.split(begin);
+    let first = parts.next().unwrap_or_default();
+    std::iter::once(first).chain(parts.map(|part| part.split_once(end).map_or("", |(_, rest)| rest))).collect()
+}
+
+/// All paths of a text, and under which name the first ones are known in it.
+fn paths(text: &str) -> (Vec<String>, BTreeMap<String, String>) {
+    let in_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    let live = without(&without(text, "#[cfg(test)]", ";"), "pub(in ", ")");
+    let (mut all, mut known) = (Vec::new(), BTreeMap::new());
+    let mut before = "no";
+    for part in live.split("use ") {
+        let is_use = before.is_empty() || before.ends_with(char::is_whitespace);
+        let (tree, rest) = if is_use { part.split_once(';').unwrap_or((part, "")) } else { ("", part) };
+        before = part;
+        for (path, name) in expand(tree) {
+            known.insert(name, path.clone());
+            all.push(path);
         }
-        all.insert(*file, seen);
+        all.extend(rest.split(|c| !in_path(c)).filter(|word| word.contains("::")).map(str::to_owned));
     }
-    all
+    (all, known)
 }
 
-/// The circles of one crate: the groups of files of which each reaches every other one.
-fn circles(crate_sources: &Sources) -> Vec<Circle> {
-    let all = imports(crate_sources);
-    let reach = reachable(&all);
-    let mut found: Vec<Circle> = Vec::new();
-    for (file, reached) in &reach {
-        let known = found.iter().any(|circle| circle.files.contains(*file));
-        if known || !reached.contains(file) {
-            continue;
+/// The deepest module with a file that a path of the module at `place` leads to.
+fn resolve(files: &Files, place: &[String], path: &str, known: &BTreeMap<String, String>) -> Option<Place> {
+    let (first, rest) = path.split_once("::").unwrap_or((path, ""));
+    let child = |place: &[String], name: &str| -> Place { place.iter().cloned().chain([name.to_owned()]).collect() };
+    let mut found = match first {
+        "crate" => Vec::new(),
+        "self" => place.to_vec(),
+        "super" => place[..place.len().checked_sub(1)?].to_vec(),
+        _ if files.contains_key(&child(place, first)) => child(place, first),
+        _ => {
+            let whole = known.get(first).filter(|whole| !whole.starts_with(first))?;
+            return resolve(files, place, &format!("{whole}::{rest}").replace("::self", ""), known);
         }
-        let back = |other: &&str| reach.get(other).is_some_and(|from_other| from_other.contains(file));
-        let files: BTreeSet<String> = reached.iter().copied().filter(back).map(str::to_owned).collect();
-        let inside = |import: &&Import| files.contains(&import.from) && files.contains(&import.to);
-        let imports = all.iter().filter(inside).cloned().collect();
-        found.push(Circle { files, imports });
-    }
-    found
-}
-
-/// A circle in words.
-fn story(name: &str, circle: &Circle) -> String {
-    let mut named: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
-    for Import { from, line, path, to } in &circle.imports {
-        named.entry((from, to)).or_default().push(format!("`{path}` in line {line}"));
-    }
-    let mut text = format!("{name}: {} files in a circle\n", circle.files.len());
-    for ((from, to), paths) in named {
-        text += &format!("    {from} names of {to}: {}\n", paths.join(", "));
-    }
-    text
-}
-
-/// All files of a crate, by their path below `src`.
-fn read_crate(name: &str) -> Sources {
-    let root = crates().join(name).join("src");
-    let entry = |path: &std::path::PathBuf| {
-        let relative = path.strip_prefix(&root).unwrap().to_string_lossy().into_owned();
-        (relative, fs::read_to_string(path).unwrap())
     };
-    sources(&root).iter().map(entry).collect()
+    for name in rest.split("::") {
+        match name {
+            "super" => drop(found.pop()),
+            _ if files.contains_key(&child(&found, name)) => found = child(&found, name),
+            _ => break,
+        }
+    }
+    Some(found)
+}
+
+/// Each file that is in a circle, with what it names of the others.
+fn circles(files: &Files) -> Vec<String> {
+    let mut named: BTreeMap<&Place, BTreeMap<Place, String>> = BTreeMap::new();
+    for (place, text) in files {
+        let (all, known) = paths(text);
+        for path in all {
+            let to = resolve(files, place, &path, &known).filter(|to| to != place && files.contains_key(to));
+            named.entry(place).or_default().extend(to.map(|to| (to, path)));
+        }
+    }
+    let reachable = |from: &Place| {
+        let (mut seen, mut open) = (BTreeSet::<&Place>::new(), vec![from]);
+        while let Some(next) = open.pop() {
+            open.extend(named.get(next).into_iter().flat_map(BTreeMap::keys).filter(|to| seen.insert(*to)));
+        }
+        seen.into_iter().cloned().collect::<BTreeSet<Place>>()
+    };
+    let back = |place: &Place, to: &Place| reachable(to).contains(place);
+    let told = named.iter().flat_map(|(place, all)| all.iter().map(move |(to, path)| (*place, to, path)));
+    let told = told.filter(|(place, to, _)| back(place, to));
+    told.map(|(place, _, path)| format!("{} names `{path}`", place.join("/"))).collect()
 }
 
 #[test]
 fn no_file_of_a_crate_imports_in_a_circle() {
-    let mut found = String::new();
-    for name in members().iter() {
-        for circle in circles(&read_crate(name)) {
-            found += &story(name, &circle);
-        }
-    }
-    assert!(found.is_empty(), "\n{found}");
-}
-
-#[test]
-fn the_search_for_circles_sees_every_file_that_is_not_a_test() {
-    let mut files = 0;
     for name in members() {
-        let crate_sources = read_crate(&name);
-        let seen: BTreeSet<String> = modules(&crate_sources).into_values().map(|module| module.file).collect();
         let root = crates().join(&name).join("src");
-        let live = crate_sources.into_keys().filter(|file| !code(&root.join(file)).is_empty());
-        let missed: Vec<String> = live.filter(|file| !seen.contains(file)).collect();
-        assert!(missed.is_empty(), "{name}: {missed:?}");
-        files += seen.len();
+        let place = |path: &std::path::Path| place_of(&path.strip_prefix(&root).unwrap().to_string_lossy());
+        let beside_lib = |path: &std::path::PathBuf| path.ends_with("src/main.rs") && root.join("lib.rs").is_file();
+        let all = sources(&root).into_iter().filter(|path| !beside_lib(path));
+        let files: Files = all.map(|path| (place(&path), code(&path))).collect();
+        assert_eq!(circles(&files), [""; 0], "{name}");
     }
-    assert!(files > 100, "only {files} files were looked at");
 }
 
-/// Sources of a made-up crate.
-fn made_up(files: &[(&str, &str)]) -> Sources {
-    files.iter().map(|(path, text)| ((*path).to_owned(), (*text).to_owned())).collect()
-}
-
-/// The files of each circle of a made-up crate.
-fn found_in(files: &[(&str, &str)]) -> Vec<Vec<String>> {
-    circles(&made_up(files)).into_iter().map(|circle| circle.files.into_iter().collect()).collect()
-}
+/// Files of a made-up crate, and what is told of their circles.
+type Case<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str]);
 
 #[test]
-fn two_files_that_name_each_other_are_a_circle() {
-    let lib = ("lib.rs", "mod a;\nmod b;\npub use a::A;");
-    let a = ("a.rs", "use std::fmt;\n\nuse crate::b::{\n    self,\n    B as Other,\n};\npub struct A(Other);");
-    let files = [lib, a, ("b.rs", "pub struct B;\nfn f() { let _ = crate::a::A; }")];
-    let circle = circles(&made_up(&files)).pop().unwrap();
-    let told = story("made-up", &circle);
-    assert_eq!(
-        told,
-        "made-up: 2 files in a circle\n    \
-         a.rs names of b.rs: `crate::b::self` in line 4, `crate::b::B` in line 5\n    \
-         b.rs names of a.rs: `crate::a::A` in line 2\n"
-    );
-    let one_way = [lib, a, ("b.rs", "pub struct B;\n// crate::a::A\nconst S: &str = \"see crate::a::A\";")];
-    assert_eq!(found_in(&one_way), Vec::<Vec<String>>::new());
-}
-
-#[test]
-fn three_files_are_a_circle_through_what_they_reexport() {
-    let files = [
-        ("main.rs", "mod organ;\nuse organ::One;\nfn main() {}"),
-        ("organ/mod.rs", "mod one;\nmod two;\npub use one::One;\npub use self::two::*;"),
-        ("organ/one.rs", "use super::Two;\npub struct One(Two);"),
+fn the_search_finds_the_circles_of_made_up_crates() {
+    let lib = ("lib.rs", "mod a;\nmod b;");
+    let in_groups = ("a.rs", "use std::fmt;\n\nuse crate::b::{\n    self,\n    B as Other,\n};\npub struct A(Other);");
+    let child = ("a/mod.rs", "mod child;\nuse crate::b::G;");
+    let cases: [Case<'_>; 7] = [
         (
-            "organ/two.rs",
-            "pub struct Two;\nimpl Two { fn one(self) -> super::super::organ::one::One { unreachable!() } }",
+            &[lib, in_groups, ("b.rs", "fn f() { let _ = crate::a::A; }")],
+            &["a names `crate::b::B`", "b names `crate::a::A`"],
+        ),
+        (&[lib, in_groups, ("b.rs", "pub struct B;\n#[cfg(test)]\nuse crate::a::A;")], &[]),
+        (
+            &[("main.rs", "mod o;"), ("o/mod.rs", "mod one;\npub use one::One;"), ("o/one.rs", "use super::{Two};")],
+            &["o names `one::One`", "o/one names `super::Two`"],
+        ),
+        (&[("lib.rs", "mod b;\npub use {b::B};"), ("b.rs", "use crate::A;")], &[" names `b::B`", "b names `crate::A`"]),
+        (
+            &[
+                lib,
+                ("a.rs", "pub mod deep;"),
+                ("a/deep.rs", "use crate::b as other;\nfn f() { other::g() }"),
+                ("b.rs", "use crate::a::{self as there};\nfn g() { there::deep::f() }"),
+            ],
+            &["a/deep names `other::g`", "b names `there::deep::f`"],
+        ),
+        (&[lib, child, ("b.rs", ""), ("a/child.rs", "use super::super::b::G;")], &[]),
+        (
+            &[lib, ("a.rs", "use child::C;"), ("b.rs", ""), ("a/child.rs", "#[serde(default = \"super::f\")]")],
+            &["a names `child::C`", "a/child names `super::f`"],
         ),
     ];
-    assert_eq!(found_in(&files), [["organ/mod.rs", "organ/one.rs", "organ/two.rs"]]);
-}
-
-#[test]
-fn importing_through_the_root_is_a_circle() {
-    let files = [
-        ("lib.rs", "mod a;\nmod b;\npub use {a::A, b::B};"),
-        ("a.rs", "pub struct A;"),
-        ("b.rs", "use crate::A;\npub struct B(A);"),
-    ];
-    assert_eq!(found_in(&files), [["b.rs", "lib.rs"]]);
-}
-
-#[test]
-fn a_module_that_was_imported_leads_to_its_files() {
-    let files = [
-        ("lib.rs", "pub mod a;\npub mod b;"),
-        ("a.rs", "pub mod deep;"),
-        ("a/deep.rs", "use crate::b as other;\npub fn f() { other::g() }"),
-        ("b.rs", "use crate::a::{self as there};\npub fn g() { there::deep::f::<>() }"),
-    ];
-    assert_eq!(found_in(&files), [["a/deep.rs", "b.rs"]]);
-}
-
-#[test]
-fn a_child_may_import_what_lies_beside_its_parent_but_not_its_parent() {
-    let lib = ("lib.rs", "mod ground;\nmod parent;");
-    let parent = ("parent.rs", "mod child;\nuse crate::ground::G;\npub struct P(child::C, G);");
-    let ground = ("ground.rs", "pub struct G;\n#[cfg(test)]\nmod tests {\n    use crate::parent::P;\n}");
-    let clean = ("parent/child.rs", "use super::super::ground::G;\npub(in crate::parent) struct C(G);");
-    assert_eq!(found_in(&[lib, parent, ground, clean]), Vec::<Vec<String>>::new());
-    let by_attribute = ("parent/child.rs", "#[serde(default = \"super::f\")]\npub struct C;");
-    assert_eq!(found_in(&[lib, parent, ground, by_attribute]), [["parent.rs", "parent/child.rs"]]);
-    let by_inner_module = ("parent/child.rs", "pub struct C;\nmod inner { use super::super::P; }");
-    assert_eq!(found_in(&[lib, parent, ground, by_inner_module]), [["parent.rs", "parent/child.rs"]]);
-    let within = ("parent/child.rs", "pub struct C;\nmod inner { use super::C; }\nfn f() { inner::g() }");
-    assert_eq!(found_in(&[lib, parent, ground, within]), Vec::<Vec<String>>::new());
+    for (files, expected) in cases {
+        let files = files.iter().map(|(path, text)| (place_of(path), (*text).to_owned())).collect();
+        assert_eq!(circles(&files), expected);
+    }
 }

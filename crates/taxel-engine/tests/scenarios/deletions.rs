@@ -1,27 +1,9 @@
 //! What is deleted, what is not, and how much there can be.
 
-use std::sync::Arc;
-
-use taxel_engine::Restored;
-use taxel_engine::calibration::{SessionState, SessionView};
-use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::engine::limits::{MODEL_SETS_MAX, SESSIONS_MAX};
-use taxel_engine::known_set::{KnownSet, SetSummary};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::Record;
 
-use crate::bench::{Bench, session_of};
-use crate::rig::{patch_plan, plan, small_world};
-use crate::sessions::{in_review, ramping, start};
-use crate::shared::small;
-
-fn delete_set(id: &str) -> Command {
-    Command::DeleteModelSet { model_set: id.to_owned() }
-}
-
-fn another(id: &str) -> Arc<ModelSet> {
-    Arc::new(ModelSet { id: id.to_owned(), session: None, ..(*small().set).clone() })
-}
+use crate::prelude::*;
+use crate::say::{activate, delete_set, import, other, start};
 
 fn known(bench: &Bench) -> Vec<&str> {
     bench.host.catalogue.model_sets.iter().map(|set| set.id.as_str()).collect()
@@ -35,17 +17,13 @@ fn a_model_set_is_deleted_once_nothing_uses_it() {
     let why = bench.refused(delete_set(&set));
     assert_eq!(why, format!("model set `{set}` is in use on patch `small`; activate another one first"));
     assert_eq!(bench.refused(Command::DeleteSession { session }), why, "nor is the session that it came from");
-    bench.ask(Command::Import { model_set: another("m-other"), insist: false }).unwrap();
+    bench.import(other("m-other"));
     bench.activate("m-other").unwrap();
     assert!(matches!(bench.ask(delete_set(&set)), Ok(Done::Deleted)));
     assert_eq!(known(&bench), ["m-other"]);
-    for command in
-        [delete_set(&set), Command::Activate { patch: String::new(), model_set: set.to_string(), expected: None }]
-    {
-        assert_eq!(
-            bench.ask(command).unwrap_err(),
-            Rejection::NotFound(ErrorReason::ModelSetUnknown, format!("model set `{set}`"))
-        );
+    for command in [delete_set(&set), activate(&set)] {
+        let unknown = Rejection::NotFound(ErrorReason::ModelSetUnknown, format!("model set `{set}`"));
+        assert_eq!(bench.ask(command).unwrap_err(), unknown);
     }
     let view = &bench.host.catalogue.sessions[0];
     assert_eq!((view.number, view.state), (session, SessionState::Review), "its session stays");
@@ -61,8 +39,6 @@ fn neither_an_open_session_nor_its_models_are_deleted() {
     let why = bench.refused(delete_set(&set));
     assert_eq!(why, format!("`{set}` is of session 1, which is TARING; finish or abort that first"));
     assert_eq!(known(&bench), [&*set]);
-    let nothing = bench.ask(Command::DeleteSession { session: 77 });
-    assert_eq!(nothing.unwrap_err(), Rejection::NotFound(ErrorReason::SessionUnknown, "session 77".to_owned()));
 }
 
 #[test]
@@ -110,15 +86,14 @@ fn what_is_being_activated_is_not_deleted_and_what_is_being_deleted_not_activate
     let (mut bench, session) = in_review(30.0);
     let set = bench.host.session().model_set.clone().unwrap();
     bench.host.disk_is_slow = true;
-    let activate = || Command::Activate { patch: String::new(), model_set: set.to_string(), expected: None };
-    let activation = bench.host.command(activate());
+    let activation = bench.host.command(activate(&set));
     for command in [delete_set(&set), Command::DeleteSession { session }] {
         assert_eq!(bench.refused(command), format!("model set `{set}` is being activated"));
     }
     bench.host.commit(Err("no space".to_owned()));
     assert!(bench.host.reply(activation).unwrap().is_err());
     let deletion = bench.host.command(delete_set(&set));
-    for command in [activate(), delete_set(&set)] {
+    for command in [activate(&set), delete_set(&set)] {
         assert_eq!(bench.refused(command), format!("model set `{set}` is being deleted"));
     }
     bench.host.commit(Ok(()));
@@ -156,13 +131,12 @@ fn a_session_that_is_deleted_while_its_samples_are_read_does_not_go_on() {
 
 #[test]
 fn at_the_limit_of_model_sets_an_operator_is_told_to_delete_some() {
-    let sets: Vec<_> = (0..MODEL_SETS_MAX).map(|n| another(&format!("m-{n}"))).collect();
+    let sets: Vec<_> = (0..MODEL_SETS_MAX).map(|n| other(&format!("m-{n}"))).collect();
     let model_sets = sets.iter().map(|set| KnownSet::stored(SetSummary::of(set))).collect();
     let restored = Restored { model_sets, ..Restored::default() };
     let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), restored);
     bench.brought_up();
-    let import = |model_set| Command::Import { model_set, insist: false };
-    for command in [import(another("m-more")), start()] {
+    for command in [import(other("m-more")), start()] {
         let why = bench.refused(command);
         let expected = "there are 1000 model sets, and 1000 is the limit: delete some with DeleteModelSet first";
         assert_eq!(why, expected);
@@ -170,8 +144,8 @@ fn at_the_limit_of_model_sets_an_operator_is_told_to_delete_some() {
     assert!(bench.ask(import(Arc::clone(&sets[7]))).is_ok(), "one that is there already needs no room");
     bench.ask(delete_set("m-7")).unwrap();
     bench.host.disk_is_slow = true;
-    let first = bench.host.command(import(another("m-more")));
-    let why = bench.refused(import(another("m-too-much")));
+    let first = bench.host.command(import(other("m-more")));
+    let why = bench.refused(import(other("m-too-much")));
     assert!(why.contains("1000 is the limit"), "what is being written counts: {why}");
     bench.host.commit(Ok(()));
     assert!(matches!(bench.host.reply(first), Some(Ok(Done::Imported { .. }))));

@@ -1,19 +1,8 @@
 //! Invariant: time comes in as data, so a replay of one log gives bit-identical results every time, however the frames
 //! were read within a slot.
 
-use std::sync::Arc;
-use std::time::Duration;
-
-use taxel_engine::Restored;
-use taxel_engine::command::Command;
-use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_sim::{Fault, PumpCommand};
-use taxel_skin::Time;
-use taxel_wire::TimedFrame;
-
-use crate::host::{EPOCH_NS, Host};
-use crate::rig::{board, module, patch_plan, plan};
-use crate::shared::small;
+use crate::host::EPOCH_NS;
+use crate::prelude::*;
 
 /// Everything that a run put out. Debug text tells two floats apart exactly if their bits differ (but for NaN, which
 /// is nowhere).
@@ -71,13 +60,7 @@ fn a_calibration_is_bit_identical_however_its_frames_are_cut() {
     let host = || Host::new(listening(), Restored::default(), Time::default());
     all_ways("calibration", host, |host, cut| {
         host.play(&log[..start], at, &mut *cut);
-        host.command(Command::StartSession {
-            patch: String::new(),
-            target: None,
-            branches: None,
-            confirmed_by: None,
-            leave_out: Vec::new(),
-        });
+        host.command(say::start());
         host.play(&log[start..], log[log.len() - 1].time, &mut *cut);
         assert!(host.session().model_set.is_some(), "{:?}", host.session());
     });

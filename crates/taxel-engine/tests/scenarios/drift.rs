@@ -1,18 +1,10 @@
 //! The zero follows the temperature of the skin, and nothing else.
 
-use std::time::Duration;
-
-use taxel_engine::Restored;
-use taxel_engine::command::Command;
-use taxel_engine::plan::{DriftPlan, PatchPlan};
-use taxel_engine::snapshot::ForceState;
+use taxel_engine::plan::DriftPlan;
 use taxel_engine::zero::drift::{DriftState, DriftView};
-use taxel_sim::{BoardsConfig, Config, DielectricConfig, Fault, Mass, ThermalConfig, World};
-use taxel_skin::TaxelIndex;
+use taxel_sim::{BoardsConfig, ThermalConfig};
 
-use crate::bench::Bench;
-use crate::rig::{patch_plan, plan, small_skin};
-use crate::shared::small;
+use crate::prelude::*;
 
 /// The small skin once more, at boards that compensate half of the drift of one count per kelvin, warming up by so
 /// many kelvin with a time constant of ten minutes.
@@ -127,16 +119,6 @@ fn at_its_bound_the_force_says_so_until_a_tare() {
     assert_eq!((drift(&bench).state, drift(&bench).max_counts), (DriftState::Following, 0.0));
     minutes(&mut bench, 2.0);
     assert_eq!(drift(&bench).state, DriftState::Following);
-}
-
-#[test]
-fn a_lost_zero_has_no_drift() {
-    let mut bench = warming(6.0, true);
-    minutes(&mut bench, 3.0);
-    assert_eq!(drift(&bench).state, DriftState::Following);
-    bench.host.notice(taxel_engine::BusNotice::BusOff);
-    bench.seconds(1.0);
-    assert_eq!(drift(&bench), DriftView::default());
 }
 
 /// A load lies on everything, comes as slowly as warmth and against it: the counts stand still, and only the pads know.

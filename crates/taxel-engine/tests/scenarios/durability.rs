@@ -1,30 +1,10 @@
 //! What is acknowledged is on disk, and what the disk refuses has no effect.
 
-use std::sync::Arc;
-
-use taxel_engine::calibration::SessionState;
-use taxel_engine::command::{Command, Done, Rejection, RequestId};
+use taxel_engine::command::RequestId;
 use taxel_engine::loads::{KnownLoad, Weight};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::Record;
-use taxel_engine::snapshot::ForceState;
 
-use crate::bench::{Bench, Disk};
-use crate::rig::{patch_plan, plan};
-use crate::sessions::{in_review, ramping};
-use crate::shared::small;
-
-fn other_set(id: &str) -> Arc<ModelSet> {
-    Arc::new(ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&small().set) })
-}
-
-fn import(id: &str) -> Command {
-    Command::Import { model_set: other_set(id), insist: false }
-}
-
-fn activate(id: &str) -> Command {
-    Command::Activate { patch: String::new(), model_set: id.to_owned(), expected: None }
-}
+use crate::prelude::*;
+use crate::say::{activate, import, other, tare};
 
 /// Everything that a reader or an operator sees, but counters and time.
 fn seen(bench: &Bench) -> String {
@@ -47,11 +27,13 @@ fn is_refused_and_has_no_effect(bench: &mut Bench, request: RequestId, before: &
 #[test]
 fn an_activation_that_the_disk_refuses_has_no_effect() {
     let mut bench = small().in_use();
-    bench.ask(import("m-other")).unwrap();
+    bench.import(other("m-other"));
     bench.host.disk_is_slow = true;
     let before = seen(&bench);
     let request = bench.host.command(activate("m-other"));
     bench.seconds(1.0);
+    let why = bench.refused(activate(&small().set.id));
+    assert!(why.contains("is being activated"), "{why}");
     is_refused_and_has_no_effect(&mut bench, request, &before, "an activation");
     bench.host.disk_is_slow = false;
     assert!(matches!(bench.ask(activate("m-other")), Ok(Done::Activated { .. })), "and can be asked for again");
@@ -62,7 +44,7 @@ fn an_import_that_the_disk_refuses_has_no_effect() {
     let mut bench = small().in_use();
     bench.host.disk_is_slow = true;
     let before = seen(&bench);
-    let request = bench.host.command(import("m-other"));
+    let request = bench.host.command(import(other("m-other")));
     bench.seconds(1.0);
     is_refused_and_has_no_effect(&mut bench, request, &before, "an import");
     let reply = bench.ask(activate("m-other"));
@@ -73,11 +55,11 @@ fn an_import_that_the_disk_refuses_has_no_effect() {
 #[test]
 fn a_tare_beside_which_another_set_comes_into_use_is_not_taken() {
     let mut bench = small().in_use();
-    bench.ask(import("m-other")).unwrap();
+    bench.import(other("m-other"));
     bench.until_force(10.0, ForceState::Ok);
     bench.host.disk_is_slow = true;
     let activation = bench.host.command(activate("m-other"));
-    let tare = bench.host.command(Command::Tare { patch: String::new(), confirmed_by: None });
+    let tare = bench.host.command(tare());
     bench.seconds(3.0);
     assert_eq!(bench.host.commits.len(), 2, "both wait for the disk");
     bench.host.disk_is_slow = false;
@@ -91,11 +73,11 @@ fn a_tare_beside_which_another_set_comes_into_use_is_not_taken() {
 /// Before there is any zero one is taken by itself, but none beside one that waits for the disk.
 #[test]
 fn a_tare_that_the_disk_refuses_does_not_keep_the_first_zero_away() {
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    let mut bench = small().started();
     bench.brought_up();
     assert_ne!(bench.host.state(), ForceState::Ok, "no zero yet");
     bench.host.disk_is_slow = true;
-    let request = bench.host.command(Command::Tare { patch: String::new(), confirmed_by: None });
+    let request = bench.host.command(tare());
     bench.seconds(4.0);
     assert!(!bench.host.replied(request));
     assert_eq!(bench.host.state(), ForceState::TareInvalid, "it waits for the disk, and nothing else is taken");
@@ -108,7 +90,7 @@ fn a_tare_that_the_disk_refuses_has_no_effect() {
     let mut bench = small().in_use();
     bench.host.disk_is_slow = true;
     let before = seen(&bench);
-    let request = bench.host.command(Command::Tare { patch: String::new(), confirmed_by: None });
+    let request = bench.host.command(tare());
     bench.seconds(2.0);
     assert_eq!(bench.host.commits.len(), 1);
     is_refused_and_has_no_effect(&mut bench, request, &before, "a tare");
@@ -141,25 +123,6 @@ fn a_discard_that_the_disk_refuses_has_no_effect() {
     }
 }
 
-/// It was under way when the daemon crashed.
-#[test]
-fn an_abort_that_the_disk_refuses_has_no_effect() {
-    let (crashed, session) = ramping(20.0);
-    let mut bench = Bench::after(crashed.world.clone(), crashed.host.plan.clone(), Disk::after_a_crash(&crashed.host));
-    bench.host.disk_is_slow = true;
-    let before = seen(&bench);
-    let request = bench.host.command(Command::AbortSession { session });
-    bench.seconds(1.0);
-    let why = bench.refused(Command::FinishRamp { session });
-    assert_eq!(why, format!("session {session} is being aborted"));
-    is_refused_and_has_no_effect(&mut bench, request, &before, "an abort");
-    bench.host.disk_is_slow = false;
-    let Ok(Done::Session(view)) = bench.ask(Command::AbortSession { session }) else {
-        panic!("it cannot be asked again")
-    };
-    assert_eq!(view.state, SessionState::Aborted);
-}
-
 #[test]
 fn a_load_that_the_disk_refuses_has_no_effect() {
     let mut bench = small().in_use();
@@ -180,8 +143,8 @@ fn a_second_import_of_a_set_is_not_acknowledged_while_the_first_waits_for_the_di
     for result in [Ok(()), Err("no space left on device".to_owned())] {
         let mut bench = small().in_use();
         bench.host.disk_is_slow = true;
-        let first = bench.host.command(import("m-other"));
-        let second = bench.host.command(import("m-other"));
+        let first = bench.host.command(import(other("m-other")));
+        let second = bench.host.command(import(other("m-other")));
         bench.seconds(0.5);
         assert!(!bench.host.replied(first) && !bench.host.replied(second));
         bench.host.commit(result.clone());
@@ -191,19 +154,4 @@ fn a_second_import_of_a_set_is_not_acknowledged_while_the_first_waits_for_the_di
         let known = bench.host.catalogue.model_sets.iter().filter(|set| set.id == "m-other").count();
         assert_eq!(known, usize::from(result.is_ok()));
     }
-}
-
-#[test]
-fn a_second_activation_is_refused_while_the_first_waits_for_the_disk() {
-    let mut bench = small().in_use();
-    bench.ask(import("m-other")).unwrap();
-    bench.host.disk_is_slow = true;
-    let first = bench.host.command(activate("m-other"));
-    let why = bench.refused(activate(&small().set.id));
-    assert!(why.contains("is being activated"), "{why}");
-    bench.host.commit(Ok(()));
-    assert!(matches!(bench.host.reply(first), Some(Ok(Done::Activated { .. }))));
-    let activated = bench.host.records.iter().filter(|record| matches!(record, Record::Activated { .. }));
-    assert_eq!(activated.count(), 1);
-    assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some("m-other"));
 }

@@ -1,16 +1,9 @@
 //! What an operator can look up later: each thing once, in the order in which it happened, with its time.
 
-use taxel_engine::BusNotice;
-use taxel_engine::calibration::SessionState;
 use taxel_engine::events::EventKind;
-use taxel_engine::snapshot::ForceState;
-use taxel_sim::Fault;
-use taxel_skin::TaxelIndex;
 
-use crate::bench::Bench;
 use crate::host::EPOCH_NS;
-use crate::sessions::in_review;
-use crate::shared::small;
+use crate::prelude::*;
 
 fn kinds(bench: &Bench) -> Vec<EventKind> {
     bench.host.events.iter().map(|event| event.kind).collect()

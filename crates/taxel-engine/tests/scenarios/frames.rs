@@ -3,20 +3,12 @@
 use std::cell::RefCell;
 use std::collections::HashSet;
 use std::rc::Rc;
-use std::sync::{Arc, OnceLock};
-use std::time::Duration;
 
 use proptest::prelude::*;
-use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_engine::snapshot::ForceState;
-use taxel_sim::Fault;
-use taxel_skin::{ModuleKind, Time};
+use taxel_wire::FrameKind;
 use taxel_wire::icub::{Message, decode};
-use taxel_wire::{CanId, Frame, FrameKind, TimedFrame};
 
-use crate::host::Host;
-use crate::rig::{board, module, patch_plan, plan};
-use crate::shared::small;
+use crate::prelude::*;
 
 #[test]
 fn lost_frames_keep_the_force_and_are_counted_as_orphans() {

@@ -87,13 +87,17 @@ pub fn sources(folder: &Path) -> Vec<PathBuf> {
 /// The code of a file without its comments. Test modules stand at the end of a file or in files of their own.
 pub fn code(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    if stem == "tests" || stem.ends_with("_tests") || path.iter().any(|part| part == "tests") {
+    if stem == "tests"
+        || stem.ends_with("_tests")
+        || path.strip_prefix(crates()).unwrap_or(path).iter().any(|part| part == "tests")
+    {
         return String::new();
     }
-    let text = read(path);
+    let text = read(path).replace("#[cfg(all(test, feature = \"sim\"))]", "#[cfg(test)]");
     let inline_tests = text.match_indices("#[cfg(test)]").find(|(at, mark)| {
         let after = text[at + mark.len()..].trim_start();
-        after.starts_with("mod ") && after.find('{') < after.find(';')
+        let end = after.find(['{', ';']);
+        end.is_some_and(|end| after[..end].contains("mod ") && after[end..].starts_with('{'))
     });
     let live = &text[..inline_tests.map_or(text.len(), |(at, _)| at)];
     live.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")

@@ -1,19 +1,10 @@
 //! Hysteresis, live: a session over both branches, its plays in use, and what they are worth on a further cycle.
 
-use std::sync::Arc;
+use taxel_engine::calibration::Direction;
+use taxel_engine::calibration::fit::PlaysChoice;
+use taxel_sim::BagConfig;
 
-use taxel_engine::Restored;
-use taxel_engine::calibration::fit::{Branch, PlaysChoice};
-use taxel_engine::calibration::{Direction, SessionLimits, SessionState};
-use taxel_engine::command::Command;
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::PatchPlan;
-use taxel_engine::snapshot::ForceState;
-use taxel_sim::{BagConfig, Config, DielectricConfig, PumpCommand, World};
-
-use crate::bench::Bench;
-use crate::rig::{patch_plan, plan, small_skin};
-use crate::shared::small;
+use crate::prelude::*;
 
 /// Readings of a cycle: gauge and mean over the taxels, kPa, while the pressure rises and while it falls.
 #[derive(Default)]
@@ -31,11 +22,7 @@ fn error(readings: &[(f64, f64)]) -> f64 {
 
 /// A skin with much friction and no creep, off the rails, calibrated over both branches up to 60 kPa: twice, so that
 /// the plays are tried on the second cycle, which they have not seen.
-fn calibrated() -> (Bench, Arc<ModelSet>) {
-    calibrated_in(BagConfig::default())
-}
-
-pub fn calibrated_in(bag: BagConfig) -> (Bench, Arc<ModelSet>) {
+fn calibrated(bag: BagConfig) -> (Bench, Arc<ModelSet>) {
     let dielectric = DielectricConfig {
         tare_bias_counts: 1.0,
         tare_residue_counts: 0.5,
@@ -44,22 +31,15 @@ pub fn calibrated_in(bag: BagConfig) -> (Bench, Arc<ModelSet>) {
         ..DielectricConfig::default()
     };
     let world = World::new(small_skin(), Config { dielectric, bag, ..Config::seeded(5) });
-    let mut bench = Bench::new(
-        world,
-        plan(PatchPlan {
-            session: SessionLimits { plays: PlaysChoice::Auto, ..SessionLimits::default() },
-            ..patch_plan(&small().skin)
-        }),
-        Restored::default(),
-    );
+    let mut patch = patch_plan(&small().skin);
+    patch.session.plays = PlaysChoice::Auto;
+    let mut bench = Bench::new(world, plan(patch), Restored::default());
     bench.brought_up();
     bench.start_session_over(Branch::Both, Some(60.0));
     for ramp in 0..2 {
         if ramp > 0 {
-            bench.world.pump(PumpCommand::Vent);
-            bench.seconds(10.0);
-            bench.ask(Command::StartRamp { session: 1 }).unwrap();
-            bench.until_state(30.0, SessionState::Ramping);
+            bench.vent(10.0);
+            bench.ramp_again(1);
         }
         bench.ramp(61.0, 2.0);
         bench.until(60.0, "the turn", |host| host.session().direction == Direction::Falling);
@@ -71,13 +51,25 @@ pub fn calibrated_in(bag: BagConfig) -> (Bench, Arc<ModelSet>) {
     (bench, set)
 }
 
-/// Puts a set into use on the vented, tared skin and takes it through a cycle to 50 kPa.
-fn cycle(bench: &mut Bench, set: &Arc<ModelSet>) -> Cycle {
-    bench.world.pump(PumpCommand::Vent);
-    bench.seconds(20.0);
-    bench.ask(Command::Import { model_set: Arc::clone(set), insist: false }).unwrap();
+/// The same set without its plays.
+fn without_plays(set: &ModelSet) -> Arc<ModelSet> {
+    let mut without = ModelSet { id: "m-without".to_owned(), ..set.clone() };
+    let taxels = without.recorded.as_mut().unwrap().taxels.iter_mut().flatten();
+    taxels.for_each(|taxel| taxel.plays = None);
+    Arc::new(without)
+}
+
+/// Puts a set into use on the vented, tared skin.
+fn put_to_use(bench: &mut Bench, set: &Arc<ModelSet>) {
+    bench.vent(20.0);
+    bench.import(Arc::clone(set));
     bench.activate(&set.id).unwrap();
     bench.tare(None).unwrap();
+}
+
+/// Takes it through a cycle to 50 kPa.
+fn cycle(bench: &mut Bench, set: &Arc<ModelSet>) -> Cycle {
+    put_to_use(bench, set);
     let mut cycle = Cycle::default();
     for (target, rising) in [(50.0, true), (5.0, false)] {
         bench.ramp(target, 2.0);
@@ -94,15 +86,11 @@ fn cycle(bench: &mut Bench, set: &Arc<ModelSet>) -> Cycle {
 
 #[test]
 fn plays_of_a_session_take_the_hysteresis_out_of_the_live_force() {
-    let (mut bench, with) = calibrated();
+    let (mut bench, with) = calibrated(BagConfig::default());
     let recorded = with.recorded.as_ref().expect("a session over both branches knows the skin in use");
     assert!(recorded.taxels.iter().flatten().any(|taxel| taxel.plays.is_some()), "{:?}", recorded.plays_error_ratio);
-    let mut without = ModelSet::clone(&with);
-    without.id = "m-without".to_owned();
-    let taxels = without.recorded.as_mut().unwrap().taxels.iter_mut().flatten();
-    taxels.for_each(|taxel| taxel.plays = None);
     let bent = cycle(&mut bench, &with);
-    let plain = cycle(&mut bench, &Arc::new(without));
+    let plain = cycle(&mut bench, &without_plays(&with));
     let whole = |cycle: &Cycle| error(&[cycle.rising.as_slice(), &cycle.falling].concat());
     let (with, without) = (whole(&bent), whole(&plain));
     let branches = |cycle: &Cycle| format!("rising {:.3}, falling {:.3}", error(&cycle.rising), error(&cycle.falling));
@@ -116,16 +104,8 @@ fn plays_of_a_session_take_the_hysteresis_out_of_the_live_force() {
 /// a few per cent further off than is stated. What unloading may hide has no term of its own yet.
 #[test]
 fn the_stated_uncertainty_holds_most_of_the_hysteresis_that_is_not_compensated() {
-    let (mut bench, set) = calibrated();
-    let mut without = ModelSet::clone(&set);
-    without.id = "m-without".to_owned();
-    let taxels = without.recorded.as_mut().unwrap().taxels.iter_mut().flatten();
-    taxels.for_each(|taxel| taxel.plays = None);
-    bench.world.pump(PumpCommand::Vent);
-    bench.seconds(20.0);
-    bench.ask(Command::Import { model_set: Arc::new(without), insist: false }).unwrap();
-    bench.activate("m-without").unwrap();
-    bench.tare(None).unwrap();
+    let (mut bench, set) = calibrated(BagConfig::default());
+    put_to_use(&mut bench, &without_plays(&set));
     let (mut within, mut all) = (0, 0);
     for target in [50.0, 10.0] {
         bench.ramp(target, 2.0);
@@ -139,4 +119,40 @@ fn the_stated_uncertainty_holds_most_of_the_hysteresis_that_is_not_compensated()
         }
     }
     assert!(f64::from(within) > 0.8 * f64::from(all), "{within} of {all} within two standard uncertainties");
+}
+
+/// In a bag that presses and lets go within a scan or two.
+#[test]
+fn a_squeeze_while_the_zero_is_in_doubt_is_not_forgotten() {
+    let quick = BagConfig { pump_kpa_per_s: 1_000.0, vent_s: 0.05, ..BagConfig::default() };
+    let (mut bench, set) = calibrated(quick);
+    put_to_use(&mut bench, &set);
+    let squeeze = |bench: &mut Bench, kpa: f64, kpa_per_s: f64| {
+        bench.ramp(kpa, kpa_per_s);
+        while (bench.world.true_pressure().0 - kpa).abs() > 0.5 {
+            bench.seconds(0.02);
+        }
+    };
+    let mut errors = [0.0; 2];
+    for (error, in_doubt) in errors.iter_mut().zip([false, true]) {
+        squeeze(&mut bench, 15.0, 10.0);
+        bench.seconds(2.0);
+        let mark = bench.mark();
+        if in_doubt {
+            // A lost acknowledgement is no proof of a new zero, and has to be looked at.
+            bench.inject(Fault::ModuleNoAck(board(12), module(0)));
+            bench.until(3.0, "the doubt", |host| host.reasons().contains("looked at"));
+            bench.repair(Fault::ModuleNoAck(board(12), module(0)));
+        }
+        squeeze(&mut bench, 60.0, 250.0);
+        squeeze(&mut bench, 15.0, 250.0);
+        assert_eq!(bench.host.snapshot().force.total.is_some(), !in_doubt, "{}", bench.host.reasons());
+        bench.until(10.0, "the end of the doubt", |host| host.snapshot().force.total.is_some());
+        bench.seconds(2.0);
+        let (force, truth) = (bench.host.snapshot().force.total.unwrap().0, bench.world.true_force().0);
+        *error = force / truth - 1.0;
+        bench.is_truthful_since(mark, "squeezed");
+        bench.vent(20.0);
+    }
+    assert!((errors[1] - errors[0]).abs() < 0.05, "{errors:?}: without and with a doubt");
 }

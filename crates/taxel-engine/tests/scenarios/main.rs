@@ -6,12 +6,13 @@
 
 mod bench;
 mod host;
+mod prelude;
 mod rig;
+mod say;
 mod shared;
 mod truth;
 mod watch;
 
-mod activation;
 mod alarms;
 mod board_settings;
 mod branches;
@@ -28,7 +29,6 @@ mod durability;
 mod events;
 mod frames;
 mod gauge_faults;
-mod histories;
 mod house;
 mod hysteresis;
 mod imports;

@@ -1,12 +1,6 @@
 //! More scans than a board can send, and boards with a period of their own.
 
-use std::time::Duration;
-
-use taxel_skin::Time;
-use taxel_wire::{CanId, TimedFrame};
-
-use crate::bench::Bench;
-use crate::shared::{Calibrated, ordinary, small};
+use crate::prelude::*;
 
 /// Whether a frame is one of a module of these boards.
 fn is_skin(frame: &TimedFrame, boards: &[u16]) -> bool {

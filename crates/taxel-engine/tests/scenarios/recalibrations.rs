@@ -1,22 +1,10 @@
 //! Known loads correct the gain of a model set: a new set that nobody uses before an operator says so, made once and never
 //! corrected twice.
 
-use std::sync::Arc;
-
-use taxel_engine::Restored;
-use taxel_engine::calibration::{SessionState, SessionView};
-use taxel_engine::command::{Command, Done, Rejection};
-use taxel_engine::loads::{KnownLoad, Load, Validation, Weight};
-use taxel_engine::loads::{Patch, judge};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::PatchPlan;
+use taxel_engine::loads::{KnownLoad, Load, Patch, Validation, Weight, judge};
 use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, Recalibration, propose};
-use taxel_engine::record::Record;
-use taxel_skin::SquareMillimetre;
 
-use crate::bench::Bench;
-use crate::rig::{patch_plan, plan};
-use crate::shared::small;
+use crate::prelude::*;
 
 /// The configured areas are this much too small, which reads as a gain that is off.
 const OFF: f64 = 1.1;
@@ -151,8 +139,7 @@ fn a_mass_that_was_noted_wrong_is_named_makes_no_set_and_can_be_left_out() {
     }
     // With another set in use the loads say nothing, and a set that was proposed before is not kept.
     let set = named(&found, "m-corrected");
-    let other = Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&small().set) });
-    bench.ask(Command::Import { model_set: other, insist: false }).unwrap();
+    bench.import(say::other("m-other"));
     bench.activate("m-other").unwrap();
     let refused = bench.refused(keep(&set));
     assert!(refused.contains("m-other is active now"), "{refused}");
@@ -168,55 +155,33 @@ fn the_set_that_a_correction_came_from_stays_while_the_corrected_one_is_in_use()
     bench.ask(keep(&set)).unwrap();
     let Ok(Done::RefitKept { known: true, .. }) = bench.ask(keep(&set)) else { panic!("twice is once") };
     bench.activate("m-corrected").unwrap();
-    let delete = |id: &str| Command::DeleteModelSet { model_set: id.to_owned() };
-    let refused = bench.refused(delete(&small().set.id));
+    let refused = bench.refused(say::delete_set(&small().set.id));
     assert!(refused.contains("`m-corrected`, which is in use, was made of"), "{refused}");
     bench.activate(&small().set.id).unwrap();
-    bench.ask(delete("m-corrected")).unwrap();
+    bench.ask(say::delete_set("m-corrected")).unwrap();
 }
 
-/// Of the two sessions that are known the set came from the one that was not laid aside.
-#[test]
-fn a_correction_of_a_calibration_is_used_although_another_one_was_discarded() {
-    let mut bench = small().in_use_with(too_small);
-    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
-    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
-    let known = |number: u64, state: SessionState, set: &str| {
-        let session = small().session.clone();
-        Arc::new(SessionView { number, state, model_set: Some(set.into()), ..session })
-    };
-    let sessions =
-        vec![known(1, SessionState::Review, &small().set.id), known(2, SessionState::Discarded, "m-laid-aside")];
-    let model_sets = vec![set.into(), Arc::clone(&small().set).into()];
-    let restored = Restored { model_sets, sessions, next_session: 3, ..Restored::default() };
-    let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-    too_small(&mut patch);
-    let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
-    bench.seconds(2.0);
-    bench.activate("m-corrected").unwrap();
-}
-
+/// Whether the calibration that it came from was laid aside counts, not another one.
 #[test]
 fn a_correction_of_a_discarded_calibration_is_not_used() {
     let mut bench = small().in_use_with(too_small);
     weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
     let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
-    let session = SessionView {
-        state: SessionState::Discarded,
-        model_set: Some(small().set.id.as_str().into()),
-        ..small().session.clone()
-    };
-    let restored = Restored {
-        model_sets: vec![set.into(), Arc::clone(&small().set).into()],
-        sessions: vec![Arc::new(session)],
-        next_session: 2,
-        ..Restored::default()
-    };
-    let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-    let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
-    bench.seconds(2.0);
-    let Err(Rejection::FailedPrecondition(_, why)) = bench.activate("m-corrected") else { panic!("it was activated") };
-    assert!(why.contains("DISCARDED"), "{why}");
+    let own = small().set.id.as_str();
+    for (discarded, sets) in [(false, [own, "m-laid-aside"]), (true, ["m-other", own])] {
+        let known = |(number, state, set): (u64, SessionState, &str)| {
+            Arc::new(SessionView { number, state, model_set: Some(set.into()), ..small().session.clone() })
+        };
+        let sessions = [(1, SessionState::Review, sets[0]), (2, SessionState::Discarded, sets[1])].map(known).into();
+        let model_sets = vec![Arc::clone(&set).into(), Arc::clone(&small().set).into()];
+        let restored = Restored { model_sets, sessions, next_session: 3, ..Restored::default() };
+        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+        too_small(&mut patch);
+        let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+        bench.seconds(2.0);
+        let refused = bench.activate("m-corrected").err().map(|refused| refused.to_string());
+        assert_eq!(refused.is_some_and(|why| why.contains("DISCARDED")), discarded, "{sets:?}");
+    }
 }
 
 #[test]
@@ -291,8 +256,4 @@ fn loads_and_their_correction_say_nothing_of_a_sum_that_is_made_in_another_way()
     };
     let said = "faulty taxels were filled by their neighbours, and are not now".to_owned();
     assert_eq!([counted(&loads, true), counted(&loads, false)], [(MASSES.len(), String::new()), (0, said)]);
-    // Of an earlier version that is not known.
-    let old = |load: &Arc<Load>| Arc::new(Load { filled: None, ..Load::clone(load) });
-    let old: Vec<Arc<Load>> = loads.iter().map(old).collect();
-    assert_eq!(counted(&old, false).0, MASSES.len());
 }

@@ -1,18 +1,11 @@
 //! Stored samples fitted once more: the same as the session's own fit, or otherwise, alone or together.
 
-use std::sync::{Arc, OnceLock};
-
-use taxel_engine::calibration::fit::{Branch, PlaysChoice};
-use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, SessionState, SessionView, StoredSession};
-use taxel_engine::command::{Command, Done, Rejection};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::Plan;
-use taxel_engine::record::Record;
+use taxel_engine::calibration::fit::PlaysChoice;
+use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, StoredSession};
 use taxel_model::{Estimator, Order};
-use taxel_sim::PumpCommand;
 
-use crate::bench::{Bench, session_of};
-use crate::sessions::{in_review, start};
+use crate::prelude::*;
+use crate::say::start;
 
 /// Two sessions of one skin in review, the first to 30 kPa and the second to 40, and what is on disk of them.
 struct Shelf {
@@ -28,10 +21,8 @@ fn two_sessions() -> Bench {
     session_of(bench.ask(start()));
     bench.until_state(30.0, SessionState::Ramping);
     bench.ramp(74.0, 4.0);
-    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 40.0));
-    bench.ask(Command::FinishRamp { session: 2 }).unwrap();
-    bench.until_state(1.0, SessionState::Review);
-    bench.world.pump(PumpCommand::Vent);
+    bench.until_pressure(40.0);
+    bench.finish(2);
     bench
 }
 

@@ -1,21 +1,11 @@
 //! The samples of a session are of boards that are set in one way, however often the daemon starts meanwhile.
 
-use std::sync::Arc;
-use std::time::Duration;
-
-use taxel_engine::Restored;
-use taxel_engine::calibration::SessionState;
-use taxel_engine::command::{Command, ErrorReason, Rejection};
-use taxel_engine::plan::Plan;
-use taxel_sim::PumpCommand;
 use taxel_wire::signal::SignalSpec;
 
-use crate::bench::{Bench, Disk, session_of};
 use crate::board_settings::with_shift;
-use crate::rig::small_world;
+use crate::prelude::*;
 
 const RAMP: Command = Command::StartRamp { session: 1 };
-const FIT: Command = Command::FinishRamp { session: 1 };
 
 /// A session with shift 1, up to 30 kPa.
 fn ramped() -> Bench {
@@ -23,20 +13,7 @@ fn ramped() -> Bench {
     bench.brought_up();
     bench.start_session(None);
     bench.ramp(74.0, 4.0);
-    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|kpa| kpa >= 30.0));
-    bench
-}
-
-/// The daemon ends and starts anew, after the bag was vented and the skin has settled.
-fn restarted(bench: &Bench, plan: Arc<Plan>, change: impl FnOnce(&mut Disk)) -> Bench {
-    let mut world = bench.world.clone();
-    world.pump(PumpCommand::Vent);
-    world.advance(bench.now() + Duration::from_secs(20), &mut Vec::new());
-    let mut disk = Disk::after_a_crash(&bench.host);
-    disk.restored.model_sets = bench.host.catalogue.model_sets.clone();
-    change(&mut disk);
-    let mut bench = Bench::after(world, plan, disk);
-    bench.brought_up();
+    bench.until_pressure(30.0);
     bench
 }
 
@@ -59,38 +36,35 @@ fn a_session_takes_no_ramp_of_a_gauge_that_is_read_in_another_way() {
         Arc::new(plan)
     };
     let first = ramped();
-    let mut bench = restarted(&first, with_gauge(|signal| signal.scale *= 1.2), |_| ());
+    let mut bench = first.restarted(with_gauge(|signal| signal.scale *= 1.2), |_| ());
     let answer = bench.ask(RAMP);
     let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
     let expected = "session 1 cannot go on: it was gathered by a gauge that was configured as `";
     assert!(why.starts_with(expected) && why.ends_with("now: set it as it was, or start a new session"), "{why}");
     assert_eq!(why.matches("kPa a step, differential`").count(), 2, "{why}");
     assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Interrupted, "what is refused has no effect");
-    session_of(restarted(&first, with_gauge(|signal| signal.offset += 0.1), |_| ()).ask(RAMP));
+    session_of(first.restarted(with_gauge(|signal| signal.offset += 0.1), |_| ()).ask(RAMP));
 }
 
 #[test]
 fn a_session_takes_no_ramp_of_boards_that_are_set_in_another_way() {
     // Interrupted.
     let first = ramped();
-    let mut bench = restarted(&first, with_shift(2), |_| ());
+    let mut bench = first.restarted(with_shift(2), |_| ());
     is_refused(&mut bench, RAMP);
     assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Interrupted, "what is refused has no effect");
-    session_of(restarted(&first, with_shift(1), |_| ()).ask(RAMP));
+    session_of(first.restarted(with_shift(1), |_| ()).ask(RAMP));
     // In review, and in use until the restart: its set is not used after it, so that it would go on itself.
     let mut first = first;
-    first.ask(FIT).unwrap();
-    first.until_state(1.0, SessionState::Review);
-    is_refused(&mut restarted(&first, with_shift(2), |_| ()), RAMP);
-    first.world.pump(PumpCommand::Vent);
-    first.seconds(20.0);
-    let set = first.host.newest_set().id.clone();
+    let set = first.finish(1);
+    is_refused(&mut first.restarted(with_shift(2), |_| ()), RAMP);
+    first.vent(20.0);
     first.activate(&set).unwrap();
     let active = |disk: &mut Disk| disk.restored.active = vec![("small".to_owned(), set.clone())];
-    let mut bench = restarted(&first, with_shift(2), active);
+    let mut bench = first.restarted(with_shift(2), active);
     is_refused(&mut bench, RAMP);
     assert_eq!(bench.host.catalogue.sessions.len(), 1, "no session succeeds it");
-    let view = session_of(restarted(&first, with_shift(1), active).ask(RAMP));
+    let view = session_of(first.restarted(with_shift(1), active).ask(RAMP));
     assert_eq!((view.number, view.predecessor), (2, Some(1)));
     assert_eq!(view.board_settings, first.host.catalogue.sessions[0].board_settings);
 }
@@ -99,14 +73,11 @@ fn a_session_takes_no_ramp_of_boards_that_are_set_in_another_way() {
 #[test]
 fn a_session_of_another_layout_is_succeeded_by_none() {
     let mut first = ramped();
-    first.ask(FIT).unwrap();
-    first.until_state(1.0, SessionState::Review);
-    first.world.pump(PumpCommand::Vent);
-    first.seconds(20.0);
-    let set = first.host.newest_set().id.clone();
+    let set = first.finish(1);
+    first.vent(20.0);
     first.activate(&set).unwrap();
     for (left_out, is_known) in [(7, true), (8, false)] {
-        let mut bench = restarted(&first, with_shift(1), |disk| {
+        let mut bench = first.restarted(with_shift(1), |disk| {
             disk.restored.active = vec![("small".to_owned(), set.clone())];
             let [session] = &mut disk.restored.sessions[..] else { panic!("one session") };
             Arc::make_mut(session).left_out = vec![left_out];
@@ -125,28 +96,15 @@ fn a_session_of_another_layout_is_succeeded_by_none() {
 /// The models are of the boards as they were, whatever the configuration says when they are computed.
 #[test]
 fn what_an_interrupted_session_gathered_is_fitted_with_the_settings_that_it_was_gathered_with() {
-    let mut bench = restarted(&ramped(), with_shift(2), |_| ());
-    bench.ask(FIT).unwrap();
-    bench.until_state(1.0, SessionState::Review);
+    let mut bench = ramped().restarted(with_shift(2), |_| ());
+    bench.finish(1);
     let set = bench.host.newest_set();
     assert!(set.board_settings[0].contains("shift 1 cdc_offset 0x2200"), "{:?}", set.board_settings);
-    let why = bench.refused(Command::Activate { patch: String::new(), model_set: set.id.clone(), expected: None });
+    let why = bench.refused(say::activate(&set.id));
     assert!(why.contains("shift 1 on module 0 of board 13, where the configuration has shift 2"), "{why}");
     is_refused(&mut bench, RAMP);
     // With the boards as they were all of it goes on.
-    let mut later = restarted(&bench, with_shift(1), |_| ());
+    let mut later = bench.restarted(with_shift(1), |_| ());
     later.activate(&set.id).unwrap();
     session_of(later.ask(RAMP));
-}
-
-#[test]
-fn a_session_of_an_earlier_version_goes_on_as_before() {
-    let forgets = |disk: &mut Disk| {
-        for view in &mut disk.restored.sessions {
-            Arc::make_mut(view).board_settings = Arc::default();
-        }
-    };
-    let mut bench = restarted(&ramped(), with_shift(2), forgets);
-    session_of(bench.ask(RAMP));
-    bench.until_state(30.0, SessionState::Ramping);
 }

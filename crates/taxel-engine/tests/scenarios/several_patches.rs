@@ -1,19 +1,10 @@
 //! Patches that share a bus, a board or a gauge.
 
-use std::sync::Arc;
-
-use taxel_engine::Restored;
-use taxel_engine::calibration::SessionState;
-use taxel_engine::command::Command;
 use taxel_engine::conflict::{Conflict, conflicts};
-use taxel_engine::plan::{BoardSetup, Gauge, PatchPlan, Plan};
+use taxel_engine::plan::Gauge;
 use taxel_sim::{GaugeConfig, HOST_BOARD_CONFIG};
-use taxel_skin::{Board, ModuleKind, Patch};
-use taxel_wire::CanId;
-use taxel_wire::icub::TriangleConfig;
 
-use crate::bench::Bench;
-use crate::rig::{BUS, board, module, small_world};
+use crate::prelude::*;
 
 /// A patch of these modules, by board.
 fn patch(name: &str, boards: &[(u8, std::ops::Range<u8>)]) -> PatchPlan {
@@ -102,20 +93,6 @@ fn both() -> Bench {
     bench.brought_up();
     bench.seconds(1.5);
     bench
-}
-
-#[test]
-fn a_bring_up_of_one_patch_brings_up_all_that_share_its_boards() {
-    for name in ["upper", "lower"] {
-        let mut bench = both();
-        bench.ask(Command::BringUp { patch: name.to_owned(), confirmed_by: None }).unwrap();
-        bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
-        bench.brought_up();
-        bench.seconds(1.5);
-        for board in &bench.host.health().boards {
-            assert_eq!(board.modules.0, board.modules.1, "{name} was brought up: {board:?}");
-        }
-    }
 }
 
 fn start_lower(bench: &mut Bench) {

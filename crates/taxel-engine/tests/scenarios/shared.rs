@@ -8,6 +8,7 @@ use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::KeptZero;
+use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Config, PumpCommand, Skin, World};
 use taxel_wire::TimedFrame;
 
@@ -74,6 +75,19 @@ impl Calibrated {
             zeros: vec![(self.set.patch.clone(), configured(&patch_plan(&self.skin)))],
             ..Restored::default()
         }
+    }
+
+    /// A daemon that starts beside the streaming boards and configures them if need be.
+    pub fn started(&self) -> Bench {
+        Bench::new(self.world.clone(), plan(patch_plan(&self.skin)), self.restored())
+    }
+
+    /// The same, its boards verified and a force there.
+    pub fn in_charge(&self) -> Bench {
+        let mut bench = self.started();
+        bench.brought_up();
+        bench.until_force(5.0, ForceState::Ok);
+        bench
     }
 
     /// A daemon that starts beside the streaming boards, only listens, and has taken its zero by itself.

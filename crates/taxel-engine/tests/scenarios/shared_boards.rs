@@ -1,43 +1,18 @@
 //! What one patch learns of a board, every patch that has modules of it must know.
 
-use std::cell::Cell;
-use std::rc::Rc;
-use std::sync::Arc;
+use std::collections::BTreeSet;
 
-use taxel_engine::Restored;
-use taxel_engine::command::Command;
-use taxel_engine::snapshot::{ForceSample, ForceState};
-use taxel_sim::PumpCommand;
-use taxel_wire::{CanId, Frame, icub};
+use taxel_engine::snapshot::ForceSample;
+use taxel_wire::icub;
 
-use crate::bench::{Bench, Disk};
-use crate::host::Host;
-use crate::rig::small_world;
+use crate::prelude::*;
 use crate::several_patches::{halves, plan_of};
-
-/// Lets the tails of a module report so many lost acknowledgements, though nothing is wrong with its counts.
-fn report_lost_acknowledgements(bench: &mut Bench, id: u16) -> Rc<Cell<u32>> {
-    let left = Rc::new(Cell::new(0));
-    let reports = Rc::clone(&left);
-    bench.alters = Box::new(move |timed| {
-        if let [0xC0, .., _] = timed.frame.bytes()
-            && timed.frame.id == CanId::Standard(id)
-            && reports.get() > 0
-        {
-            reports.set(reports.get() - 1);
-            let mut tail = timed.frame.bytes().to_vec();
-            tail[7] |= 1;
-            timed.frame = Frame::data(timed.frame.id, &tail).unwrap();
-        }
-    });
-    left
-}
 
 #[test]
 fn firmware_temperature_and_status_of_a_shared_board_are_known_to_both_patches() {
     let mut bench = Bench::new(small_world(), Arc::new(plan_of(halves().into())), Restored::default());
     bench.brought_up();
-    let left = report_lost_acknowledgements(&mut bench, 0x4D1);
+    let left = bench.reports_lost_acknowledgements(0x4D1);
     left.set(3);
     bench.foreign.push_back(taxel_wire::TimedFrame {
         time: bench.now(),
@@ -98,39 +73,29 @@ fn confirmed(name: &str) -> Command {
     Command::BringUp { patch: name.to_owned(), confirmed_by: Some("Ada".to_owned()) }
 }
 
+/// Board 13 is of both, board 12 of the lower half alone.
 #[test]
-fn who_confirms_one_patch_confirms_no_other_that_feels_a_force() {
+fn a_bring_up_configures_a_shared_board_for_all_its_patches_unless_one_of_them_feels_a_force() {
     let mut bench = restarted_with_both_in_use();
     bench.until(8.0, "a force of both", both_have_a_force);
-    assert_eq!(bench.host.sent, [], "boards that stream are left alone");
     bench.lay(1.0, 65); // on the lower half
     bench.seconds(2.0);
     let why = bench.refused(confirmed("upper"));
     assert!(why.contains("lower"), "{why}");
     bench.seconds(1.0);
-    assert_eq!(bench.host.sent, [], "nothing is sent to boards that bear a load");
-    bench.ask(confirmed("lower")).unwrap();
-    bench.seconds(0.1);
-    bench.brought_up();
-    for board in &bench.host.health().boards {
-        assert_eq!(board.modules.0, board.modules.1, "{board:?}");
-    }
-}
-
-/// Board 13 is of both, board 12 of the lower half alone.
-#[test]
-fn a_bring_up_configures_the_shared_board_for_all_its_patches() {
-    let mut bench = restarted_with_both_in_use();
-    bench.until(8.0, "a force of both", both_have_a_force);
-    bench.ask(confirmed("upper")).unwrap();
-    bench.seconds(0.1);
-    assert!(!both_have_a_force(&bench.host), "both have lost their zero");
-    bench.brought_up();
-    let to: std::collections::BTreeSet<u8> =
-        bench.host.sent.iter().map(|(_, frame)| icub::Command::decode(frame).unwrap().0.get()).collect();
-    assert_eq!(to, [13].into());
-    for board in &bench.host.health().boards {
-        assert_eq!(board.modules.0, board.modules.1, "{board:?}");
+    assert_eq!(bench.host.sent, [], "boards that stream are left alone, and so are those that bear a load");
+    bench.world.clear();
+    bench.seconds(2.0);
+    for (name, boards) in [("upper", vec![13]), ("lower", vec![12, 13])] {
+        let first = bench.host.sent.len();
+        bench.ask(confirmed(name)).unwrap();
+        bench.seconds(0.1);
+        assert!(!both_have_a_force(&bench.host), "{name} was brought up: both have lost their zero");
+        bench.brought_up();
+        let to: BTreeSet<u8> =
+            bench.host.sent[first..].iter().map(|(_, frame)| icub::Command::decode(frame).unwrap().0.get()).collect();
+        assert!(to.into_iter().eq(boards), "{name}");
+        assert!(bench.host.health().boards.iter().all(|board| board.modules.0 == board.modules.1));
     }
 }
 
@@ -141,7 +106,7 @@ fn acknowledgements_that_modules_of_one_patch_lose_invalidate_the_zero_of_the_ot
     let lower = |host: &Host| -> ForceSample { host.others[&1].force.clone() };
     bench.until(3.0, "a force", |host| lower(host).total.is_some());
     assert_eq!(lower(&bench.host).state, ForceState::Ok);
-    let left = report_lost_acknowledgements(&mut bench, 0x4D1); // of the upper half
+    let left = bench.reports_lost_acknowledgements(0x4D1); // of the upper half
     left.set(5);
     bench.until(1.0, "five", |host| {
         lower(host).reasons.iter().any(|why| why.text().contains("5 lost acknowledgements"))

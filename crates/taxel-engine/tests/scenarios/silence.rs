@@ -1,16 +1,9 @@
 //! Invariant: a stale value never goes out as a good one.
 
-use std::time::Duration;
+use taxel_engine::snapshot::TaxelState;
 
-use taxel_engine::Input;
-use taxel_engine::snapshot::{ForceState, TaxelState};
-use taxel_sim::Fault;
-use taxel_skin::Time;
-
-use crate::bench::Bench;
 use crate::host::SLOT;
-use crate::rig::{board, module};
-use crate::shared::small;
+use crate::prelude::*;
 
 /// Taxels of module 2 of board 13.
 const MODULE_2: std::ops::Range<usize> = 20..30;

@@ -1,22 +1,13 @@
 //! Model sets that are in the store and not in memory.
 
-use std::sync::Arc;
-
-use taxel_engine::Restored;
-use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::catalogue::StoreDamage;
-use taxel_engine::command::{Command, Done, Rejection};
-use taxel_engine::known_set::{KnownSet, SetSummary};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::PatchPlan;
 
-use crate::bench::Bench;
-use crate::rig::{patch_plan, plan};
-use crate::shared::small;
+use crate::prelude::*;
+use crate::say::{activate, delete_set, other};
 
 /// A second set of the small skin, stored but not in memory.
 fn with_another_stored(id: &str) -> (Bench, Arc<ModelSet>) {
-    let other = Arc::new(ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&small().set) });
+    let other = other(id);
     let mut restored = small().restored();
     restored.model_sets.push(KnownSet::stored(SetSummary::of(&other)));
     let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
@@ -25,17 +16,13 @@ fn with_another_stored(id: &str) -> (Bench, Arc<ModelSet>) {
     (bench, other)
 }
 
-fn activation(id: &str) -> Command {
-    Command::Activate { patch: String::new(), model_set: id.to_owned(), expected: None }
-}
-
 #[test]
 fn a_set_that_is_not_in_memory_is_read_and_comes_into_use_when_that_is_on_disk() {
     let (mut bench, other) = with_another_stored("m-other");
     let first = small().set.id.as_str();
     bench.host.shelf.push(other);
     bench.host.disk_is_slow = true;
-    let request = bench.host.command(activation("m-other"));
+    let request = bench.host.command(activate("m-other"));
     assert_eq!(bench.host.set_loads.len(), 1);
     bench.seconds(0.2);
     assert!(!bench.host.replied(request));
@@ -57,8 +44,8 @@ fn what_changes_while_a_set_is_read_counts() {
     let (mut bench, other) = with_another_stored("m-other");
     bench.host.shelf.push(other);
     bench.host.disk_is_slow = true;
-    let request = bench.host.command(activation("m-other"));
-    let deletion = bench.host.command(Command::DeleteModelSet { model_set: "m-other".to_owned() });
+    let request = bench.host.command(activate("m-other"));
+    let deletion = bench.host.command(delete_set("m-other"));
     bench.host.load_sets();
     let Some(Err(refused)) = bench.host.reply(request) else { panic!("not refused") };
     assert!(refused.to_string().contains("is being deleted"), "{refused}");
@@ -70,7 +57,7 @@ fn what_changes_while_a_set_is_read_counts() {
 #[test]
 fn a_set_that_is_damaged_on_disk_does_not_come_into_use() {
     let (mut bench, _) = with_another_stored("m-other");
-    let why = bench.refused(activation("m-other"));
+    let why = bench.refused(activate("m-other"));
     assert!(why.contains("m-other") && why.contains("damaged on disk") && why.contains("import it again"), "{why}");
     assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some(small().set.id.as_str()));
 }
@@ -87,9 +74,8 @@ fn damage_that_the_store_finds_is_in_the_health_and_what_is_lost_is_not_listed()
     assert!(bench.host.health().problems.contains(&problems[0]));
     let listed: Vec<_> = bench.host.catalogue.model_sets.iter().map(|set| set.id.as_str()).collect();
     assert_eq!(listed, [used.as_str()], "a set in use is whole in memory");
-    assert!(matches!(bench.ask(activation("m-other")), Err(Rejection::NotFound(..))));
-    let other = Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&small().set) });
-    bench.ask(Command::Import { model_set: other, insist: false }).unwrap();
+    assert!(matches!(bench.ask(activate("m-other")), Err(Rejection::NotFound(..))));
+    bench.import(other("m-other"));
     bench.activate("m-other").unwrap();
 }
 
@@ -122,8 +108,7 @@ fn only_what_is_in_use_and_what_came_last_is_in_memory() {
         known.filter(|set| set.at_hand.is_some()).map(|set| set.id.to_string()).collect()
     };
     for id in ["m-8", "m-9"] {
-        let set = ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&small().set) };
-        bench.ask(Command::Import { model_set: Arc::new(set), insist: false }).unwrap();
+        bench.import(other(id));
     }
     assert_eq!(bench.host.catalogue.model_sets.len(), 4);
     assert_eq!(in_memory(&bench), [small().set.id.as_str(), "m-9"]);

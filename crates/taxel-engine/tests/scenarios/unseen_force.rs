@@ -1,27 +1,17 @@
 //! Force that no taxel can show: it is in the uncertainty, in the undetected force, or nothing bounds the force above.
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use taxel_engine::command::{Command, Done};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::snapshot::ForceState;
 use taxel_model::Status;
-use taxel_sim::{Fault, Mass};
-use taxel_skin::TaxelIndex;
 
-use crate::bench::Bench;
-use crate::shared::{Calibrated, ordinary, small};
+use crate::prelude::*;
 
 /// The skin in use with a model set that leaves these taxels out.
 pub fn without(skin: &Calibrated, taxels: Range<usize>) -> Bench {
     let mut bench = skin.in_use();
     let mut set = ModelSet { id: "m-without".to_owned(), session: None, ..ModelSet::clone(&skin.set) };
     set.taxels[taxels].iter_mut().for_each(|model| model.status = Status::Dead { count: 0.0 });
-    assert!(matches!(
-        bench.ask(Command::Import { model_set: Arc::new(set), insist: false }),
-        Ok(Done::Imported { .. })
-    ));
+    bench.import(Arc::new(set));
     bench.activate("m-without").unwrap();
     bench.until(2.0, "a force", |host| host.snapshot().force.total.is_some());
     bench.seconds(0.2);

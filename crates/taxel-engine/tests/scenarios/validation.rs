@@ -1,21 +1,10 @@
 //! Known loads on the skin.
 
-use std::sync::Arc;
-use std::time::Duration;
-
-use taxel_engine::Restored;
-use taxel_engine::command::{Command, Done, Rejection, Reply};
+use taxel_engine::command::Reply;
 use taxel_engine::loads::{KnownLoad, LOADS_MAX, Load, Validation, Weight};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::PatchPlan;
-use taxel_engine::record::Record;
-use taxel_engine::snapshot::ForceState;
-use taxel_sim::PumpCommand;
-use taxel_skin::{Newton, SquareMillimetre};
+use taxel_skin::Newton;
 
-use crate::bench::Bench;
-use crate::rig::{patch_plan, plan, small_skin, small_world};
-use crate::shared::small;
+use crate::prelude::*;
 
 fn known(weight: Weight) -> KnownLoad {
     KnownLoad { weight, relative_sigma: 0.005, note: "brass".to_owned(), by: "Ada".to_owned(), replaces: None }
@@ -88,22 +77,15 @@ fn what_a_skin_reads_under_known_masses_is_kept_and_judged_also_after_a_restart(
 
 #[test]
 fn at_the_limit_of_loads_no_further_one_is_read() {
-    let mut bench = small().in_use();
-    let load = weigh_known(&mut bench, 0.5, 33);
-    let loads = |count: usize| -> Vec<Arc<Load>> {
-        (1..=count as u64).map(|number| Arc::new(Load { number, ..Load::clone(&load) })).collect()
-    };
-    for (count, taken) in [(LOADS_MAX - 1, true), (LOADS_MAX, false)] {
-        let restored = Restored { loads: loads(count), next_load: count as u64 + 1, ..small().restored() };
-        let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), restored);
-        bench.until_force(10.0, ForceState::Ok);
-        bench.lay(0.5, 33);
-        bench.seconds(1.5);
-        let reply = bench.ask(record(Weight::Kilogram(0.5)));
-        assert_eq!(reply.is_ok(), taken, "{count}: {reply:?}");
-        let told = "there are 10000 loads, and 10000 is the limit: none can be added";
-        assert!(taken || reply.unwrap_err().to_string().contains(told));
-    }
+    let load = weigh_known(&mut small().in_use(), 0.5, 33);
+    let loads = (1..=LOADS_MAX as u64).map(|number| Arc::new(Load { number, ..Load::clone(&load) })).collect();
+    let restored = Restored { loads, next_load: LOADS_MAX as u64 + 1, ..small().restored() };
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), restored);
+    bench.until_force(10.0, ForceState::Ok);
+    bench.lay(0.5, 33);
+    bench.seconds(1.5);
+    let why = bench.refused(record(Weight::Kilogram(0.5)));
+    assert_eq!(why, "there are 10000 loads, and 10000 is the limit: none can be added");
 }
 
 #[test]
@@ -133,7 +115,7 @@ fn without_models_zero_or_vent_nothing_is_read() {
     bench.brought_up();
     assert!(bench.refused(record(Weight::Kilogram(0.5))).contains("no model set"));
 
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    let mut bench = small().started();
     bench.seconds(0.5);
     let refused = bench.refused(record(Weight::Kilogram(0.5)));
     assert_eq!(refused, "there is no valid zero: no zero has been taken since start");
@@ -154,16 +136,6 @@ fn without_models_zero_or_vent_nothing_is_read() {
         let refused = bench.ask(record(weight));
         assert!(matches!(&refused, Err(Rejection::InvalidArgument { field: f, .. }) if *f == field), "{refused:?}");
     }
-}
-
-#[test]
-fn silence_ends_the_reading() {
-    let mut bench = small().in_use();
-    bench.lay(0.5, 33);
-    bench.seconds(1.5);
-    bench.passes = Box::new(|_| false);
-    let why = bench.refused(record(Weight::Kilogram(0.5)));
-    assert!(why.contains("silent") || why.contains("scans came"), "{why}");
 }
 
 #[test]
@@ -191,8 +163,7 @@ fn loads_beyond_the_range_replaced_ones_and_those_of_other_models_do_not_count()
     bench.world.clear();
     bench.run(Duration::from_secs(2));
 
-    let other = Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&small().set) });
-    bench.ask(Command::Import { model_set: other, insist: false }).unwrap();
+    bench.import(say::other("m-other"));
     bench.activate("m-other").unwrap();
     let view = validation(&bench);
     assert_eq!(view.mean_absolute_error, None);

@@ -1,19 +1,8 @@
 //! Invariant: a board's re-tare, power cycle or lost acknowledgement invalidates live force until rest is proven again.
 
-use std::time::Duration;
+use taxel_engine::snapshot::{Reason, ReasonCode};
 
-use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
-use taxel_engine::plan::PatchPlan;
-use taxel_engine::record::Record;
-use taxel_engine::snapshot::{ForceState, Reason, ReasonCode};
-use taxel_engine::{BusNotice, Input};
-use taxel_sim::Fault;
-use taxel_skin::TaxelIndex;
-
-use crate::bench::Bench;
-use crate::host::Host;
-use crate::rig::{board, module, patch_plan, plan, small_world};
-use crate::shared::{ordinary, small};
+use crate::prelude::*;
 
 /// The zero is lost for this reason, stays lost, and comes back with a tare alone.
 fn is_lost_until_tared(bench: &mut Bench, reason: &str) {
@@ -55,78 +44,34 @@ fn lose_acknowledgements(bench: &mut Bench, count: u32) {
     assert_eq!(errors(&bench.host) - before, u64::from(count), "lost acknowledgements");
 }
 
+/// How far the board had counted before is not known, so that each of them takes the force away until the counts have shown that
+/// the zero is the same. The board counts over any time: the fifth takes its zero anew.
 #[test]
-fn five_lost_acknowledgements_invalidate_the_force_until_a_tare() {
-    let mut bench = small().in_use();
-    let fault = Fault::ModuleNoAck(board(13), module(1));
-    bench.inject(fault);
-    bench.until_force(0.2, ForceState::TareInvalid);
-    let first = bench.host.snapshots.len();
-    assert!(bench.host.reasons().contains("board 13 reported a lost acknowledgement"), "{}", bench.host.reasons());
-    bench.until(0.5, "five", |host| host.reasons().contains("board 13 reported 5 lost acknowledgements"));
-    bench.repair(fault);
-    bench.seconds(3.0);
-    assert!(bench.host.snapshots[first..].iter().all(|s| s.force.total.is_none()), "no force between the five");
-    is_lost_until_tared(&mut bench, "5 lost acknowledgements");
-}
-
-/// How far the board had counted before is not known, so that each of them takes the force away until the counts have
-/// shown that the zero is the same.
-#[test]
-fn four_lost_acknowledgements_are_borne() {
+fn four_lost_acknowledgements_are_borne_and_a_fifth_later_invalidates_the_force_until_a_tare() {
     let mut bench = small().in_use();
     let (first, epoch) = (bench.host.snapshots.len(), bench.host.snapshot().tare.as_ref().unwrap().epoch);
     lose_acknowledgements(&mut bench, 4);
     let without = bench.host.snapshots[first..].iter().filter(|s| s.force.total.is_none()).count();
+    assert!((10..=24).contains(&without), "eight scans and more after the last of four: {without}");
     bench.seconds(3.0); // taxels that read all zeros are faulty for a while yet
     assert_eq!(bench.host.state(), ForceState::Ok, "{}", bench.host.reasons());
     assert_eq!(bench.host.snapshot().tare.as_ref().unwrap().epoch, epoch, "the same zero");
-    assert!((10..=24).contains(&without), "eight scans and more after the last of four: {without}");
-}
-
-/// The board counts over any time: the fifth takes its zero anew, and then it counts from nothing.
-#[test]
-fn a_fifth_lost_acknowledgement_minutes_later_invalidates_the_force() {
-    let mut bench = small().in_use();
-    lose_acknowledgements(&mut bench, 4);
-    bench.lay(0.5, 14);
     bench.seconds(20.0);
-    assert!(bench.host.snapshot().force.total.is_some(), "{}", bench.host.reasons());
     lose_acknowledgements(&mut bench, 1);
-    assert_eq!(bench.host.state(), ForceState::TareInvalid);
-    assert!(bench.host.reasons().contains("5 lost acknowledgements"), "{}", bench.host.reasons());
+    is_lost_until_tared(&mut bench, "5 lost acknowledgements");
 }
 
+/// In a long pause boards may have been without power, and the skin may have warmed or cooled: the zero of before proves nothing.
 #[test]
-fn a_silent_retare_under_load_is_found_and_named() {
-    let mut bench = ordinary().in_use();
-    bench.press_everywhere(10.0);
-    bench.seconds(1.0);
-    assert_eq!(bench.host.state(), ForceState::Ok, "{}", bench.host.reasons());
-    bench.inject(Fault::SilentRetare(board(12)));
-    bench.until_force(0.6, ForceState::TareInvalid);
-    bench.until(0.5, "proof", |host| host.reasons().contains("it has taken a new zero"));
-    let why = bench.host.reasons();
-    assert!(why.starts_with("board 12 "), "{why}");
-    bench.seconds(3.0);
-    assert_eq!((bench.host.state(), bench.host.reasons()), (ForceState::TareInvalid, why));
-}
-
-#[test]
-fn bus_off_invalidates_the_force_until_a_tare() {
-    let mut bench = small().in_use();
-    bench.host.notice(BusNotice::BusOff);
-    bench.host.notice(BusNotice::Up);
-    is_lost_until_tared(&mut bench, "bus-off");
-}
-
-/// Boards may have been without power, and the skin may have warmed or cooled: the zero of before proves nothing.
-#[test]
-fn a_long_pause_of_the_daemon_invalidates_the_force_until_a_tare() {
-    let mut bench = small().in_use();
-    let now = bench.now();
-    bench.host.input(now, Input::Resumed(Duration::from_secs(3600)));
-    is_lost_until_tared(&mut bench, "the daemon did not run for 3600.0 s");
+fn a_bus_off_and_a_long_pause_of_the_daemon_invalidate_the_force_until_a_tare() {
+    let pause = |bench: &mut Bench| bench.host.input(bench.host.now, Input::Resumed(Duration::from_secs(3600)));
+    for (happens, why) in
+        [(Bench::bus_off as fn(&mut Bench), "bus-off"), (pause, "the daemon did not run for 3600.0 s")]
+    {
+        let mut bench = small().in_use();
+        happens(&mut bench);
+        is_lost_until_tared(&mut bench, why);
+    }
 }
 
 #[test]
@@ -207,12 +152,6 @@ fn a_tare_that_somebody_vouches_for_is_taken_and_written_down_with_the_name() {
         written.reason
     );
     assert_eq!(bench.host.snapshot().tare.as_ref(), Some(&view));
-    // What Ada said was wrong shows as soon as the load goes, and then there is no zero any more.
-    bench.world.clear();
-    bench.until(5.0, "the finding", |host| host.reasons().contains("the zero was taken under a load"));
-    assert_eq!(bench.host.snapshot().force.reasons[0].code(), ReasonCode::ZeroLost);
-    bench.seconds(5.0);
-    assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
 }
 
 #[test]
@@ -223,17 +162,6 @@ fn a_tare_of_a_silent_skin_is_refused_and_names_the_modules() {
     let refused = bench.tare(Some("Ada"));
     let Err(Rejection::FailedPrecondition(ErrorReason::SkinSilent, why)) = refused else { panic!("{refused:?}") };
     assert!(why.contains("8 modules are silent: board 13 module 0"), "{why}");
-}
-
-#[test]
-fn a_start_under_load_takes_no_zero_by_itself() {
-    let mut bench = Bench::new(small().world.clone(), small().in_use().host.plan.clone(), small().restored());
-    bench.press_everywhere(10.0);
-    bench.seconds(4.0);
-    assert_eq!(bench.host.state(), ForceState::TareInvalid);
-    assert!(bench.host.reasons().contains("no zero yet: something presses on "), "{}", bench.host.reasons());
-    bench.world.clear();
-    bench.until_force(30.0, ForceState::Ok); // it keeps looking
 }
 
 /// The daemon starts beside streaming boards, its model set in the store.
@@ -272,19 +200,10 @@ fn no_force_begins_under_a_load_of_any_kind() {
     for mut bench in [start(everywhere), start(one_module)] {
         bench.seconds(5.0);
         assert_eq!((bench.host.state(), forces(&bench)), (ForceState::TareInvalid, 0), "{}", bench.host.reasons());
+        assert!(bench.host.reasons().contains("no zero yet: something presses on "), "{}", bench.host.reasons());
         bench.world.clear();
         bench.until_force(30.0, ForceState::Ok);
     }
-}
-
-#[test]
-fn a_slow_ramp_from_nothing_gives_no_force() {
-    let mut bench = start(|_| {});
-    for _ in 0..40 {
-        bench.world.lay(taxel_sim::Mass::on_disc(0.25, taxel_skin::TaxelIndex(35), 20_000.0)).unwrap();
-        bench.seconds(0.1);
-    }
-    assert_eq!((bench.host.state(), forces(&bench)), (ForceState::TareInvalid, 0), "{}", bench.host.reasons());
 }
 
 #[test]
@@ -293,20 +212,4 @@ fn after_a_bring_up_no_zero_is_taken_before_the_boards_are_verified() {
     bench.until_force(5.0, ForceState::Ok);
     let (started, _) = bench.host.sent.last().expect("the boards were started");
     assert!(*bench.host.published.last().unwrap() >= *started + Duration::from_secs(1));
-}
-
-#[test]
-fn a_touch_at_start_only_delays_the_zero() {
-    let mut bench = start(|bench| {
-        bench.lay(0.7, 33);
-    });
-    for _ in 0..6 {
-        bench.seconds(0.7);
-        bench.world.clear();
-        bench.seconds(0.7);
-        bench.lay(0.7, 33);
-    }
-    assert_ne!(bench.host.state(), ForceState::Ok);
-    bench.world.clear();
-    bench.until_force(4.0, ForceState::Ok);
 }

@@ -1,28 +1,6 @@
 //! A zero that is lost stays lost, and takes every watch with it that saw what was before.
 
-use std::time::Duration;
-
-use taxel_engine::BusNotice;
-use taxel_engine::calibration::SessionState;
-use taxel_engine::command::{Command, Rejection, Reply};
-use taxel_engine::snapshot::ForceState;
-use taxel_sim::Fault;
-
-use crate::bench::Bench;
-use crate::rig::{board, module, patch_plan, plan, small_world};
-use crate::shared::small;
-
-fn tare() -> Command {
-    Command::Tare { patch: String::new(), confirmed_by: None }
-}
-
-/// Boards brought up by the daemon, the model set in use, a force.
-fn in_charge() -> Bench {
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
-    bench.brought_up();
-    bench.until_force(5.0, ForceState::Ok);
-    bench
-}
+use crate::prelude::*;
 
 #[test]
 fn a_zero_taken_under_a_load_stays_lost_when_the_load_comes_back() {
@@ -55,157 +33,78 @@ fn a_zero_taken_under_a_load_stays_lost_when_the_load_comes_back() {
     }
 }
 
-/// A tare is refused because of what happened while the skin was watched for it.
-fn is_refused(reply: Option<Reply>, what: &str) {
-    let Some(Err(Rejection::FailedPrecondition(_, why))) = reply else { panic!("{what}: {reply:?}") };
-    assert!(why.contains("meanwhile"), "{what}: {why}");
-}
+/// What happens to a zero: by name, how it begins before somebody watches, and what comes so many seconds into the watch.
+type Event = (&'static str, fn(&mut Bench), f64, fn(&mut Bench));
 
-fn stays_without_force(bench: &mut Bench, mark: usize, what: &str) {
-    bench.seconds(4.0);
-    assert!(!bench.has_force_since(mark), "{what}");
-    assert_eq!(bench.host.state(), ForceState::TareInvalid, "{what}");
-    bench.tare(None).unwrap();
-    bench.until_force(1.0, ForceState::Ok);
-}
-
-#[test]
-fn a_bring_up_ends_the_watch_of_a_tare() {
-    let mut bench = in_charge();
-    let request = bench.host.command(tare());
-    bench.seconds(0.9);
-    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
-    is_refused(bench.host.reply(request), "bring-up");
-    let mark = bench.mark();
-    stays_without_force(&mut bench, mark, "bring-up");
-}
-
-#[test]
-fn a_bus_off_ends_the_watch_of_a_tare() {
-    let mut bench = in_charge();
-    let request = bench.host.command(tare());
-    bench.seconds(0.9);
-    bench.host.notice(BusNotice::BusOff);
-    bench.host.notice(BusNotice::Up);
-    is_refused(bench.host.reply(request), "bus-off");
-    bench.seconds(0.1);
-    let mark = bench.mark();
-    stays_without_force(&mut bench, mark, "bus-off");
-}
+const EVENTS: [Event; 3] = [
+    ("bus-off", |_| (), 0.9, Bench::bus_off),
+    (
+        "lost acknowledgements",
+        |_| (),
+        0.7,
+        |bench| {
+            bench.inject(Fault::ModuleNoAck(board(13), module(1)));
+            bench.seconds(0.3);
+            bench.repair(Fault::ModuleNoAck(board(13), module(1)));
+        },
+    ),
+    (
+        "power cycle",
+        |bench| {
+            bench.inject(Fault::PowerCycle { board: board(12), off: Duration::from_millis(1_200) });
+            bench.seconds(0.3);
+        },
+        0.9,
+        |bench| {
+            let now = bench.now();
+            bench.world.bring_up_boards(now); // as another host on the bus would
+            bench.seconds(0.2);
+        },
+    ),
+];
 
 #[test]
-fn a_power_cycle_ends_the_watch_of_a_tare() {
-    let mut bench = in_charge();
-    bench.inject(Fault::PowerCycle { board: board(12), off: Duration::from_millis(1_200) });
-    bench.seconds(0.3);
-    let request = bench.host.command(tare());
-    bench.seconds(0.9);
-    let now = bench.now();
-    bench.world.bring_up_boards(now); // as another host on the bus would
-    bench.seconds(0.2);
-    is_refused(bench.host.reply(request), "power cycle");
-    let mark = bench.mark();
-    stays_without_force(&mut bench, mark, "power cycle");
-}
-
-#[test]
-fn lost_acknowledgements_end_the_watch_of_a_tare() {
-    let mut bench = in_charge();
-    let request = bench.host.command(tare());
-    bench.seconds(0.7);
-    bench.inject(Fault::ModuleNoAck(board(13), module(1)));
-    bench.seconds(0.3);
-    bench.repair(Fault::ModuleNoAck(board(13), module(1)));
-    is_refused(bench.host.reply(request), "lost acknowledgements");
-    let mark = bench.mark();
-    stays_without_force(&mut bench, mark, "lost acknowledgements");
-}
-
-#[test]
-fn a_zero_that_is_lost_while_it_is_written_down_is_not_taken() {
-    let mut bench = in_charge();
-    bench.host.disk_is_slow = true;
-    let request = bench.host.command(tare());
-    bench.seconds(1.3);
-    assert!(!bench.host.commits.is_empty() && !bench.host.replied(request));
-    bench.host.notice(BusNotice::BusOff);
-    bench.host.notice(BusNotice::Up);
-    bench.host.disk_is_slow = false;
-    bench.host.commit(Ok(()));
-    let Some(Err(Rejection::FailedPrecondition(_, why))) = bench.host.reply(request) else { panic!("taken") };
-    assert!(why.starts_with("the zero was lost while it was written down: ") && why.contains("bus-off"), "{why}");
-    bench.seconds(0.1);
-    let mark = bench.mark();
-    stays_without_force(&mut bench, mark, "bus-off while it was written down");
-}
-
-#[test]
-fn a_tare_while_boards_are_configured_is_refused() {
-    let mut bench = in_charge();
-    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
-    for _ in 0..5 {
-        let Err(Rejection::FailedPrecondition(_, why)) = bench.tare(Some("Ada")) else { panic!("taken") };
-        assert!(why.contains("being configured"), "{why}");
+fn whatever_loses_a_zero_ends_the_watch_of_a_tare() {
+    let bring_up: Event = ("bring-up", |_| (), 0.9, |bench| drop(bench.ask(say::bring_up(None)).unwrap()));
+    for (what, begins, after_s, happens) in EVENTS.into_iter().chain([bring_up]) {
+        let mut bench = small().in_charge();
+        begins(&mut bench);
+        let request = bench.host.command(say::tare());
+        bench.seconds(after_s);
+        happens(&mut bench);
+        let reply = bench.host.reply(request);
+        let Some(Err(Rejection::FailedPrecondition(_, why))) = reply else { panic!("{what}: {reply:?}") };
+        assert!(why.contains("meanwhile"), "{what}: {why}");
         bench.seconds(0.1);
+        let mark = bench.mark();
+        bench.seconds(4.0);
+        assert!(!bench.has_force_since(mark), "{what}");
+        assert_eq!(bench.host.state(), ForceState::TareInvalid, "{what}");
+        bench.tare(None).unwrap();
+        bench.until_force(1.0, ForceState::Ok);
     }
-    bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
-    bench.brought_up();
-    bench.tare(None).unwrap();
 }
 
-/// What happens to a zero, by name.
-type Event<'a> = (&'a str, &'a dyn Fn(&mut Bench));
-
-/// Something happens 0.9 s into the watch of a session: its ramp begins after a second of rest that came later.
+/// With models and without them: its ramp begins after a second of rest that came later.
 #[test]
 fn a_session_watches_a_whole_second_after_its_zero_was_lost() {
-    let bus_off = |bench: &mut Bench| {
-        bench.host.notice(BusNotice::BusOff);
-        bench.host.notice(BusNotice::Up);
+    let first = || {
+        let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+        bench.brought_up();
+        bench
     };
-    let no_acks = |bench: &mut Bench| {
-        bench.inject(Fault::ModuleNoAck(board(13), module(1)));
-        bench.seconds(0.3);
-        bench.repair(Fault::ModuleNoAck(board(13), module(1)));
-    };
-    let power_cycle = |bench: &mut Bench| {
-        bench.inject(Fault::PowerCycle { board: board(12), off: Duration::from_millis(1_200) });
-        bench.seconds(1.3);
-        let now = bench.now();
-        bench.world.bring_up_boards(now);
-        bench.seconds(0.1);
-    };
-    let events: [Event<'_>; 3] =
-        [("bus-off", &bus_off), ("lost acknowledgements", &no_acks), ("power cycle", &power_cycle)];
-    for (name, happens) in events {
-        for models in [true, false] {
-            let mut bench = if models {
-                in_charge()
-            } else {
-                let mut bench =
-                    Bench::new(small_world(), plan(patch_plan(&small().skin)), taxel_engine::Restored::default());
-                bench.brought_up();
-                bench
-            };
-            bench.ask(session()).unwrap();
-            bench.seconds(0.9 - if name == "lost acknowledgements" { 0.2 } else { 0.0 });
+    for (what, begins, after_s, happens) in EVENTS {
+        for mut bench in [small().in_charge(), first()] {
+            begins(&mut bench);
+            bench.ask(say::start()).unwrap();
+            bench.seconds(after_s);
             happens(&mut bench);
             let over = bench.now();
-            assert_eq!(bench.host.session().state, SessionState::Taring, "{name}: {:?}", bench.host.session());
+            assert_eq!(bench.host.session().state, SessionState::Taring, "{what}: {:?}", bench.host.session());
             bench.until_state(10.0, SessionState::Ramping);
             let watched = bench.now().since(over);
-            assert!(watched >= Duration::from_millis(940), "{name}: the ramp began {watched:?} later");
+            assert!(watched >= Duration::from_millis(840), "{what}: the ramp began {watched:?} later");
         }
-    }
-}
-
-fn session() -> Command {
-    Command::StartSession {
-        patch: String::new(),
-        target: None,
-        branches: None,
-        confirmed_by: None,
-        leave_out: Vec::new(),
     }
 }
 
@@ -213,10 +112,10 @@ fn session() -> Command {
 /// tare has nothing to see the load by, but the load was seen before.
 #[test]
 fn a_board_that_takes_a_zero_under_a_load_while_there_is_none_is_not_tared() {
-    let mut bench = in_charge();
+    let mut bench = small().in_charge();
     bench.lay(0.8, 33);
     bench.seconds(3.0);
-    bench.host.notice(BusNotice::BusOff);
+    bench.bus_off();
     bench.seconds(1.0);
     bench.inject(Fault::BoardSilent(board(13)));
     bench.seconds(0.5);
@@ -229,14 +128,8 @@ fn a_board_that_takes_a_zero_under_a_load_while_there_is_none_is_not_tared() {
     bench.is_truthful_since(mark, "a tare after a new zero of a board");
     bench.world.clear();
     bench.seconds(1.0);
-    let bring_up = |bench: &mut Bench, confirmed_by: Option<&str>| {
-        let confirmed_by = confirmed_by.map(str::to_owned);
-        bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
-    };
     for confirmed_by in [None, Some("Ada")] {
-        bring_up(&mut bench, confirmed_by);
-        bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
-        bench.brought_up();
+        bench.configure_again(confirmed_by);
         assert_eq!(bench.tare(None).is_ok(), confirmed_by.is_some(), "no counts can show that nothing lies there");
     }
     bench.until_force(1.0, ForceState::Ok);

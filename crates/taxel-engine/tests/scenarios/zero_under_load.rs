@@ -1,22 +1,10 @@
 //! What lies on the skin is no zero, however few taxels it lies on, and whatever its boards do meanwhile.
 
-use std::time::Duration;
+use taxel_sim::Footprint;
+use taxel_skin::Kilopascal;
 
-use taxel_engine::command::Command;
-use taxel_engine::plan::PatchPlan;
-use taxel_engine::record::Record;
-use taxel_engine::snapshot::ForceState;
-use taxel_engine::{BusNotice, Restored};
-use taxel_sim::{Fault, Footprint, Mass, PumpCommand};
-use taxel_skin::{Kilopascal, TaxelIndex};
-
-use crate::bench::{Bench, Disk};
-use crate::rig::{board, module, patch_plan, plan};
-use crate::shared::{Calibrated, ordinary, small};
-
-fn tare() -> Command {
-    Command::Tare { patch: String::new(), confirmed_by: None }
-}
+use crate::prelude::*;
+use crate::say::tare;
 
 /// Something with an edge that presses on exactly two taxels, both of one module.
 fn lay_an_edge(bench: &mut Bench) {
@@ -39,7 +27,7 @@ fn lay_an_edge(bench: &mut Bench) {
 }
 
 #[test]
-fn a_load_on_two_taxels_of_a_module_is_no_rest() {
+fn a_load_on_two_taxels_of_a_module_is_no_rest_at_a_start_or_for_a_tare() {
     let mut bench = small().in_use();
     lay_an_edge(&mut bench);
     bench.seconds(2.0);
@@ -48,6 +36,12 @@ fn a_load_on_two_taxels_of_a_module_is_no_rest() {
     assert!(why.contains("something presses on board 13 module") && why.contains("counts on two taxels"), "{why}");
     bench.seconds(2.0);
     bench.is_truthful_since(mark, "a tare under a load on two taxels of a module");
+    let mut bench = Bench::new(bench.world, bench.host.plan, small().restored());
+    bench.seconds(5.0);
+    assert_eq!(bench.host.state(), ForceState::TareInvalid);
+    assert!(bench.host.reasons().contains("counts on two taxels"), "{}", bench.host.reasons());
+    bench.world.clear();
+    bench.until_force(3.0, ForceState::Ok);
 }
 
 /// One taxel that is far from where it was may be a broken one, and no reason to refuse. What may press on it is in the
@@ -62,44 +56,6 @@ fn a_load_on_a_single_taxel_that_is_taken_for_rest_is_within_the_interval() {
         let mark = bench.mark();
         bench.seconds(2.0);
         bench.is_truthful_since(mark, &format!("{kilogram} kg on a single taxel"));
-    }
-}
-
-#[test]
-fn a_start_under_a_load_on_two_taxels_of_a_module_takes_no_zero_by_itself() {
-    let mut patch = patch_plan(&small().skin);
-    patch.bring_up = Vec::new();
-    let mut bench = Bench::new(small().world.clone(), plan(patch), small().restored());
-    lay_an_edge(&mut bench);
-    bench.seconds(5.0);
-    assert_eq!(bench.host.state(), ForceState::TareInvalid);
-    assert!(bench.host.reasons().contains("counts on two taxels"), "{}", bench.host.reasons());
-    bench.world.clear();
-    bench.until_force(3.0, ForceState::Ok);
-}
-
-/// Whatever shows that a board took a new zero under a load, shows too that the skin only seems to be at rest.
-#[test]
-fn after_a_retare_under_a_load_a_tare_needs_somebody_who_vouches() {
-    for kilogram in [0.5, 1.0, 2.0] {
-        let mut bench = ordinary().in_use();
-        bench.lay(kilogram, 33);
-        bench.seconds(3.0);
-        let mark = bench.mark();
-        bench.inject(Fault::SilentRetare(board(13)));
-        bench.until(3.0, "the finding", |host| host.snapshot().tare.as_ref().is_some_and(|tare| !tare.valid));
-        bench.seconds(1.0);
-        let why = bench.refused(tare());
-        assert!(why.contains("it has taken a new zero"), "{kilogram} kg: {why}");
-        bench.seconds(4.0);
-        bench.is_truthful_since(mark, &format!("a tare after a new zero under {kilogram} kg"));
-        bench.world.clear();
-        bench.seconds(1.0);
-        let now = bench.now();
-        bench.world.bring_up_boards(now); // by the robot's own software
-        bench.seconds(2.0);
-        bench.tare(Some("Ada")).unwrap();
-        bench.until_force(1.0, ForceState::Ok);
     }
 }
 
@@ -133,9 +89,7 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
         bench.world.clear();
         bench.seconds(1.0);
         if configures {
-            let confirmed_by = Some("Ada".to_owned());
-            bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
-            bench.brought_up();
+            bench.configure_again(Some("Ada"));
             bench.tare(None).unwrap();
         } else {
             let now = bench.now();
@@ -158,17 +112,16 @@ fn noted(bench: &Bench) -> Option<Option<String>> {
 /// A board that takes a new zero while there is none is watched all the same.
 #[test]
 fn a_retare_under_a_load_without_a_zero_is_not_taken_for_rest() {
-    for fault in [Fault::SilentRetare(board(13)), Fault::SilentRetare(board(12))] {
+    for (address, centre) in [(13, 33), (12, 70)] {
         let mut bench = ordinary().in_use();
-        bench.host.notice(BusNotice::BusOff);
-        bench.host.notice(BusNotice::Up);
-        bench.lay(1.0, if matches!(fault, Fault::SilentRetare(address) if address == board(13)) { 33 } else { 70 });
+        bench.bus_off();
+        bench.lay(1.0, centre);
         bench.seconds(3.0);
         let mark = bench.mark();
-        bench.inject(fault);
+        bench.inject(Fault::SilentRetare(board(address)));
         bench.seconds(2.0);
         let why = bench.refused(tare());
-        assert!(why.contains("it has taken a new zero"), "{fault:?}: {why}");
+        assert!(why.contains("it has taken a new zero"), "board {address}: {why}");
         bench.seconds(2.0);
         bench.is_truthful_since(mark, "a new zero of a board under a load while there was none");
     }
@@ -180,8 +133,7 @@ fn a_load_that_is_lifted_without_a_zero_leaves_a_skin_at_rest() {
     for skin in [small(), ordinary()] {
         let mut bench = skin.in_use();
         for (kilogram, centre) in [(0.5, 33), (1.0, 70), (2.0, 14)] {
-            bench.host.notice(BusNotice::BusOff);
-            bench.host.notice(BusNotice::Up);
+            bench.bus_off();
             bench.lay(kilogram, centre);
             bench.seconds(2.0);
             bench.world.clear();
@@ -195,7 +147,7 @@ fn a_load_that_is_lifted_without_a_zero_leaves_a_skin_at_rest() {
 #[test]
 fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interval() {
     for skin in [small(), ordinary()] {
-        let mut bench = started(skin);
+        let mut bench = skin.started();
         let mass = Mass::on_disc(0.3, TaxelIndex(33), 3000.0);
         bench.world.lay(mass).unwrap();
         bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
@@ -211,11 +163,6 @@ fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interva
         bench.seconds(1.0);
         bench.is_truthful_since(mark, "0.3 kg that came back after a vouched zero");
     }
-}
-
-/// The daemon starts beside a skin that is calibrated and streams.
-fn started(skin: &Calibrated) -> Bench {
-    Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored())
 }
 
 /// A skin that became colder lies away from load everywhere, and so hides a light load.

@@ -1,11 +1,10 @@
 //! Where each limit of the detector lies: a little less is sound, a little more is a fault.
 
 use std::time::Duration;
-use taxel_skin::{CountRange, ModuleKind, Time};
+use taxel_skin::{ModuleKind, Time};
 
 use super::taxel::TaxelWatch;
 use super::*;
-use crate::counts::Counts;
 
 const HOLD: Duration = Duration::from_secs(2);
 
@@ -334,49 +333,6 @@ fn a_status_bit_blames_the_taxel_of_its_value() {
             assert_eq!(found, blamed, "value {value} of {taxels}");
         }
     }
-}
-
-/// Taxels beyond the last are none, and counts come in bytes, in words, or in more bytes than a module has.
-#[test]
-fn counts_come_in_several_forms() {
-    let mut short = FaultDetector::new(12, &[0..10, 10..20, 20..30], FaultLimits::default());
-    for module in 0..3 {
-        assert_eq!(short.push_module(at(0.0), module, &[0; 10], 0), module < 2);
-    }
-    assert_eq!([11, 12].map(|taxel| says(&short, taxel)), ["rail, module flicker", ""]);
-    let words: Vec<u16> = (0..10).map(|t| if t == 3 { 65_535 } else { 256 * 100 }).collect();
-    let mut fine = detector();
-    fine.push_module(at(0.0), 2, Counts::Words(&words, CountRange::to(65_535).unwrap()), 0);
-    assert_eq!([22, 23].map(|taxel| says(&fine, taxel)), ["", "rail"]);
-    let mut wide = FaultDetector::new(14, std::slice::from_ref(&(0..14)), FaultLimits::default());
-    let bytes: Vec<u8> = (0..14).map(|t| if t == 13 { 0 } else { 100 }).collect();
-    wide.push_module(at(0.0), 0, &bytes, 0);
-    assert_eq!([12, 13].map(|taxel| says(&wide, taxel)), ["", "rail"]);
-}
-
-#[test]
-fn a_set_of_faults_has_each_once_and_in_order() {
-    let all = Fault::ALL.into_iter().rev().fold(FaultSet::default(), |set, fault| set.with(fault).with(fault));
-    assert!(all.iter().eq(Fault::ALL) && !all.is_empty() && FaultSet::default().is_empty());
-    let some = FaultSet::default().with(Fault::Stale).with(Fault::Rail);
-    assert_eq!(some.to_string(), "rail, stale");
-    assert_eq!(
-        Fault::ALL.map(|fault| some.contains(fault)),
-        [true, false, false, false, false, false, false, false, true, false]
-    );
-    let names = [
-        "rail",
-        "frozen",
-        "jumping",
-        "dead",
-        "module flicker",
-        "out of range by status",
-        "not connected",
-        "no acknowledgement",
-        "stale",
-        "too fast",
-    ];
-    assert_eq!(Fault::ALL.map(Fault::name), names);
 }
 
 /// The mean of the taxels without a fault counts: one that is on a rail has no say, and one that stands still has.

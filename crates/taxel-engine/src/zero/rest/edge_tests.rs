@@ -1,6 +1,5 @@
 //! Where each limit of the test of rest lies: a little less is rest, a little more is not.
 
-use super::judge::drift_error;
 use super::*;
 use crate::baseline::TaxelBaseline;
 use crate::zero::rest::moves::Moves;
@@ -217,12 +216,6 @@ fn how_still_a_skin_without_models_is() {
 }
 
 #[test]
-fn the_error_of_a_drift_is_that_of_a_slope_over_the_window() {
-    // 1.1 sqrt(12 / (20 / 2)) counts of a taxel, and 1.2533 / sqrt(150) of that for the median.
-    assert!((drift_error(NOISE, 20, TAXELS) - 0.123_31).abs() < 1e-5, "{}", drift_error(NOISE, 20, TAXELS));
-}
-
-#[test]
 fn how_much_lighter_than_its_zero_a_skin_may_become() {
     let (zero, limits) = (models(), RestLimits::default());
     let found = |window: &RestWindow| unloading(&zero, window.all(), &[-1; TAXELS], &limits);
@@ -288,13 +281,6 @@ fn how_far_a_taxel_may_move_and_have_a_zero() {
     }
     // With many scans the count decides.
     assert!(has_zero(100, 0.4, 0.4, 0.97) && !has_zero(100, 0.4, 0.4, 1.03));
-}
-
-#[test]
-fn a_single_value_drifts_by_nothing() {
-    let mut statistics = RestStatistics::new(1);
-    statistics.push([Some(240.0)]);
-    assert_eq!(statistics.drift(), [0.0]);
 }
 
 #[test]

@@ -1,6 +1,5 @@
 use super::*;
 use crate::baseline::TaxelBaseline;
-use crate::zero::unloading::unloading;
 use proptest::prelude::*;
 
 const TAXELS: usize = 150;
@@ -61,35 +60,6 @@ fn say(window: &RestWindow) -> RestVerdict {
 }
 
 #[test]
-fn zeros_of_other_days_are_rest() {
-    for (seed, common) in [(1, 0.9), (2, -0.7), (3, -2.3), (4, 5.0)] {
-        let mut noise = Noise(seed);
-        let zero = another_day(&mut noise, common);
-        let verdict = say(&window(&mut noise, |t, _| zero[t]));
-        assert!(matches!(verdict, RestVerdict::Rest { .. }), "{verdict}");
-    }
-}
-
-#[test]
-fn a_recording_that_starts_under_load_is_refused_with_its_figures() {
-    let mut noise = Noise(5);
-    let zero = another_day(&mut noise, 0.0);
-    let verdict = say(&window(&mut noise, |t, _| zero[t] - 21.0));
-    let RestVerdict::Loaded { figures, .. } = verdict else { panic!("{verdict}") };
-    assert!((figures.moved_median - 21.0).abs() < 1.0, "{figures}");
-    assert!(say(&window(&mut noise, |t, _| zero[t] - 21.0)).to_string().starts_with("something presses on "));
-}
-
-#[test]
-fn a_hand_on_a_tenth_of_the_skin_is_refused_and_named() {
-    let mut noise = Noise(6);
-    let zero = another_day(&mut noise, -0.7);
-    let verdict = say(&window(&mut noise, |t, _| zero[t] - if (30..50).contains(&t) { 10.0 } else { 0.0 }));
-    let RestVerdict::Loaded { figures, .. } = verdict else { panic!("{verdict}") };
-    assert!(matches!(figures.worst_module, Some(3 | 4)), "{figures}");
-}
-
-#[test]
 fn the_sign_of_the_skin_decides_which_way_is_load() {
     let mut noise = Noise(7);
     let statistics = window(&mut noise, |_, _| 246.0);
@@ -101,25 +71,6 @@ fn the_sign_of_the_skin_decides_which_way_is_load() {
     assert!(matches!(unknown, RestVerdict::NotEnough { .. }), "{unknown}");
     let elsewhere = say(&window(&mut noise, |_, _| 254.0));
     assert!(matches!(elsewhere, RestVerdict::OtherZero { .. }), "{elsewhere}");
-}
-
-#[test]
-fn a_ramp_and_a_shaking_skin_are_restless() {
-    let mut noise = Noise(8);
-    let ramp = say(&window(&mut noise, |_, scan| 240.0 - 1.2 * scan as f64 / SCANS as f64));
-    assert!(matches!(ramp, RestVerdict::Restless { .. }), "{ramp}");
-    let shaking = say(&window(&mut noise, |_, scan| 240.0 + if scan % 10 < 5 { 4.0 } else { -4.0 }));
-    assert!(matches!(shaking, RestVerdict::Unsteady { .. }), "{shaking}");
-    assert!(!ramp.is_still() && !shaking.is_still(), "nobody can vouch for a skin that moves");
-}
-
-#[test]
-fn without_a_reference_a_still_skin_is_unproven() {
-    let mut noise = Noise(9);
-    let still = against(&window(&mut noise, |_, _| 150.0), None, &[]);
-    assert!(matches!(still, RestVerdict::Unproven { taxels: TAXELS, .. }), "{still}");
-    let ramp = against(&window(&mut noise, |_, s| 150.0 - 0.05 * s as f64), None, &[]);
-    assert!(matches!(ramp, RestVerdict::Restless { .. }), "{ramp}");
 }
 
 #[test]
@@ -140,41 +91,6 @@ fn too_few_scans_or_taxels_say_nothing() {
         );
     }
     assert!(matches!(say(&faulty), RestVerdict::NotEnough { sound: 40, comparable: TAXELS, .. }), "{}", say(&faulty));
-}
-
-#[test]
-fn a_load_too_light_to_refuse_shows_when_it_goes() {
-    let (mut noise, limits) = (Noise(10), RestLimits::default());
-    let zero = another_day(&mut noise, 0.0);
-    let taken = window(&mut noise, |t, _| zero[t] - 1.8);
-    assert!(matches!(say(&taken), RestVerdict::Rest { .. }), "30 kPa look like another day");
-    let lift = |later: &RestWindow| unloading(&taken.all().baseline(), later.all(), &falling(), &limits);
-    let same = window(&mut noise, |t, _| zero[t] - 1.8);
-    assert_eq!(lift(&same), None);
-    let heavier = window(&mut noise, |t, _| zero[t] - 30.0);
-    assert_eq!(lift(&heavier), None);
-    let free = lift(&window(&mut noise, |t, _| zero[t])).expect("it lifted");
-    assert!((free.median - 1.8).abs() < 0.3, "{free}");
-    let local = window(&mut noise, |t, _| zero[t] - if (20..30).contains(&t) { -1.0 } else { 1.8 });
-    assert_eq!(lift(&local).and_then(|l| l.module), Some(2));
-}
-
-#[test]
-fn a_zero_that_holds_shows_a_load_that_another_day_would_hide() {
-    let mut noise = Noise(11);
-    let rest = another_day(&mut noise, 1.0);
-    let zero = window_of(20, &mut noise, |t, _| rest[t]).all().baseline();
-    let loaded = window_of(20, &mut noise, |t, _| rest[t] - if (40..44).contains(&t) { 4.5 } else { 0.0 });
-    assert!(matches!(say(&loaded), RestVerdict::Rest { .. }), "{}", say(&loaded));
-    let reference = reference();
-    let judged = |window: &RestWindow, minutes: f64| {
-        let reference = Reference { models: Some(&reference), zero: Some((&zero, minutes)), sign: &[-1; TAXELS] };
-        judge(window, reference, &RestLimits::default())
-    };
-    let verdict = judged(&loaded, 1.0);
-    assert!(matches!(verdict, RestVerdict::LoadedInPart { module: 4, from_zero: true, .. }), "{verdict}");
-    let warm = window_of(20, &mut noise, |t, _| rest[t] - 2.0);
-    assert!(matches!(judged(&warm, 10.0), RestVerdict::Rest { .. }), "{}", judged(&warm, 10.0));
 }
 
 /// How many of 300 windows of a second the test calls rest: zeros of another day, and `load(taxel, scan of 20)` on them.
@@ -271,16 +187,6 @@ fn a_zero_soon_after_the_bag_was_vented_says_that_a_later_one_is_better() {
     let said = |moved| RestVerdict::Rest { figures: figures(moved) }.to_string();
     assert!(said(0.76).contains("a later zero"), "{}", said(0.76));
     assert!(!said(0.1).contains("later") && !said(-0.8).contains("later"));
-}
-
-#[test]
-fn a_taxel_that_moved_while_it_was_watched_has_no_zero() {
-    let mut noise = Noise(7);
-    // Two taxels of a module go down by four counts over the window, too few to call the module restless.
-    let seen = window(&mut noise, |t, scan| if t < 2 { 240.0 - 4.0 * scan as f64 / SCANS as f64 } else { 240.0 });
-    let zero = seen.steady_baseline();
-    assert!(zero[..2].iter().all(|taxel| taxel.mean.is_nan()), "{:?}", &zero[..2]);
-    assert!(zero[2..].iter().all(|taxel| taxel.mean.is_finite()), "{:?}", &zero[2..]);
 }
 
 #[test]
