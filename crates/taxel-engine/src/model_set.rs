@@ -203,8 +203,8 @@ impl ModelSet {
         let end = |taxel: usize| {
             let model = self.taxels.get(taxel).filter(|model| model.is_usable())?;
             Some(match self.plays(taxel) {
-                Some(plays) => End { curve: &plays.curve, range: plays.range, sign: plays.sign },
-                None => End { curve: model.curve.as_ref()?, range: model.range?, sign: model.sign },
+                Some(plays) => End { curve: (&plays.curve).into(), range: plays.range, sign: plays.sign },
+                None => End { curve: model.served()?, range: model.range?, sign: model.sign },
             })
         };
         let skin = SkinSlope::of((0..self.taxels.len()).filter_map(end));

@@ -7,17 +7,15 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail, ensure};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Workers, fit as fit_skin, legs};
-use taxel_engine::calibration::method;
-use taxel_engine::model_set::{Maker, ModelSet};
-use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays, Samples};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Workers, fit as fit_skin, fit_any};
+use taxel_engine::model_set::ModelSet;
+use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays};
 use taxel_store::models_json;
 
 mod summary;
 
 use crate::io;
-use crate::recording::{Recording, keep};
+use crate::recording::Recording;
 use crate::session;
 use crate::soundness::{Purpose, check};
 
@@ -31,20 +29,20 @@ pub struct FitArgs {
     ///
     /// 280 rows and more of integers within 0..=255 in two columns or more are a recording of a skin: faulty stretches
     /// are left out, and the hysteresis is compensated where that wins. An export of a session is fitted as the session
-    /// itself is. Anything else is fitted column by column as it stands.
+    /// itself is. Anything else (counts of more bits or reals, plateaus, typed pressures) is fitted without a search for faults.
     data: PathBuf,
     /// Where the models go; `-` is the standard output.
     #[arg(long, value_name = "MODELS.json")]
     out: PathBuf,
     /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error [default: 5, and 3 for the curve
-    /// that plays bend].
+    /// that plays bend]. Of other recordings than those of 8-bit skin it is that of the coefficients alone.
     #[arg(long, value_parser = parse_order)]
     order: Option<Order>,
     /// The paper's method and nothing else: its equation over all samples of rising pressure, every fault and outlier
     /// included, the curve as it comes out, monotone or not. Only --min-swing excludes a taxel.
     #[arg(long, conflicts_with_all = ["estimator", "branch", "plays", "smooth"])]
     paper: bool,
-    /// Least-squares problem [default: pressure-binned, and per-sample for tables of fewer than 280 rows].
+    /// Least-squares problem [default: pressure-binned].
     #[arg(long, value_parser = one_of(["per-sample", "pressure-binned"], [Estimator::PerSample, Estimator::PressureBinned]))]
     estimator: Option<Estimator>,
     /// Which part of a recording is fitted [default: both, and of a session what it gathered].
@@ -140,28 +138,29 @@ impl FitArgs {
             (self.max_clock.is_some(), "--max-clock"),
             (self.module_size.is_some(), "--module-size"),
             (self.plays == Some(PlaysChoice::On) && !is_session, "--plays on"),
+            (self.estimator.is_some() && !is_session, "--estimator"),
         ];
         if let Some((_, option)) = of_skin.iter().find(|(asked, _)| *asked && !is_skin) {
             bail!(
                 "{option} needs a recording of a skin, {MIN_BINNED_SAMPLES} rows and more of 8-bit counts in two columns \
-                 and more; this is an export of a session or fitted column by column as a table"
+                 and more; this is an export of a session or another recording: leave {option} out"
             );
         }
         let set = if is_session {
             let plays = self.plays.unwrap_or(PlaysChoice::Off);
             let recipe = FitRecipe { curve: Branch::Rising, plays, ..self.recipe() };
             session::fit(recording, recipe, self.branch)?
-        } else if is_skin {
+        } else if is_skin || self.paper {
             fit_skin(&recording.as_scans(), &self.recipe(), &AllCores)?
         } else {
-            self.fit_table(recording)?
+            fit_any(&recording.as_scans(), &self.recipe(), &AllCores)?
         };
         Ok((set, notes))
     }
 
     fn recipe(&self) -> FitRecipe {
         FitRecipe {
-            options: self.options(Estimator::PressureBinned),
+            options: self.options(),
             branch: self.branch.unwrap_or(Branch::Both),
             plays: self.plays.unwrap_or_default(),
             plays_order: self.order.unwrap_or(Plays::DEFAULT_ORDER),
@@ -173,48 +172,14 @@ impl FitArgs {
         }
     }
 
-    fn options(&self, usual: Estimator) -> FitOptions {
+    fn options(&self) -> FitOptions {
         let mut options = FitOptions {
             order: self.order.unwrap_or_default(),
-            estimator: if self.paper { Estimator::Paper } else { self.estimator.unwrap_or(usual) },
+            estimator: if self.paper { Estimator::Paper } else { self.estimator.unwrap_or_default() },
             ..FitOptions::default()
         };
         options.exclusion.min_swing_counts = self.min_swing;
         options
-    }
-
-    /// Fits each column as it stands, or the rows of rising pressure alone.
-    fn fit_table(&self, recording: &mut Recording) -> anyhow::Result<ModelSet> {
-        let pressure = recording.pressure_kpa.as_ref().context("there is no column `pressure_kpa` to fit to")?;
-        let rises_alone = self.paper || self.branch == Some(Branch::Rising);
-        if rises_alone {
-            let rising = legs::rising(pressure, &legs::legs(pressure));
-            recording.pressure_kpa.iter_mut().chain(&mut recording.counts).for_each(|column| keep(column, &rising));
-        }
-        let pressure = recording.pressure_kpa.as_deref().unwrap_or_default();
-        let binned = pressure.len() as u64 >= MIN_BINNED_SAMPLES;
-        let options = self.options(if binned { Estimator::PressureBinned } else { Estimator::PerSample });
-        let taxels: Vec<_> =
-            recording.counts.iter().map(|counts| taxel_model::fit(&Samples::new(counts, pressure), &options)).collect();
-        let highest = pressure.iter().copied().filter(|p| p.is_finite()).fold(f64::NEG_INFINITY, f64::max);
-        ensure!(highest.is_finite(), "the column `pressure_kpa` has no finite number");
-        let method = method(&options);
-        Ok(ModelSet {
-            id: String::new(),
-            patch: String::new(),
-            created_wall_ns: 0,
-            session: None,
-            method: if rises_alone && !self.paper { format!("{method}, rising") } else { method },
-            board_settings: Vec::new(),
-            baseline: vec![TaxelBaseline::UNKNOWN; taxels.len()],
-            pressure_max_kpa: highest,
-            gauge_gain_rel: 0.0,
-            gauge_offset_kpa: 0.0,
-            taxels,
-            recorded: None,
-            recalibrated: None,
-            maker: Maker::this(false),
-        })
     }
 }
 

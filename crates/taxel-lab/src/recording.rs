@@ -224,7 +224,7 @@ impl Recording {
 }
 
 /// Keeps the values that are marked.
-pub fn keep<T>(values: &mut Vec<T>, kept: &[bool]) {
+fn keep<T>(values: &mut Vec<T>, kept: &[bool]) {
     let mut marks = kept.iter();
     values.retain(|_| marks.next().is_none_or(|mark| *mark));
 }

@@ -38,7 +38,7 @@ pub enum Purpose {
 }
 
 /// Checks a recording of a skin and leaves out what must not be used; what was left out or looks odd comes back as
-/// lines for the summary. A table that is no recording of a skin is left as it is.
+/// lines for the summary. A recording that is none of 8-bit skin over time is left as it is.
 ///
 /// # Errors
 /// What is wrong, in which line, with which value, and what was expected instead.
@@ -51,17 +51,14 @@ pub fn check(recording: &mut Recording, purpose: Purpose) -> anyhow::Result<Vec<
             check_pressure(recording)?;
         }
     }
-    if let Some(why) = why_a_table(recording, rows_min) {
-        notes.push(format!(
-            "taken column by column as a table, because {why}: faults, hysteresis and lag are not looked for, and \
-             nothing is averaged over time"
-        ));
+    if let Some(why) = why_no_bytes(recording, rows_min) {
+        notes.push(format!("faults and lag are not looked for and nothing is averaged over time, because {why}"));
     }
     Ok(notes)
 }
 
-/// Why this is no recording of an 8-bit skin; `None` if it is one.
-fn why_a_table(recording: &Recording, rows_min: u64) -> Option<String> {
+/// Why this is no recording of an 8-bit skin over time; `None` if it is one.
+fn why_no_bytes(recording: &Recording, rows_min: u64) -> Option<String> {
     let rows = recording.scans();
     if (rows as u64) < rows_min {
         return Some(format!("it has {rows} rows and a recording of a skin has {rows_min} and more"));

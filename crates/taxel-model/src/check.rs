@@ -33,7 +33,7 @@ pub enum ModelError {
         /// What is allowed.
         expected: &'static str,
     },
-    /// The curve turns within its range, and the model does not say so.
+    /// The curve turns within its range, or is none, and the model does not say so.
     #[error("the curve is not monotone near count {count}")]
     NotMonotone {
         /// A count where the slope has the wrong sign.
@@ -51,29 +51,33 @@ impl TaxelModel {
     /// # Errors
     /// [`ModelError`] names the first thing that is wrong. A model without a curve is sound unless its status is ok.
     pub fn validate(&self) -> Result<(), ModelError> {
-        let Some(curve) = &self.curve else {
+        if self.served().is_none() {
             return if self.status.is_ok() { Err(ModelError::Missing { missing: "curve" }) } else { Ok(()) };
-        };
+        }
         let [low, high] = self.range.ok_or(ModelError::Missing { missing: "range" })?;
         number("range[0]", low, true, "a finite count")?;
         number("range[1]", high, high >= low, "a finite count not below range[0]")?;
-        number("curve.centre", curve.centre, true, "a finite count")?;
-        number("curve.half_width", curve.half_width, curve.half_width > 0.0, "a positive number of counts")?;
-        if curve.chebyshev.is_empty() || curve.chebyshev.len() > usize::from(MAX_ORDER) + 1 {
-            return Err(ModelError::Coefficients { found: curve.chebyshev.len() });
-        }
-        for c in &curve.chebyshev {
-            number("curve.chebyshev", *c, true, "finite coefficients")?;
-        }
-        if let Some(sigma) = &self.sigma {
-            number("sigma.first_count", sigma.first_count, true, "a finite count")?;
-            number("sigma.step_counts", sigma.step_counts, sigma.step_counts > 0.0, "a positive number of counts")?;
-            for s in &sigma.sigma_kpa {
-                number("sigma.sigma_kpa", *s, *s >= 0.0, "standard deviations of 0 kPa and more")?;
-            }
+        self.validate_sigma()?;
+        if let Some(curve) = &self.curve {
+            validate_numbers(curve)?;
         }
         let told = self.flags.iter().any(|flag| matches!(flag, Flag::NotMonotone { .. }));
-        if self.status.is_ok() && !told { self.validate_shape(curve, low, high) } else { Ok(()) }
+        match (&self.points, &self.curve) {
+            (Some(points), _) => match points.problem(self.sign.as_f64()) {
+                Some(count) => Err(ModelError::NotMonotone { count }),
+                None => Ok(()),
+            },
+            (None, Some(curve)) if self.status.is_ok() && !told => self.validate_shape(curve, low, high),
+            _ => Ok(()),
+        }
+    }
+
+    fn validate_sigma(&self) -> Result<(), ModelError> {
+        let Some(sigma) = &self.sigma else { return Ok(()) };
+        number("sigma.first_count", sigma.first_count, true, "a finite count")?;
+        number("sigma.step_counts", sigma.step_counts, sigma.step_counts > 0.0, "a positive number of counts")?;
+        let mut deviations = sigma.sigma_kpa.iter();
+        deviations.try_for_each(|s| number("sigma.sigma_kpa", *s, *s >= 0.0, "standard deviations of 0 kPa and more"))
     }
 
     fn validate_shape(&self, curve: &Curve, low: f64, high: f64) -> Result<(), ModelError> {
@@ -84,6 +88,15 @@ impl TaxelModel {
             None => Ok(()),
         }
     }
+}
+
+fn validate_numbers(curve: &Curve) -> Result<(), ModelError> {
+    number("curve.centre", curve.centre, true, "a finite count")?;
+    number("curve.half_width", curve.half_width, curve.half_width > 0.0, "a positive number of counts")?;
+    if curve.chebyshev.is_empty() || curve.chebyshev.len() > usize::from(MAX_ORDER) + 1 {
+        return Err(ModelError::Coefficients { found: curve.chebyshev.len() });
+    }
+    curve.chebyshev.iter().try_for_each(|c| number("curve.chebyshev", *c, true, "finite coefficients"))
 }
 
 #[cfg(test)]

@@ -12,8 +12,8 @@
 //!
 //! The crate's README has what it gains on a real skin.
 
-use crate::curve::Curve;
 use crate::model::Sign;
+use crate::points::Served;
 
 /// Share of the range over which an end's slope is taken.
 const CHORD: f64 = 0.25;
@@ -39,7 +39,7 @@ const SIGMA_OF_MAD: f64 = 1.4826;
 #[derive(Clone, Copy, Debug)]
 pub struct End<'a> {
     /// The curve.
-    pub curve: &'a Curve,
+    pub curve: Served<'a>,
     /// Least and greatest calibrated count.
     pub range: [f64; 2],
     /// Which way the counts answer: the end of most pressure is the one that is extended.
@@ -184,6 +184,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::Curve;
     use proptest::prelude::*;
 
     /// A curve over 200..240 with a mean slope of `slope` kPa per count, rising or falling, and some bend.
@@ -197,7 +198,7 @@ mod tests {
     fn straight_curves_go_on_straight_on_both_kinds_of_skin() {
         for (sign, outside, inside) in [(Sign::Falling, 195.0, 245.0), (Sign::Rising, 245.0, 195.0)] {
             let curves: Vec<Curve> = [3.0, 5.0, 8.0].map(|slope| curve(slope, 0.0, sign)).to_vec();
-            let ends = || curves.iter().map(|curve| End { curve, range: RANGE, sign });
+            let ends = || curves.iter().map(|curve| End { curve: curve.into(), range: RANGE, sign });
             let skin = SkinSlope::of(ends()).unwrap();
             for end in ends() {
                 let beyond = skin.extend(&end).unwrap().at(outside);
@@ -211,7 +212,7 @@ mod tests {
     fn one_taxel_with_a_wild_end_follows_the_skin() {
         let mut curves = vec![curve(5.0, 0.0, Sign::Falling); 9];
         curves.push(curve(5.0, 60.0, Sign::Falling));
-        let ends = || curves.iter().map(|curve| End { curve, range: RANGE, sign: Sign::Falling });
+        let ends = || curves.iter().map(|curve| End { curve: curve.into(), range: RANGE, sign: Sign::Falling });
         let skin = SkinSlope::of(ends()).unwrap();
         let slope = |end| skin.extend(&end).unwrap().at(199.0).kpa;
         let (sound, wild) = (slope(ends().next().unwrap()), slope(ends().next_back().unwrap()));
@@ -222,11 +223,11 @@ mod tests {
     #[test]
     fn without_a_slope_there_is_no_extension() {
         let flat = curve(0.0, 0.0, Sign::Rising);
-        let end = End { curve: &flat, range: RANGE, sign: Sign::Rising };
+        let end = End { curve: (&flat).into(), range: RANGE, sign: Sign::Rising };
         assert_eq!(SkinSlope::of([end]), None);
         assert_eq!(SkinSlope::of([]), None);
         let steep = curve(5.0, 0.0, Sign::Rising);
-        let skin = SkinSlope::of([End { curve: &steep, ..end }]).unwrap();
+        let skin = SkinSlope::of([End { curve: (&steep).into(), ..end }]).unwrap();
         assert_eq!(skin.extend(&end), None);
     }
 
@@ -238,7 +239,7 @@ mod tests {
         ) {
             let sign = if rising { Sign::Rising } else { Sign::Falling };
             let curves: Vec<Curve> = slopes.iter().map(|(slope, bend)| curve(*slope, *bend, sign)).collect();
-            let ends = || curves.iter().map(|curve| End { curve, range: RANGE, sign });
+            let ends = || curves.iter().map(|curve| End { curve: curve.into(), range: RANGE, sign });
             let Some(skin) = SkinSlope::of(ends()) else { return Ok(()) };
             for extension in ends().filter_map(|end| skin.extend(&end)) {
                 let at = |distance: f64| extension.at(extension.from + sign.as_f64() * distance);

@@ -263,6 +263,7 @@ impl<'a> Fit<'a> {
             range: Some(self.range),
             raw_coefficients: Curve::raw_coefficients(&series, self.centre, self.half),
             curve: Some(curve),
+            points: None,
             sigma,
             gauge: options.gauge,
             quality,

@@ -45,6 +45,7 @@ mod options;
 mod order;
 mod orthogonal;
 mod plays;
+mod points;
 mod pressure;
 mod reduce;
 #[cfg(feature = "stability")]
@@ -54,11 +55,13 @@ mod samples;
 mod scale;
 mod series;
 mod shape;
+pub mod skin;
 #[cfg(feature = "stability")]
 pub mod stability;
 mod status;
 mod table;
 mod uncertainty;
+mod workers;
 
 pub use accumulate::Accumulator;
 pub use check::ModelError;
@@ -74,8 +77,10 @@ pub use options::{
 };
 pub use order::OrderScore;
 pub use plays::{PLAYS, PlayState, Plays, RADII_OF_SWING};
+pub use points::{Points, Served};
 pub use pressure::FixedPressure;
 pub use samples::{MAX_MAGNITUDE, Samples, fit};
 pub use status::{Flag, Status};
 pub use table::Table;
 pub use uncertainty::{KNOTS_MAX, SigmaProfile, student_975};
+pub use workers::{OneByOne, Workers, map};

@@ -4,6 +4,7 @@ use crate::bounded;
 use crate::curve::Curve;
 use crate::options::{Estimator, GaugeUncertainty, TERMS_MAX};
 use crate::order::OrderScore;
+use crate::points::{Points, Served};
 use crate::status::{Flag, Status};
 use crate::uncertainty::SigmaProfile;
 use serde::{Deserialize, Serialize};
@@ -90,7 +91,8 @@ pub struct Quality {
     /// Lack-of-fit F: scatter of the count means about the curve over pure error. A diagnostic: samples of one ramp
     /// are correlated.
     pub lack_of_fit_f: Option<f64>,
-    /// Standard deviation between ramps of the mean residual, kPa.
+    /// Standard deviation between ramps of the mean residual, or of a skin fit what the taxels' left-out readings of light
+    /// loads have in common; kPa.
     pub repeatability_kpa: Option<f64>,
     /// Half-width of the 95 % prediction interval in the median over the samples, kPa.
     pub interval_kpa: Option<f64>,
@@ -113,8 +115,10 @@ pub struct TaxelModel {
     pub sign: Sign,
     /// Least and greatest calibrated count.
     pub range: Option<[f64; 2]>,
-    /// The curve that is served. It may exist where the status forbids its use.
+    /// The polynomial. It is served where there are no points, and may exist where the status forbids its use.
     pub curve: Option<Curve>,
+    /// The curve of a skin fit, which is served.
+    pub points: Option<Points>,
     /// The curve in ascending powers of the raw count, kPa per count^k, each correctly rounded from more digits. Only
     /// to be printed and compared: evaluated in f64 they lose what `curve` keeps. Empty without a curve, and where
     /// one of them is beyond f64.
@@ -141,6 +145,7 @@ impl TaxelModel {
             sign: Sign::Falling,
             range: None,
             curve: None,
+            points: None,
             raw_coefficients: Vec::new(),
             sigma: None,
             gauge,
@@ -152,7 +157,14 @@ impl TaxelModel {
     /// Whether the curve may be used.
     #[must_use]
     pub const fn is_usable(&self) -> bool {
-        self.status.is_ok() && self.curve.is_some()
+        self.status.is_ok() && (self.curve.is_some() || self.points.is_some())
+    }
+
+    /// The curve that counts are read by.
+    #[must_use]
+    pub fn served(&self) -> Option<Served<'_>> {
+        let points = self.points.as_ref().map(Served::Points);
+        points.or_else(|| self.curve.as_ref().map(Served::Polynomial))
     }
 
     /// The pressure at `count`, clamped to the calibrated range; never evaluated outside it.
@@ -160,7 +172,7 @@ impl TaxelModel {
     /// `None` if there is no curve or `count` is not finite. Asks for the curve only: see [`Self::is_usable`].
     #[must_use]
     pub fn evaluate(&self, count: f64) -> Option<Reading> {
-        let (curve, [low, high]) = (self.curve.as_ref()?, self.range?);
+        let (curve, [low, high]) = (self.served()?, self.range?);
         if !count.is_finite() {
             return None;
         }
@@ -177,7 +189,7 @@ impl TaxelModel {
     /// The pressure of [`Self::evaluate`] alone, kPa, for whole recordings.
     #[must_use]
     pub fn kpa(&self, count: f64) -> Option<f64> {
-        let (curve, [low, high]) = (self.curve.as_ref()?, self.range?);
+        let (curve, [low, high]) = (self.served()?, self.range?);
         count.is_finite().then(|| curve.evaluate(count.max(low).min(high)))
     }
 }

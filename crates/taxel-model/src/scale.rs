@@ -42,6 +42,7 @@ impl TaxelModel {
         gauge.noise_kpa *= gain;
         Self {
             curve: self.curve.as_ref().map(|curve| curve.scaled(gain, offset_kpa)),
+            points: self.points.as_ref().map(|points| points.scaled(gain, offset_kpa)),
             raw_coefficients: scaled(&self.raw_coefficients, gain, offset_kpa),
             sigma: self.sigma.as_ref().map(|sigma| sigma.scaled(gain)),
             gauge,

@@ -39,7 +39,7 @@ impl TaxelModel {
     pub fn tabulate(&self, shift_counts: f64) -> Table {
         let mut table =
             Table { pressure_kpa: [0.0; 256], sigma_kpa: [f32::INFINITY; 256], range: None, usable: self.is_usable() };
-        let (Some(curve), Some([low, high])) = (&self.curve, self.range) else { return table };
+        let (Some(curve), Some([low, high])) = (self.served(), self.range) else { return table };
         if !shift_counts.is_finite() || !table.usable {
             table.usable = false;
             return table;

@@ -138,7 +138,7 @@ fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelM
         status_text: model.status.to_string(),
         order: u32::from(model.order),
         figures: figures([
-            ("rmse_kpa", model.curve.as_ref().map(|_| model.quality.rmse_kpa)),
+            ("rmse_kpa", model.served().map(|_| model.quality.rmse_kpa)),
             ("swing_counts", Some(model.quality.swing_counts)),
             ("baseline_counts", rest.map(|rest| rest.mean)),
             ("noise_counts", rest.map(|rest| rest.noise)),
@@ -166,7 +166,7 @@ fn curves(set: &ModelSet, taxels: &[u32]) -> Result<Vec<v1::TaxelModel>, Status>
 }
 
 fn taxel_model(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelModel {
-    let range = model.range.filter(|_| model.curve.is_some());
+    let range = model.range.filter(|_| model.served().is_some());
     v1::TaxelModel {
         summary: Some(taxel_summary(set, taxel, model)),
         coefficients: model.raw_coefficients.clone(),

@@ -18,7 +18,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::{EARLIER_MAX, Maker, ModelSet, Recalibrated, Recorded};
 use taxel_engine::recalibration::{LoadPoint, POINTS_MAX};
 use taxel_model::{
-    Curve, Estimator, Flag, GaugeUncertainty, Quality, SigmaProfile, Sign, Status, TERMS_MAX, TaxelModel, figure,
+    Curve, Estimator, Flag, GaugeUncertainty, Points, Quality, SigmaProfile, Sign, Status, TERMS_MAX, TaxelModel, figure,
 };
 use thiserror::Error;
 
@@ -70,7 +70,7 @@ struct File {
     taxels: Vec<Entry>,
 }
 
-/// A taxel's model. `curve` is what the daemon serves from; `coefficients` are in ascending powers of the raw count.
+/// A taxel's model. `points`, else `curve`, is what the daemon serves from; `coefficients` are in ascending powers of the raw count.
 #[derive(Serialize, Deserialize)]
 struct Entry {
     taxel: usize,
@@ -84,6 +84,9 @@ struct Entry {
     range: Option<[f64; 2]>,
     sign: Sign,
     curve: Option<Curve>,
+    /// The curve of a skin fit, served in place of `curve`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    points: Option<Points>,
     sigma: Option<SigmaProfile>,
     estimator: Estimator,
     repaired: bool,
@@ -239,6 +242,7 @@ impl Entry {
             range: model.range,
             sign: model.sign,
             curve: model.curve.clone(),
+            points: model.points.clone(),
             sigma: model.sigma.clone(),
             estimator: model.estimator,
             repaired: model.repaired,
@@ -258,6 +262,7 @@ impl Entry {
             sign: self.sign,
             range: self.range,
             curve: self.curve,
+            points: self.points,
             raw_coefficients: self.coefficients,
             sigma: self.sigma,
             gauge: self.gauge,
@@ -365,7 +370,10 @@ fn check_taxel(model: &TaxelModel) -> Result<(), String> {
         let (given, order) = (model.raw_coefficients.len(), model.order);
         return Err(format!("`curve` has {terms} terms, `coefficients` has {given}, and `order` is {order}"));
     }
-    match (&model.curve, model.range) {
+    let of_points = model.points.as_ref().and(model.curve.as_ref());
+    // The polynomial beside points has a range of its own.
+    let own = of_points.map(|curve| [curve.centre - curve.half_width, curve.centre + curve.half_width]);
+    match (&model.curve, own.or(model.range)) {
         (Some(curve), Some(range)) => check_coefficients(&model.raw_coefficients, curve, range),
         _ => Ok(()),
     }

@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use taxel_model::GaugeUncertainty;
+use taxel_model::{GaugeUncertainty, OneByOne};
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
@@ -15,7 +15,6 @@ use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
-use crate::calibration::fit::workers::OneByOne;
 use crate::calibration::fit::{lag, zero};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::calibration::method::{method, plays_in_words};

@@ -1,7 +1,7 @@
 //! Whether the curves, zeros and uncertainties of a model set from elsewhere can be those of a patch. A set that was scaled,
 //! turned over or damaged on its way reads as a force that nobody would doubt.
 
-use taxel_model::{Curve, Sign, TaxelModel, figure};
+use taxel_model::{Served, Sign, TaxelModel, figure};
 use taxel_skin::Kilopascal;
 
 use crate::baseline::TaxelBaseline;
@@ -72,9 +72,9 @@ fn odd_curves(set: &ModelSet, target: Kilopascal) -> Option<String> {
     }
     let mut tops = Vec::new();
     for (taxel, model) in usable {
-        let own = model.curve.as_ref().zip(model.range).map(|(curve, range)| (curve, range, model.sign));
+        let own = model.served().zip(model.range).map(|(curve, range)| (curve, range, model.sign));
         let plays = set.plays(taxel);
-        let with_plays = plays.map(|plays| (&plays.curve, plays.range, plays.sign));
+        let with_plays = plays.map(|plays| (Served::from(&plays.curve), plays.range, plays.sign));
         tops.extend(own.map(|(curve, range, _)| range.map(|count| curve.evaluate(count))).map(|[a, b]| a.max(b)));
         let problem = own.into_iter().chain(with_plays).find_map(|(curve, range, sign)| odd(curve, range, sign, most));
         if let Some(problem) = problem {
@@ -95,7 +95,7 @@ fn odd_together(mut tops: Vec<f64>, most: f64) -> Option<String> {
 }
 
 /// What cannot be so about a curve of a calibration up to `most` kPa.
-fn odd(curve: &Curve, [low, high]: [f64; 2], sign: Sign, most: f64) -> Option<String> {
+fn odd(curve: Served<'_>, [low, high]: [f64; 2], sign: Sign, most: f64) -> Option<String> {
     let (least, greatest) = (SHARES[0] * most, SHARES[1] * most);
     for place in 0..=PLACES {
         let count = low + (high - low) * f64::from(place) / f64::from(PLACES);
@@ -118,7 +118,7 @@ fn odd(curve: &Curve, [low, high]: [f64; 2], sign: Sign, most: f64) -> Option<St
 
 #[cfg(test)]
 mod tests {
-    use taxel_model::{GaugeUncertainty, PLAYS, Plays, SigmaProfile, Status};
+    use taxel_model::{Curve, GaugeUncertainty, PLAYS, Plays, SigmaProfile, Status};
 
     use super::*;
     use crate::model_set::{Recorded, RecordedTaxel};

@@ -94,11 +94,12 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
         return Err(RecordingError::TareTooLong { tare_s, span_s });
     }
     let module_size = recipe.module_size.or(set.recorded.as_ref().map(|r| r.module_size)).unwrap_or(10);
-    // Anything but several 8-bit taxels is a table of numbers: nothing is known of its faults or its rest.
-    let skin = scans.has_bytes() && recorded > 1;
+    // Of anything but several 8-bit taxels over time nothing is known of faults or rest.
+    let skin = scans.is_recording() || set.is_of_skin() && scans.has_bytes() && recorded > 1;
     let masks =
         if skin { Masks::find(scans, &modules(recorded, module_size), &recipe.faults) } else { Masks::missing(scans) };
-    let zero = Zero::find(recipe.tare, scans, &masks, set, module_size);
+    let tare = if recipe.tare == Tare::Auto && !skin { Tare::None } else { recipe.tare };
+    let zero = Zero::find(tare, scans, &masks, set, module_size);
     let smooth_s = recipe.smooth_s.or(set.recorded.as_ref().map(|r| r.smooth_s)).unwrap_or(0.0);
     let mut applied = Applied {
         pressure_kpa: vec![Vec::new(); models],
@@ -109,7 +110,8 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
         zero,
         masked: (0, 0),
     };
-    let extensions = if skin { set.extensions() } else { vec![None; models] };
+    let one_skin = skin || set.taxels.iter().any(|model| model.points.is_some());
+    let extensions = if one_skin { set.extensions() } else { vec![None; models] };
     let doubts_kpa = if skin { set.doubts_kpa() } else { vec![0.0; models] };
     let tared = applied.zero.is_tared();
     let reader = Reader { set, extensions, doubts_kpa, half: half_width(scans, smooth_s), skin, tared };

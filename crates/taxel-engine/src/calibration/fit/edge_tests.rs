@@ -281,7 +281,7 @@ fn what_was_done_about_a_zero_is_told() {
     let text = "tared from the first 3 s on the operator's word; 2 of 3 taxels have no zero of their own there";
     assert_eq!(by_word.to_string(), text);
     assert_eq!(Zero::Calibration.moved(7), Some(0.0));
-    assert_eq!(Zero::Calibration.to_string(), "not tared, as asked: the zero is that of the calibration");
+    assert_eq!(Zero::Calibration.to_string(), "not tared: the zero is that of the calibration");
     let unread = [Unread::NoZero, Unread::Faulty].map(|why| why.to_string());
     assert_eq!(unread, ["no zero: faulty while the others were tared", "faulty in every scan"]);
 }

@@ -6,7 +6,7 @@ use taxel_skin::Time;
 
 use crate::calibration::fit::dropouts::dropouts;
 use crate::calibration::fit::scans::Scans;
-use crate::calibration::fit::workers::{Workers, map};
+use taxel_model::{Workers, map};
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::Fault;
 use crate::intake::faults::limits::FaultLimits;

@@ -8,6 +8,7 @@
 //! taxels and flickering modules left in make the error of the force 43 %, a moved zero 5 to 20 %, a tare under load
 //! 80 %; plays halve the error on a branch that was not fitted; the order of the polynomial changes 2 %.
 
+pub mod any_skin;
 pub mod apply;
 mod clock;
 pub(crate) mod course;
@@ -29,10 +30,10 @@ pub(crate) mod skin_fit;
 pub mod smooth;
 #[cfg(test)]
 mod tests;
-pub mod workers;
 pub mod zero;
 
 pub use crate::calibration::branch::{Branch, PlaysChoice};
+pub use any_skin::fit_any;
 pub use apply::{Applied, ApplyRecipe, Unread, apply};
 pub use judge::{Score, judge};
 pub use masks::Masks;
@@ -40,5 +41,5 @@ pub use recipe::fit;
 pub use recipe_options::{FitRecipe, RecordingError};
 pub use scans::Scans;
 pub use smooth::{running_median, smooth};
-pub use workers::{OneByOne, Workers};
+pub use taxel_model::{OneByOne, Workers};
 pub use zero::{Tare, Zero};

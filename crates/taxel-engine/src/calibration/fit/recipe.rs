@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use taxel_model::Workers;
+
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::fit::clock;
@@ -14,7 +16,6 @@ use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::{Scans, modules};
 use crate::calibration::fit::skin_fit::{MASKED_MAX, SkinFit};
 use crate::calibration::fit::smooth::running_median;
-use crate::calibration::fit::workers::Workers;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
 use crate::calibration::method::{method as method_of, plays_in_words};
 use crate::model_set::{Maker, ModelSet, Recorded};
@@ -62,7 +63,7 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
         pressure_max_kpa: fit.kpa[top],
         gauge_gain_rel: recipe.options.gauge.gain_rel,
         gauge_offset_kpa: recipe.options.gauge.offset_kpa,
-        recorded: Some(Recorded {
+        recorded: scans.is_recording().then(|| Recorded {
             smooth_s: recipe.smooth_s,
             module_size: recipe.module_size,
             lag_s,
@@ -81,6 +82,9 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
 /// What of the scans must not be believed, and the faults of the skin where that is something else: of the paper's scans
 /// only what was never read is left out.
 fn masks(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> (Masks, Option<Masks>) {
+    if !scans.is_recording() {
+        return (Masks::missing(scans), None);
+    }
     let modules = modules(scans.counts.len(), recipe.module_size);
     let faults = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans, workers);
     if recipe.is_paper() { (Masks::missing(scans), Some(faults)) } else { (faults, None) }

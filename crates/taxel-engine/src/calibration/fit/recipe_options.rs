@@ -1,5 +1,6 @@
 //! How a recording is fitted, and why it cannot be.
 
+use taxel_model::skin::SkinError;
 use taxel_model::{Estimator, FitOptions, Order, Plays};
 use thiserror::Error;
 
@@ -78,6 +79,9 @@ pub enum RecordingError {
     /// A fit needs both.
     #[error("the recording has no pressure: expected a column `pressure_kpa` with finite numbers")]
     NoPressure,
+    /// It tells nothing of the skin.
+    #[error(transparent)]
+    Skin(#[from] SkinError),
     /// The models are of another skin.
     #[error("the recording has {recorded} taxels, the model set {models}")]
     Taxels {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use taxel_model::{Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel, student_975};
+use taxel_model::{Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel, Workers, map, student_975};
 
 use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::fit::course::Course;
@@ -13,7 +13,6 @@ use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::{Scans, is_byte};
 use crate::calibration::fit::smooth::half_width;
 use crate::calibration::fit::smooth::smooth;
-use crate::calibration::fit::workers::{Workers, map};
 use crate::intake::faults::fault::Fault;
 use crate::model_set::RecordedTaxel;
 use crate::statistics::{quantile, root_mean_square};

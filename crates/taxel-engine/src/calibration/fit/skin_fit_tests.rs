@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::calibration::fit::course::Course;
-use crate::calibration::fit::workers::OneByOne;
+use taxel_model::OneByOne;
 use crate::force::tests::model;
 
 /// A taxel whose curve leaves this error and whose loop has this width.

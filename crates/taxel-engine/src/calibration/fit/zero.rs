@@ -85,7 +85,7 @@ pub enum Tare {
 /// What was done about it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Zero {
-    /// The zero of the calibration was left, as asked.
+    /// The zero of the calibration was left: as asked, or because nothing tells an unloaded skin.
     Calibration,
     /// It was left because rest is not proven.
     NotAtRest(RestVerdict),
@@ -175,7 +175,7 @@ impl Zero {
 impl fmt::Display for Zero {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Calibration => write!(f, "not tared, as asked: the zero is that of the calibration"),
+            Self::Calibration => write!(f, "not tared: the zero is that of the calibration"),
             Self::NotAtRest(verdict) => {
                 write!(f, "not tared, the zero is that of the calibration: rest is not proven; {verdict}")
             }

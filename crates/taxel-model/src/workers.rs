@@ -24,8 +24,9 @@ impl Workers for OneByOne {
     }
 }
 
-/// What `job` gives for each number below `jobs`.
-pub(crate) fn map<T: Send + Sync>(workers: &dyn Workers, jobs: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
+/// What `job` gives for each number below `jobs`, in order.
+#[must_use]
+pub fn map<T: Send + Sync>(workers: &dyn Workers, jobs: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let cells: Vec<OnceLock<T>> = (0..jobs).map(|_| OnceLock::new()).collect();
     workers.each(jobs, &|number| _ = cells[number].set(job(number)));
     // Workers that leave one out have it done here.

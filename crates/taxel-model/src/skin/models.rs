@@ -1,0 +1,108 @@
+//! A fitted skin as models: curves as points over raw counts, and beside them the paper's polynomial.
+
+use super::{FittedTaxel, SkinFit};
+use crate::model::{Quality, Sign, TaxelModel};
+use crate::options::{Estimator, FitOptions, Shape};
+use crate::points::Points;
+use crate::samples::{Samples, fit as fit_polynomial};
+use crate::status::{Flag, Status};
+use crate::uncertainty::SigmaProfile;
+
+/// Knots of the uncertainty over a range of counts.
+const SIGMA_STEPS: usize = 64;
+
+/// Of a normal distribution 95 % lie within so many standard deviations.
+const WITHIN_95: f64 = 1.96;
+
+impl SkinFit {
+    /// How many taxels there are.
+    #[must_use]
+    pub fn taxels(&self) -> usize {
+        self.taxels.len()
+    }
+
+    /// Mean count and noise of the unloaded taxel; `None` where no unloaded skin was seen.
+    #[must_use]
+    pub fn zero(&self, taxel: usize) -> Option<(f64, f64)> {
+        let unloaded = self.zero_known && self.course.rest_kpa.abs() <= super::LOADED * self.range_kpa[1];
+        let taxel = self.taxels.get(taxel)?.as_ref().ok().filter(|_| unloaded)?;
+        Some((taxel.zero_counts, taxel.noise_counts))
+    }
+
+    /// The model of a taxel, whose `counts` are those that were fitted. The order of `options` is that of the polynomial.
+    #[must_use]
+    pub fn model(&self, taxel: usize, counts: &[f64], options: &FitOptions) -> TaxelModel {
+        match self.taxels.get(taxel) {
+            Some(Ok(fitted)) => self.model_of(fitted, counts, options),
+            Some(Err(status)) => TaxelModel::without_curve(*status, options.gauge),
+            None => TaxelModel::without_curve(Status::NoData, options.gauge),
+        }
+    }
+
+    fn model_of(&self, fitted: &FittedTaxel, counts: &[f64], options: &FitOptions) -> TaxelModel {
+        let points = fitted.points();
+        let Some(range) = points.range() else {
+            return TaxelModel::without_curve(Status::Dead { count: fitted.zero_counts }, options.gauge);
+        };
+        let polynomial = self.polynomial(counts, options);
+        let missing = self.course.order.iter().filter(|row| !counts.get(**row).is_some_and(|c| c.is_finite())).count();
+        let step_counts = (range[1] - range[0]) / SIGMA_STEPS as f64;
+        let sigma = |k: usize| fitted.sigma.at(points.evaluate(range[0] + step_counts * k as f64));
+        let sigma_kpa = (0..=SIGMA_STEPS).map(sigma).collect();
+        let interval_kpa = WITHIN_95 * fitted.sigma.median_kpa();
+        let swing_counts = fitted.swing_counts;
+        let needed_counts = options.exclusion.min_swing_counts;
+        let status = match fitted.status {
+            Status::Ok if swing_counts < needed_counts => Status::InsufficientSwing { swing_counts, needed_counts },
+            status => status,
+        };
+        let quality = Quality {
+            samples: self.course.kpa.len() as u64,
+            swing_counts,
+            rmse_kpa: fitted.error_kpa,
+            repeatability_kpa: self.shared_kpa,
+            interval_kpa: Some(interval_kpa),
+            interval_share: Some(interval_kpa / (self.range_kpa[1] - self.range_kpa[0])),
+            ..polynomial.quality
+        };
+        TaxelModel {
+            status,
+            flags: if missing > 0 { vec![Flag::Rejected { samples: missing as u64 }] } else { Vec::new() },
+            estimator: Estimator::PressureBinned,
+            sign: if fitted.sign < 0.0 { Sign::Falling } else { Sign::Rising },
+            range: Some(range),
+            points: Some(points),
+            sigma: Some(SigmaProfile { first_count: range[0], step_counts, sigma_kpa }),
+            gauge: options.gauge,
+            quality,
+            repaired: false,
+            ..polynomial
+        }
+    }
+
+    /// The paper's polynomial of pressure over count, through the means of the groups that the curve goes through.
+    fn polynomial(&self, counts: &[f64], options: &FitOptions) -> TaxelModel {
+        let of_group = |scans: &[usize]| {
+            let known = scans.iter().filter_map(|scan| counts.get(self.course.order[*scan])).filter(|c| c.is_finite());
+            super::mean(known.copied())
+        };
+        let groups = self.course.groups.iter().filter(|group| group.on_curve);
+        let (counts, kpa): (Vec<f64>, Vec<f64>) = groups.map(|group| (of_group(&group.scans), group.kpa)).unzip();
+        let options = FitOptions { estimator: Estimator::PerSample, shape: Shape::Report, ..*options };
+        fit_polynomial(&Samples::new(&counts, &kpa), &options)
+    }
+}
+
+impl FittedTaxel {
+    /// The curve over raw counts.
+    fn points(&self) -> Points {
+        let (load, kpa) = self.soft.as_ref().map_or((&self.curve.counts, &self.curve.kpa), |s| (&s.counts, &s.kpa));
+        let mut points: Vec<(f64, f64)> =
+            load.iter().map(|load| self.zero_counts + self.sign * load).zip(kpa.iter().copied()).collect();
+        if self.sign < 0.0 {
+            points.reverse();
+        }
+        let (counts, kpa) = points.into_iter().unzip();
+        Points::new(counts, kpa)
+    }
+}

@@ -1,0 +1,69 @@
+use super::*;
+use crate::OneByOne;
+
+/// `made_up_skin` of the reference (`check.py`): whole counts that fall by about 1 a kPa, with a loop of 1.2 counts and a
+/// fixed sequence for noise, over a ramp of 60 s and a fall of 15 s.
+fn made_up() -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
+    let time: Vec<f64> = (0..1700).map(|scan| f64::from(scan) * 0.05).collect();
+    let ramp = |t: f64| if t < 65.0 { ((t - 5.0) / 60.0 * 60.0).max(0.0) } else { (60.0 - (t - 65.0) / 15.0 * 60.0).max(0.0) };
+    let kpa: Vec<f64> = time.iter().map(|t| ramp(*t)).collect();
+    let mut highest = 0.0_f64;
+    let tops: Vec<f64> = kpa
+        .iter()
+        .map(|p| {
+            highest = highest.max(*p);
+            highest
+        })
+        .collect();
+    let column = |taxel: f64| {
+        let response = |kpa: f64| (1.0 + 0.2 * taxel.sin()) * kpa / (1.0 + kpa / 200.0);
+        let count = |scan: usize| {
+            let k = scan as f64;
+            let noise = 1.4 * (12.9898 * k + 78.233 * taxel + 0.37 * k * taxel).sin();
+            let (now, most) = (response(kpa[scan]), response(tops[scan]));
+            (240.0 - now.min(most - 1.2).max(now - 1.2).max(0.0) + noise).round_ties_even()
+        };
+        (0..kpa.len()).map(count).collect::<Vec<f64>>()
+    };
+    let columns = (0..40).map(|taxel| column(f64::from(taxel))).collect();
+    (time, kpa, columns)
+}
+
+fn fit_columns(time: &[f64], kpa: &[f64], columns: &[Vec<f64>]) -> Result<SkinFit, SkinError> {
+    fit(time, kpa, &columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), &OneByOne)
+}
+
+/// To what the reference prints with twelve digits.
+fn agree(name: &str, found: &[f64], expected: &[f64]) {
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() <= 1e-6 * expected.abs().max(1.0), "{name}: {found} {expected}");
+    }
+}
+
+#[test]
+fn a_made_up_skin_is_fitted_as_the_reference_fits_it() {
+    let (time, kpa, columns) = made_up();
+    let skin = fit_columns(&time, &kpa, &columns).unwrap();
+    assert_eq!(skin.form, Form { warp: Warp::Log(0.02), order: 5, dead_zone: true, free_zero: false });
+    let taxels: Vec<&FittedTaxel> = skin.taxels.iter().flatten().collect();
+    assert!(taxels.len() == 40 && taxels.iter().all(|taxel| taxel.status.is_ok() && taxel.soft.is_none()));
+    let of = |value: fn(&FittedTaxel) -> f64| taxels.iter().map(|taxel| value(taxel)).collect::<Vec<f64>>();
+    agree("zone", &[median(of(|taxel| taxel.curve.zone_kpa))], &[1.067_724_540_311_174]);
+    agree("noise", &[median(of(|taxel| taxel.noise_counts))], &[0.875_827_687_852_033]);
+    agree("zero", &of(|taxel| taxel.zero_counts), &[239.970_297_029_703, 240.019_801_980_198, 239.970_297_029_703]);
+    agree("error", &of(|taxel| taxel.error_kpa), &[1.512_633_381_187, 1.219_539_967_137, 1.274_500_909_842]);
+    agree("shared", &[skin.shared_kpa.unwrap()], &[0.187_384_757_532_924]);
+    let first = taxels[0];
+    agree("counts at 30 kPa", &[first.curve.counts_at(30.0)], &[24.889_998_156_901]);
+    let read = [-1.0, 0.0, 5.0, 20.0, 45.0, 60.0].map(|load| first.curve.inverse(load));
+    let inverse = [1.075_150_282_885, 1.075_150_282_885, 6.452_034_899_555, 23.702_017_152_324, 60.086_401_148_631];
+    agree("inverse", &read, &[&inverse[..], &[83.578_089_589_816]].concat());
+    agree("plays of 0", &first.plays_kpa.unwrap(), &[0.0, 0.184_150_009_26, 0.148_699_775_743, 0.0]);
+    agree("plays of 1", &taxels[1].plays_kpa.unwrap(), &[1.281_829_411_639, 0.0, 0.0, 0.0]);
+    let knots: Vec<f64> = (0..13).map(|k| first.sigma.at(skin.range_kpa[1] / 12.0 * f64::from(k))).collect();
+    agree("sigma", &knots, &[
+        1.398_508_145_016, 1.391_317_621_938, 1.237_073_416_188, 1.264_934_137_454, 1.323_850_703_459, 1.392_537_597_733,
+        1.434_410_713_922, 1.473_294_871_823, 1.556_041_254_18, 1.617_544_695_53, 1.686_666_865_374, 1.744_604_799_614,
+        1.826_383_809_812,
+    ]);
+}
