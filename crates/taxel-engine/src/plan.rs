@@ -110,6 +110,12 @@ impl PatchPlan {
         self.gauge.is_some() || self.pushed.is_some_and(|pushed| pushed.pressure)
     }
 
+    /// Whether the ambient pressure is what the gauge reads of the vented bag.
+    #[must_use]
+    pub fn takes_ambient(&self) -> bool {
+        self.gauge.as_ref().is_some_and(|gauge| gauge.takes_ambient)
+    }
+
     /// Whether the daemon sends anything to the boards.
     #[must_use]
     pub fn configures(&self) -> bool {

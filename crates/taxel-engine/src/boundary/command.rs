@@ -29,7 +29,8 @@ pub enum Command {
         /// An operator who confirms that nothing touches the skin: whatever is felt, and whatever was held against the boards.
         confirmed_by: Option<String>,
     },
-    /// A program begins to hand over the scans of a patch; the zero of what came before it is lost.
+    /// A program begins to hand over the scans of a patch; the zero of what came before it is lost. Or it hands over the readings
+    /// of its gauge alone.
     BeginPush {
         /// The patch; empty for the only one.
         patch: String,

@@ -99,16 +99,20 @@ impl Patch {
         // A ramp's zero waits until the gauge is heard.
         let Some((time, pressure)) = self.intake.gauge().newest() else { return Ok(()) };
         let gauge = &self.plan.fit.gauge;
-        // Three standard deviations of what is stated of the gauge, beside the noise that sessions allow for.
-        let least = -(limits.noise_band.0 + 3.0 * gauge.offset_kpa.hypot(gauge.noise_kpa));
         let (kpa, limit) = (pressure.0, limits.vented_below.0);
+        // Three standard deviations of what is stated of the gauge, beside the noise that sessions allow for.
+        let stated = limits.noise_band.0 + 3.0 * gauge.offset_kpa.hypot(gauge.noise_kpa);
+        // The weather is as far from the guess on either side.
+        let (least, wrong) = match self.plan.takes_ambient() {
+            true => (-limit, "set `gauge.ambient_kpa` to the air pressure of your place"),
+            false => (-stated, "the gauge's scale or offset is wrong"),
+        };
         if now.time.since(time) > limits.gauge_timeout || (least..=limit).contains(&kpa) {
             return Ok(());
         }
         Err(if kpa > limit {
             let why = format!(
-                "the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first; if it is vented, the \
-                 gauge's scale or offset is wrong"
+                "the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first; if it is vented, {wrong}"
             );
             Rejection::FailedPrecondition(ErrorReason::BagPresses, why)
         } else {
