@@ -11,7 +11,8 @@ use taxel_rig::{Lines, Template};
 use taxel_wire::{Frame, TimedFrame, reading};
 use tokio::time::{Instant, sleep, sleep_until};
 
-pub use link::{At, BAUD_RATES, BAUD_USUAL, Link};
+use link::Link;
+pub use link::{At, BAUD_RATES, BAUD_USUAL};
 
 /// Pauses between attempts grow from the first to the second.
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
@@ -36,7 +37,6 @@ pub struct Line {
 }
 
 /// A gauge that prints text, as a bus. Nothing can be sent to it.
-#[derive(Debug)]
 pub struct LineBus {
     line: Line,
     open: Option<Open>,
@@ -46,7 +46,6 @@ pub struct LineBus {
     told: Option<BusEvent>,
 }
 
-#[derive(Debug)]
 struct Open {
     link: Link,
     lines: Lines,
