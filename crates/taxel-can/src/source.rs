@@ -71,6 +71,13 @@ pub enum BusEvent {
         /// Newly refused reads.
         frames: u64,
     },
+    /// So many lines of text, or answers, were no reading of the gauge that sends them.
+    Unread {
+        /// How many.
+        lines: u64,
+        /// Why the last of them is none, for people.
+        why: String,
+    },
     /// The size of the kernel's receive buffer, told after each opening.
     BufferGranted {
         /// What the kernel granted, in bytes of kernel memory.

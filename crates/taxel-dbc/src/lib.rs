@@ -216,9 +216,9 @@ fn names(dbc: &Dbc) -> Vec<(usize, usize, Name)> {
 }
 
 impl Place<'_> {
-    /// What it says of a pressure: of the difference to the ambient pressure, or where that is given, of the bag's own.
+    /// What it says of a pressure, taken for one of the difference to the ambient pressure.
     #[must_use]
-    pub fn pressure(&self, unit: PressureUnit, ambient_kpa: Option<f64>) -> SignalSpec {
+    pub fn pressure(&self, unit: PressureUnit) -> SignalSpec {
         let Signal { start_bit, size, factor, offset, .. } = *self.signal;
         SignalSpec {
             id: self.frames.id,
@@ -229,8 +229,7 @@ impl Place<'_> {
             scale: factor,
             offset,
             unit,
-            meaning: ambient_kpa
-                .map_or(PressureMeaning::Differential, |ambient_kpa| PressureMeaning::AbsoluteBag { ambient_kpa }),
+            meaning: PressureMeaning::Differential,
         }
     }
 

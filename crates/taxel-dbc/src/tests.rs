@@ -44,7 +44,7 @@ fn names_become_signals_in_the_order_of_their_numbers() {
     assert!(taxels.iter().all(|taxel| taxel.frames.id == CanId::Extended(0x18FE_F100)));
     assert_eq!(selected("Skin.T2", SKIN), [(0, vec![(1, 1)])]);
     let gauge = file.one("Bag.Pressure").unwrap();
-    let signal = gauge.pressure(PressureUnit::Kilopascal, None);
+    let signal = gauge.pressure(PressureUnit::Kilopascal);
     assert_eq!((signal.id, signal.start_bit, signal.length_bits), (CanId::Standard(257), 7, 16));
     assert_eq!((signal.scale, signal.offset, signal.byte_order), (0.5, -1.0, ByteOrder::Big));
 }
@@ -54,7 +54,7 @@ fn a_signal_alone_is_written_as_in_a_file() {
     let of = |id: u32, signal: &str| {
         let file = DbcFile::of_signal(id, signal)?;
         let place = file.one("gauge.signal")?;
-        let signal = place.pressure(PressureUnit::Pascal, None);
+        let signal = place.pressure(PressureUnit::Pascal);
         let number = (signal.start_bit, signal.length_bits, signal.byte_order, signal.signed);
         Ok::<_, String>((signal.id, number, (signal.scale, signal.offset)))
     };

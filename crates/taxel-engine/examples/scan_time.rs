@@ -138,7 +138,7 @@ fn forearm(full: bool) -> Result<PatchPlan, Error> {
     Ok(PatchPlan {
         outputs: Outputs { resultant: all, moment: all, contacts: all, fill: all },
         geometry,
-        gauge: full.then(|| Gauge { bus: BusIndex(0), signal: GaugeConfig::default().signal }),
+        gauge: full.then(|| Gauge::new(BusIndex(0), GaugeConfig::default().signal)),
         fit: FitOptions {
             gauge: GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.02 },
             ..FitOptions::default()

@@ -106,7 +106,7 @@ impl Forearm {
             geometry: Some(Geometry::parse(&skin.positions_file(), &patch)?),
             areas: vec![skin.taxel_area(); patch.taxels().len()],
             area_uncertainty: 0.01,
-            gauge: Some(Gauge { bus: BusIndex(0), signal: self.gauge }),
+            gauge: Some(Gauge::new(BusIndex(0), self.gauge)),
             outputs: Outputs { resultant: true, moment: true, contacts: true, fill: true },
             ..PatchPlan::new(patch)
         })

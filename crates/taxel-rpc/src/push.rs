@@ -1,4 +1,4 @@
-//! `IngestService`: scans of a skin that is on no bus.
+//! `IngestService`: scans of a skin that is on no bus, or readings of a gauge that is on none.
 
 use std::pin::pin;
 use std::sync::Arc;
@@ -11,7 +11,8 @@ use taxel_proto::refusal::{Refusal, completed};
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::ingest_service_server::IngestService;
-use taxel_skin::Kilopascal;
+use taxel_skin::{BusIndex, Kilopascal};
+use taxel_wire::{TimedFrame, reading};
 use tokio::sync::watch;
 use tonic::{Code, Request, Response, Status, Streaming};
 
@@ -20,7 +21,7 @@ use crate::access::origin::Origin;
 use crate::access::rules::Rules;
 use crate::access::table::PUSH;
 use crate::arrivals::{Arrivals, LOOK_EVERY};
-use crate::push_line::Pusher;
+use crate::push_line::{PushEvent, Pusher};
 use crate::service::{Reply, Service, caller, misfit};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
@@ -42,9 +43,11 @@ impl IngestService for Service {
         let first = first.ok_or_else(|| invalid("patch", "the first message names it; there is none"))?;
         let patch = self.patch(&first.patch)?;
         let plan = self.plan(patch);
-        let (name, bus) = (plan.patch.name().to_owned(), plan.patch.boards().first().map(|board| board.bus));
-        let (Some(_), Some(line), Some(bus)) = (plan.pushed, self.backend.push_line(), bus) else {
-            let why = format!("the scans of patch `{name}` come over its bus: nobody can push any");
+        let name = plan.patch.name().to_owned();
+        let (Some(line), Some(bus)) = (self.backend.push_line(), bus_of(plan)) else {
+            let why = format!(
+                "the scans of patch `{name}` come over its bus, and its gauge is not pushed either: nobody can push any"
+            );
             return Err(Refusal::failed_precondition(ErrorReason::NotConfigured, why).about("patch", name).into());
         };
         let who = format!("{} ({})", caller.who(), caller.origin.place());
@@ -160,11 +163,31 @@ impl PushStream {
             let problem = format_args!("this stream pushes the scans of `{name}` and cannot change to another");
             return Err(invalid("patch", problem));
         }
-        let counts = counts(plan, self.scans, &message.counts)?;
         let pressure = pressure(plan, self.scans, message.pressure_kpa)?;
-        self.pusher.push(PushedScan { patch: self.patch, time, taken, counts, pressure });
+        if plan.pushed.is_some() {
+            let counts = counts(plan, self.scans, &message.counts)?;
+            self.pusher.push(PushEvent::Scan(PushedScan { patch: self.patch, time, taken, counts, pressure }));
+            return Ok(());
+        }
+        let scan = self.scans;
+        if !message.counts.is_empty() {
+            let words = format_args!(
+                "come with reading {scan}, but the scans of patch `{name}` come over its bus: leave them out"
+            );
+            return Err(invalid("counts", words));
+        }
+        let words = format_args!("is missing in reading {scan}: only the gauge of patch `{name}` is pushed");
+        let Kilopascal(kpa) = pressure.ok_or_else(|| invalid("pressure_kpa", words))?;
+        self.pusher.push(PushEvent::Reading(TimedFrame { time, frame: reading::frame(0, kpa) }));
         Ok(())
     }
+}
+
+/// What a patch has pushed comes over this bus, which is no real one.
+fn bus_of(plan: &PatchPlan) -> Option<BusIndex> {
+    let of_gauge = plan.gauge.as_ref().filter(|gauge| gauge.pushed).map(|gauge| gauge.bus);
+    let of_skin = plan.pushed.and_then(|_| plan.patch.boards().first()).map(|board| board.bus);
+    of_gauge.or(of_skin)
 }
 
 /// The raw counts of all taxels, if they are that.
@@ -187,7 +210,8 @@ fn counts(plan: &PatchPlan, scan: u64, counts: &[u32]) -> Result<Vec<u16>, Statu
 /// The pressure in the bag, if it is one and comes this way.
 fn pressure(plan: &PatchPlan, scan: u64, kpa: Option<f64>) -> Result<Option<Kilopascal>, Status> {
     let Some(kpa) = kpa else { return Ok(None) };
-    if !plan.pushed.is_some_and(|pushed| pushed.pressure) {
+    let is_gauge = plan.gauge.as_ref().is_some_and(|gauge| gauge.pushed);
+    if !is_gauge && !plan.pushed.is_some_and(|pushed| pushed.pressure) {
         let name = plan.patch.name();
         let what_to_do = "add gauge = {} to it, or leave it out";
         let problem = format_args!("comes with scan {scan}, but patch `{name}` takes none: {what_to_do}");

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use taxel_engine::PushedScan;
 use taxel_skin::BusIndex;
+use taxel_wire::TimedFrame;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
 /// Scans of one patch that may wait for the engine's task. It takes one in microseconds, so more than a few waiting means
@@ -29,6 +30,8 @@ pub struct Pushed {
 pub enum PushEvent {
     /// A scan.
     Scan(PushedScan),
+    /// A reading of a gauge, as a frame of it.
+    Reading(TimedFrame),
     /// No more scans, and why.
     Ended(String),
 }
@@ -87,10 +90,9 @@ pub(crate) struct Pusher {
 }
 
 impl Pusher {
-    /// Hands a scan over if there is room for it, and counts it.
-    pub(crate) fn push(&mut self, scan: PushedScan) {
+    /// Hands a scan or a reading over if there is room for it, and counts it.
+    pub(crate) fn push(&mut self, event: PushEvent) {
         let sent = Arc::clone(&self.room).try_acquire_owned().is_ok_and(|place| {
-            let event = PushEvent::Scan(scan);
             let pushed = Pushed { bus: self.bus, refused: self.untold, event, _place: Some(place) };
             self.line.to_engine.try_send(pushed).is_ok()
         });

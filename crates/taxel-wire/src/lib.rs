@@ -2,8 +2,8 @@
 //!
 //! - [`Frame`]: a CAN frame, classic or FD, independent of any socket library.
 //! - [`icub`]: what skin boards say, what the host tells them, and how two frames become one module scan.
-//! - [`bits`]: a number anywhere in a frame; [`signal`]: the pressure of any other sensor; [`array`](mod@array): the taxels of any other
-//!   skin.
+//! - [`bits`]: a number anywhere in a frame; [`signal`]: the pressure of any other sensor, [`reading`] where it comes over no bus;
+//!   [`array`](mod@array): the taxels of any other skin.
 //! - [`candump`]: the log text of can-utils.
 //!
 //! Every decoder takes any frame or line there is: what it does not accept is refused with the reason, never lost
@@ -16,6 +16,7 @@ mod frame;
 pub mod icub;
 #[cfg(test)]
 mod insole_log_tests;
+pub mod reading;
 pub mod signal;
 
 pub use frame::{CanId, FD_BYTES, Frame, FrameKind, TimedFrame};

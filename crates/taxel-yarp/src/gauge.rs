@@ -1,18 +1,7 @@
 //! Pressures on a port as gauges that send frames.
 
 use taxel_skin::Time;
-use taxel_wire::{CanId, Frame, TimedFrame};
-
-/// A step of the whole number in a gauge's frame, in the unit of the port: below what any gauge can tell.
-pub const GAUGE_STEP: f64 = 1e-6;
-/// Of the places in a port's vector, the last that has an identifier.
-pub const GAUGE_INDEX_MAX: usize = 0x7FE;
-
-/// The identifier of the frames of the value at this place, from 0. They hold a signed whole number of 64 bits, little endian.
-#[must_use]
-pub fn gauge_signal_id(index: usize) -> CanId {
-    CanId::Standard(index.min(GAUGE_INDEX_MAX) as u16 + 1)
-}
+use taxel_wire::{TimedFrame, reading};
 
 /// Appends the frames of a message that was received at `time`: of the values at these places.
 ///
@@ -26,8 +15,7 @@ pub(crate) fn take(indices: &[usize], time: Time, line: &[u8], frames: &mut Vec<
             let shown: String = token.chars().take(20).collect();
             format!("value {index} is \"{shown}\", expected a pressure")
         })?;
-        let steps = (number / GAUGE_STEP).round() as i64; // saturates; the engine knows what no pressure can be
-        frames.push(TimedFrame { time, frame: Frame::of(gauge_signal_id(index), steps.to_le_bytes()) });
+        frames.push(TimedFrame { time, frame: reading::frame(index, number) });
     }
     Ok(())
 }

@@ -24,7 +24,6 @@ mod source;
 mod value;
 
 pub use dump::{DumpFault, candump_of, is_dump};
-pub use gauge::{GAUGE_INDEX_MAX, GAUGE_STEP, gauge_signal_id};
 pub use names::{NameServer, PortError};
 pub use out_port::OutPort;
 pub use reader::{Message, PortReader};

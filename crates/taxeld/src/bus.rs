@@ -82,6 +82,10 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
             tracing::warn!(bus, frames, "the kernel lost frames: its receive buffer was full");
             Some(BusNotice::Dropped(frames))
         }
+        BusEvent::Unread { lines, why } => {
+            tracing::debug!(bus, lines, "{why}");
+            Some(BusNotice::Unread(lines, why))
+        }
         BusEvent::Malformed { frames } => {
             tracing::warn!(bus, frames, "reads that were no CAN frame");
             None

@@ -135,7 +135,17 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
     let section = &config.bus[bus.0 as usize];
     let source = match section.source {
         BusSource::Push => {
-            return format!("bus {}: none; a program pushes the scans over the service (PushScans)", section.name);
+            let what = if routes.wanted(bus).is_empty() { "scans" } else { "pressure" };
+            return format!("bus {}: none; a program pushes the {what} over the service (PushScans)", section.name);
+        }
+        BusSource::Line => {
+            let Some(line) = config::line_of(config, section) else { return String::new() };
+            let rate = if line.at.is_serial() { format!(" at {} baud", line.baud) } else { String::new() };
+            let how = match line.poll.as_str() {
+                "" => "prints by itself".to_owned(),
+                poll => format!("is asked {poll:?} every {} ms", line.every.as_millis()),
+            };
+            return format!("gauge on {}{rate}: {how}", line.at);
         }
         BusSource::Yarp => {
             let port = config::port_of(config, plan, bus).map_or_else(String::new, |(port, _)| port);

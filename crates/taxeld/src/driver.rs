@@ -224,6 +224,7 @@ impl Driver {
         }
         match pushed.event {
             PushEvent::Scan(scan) => self.step(Input::Pushed(&scan)),
+            PushEvent::Reading(frame) => self.step(Input::Frames(pushed.bus, &[frame])),
             PushEvent::Ended(why) => self.step(Input::Bus(pushed.bus, BusNotice::Down(why))),
         }
     }

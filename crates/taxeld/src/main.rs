@@ -28,6 +28,7 @@ mod queues;
 mod record;
 mod reload;
 mod replay;
+mod rig;
 mod run;
 mod runtime;
 mod scan;

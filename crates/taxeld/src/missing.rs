@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use taxel_rpc::{Subject, group_id, user_id};
 
-use crate::config::{BusSource, Config, Door, Doors, Faults, Scene};
+use crate::config::{BusSource, Config, Door, Doors, Faults, Scene, line_of};
 use crate::credentials::obstacle_of_tokens;
 use crate::doors;
+use crate::rig::At;
 
 /// Where the kernel lists the interfaces of this machine.
 const INTERFACES: &str = "/sys/class/net";
@@ -27,6 +28,11 @@ pub fn obstacles(config: &Config, scene: &Scene, faults: &mut Faults) {
 pub fn missing(config: &Config, doors: &Doors) -> Vec<String> {
     let interfaces = config.bus.iter().filter(|bus| bus.source == BusSource::SocketCan);
     let mut missing: Vec<String> = interfaces.filter_map(|bus| interface(bus.interface.as_deref()?)).collect();
+    let lines = config.bus.iter().filter_map(|bus| line_of(config, bus));
+    missing.extend(lines.filter_map(|line| match &line.at {
+        At::Serial(path) => file("gauge.line", path),
+        At::Tcp(_) => None,
+    }));
     missing.extend(doors.doors.iter().flat_map(door));
     missing.extend(doors.tokens.iter().filter_map(|path| file("access.tokens", path)));
     missing.extend(doors.rules.grants.iter().filter_map(|grant| account(&grant.subject)));

@@ -14,7 +14,7 @@ use taxel_engine::snapshot::Health;
 use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
-use crate::config::{self, BusSource, Config, Scene};
+use crate::config::{self, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
 use crate::offline::Offline;
@@ -53,8 +53,8 @@ pub struct ReplayArgs {
 /// # Errors
 /// An unreadable log, or a calibration that fails.
 pub fn replay(args: ReplayArgs, config: &Config, mut scene: Scene) -> anyhow::Result<()> {
-    if let Some(section) = config.bus.iter().find(|section| section.source == BusSource::Push) {
-        bail!("bus `{}` has source = \"push\": there is no log of pushed scans to replay", section.name);
+    if let Some(plan) = scene.plan.patches.iter().find(|plan| plan.pushed.is_some()) {
+        bail!("the scans of patch `{}` are pushed: there is no log of pushed scans to replay", plan.patch.name());
     }
     of_a_log(&mut scene);
     if args.out.iter().chain(&args.force).any(|output| files::is_standard(output)) {

@@ -26,6 +26,7 @@ use crate::page::serve_pages;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::{self, Reload};
+use crate::rig::LineBus;
 use crate::runtime::on_a_thread;
 use crate::shared_memory::Pages;
 use crate::store_at::{StoreAt, open_store};
@@ -79,7 +80,9 @@ impl Daemon {
         let reader = store.reader();
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
-        let is_pushed = plan.patches.iter().any(|patch| patch.pushed.is_some());
+        let pushes =
+            |patch: &PatchPlan| patch.pushed.is_some() || patch.gauge.as_ref().is_some_and(|gauge| gauge.pushed);
+        let is_pushed = plan.patches.iter().any(pushes);
         let (push, pushed) = is_pushed.then(|| push_line(patches)).unzip();
         let mut driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders);
         driver.pages = pages;
@@ -114,9 +117,9 @@ impl Daemon {
         self.tasks.buses.spawn(bus::run(bus, source, ends, self.tasks.cancel.clone()));
     }
 
-    /// Adds a bus whose scans are pushed: there is nothing to read, and nobody has pushed any yet.
+    /// Adds a bus whose scans or readings are pushed: there is nothing to read, and nobody has pushed any yet.
     fn add_push_bus(&mut self, bus: BusIndex) {
-        let notices = vec![BusNotice::Down("nobody has pushed a scan yet".to_owned())];
+        let notices = vec![BusNotice::Down("nobody has pushed anything yet".to_owned())];
         let (to_engine, cancel) = (self.to_engine.clone(), self.tasks.cancel.clone());
         self.tasks.buses.spawn(async move {
             let _ = to_engine.send(BusBatch { bus, frames: Vec::new(), notices }).await; // the engine has stopped
@@ -142,6 +145,11 @@ impl Daemon {
                     self.add_bus(bus, SocketCan::open(options)?);
                 }
                 BusSource::Push => self.add_push_bus(bus),
+                BusSource::Line => {
+                    if let Some(line) = config::line_of(config, section) {
+                        self.add_bus(bus, LineBus::new(line));
+                    }
+                }
                 BusSource::Yarp => {
                     if let Some((port, content)) = config::port_of(config, &self.plan, bus) {
                         self.add_bus(bus, PortBus::new(section.server.as_deref(), port, content));

@@ -29,7 +29,8 @@ pub enum Command {
         /// An operator who confirms that nothing touches the skin: whatever is felt, and whatever was held against the boards.
         confirmed_by: Option<String>,
     },
-    /// A program begins to hand over the scans of a patch; the zero of what came before it is lost.
+    /// A program begins to hand over the scans of a patch; the zero of what came before it is lost. Or it hands over the readings
+    /// of its gauge alone.
     BeginPush {
         /// The patch; empty for the only one.
         patch: String,
@@ -51,6 +52,13 @@ pub enum Command {
     StartRamp {
         /// Number of the session.
         session: u64,
+    },
+    /// Take the plateau at which the bag is held, where no gauge says its pressure.
+    Plateau {
+        /// Number of the session.
+        session: u64,
+        /// What the dial shows.
+        kpa: Kilopascal,
     },
     /// End the rise of a ramp over both branches, else the ramp, and fit.
     FinishRamp {

@@ -12,9 +12,18 @@ use crate::request::{ErrorReason, Rejection};
 impl Engine {
     pub(super) fn begin_push(&mut self, now: Now, patch: &str, out: &mut Vec<Output>) -> Reply {
         let index = self.patch_named(patch)?;
-        if self.plan.patches[index].pushed.is_none() {
+        let plan = &self.plan.patches[index];
+        if let Some(gauge) = plan.gauge.as_ref().filter(|gauge| gauge.pushed) {
+            let bus = usize::from(gauge.bus.0);
+            self.buses.get_mut(bus).into_iter().for_each(|line| drop(line.on_notice(now.time, BusNotice::Up)));
+            self.health_dirty.0 = true;
+            return Ok(Done::PushBegun);
+        }
+        if plan.pushed.is_none() {
             let name = self.patches[index].name();
-            let why = format!("the scans of patch `{name}` come over its bus: nobody can push any");
+            let why = format!(
+                "the scans of patch `{name}` come over its bus, and its gauge's readings too: nobody can push any"
+            );
             return Err(Rejection::FailedPrecondition(ErrorReason::NotPushed, why));
         }
         if let Some(line) = self.line_of(index) {

@@ -139,7 +139,7 @@ mod tests {
         let modules = vec![(Module::new(0).unwrap(), ModuleKind::Triangle)];
         let board = Board { bus: BusIndex(0), address: BoardAddress::new(address).unwrap(), modules };
         let signal = SignalSpec { id: gauge, ..GaugeConfig::default().signal };
-        let gauge = Some(Gauge { bus: BusIndex(0), signal });
+        let gauge = Some(Gauge::new(BusIndex(0), signal));
         PatchPlan { gauge, ..PatchPlan::new(Patch::new("p", vec![board]).unwrap()) }
     }
 

@@ -6,11 +6,12 @@ use taxel_sim::GaugeConfig;
 use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Patch, Time};
 use taxel_wire::array::{CountField, FrameSpec};
 use taxel_wire::bits::{BitField, ByteOrder, FrameMatch, Selector};
-use taxel_wire::signal::SignalSpec;
-use taxel_wire::{CanId, Frame, TimedFrame};
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
+use taxel_wire::{CanId, Frame, TimedFrame, reading};
 
 use super::step::Engine;
 use crate::boundary::catalogue::Restored;
+use crate::boundary::command::{Command, Done};
 use crate::boundary::input::Input;
 use crate::boundary::output::Output;
 use crate::boundary::pushed::PushedScan;
@@ -20,6 +21,7 @@ use crate::intake::health::BusNotice;
 use crate::now::Now;
 use crate::patch::edge_tests::configuring;
 use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan, PushPlan};
+use crate::request::RequestId;
 
 const BUS: BusIndex = BusIndex(0);
 
@@ -153,7 +155,7 @@ fn a_gauge_is_read_on_its_own_bus() {
         let modules = vec![(Module::new(0).unwrap(), ModuleKind::Triangle)];
         let board = Board { bus: BusIndex(bus), address: BoardAddress::new(1 + bus).unwrap(), modules };
         let signal = SignalSpec { id, ..GaugeConfig::default().signal };
-        let gauge = Some(Gauge { bus: BusIndex(bus), signal });
+        let gauge = Some(Gauge::new(BusIndex(bus), signal));
         PatchPlan { gauge, ..PatchPlan::new(Patch::new(format!("p{bus}"), vec![board]).unwrap()) }
     };
     let plan = Plan { buses: 2, patches: vec![patch(0), patch(1)] };
@@ -165,6 +167,35 @@ fn a_gauge_is_read_on_its_own_bus() {
     let presses = |patch: usize| engine.patches[patch].check_vented(now(1_000)).is_err();
     assert_eq!([presses(0), presses(1)], [false, true]);
     assert_eq!((engine.buses[0].frames, engine.buses[1].frames), (0, 1));
+}
+
+#[test]
+fn a_program_may_push_the_gauge_of_a_skin_that_is_on_a_bus() {
+    let modules = vec![(Module::new(0).unwrap(), ModuleKind::Triangle)];
+    let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
+    let signal = reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential);
+    let gauge = Gauge { pushed: true, ..Gauge::new(BusIndex(1), signal) };
+    let plan = PatchPlan { gauge: Some(gauge), ..PatchPlan::new(Patch::new("p", vec![board]).unwrap()) };
+    let mut engine = Engine::new(Arc::new(Plan { buses: 2, patches: vec![plan] }), Restored::default());
+    let mut out = Vec::new();
+    engine.step(now(1_000), Input::Bus(BusIndex(1), BusNotice::Down("nobody".to_owned())), &mut out);
+    let begin = Command::BeginPush { patch: "p".to_owned() };
+    engine.step(now(1_000), Input::Command(RequestId(1), begin), &mut out);
+    assert!(out.iter().any(|output| matches!(output, Output::Reply(RequestId(1), Ok(Done::PushBegun)))), "{out:?}");
+    assert!(engine.buses[1].up);
+    let frame = TimedFrame { time: ms(1_010), frame: reading::frame(0, 12.5) };
+    engine.step(now(1_010), Input::Frames(BusIndex(1), &[frame]), &mut out);
+    assert_eq!(engine.patches[0].gauge_reading().map(|reading| reading.kpa), Some(12.5));
+}
+
+#[test]
+fn lines_that_are_no_reading_are_counted_on_a_bus_that_is_up() {
+    let mut bare = Bare::new();
+    bare.step(1_300, Input::Bus(BUS, BusNotice::Up));
+    bare.step(1_310, Input::Bus(BUS, BusNotice::Unread(2, "line \"ERR\"".to_owned())));
+    let health = bare.health_at(1_560).unwrap();
+    let bus = &health.buses[0];
+    assert_eq!((bus.up, bus.malformed, bus.last_malformed.as_str()), (true, 2, "line \"ERR\""));
 }
 
 /// An array of four taxels on each of two buses, with a gauge: page 1 of what its device sends under one identifier. The gauge
@@ -180,7 +211,7 @@ fn arrays(id: CanId) -> Engine {
         let board = Board { bus: BusIndex(bus), address: BoardAddress::new(1).unwrap(), modules };
         let gauge = if bus == 0 { id } else { CanId::Standard(0x123) };
         let signal = SignalSpec { id: gauge, ..GaugeConfig::default().signal };
-        let gauge = Some(Gauge { bus: BusIndex(bus), signal });
+        let gauge = Some(Gauge::new(BusIndex(bus), signal));
         let patch = Patch::new(format!("array {bus}"), vec![board]).unwrap();
         PatchPlan { devices: vec![device.clone()], gauge, ..PatchPlan::new(patch) }
     };

@@ -52,9 +52,19 @@ pub struct Gauge {
     pub bus: BusIndex,
     /// Its frame.
     pub signal: SignalSpec,
+    /// Whether a program pushes its readings: then no other frames come over its bus.
+    pub pushed: bool,
+    /// Whether the ambient pressure of its signal is a guess, and what it reads of the vented bag before a ramp is right.
+    pub takes_ambient: bool,
 }
 
 impl Gauge {
+    /// A gauge that sends its frames over a bus, and knows the ambient pressure if it needs it.
+    #[must_use]
+    pub const fn new(bus: BusIndex, signal: SignalSpec) -> Self {
+        Self { bus, signal, pushed: false, takes_ambient: false }
+    }
+
     /// What its differences in pressure hang on, in words. A constant is in none: each ramp counts from what it read at rest.
     #[must_use]
     pub fn words(&self) -> String {
@@ -76,6 +86,9 @@ impl Gauge {
 #[derive(Clone, Debug, Default)]
 pub struct GaugeHistory {
     readings: VecDeque<(Time, f64)>,
+    /// What is taken off every reading, kPa: of a gauge that reads the bag's own pressure, how far the ambient pressure was guessed
+    /// wrong.
+    taken_off_kpa: f64,
     /// Readings that were not later than the one before; counted and left out.
     out_of_order: u64,
     changes: Changes,
@@ -176,6 +189,7 @@ impl GaugeHistory {
             self.out_of_order += 1;
             return;
         }
+        let pressure = Kilopascal(pressure.0 - self.taken_off_kpa);
         while self.readings.len() >= READINGS_MAX
             || self.readings.front().is_some_and(|&(first, _)| time.since(first) > KEPT)
         {
@@ -188,6 +202,13 @@ impl GaugeHistory {
                 self.jumps.pop_front();
             }
         }
+    }
+
+    /// What it reads as `kpa` is 0 kPa from now on, and was.
+    pub fn count_from(&mut self, kpa: f64) {
+        self.taken_off_kpa += kpa;
+        self.readings.iter_mut().for_each(|reading| reading.1 -= kpa);
+        self.changes.last.iter_mut().for_each(|last| last.1 -= kpa);
     }
 
     /// By how much the gauge jumped between `from` and `until`, up and down together, kPa, where a pressure goes at most so fast:

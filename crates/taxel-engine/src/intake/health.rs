@@ -12,6 +12,8 @@ pub enum BusNotice {
     Down(String),
     /// The kernel lost so many frames that this process had asked for.
     Dropped(u64),
+    /// So much came that is no reading of the gauge on the line; why the last of it is none.
+    Unread(u64, String),
     /// The controller reported an error (bus-off, error-passive, ...).
     ControllerError(String),
     /// The controller reported that errors have become few again; in words.
@@ -86,6 +88,10 @@ impl BusState {
                 (self.problem, self.reported) = (why, false);
             }
             BusNotice::Dropped(frames) => self.dropped += frames,
+            BusNotice::Unread(lines, why) => {
+                self.malformed += lines;
+                self.last_malformed = why;
+            }
             BusNotice::ControllerError(what) => (self.problem, self.reported) = (what, true),
             BusNotice::ControllerRecovered(_) if self.reported => self.problem.clear(),
             BusNotice::ControllerRecovered(_) => {}

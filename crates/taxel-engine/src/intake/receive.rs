@@ -368,6 +368,11 @@ impl Intake {
         self.gauge.push(time, pressure);
     }
 
+    /// What the gauge reads as `kpa` is 0 kPa.
+    pub fn count_gauge_from(&mut self, kpa: taxel_skin::Kilopascal) {
+        self.gauge.count_from(kpa.0);
+    }
+
     /// The host may have lost frames of a bus, of all without one, of so long a time before `now` at the most.
     pub fn on_frames_lost(&mut self, now: Time, bus: Option<BusIndex>, gap: Duration) {
         let states = self.boards.iter_mut().zip(self.plan.patch.boards());

@@ -99,16 +99,20 @@ impl Patch {
         // A ramp's zero waits until the gauge is heard.
         let Some((time, pressure)) = self.intake.gauge().newest() else { return Ok(()) };
         let gauge = &self.plan.fit.gauge;
-        // Three standard deviations of what is stated of the gauge, beside the noise that sessions allow for.
-        let least = -(limits.noise_band.0 + 3.0 * gauge.offset_kpa.hypot(gauge.noise_kpa));
         let (kpa, limit) = (pressure.0, limits.vented_below.0);
+        // Three standard deviations of what is stated of the gauge, beside the noise that sessions allow for.
+        let stated = limits.noise_band.0 + 3.0 * gauge.offset_kpa.hypot(gauge.noise_kpa);
+        // The weather is as far from the guess on either side.
+        let (least, wrong) = match self.plan.takes_ambient() {
+            true => (-limit, "set `gauge.ambient_kpa` to the air pressure of your place"),
+            false => (-stated, "the gauge's scale or offset is wrong"),
+        };
         if now.time.since(time) > limits.gauge_timeout || (least..=limit).contains(&kpa) {
             return Ok(());
         }
         Err(if kpa > limit {
             let why = format!(
-                "the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first; if it is vented, the \
-                 gauge's scale or offset is wrong"
+                "the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first; if it is vented, {wrong}"
             );
             Rejection::FailedPrecondition(ErrorReason::BagPresses, why)
         } else {
@@ -125,6 +129,9 @@ impl Patch {
     /// # Errors
     /// [`Rejection::FailedPrecondition`] with when it was last heard.
     pub fn check_gauge_heard(&self, now: Now) -> Result<(), Rejection> {
+        if self.plan.session.typed {
+            return Ok(());
+        }
         let heard = self.intake.gauge().newest().map(|(time, _)| now.time.since(time));
         let what = match heard {
             Some(age) if age <= GAUGE_SILENT_AFTER => return Ok(()),
@@ -148,6 +155,7 @@ impl Patch {
         let gauge = self.intake.gauge();
         let (reason, why) = match gauge.at_rest(now.time, self.plan.session.gauge_rest()) {
             GaugeAtRest::Still { .. } => return Ok(()),
+            _ if self.plan.session.typed => return Ok(()),
             GaugeAtRest::Moves(least, most) => (
                 ErrorReason::GaugeOffset,
                 format!(
@@ -220,6 +228,24 @@ impl Patch {
         let mut events = Vec::new();
         self.calibration.command(now, command, self.intake.gauge(), &mut events)?;
         self.on_calibration_events(now, events, effects);
+        let view = self.calibration.session().cloned();
+        view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
+    }
+
+    /// The operator of the session that the patch holds types what a dial shows.
+    ///
+    /// # Errors
+    /// [`Rejection`] if no ramp is under way, or why it is no plateau.
+    pub fn take_plateau(
+        &mut self,
+        now: Now,
+        kpa: f64,
+        effects: &mut Effects<'_>,
+    ) -> Result<Arc<SessionView>, Rejection> {
+        let mut events = Vec::new();
+        let taken = self.calibration.take_plateau(now, kpa, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+        taken?;
         let view = self.calibration.session().cloned();
         view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
     }

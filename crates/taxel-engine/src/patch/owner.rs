@@ -19,6 +19,7 @@ use crate::force::owner::Force;
 use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::intake::faults::fault::FaultSet;
+use crate::intake::gauge::GaugeAtRest;
 use crate::intake::health::BoardHealth;
 use crate::intake::receive::{Intake, IntakeEvent, IntakePlan};
 use crate::loads::load::Load;
@@ -309,7 +310,8 @@ impl Patch {
             bag: Bag {
                 session_open: self.calibration.open().is_some(),
                 presses: self.bag_presses(now),
-                holds: self.calibration.is_ramping() && self.intake.gauge().is_holding(now.time),
+                holds: self.calibration.is_ramping()
+                    && (self.plan.session.typed || self.intake.gauge().is_holding(now.time)),
             },
         };
         self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
@@ -328,9 +330,22 @@ impl Patch {
         }
         let checked =
             self.check_set_up().and_then(|()| self.check_vented(now)).and_then(|()| self.check_gauge_at_rest(now));
-        let Err(refusal) = checked else { return false };
+        let Err(refusal) = checked else {
+            self.take_ambient(now);
+            return false;
+        };
         self.with_zero(now, effects, |zero, events| zero.end_watch(refusal.reason(), refusal.to_string(), events));
         true
+    }
+
+    /// The bag is vented and its gauge stands still: if that had to guess the ambient pressure, now it is known.
+    fn take_ambient(&mut self, now: Now) {
+        let limits = self.plan.session.gauge_rest();
+        if let (true, GaugeAtRest::Still { kpa, .. }) =
+            (self.plan.takes_ambient(), self.intake.gauge().at_rest(now.time, limits))
+        {
+            self.intake.count_gauge_from(kpa);
+        }
     }
 
     fn bag_presses(&self, now: Now) -> bool {

@@ -55,7 +55,7 @@ pub fn patch_plan(name: &str, first_id: u32) -> PatchPlan {
         devices: vec![device],
         period: PERIOD,
         areas: vec![SquareMillimetre(AREA_MM2); TAXELS],
-        gauge: Some(Gauge { bus: BUS, signal }),
+        gauge: Some(Gauge::new(BUS, signal)),
         ..PatchPlan::new(patch)
     }
 }

@@ -7,11 +7,13 @@ use taxel_engine::Restored;
 use taxel_engine::calibration::{Refit, RefitOptions, SampleRefusal, SessionState, StoredSession};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
-use taxel_sim::{Fault, PumpCommand};
+use taxel_engine::plan::{Gauge, PatchPlan};
+use taxel_sim::{Fault, GaugeConfig, PumpCommand};
+use taxel_wire::signal::{PressureMeaning, SignalSpec};
 
 use crate::bench::{Bench, Disk};
 use crate::host::Host;
-use crate::rig::{patch_plan, plan, small_world};
+use crate::rig::{BUS, patch_plan, plan, small_world};
 use crate::sessions::in_review;
 use crate::shared::small;
 
@@ -292,4 +294,48 @@ fn a_gauge_that_stands_still_while_the_skin_is_pressed_is_named_when_it_ends_a_s
     bench.until_state(30.0, SessionState::Failed);
     let reason = &bench.host.session().reason;
     assert!(reason.contains("taxels have moved, and the gauge only"), "{reason}");
+}
+
+/// On a hill the air has 97 kPa, and the configuration has what it has at sea level.
+#[test]
+fn an_absolute_gauge_takes_the_ambient_pressure_from_the_vented_bag() {
+    let differential = GaugeConfig::default().signal;
+    let absolute =
+        move |ambient_kpa| SignalSpec { meaning: PressureMeaning::AbsoluteBag { ambient_kpa }, ..differential };
+    let plan_of = |takes_ambient| {
+        let gauge = Gauge { takes_ambient, ..Gauge::new(BUS, absolute(101.325)) };
+        plan(PatchPlan { gauge: Some(gauge), ..patch_plan(&small().skin) })
+    };
+    let bench_of = |takes_ambient, air_kpa| {
+        let mut bench = Bench::new(small_world(), plan_of(takes_ambient), Restored::default());
+        bench.alters = Box::new(move |frame| {
+            if let Ok(kpa) = differential.decode(&frame.frame) {
+                frame.frame = absolute(air_kpa).encode(kpa).unwrap();
+            }
+        });
+        bench.brought_up();
+        bench
+    };
+    let mut bench = bench_of(true, 97.0);
+    bench.start_session(None);
+    let zero_kpa = bench.host.session().gauge_zero_kpa;
+    assert!(zero_kpa.abs() < 0.2, "the air is no error of the gauge: {zero_kpa}");
+    bench.ramp(20.0, 2.0);
+    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 15.0));
+    let (read, truth) = (bench.host.session().pressure_kpa.unwrap(), bench.world.true_pressure().0);
+    assert!((read - truth).abs() < 0.6, "{read} of {truth} kPa");
+    let mut known = bench_of(false, 97.0);
+    known.start_session(None);
+    assert!(known.host.session().gauge_zero_kpa > 4.0, "a stated ambient pressure is believed");
+    // What no weather makes is a bag that is not vented.
+    let mut pressed = bench_of(true, 88.0);
+    let start = Command::StartSession {
+        patch: String::new(),
+        target: None,
+        branches: None,
+        confirmed_by: None,
+        leave_out: Vec::new(),
+    };
+    let why = pressed.refused(start);
+    assert!(why.contains("set `gauge.ambient_kpa`"), "{why}");
 }

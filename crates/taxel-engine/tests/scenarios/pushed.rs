@@ -47,7 +47,7 @@ fn plan(pressure: bool) -> Plan {
         pushed: Some(PushPlan { pressure }),
         period: PERIOD,
         areas: vec![SquareMillimetre(AREA_MM2); TAXELS],
-        gauge: (!pressure).then_some(Gauge { bus: GAUGE_BUS, signal }),
+        gauge: (!pressure).then_some(Gauge::new(GAUGE_BUS, signal)),
         ..PatchPlan::new(patch)
     };
     Plan { buses: 2, patches: vec![plan] }

@@ -59,7 +59,7 @@ pub fn plan_of_part(skin: &Skin, patch: Patch) -> PatchPlan {
         geometry: Some(Geometry::parse(&skin.positions_file(), &patch).unwrap()),
         areas: vec![skin.taxel_area(); patch.taxels().len()],
         area_uncertainty: 0.01,
-        gauge: Some(Gauge { bus: BUS, signal: GaugeConfig::default().signal }),
+        gauge: Some(Gauge::new(BUS, GaugeConfig::default().signal)),
         outputs: Outputs { resultant: true, moment: true, contacts: true, fill: true },
         fit: FitOptions {
             gauge: GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.02 },

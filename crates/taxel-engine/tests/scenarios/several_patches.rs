@@ -26,7 +26,7 @@ fn patch(name: &str, boards: &[(u8, std::ops::Range<u8>)]) -> PatchPlan {
     };
     PatchPlan {
         bring_up: boards.iter().map(setup).collect(),
-        gauge: Some(Gauge { bus: BUS, signal: GaugeConfig::default().signal }),
+        gauge: Some(Gauge::new(BUS, GaugeConfig::default().signal)),
         ..PatchPlan::new(patch)
     }
 }

@@ -42,7 +42,7 @@ pub fn plan() -> Arc<Plan> {
             triangles: vec![triangles],
         }],
         period: PERIOD,
-        gauge: Some(Gauge { bus: BUS, signal: signal() }),
+        gauge: Some(Gauge::new(BUS, signal())),
         ..PatchPlan::new(patch)
     };
     plan.live.stale_after = Duration::from_millis(350);

@@ -9,7 +9,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::SessionSamples;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{DevicePlan, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
+use taxel_engine::plan::{DevicePlan, Gauge, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
 use taxel_engine::snapshot::{BusHealth, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
 use taxel_proto::refusal::Refusal;
@@ -20,6 +20,8 @@ use taxel_rpc::{Access, Backend, Clock, Limits, Listener, Publisher, Request, Ru
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
 };
+use taxel_wire::reading;
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -29,6 +31,8 @@ pub const FOREARM: &str = "left_forearm";
 pub const HAND: &str = "left_hand";
 /// A patch whose scans are pushed, twelve bits each.
 pub const GLOVE: &str = "glove";
+/// A patch on a bus whose gauge is pushed.
+pub const ARM: &str = "left_arm";
 pub const TAXELS: usize = 20;
 /// Far from the time after which the engine counts as stalled, so that the two cannot be taken for each other.
 pub const STALE_AFTER: Duration = Duration::from_secs(5);
@@ -212,6 +216,11 @@ fn pushed_plan() -> PatchPlan {
     }
 }
 
+/// How the readings that are pushed are read.
+pub fn pushed_gauge() -> SignalSpec {
+    reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential)
+}
+
 fn patch_plan(name: &str) -> PatchPlan {
     if name == GLOVE {
         return pushed_plan();
@@ -226,6 +235,7 @@ fn patch_plan(name: &str) -> PatchPlan {
         geometry: Some(Geometry::from_poses(poses)),
         area_uncertainty: 0.0,
         live: LiveLimits { stale_after: STALE_AFTER, ..LiveLimits::default() },
+        gauge: (name == ARM).then(|| Gauge { pushed: true, ..Gauge::new(BusIndex(1), pushed_gauge()) }),
         tare: TarePlan { duration: Duration::from_secs(2), at_start: false, ..TarePlan::default() },
         ..PatchPlan::new(Patch::new(name, vec![board]).unwrap())
     }

@@ -7,12 +7,12 @@ use taxel_proto::v1;
 use taxel_proto::v1::ingest_service_client::IngestServiceClient;
 use taxel_rpc::push_line::{PushEvent, SCANS_WAITING_MAX};
 use taxel_rpc::{Access, Limits, Listener, Role, Rules, Tokens};
-use taxel_skin::{Kilopascal, Time};
+use taxel_skin::{BusIndex, Kilopascal, Time};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Request, Status, Streaming};
 
-use crate::fixture::{Daemon, FOREARM, GLOVE, TAXELS, patient, serve_on, start_with};
+use crate::fixture::{ARM, Daemon, FOREARM, GLOVE, TAXELS, patient, pushed_gauge, serve_on, start_with};
 
 fn begin(patch: &str) -> v1::PushScansRequest {
     v1::PushScansRequest { patch: patch.to_owned(), ..Default::default() }
@@ -31,20 +31,20 @@ struct Client {
 impl Client {
     /// Begins a stream, which the engine lets it do.
     async fn begin(daemon: &mut Daemon) -> Self {
-        Self::begin_as(daemon, None).await
+        Self::begin_as(daemon, GLOVE, None).await
     }
 
     /// The same, with this token if there is one.
-    async fn begin_as(daemon: &mut Daemon, token: Option<&str>) -> Self {
+    async fn begin_as(daemon: &mut Daemon, of: &str, token: Option<&str>) -> Self {
         let (scans, messages) = mpsc::channel(64);
-        scans.send(begin(GLOVE)).await.unwrap();
+        scans.send(begin(of)).await.unwrap();
         let mut request = Request::new(ReceiverStream::new(messages));
         if let Some(token) = token {
             request.metadata_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
         }
         let mut client = IngestServiceClient::new(daemon.connect().await);
         let answer = daemon.answer(Ok(Done::PushBegun), |command| {
-            assert!(matches!(&command, Command::BeginPush { patch } if patch == GLOVE), "{command:?}");
+            assert!(matches!(&command, Command::BeginPush { patch } if patch == of), "{command:?}");
         });
         let (answers, ()) = tokio::join!(client.push_scans(request), answer);
         let mut answers = answers.unwrap().into_inner();
@@ -89,6 +89,26 @@ async fn pushed_scans_reach_the_engine_with_the_time_of_their_receipt() {
     assert_eq!((last.taken, last.refused), (1, 0));
     let ended = daemon.pushed.recv().await.unwrap();
     assert!(matches!(&ended.event, PushEvent::Ended(why) if why.contains("has ended the stream")), "{ended:?}");
+}
+
+#[tokio::test]
+async fn the_readings_of_a_gauge_are_pushed_without_scans() {
+    let mut daemon = start_with(&[ARM], patient()).await;
+    daemon.set_clock(Time::from_seconds(3.0));
+    let client = Client::begin_as(&mut daemon, ARM, None).await;
+    client.push(v1::PushScansRequest { pressure_kpa: Some(12.5), ..Default::default() }).await;
+    let pushed = daemon.pushed.recv().await.unwrap();
+    let PushEvent::Reading(timed) = pushed.event else { panic!("{pushed:?}") };
+    assert_eq!((pushed.bus, timed.time), (BusIndex(1), Time::from_seconds(3.0)));
+    assert_eq!(pushed_gauge().decode(&timed.frame), Ok(Kilopascal(12.5)));
+    client.push(scan(7)).await;
+    let status = client.end().await;
+    let says = "counts: come with reading 2, but the scans of patch `left_arm` come over its bus";
+    assert!(status.code() == Code::InvalidArgument && status.message().contains(says), "{status:?}");
+    let client = Client::begin_as(&mut daemon, ARM, None).await;
+    client.push(v1::PushScansRequest::default()).await;
+    let status = client.end().await;
+    assert!(status.message().contains("pressure_kpa: is missing in reading 1"), "{status:?}");
 }
 
 /// The process stood still while a scan waited in its socket.
@@ -254,7 +274,7 @@ async fn a_pusher_that_may_push_no_more_is_ended_and_no_later_scan_of_it_enters(
     ] {
         for pushes_on in [true, false] {
             let (mut daemon, access) = ruled(before.clone());
-            let client = Client::begin_as(&mut daemon, token).await;
+            let client = Client::begin_as(&mut daemon, GLOVE, token).await;
             client.push(scan(7)).await;
             assert!(matches!(daemon.pushed.recv().await.unwrap().event, PushEvent::Scan(_)));
             access.update(|_| after.clone());

@@ -209,6 +209,9 @@ pub enum BusSource {
     Sim,
     /// Ports of YARP, of which each patch has one.
     Yarp,
+    /// None come: a gauge prints text, on a serial device or a connection. Each has a bus of its own, which no file names.
+    #[serde(skip)]
+    Line,
     /// None come: a program pushes the scans of the one patch that is on it.
     Push,
 }

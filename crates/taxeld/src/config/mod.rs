@@ -6,6 +6,7 @@
 mod array;
 mod boards;
 mod file;
+mod gauge;
 mod limits;
 mod listen;
 mod patch;
@@ -18,6 +19,7 @@ mod scene;
 pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection};
 #[cfg(feature = "sim")]
 pub use file::{MetricsSection, PageSection};
+pub use gauge::line_of;
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
 pub use ports::of_bus as port_of;
 pub use problem::{Faults, Problems};

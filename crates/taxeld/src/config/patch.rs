@@ -4,15 +4,15 @@ use std::path::Path;
 use std::time::Duration;
 
 use taxel_dbc::DbcFile;
-use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Gauge, Outputs, PatchPlan, PushPlan};
+use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Outputs, PatchPlan, PushPlan, SessionLimits};
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
-use taxel_wire::signal::{PressureUnit, SignalSpec};
 
 use super::array::{Described, describe, grid, pushed};
 use super::boards::boards;
 use super::file::{BusSource, Config, beside};
+use super::gauge::{comes_with_scans, gauge};
 use super::limits::{fit_options, gauge_uncertainty, live, session, tare};
-use super::patch_section::{AreaWord, ArraySection, GaugeSection, OutputWord, PatchSection};
+use super::patch_section::{AreaWord, ArraySection, OutputWord, PatchSection};
 use super::ports;
 use super::problem::{Faults, Said};
 use crate::files::read_any_text;
@@ -42,31 +42,13 @@ pub fn patch_plan(
     faults.range("period_ms", f64::from(section.period_ms), 1.0, period_max);
     let period = Duration::from_millis(u64::from(section.period_ms));
     let live = live(section, period, faults);
-    let session = session(&section.session, section.fit.plays, faults);
+    let typed = section.gauge.as_ref().is_some_and(|gauge| gauge.typed);
+    let session = SessionLimits { typed, ..session(&section.session, section.fit.plays, faults) };
     let stated = section.gauge.as_ref().map(|gauge| gauge_uncertainty(gauge, faults)).unwrap_or_default();
     let fit = fit_options(&section.fit, stated, faults);
     let bus = bus_index(config, "bus", &section.bus, faults);
     let file = section.array.as_ref().and_then(|array| dbc_file(array, path, faults));
-    let gauge = section.gauge.as_ref().and_then(|gauge| {
-        if gauge.index.is_some() && gauge.port.is_none() {
-            faults.note("gauge.index", "gauge.index: it is the place of the pressure on a port, and there is no port");
-        }
-        let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
-        let signal = match &gauge.port {
-            Some(port) => ports::gauge(gauge, port, faults)?,
-            None => signal(gauge, file.as_ref(), faults)?,
-        };
-        let source = config.bus[usize::from(of.0)].source;
-        if gauge.port.is_some() != (source == BusSource::Yarp) {
-            let words = "a gauge with a port needs a bus with source = \"yarp\", and one without needs another: name it in gauge.bus";
-            faults.note("gauge", words);
-        }
-        if config.bus[usize::from(of.0)].source == BusSource::Push {
-            let words = "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
-            faults.note("gauge.bus", words);
-        }
-        Some(Gauge { bus: of, signal })
-    });
+    let gauge = gauge(config, section, (file.as_ref(), bus), faults);
     let bus = bus?;
     ports::check_patch(section, &config.bus[usize::from(bus.0)], faults);
     let push = push(config, section, bus, faults);
@@ -97,7 +79,8 @@ pub fn patch_plan(
     })
 }
 
-fn bus_index(config: &Config, key: &str, name: &str, faults: &mut Faults) -> Option<BusIndex> {
+/// The position of a bus.
+pub fn bus_index(config: &Config, key: &str, name: &str, faults: &mut Faults) -> Option<BusIndex> {
     let position = config.bus.iter().position(|bus| bus.name == name);
     if position.is_none() {
         let names = config.bus.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
@@ -151,23 +134,7 @@ fn push(config: &Config, section: &PatchSection, bus: BusIndex, faults: &mut Fau
     } else if is_push && config.patch.iter().filter(|patch| patch.bus == section.bus).count() > 1 {
         faults.note("bus", format!("bus `{name}` has source = \"push\": expected one patch on it"));
     }
-    let with_scans = |gauge: &GaugeSection| gauge.id.is_none() && gauge.signal.is_none() && gauge.port.is_none();
-    let pressure = section.gauge.as_ref().is_some_and(with_scans);
-    if pressure && section.push.is_none() {
-        let words = "gauge: id and signal are missing: where its number is, as in id = 0x3A1, signal = \"0|32@1-\"";
-        faults.note("gauge", words);
-    }
-    if let Some(gauge) = section.gauge.as_ref().filter(|_| pressure) {
-        let unused = [
-            ("unit", gauge.unit.is_some()),
-            ("ambient_kpa", gauge.ambient_kpa.is_some()),
-            ("bus", gauge.bus.is_some()),
-        ];
-        for (key, _) in unused.iter().filter(|(_, is_there)| section.push.is_some() && *is_there) {
-            let words = "the pressure comes with each scan, differential and in kPa: leave it out, or say id and signal of a gauge";
-            faults.note(&format!("gauge.{key}"), format!("gauge.{key}: {words}"));
-        }
-    }
+    let pressure = comes_with_scans(section);
     section.push.map(|_| PushPlan { pressure })
 }
 
@@ -283,40 +250,4 @@ fn outputs(section: &PatchSection, geometry: Option<&Geometry>, said: &mut Said)
         contacts: decide(OutputWord::Contacts, "contacts", geometry.is_some()),
         fill: decide(OutputWord::Fill, "fill of excluded taxels", geometry.is_some()),
     }
-}
-
-/// The signal of a gauge. Nothing where the pressure comes with the scans, or where it is wrong, which is noted.
-fn signal(gauge: &GaugeSection, file: Option<&DbcFile>, faults: &mut Faults) -> Option<SignalSpec> {
-    let of_gauge = |why: String| format!("gauge: {why}");
-    let Some(name) = &gauge.signal else {
-        if gauge.id.is_some() {
-            faults.note("gauge.signal", "gauge.signal is missing: its place in the frame, as in \"0|32@1-\"");
-        }
-        return None;
-    };
-    let inline = match gauge.id {
-        Some(id) => Some(faults.take("gauge.signal", DbcFile::of_signal(id, name).map_err(of_gauge))?),
-        None => None,
-    };
-    let place = match (&inline, file) {
-        (Some(inline), _) => inline.one("gauge.signal"),
-        (None, Some(file)) => file.one(name),
-        (None, None) => Err("gauge.id is missing: the identifier of its frames, as in 0x3A1".to_owned()),
-    };
-    let place = faults.take("gauge.signal", place.map_err(of_gauge))?;
-    let known = PressureUnit::NAMES;
-    let named = gauge.unit.as_deref().unwrap_or(&place.signal.unit);
-    let unknown = || match &gauge.unit {
-        Some(name) => format!("gauge.unit = \"{name}\": unknown unit, expected one of {known}"),
-        None if named.is_empty() => format!("gauge.unit is missing: expected one of {known}"),
-        None => format!("gauge.unit is missing, and the DBC file has \"{named}\": expected one of {known}"),
-    };
-    let unit = faults.take("gauge.unit", PressureUnit::named(named).ok_or_else(unknown))?;
-    if !place.frames.selectors.is_empty() {
-        let words = format!("signal {}: it is multiplexed, expected a gauge in every frame of its message", place.name);
-        faults.note("gauge.signal", words);
-    }
-    let signal = place.pressure(unit, gauge.ambient_kpa);
-    faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
-    Some(signal)
 }

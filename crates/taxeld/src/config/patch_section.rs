@@ -178,6 +178,24 @@ pub struct GaugeSection {
     pub index: Option<usize>,
     /// Unit; by default that of the DBC file.
     pub unit: Option<String>,
+    /// What prints it as text: a serial device, or `tcp:HOST:PORT`,
+    pub line: Option<String>,
+    /// what such a line looks like, `P={kPa}`,
+    pub template: Option<String>,
+    /// the rate of a serial device,
+    pub baud: Option<u32>,
+    /// the question that it answers with a line; without one it prints by itself,
+    pub poll: Option<String>,
+    /// and milliseconds from one question to the next.
+    pub every_ms: Option<u64>,
+    /// Whether a program pushes it over the service.
+    pub push: bool,
+    /// Whether it is a dial that an operator reads at each plateau,
+    pub typed: bool,
+    /// and to how many kPa.
+    pub resolution_kpa: Option<f64>,
+    /// What its readings refer to.
+    pub reference: Option<ReferenceWord>,
     /// If the sensor reads the absolute bag pressure: the ambient pressure in kPa.
     pub ambient_kpa: Option<f64>,
     /// Relative standard uncertainty of its gain.
@@ -186,6 +204,18 @@ pub struct GaugeSection {
     pub offset_uncertainty_kpa: f64,
     /// Standard deviation of one reading in kPa.
     pub noise_kpa: f64,
+}
+
+/// What a reading of a gauge refers to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReferenceWord {
+    /// It says how far the bag is below the ambient pressure.
+    BelowAmbient,
+    /// It says how far the bag is above it: less than 0 in vacuum.
+    Ambient,
+    /// It says the bag's own pressure.
+    Absolute,
 }
 
 /// `[patch.session]`; absent keys keep the engine's defaults.

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_skin::BusIndex;
-use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
-use taxel_yarp::{Content, GAUGE_INDEX_MAX, GAUGE_STEP, NameServer, Rows, gauge_signal_id};
+use taxel_wire::reading::{self, INDEX_MAX};
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
+use taxel_yarp::{Content, NameServer, Rows};
 
 use super::file::{BusSection, BusSource, Config};
 use super::patch_section::{GaugeSection, PatchSection};
@@ -84,28 +85,13 @@ pub fn check_patch(section: &PatchSection, bus: &BusSection, faults: &mut Faults
 pub fn gauge(section: &GaugeSection, port: &str, faults: &mut Faults) -> Option<SignalSpec> {
     check_name("gauge.port", port, faults);
     let index = section.index.unwrap_or(0);
-    if index > GAUGE_INDEX_MAX {
-        faults.note("gauge.index", format!("gauge.index = {index}: expected 0 to {GAUGE_INDEX_MAX}"));
-    }
-    if section.id.is_some() || section.signal.is_some() {
-        faults.note("gauge", "gauge: port is there, so that id and signal say nothing: leave them out");
+    if index > INDEX_MAX {
+        faults.note("gauge.index", format!("gauge.index = {index}: expected 0 to {INDEX_MAX}"));
     }
     let named = section.unit.as_deref().and_then(PressureUnit::named);
     let words = || format!("gauge.unit: expected the unit of the port's values, one of {}", PressureUnit::NAMES);
     let unit = faults.take("gauge.unit", named.ok_or_else(words))?;
-    Some(SignalSpec {
-        id: gauge_signal_id(index),
-        start_bit: 0,
-        length_bits: 64,
-        byte_order: ByteOrder::Little,
-        signed: true,
-        scale: GAUGE_STEP,
-        offset: 0.0,
-        unit,
-        meaning: section
-            .ambient_kpa
-            .map_or(PressureMeaning::Differential, |ambient_kpa| PressureMeaning::AbsoluteBag { ambient_kpa }),
-    })
+    Some(reading::signal(index, unit, PressureMeaning::Differential))
 }
 
 /// The port of a bus, and what is on it; none where it is no port.
@@ -183,9 +169,9 @@ mod tests {
             ("\"/icub/skin/left_forearm\"", "\"left\"", "expected the name of a port"),
             ("modules = \"0\" }", "modules = \"0\", shift = 1 }", "nothing can be set at boards"),
             ("index = 2", "index = 9999", "gauge.index = 9999: expected 0 to 2046"),
-            ("port = \"/bag:o\", index", "bus = \"robot\", index", "index: it is the place of the pressure on a port"),
+            ("port = \"/bag:o\", index", "bus = \"robot\", index", "gauge.index: it belongs to port"),
             ("unit = \"mbar\"", "unit = \"mm\"", "expected the unit of the port's values"),
-            ("index = 2", "id = 3", "id and signal say nothing"),
+            ("index = 2", "id = 3", "id and signal and port say two things"),
             ("source = \"yarp\"", "source = \"yarp\"\nserver = \"here\"", "expected ADDRESS:PORT"),
         ];
         for (from, to, says) in cases {

@@ -12,6 +12,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
 use super::file::Config;
+use super::gauge;
 use super::ports;
 use super::problem::{Faults, PROBLEMS_MAX, Problem, Problems};
 use super::scene::{Scene, scene_of};
@@ -74,7 +75,10 @@ pub fn examine_with(
         }
     }
     let mut config = if reading.problems.is_empty() { reading.config() } else { None };
-    config.iter_mut().for_each(ports::expand);
+    config.iter_mut().for_each(|config| {
+        ports::expand(config);
+        gauge::expand(config);
+    });
     let scene = config.as_ref().and_then(|config| {
         let mut faults = Faults::default();
         let scene = scene_of(config, path, &mut faults);

@@ -3,6 +3,7 @@
 mod module;
 mod ports;
 mod pressure;
+mod serial;
 mod survey;
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ use crate::config;
 use crate::files;
 use crate::open_log::{Wanted, open_log};
 use crate::output;
+use crate::rig;
 use crate::say;
 use survey::Survey;
 
@@ -37,7 +39,19 @@ pub struct ScanArgs {
     /// Ports of YARP in place of a bus, of this name server, ADDRESS:PORT; by default of that of YARP's own files.
     #[arg(long, value_name = "SERVER", num_args = 0..=1, conflicts_with_all = ["log", "interface", "out"])]
     yarp: Option<Option<String>>,
-    /// How long to listen to a bus or to ports.
+    /// A gauge that prints text in place of a bus: a serial device, or tcp:HOST:PORT.
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["log", "interface", "out", "yarp"])]
+    serial: Option<String>,
+    /// The rate of the serial device; without it the usual ones are tried.
+    #[arg(long, value_name = "N", requires = "serial")]
+    baud: Option<u32>,
+    /// What a line looks like, as in "P={kPa}".
+    #[arg(long, value_name = "TEMPLATE", requires = "serial")]
+    template: Option<String>,
+    /// A question that it answers with a line, as in "P\r\n"; without it is only listened.
+    #[arg(long, value_name = "TEXT", requires = "serial")]
+    poll: Option<String>,
+    /// How long to listen to a bus, to ports or to a gauge.
     #[arg(long, default_value = "5", value_parser = parse_seconds)]
     seconds: f64,
     /// Write the beginning of a configuration; `-` is the standard output.
@@ -50,7 +64,7 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "expected 0.1 to 3600 seconds".to_owned())
 }
 
-/// Listens and says what is there. Nothing is sent.
+/// Listens and says what is there. Nothing is sent, but to a gauge what it is to be asked.
 ///
 /// # Errors
 /// A bus or file that cannot be read, a log without a frame or of several interfaces of which none was named, or a file that is
@@ -67,10 +81,21 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         say!("{}", crate::runtime::runtime()?.block_on(ports::text(server.as_deref(), over))?);
         return Ok(());
     }
+    if let Some(at) = &args.serial {
+        let asked = serial::Asked {
+            at: rig::At::new(at).map_err(|why| anyhow::anyhow!("--serial {at}: {why}"))?,
+            baud: args.baud,
+            template: args.template.as_deref(),
+            poll: args.poll.as_deref(),
+            over: Duration::from_secs_f64(args.seconds),
+        };
+        say!("{}", crate::runtime::runtime()?.block_on(serial::text(&asked))?);
+        return Ok(());
+    }
     let (survey, interface) = match (args.log.clone(), args.interface.clone()) {
         (Some(log), interface) => of_log(&files::named(log), interface)?,
         (None, Some(interface)) => crate::runtime::runtime()?.block_on(of_bus(interface, args.seconds))?,
-        (None, None) => bail!("say what to listen to: --interface can0, --yarp, or a log"),
+        (None, None) => bail!("say what to listen to: --interface can0, --yarp, --serial /dev/ttyACM0, or a log"),
     };
     say!("{}", words::text(&survey));
     let Some(out) = &args.out else { return Ok(()) };
@@ -137,6 +162,7 @@ async fn take_all(bus: &mut impl FrameSource, survey: &mut Survey) -> Result<Inf
                 BusEvent::SourceDown { why } => survey.notice(format!("went down: {why}")),
                 BusEvent::Error { error, .. } => survey.error(error),
                 BusEvent::Dropped { frames } => survey.notice(format!("the kernel lost {frames} frames")),
+                BusEvent::Unread { why, .. } => survey.notice(why.clone()),
                 BusEvent::Malformed { frames } => survey.notice(format!("{frames} reads were no classic CAN frame")),
             }
         }

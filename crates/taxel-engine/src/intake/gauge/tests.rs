@@ -172,3 +172,13 @@ fn a_gauge_that_repeated_itself_and_then_jumps_has_stepped() {
         assert_eq!(gauge.stepped(ms(0), ms(4_000), STEEPEST), 0.0, "{what}");
     }
 }
+
+#[test]
+fn what_a_gauge_is_counted_from_changes_no_step_of_it() {
+    let mut gauge = read(2.0, |_| 4.0);
+    gauge.count_from(4.0);
+    (200..400).for_each(|n| gauge.push(ms(10 * n), Kilopascal(4.5)));
+    assert_eq!(gauge.at(ms(1_000), TIMEOUT), PressureAt::Known(Kilopascal(0.0)));
+    assert_eq!(gauge.newest().unwrap().1, Kilopascal(0.5));
+    assert_eq!(gauge.jumped(ms(0), ms(4_000), STEEPEST), 0.0, "{:?}", gauge.jumps);
+}

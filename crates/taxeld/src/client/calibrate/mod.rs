@@ -1,5 +1,6 @@
 //! `taxeld calibrate`: a session from the zero to the models in use, guided.
 
+mod dial;
 mod follow;
 mod screen;
 
@@ -46,6 +47,9 @@ pub struct CalibrateArgs {
     /// A module to do without, because it is silent or broken; may be given several times.
     #[arg(long, value_name = "BOARD:MODULE", value_parser = parse_module)]
     leave_out: Vec<ModuleName>,
+    /// What a dial shows at each plateau, in kPa, for scripts; without it you are asked. After the last of them the models are fitted.
+    #[arg(long, value_name = "KPA,KPA,...", value_delimiter = ',')]
+    typed: Vec<f64>,
     /// Take up this session.
     #[arg(long, value_name = "SESSION", conflicts_with = "new", value_parser = clap::value_parser!(u64).range(1..))]
     session: Option<u64>,
@@ -77,7 +81,8 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let asks = !args.yes && !args.json && ask::somebody();
     let screen = Screen::new(Places::of(&skin), args.json);
     let session = begin(&daemon, &args, &screen, asks).await?;
-    let mut course = Course { daemon, screen, asks, session };
+    let typed = (!args.typed.is_empty()).then(|| args.typed.clone().into());
+    let mut course = Course { daemon, screen, asks, typed, session };
     loop {
         course.follow().await?;
         if course.session.state() != SessionState::Review {

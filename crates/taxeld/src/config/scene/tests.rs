@@ -216,10 +216,13 @@ fn what_cannot_be_pushed_is_refused_with_key_and_value() {
         (pushed(&format!("{PUSHED}\n{gauge}"), ""), "a gauge sends over a CAN bus"),
         (
             pushed(&format!("{PUSHED}\ngauge = {{ unit = \"Pa\" }}"), ""),
-            "gauge.unit: the pressure comes with each scan",
+            "gauge.unit: the pressure comes with each message",
         ),
         (pushed(&format!("{PUSHED}\ngauge = {{ ambient_kpa = 101.0 }}"), ""), "gauge.ambient_kpa: the pressure comes"),
-        (pushed(&format!("{PUSHED}\ngauge = {{ bus = \"c\" }}"), ""), "gauge.bus: the pressure comes with each scan"),
+        (
+            pushed(&format!("{PUSHED}\ngauge = {{ bus = \"c\" }}"), ""),
+            "gauge.bus: the pressure comes with each message",
+        ),
         (pushed(BOARD, ""), "expected push = {"),
         (pushed(PUSHED, &format!("[[patch]]\nname = \"q\"\nbus = \"b\"\n{PUSHED}")), "expected one patch on it"),
         (text("", PUSHED, ""), "push needs a bus with source = \"push\", and `b` has none"),

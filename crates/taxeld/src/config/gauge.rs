@@ -1,0 +1,301 @@
+//! Where the pressure of a patch comes from: the one key of `gauge` that says it, and the keys that belong to that one.
+
+use std::time::Duration;
+
+use taxel_dbc::DbcFile;
+use taxel_engine::plan::Gauge;
+use taxel_rig::Template;
+use taxel_skin::BusIndex;
+use taxel_wire::reading;
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
+
+use super::file::{BusSection, BusSource, Config};
+use super::patch::bus_index;
+use super::patch_section::{BranchesWord, GaugeSection, PatchSection, ReferenceWord};
+use super::ports;
+use super::problem::Faults;
+use crate::rig::{At, BAUD_RATES, BAUD_USUAL, Line};
+
+#[cfg(test)]
+mod tests;
+
+/// At sea level. A gauge that reads the bag's own pressure finds out by itself how far the weather is from it.
+const AMBIENT_KPA: f64 = 101.325;
+/// Between two questions to a gauge, ms: a trend needs four readings a second, and more than a hundred tell nothing new.
+const EVERY_MS: (u64, u64, u64) = (10, 50, 200);
+/// Longest question to a gauge, in bytes.
+const POLL_BYTES_MAX: usize = 64;
+
+/// Where the pressure comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// A frame on a CAN bus.
+    Can,
+    /// A port of YARP.
+    Port,
+    /// Text.
+    Line,
+    /// A program that pushes it.
+    Push,
+    /// An operator who reads a dial.
+    Typed,
+    /// The scans of the patch, which a program pushes.
+    Scans,
+}
+
+use Kind::{Can, Line as Text, Port, Push, Scans, Typed};
+
+impl Kind {
+    /// How people write it.
+    const fn words(self) -> &'static str {
+        match self {
+            Can => "id and signal",
+            Port => "port",
+            Text => "line",
+            Push => "push",
+            Typed => "typed",
+            Scans => "push = { taxels = ... } of the patch",
+        }
+    }
+}
+
+/// What says where the pressure of this section comes from: one of them, unless something is wrong, or nothing says it.
+fn kinds(section: &GaugeSection) -> Vec<Kind> {
+    let said = [
+        (Can, section.id.is_some() || section.signal.is_some()),
+        (Port, section.port.is_some()),
+        (Text, section.line.is_some()),
+        (Push, section.push),
+        (Typed, section.typed),
+    ];
+    said.into_iter().filter(|(_, is_said)| *is_said).map(|(kind, _)| kind).collect()
+}
+
+/// Notes each key that says nothing where the pressure comes from there.
+fn check_keys(section: &GaugeSection, kind: Kind, faults: &mut Faults) {
+    let keys: [(&str, bool, &[Kind]); 10] = [
+        // The bus of what is a bus of its own is known.
+        ("bus", section.bus.is_some() && !matches!(kind, Text | Push), &[Can, Port]),
+        ("index", section.index.is_some(), &[Port]),
+        ("unit", section.unit.is_some(), &[Can, Port]),
+        ("template", section.template.is_some(), &[Text]),
+        ("baud", section.baud.is_some(), &[Text]),
+        ("poll", section.poll.is_some(), &[Text]),
+        ("resolution_kpa", section.resolution_kpa.is_some(), &[Typed]),
+        ("every_ms", section.every_ms.is_some(), &[Text]),
+        ("reference", section.reference.is_some(), &[Can, Port, Text]),
+        ("ambient_kpa", section.ambient_kpa.is_some(), &[Can, Port, Text]),
+    ];
+    for (key, _, kinds) in keys.into_iter().filter(|(_, is_there, kinds)| *is_there && !kinds.contains(&kind)) {
+        let words = match (kind, key) {
+            (Scans | Push, "unit" | "bus" | "ambient_kpa" | "reference") => {
+                "the pressure comes with each message, differential and in kPa: leave it out, or say id and signal of a gauge"
+                    .to_owned()
+            }
+            (Text, "unit") => "the template has the unit, as in \"P={kPa}\": leave it out".to_owned(),
+            _ => {
+                let of: Vec<&str> = kinds.iter().map(|kind| kind.words()).collect();
+                format!("it belongs to {}, and the pressure comes by {}: leave it out", of.join(" or "), kind.words())
+            }
+        };
+        faults.note(&format!("gauge.{key}"), format!("gauge.{key}: {words}"));
+    }
+}
+
+/// Gives each line a bus of its own, and each gauge that is pushed.
+pub fn expand(config: &mut Config) {
+    for patch in &mut config.patch {
+        let name = format!("{}/gauge", patch.name);
+        let Some(gauge) = &mut patch.gauge else { continue };
+        let (name, source) = match kinds(gauge)[..] {
+            [Text] => (gauge.line.clone().unwrap_or_default(), BusSource::Line),
+            [Push] => (name, BusSource::Push),
+            _ => continue,
+        };
+        if config.bus.iter().all(|bus| bus.name != name) {
+            config.bus.push(BusSection { name: name.clone(), source, interface: None, server: None, seed: None });
+        }
+        gauge.bus.get_or_insert(name);
+    }
+}
+
+/// Whether the pressure comes with the scans of a patch that are pushed: nothing says that it comes from elsewhere.
+pub fn comes_with_scans(section: &PatchSection) -> bool {
+    section.gauge.as_ref().is_some_and(|gauge| section.push.is_some() && kinds(gauge).is_empty())
+}
+
+/// The gauge of a patch. Nothing where the pressure comes with the scans, or where something is wrong, which is noted.
+pub fn gauge(
+    config: &Config,
+    section: &PatchSection,
+    (file, bus): (Option<&DbcFile>, Option<BusIndex>),
+    faults: &mut Faults,
+) -> Option<Gauge> {
+    let gauge = section.gauge.as_ref()?;
+    let kind = match (&kinds(gauge)[..], section.push) {
+        ([kind], _) => *kind,
+        ([], Some(_)) => Scans,
+        ([], None) => {
+            let words = "gauge: nothing says where its number is: id = 0x3A1, signal = \"0|32@1-\" for CAN, or port, line, push = true, or typed = true";
+            faults.note("gauge", words);
+            return None;
+        }
+        (several, _) => {
+            let said: Vec<&str> = several.iter().map(|kind| kind.words()).collect();
+            faults.note("gauge", format!("gauge: {} say two things about where it is: leave one", said.join(" and ")));
+            return None;
+        }
+    };
+    check_keys(gauge, kind, faults);
+    if kind == Typed {
+        dial(section, gauge, faults);
+    }
+    if matches!(kind, Scans | Typed) {
+        return None;
+    }
+    let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
+    let signal = match kind {
+        Port => ports::gauge(gauge, gauge.port.as_deref().unwrap_or_default(), faults)?,
+        Text => reading::signal(0, line(config, section, faults)?.template.unit(), PressureMeaning::Differential),
+        Push => reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential),
+        Can | Scans | Typed => can(gauge, file, faults)?,
+    };
+    let source = config.bus[usize::from(of.0)].source;
+    if (kind == Port) != (source == BusSource::Yarp) {
+        let words = "a gauge with a port needs a bus with source = \"yarp\", and one without needs another: name it in gauge.bus";
+        faults.note("gauge", words);
+    }
+    if (kind == Text) != (source == BusSource::Line) {
+        faults.note(
+            "gauge.bus",
+            "gauge.bus: a line is a bus of its own, and nothing else is on it: leave it out, or name another",
+        );
+    }
+    if kind == Can && source == BusSource::Push {
+        let words =
+            "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
+        faults.note("gauge.bus", words);
+    }
+    if kind == Push && section.push.is_some() {
+        let words = "gauge.push: the scans of this patch are pushed, and the pressure with them: write gauge = {}";
+        faults.note("gauge.push", words);
+    }
+    let (meaning, scale) = refers_to(gauge, faults);
+    let signal = SignalSpec { meaning, scale: scale * signal.scale, offset: scale * signal.offset, ..signal };
+    faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
+    let takes_ambient = meaning != PressureMeaning::Differential && gauge.ambient_kpa.is_none();
+    Some(Gauge { pushed: kind == Push, takes_ambient, ..Gauge::new(of, signal) })
+}
+
+/// Checks a dial that is read by eye.
+fn dial(section: &PatchSection, gauge: &GaugeSection, faults: &mut Faults) {
+    match gauge.resolution_kpa {
+        Some(kpa) => drop(faults.range("gauge.resolution_kpa", kpa, 0.01, 5.0)),
+        None => faults.note("gauge", "gauge.resolution_kpa is missing: to how many kPa the dial is read, as in 0.5"),
+    }
+    if section.session.branches == BranchesWord::Both {
+        let words = "session.branches = \"both\": a dial is typed while the pressure rises: leave it out";
+        faults.note("session.branches", words);
+    }
+}
+
+/// What the readings are to the pressure on the skin.
+fn refers_to(gauge: &GaugeSection, faults: &mut Faults) -> (PressureMeaning, f64) {
+    match (gauge.reference, gauge.ambient_kpa) {
+        (Some(ReferenceWord::Absolute), ambient_kpa) | (None, ambient_kpa @ Some(_)) => {
+            let ambient_kpa = ambient_kpa.unwrap_or(AMBIENT_KPA);
+            (PressureMeaning::AbsoluteBag { ambient_kpa }, 1.0)
+        }
+        (Some(other), ambient_kpa) => {
+            if ambient_kpa.is_some() {
+                let words = "gauge.ambient_kpa: it is of a gauge with reference = \"absolute\": leave it out";
+                faults.note("gauge.ambient_kpa", words);
+            }
+            (PressureMeaning::Differential, if other == ReferenceWord::Ambient { -1.0 } else { 1.0 })
+        }
+        (None, None) => (PressureMeaning::Differential, 1.0),
+    }
+}
+
+/// The line of a gauge that prints text.
+fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<Line> {
+    let gauge = section.gauge.as_ref()?;
+    let at = gauge.line.as_deref()?;
+    let same = |other: &GaugeSection| {
+        let of = |gauge: &GaugeSection| (gauge.template.clone(), gauge.baud, gauge.poll.clone(), gauge.every_ms);
+        other.line.as_deref() != Some(at) || of(other) == of(gauge)
+    };
+    if let Some(other) = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(|other| !same(other))) {
+        let words =
+            format!("gauge.line: patch `{}` reads it with another template, baud, poll or every_ms", other.name);
+        faults.note("gauge.line", words);
+    }
+    let at = faults.take("gauge.line", At::new(at).map_err(|why| format!("gauge.line = \"{at}\": {why}")))?;
+    if gauge.baud.is_some() && !at.is_serial() {
+        faults.note("gauge.baud", "gauge.baud: a connection over TCP has none: leave it out");
+    }
+    let baud = gauge.baud.unwrap_or(BAUD_USUAL);
+    if !BAUD_RATES.contains(&baud) {
+        let known: Vec<String> = BAUD_RATES.iter().map(ToString::to_string).collect();
+        faults.note("gauge.baud", format!("gauge.baud = {baud}: expected one of {}", known.join(", ")));
+    }
+    let poll = gauge.poll.clone().unwrap_or_default();
+    if gauge.poll.is_some() && !(1..=POLL_BYTES_MAX).contains(&poll.len()) {
+        let words =
+            format!("gauge.poll: expected 1 to {POLL_BYTES_MAX} bytes, with the end of the line, as in \"P\\r\\n\"");
+        faults.note("gauge.poll", words);
+    }
+    let (least, usual, most) = EVERY_MS;
+    let every_ms = gauge.every_ms.unwrap_or(usual);
+    if gauge.poll.is_none() && gauge.every_ms.is_some() {
+        faults.note("gauge.every_ms", "gauge.every_ms: without poll nothing is asked: leave it out");
+    }
+    faults.range("gauge.every_ms", every_ms as f64, least as f64, most as f64);
+    let Some(template) = &gauge.template else {
+        let words = "gauge.template is missing: what a line looks like, as in \"P={kPa}\"; `taxeld scan --serial` shows what comes";
+        faults.note("gauge", words);
+        return None;
+    };
+    let read = Template::new(template).map_err(|why| format!("gauge.template = \"{template}\": {why}"));
+    let template = faults.take("gauge.template", read)?;
+    Some(Line { at, baud, poll, every: Duration::from_millis(every_ms), template })
+}
+
+/// The line of a bus that is one; it was checked.
+pub fn line_of(config: &Config, bus: &BusSection) -> Option<Line> {
+    let on_it = |gauge: &GaugeSection| gauge.bus.as_ref() == Some(&bus.name) && gauge.line.is_some();
+    let section = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(on_it))?;
+    line(config, section, &mut Faults::default())
+}
+
+/// The signal of a gauge on a CAN bus.
+fn can(gauge: &GaugeSection, file: Option<&DbcFile>, faults: &mut Faults) -> Option<SignalSpec> {
+    let of_gauge = |why: String| format!("gauge: {why}");
+    let Some(name) = &gauge.signal else {
+        faults.note("gauge.signal", "gauge.signal is missing: its place in the frame, as in \"0|32@1-\"");
+        return None;
+    };
+    let inline = match gauge.id {
+        Some(id) => Some(faults.take("gauge.signal", DbcFile::of_signal(id, name).map_err(of_gauge))?),
+        None => None,
+    };
+    let place = match (&inline, file) {
+        (Some(inline), _) => inline.one("gauge.signal"),
+        (None, Some(file)) => file.one(name),
+        (None, None) => Err("gauge.id is missing: the identifier of its frames, as in 0x3A1".to_owned()),
+    };
+    let place = faults.take("gauge.signal", place.map_err(of_gauge))?;
+    let known = PressureUnit::NAMES;
+    let named = gauge.unit.as_deref().unwrap_or(&place.signal.unit);
+    let unknown = || match &gauge.unit {
+        Some(name) => format!("gauge.unit = \"{name}\": unknown unit, expected one of {known}"),
+        None if named.is_empty() => format!("gauge.unit is missing: expected one of {known}"),
+        None => format!("gauge.unit is missing, and the DBC file has \"{named}\": expected one of {known}"),
+    };
+    let unit = faults.take("gauge.unit", PressureUnit::named(named).ok_or_else(unknown))?;
+    if !place.frames.selectors.is_empty() {
+        let words = format!("signal {}: it is multiplexed, expected a gauge in every frame of its message", place.name);
+        faults.note("gauge.signal", words);
+    }
+    Some(place.pressure(unit))
+}

@@ -1,0 +1,202 @@
+//! Gauges on real pseudo terminals and connections.
+
+use std::io::{Read, Write};
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+use nix::fcntl::OFlag;
+use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
+use taxel_wire::signal::{PressureMeaning, PressureUnit};
+use tokio::io::AsyncWriteExt;
+use tokio::net::TcpListener;
+use tokio::time::timeout;
+
+use super::*;
+
+/// The end of a pseudo terminal that is the gauge's, and where the other one is.
+fn terminal() -> (PtyMaster, PathBuf) {
+    let master = posix_openpt(OFlag::O_RDWR | OFlag::O_NOCTTY).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let path = ptsname_r(&master).unwrap().into();
+    (master, path)
+}
+
+fn bus(at: &str, poll: &str) -> LineBus {
+    let template = Template::new("P={kPa}").unwrap();
+    let at = At::new(at).unwrap();
+    LineBus::new(Line { at, baud: BAUD_USUAL, poll: poll.to_owned(), every: Duration::from_millis(50), template })
+}
+
+fn serial(path: &Path) -> LineBus {
+    bus(path.to_str().unwrap(), "")
+}
+
+/// What the bus says next: pressures and events.
+async fn next(bus: &mut LineBus) -> (Vec<f64>, Vec<BusEvent>) {
+    let mut batch = Batch::default();
+    bus.next(&mut batch).await.unwrap();
+    let signal = reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential);
+    (batch.frames.iter().map(|timed| signal.decode(&timed.frame).unwrap().0).collect(), batch.events)
+}
+
+/// Why the bus is down, by its next event.
+async fn down(bus: &mut LineBus) -> String {
+    loop {
+        for event in next(bus).await.1 {
+            if let BusEvent::SourceDown { why } = event {
+                return why;
+            }
+        }
+    }
+}
+
+/// Opens the terminal from the other end, so that what is written is kept for it.
+async fn opened(bus: &mut LineBus) {
+    let mut batch = Batch::default();
+    let waits = timeout(Duration::from_millis(1), bus.next(&mut batch)).await;
+    assert!(waits.is_err() && bus.open.is_some());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_gauge_on_a_serial_line_is_read_from_its_first_whole_line_on() {
+    let (mut gauge, path) = terminal();
+    let mut bus = serial(&path);
+    opened(&mut bus).await;
+    gauge.write_all(b"=9.5\r\nP=12.5\r\n").unwrap();
+    assert_eq!(next(&mut bus).await, (vec![12.5], vec![BusEvent::Up]));
+    gauge.write_all(b"P=13.25\nP=14\n").unwrap();
+    assert_eq!(next(&mut bus).await, (vec![14.0], vec![]), "what comes at once is one reading, the newest");
+}
+
+#[tokio::test(start_paused = true)]
+async fn nonsense_is_counted_and_ends_nothing() {
+    let (mut gauge, path) = terminal();
+    let mut bus = serial(&path);
+    opened(&mut bus).await;
+    gauge.write_all(b"\nP=1.0\nERR 7\nP=nan\n").unwrap();
+    let (read, events) = next(&mut bus).await;
+    let why = format!("{}: line \"P=nan\" is not as the template says", path.display());
+    assert_eq!((read, events), (vec![1.0], vec![BusEvent::Unread { lines: 2, why }, BusEvent::Up]));
+    gauge.write_all(b"P=2.0\n").unwrap();
+    assert_eq!(next(&mut bus).await, (vec![2.0], vec![]));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_gauge_that_is_unplugged_and_plugged_in_is_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let device = folder.path().join("gauge");
+    let (mut gauge, path) = terminal();
+    symlink(&path, &device).unwrap();
+    let mut bus = serial(&device);
+    opened(&mut bus).await;
+    gauge.write_all(b"\nP=1\n").unwrap();
+    assert_eq!(next(&mut bus).await.0, [1.0]);
+    drop(gauge);
+    std::fs::remove_file(&device).unwrap();
+    assert!(down(&mut bus).await.starts_with(&device.display().to_string()));
+    assert!(down(&mut bus).await.contains("No such file"), "told once, and again where the reason is another one");
+    let (mut gauge, path) = terminal();
+    symlink(&path, &device).unwrap();
+    gauge.write_all(b"\nP=2\n").unwrap(); // before anybody listens: it has no time, and is flushed
+    let (read, events) = tokio::join!(next(&mut bus), async {
+        tokio::time::sleep(Duration::from_secs(20)).await; // longer than any pause
+        gauge.write_all(b"\nP=3\n").unwrap();
+    })
+    .0;
+    assert!(read == [3.0] || matches!(events[..], [BusEvent::SourceDown { .. }]), "{read:?} {events:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_gauge_that_stops_is_told() {
+    let (_gauge, path) = terminal();
+    let mut bus = serial(&path);
+    let why = down(&mut bus).await;
+    assert_eq!(why, format!("{}: no line came for 3 s: is the gauge on, or does it need poll?", path.display()));
+    assert_eq!(down(&mut self::bus("/dev/null", "")).await, "/dev/null: it is no serial device");
+}
+
+#[tokio::test(start_paused = true)]
+async fn only_one_program_reads_a_serial_line() {
+    let (_gauge, path) = terminal();
+    let mut first = serial(&path);
+    opened(&mut first).await;
+    assert!(down(&mut serial(&path)).await.ends_with("another program has it open"));
+}
+
+#[tokio::test]
+async fn a_gauge_that_has_to_be_asked_is_and_its_echo_is_no_answer() {
+    let (mut gauge, path) = terminal();
+    let mut bus = bus(path.to_str().unwrap(), "P?\r\n");
+    let answers = std::thread::spawn(move || {
+        let mut asked = [0; 4];
+        for kpa in 1..=3 {
+            gauge.read_exact(&mut asked).unwrap();
+            assert_eq!(&asked, b"P?\r\n");
+            gauge.write_all(format!("P?\r\nP={kpa}\r\n").as_bytes()).unwrap();
+        }
+        gauge
+    });
+    let mut read = Vec::new();
+    while read.len() < 3 {
+        let (more, events) = next(&mut bus).await;
+        assert!(events.iter().all(|event| *event == BusEvent::Up), "{events:?}");
+        read.extend(more);
+    }
+    assert_eq!(read, [1.0, 2.0, 3.0]);
+    drop(answers.join());
+}
+
+#[tokio::test]
+async fn a_gauge_over_tcp_is_read_again_after_it_has_hung_up() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let mut bus = bus(&format!("tcp:{}", listener.local_addr().unwrap()), "");
+    let serve = async {
+        for kpa in [7, 8] {
+            let (mut gauge, _) = listener.accept().await.unwrap();
+            gauge.write_all(format!("\nP={kpa}\n").as_bytes()).await.unwrap();
+        }
+    };
+    let read = async {
+        let first = next(&mut bus).await;
+        let why = down(&mut bus).await;
+        (first, why, next(&mut bus).await)
+    };
+    let (first, why, second) = tokio::join!(read, serve).0;
+    assert_eq!((first.0, second.0), (vec![7.0], vec![8.0]));
+    assert!(why.contains("the line has ended"), "{why}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_gauge_that_hangs_up_at_once_is_tried_with_growing_pauses() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let mut bus = bus(&format!("tcp:{}", listener.local_addr().unwrap()), "");
+    let tries = async {
+        let mut tries = 0;
+        while timeout(Duration::from_secs(60), listener.accept()).await.is_ok() && tries < 1_000 {
+            tries += 1;
+        }
+        tries
+    };
+    let bounded = async {
+        let mut batch = Batch::default();
+        let _ = timeout(Duration::from_secs(60), async {
+            loop {
+                bus.next(&mut batch).await.unwrap()
+            }
+        })
+        .await;
+    };
+    let tries = tokio::join!(tries, bounded).0;
+    assert!((5..=25).contains(&tries), "{tries} in a minute");
+}
+
+#[test]
+fn where_a_gauge_is_is_a_device_or_a_host_with_a_port() {
+    for (text, shown) in [("/dev/ttyACM0", "/dev/ttyACM0"), ("tcp:10.0.0.2:4001", "tcp:10.0.0.2:4001")] {
+        assert_eq!(At::new(text).unwrap().to_string(), shown);
+    }
+    for text in ["", "ttyACM0", "tcp:", "tcp:host", "tcp::4001", "tcp:host:70000", "COM3"] {
+        assert!(At::new(text).unwrap_err().contains("/dev/ttyACM0"), "{text}");
+    }
+}
