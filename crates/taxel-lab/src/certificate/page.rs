@@ -13,7 +13,8 @@ const NOT_MEASURED: &str = "SIMULATED OR REPLAYED. No skin was measured for this
 /// Field of the certificate, heading, the fields of it that are shown, in this order, and what is said to them.
 type Part = (&'static str, &'static str, &'static str, &'static str);
 
-const PARTS: [Part; 14] = [
+const PARTS: [Part; 15] = [
+    ("verdict", "Verdict", "", ""),
     (
         "expanded",
         "Expanded uncertainty of a pressure",
