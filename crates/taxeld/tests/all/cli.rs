@@ -296,6 +296,23 @@ fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
 }
 
 #[test]
+fn alone_it_says_in_five_lines_where_to_begin_and_its_help_has_the_commands_in_groups() {
+    let alone = Command::new(env!("CARGO_BIN_EXE_taxeld")).output().unwrap();
+    let said = text(&alone.stderr);
+    assert!(alone.status.code() == Some(2) && said.lines().count() == 5 && said.contains("taxeld demo"), "{said}");
+    let help = succeeds(&["--help"]);
+    assert!(help.contains("\nCalibrate:\n  calibrate ") && help.contains("\nLook:\n  watch "), "{help}");
+}
+
+#[test]
+fn a_failure_names_the_command_that_helps() {
+    let said = fails(&["health", "--server", "127.0.0.1:1"]);
+    let mut lines = said.lines();
+    assert!(lines.next().unwrap().starts_with("taxeld: no daemon answers at http://127.0.0.1:1"), "{said}");
+    assert!(lines.next().unwrap().starts_with("help: taxeld run --config FILE"), "{said}");
+}
+
+#[test]
 fn completions_and_manual_pages_come_from_the_command_line_itself() {
     for shell in ["bash", "zsh", "fish"] {
         assert!(succeeds(&["completions", shell]).contains("calibrate"), "{shell}");

@@ -153,25 +153,25 @@ async fn take_up(daemon: &Daemon, session: Session) -> Outcome<Session> {
 fn failed(session: &Session) -> Failure {
     let (number, state) = (session.session, session_word(session.state()));
     let kept = session.accepted;
-    Failure::refused(format!(
-        "session {number} is {state}: {}; its {kept} scans are kept: `taxeld calibrate --session {number}` adds another ramp",
-        session.reason
-    ))
+    let why = format!("session {number} is {state}: {}; its {kept} scans are kept", session.reason);
+    Failure::refused(why).help(format!("taxeld calibrate --session {number}   # adds another ramp"))
 }
 
 /// The review, and what the operator makes of it.
 async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
     let candidate = Candidate::of(&course.daemon, &course.session.model_set).await?;
+    let details = || print_set(&candidate.set, &course.screen.places);
     if !args.json {
-        print_set(&candidate.set, &course.screen.places);
-        say!("  {}", candidate.usable());
+        if !course.asks {
+            details();
+        }
+        candidate.print_verdict();
     }
     if candidate.summary.calibrated == 0 {
         return Err(Failure::refused(format!("not one of {} taxels got a usable model", candidate.summary.taxels)));
     }
-    // Enter is no where most of the skin would be lost.
-    if !(args.yes || course.asks && ask::yes("Activate it?", !candidate.is_much_less()).await?) {
-        course.screen.tell(&format!("not in use yet: taxeld models use {}", candidate.summary.model_set));
+    if !(args.yes || course.asks && ask::yes_or_details("Use it?", candidate.is_good(), details).await?) {
+        course.screen.tell(&format!("not in use yet; help: taxeld models use {}", candidate.summary.model_set));
         return Ok(());
     }
     let answer = candidate.activate(&course.daemon).await?;
