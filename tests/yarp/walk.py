@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The README's lines for a robot whose skin is on ports of YARP, as they stand there, with a real YARP.
+"""The lines of your-skin.md for a robot whose skin is on ports of YARP, as they stand there, with a real YARP.
 
     tests/yarp/walk.py TAXELD BRIDGE SCRATCH PROGRAMS      (PROGRAMS: what tests/yarp/build prints)
 
@@ -36,7 +36,7 @@ LOADED, LOAD_KPA = (2, 3), 12.0
 
 def readme_lines():
     """The commands of the block that begins with `taxeld scan --yarp`, without their comments."""
-    text = (HERE.parent.parent / "README.md").read_text()
+    text = (HERE.parent.parent / "crates/taxeld/doc/your-skin.md").read_text()
     block = text[text.index("    taxeld scan --yarp") :].split("\n\n")[0]
     lines = [re.sub(r"\s+# .*$", "", line[4:]) for line in block.splitlines()]
     assert len(lines) == 6, lines

@@ -32,7 +32,7 @@ impl Service {
         let views = numbers.iter().map(|number| self.session(*number)).collect::<Result<Vec<_>, _>>()?;
         if let Some(view) = views.iter().find(|view| view.state == SessionState::Discarded) {
             let words = format!(
-                "session {} was laid aside: no models are made of its samples; export them to look at them",
+                "session {} was discarded: no models are made of its samples; export them to look at them",
                 view.number
             );
             return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, words).into());

@@ -131,7 +131,7 @@ fn main() -> ExitCode {
     let is_daemon = matches!(cli.command, Subcommands::Run { .. });
     let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {
-        Subcommands::Client(command) => return client::run(command),
+        Subcommands::Client(command) => return client::run(command, matches.subcommand_name().unwrap_or_default()),
         command => dispatch(command),
     };
     match done {

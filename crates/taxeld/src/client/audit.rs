@@ -15,7 +15,7 @@ use super::table;
 pub struct AuditArgs {
     #[command(flatten)]
     server: Server,
-    /// At most so many entries, the newest.
+    /// Entries to show, the newest.
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1000))]
     last: u32,
 }

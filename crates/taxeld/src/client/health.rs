@@ -51,13 +51,13 @@ fn troubles(health: &Health) -> Vec<String> {
     }));
     let lost = health.patches.iter().filter_map(|patch| patch.tare.as_ref()).filter(|tare| !tare.valid);
     wrong.extend(lost.map(|tare| format!("{}: the zero is invalid: {}", tare.patch, tare.reason)));
-    let without = health.patches.iter().filter(|patch| !patch.no_force.is_empty() && holds(patch));
+    let without = health.patches.iter().filter(|patch| !patch.no_force.is_empty() && is_valid(patch));
     wrong.extend(without.map(|patch| format!("{}: no force: {}", patch.patch, patch.no_force)));
     wrong
 }
 
-/// Whether the zero holds: if not, that is what keeps the force away.
-fn holds(patch: &PatchHealth) -> bool {
+/// Whether the zero is valid: if not, that is what keeps the force away.
+fn is_valid(patch: &PatchHealth) -> bool {
     patch.tare.as_ref().is_none_or(|tare| tare.valid)
 }
 

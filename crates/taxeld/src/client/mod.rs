@@ -68,9 +68,8 @@ pub enum ClientCommand {
     Events(events::EventsArgs),
 }
 
-/// Runs a command and gives the programme's exit code; what went wrong is said on standard error.
-pub fn run(command: ClientCommand) -> ExitCode {
-    let name = command.name();
+/// Runs a command, which is typed as `name`, and gives the programme's exit code; what went wrong is said on standard error.
+pub fn run(command: ClientCommand, name: &str) -> ExitCode {
     let outcome = match crate::runtime::runtime() {
         Ok(runtime) => runtime.block_on(one(command)),
         Err(error) => Err(Failure::from(error)),
@@ -81,26 +80,6 @@ pub fn run(command: ClientCommand) -> ExitCode {
             crate::say::failure(&failure.to_string());
             failure.help_for(name).into_iter().for_each(|help| crate::say::error_line(format_args!("help: {help}")));
             failure.exit_code()
-        }
-    }
-}
-
-impl ClientCommand {
-    /// As it is typed.
-    const fn name(&self) -> &'static str {
-        match self {
-            Self::Calibrate(_) => "calibrate",
-            Self::Watch(_) => "watch",
-            Self::Rate(_) => "rate",
-            Self::Tare(_) => "tare",
-            Self::BringUp(_) => "bring-up",
-            Self::Load(_) => "load",
-            Self::Recalibrate(_) => "recalibrate",
-            Self::Health(_) => "health",
-            Self::Models(_) => "models",
-            Self::Sessions(_) => "sessions",
-            Self::Audit(_) => "audit",
-            Self::Events(_) => "events",
         }
     }
 }

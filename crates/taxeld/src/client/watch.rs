@@ -31,19 +31,19 @@ pub struct WatchArgs {
     /// A line of JSON (message ForceSample) a sample.
     #[arg(long)]
     json: bool,
-    /// Wait for one good force, at most so many seconds as --within says, print it and end.
+    /// Wait for one good force, print it and end; --within limits the wait.
     #[arg(long)]
     once: bool,
     /// With --once: how long to wait for a good force.
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::values::parse_seconds, requires = "once")]
     within: f64,
-    /// With --once or --count: print only the number, and only of good forces.
+    /// With --once or --count: print only the number, and only if it is valid.
     #[arg(long, requires = "end", conflicts_with = "json")]
     quiet: bool,
     /// What the uncertainty of the newest force is made of, greatest first.
     #[arg(long, conflicts_with_all = ["rate", "json", "quiet", "once", "count"])]
     budget: bool,
-    /// End after so many samples.
+    /// End after this many samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
 }

@@ -330,7 +330,7 @@ fn a_log_that_is_too_short_not_understood_or_not_there_is_told() {
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &still)]);
     let said =
         fails(&["replay", &path(folder.path(), "t.log"), "--config", &path(folder.path(), "t.toml"), "--calibrate"]);
-    let why = "the log ended while the calibration was TARING: waiting for rest: the gauge has been heard for less than a second";
+    let why = "the log ended while the calibration was TARING: waiting for an unloaded skin: the gauge has been heard for less than a second";
     assert!(said.contains(why), "{said}");
     // The last one comes at the end of all time that can be told.
     let foreign = "(1600000000.000000) can0 123#00\n(1600000000.1) can0 123#01\n(9223372036.854775) can0 123#02\n";

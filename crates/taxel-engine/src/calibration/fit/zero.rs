@@ -177,11 +177,14 @@ impl fmt::Display for Zero {
         match self {
             Self::Calibration => write!(f, "not tared, as asked: the zero is that of the calibration"),
             Self::NotAtRest(verdict) => {
-                write!(f, "not tared, the zero is that of the calibration: rest is not proven; {verdict}")
+                write!(
+                    f,
+                    "not tared, the zero is that of the calibration: the beginning is not shown to be unloaded; {verdict}"
+                )
             }
             Self::Lifted { lift, after_s } => write!(
                 f,
-                "not tared, the zero is that of the calibration: the beginning is not at rest; {lift} {after_s:.1} s \
+                "not tared, the zero is that of the calibration: the beginning is not unloaded; {lift} {after_s:.1} s \
                  later"
             ),
             Self::Tared { window_s, proof, moved } => {

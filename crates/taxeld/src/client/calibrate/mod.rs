@@ -23,7 +23,7 @@ use screen::Screen;
 ///
 /// A session that is under way is taken up again. Ctrl-C asks whether to end the ramp, to abort, or to leave it to the daemon. Several patches
 /// in one bag are calibrated by one ramp: one `taxeld calibrate --patch NAME` for each, in terminals of their own; pump when
-/// all of them say so.
+/// all of them wait for it.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12"
@@ -40,7 +40,7 @@ pub struct CalibrateArgs {
     /// Pressure at which the rise ends, in kPa [default: as the daemon is configured].
     #[arg(long, value_name = "KPA")]
     target: Option<f64>,
-    /// Your name, as the one who confirms that nothing touches the skin: the zero is then taken without proof in the counts.
+    /// Your name, as the one who confirms that nothing touches the skin: the zero is then taken whatever the counts say.
     #[arg(long, value_name = "NAME", default_value = "")]
     confirmed_by: String,
     /// A module to do without, because it is silent or broken; may be given several times.
@@ -116,7 +116,7 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: boo
         leave_out: args.leave_out.clone(),
     };
     let session = daemon.calibration().start_session(request).await?.into_inner();
-    session.look.iter().for_each(|line| screen.tell(&format!("look: {line}")));
+    session.look.iter().for_each(|line| screen.tell(&format!("check: {line}")));
     Ok(session)
 }
 
