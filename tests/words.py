@@ -17,7 +17,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 # What is not said (a regular expression), and what is.
 WORDS = {
-    r"vouch\w*|gives? (?:one's|his|her|its) word|say so with": "confirm",
+    r"vouch\w*|gives? (?:one's|his|her|its) word|say so with|(?:operator|somebody|nobody)'s word": "confirm",
     r"whoever|whosoever": "the operator, a client, a reader: as the thing is",
     r"unfelt|unseen|detection floor": "undetected",
     r"residues?": "hysteresis, creep",

@@ -61,7 +61,7 @@ function check(signal) {
     const silent = boards.filter((b) => (b.modulesFresh ?? 0) < (b.modulesEnabled ?? 0));
     const faulty = patch?.faulty?.length ?? 0;
     put(list, [
-      [state.skin?.hasGauge, state.skin?.hasGauge ? ["the gauge reads ", gauge(patch)] : "a pressure gauge is configured"],
+      [patch?.hasGauge === true, patch?.hasGauge ? ["the gauge reads ", gauge(patch)] : "a pressure gauge is configured"],
       [(found.buses ?? []).every((bus) => bus.up), "every bus is up"],
       [!silent.length, silent.length ? `silent modules on board ${silent.map((b) => b.address).join(", ")}` : "every module sends"],
       [faulty === 0 ? true : null, faulty ? `${faulty} taxels have a fault and will get no model` : "no taxel has a fault"],

@@ -191,7 +191,7 @@ impl fmt::Display for Zero {
                 let without = moved.iter().filter(|m| !m.is_finite()).count();
                 match proof {
                     Some(proof) => write!(f, "tared from the first {window_s} s: {proof}; nothing later is lighter")?,
-                    None => write!(f, "tared from the first {window_s} s on the operator's word")?,
+                    None => write!(f, "tared from the first {window_s} s, confirmed by the operator")?,
                 }
                 write!(f, "; {without} of {} taxels have no zero of their own there", moved.len())
             }
