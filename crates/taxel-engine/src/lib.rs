@@ -51,6 +51,7 @@ mod scan;
 #[cfg(feature = "stability")]
 pub mod stability;
 pub mod statistics;
+pub mod verdict;
 pub mod zero;
 
 pub use boundary::catalogue::Restored;

@@ -13,7 +13,7 @@ use crate::io;
 use crate::recording::Recording;
 use crate::soundness::{Purpose, check};
 
-/// Counts that are all so many calibrated widths away are of another scale.
+/// Counts that are all this many calibrated widths away are of another scale.
 const FAR_WIDTHS: f64 = 1.0;
 
 /// Turns the counts of a recording into pressures.
@@ -30,8 +30,8 @@ pub struct ApplyArgs {
     /// Where the pressures go: `t_s,p0,p1,...` in kPa, an empty cell where a taxel is excluded.
     #[arg(long, value_name = "PRESSURE.csv")]
     out: PathBuf,
-    /// The zero: `auto` tares from the first two seconds if they are proven to be at rest, `none` leaves the zero of the
-    /// calibration, a number tares from so many first seconds, which you say are unloaded.
+    /// The zero: `auto` tares from the first two seconds if they are unloaded, `none` leaves the zero of the
+    /// calibration, a number tares from the first seconds, which you say are unloaded.
     #[arg(long, value_name = "auto|none|SECONDS", default_value = "auto", value_parser = parse_tare)]
     tare: Tare,
     /// Seconds over which counts are averaged, as many before as after; 0 is not at all [default: as fitted, 0.5].

@@ -62,13 +62,13 @@ fn print(earlier: &ModelSet, later: &ModelSet) {
     say!("{} against {}, patch {}:", later.id, earlier.id, later.patch);
     let over = |of: fn(&TaxelComparison) -> Option<f64>| spread(compared.taxels.iter().filter_map(of).collect());
     if let Some((low, median, high)) = over(change_percent) {
-        say!("  pressure at equal counts from rest: median {median:+.1} %, {low:+.1} % to {high:+.1} %");
+        say!("  pressure at equal counts from the zero: median {median:+.1} %, {low:+.1} % to {high:+.1} %");
     }
     if let Some((_, median, worst)) = over(|taxel| taxel.rms_kpa) {
         say!("  difference: median {median:.2} kPa, at worst {worst:.2} kPa (root mean square of a taxel)");
     }
     if let Some((low, median, high)) = over(|taxel| taxel.rest_counts) {
-        say!("  counts at rest moved: median {median:+.2}, {low:+.2} to {high:+.2}");
+        say!("  unloaded counts moved: median {median:+.2}, {low:+.2} to {high:+.2}");
     }
     let far = |taxel: &&TaxelComparison| change_percent(taxel).is_some_and(|change| change.abs() > NAMED_PERCENT);
     let far: Vec<u32> = compared.taxels.iter().filter(far).map(|taxel| taxel.taxel).collect();

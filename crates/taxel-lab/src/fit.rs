@@ -58,14 +58,14 @@ pub struct FitArgs {
     /// Neighbouring columns that form a module (a triangle) [default: 10].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     module_size: Option<u16>,
-    /// Look for a clock of the gauge's own, late by at most so many seconds and fast or slow by up to 2 %, and use it
+    /// Look for a clock of the gauge's own, late by at most this many seconds and fast or slow by up to 2 %, and use it
     /// where it wins on a stretch that it was not found on; 0 is not at all [default: 8].
     #[arg(long, value_name = "S", value_parser = parse_number)]
     max_clock: Option<f64>,
     /// What the gauge reads in the first two seconds is its own error where nothing moves then: take it off, up to 10 kPa.
     #[arg(long)]
     gauge_zero: bool,
-    /// Exclude taxels that move by less than so many counts, as the paper does; 0 is off.
+    /// Exclude taxels that move by less than this many counts, as the paper does; 0 is off.
     #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_number)]
     min_swing: f64,
     /// Name of the patch that the models are for [default: that of the session, else the name of the file].

@@ -25,6 +25,7 @@ pub(crate) const FILES: &[(&str, &str, &[u8])] = files! {
     "/unroll.js", "unroll.js", SCRIPT;
     "/skin.js", "skin.js", SCRIPT;
     "/chart.js", "chart.js", SCRIPT;
+    "/ticks.js", "ticks.js", SCRIPT;
     "/taxel.js", "taxel.js", SCRIPT;
     "/live.js", "live.js", SCRIPT;
     "/calibrate.js", "calibrate.js", SCRIPT;

@@ -143,7 +143,7 @@ fn buses(sheet: &mut Sheet, buses: &[v1::BusHealth], runs: bool) {
     };
     counter("bus_frames", "Frames that were understood", |bus| bus.frames);
     counter("bus_foreign_frames", "Frames that concern nobody here", |bus| bus.foreign);
-    counter("bus_malformed_frames", "Frames of this scene with a content that cannot be", |bus| bus.malformed);
+    counter("bus_malformed_frames", "Frames of this configuration with a content that cannot be", |bus| bus.malformed);
     counter("bus_dropped_frames", "Frames that the kernel lost", |bus| bus.dropped);
 }
 
@@ -155,7 +155,7 @@ fn boards(sheet: &mut Sheet, boards: &[v1::BoardHealth], runs: bool) {
         let now = boards.iter().filter(|_| runs);
         sheet.gauge(name, help, now.filter_map(|board| Some((labels(board), value(board)?))));
     };
-    gauge("board_verified", "Whether its bring-up is proven", |board| Some(flag(board.bring_up == "verified")));
+    gauge("board_verified", "Whether its configuration is verified", |board| Some(flag(board.bring_up == "verified")));
     gauge("board_modules_enabled", "Modules that are enabled", |board| Some(board.modules_enabled.into()));
     gauge("board_modules_fresh", "Enabled modules that send", |board| Some(board.modules_fresh.into()));
     gauge("board_temperature_celsius", "Temperature, where the board sends one", |board| board.celsius);

@@ -5,9 +5,10 @@ const REOPEN_MS = 1000;
 
 /** A refusal, with the service's own words. */
 export class Refusal extends Error {
-  constructor(code, message) {
+  constructor(code, message, reason = "") {
     super(message);
     this.code = code;
+    this.reason = reason;
   }
 }
 
@@ -32,9 +33,21 @@ export async function call(method, request = {}, within = undefined) {
   }
   const body = await answer.json().catch(() => ({}));
   if (!answer.ok) {
-    throw new Refusal(body.code ?? "UNKNOWN", body.message ?? `HTTP status ${answer.status}`);
+    throw new Refusal(body.code ?? "UNKNOWN", body.message ?? `HTTP status ${answer.status}`, body.reason);
   }
   return body;
+}
+
+/** All messages of a stream that ends by itself. */
+export function all(method, fields = {}) {
+  return new Promise((resolve, reject) => {
+    const found = [];
+    const close = streams([{ method, fields, message: (message) => found.push(message) }], (end) => {
+      close();
+      if (end.code === "OK") resolve(found);
+      else reject(new Refusal(end.code, end.message));
+    });
+  });
 }
 
 /**

@@ -2,6 +2,9 @@
 
 import { call, health } from "./api.js";
 import { button, doing, el, facts, median, num, percent, put, sure, table, word } from "./dom.js";
+import { Chart } from "./chart.js";
+import { gauge } from "./health.js";
+import { tareButton } from "./live.js";
 import { SkinView } from "./skin.js";
 import { isOld, loadSkin, on, state, watch } from "./store.js";
 import { taxelCard } from "./taxel.js";
@@ -58,12 +61,12 @@ function check(signal) {
     const silent = boards.filter((b) => (b.modulesFresh ?? 0) < (b.modulesEnabled ?? 0));
     const faulty = patch?.faulty?.length ?? 0;
     put(list, [
-      [patch?.hasGauge || null, "a pressure gauge is configured, or its dial is typed"],
+      [patch?.hasGauge || null, patch?.hasGauge ? ["the gauge reads ", gauge(patch)] : "a pressure gauge is configured, or its dial is typed"],
       [(found.buses ?? []).every((bus) => bus.up), "every bus is up"],
       [!silent.length, silent.length ? `silent modules on board ${silent.map((b) => b.address).join(", ")}` : "every module sends"],
       [faulty === 0 ? true : null, faulty ? `${faulty} taxels have a fault and will get no model` : "no taxel has a fault"],
       [!(found.problems ?? []).length, (found.problems ?? []).join("; ") || "nothing else is wrong"],
-    ].map(([good, text]) => el("li", el("span", good ? "✓" : good === null ? "!" : "✗"), text)));
+    ].map(([good, text]) => el("li", el("span", good ? "✓" : good === null ? "!" : "✗"), el("span", text))));
   };
   look();
   const timer = setInterval(look, 2000);
@@ -71,14 +74,14 @@ function check(signal) {
   return el("div.cards",
     el("section.card", el("h2", "Is all as it should be?"), list),
     el("section.card", el("h2", "Begin"), begin(),
-      el("p.note", "The bag lies around the skin and is vented; nothing else touches the skin. The session watches skin and gauge at rest, takes the zero of both, and then waits for the pressure to rise.")));
+      el("p.note", "The bag lies around the skin and is vented. Nothing else touches the skin. The session takes the zero of skin and gauge, then waits for the pressure to rise.")));
 }
 
 function begin() {
   const target = el("input", { type: "number", min: "1", step: "any", placeholder: "as configured", name: "target" });
   const branches = el("select", el("option", { value: "BRANCHES_UNSPECIFIED" }, "as configured"),
     el("option", { value: "BRANCHES_RISING" }, "rising pressure"), el("option", { value: "BRANCHES_BOTH" }, "rising and falling"));
-  const by = el("input", { maxLength: 200, placeholder: "nobody: rest must be shown", name: "by" });
+  const by = el("input", { maxLength: 200, placeholder: "only if the daemon asks", name: "by" });
   const go = el("button.primary", { type: "submit", id: "start" }, "Start a session");
   const work = async () => {
     const request = { patch: state.patch, branches: branches.value, confirmedBy: by.value };
@@ -87,7 +90,7 @@ function begin() {
     show(await call("CalibrationService/StartSession", request));
   };
   return el("form.row", { onsubmit: doing(go, work) },
-    el("label", "Up to, kPa", target), el("label", "Branches", branches), el("label", "Vouched for by", by), go);
+    el("label", "Up to, kPa", target), el("label", "Branches", branches), el("label", "Unloaded, confirmed by", by), go);
 }
 
 const abort = () => button("Abort", async () => {
@@ -102,7 +105,7 @@ function found() {
 
 function taring() {
   return el("section.card", el("h2", "Hands off"),
-    el("p.advice.warn", "The skin is watched at rest for its zero. Do not touch it, leave the bag vented."), found(), el("div.row", abort()));
+    el("p.advice.warn", "The zero is being taken. Do not touch the skin, leave the bag vented."), found(), el("div.row", abort()));
 }
 
 /** What to do with the valve now, in a word. */
@@ -156,6 +159,11 @@ function ramping(signal) {
   const bar = el("div");
   const numbers = el("div");
   const skin = new SkinView(signal, { values: "counts", overlays: false });
+  const charts = [
+    new Chart(signal, "Pressure over time", pressureOverTime, { tall: true }),
+    new Chart(signal, "Counts of a few taxels over pressure", countsOverPressure, { tall: true }),
+  ];
+  on("taxels", () => charts.forEach((chart) => chart.soon()), signal);
   const advise = adviser();
   const update = () => {
     const s = state.session;
@@ -182,7 +190,46 @@ function ramping(signal) {
   const finish = button("End the ramp here", async () => show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_FINISH_RAMP" })), { id: "finish" });
   return el("div.live",
     el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, state.session.typed && dial(), el("div.bar", bar), numbers, found(), el("div.row", finish, abort())),
-    el("section.card", el("h2", "Which taxels respond: change of count"), skin.node));
+    el("div.stack",
+      el("section.card", el("h2", "Pressure over time: no steeper than the dashed line"), charts[0].node),
+      el("section.card", el("h2", "Change of count over pressure, of a few taxels"), charts[1].node),
+      el("section.card", el("h2", "Which taxels respond: change of count"), skin.node)));
+}
+
+/** The ramp so far, its target, and from the newest point on the steepest rise or fall that enters the fit. */
+function pressureOverTime() {
+  const { session: s, ramp } = state;
+  const begun = ramp?.at[0] ?? 0;
+  const points = (ramp?.at ?? []).map((at, i) => [at - begun, ramp.kpa[i]]);
+  const [t, kpa] = points.at(-1) ?? [0, s?.pressureKpa ?? 0];
+  const [slope, end] = s?.falling ? [-(s.fallMaxKpaPerS ?? 0), 0] : [s?.riseMaxKpaPerS ?? 0, s?.targetKpa ?? 70];
+  const ahead = slope ? Math.max(0, (end - kpa) / slope) : 0;
+  const target = s?.targetKpa ?? 70;
+  return {
+    x: [0, Math.max(20, t + ahead, t * 1.1)], y: [0, 1.1 * target], xLabel: "s", yLabel: "kPa",
+    layers: [
+      { kind: "level", y: target, text: `target ${num(target, 0)} kPa` },
+      { kind: "line", colour: "amber", dash: [5, 4], width: 1.5, points: [[t, kpa], [t + ahead, kpa + slope * ahead]] },
+      { kind: "line", points },
+    ],
+  };
+}
+
+/** Taxels whose curves are shown while they grow. */
+const SHOWN = 6;
+
+function countsOverPressure() {
+  const { ramp, selected } = state;
+  if (!ramp?.kpa.length) return null;
+  const taxels = ramp.counts[0].length;
+  const few = Array.from({ length: Math.min(SHOWN, taxels) }, (_, i) => Math.floor(((i + 0.5) * taxels) / SHOWN));
+  const change = (taxel) => ramp.kpa.map((kpa, i) => [kpa, ramp.counts[i][taxel] - ramp.counts[0][taxel]]);
+  const lines = few.map((taxel) => ({ kind: "line", colour: "soft", width: 1.2, points: change(taxel) }));
+  if (selected !== null) lines.push({ kind: "line", colour: "blue", width: 2.5, points: change(selected) });
+  const values = lines.flatMap(({ points }) => points.map(([, y]) => y));
+  return {
+    x: [0, 1.05 * (state.session?.targetKpa ?? 70)], y: [Math.min(0, ...values) - 1, Math.max(0, ...values) + 1], xLabel: "kPa", yLabel: "counts", layers: lines,
+  };
 }
 
 function refusedText(refused = {}) {
@@ -190,12 +237,13 @@ function refusedText(refused = {}) {
   return all.map(([name, n]) => `${n} ${name.replaceAll("_", " ")}`).join(", ") || "none";
 }
 
-/** Taxels without a usable model, by reason. */
-export function excludedTable(set) {
+/** Taxels without a usable model, by reason; pointed at, they are marked on the skin. */
+export function excludedTable(set, skin) {
   const reasons = new Map();
   for (const t of set.taxels ?? []) if (t.status !== "ok") reasons.set(t.status, [...(reasons.get(t.status) ?? []), t.taxel ?? 0]);
-  return table(["reason", "#taxels", "which"],
-    [...reasons].map(([reason, list]) => [reason.replaceAll("_", " "), list.length, el("td.wrap", list.slice(0, 30).join(", ") + (list.length > 30 ? " ..." : ""))]), "no taxel is excluded");
+  const row = ([reason, list]) => el("tr", { "data-taxels": list.join(" "), onpointerenter: () => skin?.mark(list), onpointerleave: () => skin?.mark(null) },
+    el("td", reason.replaceAll("_", " ")), el("td.n", list.length), el("td.wrap", list.slice(0, 30).join(", ") + (list.length > 30 ? " ..." : "")));
+  return table(["reason", "#taxels", "which"], [...reasons].map(row), "no taxel is excluded", false);
 }
 
 /** The figures of a set that tell it from another. */
@@ -211,28 +259,42 @@ export function figures(set) {
 /** Two sets side by side. */
 export function compared(one, other, names) {
   const [a, b] = [figures(one), figures(other)];
+  const judged = (set) => (set?.verdict ? (set.verdict.isGood ? "good" : "not good") : "–");
   const rows = [
+    ["verdict", judged(one), judged(other)],
     ["usable taxels", a.usable, other ? b.usable : "–"],
     ["up to, kPa", num(a.top, 1), num(b.top, 1)],
     ["residual, kPa (median)", num(a.rmse), num(b.rmse)],
     ["hysteresis, kPa (median)", num(a.hysteresis), num(b.hysteresis)],
     ["swing, counts (median)", num(a.swing, 1), num(b.swing, 1)],
-    ["count at rest (median)", num(a.baseline, 1), num(b.baseline, 1)],
-    ["noise at rest, counts (median)", num(a.noise), num(b.noise)],
+    ["unloaded count (median)", num(a.baseline, 1), num(b.baseline, 1)],
+    ["noise, counts (median)", num(a.noise), num(b.noise)],
     ["order (median)", num(a.order, 0), num(b.order, 0)],
   ];
-  return table(["", `#${names[0]}`, `#${names[1]}`], rows);
+  return table(["", `#${names[0]}`, `#${names[1]}`], rows, "", false);
+}
+
+/** Whether a calibration is good, in the daemon's words. */
+function verdictOf(set) {
+  const { isGood = false, lines = [] } = set.verdict ?? {};
+  const [first = "", ...others] = lines;
+  return [el(`p.advice.${isGood ? "ok" : "bad"}`, first.split(/[.:]/)[0]), el("p", first.replace(/^Good\. |^Not good: /, "")), others.map((line) => el("p.note", line))];
 }
 
 function review(signal) {
   const s = state.session;
   const figuresAt = el("div", el("p.note", "reading the models"));
-  const excluded = el("div");
+  const [told, excluded] = [el("div", { id: "verdict-of-set" }), el("div")];
+  const vent = el("p.advice.warn", { id: "vent" }, "Vent the bag now.");
+  const venting = () => { vent.hidden = !(state.session?.pressureKpa >= state.session?.ventedBelowKpa); };
+  on("session", venting, signal);
+  venting();
   const skin = new SkinView(signal, { values: "counts", overlays: false });
   Promise.all([call("ModelService/GetModelSet", { modelSet: s.modelSet }), state.skin.modelSet ? call("ModelService/GetModelSet", { modelSet: state.skin.modelSet }) : null])
     .then(([fresh, old]) => {
+      put(told, verdictOf(fresh));
       put(figuresAt, compared(fresh, old, ["new", "in use"]));
-      put(excluded, excludedTable(fresh));
+      put(excluded, excludedTable(fresh, skin));
       skin.excluded = new Set(fresh.taxels.filter((t) => t.status !== "ok").map((t) => t.taxel ?? 0));
     })
     .catch((error) => put(figuresAt, el("p", error.message)));
@@ -245,9 +307,9 @@ function review(signal) {
     if (await sure("Lay this session aside? Its models cannot be used any more; its samples are kept.", "Discard it")) show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_DISCARD" }));
   }, { kind: "danger", id: "discard" });
   return el("div.live",
-    el("section.card", el("h2", `Review of session ${s.session}`), figuresAt,
-      el("h3", "Excluded"), excluded, s.reason && el("p.note", s.reason),
-      el("div.row", use, more, drop), el("p.note", "Vent the bag now. Point at taxels to see their curves.")),
+    el("section.card", el("h2", `Review of session ${s.session}`), vent, told, el("div.row", use, more, drop), el("h3", "Figures"), figuresAt,
+      el("h3", "Excluded: point at a line to see where"), excluded, s.reason && el("p.note", s.reason),
+      el("p.note", "Point at taxels to see their curves.")),
     el("div.stack", el("section.card", el("h2", "The skin, and what is excluded by place"), skin.node), taxelCard(signal)));
 }
 
@@ -255,7 +317,7 @@ function finished(anew) {
   return el("section.card", el("h2", `Session ${state.session.session} is in use`),
     el("p", `Model set ${state.session.modelSet}. When the bag is vented and off, take a new zero, then lay known masses on the skin.`),
     el("div.row",
-      button("Tare", () => call("SkinService/Tare", { patch: state.patch }), { id: "tare", kind: "primary", done: (zero) => `zero taken: ${zero.reason ?? ""}` }),
+      tareButton(),
       el("a.button", { href: "#validate" }, "Weigh masses"), button("Calibrate again", async () => anew(), { id: "again" })));
 }
 

@@ -3,16 +3,7 @@
 import { el } from "./dom.js";
 import { on } from "./store.js";
 import { colours, sharp } from "./skin.js";
-
-/** Round numbers from `low` to `high`, about so many. */
-export function ticks(low, high, about = 5) {
-  const raw = (high - low) / about || 1;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= raw);
-  const list = [];
-  for (let v = Math.ceil(low / step) * step; v <= high + step * 1e-9; v += step) list.push(Math.abs(v) < step * 1e-9 ? 0 : v);
-  return list;
-}
+import { ticks } from "./ticks.js";
 
 const short = (value) => Number(value.toPrecision(4)).toString();
 
@@ -26,6 +17,9 @@ export class Chart {
     const observer = new ResizeObserver(() => this.soon());
     observer.observe(this.node);
     signal.addEventListener("abort", () => observer.disconnect());
+    const point = (x) => () => { this.pointer = x; this.soon(); };
+    this.node.addEventListener("pointermove", (event) => point(event.offsetX)());
+    this.node.addEventListener("pointerleave", point(null));
   }
 
   soon() {
@@ -49,7 +43,21 @@ export class Chart {
     g.rect(left, top - 4, width - left - right + 4, height - top - bottom + 8);
     g.clip();
     for (const layer of what.layers) this[layer.kind](g, tint, layer, { top, foot: height - bottom });
+    if (what.nearest && this.pointer) this.reading(g, tint, what.nearest(x0 + ((this.pointer - left) / (width - left - right)) * (x1 - x0)), { top, foot: height - bottom, right: width - right });
     g.restore();
+  }
+
+  /** The value under the pointer: `{ x, text }`. */
+  reading(g, tint, found, { top, foot, right }) {
+    if (!found) return;
+    const x = this.px(found.x);
+    g.strokeStyle = g.fillStyle = tint.ink;
+    g.lineWidth = 1;
+    g.beginPath(); g.moveTo(x, top); g.lineTo(x, foot); g.stroke();
+    g.font = "600 12px system-ui, sans-serif";
+    g.textBaseline = "top";
+    g.textAlign = x + g.measureText(found.text).width + 8 > right ? "right" : "left";
+    g.fillText(found.text, x + (g.textAlign === "right" ? -5 : 5), top);
   }
 
   axes(g, tint, what, { width, height, left, right, top, bottom }) {
@@ -116,6 +124,18 @@ export class Chart {
       if (low !== undefined) { g.beginPath(); g.moveTo(this.px(x), this.py(low)); g.lineTo(this.px(x), this.py(high)); g.stroke(); }
       g.beginPath(); g.arc(this.px(x), this.py(y), size, 0, 2 * Math.PI); g.fill();
     }
+  }
+
+  /** A dashed line across at `y`, with what it is. */
+  level(g, tint, { y, text, colour = "blue" }) {
+    g.strokeStyle = g.fillStyle = tint[colour];
+    g.lineWidth = 1.5;
+    g.setLineDash([6, 4]);
+    g.beginPath(); g.moveTo(0, this.py(y)); g.lineTo(this.node.clientWidth, this.py(y)); g.stroke();
+    g.setLineDash([]);
+    g.textAlign = "left";
+    g.textBaseline = "bottom";
+    g.fillText(text, 50, this.py(y) - 2);
   }
 
   /** Hatched stretches from x to x: there was nothing that could be shown. */

@@ -46,14 +46,18 @@ export function median(values) {
 export const facts = (pairs) =>
   el("dl", pairs.filter((pair) => pair && pair[1] !== undefined).map(([name, value]) => [el("dt", name), el("dd", value)]));
 
-/** A table: heads begin with `#` where the column holds numbers. */
-export function table(heads, rows, empty = "nothing yet") {
+/** A table: heads begin with `#` where the column holds numbers. On a phone each row becomes a block, unless `folds` is false. */
+export function table(heads, rows, empty = "nothing yet", folds = true) {
   if (!rows.length) return el("p.note", empty);
   const numeric = heads.map((head) => head.startsWith("#"));
-  const cell = (tag, content, i) => (content instanceof Node && content.nodeName === tag.toUpperCase() ? content : el(numeric[i] ? `${tag}.n` : tag, content));
-  return el("div.scroll", el("table",
+  const cell = (tag, content, i) => {
+    const node = content instanceof Node && content.nodeName === tag.toUpperCase() ? content : el(numeric[i] ? `${tag}.n` : tag, content);
+    node.dataset.head = heads[i].replace("#", "");
+    return node;
+  };
+  return el("div.scroll", el(folds ? "table.folds" : "table",
     el("thead", el("tr", heads.map((head, i) => cell("th", head.replace("#", ""), i)))),
-    el("tbody", rows.map((row) => el("tr", row.map((content, i) => cell("td", content, i)))))));
+    el("tbody", rows.map((row) => (row instanceof Node ? row : el("tr", row.map((content, i) => cell("td", content, i))))))));
 }
 
 /** Tells something for a while; what went wrong stays until it is clicked away. */
@@ -88,14 +92,34 @@ export function button(text, work, { kind = "", done, ...props } = {}) {
   return node;
 }
 
-/** Asks before something is lost. Gives whether it is wanted. */
-export function sure(question, yes) {
+/** A question with fields and two buttons; gives what `answer()` says, or nothing if it was cancelled. */
+function dialogue(content, yes, kind, answer) {
   return new Promise((resolve) => {
-    const end = (answer) => () => { dialog.close(); dialog.remove(); resolve(answer); };
-    const dialog = el("dialog", el("p", question), el("div.row",
-      el("button.danger", { id: "sure", onclick: end(true) }, yes), el("button", { onclick: end(false) }, "Cancel")));
-    dialog.addEventListener("cancel", end(false));
+    const end = (given) => { dialog.close(); dialog.remove(); resolve(given); };
+    const go = el(`button.${kind}`, { id: "sure", type: "submit" }, yes);
+    const form = el("form", { onsubmit: (event) => { event.preventDefault(); end(answer()); } }, content,
+      el("div.row", go, el("button", { type: "button", onclick: () => end() }, "Cancel")));
+    const dialog = el("dialog", form);
+    dialog.addEventListener("cancel", () => end());
     document.body.append(dialog);
     dialog.showModal();
   });
+}
+
+/** Asks before something is lost. Gives whether it is wanted. */
+export const sure = async (question, yes) => Boolean(await dialogue(el("p", question), yes, "danger", () => true));
+
+/** Asks who confirms that nothing touches the skin, after a refusal. Gives the name, or nothing. */
+export function whoConfirms(refused) {
+  const name = el("input", { required: true, maxLength: 200, id: "confirmed-by" });
+  const content = [el("p", refused), el("p", "If nothing touches the skin, confirm it with your name. It is kept in the audit log."), el("label", "Your name", name)];
+  return dialogue(content, "Confirm: nothing touches the skin", "primary", () => name.value);
+}
+
+/** Saves a text as a file. */
+export function download(name, text, type = "application/json") {
+  const link = el("a", { download: name });
+  link.href = URL.createObjectURL(new Blob([text], { type }));
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

@@ -1,19 +1,29 @@
-// Health: buses, boards, zeros, faults.
+// Health: buses, boards, gauge, zeros, faults, and what happened.
 
-import { call, health as askHealth } from "./api.js";
-import { button, el, facts, num, put, sure, table, when } from "./dom.js";
-import { tareButton } from "./live.js";
+import { all, health as askHealth } from "./api.js";
+import { button, el, facts, num, put, sure, table, toast, when } from "./dom.js";
+import { tareButton, unloaded } from "./live.js";
 import { state } from "./store.js";
 
 /** How often it is asked for, in ms. */
 const EVERY_MS = 1000;
 
+/** Events that are shown, the newest. */
+const EVENTS_MAX = 50;
+
+/** A gauge whose last reading is older is silent, in s. */
+const GAUGE_SILENT_S = 2;
+
 export function health(signal) {
   const body = el("div.stack");
-  const by = el("input", { maxLength: 200, placeholder: "nobody: the counts must show it", name: "by" });
-  const actions = el("div.row", el("label", "Nothing touches the skin, says", by), tareButton(() => by.value), button("Configure the boards again", async () => {
-    const request = { patch: state.patch, confirmedBy: by.value };
-    if (await sure("Configure the boards again? The zero is lost by it.", "Configure them")) await call("SkinService/BringUp", request);
+  const happened = el("div");
+  const tell = async () => {
+    const events = (await all("SkinService/WatchEvents", { patch: state.patch })).slice(-EVENTS_MAX).reverse();
+    if (signal.aborted) return;
+    put(happened, table(["when", "what", "why"], events.map((one) => [when(one.time), one.kind, el("td.wrap", one.text ?? "")]), "nothing since the daemon started"));
+  };
+  const actions = el("div.row", tareButton(), button("Configure the boards again", async () => {
+    if (await sure("Configure the boards again? The zero is lost by it.", "Configure them") && await unloaded("SkinService/BringUp")) toast("the boards are being configured");
   }, { kind: "danger", id: "bring-up" }));
   const update = async () => {
     try {
@@ -24,38 +34,49 @@ export function health(signal) {
     }
   };
   update();
+  tell().catch((error) => toast(error.message, "bad"));
   const timer = setInterval(update, EVERY_MS);
   signal.addEventListener("abort", () => clearInterval(timer));
-  return el("div.stack", el("section.card", el("h2", "Patch"), actions), body);
+  return el("div.stack", el("section.card", el("h2", "Patch"), actions), body,
+    el("section.card", el("div.row.between", el("h2", "Events, the newest first"), button("Look again", tell)), happened));
 }
 
 function shown(now) {
   const problems = now.problems ?? [];
   const first = el("section.card", el("h2", "Problems"), problems.length ? el("ul.reasons", problems.map((text) => el("li", text))) : el("p.note", "none"),
       el("p.note", `${now.streams ?? 0} of ${now.streamsMax ?? 0} streams are in use, this page's among them.`));
-  // What an engine that stands still said last is nothing that is so now.
+  // What an engine that stands still said last may not be so now.
   if (now.engineStalledS !== undefined) return [first, el("section.card.noforce", el("p", "Buses, boards and zeros are not known: the engine does not run."))];
   return [
     first,
+    el("div.cards", (now.patches ?? []).map(patch)),
+    el("section.card", el("h2", "Boards"), table(["patch", "#bus", "#board", "state", "#modules that send", "#scans", "#orphans", "#°C", "firmware", "warnings"],
+      (now.boards ?? []).map((b) => [b.patch, b.bus ?? 0, b.address, el("td.wrap", b.bringUp), `${b.modulesFresh ?? 0} of ${b.modulesEnabled ?? 0}`, b.scans ?? 0, b.orphans ?? 0, b.celsius === undefined ? "" : num(b.celsius, 1), b.firmware ?? "",
+        el("td.wrap", (b.warnings ?? []).join("; "))]))),
     el("section.card", el("h2", "Buses"), table(["#bus", "state", "#frames", "#foreign", "#malformed", "#lost", "problem"],
       (now.buses ?? []).map((bus) => [bus.bus ?? 0, el(`span.pill.${bus.up ? "ok" : "bad"}`, bus.up ? "up" : "down"), bus.frames ?? 0, bus.foreign ?? 0, bus.malformed ?? 0, bus.dropped ?? 0,
         el("td.wrap", [bus.problem, bus.lastMalformed].filter(Boolean).join("; "))]))),
-    el("section.card", el("h2", "Boards"), table(["patch", "#bus", "#address", "bring-up", "#modules", "#scans", "#orphans", "#°C", "firmware", "warnings"],
-      (now.boards ?? []).map((b) => [b.patch, b.bus ?? 0, b.address, el("td.wrap", b.bringUp), `${b.modulesFresh ?? 0} of ${b.modulesEnabled ?? 0}`, b.scans ?? 0, b.orphans ?? 0, num(b.celsius, 1), b.firmware ?? "",
-        el("td.wrap", (b.warnings ?? []).join("; "))]))),
-    el("div.cards", (now.patches ?? []).map(patch)),
   ];
+}
+
+/** The gauge's newest reading as a pill; nothing where none is configured. */
+export function gauge(one) {
+  if (!one?.hasGauge) return undefined;
+  if (one.gaugeKpa === undefined || one.gaugeAgeS > GAUGE_SILENT_S) return el("span.pill.bad", "silent");
+  return el("span.pill.ok", `${num(one.gaugeKpa)} kPa`);
 }
 
 function patch(one) {
   const tare = one.tare ?? {};
   const faulty = one.faulty ?? [];
   return el("section.card", el("h2", one.patch),
+    one.noForce && el("p.advice.bad", one.noForce),
     facts([
-      ["zero", el(`span.pill.${tare.valid ? "ok" : "bad"}`, tare.valid ? "valid" : "not valid")],
+      ["zero", el(`span.pill.${tare.valid ? "ok" : "bad"}`, tare.valid ? "valid" : "invalid")],
       ["taken", when(tare.time)],
       ["because", tare.reason],
-      ["count at rest", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
+      ["gauge", gauge(one)],
+      ["unloaded count", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
       ["drift followed", `${num(tare.driftMedianCounts ?? 0)} counts`],
     ]),
     el("h3", "Faulty taxels"),

@@ -2,9 +2,9 @@
 
 import { call } from "./api.js";
 import { Chart } from "./chart.js";
-import { button, el, facts, num, percent, put } from "./dom.js";
+import { button, el, facts, num, put, toast, whoConfirms } from "./dom.js";
 import { SkinView } from "./skin.js";
-import { age, on, state, verdict } from "./store.js";
+import { COURSE_S, age, on, state, verdict } from "./store.js";
 import { taxelCard } from "./taxel.js";
 
 /** How often the force is judged and written anew, in ms: also when nothing comes, and no faster than it can be read. */
@@ -12,16 +12,29 @@ const LOOK_EVERY_MS = 100;
 
 const xyz = (v, k, unit, places) => (v ? `${num((v.x ?? 0) * k, places)}, ${num((v.y ?? 0) * k, places)}, ${num((v.z ?? 0) * k, places)} ${unit}` : undefined);
 
+/** How often the budget is asked for while it is shown, in ms. */
+const BUDGET_EVERY_MS = 1000;
+
+/** What the terms of the budget are, in words. */
+const TERMS = {
+  readings: "noise of each taxel", choice: "taxels near their threshold", zero: "the zero may have moved", creep: "creep after an earlier load",
+  hysteresis: "hysteresis", curve: "fit of the curves", "beyond range": "beyond the calibrated range", gauge: "the pressure gauge",
+  "gain of the day": "the skin differs from day to day", area: "area of a taxel", sampling: "load between the taxels", rim: "load at the rim of the skin",
+  "unread taxels": "excluded and faulty taxels", flicker: "a module that jumps",
+};
+
 /** The force, big, with what keeps it from being good. */
 export function forceCard(signal) {
-  const value = el("div.big", { id: "force" }, "–");
+  const value = el("div.big", { id: "force", title: "95 % interval: tap to see what it is made of" }, "–");
+  const course = new Course(signal);
+  const budget = budgetOf(signal, value);
+  const begin = el("a.button.primary", { href: "#calibrate", id: "begin" }, "Calibrate this skin");
   const told = el("span.verdict", { id: "verdict" });
   const simulated = el("span.pill.warn", { id: "simulated", title: "no skin is touched" }, "simulated");
   const reasons = el("ul.reasons", { id: "reasons" });
   const more = el("div");
-  const chart = new Chart(signal, "Force over the last minute", lastMinute);
   const card = el("section.card", { id: "force-card" },
-    el("div.row.between", el("h2", "Normal force"), simulated, told), value, reasons, chart.node, more);
+    el("div.row.between", el("h2", "Normal force"), simulated, told), value, budget, reasons, begin, course.node, more);
   const update = () => {
     const now = verdict();
     const force = state.force ?? {};
@@ -29,26 +42,49 @@ export function forceCard(signal) {
     simulated.hidden = !force.simulated;
     told.className = `verdict ${now.kind}`;
     told.textContent = now.word;
+    begin.hidden = now.word !== "UNCALIBRATED";
+    state.shown = now.shown ? state.force : null;
     if (now.shown) {
-      const high = force.highN === undefined ? "or more" : `to ${num(force.highN)}`;
-      put(value, `${num(force.totalN)} N `, el("small", `${num(force.lowN)} ${high} N`));
+      const high = force.highN === undefined ? "N or more" : `to ${num(force.highN)} N`;
+      put(value, `${num(force.totalN)} N `, el("small", `${num(force.lowN)} ${high}`));
     } else {
       put(value, "no force");
     }
     put(reasons, now.reasons.slice(0, 8).map((reason) => el("li", reason)));
     put(more, details(force, now));
-    chart.soon();
+    course.chart.soon();
   };
   const timer = setInterval(update, LOOK_EVERY_MS);
-  signal.addEventListener("abort", () => clearInterval(timer));
+  signal.addEventListener("abort", () => { clearInterval(timer); state.shown = null; });
   update();
   return card;
+}
+
+/** What the interval is made of, as bars: a tap on the force shows it, another hides it. */
+function budgetOf(signal, value) {
+  const node = el("div", { id: "budget", hidden: true });
+  const show = async () => {
+    if (node.hidden) return;
+    const force = await call("ForceService/GetForce", { patch: state.patch }).catch(() => ({}));
+    const terms = (force.budget ?? []).toSorted((a, b) => b.sigmaN - a.sigmaN);
+    const most = terms[0]?.sigmaN || 1;
+    put(node, terms.length ? el("p.note", "Standard uncertainty of the force, by cause; the largest counts most.") : el("p.note", "There is no force now."),
+      el("div.budget", terms.map((t) => {
+        const bar = el("i");
+        bar.style.width = `${(100 * t.sigmaN) / most}%`;
+        return [el("span", { title: t.term }, TERMS[t.term] ?? t.term), bar, el("span", `${num(t.sigmaN)} N`)];
+      })));
+  };
+  value.addEventListener("click", () => { node.hidden = !node.hidden; show(); });
+  const timer = setInterval(show, BUDGET_EVERY_MS);
+  signal.addEventListener("abort", () => clearInterval(timer));
+  return node;
 }
 
 function details(force, now) {
   return facts([
     ["age", !Number.isFinite(age()) ? "–" : `${num(age(), 2)} s`],
-    now.shown && ["of it undetected", force.undetectedN === undefined ? undefined : `up to ${num(force.undetectedN)} N`],
+    now.shown && ["undetected", force.undetectedN === undefined ? undefined : `up to ${num(force.undetectedN)} N`],
     ["taxels", `${force.active ?? 0} touched, ${force.excluded ?? 0} excluded, ${force.stale ?? 0} silent, ${force.outOfRange ?? 0} beyond calibration`],
     now.shown && ["force vector", xyz(force.resultantN, 1, "N", 2)],
     now.shown && ["centre of pressure", xyz(force.centreOfPressureM, 1000, "mm", 1)],
@@ -57,36 +93,71 @@ function details(force, now) {
   ]);
 }
 
-/** The last minute, its interval of 95 %, and hatched where no force could be told. */
-function lastMinute() {
-  const now = performance.now() / 1000;
+/** The force over time as this page saw it: a minute or ten, held still on demand, with its peak and the value under the pointer. */
+class Course {
+  constructor(signal) {
+    this.seconds = 60;
+    this.held = null;
+    this.chart = new Chart(signal, "Force over time", () => overTime(this.held?.course ?? state.course, this.held?.now ?? performance.now() / 1000, this.seconds));
+    const choose = el("select", { "aria-label": "Time shown", onchange: (event) => { this.seconds = Number(event.target.value); } },
+      [60, COURSE_S].map((s) => el("option", { value: s }, s === 60 ? "1 minute" : `${s / 60} minutes`)));
+    const hold = el("button", { id: "hold", onclick: () => {
+      this.held = this.held ? null : { now: performance.now() / 1000, course: state.course.map((point) => ({ ...point })) };
+      hold.textContent = this.held ? "Go on" : "Pause";
+    } }, "Pause");
+    this.node = el("div", this.chart.node, el("div.row", choose, hold), el("p.note", "Kept by this page while it is open."));
+  }
+}
+
+/** So many seconds of the course until `now`, the interval of 95 %, and hatched where there was no force. */
+function overTime(all, now, seconds) {
   const at = ({ t }) => t - now;
-  const highs = state.course.map(({ n, high }) => high ?? n).filter(Number.isFinite);
-  const top = Math.max(1, ...highs) * 1.08;
+  const course = all.filter((point) => at(point) >= -seconds);
+  const peak = course.reduce((high, point) => (point.n > (high?.n ?? -1) ? point : high), null);
+  const top = Math.max(1, ...course.map(({ n, high }) => high ?? n).filter(Number.isFinite)) * 1.08;
   const spans = [];
-  for (const point of state.course) {
+  for (const point of course) {
     if (Number.isFinite(point.n)) continue;
     const last = spans.at(-1);
     if (last && at(point) - last[1] < 0.3) last[1] = at(point);
     else spans.push([at(point) - 0.05, at(point)]);
   }
-  const end = state.course.at(-1);
-  if (!end || at(end) < -0.5) spans.push([end ? at(end) : -60, 0]);
+  const end = course.at(-1);
+  if (!end || at(end) < -0.5) spans.push([end ? at(end) : -seconds, 0]);
+  const nearest = (x) => {
+    const point = course.reduce((best, one) => (!best || Math.abs(at(one) - x) < Math.abs(at(best) - x) ? one : best), null);
+    return point && { x: at(point), text: Number.isFinite(point.n) ? `${num(point.n)} N, ${num(-at(point), 1)} s ago` : point.word };
+  };
   return {
-    x: [-60, 0], y: [0, top], xLabel: "s", yLabel: "N",
+    x: [-seconds, 0], y: [0, top], xLabel: "s", yLabel: "N", nearest,
     layers: [
       { kind: "gaps", spans },
-      { kind: "band", points: state.course.map((p) => [at(p), p.low, p.high ?? p.n]) },
-      { kind: "line", points: state.course.map((p) => [at(p), p.n]) },
+      { kind: "band", points: course.map((p) => [at(p), p.low, p.high ?? p.n]) },
+      { kind: "line", points: course.map((p) => [at(p), p.n]) },
+      ...(peak ? [{ kind: "level", y: peak.n, text: `peak ${num(peak.n)} N`, colour: "soft" }] : []),
     ],
   };
 }
 
-/** The button that takes the zero. */
-export function tareButton(vouches = () => "") {
-  const work = () => call("SkinService/Tare", { patch: state.patch, confirmedBy: vouches() });
-  return button("Tare", work, { id: "tare", title: "Nothing may touch the skin", done: (zero) => `zero taken: ${zero.reason ?? ""}` });
+/** What the daemon refuses because it cannot see that the skin is unloaded: somebody may confirm it. */
+const CONFIRMABLE = ["SKIN_LOADED", "ZERO_UNPROVEN"];
+
+/** A call that wants the skin unloaded; where that is in doubt, it asks who confirms it. */
+export async function unloaded(method) {
+  try {
+    return await call(method, { patch: state.patch });
+  } catch (refused) {
+    if (!CONFIRMABLE.includes(refused.reason)) throw refused;
+    const confirmedBy = await whoConfirms(refused.message);
+    return confirmedBy === undefined ? null : call(method, { patch: state.patch, confirmedBy });
+  }
 }
+
+/** The button that takes the zero. */
+export const tareButton = () => button("Tare", async () => {
+  const zero = await unloaded("SkinService/Tare");
+  if (zero) toast(`zero taken: ${zero.reason ?? ""}`);
+}, { id: "tare", title: "Takes the zero: nothing may touch the skin" });
 
 /** Pressure or change of count. */
 function chooser(skin) {
@@ -99,8 +170,10 @@ function chooser(skin) {
     kpa.classList.toggle("primary", skin.values === "kpa");
     counts.classList.toggle("primary", skin.values !== "kpa");
   };
+  const scale = el("select", { id: "scale", "aria-label": "Scale", onchange: (event) => { skin.top = Number(event.target.value) || null; skin.soon(); } },
+    el("option", { value: "" }, "automatic scale"), [5, 10, 20, 35, 70, 100, 200].map((top) => el("option", { value: top }, `0 to ${top}`)));
   update();
-  return el("div.row", kpa, counts);
+  return el("div.row", kpa, counts, scale);
 }
 
 export function live(signal) {

@@ -3,7 +3,7 @@
 import { call } from "./api.js";
 import { compared, excludedTable } from "./calibrate.js";
 import { Chart } from "./chart.js";
-import { button, el, num, put, sure, table, toast, when } from "./dom.js";
+import { button, download, el, num, put, sure, table, toast, when } from "./dom.js";
 import { SkinView } from "./skin.js";
 import { loadSkin, on, state } from "./store.js";
 import { curve, model } from "./taxel.js";
@@ -42,13 +42,6 @@ function row(set, update) {
   }, { kind: "danger", disabled: set.active });
   return [el("td", id, " ", set.active && el("span.pill.ok", "in use")), when(set.created), set.session ?? "", el("td.wrap", set.method ?? ""),
     `${set.calibrated ?? 0} of ${set.taxels ?? 0}`, num(set.pressureMaxKpa, 1), el("td", el("div.row", use, save, remove))];
-}
-
-function download(name, text) {
-  const link = el("a", { download: name });
-  link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
 function importer(update) {

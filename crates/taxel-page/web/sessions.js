@@ -1,22 +1,22 @@
 // Sessions: what was gathered, and what became of it.
 
-import { call } from "./api.js";
-import { button, el, num, percent, put, sure, table, toast, when, word } from "./dom.js";
+import { all, call } from "./api.js";
+import { button, download, el, num, percent, put, sure, table, toast, when, word } from "./dom.js";
 import { on, state, watch } from "./store.js";
 
 export function sessions(signal) {
   const list = el("div");
   const more = el("div.row");
-  let all = [];
+  let found = [];
   const show = (next) => {
     if (signal.aborted) return;
     const heads = ["#session", "began", "state", "#ramps", "#scans", "covered", "model set", "why", ""];
-    put(list, table(heads, all.map((one) => row(one, update)), "no session yet"));
+    put(list, table(heads, found.map((one) => row(one, update)), "no session yet"));
     put(more, next && button("Older ones", () => load(next)));
   };
   const load = async (before = 0) => {
     const { sessions = [] } = await call("CalibrationService/ListSessions", { patch: state.patch, most: 50, before });
-    all = before ? [...all, ...sessions] : sessions;
+    found = before ? [...found, ...sessions] : sessions;
     show(sessions.length === 50 && sessions[49].session);
   };
   const update = () => load().catch((error) => toast(error.message, "bad"));
@@ -43,6 +43,7 @@ function row(one, update) {
     await call("CalibrationService/DeleteSession", request);
     await update();
   }, { kind: "danger" });
+  const save = one.accepted && button("Export", async () => download(`session-${one.session}.csv`, (await all("CalibrationService/ExportSamples", request)).map((piece) => piece.text ?? "").join(""), "text/csv"));
   return [one.session, when(one.started), now, one.ramps ?? 0, one.accepted ?? 0, `${percent(one.coverage ?? 0)} of ${num(one.targetKpa, 0)} kPa`,
-    one.modelSet ?? "", el("td.wrap", one.reason ?? ""), el("td", el("div.row", open, goOn, discard, remove))];
+    one.modelSet ?? "", el("td.wrap", one.reason ?? ""), el("td", el("div.row", open, goOn, save, discard, remove))];
 }

@@ -1,6 +1,7 @@
 // The skin as a picture: each taxel filled by what it reads, and by its outline what to think of that.
 
 import { el, num } from "./dom.js";
+import { ticks } from "./ticks.js";
 import { isOld, on, select, state, verdict } from "./store.js";
 
 /** What a taxel can be beside its reading: told apart by shape, not by colour. First match counts. */
@@ -12,7 +13,7 @@ export const KINDS = [
   ["excluded", "excluded"],
   ["extrapolated", "beyond calibration"],
   ["active", "touched"],
-  ["plain", "at rest"],
+  ["plain", "unloaded"],
 ];
 
 /** Which of them a taxel is now. */
@@ -34,9 +35,9 @@ const STEPS_COUNTS = [20, 40, 80, 160, 255];
 export function colours() {
   const style = getComputedStyle(document.documentElement);
   const get = (name) => style.getPropertyValue(`--${name}`).trim();
-  const channels = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
-  const [low, high] = [channels(get("low")), channels(get("high"))];
-  const ramp = Array.from({ length: 65 }, (_, i) => `rgb(${low.map((a, c) => Math.round(a + ((high[c] - a) * i) / 64)).join(" ")})`);
+  // Even steps of lightness, so that equal steps of pressure look equally far apart, also in grey and to the colour-blind.
+  const [low, high] = [Number(get("low")), Number(get("high"))];
+  const ramp = Array.from({ length: 65 }, (_, i) => `oklch(${low + ((high - low) * i) / 64} ${0.02 + 0.14 * Math.sin((Math.PI * i) / 90)} ${110 + (170 * i) / 64})`);
   return { ramp, ink: get("ink"), soft: get("soft"), line: get("line"), card: get("card"), red: get("red"), amber: get("amber"), green: get("green"), blue: get("blue"), faint: get("faint"), band: get("band") };
 }
 
@@ -86,9 +87,9 @@ export function sharp(canvas) {
  * which taxels a model set excludes that is not in use yet. */
 export class SkinView {
   constructor(signal, { values = "kpa", overlays = true } = {}) {
-    Object.assign(this, { values, overlays, peak: 0, rest: null, restFrames: 0, waiting: false, drawn: 0 });
+    Object.assign(this, { values, overlays, top: null, marked: null, peak: 0, rest: null, restFrames: 0, waiting: false, drawn: 0 });
     this.canvas = el("canvas.skin", { tabindex: "0", role: "img", "aria-label": "The skin laid flat. Arrow keys go from taxel to taxel." });
-    this.scale = el("span", "");
+    this.scale = el("canvas.scale", { role: "img" });
     this.node = el("div", this.canvas, this.legend());
     this.signal = signal;
     for (const name of ["taxels", "skin", "selected", "theme"]) on(name, () => this.soon(), signal);
@@ -119,7 +120,24 @@ export class SkinView {
     };
     on("theme", () => this.drawLegend?.(), this.signal);
     requestAnimationFrame(() => this.drawLegend());
-    return el("div.legend", el("span", el("span.scale"), this.scale), entries.map((entry) => entry.node));
+    return el("div.legend", this.scale, entries.map((entry) => entry.node));
+  }
+
+  /** The colours with their values, where they are others than before. */
+  drawScale(top, tint) {
+    const label = `0 to ${top} ${this.values === "kpa" ? "kPa" : "counts"}`;
+    if (this.scaleOf === label + tint.ink || !this.scale.clientWidth) return;
+    this.scaleOf = label + tint.ink;
+    this.scale.setAttribute("aria-label", label);
+    const { g, width } = sharp(this.scale);
+    const at = (share) => 8 + share * (width - 16 - 40);
+    tint.ramp.forEach((colour, i) => { g.fillStyle = colour; g.fillRect(at(i / 65), 0, at(1 / 65) - at(0) + 1, 12); });
+    g.font = "11px system-ui, sans-serif";
+    g.fillStyle = tint.soft;
+    g.textAlign = "center";
+    for (const value of ticks(0, top, 4)) g.fillText(String(value), at(value / top), 25);
+    g.textAlign = "left";
+    g.fillText(this.values === "kpa" ? "kPa" : "counts", at(1) + 10, 12);
   }
 
   /** Counts at rest as this page saw them first, where no model says what they are. */
@@ -174,9 +192,8 @@ export class SkinView {
     const values = state.layout.points.map((_, t) => (readings[t] ? this.value(readings[t], t) : undefined));
     const most = values.reduce((high, v, t) => (v > high && !(readings[t].faults ?? []).length ? v : high), 0);
     this.peak = Math.max(most, this.peak * 0.995);
-    const top = steps.find((step) => step >= this.peak) ?? steps.at(-1);
-    const label = `0 to ${top} ${this.values === "kpa" ? "kPa" : "counts"}`;
-    if (this.scale.textContent !== label) this.scale.textContent = label;
+    const top = this.top ?? steps.find((step) => step >= this.peak) ?? steps.at(-1);
+    this.drawScale(top, tint);
     this.at = state.layout.points.map((point) => this.place([point.x, point.y]));
     const kinds = this.at.map((_, t) => (this.excluded?.has(t) ? "excluded" : kindOf(readings[t], state.skin.taxels[t])));
     // Where modules lie close together, what is marked lies on top.
@@ -185,7 +202,8 @@ export class SkinView {
         if ((kinds[t] !== "plain") === marked) drawTaxel(g, kinds[t], values[t] / top, x, y, state.layout.radii[t] * this.k, tint);
       });
     }
-    if (state.selected !== null && this.at[state.selected]) this.ring(g, tint, this.at[state.selected]);
+    for (const taxel of this.marked ?? []) if (this.at[taxel]) this.ring(g, tint, taxel, tint.amber);
+    if (state.selected !== null && this.at[state.selected]) this.ring(g, tint, state.selected, tint.blue);
     if (this.overlays) this.overlay(g, tint);
     this.old = isOld();
     this.drawn += 1;
@@ -206,17 +224,23 @@ export class SkinView {
     }
   }
 
-  ring(g, tint, [x, y]) {
+  ring(g, tint, taxel, colour) {
     g.beginPath();
-    g.arc(x, y, state.layout.radii[state.selected] * this.k + 4, 0, 2 * Math.PI);
+    g.arc(...this.at[taxel], state.layout.radii[taxel] * this.k + 4, 0, 2 * Math.PI);
     g.lineWidth = 3;
-    g.strokeStyle = tint.blue;
+    g.strokeStyle = colour;
     g.stroke();
+  }
+
+  /** Marks these taxels; none with nothing. */
+  mark(taxels) {
+    this.marked = taxels;
+    this.soon();
   }
 
   /** Contacts, the centre of pressure and the direction of the force, while there is one to be shown. */
   overlay(g, tint) {
-    const force = state.force;
+    const force = state.shown ?? state.force; // of the very sample whose number is shown beside it
     if (!force || !verdict().shown) return;
     g.font = "600 12px system-ui, sans-serif";
     g.textAlign = "center";

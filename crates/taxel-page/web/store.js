@@ -11,8 +11,9 @@ const SILENT_S = 0.5;
 /** Values a second that are asked for: what an eye and a screen can use. */
 const RATE_HZ = 30;
 
-/** How long the course of the force is kept. */
-const COURSE_S = 60;
+/** How long this page keeps the course of the force, and how often at most, in s. */
+export const COURSE_S = 600;
+const COURSE_EVERY_S = 0.1;
 
 /** Points that are kept of a ramp for each taxel. */
 const RAMP_POINTS = 3000;
@@ -22,7 +23,7 @@ const REOPEN_EVERY_MS = 5000;
 
 export const state = {
   patch: "", patches: [], skin: null, layout: null, force: null, taxels: null, session: null, modelSet: null,
-  course: [], selected: null, ramp: null, frames: 0,
+  course: [], shown: null, selected: null, ramp: null, frames: 0,
 };
 
 const listeners = new Map();
@@ -96,7 +97,11 @@ function takeForce(force) {
   state.force = force;
   if (received.late > (force.maxAgeS ?? 0) * 1000) comesLate();
   const { word, shown } = verdict();
-  state.course.push({ t: now / 1000, n: shown ? force.totalN : NaN, low: shown ? force.lowN : NaN, high: shown ? force.highN : NaN, word });
+  const last = state.course.at(-1);
+  // Of the values of a tenth of a second the greatest is kept; one that is no force is never hidden by one that is.
+  const point = { t: now / 1000, n: shown ? force.totalN : NaN, low: shown ? force.lowN : NaN, high: shown ? force.highN : NaN, word };
+  if (!last || last.t < point.t - COURSE_EVERY_S || (shown !== Number.isFinite(last.n))) state.course.push(point);
+  else if (point.n > last.n) Object.assign(last, point, { t: last.t });
   while (state.course[0].t < now / 1000 - COURSE_S) state.course.shift();
   if (newModels) loadSkin().catch(() => {});
   emit("force");
@@ -115,9 +120,10 @@ function takeTaxels(sample) {
 function keepOfRamp(sample) {
   const { session } = state;
   if (session?.state !== "SESSION_STATE_RAMPING" || session.pressureKpa === undefined) return;
-  if (state.ramp?.session !== session.session) state.ramp = { session: session.session, sequence: "", kpa: [], counts: [] };
+  if (state.ramp?.session !== session.session) state.ramp = { session: session.session, sequence: "", at: [], kpa: [], counts: [] };
   if (state.ramp.sequence === sample.sequence || state.ramp.kpa.length >= RAMP_POINTS) return;
   state.ramp.sequence = sample.sequence;
+  state.ramp.at.push(performance.now() / 1000);
   state.ramp.kpa.push(session.pressureKpa);
   state.ramp.counts.push(Uint8Array.from(sample.taxels, (taxel) => taxel.count ?? 0));
 }
@@ -193,7 +199,7 @@ export async function begin(patch) {
   })).patches ?? [];
   close();
   state.patch = state.patches.includes(patch) ? patch : state.patches[0];
-  Object.assign(state, { force: null, taxels: null, session: null, course: [], selected: null, ramp: null });
+  Object.assign(state, { force: null, taxels: null, session: null, course: [], shown: null, selected: null, ramp: null });
   await loadSkin();
   open();
   await findSession();

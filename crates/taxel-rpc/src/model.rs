@@ -5,6 +5,7 @@ use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::{ModelSet, Recorded};
+use taxel_engine::verdict::Verdict;
 use taxel_model::TaxelModel;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
@@ -40,8 +41,10 @@ impl ModelService for Service {
         let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch).await?;
         let curves = curves(&set, &request.curves)?;
+        let verdict = if curves.is_empty() { Some(self.verdict(&set).await?) } else { None };
         Ok(Response::new(v1::ModelSet {
             curves,
+            verdict,
             summary: Some(self.summary(&SetSummary::of(&set))),
             board_settings: set.board_settings.clone(),
             taxels: set.taxels.iter().enumerate().map(|(taxel, model)| taxel_summary(&set, taxel, model)).collect(),
@@ -97,6 +100,20 @@ impl ModelService for Service {
 }
 
 impl Service {
+    /// The set against the limits of a calibration, and against the set in use.
+    async fn verdict(&self, set: &Arc<ModelSet>) -> Result<v1::Verdict, Status> {
+        let target_kpa = set.session.and_then(|number| self.session(number).ok()).map(|view| view.target_kpa);
+        let other = self.active(&set.patch).filter(|id| *id != set.id);
+        let in_use = match other {
+            Some(id) => self.model_set(&id, "").await.ok(), // one that cannot be read is no reason to hide this set
+            None => None,
+        };
+        let set = Arc::clone(set);
+        let verdict = aside((), move || Verdict::of(&set, target_kpa, in_use.as_deref())).await?;
+        let Verdict { is_good, lines, against_in_use_percent } = verdict;
+        Ok(v1::Verdict { is_good, lines, against_in_use_percent })
+    }
+
     /// What a set is.
     pub(crate) fn summary(&self, set: &SetSummary) -> v1::ModelSetSummary {
         v1::ModelSetSummary {

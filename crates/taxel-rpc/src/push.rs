@@ -109,7 +109,7 @@ impl PushStream {
     ) -> Result<v1::PushScansResponse, Status> {
         let end = self.take_all(first, &mut messages).await;
         let (taken, refused) = self.pusher.end(match &end {
-            Ok(()) => "whoever pushed its scans has ended the stream".to_owned(),
+            Ok(()) => "the program that pushed its scans has ended the stream".to_owned(),
             Err(status) => format!("the stream of scans ended: {}", status.message()),
         });
         end.map(|()| v1::PushScansResponse { taken, refused })

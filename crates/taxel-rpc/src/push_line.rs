@@ -112,7 +112,7 @@ impl Pusher {
 
     /// The engine takes its scans from now on.
     pub(crate) fn begun(&mut self) {
-        "whoever pushed its scans has gone".clone_into(&mut self.why);
+        "the program that pushed its scans has gone".clone_into(&mut self.why);
     }
 
     /// No more scans come, for this reason. Gives how many were taken and refused.

@@ -31,8 +31,8 @@ impl Service {
         }
         let views = numbers.iter().map(|number| self.session(*number)).collect::<Result<Vec<_>, _>>()?;
         if let Some(view) = views.iter().find(|view| view.state == SessionState::Discarded) {
-            let laid_aside = "was laid aside: no models are made of its samples; export them to look at them";
-            let words = format!("session {} {laid_aside}", view.number);
+            let discarded = "was discarded: no models are made of its samples; export them to look at them";
+            let words = format!("session {} {discarded}", view.number);
             return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, words).into());
         }
         let refit = self.plan_refit(views, &options).await?;

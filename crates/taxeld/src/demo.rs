@@ -155,7 +155,7 @@ impl Bench {
             confirmed_by: None,
             leave_out: Vec::new(),
         })?;
-        self.run_until(Duration::from_secs(10), "proof of rest", |b| b.in_state(SessionState::Ramping))?;
+        self.run_until(Duration::from_secs(10), "the zero", |b| b.in_state(SessionState::Ramping))?;
         self.world.pump(PumpCommand::Ramp { target: PUMP_TARGET, kpa_per_s: PUMP_KPA_PER_S });
         let limit = Duration::from_secs(300);
         self.run_until(limit, "the end of the ramp", |b| {

@@ -51,7 +51,7 @@ static DROPPED: OnceLock<ErrorCounter> = OnceLock::new();
 /// Who writes the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Writes {
-    /// Whoever logs, which waits for the reader.
+    /// The thread that logs, which waits for the reader.
     Itself,
     /// A thread of its own: the daemon goes on whether anybody reads or not.
     Thread,

@@ -17,6 +17,7 @@ mod doors;
 mod driver;
 mod files;
 mod force_file;
+mod help;
 mod logs;
 mod missing;
 mod offline;
@@ -41,6 +42,7 @@ mod sim_bus;
 mod store_at;
 mod systemd;
 mod tasks;
+mod tone;
 mod upkeep;
 mod values;
 
@@ -48,13 +50,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::CommandFactory;
-use clap::{Parser, Subcommand};
+use clap::{FromArgMatches, Parser, Subcommand};
 use config::CONFIG_FILE;
 
-/// Calibrates robot skin in a vacuum bag and streams its force.
-///
-/// Start with `taxeld demo`: no hardware, no configuration. `taxeld COMMAND --help` has examples; the whole procedure is
-/// in crates/taxeld/doc/walkthrough.md.
+/// Calibrates robot skin in a vacuum bag and streams its force. Start with `taxeld demo`: it needs no hardware.
 #[derive(Debug, Parser)]
 #[command(name = "taxeld", version)]
 struct Cli {
@@ -62,13 +61,16 @@ struct Cli {
     /// "taxel_rpc=debug,info"; without it "info".
     #[arg(long, global = true, value_enum, default_value_t)]
     log_format: logs::LogFormat,
+    /// Colour on the standard output; `auto` is on a terminal, unless NO_COLOR is set.
+    #[arg(long, global = true, value_name = "WHEN", default_value_t)]
+    color: clap::ColorChoice,
     #[command(subcommand)]
     command: Subcommands,
 }
 
 #[derive(Debug, Subcommand)]
 enum Subcommands {
-    /// The whole procedure on a simulated forearm: calibration, masses, error table; then serves it live.
+    /// The whole procedure on a simulated forearm, then serves it live.
     #[cfg(feature = "sim")]
     Demo(show_demo::DemoArgs),
     /// The daemon.
@@ -95,9 +97,9 @@ enum Subcommands {
     },
     /// A candump log, plain or .gz, or a recording (MCAP), through the same engine.
     Replay(replay::ReplayArgs),
-    /// A configuration from the robot's own files: positions and drawings of its skin, its configuration.
+    /// A configuration from the robot's own files.
     Setup(setup::SetupArgs),
-    /// Listens to a bus, or reads a log, and says what is there: boards, modules, faults, what could be the gauge.
+    /// What is on a bus, or in a log: boards, modules, faults, the gauge.
     Scan(scan::ScanArgs),
     #[command(flatten)]
     Client(client::ClientCommand),
@@ -116,12 +118,21 @@ enum Subcommands {
     },
 }
 
+/// Exit code of a wrong command line, as clap has it.
+const USAGE: u8 = 2;
+
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    if std::env::args_os().len() < 2 {
+        say::error_line(format_args!("{}", help::ALONE));
+        return ExitCode::from(USAGE);
+    }
+    let matches = help::grouped(Cli::command()).get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    tone::choose(cli.color);
     let is_daemon = matches!(cli.command, Subcommands::Run { .. });
     let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {
-        Subcommands::Client(command) => return client::run(command),
+        Subcommands::Client(command) => return client::run(command, matches.subcommand_name().unwrap_or_default()),
         command => dispatch(command),
     };
     match done {

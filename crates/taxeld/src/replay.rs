@@ -64,7 +64,7 @@ pub fn replay(args: ReplayArgs, config: &Config, mut scene: Scene) -> anyhow::Re
     play(&args, config, scene)
 }
 
-/// A log cannot be configured, and no skin is touched: whoever moves a robot may have found this daemon in the place of the
+/// A log cannot be configured, and no skin is touched: a controller may have found this daemon in the place of the
 /// live one.
 fn of_a_log(scene: &mut Scene) {
     for patch in &mut scene.plan.patches {

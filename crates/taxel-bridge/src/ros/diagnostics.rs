@@ -40,7 +40,9 @@ fn of_force(sample: &ForceSample) -> (u8, String) {
         words.push("nothing bounds the force above".to_owned());
     }
     if sample.resultant_n.is_none() || sample.moment_nm.is_none() {
-        words.push("no wrench: the daemon's scene has no outputs resultant and moment, or no normals".to_owned());
+        words.push(
+            "no wrench: the daemon's configuration has no outputs resultant and moment, or no normals".to_owned(),
+        );
     }
     match (words.is_empty(), sample.simulated) {
         (true, false) => (OK, "OK".to_owned()),

@@ -240,7 +240,7 @@ impl Calibration {
         if now.time.since(session.entered()) > self.plan.session.patience {
             self.enter(now, failed, format!("rest was never proven: {why}"), gauge, events);
         } else {
-            session.explain(format!("waiting for rest: {why}"));
+            session.explain(format!("waiting for an unloaded skin: {why}"));
             self.dirty = true;
             self.want_zero(events);
         }

@@ -124,7 +124,7 @@ fn rest_that_is_not_proven_is_waited_for_as_long_as_patience_goes() {
     let now = scene.now();
     scene.calibration.on_zero_refused(now, "it moves", &scene.gauge, &mut scene.events);
     assert_eq!((scene.state(), scene.count(wants_zero)), (SessionState::Taring, 2));
-    assert_eq!(scene.calibration.session().unwrap().reason, "waiting for rest: it moves");
+    assert_eq!(scene.calibration.session().unwrap().reason, "waiting for an unloaded skin: it moves");
     scene.ms += 1;
     let now = scene.now();
     scene.calibration.on_zero_refused(now, "it moves", &scene.gauge, &mut scene.events);

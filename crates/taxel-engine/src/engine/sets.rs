@@ -32,7 +32,7 @@ impl Engine {
             None => format!("the active model set `{id}` of patch `{patch}` is lost"),
             Some(_) if discarded => {
                 format!(
-                    "model set `{id}` of patch `{patch}` is not used: its session was laid aside; activate another, or calibrate again"
+                    "model set `{id}` of patch `{patch}` is not used: its session was discarded; activate another, or calibrate again"
                 )
             }
             Some(set) if set.taxels.len() != found.taxels() => {

@@ -329,7 +329,7 @@ impl Engine {
             return;
         }
         let seconds = gap.as_secs_f64();
-        let why = format!("the daemon did not run for {seconds:.1} s; boards may have lost their zero unseen");
+        let why = format!("the daemon did not run for {seconds:.1} s; boards may have lost their zero meanwhile");
         for index in 0..self.patches.len() {
             for bus in (0..self.buses.len()).map(|bus| BusIndex(bus as u8)) {
                 if self.plan.patches[index].patch.is_on(bus) {

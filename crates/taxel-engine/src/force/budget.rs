@@ -64,7 +64,7 @@ impl Term {
             Self::Readings => "readings",
             Self::Choice => "choice",
             Self::Zero => "zero",
-            Self::Residue => "residue",
+            Self::Residue => "creep",
             Self::Hysteresis => "hysteresis",
             Self::Curve => "curve",
             Self::BeyondRange => "beyond range",

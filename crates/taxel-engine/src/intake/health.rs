@@ -99,7 +99,7 @@ impl BusState {
             BusNotice::BusOff => {
                 self.up = false;
                 (self.problem, self.reported) = ("bus-off: the controller left the bus".to_owned(), false);
-                return Some("the controller went bus-off; boards may have lost their zero unseen".to_owned());
+                return Some("the controller went bus-off; boards may have lost their zero meanwhile".to_owned());
             }
         }
         None

@@ -132,7 +132,7 @@ fn a_set_whose_session_was_laid_aside_while_it_did_not_fit_is_not_used_once_it_f
     assert_eq!(restored.sessions[0].state, SessionState::Discarded);
     let mut bench = Bench::new(bench.world, with_shift(1), restored);
     let why = unused(&mut bench);
-    let said = format!("model set `{id}` of patch `small` is not used: its session was laid aside; activate another");
+    let said = format!("model set `{id}` of patch `small` is not used: its session was discarded; activate another");
     assert!(why.starts_with(&said), "{why}");
 }
 

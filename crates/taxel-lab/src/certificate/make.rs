@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use taxel_engine::calibration::Branch;
 use taxel_engine::statistics::root_mean_square;
+use taxel_engine::verdict::Verdict;
 use taxel_proto::Timestamp;
 use taxel_proto::v1::{Load, SessionState};
 
@@ -54,6 +55,7 @@ impl Certificate {
             "software": concat!("taxel-lab ", env!("CARGO_PKG_VERSION")),
             "simulated": evidence.simulated,
             "stated": stated,
+            "verdict": Verdict::of(set, evidence.session.as_ref().map(|session| session.target_kpa), None).lines,
             "set": set_part(evidence, taxels.len()),
             "session": session_part(evidence),
             "ramps": (0..course.ramps).map(|at| ramp(at, &course, &taxels, evidence)).collect::<Vec<_>>(),

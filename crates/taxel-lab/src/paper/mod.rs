@@ -34,7 +34,7 @@ pub struct PaperArgs {
     /// Folder for the page and its pictures; made if it is not there.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Exclude taxels that move by less than so many counts, as the paper does.
+    /// Exclude taxels that move by less than this many counts, as the paper does.
     #[arg(long, value_name = "COUNTS", default_value_t = 10.0, value_parser = parse_number)]
     min_swing: f64,
     /// Which simulated skin.

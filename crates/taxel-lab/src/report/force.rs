@@ -221,7 +221,7 @@ fn figure(source: &Source) -> Figure {
         title: format!("Error of the force against run time: {}", source.skin),
         caption: source.caption.clone(),
         x: Axis { label: "time for the whole skin, us: of a scan (left ends), of a fit (right ends)", log: true },
-        y: Axis { label: "error of the force on unseen data, %", log: false },
+        y: Axis { label: "error of the force on data that no fit saw, %", log: false },
         lines: recipes().into_iter().zip(&source.outcomes).map(line).collect(),
         levels: vec![(BETWEEN_SCANS_US, "from scan to scan at 20 Hz".to_owned())],
     }

@@ -22,7 +22,7 @@ type Part = (&'static str, &'static str, fn(&ReportArgs) -> anyhow::Result<Secti
 const PARTS: [Part; 3] = [
     ("force", "Force: held-out error against run time", force::section),
     ("stability", "Stability: stiff, extreme and broken taxels", stability::section),
-    ("scenes", "Scenes: what is left out costs nothing", scenes::section),
+    ("scenes", "Configurations: what is left out costs nothing", scenes::section),
 ];
 
 const INTRODUCTION: &str = "taxeld turns the raw counts of a robot's skin into the force that presses on it. It learns how \

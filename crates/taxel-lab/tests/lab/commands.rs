@@ -67,7 +67,7 @@ fn an_apply_that_reads_no_taxel_says_why_and_writes_nothing() {
     let output = lab(&["apply", &models, wide, "--tare", "2", "--out", &pressure]);
     let said = fails(&output) + &text(&output.stdout);
     assert!(said.contains("not one of 3 taxels could be read: nothing is written"), "{said}");
-    assert!(said.contains("3 no zero: the models have no count of it at rest"), "{said}");
+    assert!(said.contains("3 no zero: the models have no unloaded count of it"), "{said}");
     assert!(!std::path::Path::new(&pressure).exists());
 }
 

@@ -100,7 +100,7 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
     says(client.refit_sessions(refit(4, None)).await.unwrap_err(), Code::FailedPrecondition, "session 4 is RAMPING");
     says(client.refit_sessions(refit(3, None)).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
     let laid_aside = client.refit_sessions(merge(&[1, 5])).await.unwrap_err();
-    says(laid_aside, Code::FailedPrecondition, "session 5 was laid aside");
+    says(laid_aside, Code::FailedPrecondition, "session 5 was discarded");
     says(client.refit_sessions(merge(&[])).await.unwrap_err(), Code::InvalidArgument, "sessions: none is named");
     // As many as a request holds, and refused before one of them is looked up.
     let many = merge(&[9; 60_000]);

@@ -34,8 +34,8 @@ pub async fn agree(agreed: bool, question: &str, command: &str) -> Outcome {
         return Ok(());
     }
     if !somebody() {
-        let words = format!("{question}: there is no terminal to answer on. If that is meant: {command} --yes");
-        return Err(Failure::refused(words));
+        let words = format!("{question} There is no terminal to answer on.");
+        return Err(Failure::refused(words).help(format!("{command} --yes")));
     }
     if yes(question, false).await? { Ok(()) } else { Err(Failure::refused("nothing was changed")) }
 }
@@ -47,4 +47,19 @@ pub async fn agree(agreed: bool, question: &str, command: &str) -> Outcome {
 pub async fn yes(question: &str, enter: bool) -> Outcome<bool> {
     let answer = ask(&format!("{question} {}", if enter { "[Y/n]" } else { "[y/N]" })).await?;
     Ok(if answer.is_empty() { enter } else { matches!(answer.as_str(), "y" | "yes") })
+}
+
+/// Asks for yes or no, and shows the details first where they are asked for; `enter` is what just Enter means.
+///
+/// # Errors
+/// If standard input cannot be read.
+pub async fn yes_or_details(question: &str, enter: bool, details: impl Fn()) -> Outcome<bool> {
+    loop {
+        let answer = ask(&format!("{question} {}", if enter { "[Y/n/d]" } else { "[y/N/d]" })).await?;
+        match answer.as_str() {
+            "d" | "details" => details(),
+            "" => return Ok(enter),
+            other => return Ok(matches!(other, "y" | "yes")),
+        }
+    }
 }

@@ -15,7 +15,7 @@ use super::table;
 pub struct AuditArgs {
     #[command(flatten)]
     server: Server,
-    /// At most so many entries, the newest.
+    /// Entries to show, the newest.
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1000))]
     last: u32,
 }
@@ -66,6 +66,7 @@ mod tests {
         let time = Some(taxel_proto::Timestamp { seconds: 0, nanos: 0 });
         let text = line(&v1::AuditEntry { entry: 7, time, who: "eve".to_owned(), result, ..Default::default() });
         assert_eq!(taxel_skin::unprintable(&text), None, "{text}");
-        assert!(text.starts_with("7 1970-01-01T00:00:00Z eve (") && text.ends_with("done\\n\\u{1b}[8m"), "{text}");
+        let begins = format!("7 {} eve (", table::moment(time.as_ref()));
+        assert!(text.starts_with(&begins) && text.ends_with("done\\n\\u{1b}[8m"), "{text}");
     }
 }

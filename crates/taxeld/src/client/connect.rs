@@ -9,7 +9,7 @@ use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
 use taxel_proto::v1::{ListRequest, ModelSetSummary, PatchRequest};
 
-use super::failure::Outcome;
+use super::failure::{Failure, Outcome};
 use super::places::Places;
 
 /// Largest answer: a model set as text, with the framing around it.
@@ -29,8 +29,9 @@ impl Daemon {
     /// The address and why nobody answers there.
     pub async fn at(server: &Server) -> Outcome<Self> {
         let channel = server.connect().await.map_err(|error| match error {
-            ConnectError::Unreached { .. } => anyhow::anyhow!("{error}; `--server` names another"),
-            of_a_file => of_a_file.into(),
+            ConnectError::Unreached { .. } => Failure::from(anyhow::Error::from(error))
+                .help("taxeld run --config FILE   # or name a daemon that runs: --server ADDRESS"),
+            of_a_file => anyhow::Error::from(of_a_file).into(),
         })?;
         Ok(Self { channel, patch: server.patch.clone() })
     }

@@ -17,7 +17,7 @@ use super::{json, table};
 pub struct EventsArgs {
     #[command(flatten)]
     server: Server,
-    /// So many of the newest.
+    /// Events to show, the newest.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1000))]
     last: u32,
     /// Go on with what happens.

@@ -1,87 +1,137 @@
-//! Why a command of a client did not come to a good end, and the exit code that tells scripts so.
+//! Why a command of a client did not come to a good end, what to do about it, and the exit code that tells scripts so.
 
 use std::fmt;
 use std::process::ExitCode;
 
+use taxel_proto::refusal::reason_of;
+use taxel_proto::v1::ErrorReason;
 use tonic::{Code, Status};
 
 /// Exit code of a command that the daemon refused, or that found no good force or a fault in the health.
 const REFUSED: u8 = 3;
+/// Exit code where the daemon could not be asked, or its answer could not be used.
+const BROKEN: u8 = 1;
 
 /// Why a command did not come to a good end.
 #[derive(Debug)]
-pub enum Failure {
-    /// The daemon answered, and the answer is no: exit code 3.
-    Refused(String),
-    /// It could not be asked, or its answer could not be used: exit code 1.
-    Broken(anyhow::Error),
+pub struct Failure {
+    why: String,
+    code: u8,
+    /// A command that helps.
+    help: Option<String>,
+    /// The daemon's own reason.
+    reason: ErrorReason,
 }
 
 /// What a command of a client gives.
 pub type Outcome<T = ()> = Result<T, Failure>;
 
 impl Failure {
-    /// A refusal in these words.
+    /// A refusal in these words: exit code 3.
     pub fn refused(why: impl Into<String>) -> Self {
-        Self::Refused(why.into())
+        Self { why: why.into(), code: REFUSED, help: None, reason: ErrorReason::Unspecified }
+    }
+
+    /// The same with a command that helps.
+    pub fn help(self, command: impl Into<String>) -> Self {
+        Self { help: Some(command.into()), ..self }
     }
 
     /// The code that the programme ends with.
     pub fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Refused(_) => ExitCode::from(REFUSED),
-            Self::Broken(_) => ExitCode::FAILURE,
-        }
+        ExitCode::from(self.code)
     }
+
+    /// A command that helps whoever called `command`.
+    pub fn help_for(&self, command: &str) -> Option<String> {
+        self.help.clone().or_else(|| helps(self.reason, command))
+    }
+}
+
+/// What to type where the daemon refuses `command` for this reason.
+fn helps(reason: ErrorReason, command: &str) -> Option<String> {
+    Some(match reason {
+        ErrorReason::SkinLoaded | ErrorReason::ZeroUnproven if matches!(command, "tare" | "bring-up" | "calibrate") => {
+            format!("taxeld {command} --confirmed-by NAME   # only if nothing touches the skin")
+        }
+        ErrorReason::ZeroUnproven => "taxeld tare".to_owned(),
+        ErrorReason::NoModelSet => "taxeld calibrate".to_owned(),
+        ErrorReason::SessionUnknown | ErrorReason::SessionWrongState => "taxeld sessions list".to_owned(),
+        ErrorReason::ModelSetUnknown | ErrorReason::ActiveSetChanged => "taxeld models list".to_owned(),
+        ErrorReason::RoleTooLow | ErrorReason::CredentialsRefused => format!("taxeld {command} --token FILE"),
+        ErrorReason::PatchUnknown
+        | ErrorReason::SkinSilent
+        | ErrorReason::BoardsNotConfigured
+        | ErrorReason::GaugeOffset
+        | ErrorReason::DaemonUnavailable
+        | ErrorReason::StoreUnavailable => "taxeld health".to_owned(),
+        _ => return None,
+    })
+    .filter(|help| *help != format!("taxeld {command}"))
 }
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Refused(why) => f.write_str(why),
-            Self::Broken(error) => write!(f, "{error:#}"),
-        }
+        f.write_str(&self.why)
     }
 }
 
 impl From<Status> for Failure {
     fn from(status: Status) -> Self {
-        match status.code() {
+        let name = reason_of(&status).unwrap_or_default();
+        let reason = ErrorReason::from_str_name(&name).unwrap_or(ErrorReason::Unspecified);
+        let says_no = matches!(
+            status.code(),
             Code::InvalidArgument
-            | Code::NotFound
-            | Code::AlreadyExists
-            | Code::PermissionDenied
-            | Code::Unauthenticated
-            | Code::FailedPrecondition
-            | Code::OutOfRange
-            | Code::Aborted
-            | Code::ResourceExhausted => Self::Refused(status.message().to_owned()),
-            code => Self::Broken(anyhow::anyhow!("the daemon answered {code:?}: {}", status.message())),
+                | Code::NotFound
+                | Code::AlreadyExists
+                | Code::PermissionDenied
+                | Code::Unauthenticated
+                | Code::FailedPrecondition
+                | Code::OutOfRange
+                | Code::Aborted
+                | Code::ResourceExhausted
+        );
+        if says_no {
+            return Self { reason, ..Self::refused(status.message()) };
         }
+        let why = format!("the daemon answered {:?}: {}", status.code(), status.message());
+        Self { reason, code: BROKEN, ..Self::refused(why) }
     }
 }
 
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
-        Self::Broken(error)
+        Self { code: BROKEN, ..Self::refused(format!("{error:#}")) }
     }
 }
 
 impl From<std::io::Error> for Failure {
     fn from(error: std::io::Error) -> Self {
-        Self::Broken(error.into())
+        anyhow::Error::from(error).into()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use taxel_proto::refusal::Refusal;
 
     #[test]
     fn a_daemon_that_says_no_is_told_from_one_that_cannot_be_asked() {
-        assert!(matches!(Failure::from(Status::failed_precondition("rest")), Failure::Refused(why) if why == "rest"));
-        assert!(matches!(Failure::from(Status::permission_denied("role")), Failure::Refused(_)));
-        assert!(matches!(Failure::from(Status::unavailable("gone")), Failure::Broken(_)));
-        assert!(matches!(Failure::from(Status::deadline_exceeded("late")), Failure::Broken(_)));
+        let code = |status: Status| Failure::from(status).code;
+        assert_eq!(Failure::from(Status::failed_precondition("rest")).to_string(), "rest");
+        assert_eq!([Status::failed_precondition("rest"), Status::permission_denied("role")].map(code), [REFUSED; 2]);
+        assert_eq!([Status::unavailable("gone"), Status::deadline_exceeded("late")].map(code), [BROKEN; 2]);
+    }
+
+    #[test]
+    fn a_refusal_names_the_command_that_helps() {
+        let of = |reason| Failure::from(Status::from(Refusal::failed_precondition(reason, "no")));
+        let loaded = of(ErrorReason::SkinLoaded);
+        assert!(loaded.help_for("tare").unwrap().starts_with("taxeld tare --confirmed-by NAME"), "{loaded:?}");
+        assert_eq!(of(ErrorReason::ZeroUnproven).help_for("load").as_deref(), Some("taxeld tare"));
+        assert_eq!(of(ErrorReason::SkinSilent).help_for("health"), None, "what was just done is no help");
+        assert_eq!(Failure::refused("no").help("taxeld run").help_for("tare").as_deref(), Some("taxeld run"));
     }
 }

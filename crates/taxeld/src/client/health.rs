@@ -7,8 +7,9 @@ use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::json;
 use super::places::Places;
+use crate::tone::Tone;
 
-/// State of buses, boards, gauges, zeros and taxels. Exit code 3 if a bus is down, a board is silent, a zero does not hold, or a
+/// State of buses, boards, gauges, zeros and taxels. Exit code 3 if a bus is down, a board is silent, a zero is invalid, or a
 /// patch with an active model set has no force.
 #[derive(Debug, clap::Args)]
 #[command(
@@ -49,14 +50,14 @@ fn troubles(health: &Health) -> Vec<String> {
         format!("board {}: {missing} of {} modules are silent", b.address, b.modules_enabled)
     }));
     let lost = health.patches.iter().filter_map(|patch| patch.tare.as_ref()).filter(|tare| !tare.valid);
-    wrong.extend(lost.map(|tare| format!("{}: the zero does not hold: {}", tare.patch, tare.reason)));
-    let without = health.patches.iter().filter(|patch| !patch.no_force.is_empty() && holds(patch));
+    wrong.extend(lost.map(|tare| format!("{}: the zero is invalid: {}", tare.patch, tare.reason)));
+    let without = health.patches.iter().filter(|patch| !patch.no_force.is_empty() && is_valid(patch));
     wrong.extend(without.map(|patch| format!("{}: no force: {}", patch.patch, patch.no_force)));
     wrong
 }
 
-/// Whether the zero holds: if not, that is what keeps the force away.
-fn holds(patch: &PatchHealth) -> bool {
+/// Whether the zero is valid: if not, that is what keeps the force away.
+fn is_valid(patch: &PatchHealth) -> bool {
     patch.tare.as_ref().is_none_or(|tare| tare.valid)
 }
 
@@ -82,9 +83,9 @@ async fn print(daemon: &Daemon, health: &Health) -> Outcome {
 
 fn of_bus(bus: &BusHealth) -> String {
     let state = match (bus.up, bus.problem.as_str()) {
-        (true, "") => "up".to_owned(),
-        (true, problem) => format!("up, last error: {problem}"),
-        (false, problem) => format!("DOWN: {problem}"),
+        (true, "") => Tone::Good.paint("up"),
+        (true, problem) => format!("{}, last error: {problem}", Tone::Warn.paint("up")),
+        (false, problem) => format!("{}: {problem}", Tone::Bad.paint("DOWN")),
     };
     let counts =
         format!("{} frames, {} foreign, {} malformed, {} dropped", bus.frames, bus.foreign, bus.malformed, bus.dropped);
@@ -111,20 +112,21 @@ fn of_board(board: &BoardHealth) -> String {
 fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(tare) = &patch.tare {
-        let holds = if tare.valid { "holds" } else { "DOES NOT HOLD" };
-        lines.push(format!("patch {}: zero {} {holds}: {}", patch.patch, tare.epoch, tare.reason));
+        let valid = if tare.valid { Tone::Good.paint("valid") } else { Tone::Bad.paint("INVALID") };
+        lines.push(format!("patch {}: zero {} {valid}: {}", patch.patch, tare.epoch, tare.reason));
     }
     if patch.has_gauge {
         lines.push(match patch.gauge_kpa.zip(patch.gauge_age_s) {
-            None => "  gauge: SILENT: no reading has come since the daemon started".to_owned(),
+            None => format!("  gauge: {}: no reading has come since the daemon started", Tone::Bad.paint("SILENT")),
             Some((kpa, age_s)) if age_s > GAUGE_SILENT_S => {
-                format!("  gauge: SILENT: its last reading, {kpa:.2} kPa, came {age_s:.0} s ago")
+                let silent = Tone::Bad.paint("SILENT");
+                format!("  gauge: {silent}: its last reading, {kpa:.2} kPa, came {age_s:.0} s ago")
             }
             Some((kpa, age_s)) => format!("  gauge: {kpa:.2} kPa, {:.0} ms old", 1e3 * age_s),
         });
     }
     if !patch.no_force.is_empty() {
-        lines.push(format!("  NO FORCE: {}", patch.no_force));
+        lines.push(format!("  {}: {}", Tone::Bad.paint("NO FORCE"), patch.no_force));
     }
     let mut by_fault: std::collections::BTreeMap<&str, Vec<u32>> = std::collections::BTreeMap::new();
     for faulty in &patch.faulty {
@@ -162,7 +164,7 @@ mod tests {
         bad.patches[0].tare.as_mut().unwrap().valid = false;
         bad.problems.push("store: full".to_owned());
         let said = troubles(&bad).join("\n");
-        for part in ["store: full", "bus 0 is down", "2 of 3 modules are silent", "the zero does not hold"] {
+        for part in ["store: full", "bus 0 is down", "2 of 3 modules are silent", "the zero is invalid"] {
             assert!(said.contains(part), "{part}: {said}");
         }
     }

@@ -17,6 +17,7 @@ mod load;
 mod model_set;
 mod models;
 mod places;
+mod rate;
 mod recalibrate;
 mod refit;
 mod sessions;
@@ -35,13 +36,18 @@ pub enum ClientCommand {
     Calibrate(calibrate::CalibrateArgs),
     /// The force as it comes, with its uncertainty, age and state.
     Watch(watch::WatchArgs),
-    /// Takes the zero. Nothing may touch the skin; the daemon refuses unless the counts show an unloaded skin.
+    /// How often new values really come, how old they are, and where they pause.
+    Rate(rate::RateArgs),
+    /// Takes the zero of the unloaded skin.
+    ///
+    /// Nothing may touch the skin; the daemon refuses unless the counts show an unloaded skin.
     #[command(
         after_help = "Examples:\n  taxeld tare\n  taxeld tare --confirmed-by Ada   # you confirm that nothing touches the skin"
     )]
     Tare(tare::UnloadedArgs),
-    /// Configures the boards anew, which then take their own zero. Nothing may touch the skin; while a force is felt the daemon
-    /// refuses.
+    /// Configures the boards anew, which then take their own zero.
+    ///
+    /// Nothing may touch the skin; while there is a force the daemon refuses.
     #[command(
         after_help = "Examples:\n  taxeld bring-up\n  taxeld bring-up --confirmed-by Ada   # you confirm that nothing touches the skin"
     )]
@@ -62,8 +68,8 @@ pub enum ClientCommand {
     Events(events::EventsArgs),
 }
 
-/// Runs a command and gives the programme's exit code; what went wrong is said on standard error.
-pub fn run(command: ClientCommand) -> ExitCode {
+/// Runs a command, which is typed as `name`, and gives the programme's exit code; what went wrong is said on standard error.
+pub fn run(command: ClientCommand, name: &str) -> ExitCode {
     let outcome = match crate::runtime::runtime() {
         Ok(runtime) => runtime.block_on(one(command)),
         Err(error) => Err(Failure::from(error)),
@@ -72,6 +78,7 @@ pub fn run(command: ClientCommand) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             crate::say::failure(&failure.to_string());
+            failure.help_for(name).into_iter().for_each(|help| crate::say::error_line(format_args!("help: {help}")));
             failure.exit_code()
         }
     }
@@ -81,6 +88,7 @@ async fn one(command: ClientCommand) -> failure::Outcome {
     match command {
         ClientCommand::Calibrate(args) => calibrate::calibrate(args).await,
         ClientCommand::Watch(args) => watch::watch(args).await,
+        ClientCommand::Rate(args) => rate::rate(args).await,
         ClientCommand::Tare(args) => tare::tare(args).await,
         ClientCommand::BringUp(args) => tare::bring_up(args).await,
         ClientCommand::Load(args) => load::load(args).await,

@@ -10,6 +10,7 @@ use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::places::Places;
 use super::table;
+use crate::tone::Tone;
 
 /// Fewer characters name no set: a script's variable that is empty would name the only one there is.
 const BEGINNING_MIN: usize = 4;
@@ -36,17 +37,14 @@ pub async fn full_id(daemon: &Daemon, beginning: &str) -> Outcome<String> {
     }
 }
 
-/// A set with less than this share of the usable taxels of the one in use is not used without a question.
-const ENOUGH_SHARE: f64 = 0.9;
-
 /// A set that may be used, beside the one that is in use.
 pub struct Candidate {
     /// Without curves.
     pub set: ModelSet,
     /// What it is.
     pub summary: ModelSetSummary,
-    /// Of its patch.
-    pub in_use: Option<ModelSetSummary>,
+    /// Id of the set in use of its patch; empty if there is none.
+    in_use: String,
 }
 
 impl Candidate {
@@ -59,7 +57,8 @@ impl Candidate {
         let set = daemon.models().get_model_set(request).await?.into_inner();
         let summary = set.summary.clone().unwrap_or_default();
         let sets = daemon.about(&summary.patch).model_sets().await?;
-        Ok(Self { set, summary, in_use: sets.into_iter().find(|other| other.active) })
+        let in_use = sets.into_iter().find(|other| other.active).map(|other| other.model_set).unwrap_or_default();
+        Ok(Self { set, summary, in_use })
     }
 
     /// Uses it from now on, in place of the one that was in use when this was asked for.
@@ -70,23 +69,30 @@ impl Candidate {
         let request = ActivateModelSetRequest {
             patch: self.summary.patch.clone(),
             model_set: self.summary.model_set.clone(),
-            expected: Some(self.in_use.as_ref().map(|set| set.model_set.clone()).unwrap_or_default()),
+            expected: Some(self.in_use.clone()),
         };
         Ok(daemon.models().activate_model_set(request).await?.into_inner())
     }
 
-    /// Whether it reads far fewer taxels than the set in use.
-    pub fn is_much_less(&self) -> bool {
-        let enough = |set: &ModelSetSummary| ENOUGH_SHARE * f64::from(set.calibrated);
-        self.in_use.as_ref().is_some_and(|set| f64::from(self.summary.calibrated) < enough(set))
+    /// Whether it is a good calibration.
+    pub fn is_good(&self) -> bool {
+        self.set.verdict.as_ref().is_some_and(|verdict| verdict.is_good)
     }
 
-    /// How many taxels it can use, against the set in use.
-    pub fn usable(&self) -> String {
-        let ModelSetSummary { model_set, calibrated, taxels, .. } = &self.summary;
-        let other = self.in_use.as_ref().filter(|set| set.model_set != *model_set);
-        let other = other.map(|set| format!("; {}, in use until now, has {}", set.model_set, set.calibrated));
-        format!("{model_set}: {calibrated} of {taxels} taxels usable{}", other.unwrap_or_default())
+    /// How good it is, in lines.
+    pub fn verdict(&self) -> &[String] {
+        self.set.verdict.as_ref().map_or(&[], |verdict| &verdict.lines)
+    }
+
+    /// Prints how good it is, the first word in its colour.
+    pub fn print_verdict(&self) {
+        let (tone, word) = if self.is_good() { (Tone::Good, "Good") } else { (Tone::Bad, "Not good") };
+        for line in self.verdict() {
+            match line.strip_prefix(word) {
+                Some(rest) => say!("{}{rest}", tone.paint(word)),
+                None => say!("{line}"),
+            }
+        }
     }
 
     /// Where its zero comes from, and what to do.
@@ -133,27 +139,4 @@ pub fn print_set(set: &ModelSet, places: &Places) {
         say!("  hysteresis compensated: {plays} taxels{}", back.unwrap_or_default());
     }
     set.board_settings.iter().for_each(|line| say!("  {line}"));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_set_with_less_than_nine_tenths_of_the_usable_taxels_is_asked_about_and_none_else() {
-        let summary = |id: &str, calibrated| ModelSetSummary {
-            model_set: id.to_owned(),
-            calibrated,
-            taxels: 230,
-            ..ModelSetSummary::default()
-        };
-        let of = |usable, in_use: Option<u32>| Candidate {
-            set: ModelSet::default(),
-            summary: summary("m-2", usable),
-            in_use: in_use.map(|usable| summary("m-1", usable)),
-        };
-        assert!(of(27, Some(218)).is_much_less() && of(89, Some(100)).is_much_less());
-        assert!(!of(90, Some(100)).is_much_less() && !of(27, None).is_much_less());
-        assert_eq!(of(27, Some(218)).usable(), "m-2: 27 of 230 taxels usable; m-1, in use until now, has 218");
-    }
 }

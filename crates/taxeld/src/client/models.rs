@@ -50,7 +50,7 @@ enum ModelsCommand {
         /// Id of the set, its beginning, or `newest`.
         #[arg(value_name = "MODEL_SET")]
         model_set: String,
-        /// Do not ask where it has far fewer usable taxels than the set in use.
+        /// Do not ask where it is not good: too few taxels, a bad fit, or far fewer taxels than the set in use.
         #[arg(long)]
         yes: bool,
     },
@@ -122,7 +122,8 @@ pub async fn models(args: ModelsArgs) -> Outcome {
             }
             say!("{} is in the store; use it with: taxeld models use {}", answer.model_set, answer.model_set);
             let set = Candidate::of(&daemon, &answer.model_set).await?;
-            say!("  {}\n  {}", set.usable(), set.zero());
+            set.print_verdict();
+            say!("{}", set.zero());
             Ok(())
         }
         ModelsCommand::Delete { server, model_set, yes } => {
@@ -170,16 +171,17 @@ async fn list(of: &OfServer) -> Outcome {
 async fn use_set(of: &OfServer, beginning: &str, yes: bool) -> Outcome {
     let daemon = Daemon::at(&of.server).await?;
     let set = Candidate::of(&daemon, &full_id(&daemon, beginning).await?).await?;
-    if set.is_much_less() {
+    if !set.is_good() {
         let command = format!("taxeld models use {}", set.summary.model_set);
-        ask::agree(yes, &format!("{}. Use it?", set.usable()), &command).await?;
+        ask::agree(yes, &format!("{} Use it?", set.verdict().join(" ")), &command).await?;
     }
     let answer = set.activate(&daemon).await?;
     if of.json {
         return json::print("ActivateModelSetResponse", &answer);
     }
     let before = if answer.previous.is_empty() { "none" } else { &answer.previous };
-    say!("{} is in use; before it: {before}\n  {}\n  {}", set.summary.model_set, set.usable(), set.zero());
+    set.print_verdict();
+    say!("{} is in use; before it: {before}\n{}", set.summary.model_set, set.zero());
     Ok(())
 }
 

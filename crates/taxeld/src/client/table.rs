@@ -1,5 +1,7 @@
 //! What several commands print for people: columns and moments.
 
+use chrono::{DateTime, Local};
+
 /// Prints rows under a header, each column as wide as its widest cell; the last one is not padded.
 pub fn print(header: &[&str], rows: &[Vec<String>]) {
     lines(header, rows).iter().for_each(|line| say!("{line}"));
@@ -17,10 +19,10 @@ fn lines(header: &[&str], rows: &[Vec<String>]) -> Vec<String> {
     all().map(line).collect()
 }
 
-/// A moment as text; empty if there is none.
+/// A moment by the clock on the wall here; empty if there is none.
 pub fn moment(time: Option<&taxel_proto::Timestamp>) -> String {
-    let whole = time.map(|time| taxel_proto::Timestamp { nanos: 0, ..*time });
-    whole.map_or_else(String::new, |time| time.to_string())
+    let utc = time.and_then(|time| DateTime::from_timestamp(time.seconds, 0));
+    utc.map(|utc| utc.with_timezone(&Local).format("%Y-%m-%d %H:%M:%S").to_string()).unwrap_or_default()
 }
 
 #[cfg(test)]

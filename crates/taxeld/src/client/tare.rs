@@ -33,7 +33,7 @@ pub async fn tare(args: UnloadedArgs) -> Outcome {
     }
     say!("{}: zero {} taken: {}", status.patch, status.epoch, status.reason);
     let (baseline, noise) = (status.baseline_median_counts, status.noise_median_counts);
-    say!("  baseline {baseline:.1} counts, noise {noise:.2} counts (medians)");
+    say!("  unloaded count {baseline:.1}, noise {noise:.2} counts (medians)");
     Ok(())
 }
 

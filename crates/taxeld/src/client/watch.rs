@@ -4,11 +4,12 @@ use std::time::Duration;
 
 use taxel_client::{Moment, Received, Samples, Server};
 use taxel_proto::judge::{Force, NoForce, withheld, word};
-use taxel_proto::v1::{ForceSample, PatchRequest};
+use taxel_proto::v1::{ForceSample, ForceState, PatchRequest};
 
 use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::json;
+use crate::tone::Tone;
 
 /// How often a silent stream is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
@@ -30,19 +31,19 @@ pub struct WatchArgs {
     /// A line of JSON (message ForceSample) a sample.
     #[arg(long)]
     json: bool,
-    /// Wait for one good force, at most so many seconds as --within says, print it and end.
+    /// Wait for one good force, print it and end; --within limits the wait.
     #[arg(long)]
     once: bool,
     /// With --once: how long to wait for a good force.
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::values::parse_seconds, requires = "once")]
     within: f64,
-    /// With --once or --count: print only the number, and only of good forces.
+    /// With --once or --count: print only the number, and only if it is valid.
     #[arg(long, requires = "end", conflicts_with = "json")]
     quiet: bool,
     /// What the uncertainty of the newest force is made of, greatest first.
     #[arg(long, conflicts_with_all = ["rate", "json", "quiet", "once", "count"])]
     budget: bool,
-    /// End after so many samples.
+    /// End after this many samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
 }
@@ -175,7 +176,7 @@ fn describe(judged: &Judged) -> String {
     let sample = judged.received.sample();
     let Force { total_n: newton, age } = match &judged.force {
         Ok(force) => force,
-        Err(why) => return format!("{}: no force: {why}", sample.patch),
+        Err(why) => return format!("{}: {}: {why}", sample.patch, Tone::Bad.paint("no force")),
     };
     let low_n = sample.low_n.unwrap_or_default();
     let interval =
@@ -187,14 +188,18 @@ fn describe(judged: &Judged) -> String {
         sample.patch,
         age.as_secs_f64() * 1e3,
         sample.active,
-        word(sample.state()),
+        tone(sample.state()).paint(word(sample.state())),
     )
+}
+
+fn tone(state: ForceState) -> Tone {
+    if state == ForceState::Ok { Tone::Good } else { Tone::Warn }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_proto::v1::{ForceState, ReasonCode};
+    use taxel_proto::v1::ReasonCode;
 
     fn judged(state: ForceState, total_n: Option<f64>) -> Judged {
         let reasons = if state == ForceState::Ok { Vec::new() } else { vec!["a module is silent".to_owned()] };

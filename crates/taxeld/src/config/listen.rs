@@ -187,7 +187,7 @@ fn rules(access: &AccessSection, faults: &mut Faults) -> Rules {
         }
     }
     if rules.insecure > Some(Role::Observer) {
-        let words = "access: insecure: whoever is on the net could do it, and nobody would know who did: expected it in \
+        let words = "access: insecure: everybody on the network could do it, and nobody would know who did: expected it in \
                      observers or nowhere";
         faults.note("access", words);
     }

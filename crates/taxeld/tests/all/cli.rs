@@ -270,6 +270,23 @@ fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
 }
 
 #[test]
+fn alone_it_says_in_five_lines_where_to_begin_and_its_help_has_the_commands_in_groups() {
+    let alone = Command::new(env!("CARGO_BIN_EXE_taxeld")).output().unwrap();
+    let said = text(&alone.stderr);
+    assert!(alone.status.code() == Some(2) && said.lines().count() == 5 && said.contains("taxeld demo"), "{said}");
+    let help = succeeds(&["--help"]);
+    assert!(help.contains("\nCalibrate:\n  calibrate ") && help.contains("\nLook:\n  watch "), "{help}");
+}
+
+#[test]
+fn a_failure_names_the_command_that_helps() {
+    let said = fails(&["health", "--server", "127.0.0.1:1"]);
+    let mut lines = said.lines();
+    assert!(lines.next().unwrap().starts_with("taxeld: no daemon answers at http://127.0.0.1:1"), "{said}");
+    assert!(lines.next().unwrap().starts_with("help: taxeld run --config FILE"), "{said}");
+}
+
+#[test]
 fn completions_and_manual_pages_come_from_the_command_line_itself() {
     for shell in ["bash", "zsh", "fish"] {
         assert!(succeeds(&["completions", shell]).contains("calibrate"), "{shell}");
@@ -287,7 +304,7 @@ fn a_log_that_is_too_short_not_understood_or_not_there_is_told() {
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &still)]);
     let said =
         fails(&["replay", &path(folder.path(), "t.log"), "--config", &path(folder.path(), "t.toml"), "--calibrate"]);
-    let why = "the log ended while the calibration was TARING: waiting for rest: the gauge has been heard for less than a second";
+    let why = "the log ended while the calibration was TARING: waiting for an unloaded skin: the gauge has been heard for less than a second";
     assert!(said.contains(why), "{said}");
     // The last one comes at the end of all time that can be told.
     let foreign = "(1600000000.000000) can0 123#00\n(1600000000.1) can0 123#01\n(9223372036.854775) can0 123#02\n";

@@ -34,7 +34,7 @@ fn the_walk_through_holds_as_it_stands() {
         if line.contains("models import") || line.contains("models use") {
             let said = text(&output.stdout) + &text(&output.stderr);
             assert!(
-                said.contains("the zero of its calibration") && said.contains(" taxels usable; m-"),
+                said.contains("the zero of its calibration") && said.contains(" taxels (") && said.contains("Good. "),
                 "{line}: {said}"
             );
         }

@@ -49,7 +49,9 @@ impl fmt::Display for Unread {
         match self {
             Self::Model(status) => write!(f, "no usable model: {}", status.code()),
             Self::NoZero => write!(f, "no zero: faulty while the others were tared"),
-            Self::NoBaseline => write!(f, "no zero: the models have no count of it at rest; --tare none leaves theirs"),
+            Self::NoBaseline => {
+                write!(f, "no zero: the models have no unloaded count of it; --tare none leaves theirs")
+            }
             Self::Faulty => write!(f, "faulty in every scan"),
         }
     }

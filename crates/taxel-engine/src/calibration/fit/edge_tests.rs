@@ -278,7 +278,7 @@ fn what_was_done_about_a_zero_is_told() {
     let by_word = Zero::Tared { window_s: 3.0, proof: None, moved };
     assert_eq!([0, 1, 3].map(|taxel| by_word.moved(taxel)), [Some(2.0), None, None]);
     assert!(by_word.is_tared() && !Zero::Calibration.is_tared());
-    let text = "tared from the first 3 s on the operator's word; 2 of 3 taxels have no zero of their own there";
+    let text = "tared from the first 3 s, confirmed by the operator; 2 of 3 taxels have no zero of their own there";
     assert_eq!(by_word.to_string(), text);
     assert_eq!(Zero::Calibration.moved(7), Some(0.0));
     assert_eq!(Zero::Calibration.to_string(), "not tared: the zero is that of the calibration");

@@ -177,18 +177,21 @@ impl fmt::Display for Zero {
         match self {
             Self::Calibration => write!(f, "not tared: the zero is that of the calibration"),
             Self::NotAtRest(verdict) => {
-                write!(f, "not tared, the zero is that of the calibration: rest is not proven; {verdict}")
+                write!(
+                    f,
+                    "not tared, the zero is that of the calibration: the beginning is not shown to be unloaded; {verdict}"
+                )
             }
             Self::Lifted { lift, after_s } => write!(
                 f,
-                "not tared, the zero is that of the calibration: the beginning is not at rest; {lift} {after_s:.1} s \
+                "not tared, the zero is that of the calibration: the beginning is not unloaded; {lift} {after_s:.1} s \
                  later"
             ),
             Self::Tared { window_s, proof, moved } => {
                 let without = moved.iter().filter(|m| !m.is_finite()).count();
                 match proof {
                     Some(proof) => write!(f, "tared from the first {window_s} s: {proof}; nothing later is lighter")?,
-                    None => write!(f, "tared from the first {window_s} s on the operator's word")?,
+                    None => write!(f, "tared from the first {window_s} s, confirmed by the operator")?,
                 }
                 write!(f, "; {without} of {} taxels have no zero of their own there", moved.len())
             }

@@ -84,9 +84,10 @@ impl Course {
                 Err(Failure::refused(format!("session {number} is aborted; its samples are kept")))
             }
             "f" => advance(&self.daemon, number, SessionAction::FinishRamp).await.map(drop),
-            "l" => Err(Failure::refused(format!(
-                "session {number} goes on in the daemon; `taxeld calibrate` takes it up again"
-            ))),
+            "l" => {
+                let why = format!("session {number} goes on in the daemon");
+                Err(Failure::refused(why).help("taxeld calibrate   # takes it up again"))
+            }
             _ => Ok(()),
         }
     }

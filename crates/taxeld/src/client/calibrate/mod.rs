@@ -24,7 +24,7 @@ use screen::Screen;
 ///
 /// A session that is under way is taken up again. Ctrl-C asks whether to end the ramp, to abort, or to leave it to the daemon. Several patches
 /// in one bag are calibrated by one ramp: one `taxeld calibrate --patch NAME` for each, in terminals of their own; pump when
-/// all of them say so.
+/// all of them wait for it.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12"
@@ -41,7 +41,7 @@ pub struct CalibrateArgs {
     /// Pressure at which the rise ends, in kPa [default: as the daemon is configured].
     #[arg(long, value_name = "KPA")]
     target: Option<f64>,
-    /// Your name, as the one who confirms that nothing touches the skin: the zero is then taken without proof in the counts.
+    /// Your name, as the one who confirms that nothing touches the skin: the zero is then taken whatever the counts say.
     #[arg(long, value_name = "NAME", default_value = "")]
     confirmed_by: String,
     /// A module to do without, because it is silent or broken; may be given several times.
@@ -121,7 +121,7 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: boo
         leave_out: args.leave_out.clone(),
     };
     let session = daemon.calibration().start_session(request).await?.into_inner();
-    session.look.iter().for_each(|line| screen.tell(&format!("look: {line}")));
+    session.look.iter().for_each(|line| screen.tell(&format!("check: {line}")));
     Ok(session)
 }
 
@@ -158,25 +158,25 @@ async fn take_up(daemon: &Daemon, session: Session) -> Outcome<Session> {
 fn failed(session: &Session) -> Failure {
     let (number, state) = (session.session, session_word(session.state()));
     let kept = session.accepted;
-    Failure::refused(format!(
-        "session {number} is {state}: {}; its {kept} scans are kept: `taxeld calibrate --session {number}` adds another ramp",
-        session.reason
-    ))
+    let why = format!("session {number} is {state}: {}; its {kept} scans are kept", session.reason);
+    Failure::refused(why).help(format!("taxeld calibrate --session {number}   # adds another ramp"))
 }
 
 /// The review, and what the operator makes of it.
 async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
     let candidate = Candidate::of(&course.daemon, &course.session.model_set).await?;
+    let details = || print_set(&candidate.set, &course.screen.places);
     if !args.json {
-        print_set(&candidate.set, &course.screen.places);
-        say!("  {}", candidate.usable());
+        if !course.asks {
+            details();
+        }
+        candidate.print_verdict();
     }
     if candidate.summary.calibrated == 0 {
         return Err(Failure::refused(format!("not one of {} taxels got a usable model", candidate.summary.taxels)));
     }
-    // Enter is no where most of the skin would be lost.
-    if !(args.yes || course.asks && ask::yes("Activate it?", !candidate.is_much_less()).await?) {
-        course.screen.tell(&format!("not in use yet: taxeld models use {}", candidate.summary.model_set));
+    if !(args.yes || course.asks && ask::yes_or_details("Use it?", candidate.is_good(), details).await?) {
+        course.screen.tell(&format!("not in use yet; help: taxeld models use {}", candidate.summary.model_set));
         return Ok(());
     }
     let answer = candidate.activate(&course.daemon).await?;

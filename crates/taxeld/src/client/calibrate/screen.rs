@@ -200,7 +200,7 @@ mod tests {
         }
         let mut session = Session { state: SessionState::Taring.into(), ..Session::default() };
         assert_eq!(advice(&session), "hands off: the zero is being taken");
-        session.reason = "waiting for rest: restless".to_owned();
-        assert_eq!(advice(&session), "waiting for rest: restless");
+        session.reason = "waiting for an unloaded skin: it moves".to_owned();
+        assert_eq!(advice(&session), "waiting for an unloaded skin: it moves");
     }
 }

@@ -1,0 +1,57 @@
+//! What `taxeld` says of itself: five lines alone, and its commands in groups with `--help`.
+
+use std::fmt::Write as _;
+
+use clap::Command;
+
+/// `taxeld` alone.
+pub const ALONE: &str = "taxeld reads robot skin and streams its force in newtons.
+  taxeld demo        try it: a simulated skin, no hardware
+  taxeld setup       write a configuration for a robot, then: taxeld check, taxeld run
+  taxeld calibrate   calibrate the skin in its vacuum bag; then `taxeld watch` shows the force
+  taxeld --help      all commands; `taxeld COMMAND --help` has examples";
+
+/// Every command is in one of these groups.
+const GROUPS: [(&str, &[&str]); 5] = [
+    ("Start", &["demo", "setup", "scan", "check", "run"]),
+    ("Calibrate", &["calibrate", "tare", "load", "recalibrate", "bring-up"]),
+    ("Look", &["watch", "rate", "health", "events"]),
+    ("Keep", &["models", "sessions", "audit"]),
+    ("Logs", &["replay"]),
+];
+
+/// The command line with its commands in groups.
+pub fn grouped(command: Command) -> Command {
+    let mut text = "{about-with-newline}\n{usage-heading} {usage}\n".to_owned();
+    for (group, names) in GROUPS {
+        let found = names.iter().filter_map(|name| command.find_subcommand(name));
+        let _ = write!(text, "\n{group}:\n"); // a String takes everything
+        for one in found {
+            let about = one.get_about().map(ToString::to_string).unwrap_or_default();
+            let _ = writeln!(text, "  {:<12} {about}", one.get_name());
+        }
+    }
+    command.help_template(text + "\nOptions:\n{options}{after-help}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn every_command_is_in_one_group_with_one_line() {
+        let command = crate::Cli::command();
+        let shown = command.get_subcommands().filter(|one| !one.is_hide_set());
+        for one in shown {
+            let name = one.get_name();
+            assert_eq!(
+                GROUPS.iter().flat_map(|(_, names)| *names).filter(|known| **known == name).count(),
+                1,
+                "{name}"
+            );
+            let about = one.get_about().unwrap().to_string();
+            assert!(about.chars().count() <= 100, "{name}: {about}");
+        }
+    }
+}
