@@ -1,7 +1,10 @@
 //! `taxeld calibrate`: a session from the zero to the models in use, guided.
 
+mod device;
 mod follow;
 mod screen;
+
+use std::path::PathBuf;
 
 use taxel_client::Server;
 use taxel_proto::v1::{
@@ -16,6 +19,7 @@ use super::json;
 use super::model_set::{Candidate, print_set};
 use super::places::Places;
 use super::sessions::{advance, session_word};
+use device::{ByDevice, Pump};
 use follow::Course;
 use screen::Screen;
 
@@ -26,7 +30,7 @@ use screen::Screen;
 /// all of them say so.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12"
+    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --device deploy/rigs/micro.toml --at /dev/ttyACM0"
 )]
 pub struct CalibrateArgs {
     #[command(flatten)]
@@ -52,6 +56,15 @@ pub struct CalibrateArgs {
     /// Begin a new session although an earlier one could be taken up.
     #[arg(long)]
     new: bool,
+    /// A drive moves the pressure: its profile, as in deploy/rigs. Abort at any time with Ctrl-C, or from the page.
+    #[arg(long, value_name = "FILE", conflicts_with = "session")]
+    device: Option<PathBuf>,
+    /// Where the drive is, if not where its profile says: a serial device, or tcp:HOST:PORT.
+    #[arg(long, value_name = "LINE", requires = "device")]
+    at: Option<String>,
+    /// You stand beside the valve until the end, because the drive holds the vacuum if this computer stops.
+    #[arg(long, requires = "device")]
+    attended: bool,
     /// Ask nothing: take up what was interrupted, use the new set.
     #[arg(long)]
     yes: bool,
@@ -75,7 +88,15 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let skin = daemon.skin().get_skin(PatchRequest { patch: daemon.patch() }).await?.into_inner();
     let daemon = daemon.about(&skin.patch);
     let asks = !args.yes && !args.json && ask::somebody();
-    let screen = Screen::new(Places::of(&skin), args.json);
+    let mut screen = Screen::new(Places::of(&skin), args.json);
+    if let Some(profile) = &args.device {
+        let mut pump = Pump::open(profile, args.at.as_deref()).await?;
+        pump.attended(asks, args.attended).await?;
+        let request = request(&daemon, &args);
+        let course = ByDevice { daemon: &daemon, screen: &mut screen, request, ramps: args.ramps };
+        let session = course.run(&mut pump).await?;
+        return conclude(&Course { daemon, screen, asks, session }, &args).await;
+    }
     let session = begin(&daemon, &args, &screen, asks).await?;
     let mut course = Course { daemon, screen, asks, session };
     loop {
@@ -107,17 +128,21 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: boo
     {
         return take_up(daemon, session).await;
     }
+    let session = daemon.calibration().start_session(request(daemon, args)).await?.into_inner();
+    session.look.iter().for_each(|line| screen.tell(&format!("look: {line}")));
+    Ok(session)
+}
+
+/// A new session.
+fn request(daemon: &Daemon, args: &CalibrateArgs) -> StartSessionRequest {
     let branches = if args.both { Branches::Both } else { Branches::Unspecified };
-    let request = StartSessionRequest {
+    StartSessionRequest {
         patch: daemon.patch(),
         target_kpa: args.target,
         confirmed_by: args.confirmed_by.clone(),
         branches: branches.into(),
         leave_out: args.leave_out.clone(),
-    };
-    let session = daemon.calibration().start_session(request).await?.into_inner();
-    session.look.iter().for_each(|line| screen.tell(&format!("look: {line}")));
-    Ok(session)
+    }
 }
 
 /// Whether this earlier session is the one to go on with.
