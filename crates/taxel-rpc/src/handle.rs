@@ -7,7 +7,7 @@ use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::events::Event;
 use taxel_engine::plan::Plan;
-use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
+use taxel_engine::snapshot::{Catalogue, GaugeReading, Health, PatchSnapshot};
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
@@ -57,6 +57,7 @@ pub struct Handle {
 pub(crate) struct PatchFeed {
     pub(crate) snapshot: watch::Receiver<Arc<PatchSnapshot>>,
     pub(crate) session: watch::Receiver<Option<Arc<SessionView>>>,
+    pub(crate) gauge: watch::Receiver<Option<GaugeReading>>,
 }
 
 /// The engine's end: publishes snapshots, never waits. When it is dropped every stream ends with UNAVAILABLE.
@@ -64,6 +65,7 @@ pub struct Publisher {
     heartbeat: Arc<Heartbeat>,
     snapshots: Vec<watch::Sender<Arc<PatchSnapshot>>>,
     sessions: Vec<watch::Sender<Option<Arc<SessionView>>>>,
+    gauges: Vec<watch::Sender<Option<GaugeReading>>>,
     health: watch::Sender<Arc<Health>>,
     catalogue: watch::Sender<Arc<Catalogue>>,
     fits: Arc<Semaphore>,
@@ -86,7 +88,9 @@ pub fn channel(
     let (fits, events) = (Arc::new(Semaphore::new(1)), Arc::new(EventLog::new()));
     let (snapshots, seen): (Vec<_>, Vec<_>) = plan.patches.iter().map(|_| watch::channel(Arc::default())).unzip();
     let (sessions, at): (Vec<_>, Vec<_>) = plan.patches.iter().map(|_| watch::channel(None)).unzip();
-    let feeds = seen.into_iter().zip(at).map(|(snapshot, session)| PatchFeed { snapshot, session });
+    let (gauges, read): (Vec<_>, Vec<_>) = plan.patches.iter().map(|_| watch::channel(None)).unzip();
+    let feeds = seen.into_iter().zip(at).zip(read);
+    let feeds = feeds.map(|((snapshot, session), gauge)| PatchFeed { snapshot, session, gauge });
     let handle = Handle {
         commands,
         patches: feeds.collect(),
@@ -100,7 +104,7 @@ pub fn channel(
         events: Arc::clone(&events),
     };
     let publisher =
-        Publisher { heartbeat, snapshots, sessions, health: to_health, catalogue: to_catalogue, fits, events };
+        Publisher { heartbeat, snapshots, sessions, gauges, health: to_health, catalogue: to_catalogue, fits, events };
     (handle, publisher, requests)
 }
 
@@ -131,6 +135,13 @@ impl Publisher {
     pub fn session(&self, position: usize, view: Option<Arc<SessionView>>) {
         if let Some(sender) = self.sessions.get(position) {
             sender.send_replace(view);
+        }
+    }
+
+    /// What the gauge of the patch at this position of the plan reads now.
+    pub fn gauge(&self, position: usize, reading: GaugeReading) {
+        if let Some(sender) = self.gauges.get(position) {
+            sender.send_replace(Some(reading));
         }
     }
 
