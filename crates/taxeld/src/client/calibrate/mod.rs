@@ -4,8 +4,6 @@ mod device;
 mod follow;
 mod screen;
 
-use std::path::PathBuf;
-
 use taxel_client::Server;
 use taxel_proto::v1::{
     Branches, ListRequest, ModuleName, PatchRequest, Session, SessionAction, SessionRequest, SessionState,
@@ -30,7 +28,7 @@ use screen::Screen;
 /// all of them say so.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --device deploy/rigs/micro.toml --at /dev/ttyACM0"
+    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --device micro --at /dev/ttyACM0"
 )]
 pub struct CalibrateArgs {
     #[command(flatten)]
@@ -56,9 +54,10 @@ pub struct CalibrateArgs {
     /// Begin a new session although an earlier one could be taken up.
     #[arg(long)]
     new: bool,
-    /// A drive moves the pressure: its profile, as in deploy/rigs. Abort at any time with Ctrl-C, or from the page.
+    /// A drive moves the pressure: its profile, a file as in deploy/rigs, or `micro` or `alicat`. Ctrl-C, or an abort from anywhere,
+    /// vents.
     #[arg(long, value_name = "FILE", conflicts_with = "session")]
-    device: Option<PathBuf>,
+    device: Option<String>,
     /// Where the drive is, if not where its profile says: a serial device, or tcp:HOST:PORT.
     #[arg(long, value_name = "LINE", requires = "device")]
     at: Option<String>,
@@ -92,7 +91,7 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     if let Some(profile) = &args.device {
         let mut pump = Pump::open(profile, args.at.as_deref()).await?;
         pump.attended(asks, args.attended).await?;
-        let request = request(&daemon, &args);
+        let request = new_session(&daemon, &args);
         let course = ByDevice { daemon: &daemon, screen: &mut screen, request, ramps: args.ramps };
         let session = course.run(&mut pump).await?;
         return conclude(&Course { daemon, screen, asks, session }, &args).await;
@@ -128,13 +127,13 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: boo
     {
         return take_up(daemon, session).await;
     }
-    let session = daemon.calibration().start_session(request(daemon, args)).await?.into_inner();
+    let session = daemon.calibration().start_session(new_session(daemon, args)).await?.into_inner();
     session.look.iter().for_each(|line| screen.tell(&format!("look: {line}")));
     Ok(session)
 }
 
 /// A new session.
-fn request(daemon: &Daemon, args: &CalibrateArgs) -> StartSessionRequest {
+fn new_session(daemon: &Daemon, args: &CalibrateArgs) -> StartSessionRequest {
     let branches = if args.both { Branches::Both } else { Branches::Unspecified };
     StartSessionRequest {
         patch: daemon.patch(),
