@@ -91,6 +91,7 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     if let Some(profile) = &args.device {
         let mut pump = Pump::open(profile, args.at.as_deref()).await?;
         pump.attended(asks, args.attended).await?;
+        end_what_was_left(&daemon, args.yes).await?;
         let request = new_session(&daemon, &args);
         let course = ByDevice { daemon: &daemon, screen: &mut screen, request, ramps: args.ramps };
         let session = course.run(&mut pump).await?;
@@ -120,9 +121,7 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: boo
         let session = daemon.calibration().get_session(SessionRequest { session }).await?.into_inner();
         return take_up(daemon, session).await;
     }
-    let request = ListRequest { patch: daemon.patch(), most: 1, before: 0 };
-    let newest = daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next();
-    if let Some(session) = newest.filter(|_| !args.new)
+    if let Some(session) = newest(daemon).await?.filter(|_| !args.new)
         && wants(&session, args, screen, asks).await?
     {
         return take_up(daemon, session).await;
@@ -130,6 +129,22 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: boo
     let session = daemon.calibration().start_session(new_session(daemon, args)).await?.into_inner();
     session.look.iter().for_each(|line| screen.tell(&format!("look: {line}")));
     Ok(session)
+}
+
+async fn newest(daemon: &Daemon) -> Outcome<Option<Session>> {
+    let request = ListRequest { patch: daemon.patch(), most: 1, before: 0 };
+    Ok(daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next())
+}
+
+/// A drive whose program was killed leaves its session under way.
+async fn end_what_was_left(daemon: &Daemon, agreed: bool) -> Outcome {
+    let is_open = |one: &Session| matches!(one.state(), SessionState::Taring | SessionState::Ramping);
+    if let Some(session) = newest(daemon).await?.filter(is_open) {
+        let number = session.session;
+        ask::agree(agreed, &format!("session {number} is under way. Abort it?"), "taxeld calibrate --device").await?;
+        advance(daemon, number, SessionAction::Abort).await?;
+    }
+    Ok(())
 }
 
 /// A new session.
