@@ -141,7 +141,7 @@ def disturbed(bench, profile, state, how):
 
 
 def abort(bench):
-    bench.command("sessions", "end", str(bench.sessions()[0]["session"]), "--abort", "--yes")
+    bench.command("sessions", "end", str(bench.sessions()[0]["session"]))
 
 
 def undisturbed(bench, profile):

@@ -104,10 +104,16 @@ impl PatchPlan {
         }
     }
 
-    /// Whether anything measures the pressure in the bag: without it there is no calibration.
+    /// Whether anything measures the pressure in the bag.
     #[must_use]
     pub fn has_gauge(&self) -> bool {
         self.gauge.is_some() || self.pushed.is_some_and(|pushed| pushed.pressure)
+    }
+
+    /// Whether the pressure in the bag is measured, or typed.
+    #[must_use]
+    pub fn can_calibrate(&self) -> bool {
+        self.has_gauge() || self.session.typed
     }
 
     /// Whether the ambient pressure is what the gauge reads of the vented bag.
@@ -263,7 +269,11 @@ impl PatchPlan {
 
     /// How the gauge is read, in words; empty without one.
     pub(crate) fn gauge_words(&self) -> String {
-        self.gauge.as_ref().map_or_else(String::new, Gauge::words)
+        match (&self.gauge, self.session.typed) {
+            (Some(gauge), _) => gauge.words(),
+            (None, true) => "typed by an operator".to_owned(),
+            (None, false) => String::new(),
+        }
     }
 
     /// How a gauge of these words was read otherwise than in this plan; `None` where it was not, or that is not known.

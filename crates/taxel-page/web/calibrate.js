@@ -58,7 +58,7 @@ function check(signal) {
     const silent = boards.filter((b) => (b.modulesFresh ?? 0) < (b.modulesEnabled ?? 0));
     const faulty = patch?.faulty?.length ?? 0;
     put(list, [
-      [state.skin?.hasGauge, "a pressure gauge is configured"],
+      [patch?.hasGauge || null, "a pressure gauge is configured, or its dial is typed"],
       [(found.buses ?? []).every((bus) => bus.up), "every bus is up"],
       [!silent.length, silent.length ? `silent modules on board ${silent.map((b) => b.address).join(", ")}` : "every module sends"],
       [faulty === 0 ? true : null, faulty ? `${faulty} taxels have a fault and will get no model` : "no taxel has a fault"],
@@ -130,6 +130,26 @@ function adviser() {
   };
 }
 
+/** What to do where a dial is read by eye. */
+function adviceOfDial(s) {
+  const { settled, taken = 0, lastKpa } = s.typed;
+  if (settled) return ["Type what the dial shows", "ok"];
+  if (lastKpa === undefined) return ["Leave the bag vented: the skin is watched", "warn"];
+  const step = (s.targetKpa - lastKpa) / Math.max(1, 8 - taken);
+  return [`Pump to about ${num(lastKpa + step, 0)} kPa and hold`, "warn"];
+}
+
+/** Where what the dial shows is typed; the daemon says why if it is no plateau. */
+function dial() {
+  const shows = el("input", { type: "number", step: "any", required: true, name: "dial" });
+  const go = el("button.primary", { type: "submit", id: "plateau" }, "Take this plateau");
+  const work = async () => {
+    show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_PLATEAU", typedKpa: Number(shows.value) }));
+    shows.value = "";
+  };
+  return el("form.row", { onsubmit: doing(go, work) }, el("label", "The dial shows, kPa", shows), go);
+}
+
 function ramping(signal) {
   const advice = el("div.advice", { id: "advice" });
   const pressure = el("div.big");
@@ -142,7 +162,7 @@ function ramping(signal) {
     if (stateOf(s) !== "RAMPING") return;
     // A pump goes on by itself.
     const old = isOld();
-    const [text, kind] = old ? ["Stop: nothing new comes from the daemon", "bad"] : advise(s);
+    const [text, kind] = old ? ["Stop: nothing new comes from the daemon", "bad"] : s.typed ? adviceOfDial(s) : advise(s);
     advice.className = `advice ${kind}`;
     advice.textContent = text;
     put(pressure, `${old ? "–" : num(s.pressureKpa, 1)} `, el("small", `of ${num(s.targetKpa, 0)} kPa`));
@@ -151,6 +171,7 @@ function ramping(signal) {
       ["rate", old || s.rateKpaPerS === undefined ? "–" : `${num(s.rateKpaPerS, 2)} kPa/s`],
       ["covered", percent(s.coverage ?? 0)],
       ["time left", old || s.remainingS === undefined ? "–" : `${num(s.remainingS, 0)} s`],
+      ...(s.typed ? [["plateaus", `${s.typed.taken ?? 0}, 8 make a calibration`]] : []),
       ["taxels that respond", `${s.taxelsResponding ?? 0} of ${s.taxels ?? 0}`],
       ["scans that count", `${s.accepted ?? 0}, on disk ${s.durable ?? 0}`],
       ["scans that do not", refusedText(s.refused)],
@@ -160,7 +181,7 @@ function ramping(signal) {
   update();
   const finish = button("End the ramp here", async () => show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_FINISH_RAMP" })), { id: "finish" });
   return el("div.live",
-    el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, el("div.bar", bar), numbers, found(), el("div.row", finish, abort())),
+    el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, state.session.typed && dial(), el("div.bar", bar), numbers, found(), el("div.row", finish, abort())),
     el("section.card", el("h2", "Which taxels respond: change of count"), skin.node));
 }
 

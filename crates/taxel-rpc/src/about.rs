@@ -51,6 +51,7 @@ impl Service {
             Command::RecordLoad { patch, load } => (patch.clone(), None, Some(&load.by)),
             Command::BeginPush { patch } => (patch.clone(), None, None),
             Command::StartRamp { session }
+            | Command::Plateau { session, .. }
             | Command::FinishRamp { session }
             | Command::AbortSession { session }
             | Command::DiscardSession { session }

@@ -55,13 +55,21 @@ impl CalibrationService for Service {
     async fn advance_session(&self, request: Request<v1::AdvanceSessionRequest>) -> Reply<v1::Session> {
         let caller = caller(&request)?;
         let (session, action) = (check_session(request.get_ref().session)?, request.get_ref().action);
+        let typed_kpa = request.get_ref().typed_kpa;
+        let is_plateau = action == i32::from(v1::SessionAction::Plateau);
+        if typed_kpa.is_some() != is_plateau || !typed_kpa.is_none_or(f64::is_finite) {
+            return Err(invalid("typed_kpa", "expected a number of kPa with PLATEAU, and none with another action"));
+        }
         let command = match v1::SessionAction::try_from(action) {
+            Ok(v1::SessionAction::Plateau) => {
+                Command::Plateau { session, kpa: Kilopascal(typed_kpa.unwrap_or_default()) }
+            }
             Ok(v1::SessionAction::StartRamp) => Command::StartRamp { session },
             Ok(v1::SessionAction::FinishRamp) => Command::FinishRamp { session },
             Ok(v1::SessionAction::Abort) => Command::AbortSession { session },
             Ok(v1::SessionAction::Discard) => Command::DiscardSession { session },
             Ok(v1::SessionAction::Unspecified) | Err(_) => {
-                let problem = "expected START_RAMP, FINISH_RAMP, ABORT or DISCARD";
+                let problem = "expected START_RAMP, FINISH_RAMP, ABORT, DISCARD or PLATEAU";
                 return Err(invalid("action", format_args!("{action}: {problem}")));
             }
         };
@@ -218,6 +226,11 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
         // The bag is judged by what the gauge itself reads.
         vented_below_kpa: limits.vented_below.0 - view.gauge_zero_kpa,
         look: view.look.to_vec(),
+        typed: view.typed.map(|typed| v1::TypedPlateaus {
+            settled: typed.settled,
+            taken: typed.taken.into(),
+            last_kpa: typed.last_kpa.and_then(known),
+        }),
         not_responding: view.not_responding.iter().map(|taxel| u32::from(*taxel)).collect(),
     }
 }

@@ -53,6 +53,13 @@ pub enum Command {
         /// Number of the session.
         session: u64,
     },
+    /// Take the plateau at which the bag is held, where no gauge says its pressure.
+    Plateau {
+        /// Number of the session.
+        session: u64,
+        /// What the dial shows.
+        kpa: Kilopascal,
+    },
     /// End the rise of a ramp over both branches, else the ramp, and fit.
     FinishRamp {
         /// Number of the session.

@@ -163,6 +163,10 @@ impl Calibration {
             session.view().check_trusted()?;
         }
         match command {
+            Trigger::FinishRamp if session.check_plateaus().is_err() => {
+                let why = session.check_plateaus().err().unwrap_or_default();
+                return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+            }
             Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),
             Trigger::FinishRamp => self.fit(now, gauge, events),
             Trigger::Discard | Trigger::Abort => self.enter(now, next, command.reason(), gauge, events),
@@ -170,6 +174,33 @@ impl Calibration {
                 self.enter(now, next, "", gauge, events);
                 self.want_zero(events);
             }
+        }
+        Ok(())
+    }
+
+    /// The operator types what the dial shows.
+    ///
+    /// # Errors
+    /// [`Rejection`] if no ramp is under way, or why it is no plateau.
+    pub fn take_plateau(
+        &mut self,
+        now: Now,
+        kpa: f64,
+        gauge: &GaugeHistory,
+        events: &mut Vec<CalibrationEvent>,
+    ) -> Result<(), Rejection> {
+        let Some(session) = self.session.as_mut().filter(|session| session.view().state == SessionState::Ramping)
+        else {
+            let why = "no ramp is under way: taxeld calibrate".to_owned();
+            return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+        };
+        let mut records = Vec::new();
+        let taken = session.take_plateau(now.time, kpa, &mut records);
+        events.extend(records.into_iter().map(CalibrationEvent::Record));
+        match taken {
+            Ok(Progress::RampEnded) => self.fit(now, gauge, events),
+            Ok(_) => self.tell(now, gauge, events),
+            Err(why) => return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why)),
         }
         Ok(())
     }

@@ -19,6 +19,7 @@ use crate::calibration::fit::workers::OneByOne;
 use crate::calibration::fit::{lag, zero};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::calibration::method::{method, plays_in_words};
+use crate::calibration::plateau::scatter_kpa;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::model_set::{Maker, ModelSet, Recorded, ZeroReturn};
 use crate::statistics::root_mean_square;
@@ -122,7 +123,8 @@ impl FitJob {
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
         let doubt_kpa = gauge_zero.doubt_kpa(samples) * steeper_at_rest(&fitted.models, &ramp.taxels);
-        let offset_kpa = doubt_kpa.hypot(recipe.options.gauge.offset_kpa);
+        // All taxels share what was typed wrong, as they share the gauge.
+        let offset_kpa = doubt_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(scatter_kpa(&self.samples));
         fitted.models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
         let (gauge, branch) = (GaugeUncertainty { offset_kpa, ..recipe.options.gauge }, recipe.branch);
         Ok(ModelSet {

@@ -18,6 +18,8 @@ pub struct SessionLimits {
     pub pressurised_chamber: bool,
     /// A sample may lie this far behind the furthest pressure so far, on a rise below it: the gauge's noise.
     pub noise_band: Kilopascal,
+    /// Whether no gauge says the pressure, but an operator who holds a plateau and types what a dial shows.
+    pub typed: bool,
     /// Which branches of the pressure a ramp gathers, unless its session asks for others.
     pub branches: Branch,
     /// Steepest rise that may enter the fit, in kPa/s.
@@ -75,6 +77,7 @@ impl Default for SessionLimits {
             target: Kilopascal(70.0),
             pressurised_chamber: false,
             noise_band: Kilopascal(0.3),
+            typed: false,
             branches: Branch::Rising,
             rise_max_kpa_per_s: 5.0,
             fall_max_kpa_per_s: 5.0,

@@ -12,6 +12,7 @@ use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, Direction};
 use crate::calibration::job::refuse_gaps;
 use crate::calibration::limits::SessionLimits;
+use crate::calibration::plateau::{PLATEAU_PATIENCE, PLATEAUS_MIN, Plateaus};
 use crate::calibration::ramp::{Gate, Ramp};
 use crate::calibration::rise::{Rise, Stall};
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
@@ -77,6 +78,8 @@ pub struct SessionRun {
     samples: Arc<SessionSamples>,
     ramp: Ramp,
     rise: Rise,
+    /// Where a dial is typed: the plateaus of the present ramp.
+    plateaus: Option<Plateaus>,
     pending: VecDeque<Pending>,
     /// One flag per 1 kPa step from 0 to the target.
     covered: Vec<bool>,
@@ -100,6 +103,7 @@ impl SessionRun {
             extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); taxels],
             ramp: Ramp::new(now.time, view.direction, None),
             rise: Rise::default(),
+            plateaus: limits.typed.then(|| Plateaus::begin(now.time)),
             view,
             limits,
             samples: Arc::default(),
@@ -181,6 +185,7 @@ impl SessionRun {
     pub fn drop_waiting(&mut self) {
         let dropped = self.pending.len() as u64;
         self.pending.clear();
+        self.plateaus.iter_mut().for_each(Plateaus::forget_scans);
         self.view.refused.add_many(SampleRefusal::ZeroInDoubt, dropped);
     }
 
@@ -205,6 +210,7 @@ impl SessionRun {
             GaugeAtRest::Still { kpa, newest } => (Some(kpa.0), Some(newest)),
             GaugeAtRest::Moves(..) | GaugeAtRest::NotHeard => (None, None),
         };
+        self.plateaus.iter_mut().for_each(|plateaus| *plateaus = Plateaus::begin(now.time));
         let ramp = RampBaseline { ramp: self.view.ramps, taxels, gauge_kpa };
         self.view.ramps += 1;
         self.begin_branch(Ramp::new(now.time, Direction::Rising, newest));
@@ -255,6 +261,9 @@ impl SessionRun {
         if self.view.state != SessionState::Ramping {
             return Progress::On;
         }
+        if self.plateaus.is_some() {
+            return self.wait_for_plateau(now);
+        }
         if let Some((_, Kilopascal(kpa))) = gauge.newest() {
             self.rise.on_gauge(kpa - self.gauge_zero_kpa());
         }
@@ -285,6 +294,68 @@ impl SessionRun {
             }
         }
         self.give_up_if_hopeless(now, gauge)
+    }
+
+    /// Whether a dial is typed.
+    #[must_use]
+    pub const fn is_typed(&self) -> bool {
+        self.plateaus.is_some()
+    }
+
+    /// The dial shows `kpa`, and the skin has settled there. New samples go to `records`.
+    ///
+    /// # Errors
+    /// Why it is no plateau, in words.
+    pub fn take_plateau(&mut self, now: Time, kpa: f64, records: &mut Vec<SessionRecord>) -> Result<Progress, String> {
+        let Some(plateaus) = &mut self.plateaus else {
+            return Err("a gauge says the pressure of this patch: nothing is typed".to_owned());
+        };
+        let is_first = plateaus.last_kpa().is_none();
+        let scans = plateaus.take(now, kpa, &self.limits)?;
+        if let (true, Some(ramp)) = (is_first, Arc::make_mut(&mut self.samples).ramps.last_mut()) {
+            ramp.gauge_kpa = Some(kpa); // what the dial shows of the vented bag
+            records.push(SessionRecord::Ramp(ramp.clone()));
+        }
+        let reached = kpa - self.gauge_zero_kpa();
+        (0..reached.max(0.0) as usize).for_each(|step| self.cover(step as f64));
+        for scan in scans {
+            if self.samples.samples.len() >= self.limits.scans_max {
+                self.view.refused.add(SampleRefusal::Full);
+                return Ok(Progress::RampEnded);
+            }
+            records.push(self.accept(scan, Kilopascal(kpa)));
+        }
+        let ends = reached >= self.limits.target.0 && self.has_enough();
+        Ok(if ends { Progress::RampEnded } else { Progress::On })
+    }
+
+    /// Watches the skin until somebody types what the dial shows; nobody needs for ever.
+    fn wait_for_plateau(&mut self, now: Time) -> Progress {
+        let (waiting, enough) = (std::mem::take(&mut self.pending), self.has_enough());
+        let Some(plateaus) = &mut self.plateaus else { return Progress::On };
+        waiting.into_iter().for_each(|scan| plateaus.push(scan));
+        if now.since(plateaus.since()) <= PLATEAU_PATIENCE {
+            return Progress::On;
+        }
+        let minutes = PLATEAU_PATIENCE.as_secs() / 60;
+        self.view.reason = format!("nothing was typed for {minutes} minutes");
+        if enough { Progress::RampEnded } else { Progress::Failed }
+    }
+
+    /// Refuses to fit plateaus that are too few to draw a curve through.
+    ///
+    /// # Errors
+    /// How many there are, and what to do.
+    pub fn check_plateaus(&self) -> Result<(), String> {
+        let taken = self.samples.plateaus();
+        if !self.is_typed() || taken >= PLATEAUS_MIN {
+            return Ok(());
+        }
+        let number = self.view.number;
+        Err(format!(
+            "{taken} plateaus above the vented bag, and {PLATEAUS_MIN} make a calibration: type more, or, to begin another ramp: \
+             taxeld sessions end {number}, then taxeld calibrate --session {number}"
+        ))
     }
 
     /// Whether the branch has reached its end with the scan at `time`. A fall has also where no sample entered any
@@ -375,7 +446,9 @@ impl SessionRun {
 
     /// Whether a fit can come of what was gathered.
     fn has_enough(&self) -> bool {
-        self.samples.samples.len() as u64 >= MIN_BINNED_SAMPLES && refuse_gaps(&self.samples.pressures_kpa()).is_ok()
+        self.check_plateaus().is_ok()
+            && self.samples.samples.len() as u64 >= MIN_BINNED_SAMPLES
+            && refuse_gaps(&self.samples.pressures_kpa()).is_ok()
     }
 
     fn why_nothing_enters(&self, now: Time, gauge: &GaugeHistory, patience: Duration) -> String {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::branch::{Branch, Direction};
+use crate::calibration::plateau::PlateauView;
 use crate::request::{ErrorReason, Rejection};
 
 /// Where a session stands.
@@ -225,6 +226,9 @@ pub struct SessionView {
     /// Those that did not, ascending; empty where only the numbers are known.
     #[serde(skip)]
     pub not_responding: Arc<[u16]>,
+    /// Where a dial is typed: what is known of its plateaus. Not kept on disk.
+    #[serde(skip)]
+    pub typed: Option<PlateauView>,
     /// Time to the end of the branch at the present rate, in seconds.
     #[serde(skip)]
     pub remaining_s: Option<f64>,

@@ -25,6 +25,7 @@ impl Engine {
                 self.start_session(now, &patch, asked, out).map(Answer::Now)
             }
             Command::StartRamp { session } => self.command_session(now, request, session, Trigger::StartRamp, out),
+            Command::Plateau { session, kpa } => self.plateau(now, session, kpa.0, out).map(Answer::Now),
             Command::FinishRamp { session } => self.command_session(now, request, session, Trigger::FinishRamp, out),
             Command::AbortSession { session } => self.command_session(now, request, session, Trigger::Abort, out),
             Command::DiscardSession { session } => self.discard(now, request, session, out),

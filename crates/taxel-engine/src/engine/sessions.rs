@@ -46,9 +46,14 @@ impl Engine {
         self.room_for_session()?;
         self.room_for_model_set()?;
         let patch = &self.patches[index];
-        if !patch.plan().has_gauge() {
+        if !patch.plan().can_calibrate() {
             let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
             return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
+        }
+        let branches = asked.branches.unwrap_or(patch.plan().session.branches);
+        if patch.plan().session.typed && branches == Branch::Both {
+            let problem = "a dial is typed while the pressure rises: expected RISING".to_owned();
+            return Err(Rejection::InvalidArgument { field: "branches", problem });
         }
         let target = asked.target.unwrap_or(patch.plan().session.target).0;
         let most = patch.plan().session.target_max_kpa();
@@ -71,7 +76,7 @@ impl Engine {
             board_settings: patch.plan().board_settings().into(),
             gauge: patch.plan().gauge_words(),
             target_kpa: target,
-            branches: asked.branches.unwrap_or(patch.plan().session.branches),
+            branches,
             ..SessionView::default()
         };
         self.next_session += 1;
@@ -138,6 +143,19 @@ impl Engine {
 
     fn command_held(&mut self, now: Now, index: usize, command: Trigger, out: &mut Vec<Output>) -> Reply {
         let view = self.with_patch(now, index, out, |patch, effects| patch.command_session(now, command, effects))?;
+        Ok(Done::Session(view))
+    }
+
+    /// What a dial shows, of a session that a patch holds.
+    pub(super) fn plateau(&mut self, now: Now, number: u64, kpa: f64, out: &mut Vec<Output>) -> Reply {
+        self.store_takes_records()?;
+        self.refuse_if_session_ends(number)?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
+        let Some(index) = self.held(number) else {
+            let why = format!("session {number} is {}; a plateau is typed only in RAMPING", view.state.name());
+            return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+        };
+        let view = self.with_patch(now, index, out, |patch, effects| patch.take_plateau(now, kpa, effects))?;
         Ok(Done::Session(view))
     }
 
@@ -300,7 +318,7 @@ impl Engine {
         let patch = &self.patches[index];
         self.room_for_session()?;
         self.room_for_model_set()?;
-        if !patch.plan().has_gauge() {
+        if !patch.plan().can_calibrate() {
             let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
             return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
         }

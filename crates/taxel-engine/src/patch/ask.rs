@@ -129,6 +129,9 @@ impl Patch {
     /// # Errors
     /// [`Rejection::FailedPrecondition`] with when it was last heard.
     pub fn check_gauge_heard(&self, now: Now) -> Result<(), Rejection> {
+        if self.plan.session.typed {
+            return Ok(());
+        }
         let heard = self.intake.gauge().newest().map(|(time, _)| now.time.since(time));
         let what = match heard {
             Some(age) if age <= GAUGE_SILENT_AFTER => return Ok(()),
@@ -152,6 +155,7 @@ impl Patch {
         let gauge = self.intake.gauge();
         let (reason, why) = match gauge.at_rest(now.time, self.plan.session.gauge_rest()) {
             GaugeAtRest::Still { .. } => return Ok(()),
+            _ if self.plan.session.typed => return Ok(()),
             GaugeAtRest::Moves(least, most) => (
                 ErrorReason::GaugeOffset,
                 format!(
@@ -224,6 +228,24 @@ impl Patch {
         let mut events = Vec::new();
         self.calibration.command(now, command, self.intake.gauge(), &mut events)?;
         self.on_calibration_events(now, events, effects);
+        let view = self.calibration.session().cloned();
+        view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
+    }
+
+    /// The operator of the session that the patch holds types what a dial shows.
+    ///
+    /// # Errors
+    /// [`Rejection`] if no ramp is under way, or why it is no plateau.
+    pub fn take_plateau(
+        &mut self,
+        now: Now,
+        kpa: f64,
+        effects: &mut Effects<'_>,
+    ) -> Result<Arc<SessionView>, Rejection> {
+        let mut events = Vec::new();
+        let taken = self.calibration.take_plateau(now, kpa, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+        taken?;
         let view = self.calibration.session().cloned();
         view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
     }

@@ -311,7 +311,8 @@ impl Patch {
             bag: Bag {
                 session_open: self.calibration.open().is_some(),
                 presses: self.bag_presses(now),
-                holds: self.calibration.is_ramping() && self.intake.gauge().is_holding(now.time),
+                holds: self.calibration.is_ramping()
+                    && (self.plan.session.typed || self.intake.gauge().is_holding(now.time)),
             },
         };
         self.zero.on_scan(now, &self.intake.scan(), around, &mut events);

@@ -46,6 +46,7 @@ mod silent_retare;
 mod stored_sets;
 mod successors;
 mod tare_under_load;
+mod typed;
 mod unseen_force;
 mod validation;
 mod whole_robot;

@@ -72,7 +72,8 @@ async fn the_engines_reason_comes_with_what_the_command_was_about() {
 
     let mut sessions = CalibrationServiceClient::new(daemon.connect().await);
     let unknown = || Err(Rejection::NotFound(Engine::SessionUnknown, "session 4".to_owned()));
-    let request = v1::AdvanceSessionRequest { session: 4, action: v1::SessionAction::StartRamp.into() };
+    let request =
+        v1::AdvanceSessionRequest { session: 4, action: v1::SessionAction::StartRamp.into(), typed_kpa: None };
     let (answer, ()) = tokio::join!(sessions.advance_session(request), daemon.answer(unknown(), |_| {}));
     assert_eq!(about(&answer.unwrap_err()).0, ErrorReason::SessionUnknown);
 

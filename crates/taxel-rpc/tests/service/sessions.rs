@@ -21,7 +21,7 @@ fn publish(daemon: &Daemon, number: u64, state: SessionState) {
 }
 
 fn advance(session: u64, action: v1::SessionAction) -> v1::AdvanceSessionRequest {
-    v1::AdvanceSessionRequest { session, action: action.into() }
+    v1::AdvanceSessionRequest { session, action: action.into(), typed_kpa: None }
 }
 
 #[tokio::test]

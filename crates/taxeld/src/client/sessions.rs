@@ -115,7 +115,7 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn advance(daemon: &Daemon, session: u64, action: SessionAction) -> Outcome<Session> {
-    let request = AdvanceSessionRequest { session, action: action.into() };
+    let request = AdvanceSessionRequest { session, action: action.into(), typed_kpa: None };
     Ok(daemon.calibration().advance_session(request).await?.into_inner())
 }
 

@@ -11,7 +11,7 @@ use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
 
 use super::file::{BusSection, BusSource, Config};
 use super::patch::bus_index;
-use super::patch_section::{GaugeSection, PatchSection, ReferenceWord};
+use super::patch_section::{BranchesWord, GaugeSection, PatchSection, ReferenceWord};
 use super::ports;
 use super::problem::Faults;
 use crate::rig::{At, BAUD_RATES, BAUD_USUAL, Line};
@@ -37,11 +37,13 @@ enum Kind {
     Line,
     /// A program that pushes it.
     Push,
+    /// An operator who reads a dial.
+    Typed,
     /// The scans of the patch, which a program pushes.
     Scans,
 }
 
-use Kind::{Can, Line as Text, Port, Push, Scans};
+use Kind::{Can, Line as Text, Port, Push, Scans, Typed};
 
 impl Kind {
     /// How people write it.
@@ -51,6 +53,7 @@ impl Kind {
             Port => "port",
             Text => "line",
             Push => "push",
+            Typed => "typed",
             Scans => "push = { taxels = ... } of the patch",
         }
     }
@@ -63,13 +66,14 @@ fn kinds(section: &GaugeSection) -> Vec<Kind> {
         (Port, section.port.is_some()),
         (Text, section.line.is_some()),
         (Push, section.push),
+        (Typed, section.typed),
     ];
     said.into_iter().filter(|(_, is_said)| *is_said).map(|(kind, _)| kind).collect()
 }
 
 /// Notes each key that says nothing where the pressure comes from there.
 fn check_keys(section: &GaugeSection, kind: Kind, faults: &mut Faults) {
-    let keys: [(&str, bool, &[Kind]); 9] = [
+    let keys: [(&str, bool, &[Kind]); 10] = [
         // The bus of what is a bus of its own is known.
         ("bus", section.bus.is_some() && !matches!(kind, Text | Push), &[Can, Port]),
         ("index", section.index.is_some(), &[Port]),
@@ -77,6 +81,7 @@ fn check_keys(section: &GaugeSection, kind: Kind, faults: &mut Faults) {
         ("template", section.template.is_some(), &[Text]),
         ("baud", section.baud.is_some(), &[Text]),
         ("poll", section.poll.is_some(), &[Text]),
+        ("resolution_kpa", section.resolution_kpa.is_some(), &[Typed]),
         ("every_ms", section.every_ms.is_some(), &[Text]),
         ("reference", section.reference.is_some(), &[Can, Port, Text]),
         ("ambient_kpa", section.ambient_kpa.is_some(), &[Can, Port, Text]),
@@ -131,7 +136,7 @@ pub fn gauge(
         ([kind], _) => *kind,
         ([], Some(_)) => Scans,
         ([], None) => {
-            let words = "gauge: nothing says where its number is: id = 0x3A1, signal = \"0|32@1-\" for CAN, or port, line, or push = true";
+            let words = "gauge: nothing says where its number is: id = 0x3A1, signal = \"0|32@1-\" for CAN, or port, line, push = true, or typed = true";
             faults.note("gauge", words);
             return None;
         }
@@ -142,7 +147,10 @@ pub fn gauge(
         }
     };
     check_keys(gauge, kind, faults);
-    if kind == Scans {
+    if kind == Typed {
+        dial(section, gauge, faults);
+    }
+    if matches!(kind, Scans | Typed) {
         return None;
     }
     let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
@@ -150,7 +158,7 @@ pub fn gauge(
         Port => ports::gauge(gauge, gauge.port.as_deref().unwrap_or_default(), faults)?,
         Text => reading::signal(0, line(config, section, faults)?.template.unit(), PressureMeaning::Differential),
         Push => reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential),
-        Can | Scans => can(gauge, file, faults)?,
+        Can | Scans | Typed => can(gauge, file, faults)?,
     };
     let source = config.bus[usize::from(of.0)].source;
     if (kind == Port) != (source == BusSource::Yarp) {
@@ -177,6 +185,18 @@ pub fn gauge(
     faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
     let takes_ambient = meaning != PressureMeaning::Differential && gauge.ambient_kpa.is_none();
     Some(Gauge { pushed: kind == Push, takes_ambient, ..Gauge::new(of, signal) })
+}
+
+/// Checks a dial that is read by eye.
+fn dial(section: &PatchSection, gauge: &GaugeSection, faults: &mut Faults) {
+    match gauge.resolution_kpa {
+        Some(kpa) => drop(faults.range("gauge.resolution_kpa", kpa, 0.01, 5.0)),
+        None => faults.note("gauge", "gauge.resolution_kpa is missing: to how many kPa the dial is read, as in 0.5"),
+    }
+    if section.session.branches == BranchesWord::Both {
+        let words = "session.branches = \"both\": a dial is typed while the pressure rises: leave it out";
+        faults.note("session.branches", words);
+    }
 }
 
 /// What the readings are to the pressure on the skin.

@@ -80,10 +80,15 @@ pub fn fit_options(section: &FitSection, gauge: GaugeUncertainty, faults: &mut F
 }
 
 /// What is stated of what measures the pressure.
+///
+/// What is read off a dial is wrong by up to half of what it is read to, either way, and by that for all taxels.
 pub fn gauge_uncertainty(gauge: &GaugeSection, faults: &mut Faults) -> GaugeUncertainty {
+    let read_kpa = gauge.resolution_kpa.unwrap_or(0.0) / 12.0_f64.sqrt();
     GaugeUncertainty {
         gain_rel: faults.range("gauge.gain_uncertainty", gauge.gain_uncertainty, 0.0, 1.0),
-        offset_kpa: faults.range("gauge.offset_uncertainty_kpa", gauge.offset_uncertainty_kpa, 0.0, 100.0),
+        offset_kpa: faults
+            .range("gauge.offset_uncertainty_kpa", gauge.offset_uncertainty_kpa, 0.0, 100.0)
+            .hypot(read_kpa),
         noise_kpa: faults.range("gauge.noise_kpa", gauge.noise_kpa, 0.0, 100.0),
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use taxel_dbc::DbcFile;
-use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Outputs, PatchPlan, PushPlan};
+use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Outputs, PatchPlan, PushPlan, SessionLimits};
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
 
 use super::array::{Described, describe, grid, pushed};
@@ -42,7 +42,8 @@ pub fn patch_plan(
     faults.range("period_ms", f64::from(section.period_ms), 1.0, period_max);
     let period = Duration::from_millis(u64::from(section.period_ms));
     let live = live(section, period, faults);
-    let session = session(&section.session, section.fit.plays, faults);
+    let typed = section.gauge.as_ref().is_some_and(|gauge| gauge.typed);
+    let session = SessionLimits { typed, ..session(&section.session, section.fit.plays, faults) };
     let stated = section.gauge.as_ref().map(|gauge| gauge_uncertainty(gauge, faults)).unwrap_or_default();
     let fit = fit_options(&section.fit, stated, faults);
     let bus = bus_index(config, "bus", &section.bus, faults);

@@ -190,6 +190,10 @@ pub struct GaugeSection {
     pub every_ms: Option<u64>,
     /// Whether a program pushes it over the service.
     pub push: bool,
+    /// Whether it is a dial that an operator reads at each plateau,
+    pub typed: bool,
+    /// and to how many kPa.
+    pub resolution_kpa: Option<f64>,
     /// What its readings refer to.
     pub reference: Option<ReferenceWord>,
     /// If the sensor reads the absolute bag pressure: the ambient pressure in kPa.

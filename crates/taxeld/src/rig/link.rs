@@ -1,19 +1,19 @@
 //! The way to a gauge that talks in text: a serial device or a connection over TCP.
 
 use std::fmt;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Read, Write};
+use std::fs::{OpenOptions, TryLockError};
+use std::io;
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use nix::fcntl::OFlag;
 use nix::sys::termios::{
     BaudRate, ControlFlags, FlushArg, SetArg, cfmakeraw, cfsetspeed, tcflush, tcgetattr, tcsetattr,
 };
-use tokio::io::unix::AsyncFd;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
+use tokio::net::unix::pipe::{Receiver, Sender};
 use tokio::time::timeout;
 
 /// What micro boards on USB have, most often.
@@ -60,9 +60,12 @@ impl At {
     /// What the system answers, in words.
     pub async fn open(&self, baud: u32) -> Result<Link, String> {
         let opened = match self {
-            Self::Serial(path) => serial(path, baud).map(Link::Serial),
+            Self::Serial(path) => serial(path, baud),
             Self::Tcp(address) => match timeout(CONNECT_WITHIN, TcpStream::connect(address)).await {
-                Ok(connected) => connected.map(Link::Tcp),
+                Ok(connected) => connected.map(|stream| {
+                    let (reader, writer) = stream.into_split();
+                    Link { reader: Box::new(reader), writer: Box::new(writer) }
+                }),
                 Err(_) => Err(io::ErrorKind::TimedOut.into()),
             },
         };
@@ -79,7 +82,7 @@ impl fmt::Display for At {
     }
 }
 
-fn serial(path: &PathBuf, baud: u32) -> io::Result<AsyncFd<File>> {
+fn serial(path: &Path, baud: u32) -> io::Result<Link> {
     let flags = OFlag::O_NONBLOCK | OFlag::O_NOCTTY;
     let file = OpenOptions::new().read(true).write(true).custom_flags(flags.bits()).open(path)?;
     // Two readers would have half of the bytes each.
@@ -95,7 +98,9 @@ fn serial(path: &PathBuf, baud: u32) -> io::Result<AsyncFd<File>> {
     cfsetspeed(&mut settings, rate(baud))?;
     tcsetattr(&file, SetArg::TCSANOW, &settings)?;
     tcflush(&file, FlushArg::TCIFLUSH)?; // what came before anybody listened has no time
-    AsyncFd::register(file).map_err(Into::into)
+    // Tokio's pipes take anything that can be waited for, and a serial device can.
+    let (reader, writer) = (Receiver::from_file_unchecked(file.try_clone()?)?, Sender::from_file_unchecked(file)?);
+    Ok(Link { reader: Box::new(reader), writer: Box::new(writer) })
 }
 
 const fn rate(baud: u32) -> BaudRate {
@@ -114,12 +119,9 @@ const fn rate(baud: u32) -> BaudRate {
 }
 
 /// An open way to a gauge.
-#[derive(Debug)]
-pub enum Link {
-    /// A device.
-    Serial(AsyncFd<File>),
-    /// A connection.
-    Tcp(TcpStream),
+pub struct Link {
+    reader: Box<dyn AsyncRead + Send + Unpin>,
+    writer: Box<dyn AsyncWrite + Send + Unpin>,
 }
 
 impl Link {
@@ -128,16 +130,10 @@ impl Link {
     /// # Errors
     /// What the system answers; also the end of what comes.
     pub async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = match self {
-            Self::Tcp(stream) => stream.read(buffer).await?,
-            Self::Serial(device) => loop {
-                let mut ready = device.readable().await?;
-                if let Ok(read) = ready.try_io(|device| device.get_ref().read(buffer)) {
-                    break read?;
-                }
-            },
-        };
-        if count == 0 { Err(io::Error::other("the line has ended: was it unplugged?")) } else { Ok(count) }
+        match self.reader.read(buffer).await? {
+            0 => Err(io::Error::other("the line has ended: was it unplugged?")),
+            count => Ok(count),
+        }
     }
 
     /// Sends a question.
@@ -145,21 +141,7 @@ impl Link {
     /// # Errors
     /// What the system answers, or that nobody takes it.
     pub async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let write = async {
-            match self {
-                Self::Tcp(stream) => stream.write_all(bytes).await,
-                Self::Serial(device) => {
-                    let mut left = bytes;
-                    while !left.is_empty() {
-                        let mut ready = device.writable().await?;
-                        if let Ok(written) = ready.try_io(|device| device.get_ref().write(left)) {
-                            left = &left[written?..];
-                        }
-                    }
-                    Ok(())
-                }
-            }
-        };
-        timeout(WRITE_WITHIN, write).await.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into()))
+        let written = timeout(WRITE_WITHIN, self.writer.write_all(bytes)).await;
+        written.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into()))
     }
 }

@@ -36,7 +36,6 @@ pub struct Line {
 }
 
 /// A gauge that prints text, as a bus. Nothing can be sent to it.
-#[derive(Debug)]
 pub struct LineBus {
     line: Line,
     open: Option<Open>,
@@ -46,7 +45,6 @@ pub struct LineBus {
     told: Option<BusEvent>,
 }
 
-#[derive(Debug)]
 struct Open {
     link: Link,
     lines: Lines,

@@ -127,7 +127,11 @@ impl Told {
                 Err(status) if status.code() == tonic::Code::FailedPrecondition => {
                     let session = self.sessions.last().copied().unwrap_or_default();
                     let _ = calibration
-                        .advance_session(v1::AdvanceSessionRequest { session, action: v1::SessionAction::Abort.into() })
+                        .advance_session(v1::AdvanceSessionRequest {
+                            session,
+                            action: v1::SessionAction::Abort.into(),
+                            typed_kpa: None,
+                        })
                         .await;
                 }
                 Err(status) => return Err(status),

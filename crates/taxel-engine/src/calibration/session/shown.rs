@@ -4,6 +4,7 @@ use taxel_skin::Time;
 
 use super::SessionRun;
 use crate::calibration::branch::Direction;
+use crate::calibration::plateau::PlateauView;
 use crate::calibration::view::SessionState;
 use crate::intake::gauge::GaugeHistory;
 
@@ -21,6 +22,13 @@ impl SessionRun {
         self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.trend(time)).map(|trend| trend.rate_kpa_per_s);
         self.view.coverage = self.covered.iter().filter(|c| **c).count() as f64 / self.covered.len() as f64;
         self.count_responding();
+        if let Some(plateaus) = &self.plateaus {
+            let (ramping, last_kpa) = (self.view.state == SessionState::Ramping, plateaus.last_kpa());
+            let (settled, taken) = (ramping && plateaus.is_settled(), self.samples.plateaus() as u16);
+            self.view.typed = Some(PlateauView { settled, taken, last_kpa });
+            self.view.pressure_kpa = last_kpa.filter(|_| ramping).map(|kpa| kpa - self.view.gauge_zero_kpa);
+            return;
+        }
         let pressure = self.view.pressure_kpa;
         let (left, rate) = match self.ramp.direction() {
             Direction::Rising => (pressure.map(|kpa| self.limits.target.0 - kpa), self.view.rate_kpa_per_s),

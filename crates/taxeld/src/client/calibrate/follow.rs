@@ -1,10 +1,12 @@
 //! Following a session from one state to the next, with a hand on Ctrl-C.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState};
 use tonic::Streaming;
 
+use super::dial;
 use super::screen::{Screen, bell};
 use crate::client::ask;
 use crate::client::connect::Daemon;
@@ -27,6 +29,8 @@ pub struct Course {
     pub screen: Screen,
     /// Whether somebody can be asked.
     pub asks: bool,
+    /// What a dial shows, where a script says it: one for each plateau to come.
+    pub typed: Option<VecDeque<f64>>,
     /// The session as it was told last.
     pub session: Session,
 }
@@ -57,6 +61,9 @@ impl Course {
                     self.interrupt().await?;
                 }
             }
+            if dial::is_due(&self.session) {
+                self.type_plateau().await?;
+            }
         }
         Ok(())
     }
@@ -67,7 +74,7 @@ impl Course {
     }
 
     /// Ctrl-C: end the ramp, abort, leave, or go on.
-    async fn interrupt(&self) -> Outcome {
+    pub(super) async fn interrupt(&self) -> Outcome {
         let number = self.session.session;
         let question = "f: end the ramp here and fit what there is, a: abort, l: leave it to the daemon, Enter: go on.";
         let answer = if self.asks { ask::ask(question).await? } else { "l".to_owned() };
@@ -94,6 +101,13 @@ impl Course {
     /// # Errors
     /// A lost connection.
     pub async fn until_vented(&mut self) -> Outcome {
+        if self.session.typed.is_some() {
+            self.screen.tell("vent the bag");
+            if self.asks {
+                ask::ask("Enter when it is vented:").await?;
+            }
+            return Ok(());
+        }
         if !self.is_vented() {
             self.screen.tell("the target is reached: vent the bag (Ctrl-C goes on without)");
             let mut stream = self.watch().await?;

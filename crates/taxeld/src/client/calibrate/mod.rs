@@ -1,6 +1,7 @@
 //! `taxeld calibrate`: a session from the zero to the models in use, guided.
 
 mod device;
+mod dial;
 mod follow;
 mod screen;
 
@@ -48,6 +49,9 @@ pub struct CalibrateArgs {
     /// A module to do without, because it is silent or broken; may be given several times.
     #[arg(long, value_name = "BOARD:MODULE", value_parser = parse_module)]
     leave_out: Vec<ModuleName>,
+    /// What a dial shows at each plateau, in kPa, for scripts; without it you are asked. After the last of them the models are fitted.
+    #[arg(long, value_name = "KPA,KPA,...", value_delimiter = ',')]
+    typed: Vec<f64>,
     /// Take up this session.
     #[arg(long, value_name = "SESSION", conflicts_with = "new", value_parser = clap::value_parser!(u64).range(1..))]
     session: Option<u64>,
@@ -95,10 +99,11 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
         let request = new_session(&daemon, &args);
         let course = ByDevice { daemon: &daemon, screen: &mut screen, request, ramps: args.ramps };
         let session = course.run(&mut pump).await?;
-        return conclude(&Course { daemon, screen, asks, session }, &args).await;
+        return conclude(&Course { daemon, screen, asks, typed: None, session }, &args).await;
     }
     let session = begin(&daemon, &args, &screen, asks).await?;
-    let mut course = Course { daemon, screen, asks, session };
+    let typed = (!args.typed.is_empty()).then(|| args.typed.clone().into());
+    let mut course = Course { daemon, screen, asks, typed, session };
     loop {
         course.follow().await?;
         if course.session.state() != SessionState::Review {

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use taxel_proto::v1::{Session, SessionState};
 
+use super::dial;
 use crate::client::failure::Outcome;
 use crate::client::json;
 use crate::client::places::Places;
@@ -122,6 +123,9 @@ fn pressure(session: &Session) -> String {
 
 /// What an operator at the pump is to do now, in the daemon's own words where it has some.
 fn advice(session: &Session) -> String {
+    if let Some(advice) = dial::advice(session) {
+        return advice;
+    }
     let rate = session.rate_kpa_per_s.unwrap_or(0.0);
     let advice = match (session.state(), session.pressure_kpa) {
         (SessionState::Fitting, _) => "fitting the models",

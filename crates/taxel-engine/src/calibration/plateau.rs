@@ -1,0 +1,318 @@
+//! A skin in a bag whose pressure somebody holds, reads off a dial and types: whether it has settled, and which scans belong to
+//! what is typed. Plateau by plateau the pressure rises, because skin has hysteresis.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+use taxel_skin::{Kilopascal, Time};
+
+use crate::calibration::limits::SessionLimits;
+use crate::calibration::samples::SessionSamples;
+use crate::calibration::session::{PROBATION, Pending};
+
+/// So many plateaus above the vented bag make a calibration.
+pub const PLATEAUS_MIN: usize = 8;
+/// A wider step, as a share of the target, leaves a gap through which no curve is drawn.
+const STEP_MAX_SHARE: f64 = 0.3;
+/// The skin is watched for so long, and in at least so many scans.
+const WATCHED: Duration = Duration::from_secs(3);
+const SCANS_MIN: usize = 60;
+/// From the first third of that to the last a settled skin moves by less, in counts in the mean of its taxels: a leak of 0.05 kPa a
+/// second, which is below what a dial tells, and creep.
+const DRIFT_COUNTS: f64 = 0.1;
+/// Or by this share of what it moved since the plateau before: after a large step creep goes on for minutes.
+const DRIFT_SHARE: f64 = 0.01;
+/// A skin that has moved by less than this since the plateau before, in counts, is at the same pressure.
+const MOVED_COUNTS: f64 = 0.2;
+/// So many standard deviations of its noise no skin moves by chance.
+const NOISE_SIGMAS: f64 = 3.0;
+/// Nobody needs longer from one plateau to the next.
+pub const PLATEAU_PATIENCE: Duration = Duration::from_secs(15 * 60);
+
+/// What an operator sees of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlateauView {
+    /// Whether the skin has settled at a new pressure: then the dial may be typed.
+    pub settled: bool,
+    /// Plateaus of the session so far, beside those of the vented bag.
+    pub taken: u16,
+    /// What was typed last in this ramp, kPa.
+    pub last_kpa: Option<f64>,
+}
+
+/// The plateaus of one ramp.
+#[derive(Clone, Debug, Default)]
+pub struct Plateaus {
+    /// The newest scans, each with the mean of its taxels in counts.
+    scans: VecDeque<(Pending, f64)>,
+    /// The plateau before: what was typed, and the mean of the taxels.
+    last: Option<(f64, f64)>,
+    /// When it was taken, or the ramp began.
+    since: Time,
+}
+
+/// What the skin does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Holding {
+    /// It was not watched for long enough.
+    Short,
+    /// It moves, by so many counts in two seconds.
+    Moves(f64),
+    /// It is where it was at the plateau before.
+    Same,
+    /// It has settled.
+    Settled,
+}
+
+impl Plateaus {
+    /// A ramp begins, of which nothing was typed.
+    #[must_use]
+    pub fn begin(now: Time) -> Self {
+        Self { since: now, ..Self::default() }
+    }
+
+    /// Takes a scan.
+    pub fn push(&mut self, scan: Pending) {
+        let (sum, taxels) =
+            scan.counts.counts().iter_units().fold((0.0, 0_u32), |(sum, n), count| (sum + count, n + 1));
+        self.scans.push_back((scan, sum / f64::from(taxels.max(1))));
+        while self.scans.len() > SCANS_MIN && self.span() > WATCHED {
+            self.scans.pop_front();
+        }
+    }
+
+    /// The scans are not to be believed.
+    pub fn forget_scans(&mut self) {
+        self.scans.clear();
+    }
+
+    /// When the plateau before was taken, or the ramp began.
+    #[must_use]
+    pub const fn since(&self) -> Time {
+        self.since
+    }
+
+    /// What was typed last, kPa.
+    #[must_use]
+    pub fn last_kpa(&self) -> Option<f64> {
+        self.last.map(|(kpa, _)| kpa)
+    }
+
+    /// Whether the skin has settled at a new pressure.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        self.holding() == Holding::Settled
+    }
+
+    /// The dial shows `kpa`: gives the scans of this plateau.
+    ///
+    /// # Errors
+    /// Why it is none, in words.
+    pub fn take(&mut self, now: Time, kpa: f64, limits: &SessionLimits) -> Result<Vec<Pending>, String> {
+        self.check(kpa, limits)?;
+        let mean = mean(self.scans.iter());
+        let scans = std::mem::take(&mut self.scans).into_iter().map(|(scan, _)| scan);
+        // Those whose zero may still turn out to be wrong stay out.
+        let scans = scans.filter(|scan| now.since(scan.time) >= PROBATION).collect();
+        (self.last, self.since) = (Some((kpa, mean)), now);
+        Ok(scans)
+    }
+
+    fn check(&self, kpa: f64, limits: &SessionLimits) -> Result<(), String> {
+        let (most, vented) = (limits.target_max_kpa(), limits.vented_below.0);
+        match self.last {
+            None if kpa.abs() <= vented => {}
+            None => {
+                return Err(format!(
+                    "{kpa} kPa: the first plateau is the vented bag. Vent it, and type what the dial shows then, at most {vented} kPa"
+                ));
+            }
+            Some((last, _)) if kpa <= last => {
+                return Err(format!(
+                    "{kpa} kPa is not above the {last} kPa of the plateau before. Skin reads otherwise while the pressure falls: pump \
+                     to more than {last} kPa, hold, and type that"
+                ));
+            }
+            Some(_) if kpa > most => return Err(format!("{kpa} kPa: expected at most {most} kPa")),
+            Some((last, _)) if kpa - last > STEP_MAX_SHARE * limits.target.0 => {
+                return Err(format!(
+                    "nothing would be known between {last} and {kpa} kPa: expected at most {:.1} kPa. If the bag is beyond it, \
+                     end this session, vent, and begin again with smaller steps",
+                    last + STEP_MAX_SHARE * limits.target.0
+                ));
+            }
+            Some(_) => {}
+        }
+        match self.holding() {
+            Holding::Settled => Ok(()),
+            Holding::Short => Err(format!("hold the pressure: the skin is watched for {} s", WATCHED.as_secs())),
+            Holding::Moves(counts) => Err(format!(
+                "hold the pressure: the skin still moves, by {:.2} counts in {} s. If it does not end, the bag leaks",
+                counts.abs(),
+                WATCHED.as_secs()
+            )),
+            Holding::Same => {
+                let last = self.last_kpa().unwrap_or_default();
+                Err(format!(
+                    "the skin has not moved since {last} kPa: pump on. If you have, the dial is not of this bag"
+                ))
+            }
+        }
+    }
+
+    fn holding(&self) -> Holding {
+        if self.scans.len() < SCANS_MIN || self.span() + WATCHED / 10 < WATCHED {
+            return Holding::Short;
+        }
+        let third = self.scans.len() / 3;
+        let (first, newest) = (mean(self.scans.iter().take(third)), mean(self.scans.iter().rev().take(third)));
+        let steps = self.scans.iter().zip(self.scans.iter().skip(1)).map(|(a, b)| (b.1 - a.1).powi(2));
+        let scan_sd = (steps.sum::<f64>() / (2.0 * (self.scans.len() - 1) as f64)).sqrt();
+        let chance = NOISE_SIGMAS * scan_sd * (2.0 / third as f64).sqrt();
+        let moved = self.last.map(|(_, last)| (newest - last).abs());
+        let limit = DRIFT_COUNTS.max(chance).max(DRIFT_SHARE * moved.unwrap_or(0.0));
+        if (newest - first).abs() > limit {
+            Holding::Moves(newest - first)
+        } else if moved.is_some_and(|moved| moved < MOVED_COUNTS.max(chance)) {
+            Holding::Same
+        } else {
+            Holding::Settled
+        }
+    }
+
+    /// From the oldest scan to the newest.
+    fn span(&self) -> Duration {
+        let ends = self.scans.front().zip(self.scans.back());
+        ends.map_or(Duration::ZERO, |((first, _), (last, _))| last.time.since(first.time))
+    }
+}
+
+fn mean<'a>(scans: impl Iterator<Item = &'a (Pending, f64)>) -> f64 {
+    let (sum, n) = scans.fold((0.0, 0_u32), |(sum, n), (_, mean)| (sum + mean, n + 1));
+    sum / f64::from(n.max(1))
+}
+
+impl SessionSamples {
+    /// How many plateaus there are above those of the vented bag: runs of samples of one ramp at one pressure, of which the first of
+    /// each ramp is the vented bag's.
+    #[must_use]
+    pub fn plateaus(&self) -> usize {
+        let runs = self.samples.chunk_by(|a, b| a.ramp == b.ramp && a.pressure_kpa == b.pressure_kpa).count();
+        runs - self.samples.chunk_by(|a, b| a.ramp == b.ramp).count()
+    }
+}
+
+/// Of what was typed, how far the pressure may have moved within a plateau, root mean square over all, in kPa: the scatter of the
+/// skin's mean within each, by what it moves from plateau to plateau. 0 of samples that a gauge came with.
+#[must_use]
+pub fn scatter_kpa(samples: &SessionSamples) -> f64 {
+    let runs: Vec<(Kilopascal, f64, f64)> = samples
+        .samples
+        .chunk_by(|a, b| a.ramp == b.ramp && a.pressure_kpa == b.pressure_kpa)
+        .filter(|run| run.len() >= SCANS_MIN / 3)
+        .map(|run| {
+            let means: Vec<f64> = run
+                .iter()
+                .map(|sample| {
+                    let counts = sample.counts.counts();
+                    counts.iter_units().sum::<f64>() / counts.len().max(1) as f64
+                })
+                .collect();
+            let mean = means.iter().sum::<f64>() / means.len() as f64;
+            let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / means.len() as f64;
+            (Kilopascal(run[0].pressure_kpa), mean, variance)
+        })
+        .collect();
+    let of = |pair: &[(Kilopascal, f64, f64)]| {
+        let per_kpa = (pair[1].1 - pair[0].1) / (pair[1].0.0 - pair[0].0.0);
+        (pair[1].0.0 > pair[0].0.0 && per_kpa != 0.0).then(|| pair[1].2 / per_kpa.powi(2))
+    };
+    let squares: Vec<f64> = runs.windows(2).filter_map(of).collect();
+    if squares.is_empty() { 0.0 } else { (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A skin of 24 taxels that is read every 50 ms, whose counts follow `counts` of seconds, with noise of one count.
+    struct Skin {
+        now: Time,
+        bits: u64,
+        plateaus: Plateaus,
+    }
+
+    impl Skin {
+        fn new() -> Self {
+            Self { now: Time::default(), bits: 7, plateaus: Plateaus::begin(Time::default()) }
+        }
+
+        fn run(&mut self, seconds: f64, counts: impl Fn(f64) -> f64) {
+            let begun = self.now;
+            while self.now.seconds_since(begun) < seconds {
+                self.now = self.now + Duration::from_millis(50);
+                let level = counts(self.now.seconds_since(begun));
+                let counts: Vec<u8> = (0..24).map(|_| (level + self.chance()).round() as u8).collect();
+                self.plateaus.push(Pending { time: self.now, counts: counts.into() });
+            }
+        }
+
+        /// Between -1 and 1.
+        fn chance(&mut self) -> f64 {
+            self.bits = self.bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.bits >> 33) as f64 / f64::from(1_u32 << 30) - 1.0
+        }
+
+        fn take(&mut self, kpa: f64) -> Result<usize, String> {
+            self.plateaus.take(self.now, kpa, &SessionLimits::default()).map(|scans| scans.len())
+        }
+    }
+
+    #[test]
+    fn a_skin_that_stands_still_is_taken_with_its_scans_of_two_seconds() {
+        let mut skin = Skin::new();
+        skin.run(2.0, |_| 240.0);
+        assert!(skin.take(0.0).unwrap_err().contains("is watched for 3 s"));
+        skin.run(2.0, |_| 240.0);
+        assert!(skin.plateaus.is_settled());
+        assert!((38..=42).contains(&skin.take(0.5).unwrap()), "all but those of the last second");
+        skin.run(4.0, |_| 230.0);
+        assert!(skin.take(10.0).is_ok());
+    }
+
+    #[test]
+    fn a_skin_that_moves_or_has_not_moved_is_not_taken() {
+        let mut skin = Skin::new();
+        skin.run(4.0, |_| 240.0);
+        skin.take(0.0).unwrap();
+        skin.run(4.0, |_| 240.0);
+        assert!(skin.take(5.0).unwrap_err().contains("has not moved since 0 kPa"));
+        skin.run(4.0, |t| 240.0 - t);
+        assert!(skin.take(5.0).unwrap_err().contains("still moves, by "));
+        skin.run(10.0, |t| 236.0 - 2.0 * (1.0 - (-t / 2.0).exp()));
+        assert!(skin.plateaus.is_settled(), "creep has ended");
+        skin.take(5.0).unwrap();
+    }
+
+    #[test]
+    fn the_pressure_rises_from_the_vented_bag_in_steps_that_leave_no_gap() {
+        let mut skin = Skin::new();
+        let mut level = 240.0;
+        let mut plateau = |kpa: f64| {
+            level -= 3.0;
+            skin.run(4.0, |_| level);
+            skin.take(kpa)
+        };
+        assert!(plateau(20.0).unwrap_err().contains("the first plateau is the vented bag"));
+        plateau(0.5).unwrap();
+        plateau(10.0).unwrap();
+        for (kpa, says) in [
+            (10.0, "10 kPa is not above the 10 kPa of the plateau before"),
+            (9.5, "pump to more than 10 kPa, hold, and type that"),
+            (50.0, "nothing would be known between 10 and 50 kPa: expected at most 31.0 kPa"),
+        ] {
+            let why = plateau(kpa).unwrap_err();
+            assert!(why.contains(says), "{why}");
+        }
+        plateau(31.0).unwrap();
+    }
+}
