@@ -150,7 +150,8 @@ def undisturbed(bench, profile):
     assert one.process.wait(PATIENCE_S) == 0, one.said()
     for part in ("drive: self-test", "kPa/min", "drive: rising", "drive: the bag is vented", "is in use"):
         assert part in one.said(), (part, one.said())
-    assert bench.gauge_kpa() < VENTED_KPA
+    # It ends below a kilopascal by its own zero; the gauge's may be another.
+    bench.until("a vented bag", lambda: bench.gauge_kpa() < VENTED_KPA)
     print("undisturbed: " + one.said().splitlines()[-1], flush=True)
 
 
@@ -162,7 +163,7 @@ def main(taxeld, scratch, every):
     profile.write_text(shipped.read_text().replace("kpa_per_s = 1.0", "kpa_per_s = 4.0"))
     bench = Bench(taxeld, scratch)
     try:
-        trials = [("ramp", "killed"), ("self-test", "unplugged"), ("ramp", "ended"), ("ramp", "aborted")]
+        trials = [("ramp", "killed"), ("ramp", "stopped"), ("self-test", "unplugged"), ("ramp", "ended"), ("ramp", "aborted")]
         if every:
             trials = [(state, how) for state in STATES for how in ("killed", "stopped", "ended", "unplugged")] + trials[-1:]
         for state, how in trials:
