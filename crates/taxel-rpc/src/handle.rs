@@ -8,7 +8,7 @@ use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::events::Event;
 use taxel_engine::plan::Plan;
-use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
+use taxel_engine::snapshot::{Catalogue, GaugeReading, Health, PatchSnapshot};
 use taxel_skin::Time;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
@@ -60,12 +60,20 @@ pub struct Handle {
 pub(crate) struct PatchFeed {
     pub(crate) snapshot: watch::Receiver<Arc<PatchSnapshot>>,
     pub(crate) session: watch::Receiver<Option<Arc<SessionView>>>,
+    pub(crate) gauge: watch::Receiver<Option<GaugeReading>>,
+}
+
+/// The other ends of what comes from one patch.
+struct PatchEnds {
+    snapshot: watch::Sender<Arc<PatchSnapshot>>,
+    session: watch::Sender<Option<Arc<SessionView>>>,
+    gauge: watch::Sender<Option<GaugeReading>>,
 }
 
 /// The engine's end: publishes snapshots, never waits. When it is dropped every stream ends with UNAVAILABLE.
 pub struct Publisher {
     heartbeat: Arc<Heartbeat>,
-    patches: Vec<(watch::Sender<Arc<PatchSnapshot>>, watch::Sender<Option<Arc<SessionView>>>)>,
+    patches: Vec<PatchEnds>,
     health: watch::Sender<Arc<Health>>,
     catalogue: watch::Sender<Arc<Catalogue>>,
     fits: Arc<Semaphore>,
@@ -88,8 +96,10 @@ pub fn channel(
     let (to_events, events) = watch::channel(EventLog::default());
     let fits = Arc::new(Semaphore::new(1));
     let patch = |_| {
-        let ((to_snapshot, snapshot), (to_session, session)) = (watch::channel(Arc::default()), watch::channel(None));
-        ((to_snapshot, to_session), PatchFeed { snapshot, session })
+        let (to_snapshot, snapshot) = watch::channel(Arc::default());
+        let ((to_session, session), (to_gauge, gauge)) = (watch::channel(None), watch::channel(None));
+        let ends = PatchEnds { snapshot: to_snapshot, session: to_session, gauge: to_gauge };
+        (ends, PatchFeed { snapshot, session, gauge })
     };
     let (patches, feeds): (Vec<_>, Vec<_>) = plan.patches.iter().map(patch).unzip();
     let handle = Handle {
@@ -127,15 +137,22 @@ impl Publisher {
 
     /// New live state of the patch at this position of the plan.
     pub fn patch(&self, position: usize, snapshot: Arc<PatchSnapshot>) {
-        if let Some((sender, _)) = self.patches.get(position) {
-            sender.send_replace(snapshot);
+        if let Some(patch) = self.patches.get(position) {
+            patch.snapshot.send_replace(snapshot);
         }
     }
 
     /// The session of the patch at this position of the plan changed; `None`: it was deleted.
     pub fn session(&self, position: usize, view: Option<Arc<SessionView>>) {
-        if let Some((_, sender)) = self.patches.get(position) {
-            sender.send_replace(view);
+        if let Some(patch) = self.patches.get(position) {
+            patch.session.send_replace(view);
+        }
+    }
+
+    /// What the gauge of the patch at this position of the plan reads now.
+    pub fn gauge(&self, position: usize, reading: GaugeReading) {
+        if let Some(patch) = self.patches.get(position) {
+            patch.gauge.send_replace(Some(reading));
         }
     }
 

@@ -127,7 +127,7 @@ impl Service {
         let force = convert::force_in_full(plan, &snapshot, self.handle.sending(patch, &snapshot, 0));
         let no_force = active && force.total_n.is_none();
         let now = (self.handle.clock)();
-        let gauge = self.handle.health.borrow().gauges.get(patch).copied().flatten();
+        let gauge = self.handle.patches.get(patch).and_then(|feed| *feed.gauge.borrow());
         let faulty = snapshot.taxels.iter().enumerate().filter(|(_, taxel)| !taxel.faults.is_empty());
         v1::PatchHealth {
             patch: name.to_owned(),

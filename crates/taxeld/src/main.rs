@@ -39,6 +39,8 @@ mod shared_memory;
 mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
+#[cfg(feature = "sim")]
+mod sim_drive;
 mod store_at;
 mod systemd;
 mod tasks;

@@ -209,7 +209,7 @@ impl Offline {
                 self.answers.push(Input::Committed { ticket, result: Ok(()) });
             }
             Output::Reply(_, reply) => self.reply = Some(reply),
-            Output::Record(_) | Output::Catalogue(_) => {}
+            Output::Record(_) | Output::Catalogue(_) | Output::Gauge(..) => {}
         }
     }
 }

@@ -156,7 +156,7 @@ impl Daemon {
                     }
                 }
                 #[cfg(feature = "sim")]
-                BusSource::Sim => self.add_sim_bus(bus, section.seed.unwrap_or(1))?,
+                BusSource::Sim => self.add_sim_bus(bus, section.seed.unwrap_or(1), None)?,
                 #[cfg(not(feature = "sim"))]
                 BusSource::Sim => {
                     anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name)
@@ -171,8 +171,13 @@ impl Daemon {
     /// # Errors
     /// If there is no thread to be had.
     #[cfg(feature = "sim")]
-    pub fn add_sim_bus(&mut self, bus: BusIndex, seed: u64) -> anyhow::Result<()> {
-        let source = crate::sim_bus::SimBus::new(seed, (&self.plan, bus), self.handle.clone())?;
+    pub fn add_sim_bus(
+        &mut self,
+        bus: BusIndex,
+        seed: u64,
+        pump: Option<std::sync::mpsc::Receiver<taxel_sim::PumpCommand>>,
+    ) -> anyhow::Result<()> {
+        let source = crate::sim_bus::SimBus::new(seed, (&self.plan, bus), self.handle.clone(), pump)?;
         self.add_bus(bus, source);
         Ok(())
     }

@@ -26,7 +26,7 @@ const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 50_05
 /// What can be asked of the demo.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld demo                         # then, in another terminal: taxeld watch\n  taxeld demo --bare --listen 127.0.0.1:50052\n  taxeld demo --once --seed 2"
+    after_help = "Examples:\n  taxeld demo                         # then, in another terminal: taxeld watch\n  taxeld demo --bare --listen 127.0.0.1:50052\n  taxeld demo --once --seed 2\n  taxeld demo --device                # calibrates itself by a simulated pump"
 )]
 pub struct DemoArgs {
     /// End after the table instead of serving the simulated skin live.
@@ -35,6 +35,9 @@ pub struct DemoArgs {
     /// Serve the skin at once, without the table and without models: it waits to be calibrated.
     #[arg(long, conflicts_with = "once")]
     bare: bool,
+    /// Serve the skin without models, and calibrate it by a simulated pump, hands off.
+    #[arg(long, conflicts_with = "once")]
+    device: bool,
     /// Where the live skin is served; without it another port is taken if the usual one is not free.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "once")]
     listen: Option<SocketAddr>,
@@ -57,7 +60,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
         config.shared_memory = shared_memory(args)?; // what cannot be had is told before the work, and not after it
     }
     say!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
-    let outcome = if args.bare { None } else { Some(procedure(&plan, args.seed)?) };
+    let outcome = if args.bare || args.device { None } else { Some(procedure(&plan, args.seed)?) };
     if let Some(outcome) = &outcome {
         print_calibration(outcome);
         print_table(&outcome.weighings);
@@ -175,7 +178,8 @@ async fn serve_live(
         ask(&daemon, Command::Import { model_set: Arc::new(models), insist: false }).await?;
         ask(&daemon, Command::Activate { patch, model_set, expected: None }).await?;
     }
-    daemon.add_sim_bus(BusIndex(0), args.seed)?;
+    let (pump, commands) = args.device.then(crate::sim_drive::start).transpose()?.unzip();
+    daemon.add_sim_bus(BusIndex(0), args.seed, commands)?;
     if calibrated {
         // Its mass is not there yet.
         let confirmed_by = Some("taxeld demo".to_owned());
@@ -199,7 +203,20 @@ async fn serve_live(
         say!("  {command:17} {what}");
     }
     say!("Ctrl-C ends it.");
+    if let Some(pump) = pump {
+        calibrate(listen, pump)?;
+    }
     daemon.until_the_end().await
+}
+
+/// As an operator would in another terminal.
+fn calibrate(daemon: SocketAddr, pump: SocketAddr) -> anyhow::Result<()> {
+    let words = ["calibrate", "--yes", "--device", "micro", "--at"].map(str::to_owned).into_iter();
+    let words: Vec<_> = words.chain([format!("tcp:{pump}"), "--server".into(), format!("http://{daemon}")]).collect();
+    say!();
+    say!("$ taxeld {}", words.join(" "));
+    std::process::Command::new(std::env::current_exe()?).args(words).spawn().context("taxeld calibrate")?;
+    Ok(())
 }
 
 async fn ask(daemon: &Daemon, command: Command) -> anyhow::Result<()> {

@@ -58,11 +58,17 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// The skin of this seed that the plan expects on this bus; `handle` says what the calibration is at.
+    /// The skin of this seed that the plan expects on this bus; `handle` says what the calibration is at. With a `pump` that does as
+    /// somebody else says, the hand leaves it alone.
     ///
     /// # Errors
     /// If the simulator's own defaults contradict each other, or there is no thread to be had.
-    pub fn new(seed: u64, (plan, bus): (&Plan, BusIndex), handle: Handle) -> anyhow::Result<Self> {
+    pub fn new(
+        seed: u64,
+        (plan, bus): (&Plan, BusIndex),
+        handle: Handle,
+        pump: Option<Receiver<PumpCommand>>,
+    ) -> anyhow::Result<Self> {
         let begun = ClockReading::now().time;
         // A robot's boards stream already when a daemon comes that only listens.
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
@@ -79,8 +85,20 @@ impl SimBus {
         let period = plan.patches.iter().map(|patch| patch.period).min().unwrap_or(PERIOD);
         let late_after = period.mul_f64(LATE_SHARE);
         let (lag, lag_max) = (Duration::ZERO, period);
-        let simulation =
-            Simulation { world, begun, handle, received, to_bus, pumping, places, loaded, late_after, lag, lag_max };
+        let simulation = Simulation {
+            world,
+            begun,
+            handle,
+            received,
+            to_bus,
+            pump,
+            pumping,
+            places,
+            loaded,
+            late_after,
+            lag,
+            lag_max,
+        };
         runtime::start("sim-bus", move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
@@ -107,6 +125,8 @@ struct Simulation {
     handle: Handle,
     received: Receiver<Frame>,
     to_bus: mpsc::Sender<TimedFrame>,
+    /// What the pump is told by somebody else.
+    pump: Option<Receiver<PumpCommand>>,
     /// The branch that the pump follows.
     pumping: Option<Direction>,
     places: [TaxelIndex; UNDER_THE_MASS.len()],
@@ -153,7 +173,9 @@ impl Simulation {
         let session = sessions.max_by_key(|session| rank(session));
         let session = session.as_deref();
         let ramping = session.filter(|one| one.state == SessionState::Ramping).map(|one| one.direction);
-        if ramping != self.pumping {
+        if let Some(pump) = &self.pump {
+            pump.try_iter().for_each(|command| self.world.pump(command));
+        } else if ramping != self.pumping {
             self.pumping = ramping;
             self.world.pump(match ramping {
                 Some(Direction::Rising) => RISE,
@@ -165,7 +187,8 @@ impl Simulation {
         let seconds = now.since(self.begun).as_secs();
         let in_second_half = seconds % MASS_PERIOD_S >= MASS_PERIOD_S / 2;
         let place = self.places[(seconds / MASS_PERIOD_S) as usize % UNDER_THE_MASS.len()];
-        let loaded = in_second_half && !open;
+        // In a bag that is being pumped nothing is laid on the skin.
+        let loaded = in_second_half && !open && self.pump.is_none();
         if loaded != self.loaded {
             self.loaded = loaded;
             if !loaded {

@@ -7,7 +7,7 @@ use taxel_wire::Frame;
 use crate::boundary::catalogue::Catalogue;
 use crate::boundary::command::Reply;
 use crate::boundary::record::Record;
-use crate::boundary::snapshot::{Health, PatchSnapshot};
+use crate::boundary::snapshot::{GaugeReading, Health, PatchSnapshot};
 use crate::calibration::job::FitJob;
 use crate::calibration::view::SessionView;
 use crate::request::RequestId;
@@ -21,6 +21,8 @@ pub enum Output {
     Session(usize, Arc<SessionView>),
     /// The patch with this position has no session any more: it was deleted.
     SessionGone(usize),
+    /// What the gauge of the patch with this position reads now.
+    Gauge(usize, GaugeReading),
     /// Buses, boards or modules changed.
     Health(Arc<Health>),
     /// Sessions or model sets changed.

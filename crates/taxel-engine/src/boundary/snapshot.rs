@@ -38,8 +38,6 @@ pub struct Health {
     pub buses: Vec<BusHealth>,
     /// One per board, patch by patch.
     pub boards: Vec<BoardHealth>,
-    /// The newest reading of each patch's gauge, if it has one that was heard.
-    pub gauges: Vec<Option<GaugeReading>>,
     /// What else is wrong, for example the store.
     pub problems: Vec<String>,
     /// What is wrong with the store; part of `problems`, too.

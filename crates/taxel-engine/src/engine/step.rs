@@ -374,7 +374,6 @@ impl Engine {
         Health {
             buses: self.buses.iter().map(BusState::view).collect(),
             boards: self.patches.iter().flat_map(|patch| patch.board_health(now)).collect(),
-            gauges: self.patches.iter().map(Patch::gauge_reading).collect(),
             problems: self.problems.iter().chain(&self.damage).chain(&self.store_problem).cloned().collect(),
             store: StoreHealth { problem: self.store_problem.clone(), damage: self.damage.clone() },
         }

@@ -271,6 +271,7 @@ impl Patch {
     /// A reading of the gauge that this patch's bag has.
     pub fn on_pressure(&mut self, now: Now, time: Time, pressure: Kilopascal, effects: &mut Effects<'_>) {
         self.intake.on_pressure(time, pressure);
+        effects.out.push(Output::Gauge(self.index, GaugeReading { time, kpa: pressure.0 }));
         self.advance_session(now, effects);
     }
 
@@ -410,11 +411,5 @@ impl Patch {
     #[must_use]
     pub fn board_health(&self, now: Time) -> Vec<BoardHealth> {
         self.intake.board_health(now)
-    }
-
-    /// What the gauge read last, if it was heard.
-    #[must_use]
-    pub fn gauge_reading(&self) -> Option<GaugeReading> {
-        self.intake.gauge().newest().map(|(time, kpa)| GaugeReading { time, kpa: kpa.0 })
     }
 }

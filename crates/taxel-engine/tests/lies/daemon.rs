@@ -228,7 +228,7 @@ impl Daemon {
             }
             Output::LoadSet { ticket, model_set } => self.set_loads.push((ticket, model_set)),
             Output::SessionGone(patch) => self.sessions[patch] = None,
-            Output::Health(_) => {}
+            Output::Health(_) | Output::Gauge(..) => {}
         }
     }
 }

@@ -326,6 +326,7 @@ impl Host {
                 check::model_set_is_there(&view, &self.catalogue);
                 self.sessions.push(view);
             }
+            Output::Gauge(..) => {}
             Output::Health(health) => self.healths.push(health),
             Output::Catalogue(catalogue) => self.catalogue = catalogue,
             Output::Send(_, frame) => self.sent.push((self.now, frame)),

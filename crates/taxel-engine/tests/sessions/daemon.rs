@@ -121,7 +121,7 @@ impl Daemon {
                 Output::Load { ticket, session } => loads.push((ticket, session)),
                 Output::LoadSet { ticket, model_set } => set_loads.push((ticket, model_set)),
                 Output::SessionGone(_) => unreachable!("nothing is deleted here"),
-                Output::Patch(..) | Output::Health(_) | Output::Send(..) => {}
+                Output::Patch(..) | Output::Health(_) | Output::Gauge(..) | Output::Send(..) => {}
             }
         }
         for (RequestId(request), reply) in replies {

@@ -201,7 +201,6 @@ async fn health_names_buses_boards_zeros_and_faults() {
     let board = BoardHealth { patch: FOREARM.to_owned(), address: 13, modules: (16, 15), ..BoardHealth::default() };
     let problems = vec!["the disk is full".to_owned()];
     daemon.engine().health(Arc::new(Health {
-        gauges: vec![],
         buses: vec![bus],
         boards: vec![board],
         problems,

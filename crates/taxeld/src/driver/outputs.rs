@@ -32,6 +32,7 @@ impl Driver {
                 }
                 Output::Session(index, view) => self.show_session(index, view),
                 Output::SessionGone(index) => self.hide_session(index),
+                Output::Gauge(index, reading) => self.publisher.gauge(index, reading),
                 Output::Health(health) => self.publisher.health(health),
                 Output::Catalogue(catalogue) => {
                     self.audit.catalogue(&catalogue);

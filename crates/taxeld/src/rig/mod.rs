@@ -11,8 +11,7 @@ use taxel_rig::{Lines, Template};
 use taxel_wire::{Frame, TimedFrame, reading};
 use tokio::time::{Instant, sleep, sleep_until};
 
-use link::Link;
-pub use link::{At, BAUD_RATES, BAUD_USUAL};
+pub use link::{At, BAUD_RATES, BAUD_USUAL, Link};
 
 /// Pauses between attempts grow from the first to the second.
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];

@@ -1,5 +1,6 @@
 //! `taxeld calibrate`: a session from the zero to the models in use, guided.
 
+mod device;
 mod dial;
 mod follow;
 mod screen;
@@ -17,6 +18,7 @@ use super::json;
 use super::model_set::{Candidate, print_set};
 use super::places::Places;
 use super::sessions::{advance, session_word};
+use device::{ByDevice, Pump};
 use follow::Course;
 use screen::Screen;
 
@@ -27,7 +29,7 @@ use screen::Screen;
 /// all of them wait for it.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12"
+    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --device micro --at /dev/ttyACM0"
 )]
 pub struct CalibrateArgs {
     #[command(flatten)]
@@ -56,6 +58,16 @@ pub struct CalibrateArgs {
     /// Begin a new session although an earlier one could be taken up.
     #[arg(long)]
     new: bool,
+    /// A drive moves the pressure: its profile, a file as in deploy/rigs, or `micro` or `alicat`. Ctrl-C, or an abort from anywhere,
+    /// vents.
+    #[arg(long, value_name = "FILE", conflicts_with = "session")]
+    device: Option<String>,
+    /// Where the drive is, if not where its profile says: a serial device, or tcp:HOST:PORT.
+    #[arg(long, value_name = "LINE", requires = "device")]
+    at: Option<String>,
+    /// You stand beside the valve until the end, because the drive holds the vacuum if this computer stops.
+    #[arg(long, requires = "device")]
+    attended: bool,
     /// Ask nothing: take up what was interrupted, use the new set.
     #[arg(long)]
     yes: bool,
@@ -79,7 +91,16 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let skin = daemon.skin().get_skin(PatchRequest { patch: daemon.patch() }).await?.into_inner();
     let daemon = daemon.about(&skin.patch);
     let asks = !args.yes && !args.json && ask::somebody();
-    let screen = Screen::new(Places::of(&skin), args.json);
+    let mut screen = Screen::new(Places::of(&skin), args.json);
+    if let Some(profile) = &args.device {
+        let mut pump = Pump::open(profile, args.at.as_deref()).await?;
+        pump.attended(asks, args.attended).await?;
+        end_what_was_left(&daemon, args.yes).await?;
+        let request = new_session(&daemon, &args);
+        let course = ByDevice { daemon: &daemon, screen: &mut screen, request, ramps: args.ramps };
+        let session = course.run(&mut pump).await?;
+        return conclude(&Course { daemon, screen, asks, typed: None, session }, &args).await;
+    }
     let session = begin(&daemon, &args, &screen, asks).await?;
     let typed = (!args.typed.is_empty()).then(|| args.typed.clone().into());
     let mut course = Course { daemon, screen, asks, typed, session };
@@ -105,24 +126,42 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: boo
         let session = daemon.calibration().get_session(SessionRequest { session }).await?.into_inner();
         return take_up(daemon, session).await;
     }
-    let request = ListRequest { patch: daemon.patch(), most: 1, before: 0 };
-    let newest = daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next();
-    if let Some(session) = newest.filter(|_| !args.new)
+    if let Some(session) = newest(daemon).await?.filter(|_| !args.new)
         && wants(&session, args, screen, asks).await?
     {
         return take_up(daemon, session).await;
     }
+    let session = daemon.calibration().start_session(new_session(daemon, args)).await?.into_inner();
+    session.look.iter().for_each(|line| screen.tell(&format!("check: {line}")));
+    Ok(session)
+}
+
+async fn newest(daemon: &Daemon) -> Outcome<Option<Session>> {
+    let request = ListRequest { patch: daemon.patch(), most: 1, before: 0 };
+    Ok(daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next())
+}
+
+/// A drive whose program was killed leaves its session under way.
+async fn end_what_was_left(daemon: &Daemon, agreed: bool) -> Outcome {
+    let is_open = |one: &Session| matches!(one.state(), SessionState::Taring | SessionState::Ramping);
+    if let Some(session) = newest(daemon).await?.filter(is_open) {
+        let number = session.session;
+        ask::agree(agreed, &format!("session {number} is under way. Abort it?"), "taxeld calibrate --device").await?;
+        advance(daemon, number, SessionAction::Abort).await?;
+    }
+    Ok(())
+}
+
+/// A new session.
+fn new_session(daemon: &Daemon, args: &CalibrateArgs) -> StartSessionRequest {
     let branches = if args.both { Branches::Both } else { Branches::Unspecified };
-    let request = StartSessionRequest {
+    StartSessionRequest {
         patch: daemon.patch(),
         target_kpa: args.target,
         confirmed_by: args.confirmed_by.clone(),
         branches: branches.into(),
         leave_out: args.leave_out.clone(),
-    };
-    let session = daemon.calibration().start_session(request).await?.into_inner();
-    session.look.iter().for_each(|line| screen.tell(&format!("check: {line}")));
-    Ok(session)
+    }
 }
 
 /// Whether this earlier session is the one to go on with.

@@ -1,0 +1,327 @@
+//! `taxeld calibrate --device`: a drive moves the pressure, and the session is an ordinary one. The drive is this program's alone:
+//! the daemon knows of no pump, and what a pump's line does cannot touch the force.
+//!
+//! Twenty times a second the gauge is asked for at the daemon, the course ([`taxel_rig::drive`]) says what is to be done, and the
+//! drive is told. Whatever ends this program vents the bag first: an error, Ctrl-C, a signal, a session that somebody aborted. Where
+//! it cannot do that any more, because it was killed or the machine hangs, the drive's fail-safe has to.
+
+use std::time::Duration;
+
+use anyhow::Context;
+use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState, StartSessionRequest};
+use taxel_rig::Lines;
+use taxel_rig::drive::{Ask, Drive, Order, Phase, Programme, Seen, State};
+use taxel_rig::profile::{FailSafe, Profile};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
+use tonic::Streaming;
+
+use super::screen::Screen;
+use crate::client::ask;
+use crate::client::connect::Daemon;
+use crate::client::failure::{Failure, Outcome};
+use crate::client::sessions::{advance, session_word};
+use crate::rig::{At, Link};
+
+/// From one order to the next.
+const TICK: Duration = Duration::from_millis(50);
+/// A drive answers within this, or has not.
+const ANSWER_WITHIN: Duration = Duration::from_millis(300);
+/// The daemon answers what the gauge reads within this, or nothing is known of it.
+const GAUGE_WITHIN: Duration = Duration::from_millis(150);
+/// A session begins and ends within this. Its first answer is on disk.
+const SESSION_WITHIN: Duration = Duration::from_secs(10);
+/// What vents is waited for so long.
+const VENT_WITHIN: Duration = Duration::from_secs(15);
+/// Profiles that come with the program, by name.
+const PROFILES: [(&str, &str); 2] = [
+    ("micro", include_str!("../../../../../deploy/rigs/micro.toml")),
+    ("alicat", include_str!("../../../../../deploy/rigs/alicat.toml")),
+];
+/// A bag above this is told of before it is vented, kPa.
+const FOUND_KPA: f64 = 2.0;
+
+/// A drive on its line.
+pub struct Pump {
+    profile: Profile,
+    at: At,
+    link: Link,
+    lines: Lines,
+    begun: Instant,
+    answered: Instant,
+    /// What it said last that was no answer.
+    said: String,
+}
+
+impl Pump {
+    /// Reads a profile, a file or one that comes with the program, and opens its line.
+    ///
+    /// # Errors
+    /// What is wrong with it, or why its line cannot be opened.
+    pub async fn open(file: &str, at: Option<&str>) -> Outcome<Self> {
+        let text = match PROFILES.iter().find(|(name, _)| *name == file) {
+            Some((_, text)) => (*text).to_owned(),
+            None => std::fs::read_to_string(file)
+                .with_context(|| format!("{file}: a file, or one of {}", PROFILES.map(|(name, _)| name).join(", ")))?,
+        };
+        let profile = Profile::new(&text).map_err(|fault| Failure::refused(format!("{file}: {fault}")))?;
+        let text = at.unwrap_or(profile.at());
+        let at = At::new(text).map_err(|expected| Failure::refused(format!("{file}: at = {text:?}: {expected}")))?;
+        let link = at.open(profile.baud()).await.map_err(Failure::refused)?;
+        let (begun, lines) = (Instant::now(), Lines::from_the_first());
+        Ok(Self { profile, at, link, lines, begun, answered: begun, said: String::new() })
+    }
+
+    /// Asks whoever has to stand beside it.
+    ///
+    /// # Errors
+    /// Nobody does.
+    pub async fn attended(&self, asks: bool, agreed: bool) -> Outcome {
+        if self.profile.fail_safe() != FailSafe::Attended || agreed {
+            return Ok(());
+        }
+        let name = self.profile.name();
+        let question =
+            format!("{name} holds the vacuum if this computer stops. Do you stand beside its valve until the end?");
+        match asks && ask::yes(&question, false).await? {
+            true => Ok(()),
+            false => Err(Failure::refused(format!(
+                "{name} has no fail-safe of its own: somebody has to stand beside it; --attended says so"
+            ))),
+        }
+    }
+
+    fn now(&self) -> Duration {
+        self.begun.elapsed()
+    }
+
+    /// Tells the drive, and waits for its answer.
+    async fn tell(&mut self, order: Order) -> std::io::Result<()> {
+        let Some(line) = self.profile.line(order) else { return Ok(()) };
+        self.link.write(line.as_bytes()).await?;
+        let (end, mut buffer) = (Instant::now() + ANSWER_WITHIN, [0; 256]);
+        while let Ok(count) = timeout_at(end, self.link.read(&mut buffer)).await {
+            for said in self.lines.take(&buffer[..count?]) {
+                if self.profile.is_answer(order, &said) {
+                    self.answered = Instant::now();
+                    return Ok(());
+                }
+                if said != line.trim() {
+                    self.said = said; // no echo
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Opens the valve, whatever has happened.
+    async fn vent(&mut self) {
+        let (end, before) = (Instant::now() + Duration::from_secs(2), self.answered);
+        while Instant::now() < end && self.answered == before {
+            if self.tell(Order::Vent).await.is_err()
+                && let Ok(link) = self.at.open(self.profile.baud()).await
+            {
+                self.link = link;
+            }
+        }
+    }
+}
+
+/// A calibration by a drive.
+pub struct ByDevice<'a> {
+    /// The daemon, about the patch.
+    pub daemon: &'a Daemon,
+    /// Where it is shown.
+    pub screen: &'a mut Screen,
+    /// How the session begins.
+    pub request: StartSessionRequest,
+    /// Rises; the bag is vented between them.
+    pub ramps: u32,
+}
+
+/// What is known of the session.
+#[derive(Default)]
+struct Followed {
+    session: Option<Session>,
+    stream: Option<Streaming<Session>>,
+}
+
+impl Followed {
+    fn phase(&self) -> Phase {
+        let Some(session) = &self.session else { return Phase::None };
+        match session.state() {
+            SessionState::Taring => Phase::Taring,
+            SessionState::Ramping if session.falling => Phase::Falling,
+            SessionState::Ramping => Phase::Rising,
+            SessionState::Fitting | SessionState::Review | SessionState::Active => Phase::Over,
+            _ => Phase::Failed,
+        }
+    }
+
+    /// Waits for what changes.
+    async fn next(&mut self) -> Option<Session> {
+        match &mut self.stream {
+            Some(stream) => stream.message().await.ok().flatten(),
+            None => std::future::pending().await,
+        }
+    }
+}
+
+impl ByDevice<'_> {
+    /// Runs the course to its end; the session in review.
+    ///
+    /// # Errors
+    /// Why it was ended; the bag is vented then as far as the drive obeys.
+    pub async fn run(mut self, pump: &mut Pump) -> Outcome<Session> {
+        self.look_first().await;
+        let ended = self.course(pump).await;
+        if ended.is_err() {
+            pump.vent().await;
+        }
+        ended
+    }
+
+    async fn course(&mut self, pump: &mut Pump) -> Outcome<Session> {
+        let (limits, abilities) = (pump.profile.limits(), pump.profile.abilities());
+        let programme = Programme { kpa_per_s: pump.profile.kpa_per_s(), ramps: self.ramps };
+        let mut drive = Drive::new(pump.now(), limits, abilities, programme);
+        let (mut followed, mut told) = (Followed::default(), None);
+        let mut tick = interval(TICK);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut signals = Signals::new()?;
+        let mut stopped_at = None;
+        loop {
+            tokio::select! {
+                () = signals.any() => drive.stop(pump.now(), "a signal"),
+                session = followed.next() => match session {
+                    Some(session) => {
+                        self.screen.show(&session)?;
+                        followed.session = Some(session);
+                    }
+                    None => followed.stream = None, // while it is needed, the gauge says nothing any more either
+                },
+                _ = tick.tick() => {
+                    self.step(pump, &mut drive, &mut followed).await;
+                    self.show(&drive, &mut told);
+                }
+            }
+            if let Some((why, vented)) = drive.stopped() {
+                let since = *stopped_at.get_or_insert_with(Instant::now);
+                if vented || since.elapsed() > VENT_WITHIN {
+                    let said =
+                        if pump.said.is_empty() { String::new() } else { format!("; it said last {:?}", pump.said) };
+                    let end = if vented {
+                        "the bag is vented"
+                    } else {
+                        "THE GAUGE DOES NOT SHOW IT VENTED: open the valve by hand"
+                    };
+                    return Err(Failure::refused(format!("{}: {why}{said}; {end}", pump.profile.name())));
+                }
+            } else if drive.state() == State::Done && followed.phase() != Phase::Over {
+                let state = followed.session.map_or("gone", |session| session_word(session.state()));
+                return Err(Failure::refused(format!("the session is {state}; the bag is vented")));
+            } else if drive.state() == State::Done
+                && let Some(session) = followed.session.take_if(|session| session.state() == SessionState::Review)
+            {
+                return Ok(session);
+            } else if drive.state() == State::Done && followed.stream.is_none() {
+                return Err(Failure::refused("the daemon has gone; the bag is vented"));
+            }
+        }
+    }
+
+    /// One turn of the course: look, decide, tell.
+    async fn step(&mut self, pump: &mut Pump, drive: &mut Drive, followed: &mut Followed) {
+        let gauge = self.gauge().await;
+        let target_kpa = followed.session.as_ref().map_or(0.0, |session| session.target_kpa);
+        let answer_age = pump.answered.elapsed();
+        let seen = Seen { now: pump.now(), gauge, answer_age, phase: followed.phase(), target_kpa };
+        let (order, ask) = drive.step(&seen);
+        if let Err(error) = pump.tell(order).await {
+            drive.stop(pump.now(), format!("the drive's line ({error})"));
+            pump.vent().await;
+        }
+        let Some(ask) = ask else { return };
+        let asked = timeout(SESSION_WITHIN, self.ask(ask, followed)).await;
+        match asked.unwrap_or_else(|_| Err(Failure::refused("the daemon does not answer"))) {
+            Err(failure) if ask != Ask::Abort => drive.stop(pump.now(), format!("the session ({failure})")),
+            _ => {}
+        }
+    }
+
+    /// What the gauge reads, kPa below ambient, and how long ago.
+    async fn gauge(&self) -> Option<(f64, Duration)> {
+        let asked = Instant::now();
+        let health = timeout(GAUGE_WITHIN, self.daemon.skin().get_health(())).await.ok()?.ok()?.into_inner();
+        if health.engine_stalled_s.is_some() {
+            return None;
+        }
+        let patch = health.patches.iter().find(|patch| patch.patch == self.request.patch)?;
+        let age = Duration::try_from_secs_f64(patch.gauge_age_s?).ok()?;
+        Some((patch.gauge_kpa?, age + asked.elapsed()))
+    }
+
+    async fn ask(&self, ask: Ask, followed: &mut Followed) -> Outcome {
+        let number = followed.session.as_ref().map(|session| session.session).unwrap_or_default();
+        let session = match ask {
+            Ask::Begin => {
+                let begun = self.daemon.calibration().start_session(self.request.clone()).await?.into_inner();
+                begun.look.iter().for_each(|line| self.screen.tell(&format!("check: {line}")));
+                begun
+            }
+            Ask::Ramp => advance(self.daemon, number, SessionAction::StartRamp).await?,
+            Ask::Abort => advance(self.daemon, number, SessionAction::Abort).await?,
+        };
+        let request = SessionRequest { session: session.session };
+        followed.stream = Some(self.daemon.calibration().watch_session(request).await?.into_inner());
+        followed.session = Some(session);
+        Ok(())
+    }
+
+    /// Says where the course is, when that changes.
+    fn show(&self, drive: &Drive, told: &mut Option<State>) {
+        let state = drive.state();
+        if told.replace(state) == Some(state) {
+            return;
+        }
+        let leak = drive.leak_kpa_per_min().map_or_else(String::new, |leak| format!("leak {leak:.1} kPa/min; "));
+        let words = match state {
+            State::Armed => "drive: venting; hands off",
+            State::SelfTest => "drive: self-test, 5 kPa and a vent",
+            State::LeakTest => "drive: leak test at 20 kPa",
+            State::Tare => &format!("drive: {leak}the bag is vented, the zero is being taken"),
+            State::Ramp => "drive: rising",
+            State::Hold => "drive: holding",
+            State::Fall => "drive: falling",
+            State::Vent => "drive: venting",
+            State::Done => "drive: the bag is vented",
+            State::SafeVent => "drive: STOPPED, venting",
+        };
+        self.screen.tell(words);
+    }
+
+    /// Tells of a bag that a program before this one has left.
+    async fn look_first(&self) {
+        if let Some((kpa, _)) = self.gauge().await.filter(|(kpa, _)| *kpa > FOUND_KPA) {
+            self.screen.tell(&format!("the bag is at {kpa:.1} kPa, left by whoever used it last: venting it first"));
+        }
+    }
+}
+
+/// What ends programs.
+struct Signals([Signal; 3]);
+
+impl Signals {
+    fn new() -> std::io::Result<Self> {
+        Ok(Self([signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?]))
+    }
+
+    async fn any(&mut self) {
+        let [interrupt, terminate, hangup] = &mut self.0;
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+            _ = hangup.recv() => {}
+        }
+    }
+}
