@@ -109,7 +109,7 @@ impl Service {
             None => None,
         };
         let set = Arc::clone(set);
-        let verdict = aside((), move || Verdict::of(&set, target_kpa, in_use.as_deref())).await?;
+        let verdict = aside(move || Verdict::of(&set, target_kpa, in_use.as_deref())).await?;
         let Verdict { is_good, lines, against_in_use_percent } = verdict;
         Ok(v1::Verdict { is_good, lines, against_in_use_percent })
     }

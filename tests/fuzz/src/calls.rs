@@ -58,7 +58,8 @@ async fn call(mut services: SharedServices, method: &Method, message: &[u8]) -> 
         .extension(TcpConnectInfo { local_addr: None, remote_addr: Some(([127, 0, 0, 1], 1).into()) })
         .body(Body::new(Full::new(framed(method, message))))
         .expect("a request");
-    std::future::poll_fn(|cx| services.poll_ready(cx)).await.unwrap_or_else(|never| match never {});
+    let ready = |cx: &mut std::task::Context<'_>| Service::<http::Request<Body>>::poll_ready(&mut services, cx);
+    std::future::poll_fn(ready).await.unwrap_or_else(|never| match never {});
     let response = services.call(request).await.unwrap_or_else(|never| match never {});
     assert_eq!(response.status(), 200);
     ended(response.headers())?;

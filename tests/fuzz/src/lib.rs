@@ -24,6 +24,9 @@ mod config;
 #[allow(dead_code)]
 #[path = "../../../crates/taxeld/src/files.rs"]
 mod files;
+#[allow(dead_code)]
+#[path = "../../../crates/taxeld/src/rig/mod.rs"]
+mod rig;
 #[allow(dead_code, unused_macros)]
 #[path = "../../../crates/taxeld/src/say.rs"]
 mod say;

@@ -13,7 +13,8 @@ use taxel_skin::{Kilopascal, TaxelIndex};
 
 use crate::bench::Bench;
 use crate::rig::{patch_plan, plan, small_world};
-use crate::sessions::{ramping, start};
+use crate::say::start;
+use crate::sessions::ramping;
 
 /// To so many kPa the dial is read.
 const RESOLUTION_KPA: f64 = 0.5;

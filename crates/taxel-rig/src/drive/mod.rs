@@ -161,6 +161,8 @@ pub enum State {
 pub enum Stop {
     /// Somebody asked for it.
     Asked(String),
+    /// This program did not run for so long.
+    Held(Duration),
     /// The gauge has said nothing for so long.
     GaugeSilent(Duration),
     /// The drive has not answered for so long, or with another set point than it was given.
@@ -217,6 +219,7 @@ impl fmt::Display for Stop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Asked(by) => write!(f, "{by} ended it"),
+            Self::Held(held) => write!(f, "this program was held up for {:.1} s", held.as_secs_f64()),
             Self::GaugeSilent(Duration::MAX) => f.write_str("the bag's gauge says nothing: `taxeld health` says why"),
             Self::GaugeSilent(age) => {
                 write!(

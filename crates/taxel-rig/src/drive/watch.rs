@@ -9,6 +9,8 @@ use super::{Limits, Seen, Stop};
 const GAUGE_AGE_MAX: Duration = Duration::from_millis(200);
 /// A drive that has not answered for so long does not.
 const ANSWER_AGE_MAX: Duration = Duration::from_millis(500);
+/// Whoever drives it comes twenty times a second; after so long the bag is another one.
+const HELD_MAX: Duration = Duration::from_secs(2);
 /// Noise of a gauge, and what a regulator overshoots by, kPa.
 const BEYOND_KPA: f64 = 1.0;
 /// Below ambient a gauge reads noise only, kPa; more is another sign or another reference.
@@ -26,6 +28,7 @@ const SECOND: Duration = Duration::from_secs(1);
 #[derive(Clone, Debug, Default)]
 pub(super) struct Watch {
     begun: Duration,
+    looked: Duration,
     /// Since when bag and set point have been apart.
     apart: Option<Duration>,
     /// Readings of the last second.
@@ -34,7 +37,7 @@ pub(super) struct Watch {
 
 impl Watch {
     pub(super) fn new(begun: Duration) -> Self {
-        Self { begun, ..Self::default() }
+        Self { begun, looked: begun, ..Self::default() }
     }
 
     /// A reading that is fresh, in kPa below ambient.
@@ -42,6 +45,10 @@ impl Watch {
     /// # Errors
     /// Why the course cannot go on.
     pub(super) fn look(&mut self, seen: &Seen, limits: &Limits, kpa_per_s: f64) -> Result<f64, Stop> {
+        let held = seen.now.saturating_sub(std::mem::replace(&mut self.looked, seen.now));
+        if held > HELD_MAX {
+            return Err(Stop::Held(held));
+        }
         let kpa = match seen.gauge {
             Some((kpa, age)) if age <= GAUGE_AGE_MAX && kpa.is_finite() => kpa,
             Some((_, age)) => return Err(Stop::GaugeSilent(age)),
