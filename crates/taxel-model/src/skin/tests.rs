@@ -58,6 +58,7 @@ fn a_made_up_skin_is_fitted_as_the_reference_fits_it() {
     let read = [-1.0, 0.0, 5.0, 20.0, 45.0, 60.0].map(|load| first.curve.inverse(load));
     let inverse = [1.075_150_282_885, 1.075_150_282_885, 6.452_034_899_555, 23.702_017_152_324, 60.086_401_148_631];
     agree("inverse", &read, &[&inverse[..], &[83.578_089_589_816]].concat());
+    assert!(skin.plays_error_ratio.unwrap() < 1.0);
     agree("plays of 0", &first.plays_kpa.unwrap(), &[0.0, 0.184_150_009_26, 0.148_699_775_743, 0.0]);
     agree("plays of 1", &taxels[1].plays_kpa.unwrap(), &[1.281_829_411_639, 0.0, 0.0, 0.0]);
     let knots: Vec<f64> = (0..13).map(|k| first.sigma.at(skin.range_kpa[1] / 12.0 * f64::from(k))).collect();

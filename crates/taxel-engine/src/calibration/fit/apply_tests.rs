@@ -13,6 +13,7 @@ fn recorded() -> ModelSet {
     let taxel = RecordedTaxel { rmse_kpa: 0.5, sensitivity: 2.0, hysteresis_kpa: Some(1.2), plays: None };
     let recorded = Recorded {
         smooth_s: 0.0,
+        plays_mean_s: 0.0,
         module_size: 10,
         lag_s: 0.0,
         clock: None,
