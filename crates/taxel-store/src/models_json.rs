@@ -18,7 +18,8 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::{EARLIER_MAX, Maker, ModelSet, Recalibrated, Recorded};
 use taxel_engine::recalibration::{LoadPoint, POINTS_MAX};
 use taxel_model::{
-    Curve, Estimator, Flag, GaugeUncertainty, Points, Quality, SigmaProfile, Sign, Status, TERMS_MAX, TaxelModel, figure,
+    Curve, Estimator, Flag, GaugeUncertainty, Points, Quality, SigmaProfile, Sign, Status, TERMS_MAX, TaxelModel,
+    figure,
 };
 use thiserror::Error;
 

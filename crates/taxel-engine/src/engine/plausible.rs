@@ -238,13 +238,8 @@ mod tests {
     #[test]
     fn the_curve_under_its_hysteresis_goes_the_way_of_its_sign_too() {
         let (radii_counts, weights_kpa) = ([1.0; PLAYS], [2.0, 5.0, 0.0, 0.0]);
-        let plays = Plays {
-            curve: Some(curve(&[35.0, 5.0])),
-            range: [150.0, 250.0],
-            sign: SIGN,
-            radii_counts,
-            weights_kpa,
-        };
+        let plays =
+            Plays { curve: Some(curve(&[35.0, 5.0])), range: [150.0, 250.0], sign: SIGN, radii_counts, weights_kpa };
         let found = says(&set(70.0, model(&[35.0, -5.0], SIGN), Some(plays)));
         assert!(found.is_some_and(|why| why.contains("against its `sign`")));
     }

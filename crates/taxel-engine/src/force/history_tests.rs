@@ -26,7 +26,13 @@ const SETTLED_SCANS: usize = 100;
 fn plays() -> Plays {
     let model = model();
     let (curve, range) = (model.curve.clone(), model.range.unwrap());
-    let plays = Plays { curve, range, sign: model.sign, radii_counts: [4.0, 10.0, 0.0, 0.0], weights_kpa: [0.8, 0.4, 0.0, 0.0] };
+    let plays = Plays {
+        curve,
+        range,
+        sign: model.sign,
+        radii_counts: [4.0, 10.0, 0.0, 0.0],
+        weights_kpa: [0.8, 0.4, 0.0, 0.0],
+    };
     plays.scaled(1.0, -plays.evaluate(&mut PlayState::default(), f64::from(REST)))
 }
 

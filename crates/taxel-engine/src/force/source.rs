@@ -146,8 +146,7 @@ impl<'a> Source<'a> {
         let beyond = self.beyond(units);
         let sigma_kpa = self.sigma_in_use_kpa().unwrap_or_else(|| {
             let inside = |[low, high]: [f64; 2]| count.max(low).min(high);
-            let slope =
-                self.model.served().zip(self.model.range).map(|(curve, range)| curve.slope(inside(range)));
+            let slope = self.model.served().zip(self.model.range).map(|(curve, range)| curve.slope(inside(range)));
             let rounding_kpa = slope.map_or(0.0, |slope| slope.abs() / (12.0_f64.sqrt() * per_unit));
             self.model.evaluate(count).map_or(f64::INFINITY, |reading| reading.sigma_kpa.max(rounding_kpa))
         });

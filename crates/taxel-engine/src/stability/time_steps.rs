@@ -56,7 +56,13 @@ fn hysteresis() -> Option<Hysteresis> {
     });
     let model = sums.fit(&FitOptions::default());
     let (curve, range) = (model.curve.clone(), model.range?);
-    let plays = Plays { curve, range, sign: model.sign, radii_counts: [4.0, 10.0, 0.0, 0.0], weights_kpa: [0.8, 0.4, 0.0, 0.0] };
+    let plays = Plays {
+        curve,
+        range,
+        sign: model.sign,
+        radii_counts: [4.0, 10.0, 0.0, 0.0],
+        weights_kpa: [0.8, 0.4, 0.0, 0.0],
+    };
     let taxel = RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays: Some(plays) };
     let set = ModelSet {
         id: String::new(),

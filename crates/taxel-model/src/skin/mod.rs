@@ -80,7 +80,9 @@ pub enum SkinError {
         to_kpa: f64,
     },
     /// There is no leg to fit a curve to.
-    #[error("the pressure never stays above the {rest_kpa} kPa at which the recording begins: expected a rise from the unloaded skin")]
+    #[error(
+        "the pressure never stays above the {rest_kpa} kPa at which the recording begins: expected a rise from the unloaded skin"
+    )]
     NoRise {
         /// Pressure before the rise, kPa.
         rest_kpa: f64,
@@ -148,8 +150,7 @@ pub fn fit(
     counts: &[&[f64]],
     workers: &dyn Workers,
 ) -> Result<SkinFit, SkinError> {
-    let course =
-        Course::new(time_s, pressure_kpa).map_err(|distinct| SkinError::TooFewPressures { distinct })?;
+    let course = Course::new(time_s, pressure_kpa).map_err(|distinct| SkinError::TooFewPressures { distinct })?;
     let seen = map(workers, counts.len(), |taxel| see(&course, counts[taxel]));
     let range_kpa = course.kpa.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)]);
     let swings = seen.iter().flatten().map(|seen| seen.swing).filter(|swing| *swing > 0.0);
@@ -253,7 +254,9 @@ impl Fit<'_> {
         let in_use = |taxel: &usize| fit.taxels[*taxel].as_ref().is_ok_and(|taxel| taxel.status.is_ok());
         let used: Vec<(&[f64], f64)> = (0..fit.taxels.len())
             .filter(in_use)
-            .filter_map(|taxel| Some((self.seen[taxel].as_ref().ok()?.groups.as_slice(), fit.taxels[taxel].as_ref().ok()?.noise_counts)))
+            .filter_map(|taxel| {
+                Some((self.seen[taxel].as_ref().ok()?.groups.as_slice(), fit.taxels[taxel].as_ref().ok()?.noise_counts))
+            })
             .collect();
         fit.shared_kpa = shared_kpa(&fit.course, &self.without, &used);
         fit
@@ -312,9 +315,11 @@ impl Fit<'_> {
     /// The weights of the plays about a curve, from the falling groups that are chosen.
     fn plays(&self, curve: &LoadCurve, seen: &Seen, lags: &[Lag], chosen: impl Fn(usize) -> bool) -> [f64; 4] {
         let falling = self.course.groups.iter().enumerate().filter(|(g, group)| !group.rising && chosen(*g));
-        lag::weights(falling.map(|(g, group)| {
-            (group.weight, lag::mean(lags, &group.scans), curve.inverse(seen.groups[g]) - group.kpa)
-        }))
+        lag::weights(
+            falling.map(|(g, group)| {
+                (group.weight, lag::mean(lags, &group.scans), curve.inverse(seen.groups[g]) - group.kpa)
+            }),
+        )
     }
 
     /// Each scan read by a fit without its fold of groups, kPa; NaN for scans of no group.

@@ -49,7 +49,8 @@ impl SkinFit {
     pub fn plays(&self, taxel: usize) -> Option<Plays> {
         let taxel = self.taxels.get(taxel)?.as_ref().ok()?;
         let weights_kpa = taxel.plays_kpa?;
-        let ends = [taxel.curve.counts.first()?, taxel.curve.counts.last()?].map(|u| taxel.zero_counts + taxel.sign * u);
+        let ends =
+            [taxel.curve.counts.first()?, taxel.curve.counts.last()?].map(|u| taxel.zero_counts + taxel.sign * u);
         Some(Plays {
             curve: None,
             range: [ends[0].min(ends[1]), ends[0].max(ends[1])],

@@ -5,7 +5,8 @@ use crate::OneByOne;
 /// fixed sequence for noise, over a ramp of 60 s and a fall of 15 s.
 fn made_up() -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
     let time: Vec<f64> = (0..1700).map(|scan| f64::from(scan) * 0.05).collect();
-    let ramp = |t: f64| if t < 65.0 { ((t - 5.0) / 60.0 * 60.0).max(0.0) } else { (60.0 - (t - 65.0) / 15.0 * 60.0).max(0.0) };
+    let ramp =
+        |t: f64| if t < 65.0 { ((t - 5.0) / 60.0 * 60.0).max(0.0) } else { (60.0 - (t - 65.0) / 15.0 * 60.0).max(0.0) };
     let kpa: Vec<f64> = time.iter().map(|t| ramp(*t)).collect();
     let mut highest = 0.0_f64;
     let tops: Vec<f64> = kpa
@@ -62,9 +63,23 @@ fn a_made_up_skin_is_fitted_as_the_reference_fits_it() {
     agree("plays of 0", &first.plays_kpa.unwrap(), &[0.0, 0.184_150_009_26, 0.148_699_775_743, 0.0]);
     agree("plays of 1", &taxels[1].plays_kpa.unwrap(), &[1.281_829_411_639, 0.0, 0.0, 0.0]);
     let knots: Vec<f64> = (0..13).map(|k| first.sigma.at(skin.range_kpa[1] / 12.0 * f64::from(k))).collect();
-    agree("sigma", &knots, &[
-        1.398_508_145_016, 1.391_317_621_938, 1.237_073_416_188, 1.264_934_137_454, 1.323_850_703_459, 1.392_537_597_733,
-        1.434_410_713_922, 1.473_294_871_823, 1.556_041_254_18, 1.617_544_695_53, 1.686_666_865_374, 1.744_604_799_614,
-        1.826_383_809_812,
-    ]);
+    agree(
+        "sigma",
+        &knots,
+        &[
+            1.398_508_145_016,
+            1.391_317_621_938,
+            1.237_073_416_188,
+            1.264_934_137_454,
+            1.323_850_703_459,
+            1.392_537_597_733,
+            1.434_410_713_922,
+            1.473_294_871_823,
+            1.556_041_254_18,
+            1.617_544_695_53,
+            1.686_666_865_374,
+            1.744_604_799_614,
+            1.826_383_809_812,
+        ],
+    );
 }

@@ -82,13 +82,17 @@ mod tests {
     use taxel_model::{OneByOne, Status};
 
     /// Columns over 0 to 60 kPa in 12 plateaus of 30 scans, and their set.
-    fn plateaus(columns: &[fn(f64, usize) -> f64], change: impl Fn(&mut Vec<f64>, &mut Vec<Vec<f64>>)) -> Result<ModelSet, RecordingError> {
+    fn plateaus(
+        columns: &[fn(f64, usize) -> f64],
+        change: impl Fn(&mut Vec<f64>, &mut Vec<Vec<f64>>),
+    ) -> Result<ModelSet, RecordingError> {
         let mut kpa: Vec<f64> = (0..360).map(|scan| f64::from(scan / 30) * 60.0 / 11.0).collect();
         let time: Vec<f64> = (0..360).map(|scan| f64::from(scan) * 0.05).collect();
         let mut counts: Vec<Vec<f64>> =
             columns.iter().map(|count| kpa.iter().enumerate().map(|(scan, p)| count(*p, scan)).collect()).collect();
         change(&mut kpa, &mut counts);
-        let scans = Scans { time_s: &time, pressure_kpa: Some(&kpa), counts: counts.iter().map(Vec::as_slice).collect() };
+        let scans =
+            Scans { time_s: &time, pressure_kpa: Some(&kpa), counts: counts.iter().map(Vec::as_slice).collect() };
         fit_any(&scans, &FitRecipe::default(), &OneByOne)
     }
 

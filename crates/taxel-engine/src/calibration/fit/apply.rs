@@ -115,7 +115,15 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
     let extensions = if one_skin { set.extensions() } else { vec![None; models] };
     let doubts_kpa = if skin { set.doubts_kpa() } else { vec![0.0; models] };
     let tared = applied.zero.is_tared();
-    let reader = Reader { set, extensions, doubts_kpa, half: half_width(scans, smooth_s), period_s: scans.period_s(), skin, tared };
+    let reader = Reader {
+        set,
+        extensions,
+        doubts_kpa,
+        half: half_width(scans, smooth_s),
+        period_s: scans.period_s(),
+        skin,
+        tared,
+    };
     let mut area = AreaSums::default();
     for (taxel, counts) in scans.counts.iter().enumerate() {
         match reader.readable(taxel, &applied.zero, &masks) {

@@ -27,7 +27,7 @@ fn recorded() -> ModelSet {
 fn reader(set: &ModelSet, skin: bool, tared: bool) -> Reader<'_> {
     let doubts_kpa = vec![0.0; set.taxels.len()];
     let extensions = if skin { set.extensions() } else { vec![None; set.taxels.len()] };
-    Reader { set, extensions, doubts_kpa, half: 0, skin, tared }
+    Reader { set, extensions, doubts_kpa, half: 0, period_s: 0.0, skin, tared }
 }
 
 #[test]

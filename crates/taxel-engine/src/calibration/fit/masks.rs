@@ -6,10 +6,10 @@ use taxel_skin::Time;
 
 use crate::calibration::fit::dropouts::dropouts;
 use crate::calibration::fit::scans::Scans;
-use taxel_model::{Workers, map};
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::Fault;
 use crate::intake::faults::limits::FaultLimits;
+use taxel_model::{Workers, map};
 
 /// The faults of a recording. Unlike the live detector this one can go back: a fault counts from its onset.
 #[derive(Clone, Debug)]

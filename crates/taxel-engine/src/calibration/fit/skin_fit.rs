@@ -3,7 +3,9 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use taxel_model::{Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel, Workers, map, student_975};
+use taxel_model::{
+    Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel, Workers, map, student_975,
+};
 
 use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::fit::course::Course;

@@ -4,8 +4,8 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::calibration::fit::course::Course;
-use taxel_model::OneByOne;
 use crate::force::tests::model;
+use taxel_model::OneByOne;
 
 /// A taxel whose curve leaves this error and whose loop has this width.
 fn taxel(status: Status, rmse_kpa: f64, hysteresis_kpa: f64) -> FittedTaxel {

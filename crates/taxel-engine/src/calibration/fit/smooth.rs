@@ -72,4 +72,3 @@ pub(crate) fn recent_means(values: &[f64], masked: &[bool], scans: usize) -> Vec
     };
     values.iter().zip(masked).map(mean).collect()
 }
-

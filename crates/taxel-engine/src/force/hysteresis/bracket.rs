@@ -42,7 +42,13 @@ mod tests {
 
     fn plays(sign: Sign) -> Plays {
         let curve = Curve { centre: 200.0, half_width: 25.0, chebyshev: vec![150.0, sign.as_f64() * 100.0] };
-        Plays { curve: Some(curve), range: [175.0, 225.0], sign, radii_counts: [4.0, 10.0, 0.0, 0.0], weights_kpa: [0.8, 0.4, 0.0, 0.0] }
+        Plays {
+            curve: Some(curve),
+            range: [175.0, 225.0],
+            sign,
+            radii_counts: [4.0, 10.0, 0.0, 0.0],
+            weights_kpa: [0.8, 0.4, 0.0, 0.0],
+        }
     }
 
     proptest! {
