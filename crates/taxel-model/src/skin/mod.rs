@@ -140,7 +140,8 @@ struct Curved {
     rms_counts: f64,
 }
 
-/// Fits a skin: `time_s` and `pressure_kpa` have an entry a scan, `counts` a column a taxel. What is missing is NaN.
+/// Fits a skin: `time_s` and `pressure_kpa` have an entry a scan, `counts` a column a taxel. What is missing is NaN. Hysteresis
+/// is compensated where that is asked for, shows, and wins.
 ///
 /// # Errors
 /// [`SkinError`]. A taxel that cannot be fitted is no error: its status says why.
@@ -148,6 +149,7 @@ pub fn fit(
     time_s: &[f64],
     pressure_kpa: &[f64],
     counts: &[&[f64]],
+    hysteresis: bool,
     workers: &dyn Workers,
 ) -> Result<SkinFit, SkinError> {
     let course = Course::new(time_s, pressure_kpa).map_err(|distinct| SkinError::TooFewPressures { distinct })?;
@@ -173,7 +175,7 @@ pub fn fit(
     let fit = Fit {
         whole,
         without: std::array::from_fn(without),
-        falls: falling >= FALLING_GROUPS_MIN,
+        falls: hysteresis && falling >= FALLING_GROUPS_MIN,
         range_kpa,
         zero_known,
         swing_min,

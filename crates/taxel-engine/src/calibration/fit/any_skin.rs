@@ -7,7 +7,7 @@ use taxel_model::skin::{Form, Warp, fit as fit_skin};
 use taxel_model::{TaxelModel, Workers, map};
 
 use crate::baseline::TaxelBaseline;
-use crate::calibration::branch::Branch;
+use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::fit::legs;
 use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::Scans;
@@ -26,7 +26,7 @@ pub fn fit_any(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> 
     } else {
         gauge.to_vec()
     };
-    let skin = fit_skin(scans.time_s, &kpa, &scans.counts, workers)?;
+    let skin = fit_skin(scans.time_s, &kpa, &scans.counts, recipe.plays != PlaysChoice::Off, workers)?;
     let options = &recipe.options;
     let taxels: Vec<TaxelModel> =
         map(workers, scans.counts.len(), |taxel| skin.model(taxel, scans.counts[taxel], options));

@@ -240,10 +240,10 @@ impl Reader<'_> {
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let rail = if sign == Sign::Falling { 0.0 } else { 255.0 };
         // What corrected a set by known loads is in these, too.
-        let of_day = match self.skin {
-            true => GAIN_OF_DAY_REL,
-            false if self.set.is_of_skin() => GAIN_OF_RECORDING_REL,
-            false => 0.0,
+        let of_day = match (self.skin, self.set.is_of_skin()) {
+            (true, _) => GAIN_OF_DAY_REL,
+            (false, true) => GAIN_OF_RECORDING_REL,
+            (false, false) => 0.0,
         };
         let gain = of_day.hypot(self.set.gauge_gain_rel);
         let smoothed = smooth(counts, masked, self.half);
