@@ -16,6 +16,10 @@ use crate::statistics::{mean, root_mean_square};
 /// and Posture 23, 118, the dynamic tests): a rectangle of half-width 3 %, so 3 % / sqrt(3).
 pub const GAIN_OF_DAY_REL: f64 = 0.017;
 
+/// By how much the gain differs between two recordings of one mounting, relative standard uncertainty. Matched to made-up
+/// skins whose gain differs by 2 %, of which left-out readings show a part.
+pub const GAIN_OF_RECORDING_REL: f64 = 0.012;
+
 /// Models of all taxels of a patch, immutable once made.
 #[derive(Clone, Debug)]
 pub struct ModelSet {
@@ -202,8 +206,8 @@ impl ModelSet {
     pub fn extensions(&self) -> Vec<Option<Extension>> {
         let end = |taxel: usize| {
             let model = self.taxels.get(taxel).filter(|model| model.is_usable())?;
-            Some(match self.plays(taxel) {
-                Some(plays) => End { curve: (&plays.curve).into(), range: plays.range, sign: plays.sign },
+            Some(match self.plays(taxel).and_then(|plays| Some((plays, plays.curve.as_ref()?))) {
+                Some((plays, curve)) => End { curve: curve.into(), range: plays.range, sign: plays.sign },
                 None => End { curve: model.served()?, range: model.range?, sign: model.sign },
             })
         };
@@ -246,6 +250,8 @@ impl RecordedTaxel {
 pub struct Recorded {
     /// Counts were averaged over so many seconds, and are to be when the models are applied; 0 is not at all.
     pub smooth_s: f64,
+    /// Plays follow the mean over so many seconds before, readings the newest count; 0 where both follow smoothed counts.
+    pub plays_mean_s: f64,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
     /// The pressure seems to lag behind the counts by so many seconds: taken out of a recording where one was looked

@@ -63,10 +63,10 @@ impl TaxelModel {
         }
         let told = self.flags.iter().any(|flag| matches!(flag, Flag::NotMonotone { .. }));
         match (&self.points, &self.curve) {
-            (Some(points), _) => match points.problem(self.sign.as_f64()) {
-                Some(count) => Err(ModelError::NotMonotone { count }),
-                None => Ok(()),
-            },
+            (Some(points), _) => {
+                let problem = points.problem(self.sign.as_f64());
+                problem.map_or(Ok(()), |count| Err(ModelError::NotMonotone { count }))
+            }
             (None, Some(curve)) if self.status.is_ok() && !told => self.validate_shape(curve, low, high),
             _ => Ok(()),
         }

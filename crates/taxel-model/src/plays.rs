@@ -7,6 +7,9 @@
 //! mid curve p and a falling one lower. The map is from count to pressure already: nothing is left to invert.
 //!
 //! Whatever the history, P is monotone in C if p is: between turns of a play its term has slope sigma w_k or none.
+//! Plays of a skin fit have no mid curve of their own: they are about the curve of a load that is put on from rest,
+//! P = p(C) - sigma sum w_k (z_k - y_k), with y_k the output of the same play on a first loading. Such a load reads the curve.
+//!
 //! A play knows no time, so that neither the sampling rate nor a gap can make it unstable.
 
 use crate::curve::Curve;
@@ -17,11 +20,12 @@ use crate::orthogonal::Basis;
 use crate::samples::{Samples, fit};
 use serde::{Deserialize, Serialize};
 
-/// How many plays a model has. One leaves a quarter of the gain, four add nothing on a branch that was not fitted.
-pub const PLAYS: usize = 2;
+/// How many plays a model has at most; the others have a radius of 0, and add nothing.
+pub const PLAYS: usize = 4;
 
-/// Radii as shares of the taxel's swing.
-pub const RADII_OF_SWING: [f64; PLAYS] = [0.08, 0.20];
+/// Radii as shares of the taxel's swing of plays about a mid curve. One leaves a quarter of the gain, four add nothing on a
+/// branch that was not fitted.
+pub const RADII_OF_SWING: [f64; PLAYS] = [0.08, 0.20, 0.0, 0.0];
 
 /// Order of the mid curve unless another is asked for: with the plays to bend it, a higher one gains nothing.
 const ORDER: u8 = 3;
@@ -38,8 +42,8 @@ const RANGE_TRIM: f64 = 0.002;
 /// A curve with the plays about it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plays {
-    /// The mid curve; monotone on `range`.
-    pub curve: Curve,
+    /// The mid curve, monotone on `range`; `None` where they are about the model's own curve, that of a first loading.
+    pub curve: Option<Curve>,
     /// Least and greatest calibrated count.
     pub range: [f64; 2],
     /// Which way the counts answer.
@@ -75,6 +79,13 @@ struct Frame {
 }
 
 impl Frame {
+    /// Where a play stands at a count that a pressure came to that only rose from rest.
+    fn risen(&self, count: f64, r: f64) -> f64 {
+        let sign = self.sign.as_f64();
+        let rest = (sign * self.range[0]).min(sign * self.range[1]);
+        sign * (rest + r).max(sign * count - r)
+    }
+
     /// Where a play stands at its first count, of whose past nothing is known: midway between where a pressure that only
     /// rose from rest would have left it and where one that only fell from the top would have. At rest both are the same:
     /// the last load has gone, and the play hangs back on the side of the load. Without this a touch that begins at rest
@@ -143,17 +154,19 @@ impl Plays {
         let mid = fit(&Samples::new(&x, &y), &options);
         let sound = mid.is_usable() && mid.sign == sign;
         let (curve, range) = (mid.curve.filter(|_| sound)?, mid.range?);
-        Some(Self { curve, range, sign, radii_counts, weights_kpa })
+        Some(Self { curve: Some(curve), range, sign, radii_counts, weights_kpa })
     }
 
-    /// The pressure at `count`, clamped to the calibrated range, after all that `state` has seen; kPa.
+    /// The pressure at `count`, clamped to the calibrated range, after all that `state` has seen; kPa. About the model's curve
+    /// where there is no mid curve.
     ///
     /// A count that is not finite gives NaN and leaves the state as it was.
     pub fn evaluate(&self, state: &mut PlayState, count: f64) -> f64 {
-        self.mid_kpa(count) + self.bend_kpa(state, count)
+        self.mid_kpa(count).unwrap_or(0.0) + self.bend_kpa(state, count)
     }
 
-    /// What the history adds to the mid curve at `count`: between -sum w_k r_k and sum w_k r_k; kPa.
+    /// What the history adds to the curve at `count`: between -sum w_k r_k and sum w_k r_k, or that less the latter where the curve
+    /// is that of a first loading; kPa.
     ///
     /// A count that is not finite gives NaN and leaves the state as it was.
     pub fn bend_kpa(&self, state: &mut PlayState, count: f64) -> f64 {
@@ -165,14 +178,16 @@ impl Plays {
         let felt = self.followed(count);
         let frame = Frame { radii: self.radii_counts, range: self.range, sign: self.sign };
         let z = state.follow(felt, &frame);
-        let bent: f64 = z.iter().zip(&self.weights_kpa).map(|(z, w)| w * (z - felt)).sum();
+        let first = |r: f64| if self.curve.is_some() { felt } else { frame.risen(felt, r) };
+        let lag = z.iter().zip(&self.radii_counts).map(|(z, r)| z - first(*r));
+        let bent: f64 = lag.zip(&self.weights_kpa).map(|(lag, w)| w * lag).sum();
         -self.sign.as_f64() * bent
     }
 
     /// The mid curve at `count`, clamped to the calibrated range; kPa.
     #[must_use]
-    pub fn mid_kpa(&self, count: f64) -> f64 {
-        self.curve.evaluate(self.inside(count))
+    pub fn mid_kpa(&self, count: f64) -> Option<f64> {
+        Some(self.curve.as_ref()?.evaluate(self.inside(count)))
     }
 
     /// Whether a count lies in the calibrated range.
@@ -260,12 +275,18 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const RADII: [f64; PLAYS] = [4.0, 10.0];
+    const RADII: [f64; PLAYS] = [4.0, 10.0, 0.0, 0.0];
 
     fn plays(sign: Sign) -> Plays {
         let slope = sign.as_f64() * 100.0;
         let curve = Curve { centre: 200.0, half_width: 25.0, chebyshev: vec![150.0, slope, 3.0] };
-        Plays { curve, range: [175.0, 225.0], sign, radii_counts: RADII, weights_kpa: [0.8, 0.4] }
+        Plays {
+            curve: Some(curve),
+            range: [175.0, 225.0],
+            sign,
+            radii_counts: RADII,
+            weights_kpa: [0.8, 0.4, 0.0, 0.0],
+        }
     }
 
     fn run(plays: &Plays, path: &[f64]) -> Vec<f64> {
@@ -280,9 +301,13 @@ mod tests {
             let load: Vec<f64> = (0..=50).map(|k| 200.0 + sign.as_f64() * (f64::from(k) - 25.0)).collect();
             let cycle: Vec<f64> = load.iter().chain(load.iter().rev()).copied().collect();
             let kpa = run(&plays, &cycle);
-            let mid = plays.curve.evaluate(200.0);
+            let mid = plays.mid_kpa(200.0).unwrap();
             let bent = 0.8 * 4.0 + 0.4 * 10.0;
-            assert_eq!(kpa[0], plays.curve.evaluate(load[0]) - bent, "begins at rest, where the last load has left it");
+            assert_eq!(
+                kpa[0],
+                plays.mid_kpa(load[0]).unwrap() - bent,
+                "begins at rest, where the last load has left it"
+            );
             assert_eq!(kpa[0], kpa[kpa.len() - 1], "and comes back to that");
             assert_eq!(run(&plays, &[200.0])[0], mid, "with the load on, nothing is known of how it came there");
             assert!((kpa[25] - mid - bent).abs() < 1e-9, "{sign:?}: {} {mid}", kpa[25]);
@@ -311,10 +336,26 @@ mod tests {
         let kpa = run(&truth, &path);
         for order in [1, 3, 5, 7] {
             let found = Plays::identify_of_order(&path, &kpa, RADII, Order::Fixed(order)).unwrap();
-            assert_eq!(found.curve.order(), usize::from(order));
+            assert_eq!(found.curve.unwrap().order(), usize::from(order));
         }
         let chosen = Plays::identify_of_order(&path, &kpa, RADII, Order::Auto).unwrap();
-        assert!(chosen.curve.order() >= 2, "the truth is of order 2: {:?}", chosen.curve);
+        assert!(chosen.curve.as_ref().unwrap().order() >= 2, "the truth is of order 2: {:?}", chosen.curve);
+    }
+
+    #[test]
+    fn about_a_first_loading_a_load_that_is_put_on_from_rest_is_not_bent() {
+        for sign in [Sign::Falling, Sign::Rising] {
+            let plays = Plays { curve: None, ..plays(sign) };
+            let load = |counts: f64| 200.0 + sign.as_f64() * (counts - 25.0);
+            let mut state = PlayState::default();
+            for counts in [0.0, 3.0, 17.0, 40.0] {
+                assert_eq!(plays.bend_kpa(&mut state, load(counts)), 0.0, "{counts}");
+            }
+            let back = plays.bend_kpa(&mut state, load(12.0));
+            // The plays stand at 16 and 22 counts, and a first loading would have left them at 8 and 10.
+            assert!((back + 0.8 * 8.0 + 0.4 * 12.0).abs() < 1e-9, "{back}");
+            assert!(plays.bend_kpa(&mut state, load(0.0)).abs() < 1e-9, "at rest nothing is left");
+        }
     }
 
     #[test]

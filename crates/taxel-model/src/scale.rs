@@ -29,7 +29,8 @@ impl Plays {
     #[must_use]
     pub fn scaled(&self, gain: f64, offset_kpa: f64) -> Self {
         let weights_kpa = self.weights_kpa.map(|weight| gain * weight);
-        Self { curve: self.curve.scaled(gain, offset_kpa), weights_kpa, ..self.clone() }
+        let curve = self.curve.as_ref().map(|curve| curve.scaled(gain, offset_kpa));
+        Self { curve, weights_kpa, ..self.clone() }
     }
 }
 
@@ -98,8 +99,8 @@ mod tests {
         ) {
             let (before, after) = (model(), model().scaled(gain, offset));
             let plays = Plays {
-                curve: before.curve.clone().unwrap(), range: before.range.unwrap(), sign: Sign::Falling,
-                radii_counts: [3.0, 8.0], weights_kpa: [0.4, 0.2],
+                curve: before.curve.clone(), range: before.range.unwrap(), sign: Sign::Falling,
+                radii_counts: [3.0, 8.0, 0.0, 0.0], weights_kpa: [0.4, 0.2, 0.0, 0.0],
             };
             let (scaled, mut state, mut scaled_state) = (plays.scaled(gain, offset), PlayState::default(), PlayState::default());
             for count in counts {

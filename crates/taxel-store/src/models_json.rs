@@ -321,6 +321,7 @@ fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
 fn check_recorded(recorded: &Recorded) -> Result<(), ModelsJsonError> {
     ensure(recorded.module_size > 0, || "`recorded.module_size` is 0, expected 1 or more".to_owned())?;
     at_least("recorded.smooth_s", recorded.smooth_s, 0.0)?;
+    at_least("recorded.plays_mean_s", recorded.plays_mean_s, 0.0)?;
     for (number, taxel) in recorded.taxels.iter().enumerate() {
         let Some(taxel) = taxel else { continue };
         let of = |name: &str| format!("recorded.taxels[{number}].{name}");
@@ -331,8 +332,9 @@ fn check_recorded(recorded: &Recorded) -> Result<(), ModelsJsonError> {
             at_least(&of("plays"), *value, 0.0)?;
         }
         at_least(&of("plays.range"), plays.range[1], plays.range[0])?;
-        at_least(&of("plays.curve.half_width"), plays.curve.half_width, f64::MIN_POSITIVE)?;
-        let terms = plays.curve.chebyshev.len();
+        let Some(curve) = &plays.curve else { continue };
+        at_least(&of("plays.curve.half_width"), curve.half_width, f64::MIN_POSITIVE)?;
+        let terms = curve.chebyshev.len();
         ensure((1..=TERMS_MAX).contains(&terms), || {
             format!("`{}` has {terms} terms, expected 1 to {TERMS_MAX}", of("plays.curve"))
         })?;

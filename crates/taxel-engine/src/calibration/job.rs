@@ -150,6 +150,7 @@ impl FitJob {
         let at_the_end = || zero::zero_return(fit.scans, &fit.masks, &fit.kpa, rest, &usable);
         Recorded {
             smooth_s: self.recipe.smooth_s,
+            plays_mean_s: 0.0,
             module_size: self.recipe.module_size,
             lag_s: lag::estimate(fit.scans, &fit.kpa, &fit.masks, fit.course.stretches(), LAG_MAX_S),
             zero_return: self.zero_between_ramps(&usable).or_else(at_the_end),

@@ -74,7 +74,7 @@ fn odd_curves(set: &ModelSet, target: Kilopascal) -> Option<String> {
     for (taxel, model) in usable {
         let own = model.served().zip(model.range).map(|(curve, range)| (curve, range, model.sign));
         let plays = set.plays(taxel);
-        let with_plays = plays.map(|plays| (Served::from(&plays.curve), plays.range, plays.sign));
+        let with_plays = plays.and_then(|plays| Some((Served::from(plays.curve.as_ref()?), plays.range, plays.sign)));
         tops.extend(own.map(|(curve, range, _)| range.map(|count| curve.evaluate(count))).map(|[a, b]| a.max(b)));
         let problem = own.into_iter().chain(with_plays).find_map(|(curve, range, sign)| odd(curve, range, sign, most));
         if let Some(problem) = problem {
@@ -134,6 +134,7 @@ mod tests {
         let taxel = RecordedTaxel { rmse_kpa: 0.0, sensitivity: 1.0, hysteresis_kpa: None, plays };
         let recorded = Recorded {
             smooth_s: 0.0,
+            plays_mean_s: 0.0,
             module_size: 10,
             lag_s: 0.0,
             clock: None,
@@ -236,8 +237,9 @@ mod tests {
 
     #[test]
     fn the_curve_under_its_hysteresis_goes_the_way_of_its_sign_too() {
-        let (radii_counts, weights_kpa) = ([1.0; PLAYS], [2.0, 5.0]);
-        let plays = Plays { curve: curve(&[35.0, 5.0]), range: [150.0, 250.0], sign: SIGN, radii_counts, weights_kpa };
+        let (radii_counts, weights_kpa) = ([1.0; PLAYS], [2.0, 5.0, 0.0, 0.0]);
+        let plays =
+            Plays { curve: Some(curve(&[35.0, 5.0])), range: [150.0, 250.0], sign: SIGN, radii_counts, weights_kpa };
         let found = says(&set(70.0, model(&[35.0, -5.0], SIGN), Some(plays)));
         assert!(found.is_some_and(|why| why.contains("against its `sign`")));
     }

@@ -25,8 +25,14 @@ const SETTLED_SCANS: usize = 100;
 /// Plays that read nothing at rest.
 fn plays() -> Plays {
     let model = model();
-    let (curve, range) = (model.curve.clone().unwrap(), model.range.unwrap());
-    let plays = Plays { curve, range, sign: model.sign, radii_counts: [4.0, 10.0], weights_kpa: [0.8, 0.4] };
+    let (curve, range) = (model.curve.clone(), model.range.unwrap());
+    let plays = Plays {
+        curve,
+        range,
+        sign: model.sign,
+        radii_counts: [4.0, 10.0, 0.0, 0.0],
+        weights_kpa: [0.8, 0.4, 0.0, 0.0],
+    };
     plays.scaled(1.0, -plays.evaluate(&mut PlayState::default(), f64::from(REST)))
 }
 
@@ -40,6 +46,7 @@ fn averaged_over(smooth_s: f64) -> Arc<ModelSet> {
     let taxel = RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays: Some(plays()) };
     models.recorded = Some(Recorded {
         smooth_s,
+        plays_mean_s: 0.0,
         module_size: 10,
         lag_s: 0.0,
         zero_return: None,

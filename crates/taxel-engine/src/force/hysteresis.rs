@@ -92,8 +92,8 @@ impl Hysteresis {
             })
         };
         let followers: Vec<Option<Follower>> = (0..set.taxels.len()).map(begin).collect();
-        // The mean age of a centred window's later half.
-        let tau_s = 0.5 * recorded.smooth_s.max(0.0);
+        // The mean age of a centred window's later half, or of a window over the past.
+        let tau_s = 0.5 * recorded.smooth_s.max(recorded.plays_mean_s).max(0.0);
         let (unknown, unsure) = (Vec::new(), Vec::new());
         let any = followers.iter().any(Option::is_some);
         any.then(|| Self { set: Arc::clone(set), followers, tau_s, unknown, unsure })
@@ -106,8 +106,9 @@ impl Hysteresis {
         let mut hysteresis = Self::new(set, rest)?;
         for (taxel, follower) in hysteresis.followers.iter_mut().enumerate() {
             let (Some(follower), Some(plays)) = (follower, set.plays(taxel)) else { continue };
-            follower.offset_kpa = 0.0;
             let off_kpa = bracket::half_width_kpa(plays) as f32;
+            // A curve that is not in the middle of the loop is at its upper end.
+            follower.offset_kpa = if plays.curve.is_some() { 0.0 } else { -off_kpa };
             hysteresis.unknown.push(Unknown { taxel, least: None, off_kpa });
             hysteresis.unsure.push((taxel, off_kpa));
         }
@@ -261,7 +262,7 @@ mod tests {
     use proptest::prelude::*;
     use taxel_model::{Accumulator, FitOptions, FixedPressure, Plays};
 
-    const RADII: [f64; 2] = [4.0, 10.0];
+    const RADII: [f64; 4] = [4.0, 10.0, 0.0, 0.0];
     /// Sum of weight x radius: the offset can be no greater.
     const OFFSET_MAX_KPA: f64 = 0.8 * 4.0 + 0.4 * 10.0;
 
@@ -272,8 +273,8 @@ mod tests {
             sums.add((240.0 - f64::from(k) / 10.0).round() as u8, FixedPressure::from_kpa(f64::from(k) / 10.0), 0);
         });
         let model = sums.fit(&FitOptions::default());
-        let (curve, range) = (model.curve.clone().unwrap(), model.range.unwrap());
-        let plays = Plays { curve, range, sign: model.sign, radii_counts: RADII, weights_kpa: [0.8, 0.4] };
+        let (curve, range) = (model.curve.clone(), model.range.unwrap());
+        let plays = Plays { curve, range, sign: model.sign, radii_counts: RADII, weights_kpa: [0.8, 0.4, 0.0, 0.0] };
         let taxel = |plays| RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays };
         Arc::new(ModelSet {
             id: "m-test".to_owned(),
@@ -289,6 +290,7 @@ mod tests {
             taxels: vec![model.clone(), model],
             recorded: Some(Recorded {
                 smooth_s,
+                plays_mean_s: 0.0,
                 module_size: 10,
                 lag_s: 0.0,
                 zero_return: None,

@@ -175,8 +175,8 @@ impl<'a> Source<'a> {
         }
         let count = units + self.place.shift;
         let kpa = match self.plays {
-            Some(plays) => plays.mid_kpa(count),
-            None => self.model.evaluate(count).map_or(0.0, |reading| reading.kpa),
+            Some(plays) if plays.curve.is_some() => plays.mid_kpa(count).unwrap_or(0.0),
+            _ => self.model.evaluate(count).map_or(0.0, |reading| reading.kpa),
         };
         kpa as f32 + self.beyond(units).kpa as f32
     }
@@ -250,7 +250,9 @@ impl<'a> Source<'a> {
         if let Some(plays) = self.plays {
             for code in 0..=u8::MAX {
                 let count = f64::from(code) + self.place.shift;
-                table.pressure_kpa[usize::from(code)] = plays.mid_kpa(count) as f32;
+                if let Some(kpa) = plays.mid_kpa(count) {
+                    table.pressure_kpa[usize::from(code)] = kpa as f32;
+                }
                 let beyond = in_pressure(plays.range_state(nearer(f64::from(code)) + self.place.shift), self.sign());
                 let here = in_pressure(plays.range_state(count), self.sign());
                 range[usize::from(code)] = if beyond == RangeFlag::Above { beyond } else { here };
@@ -323,7 +325,8 @@ impl<'a> Source<'a> {
     /// The error of a reading as a recording of both branches has shown it, and what is not in there: the noise of a
     /// single count, which was averaged out when that error was taken.
     fn sigma_in_use_kpa(&self) -> Option<f64> {
-        let recorded = self.set.recorded.as_ref()?;
+        // A skin fit has the error by the reading, single scans and hysteresis included.
+        let recorded = self.set.recorded.as_ref().filter(|_| self.model.points.is_none())?;
         let noise = if recorded.smooth_s > 0.0 { self.place.now.noise.max(NOISE_FLOOR_COUNTS) } else { 0.0 };
         Some(self.in_use?.sigma_kpa(recorded.zero_return_counts().hypot(noise))).filter(|sigma| sigma.is_finite())
     }

@@ -30,7 +30,7 @@ impl ModelSet {
         let Some(zero) = self.baseline.get(taxel).map(|rest| rest.mean).filter(|zero| zero.is_finite()) else {
             return 0.0;
         };
-        if let Some(plays) = self.plays(taxel) {
+        if let Some(plays) = self.plays(taxel).filter(|plays| plays.curve.is_some()) {
             // Where nothing was read before, plays stand as the last load has left them.
             return plays.evaluate(&mut PlayState::default(), zero).abs();
         }

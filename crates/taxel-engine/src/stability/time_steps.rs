@@ -55,8 +55,14 @@ fn hysteresis() -> Option<Hysteresis> {
         sums.add((REST.mean - kpa).round() as u8, FixedPressure::from_kpa(kpa), 0);
     });
     let model = sums.fit(&FitOptions::default());
-    let (curve, range) = (model.curve.clone()?, model.range?);
-    let plays = Plays { curve, range, sign: model.sign, radii_counts: [4.0, 10.0], weights_kpa: [0.8, 0.4] };
+    let (curve, range) = (model.curve.clone(), model.range?);
+    let plays = Plays {
+        curve,
+        range,
+        sign: model.sign,
+        radii_counts: [4.0, 10.0, 0.0, 0.0],
+        weights_kpa: [0.8, 0.4, 0.0, 0.0],
+    };
     let taxel = RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays: Some(plays) };
     let set = ModelSet {
         id: String::new(),
@@ -72,6 +78,7 @@ fn hysteresis() -> Option<Hysteresis> {
         taxels: vec![model],
         recorded: Some(Recorded {
             smooth_s: 0.5,
+            plays_mean_s: 0.0,
             module_size: 1,
             lag_s: 0.0,
             zero_return: None,

@@ -23,6 +23,9 @@ const WEIGHT_SCANS: f64 = 3.0;
 /// Folds of groups for the choice of a form.
 const FOLDS: usize = 10;
 
+/// Folds of groups whose scans are read by a fit without them.
+pub(super) const READING_FOLDS: usize = 5;
+
 /// Fewer scans than this in a leg are pressures in no order.
 const LEG_SCANS: usize = 10;
 
@@ -98,6 +101,12 @@ impl Course {
         let rest_kpa = rest.iter().map(|scan| kpa[*scan]).sum::<f64>() / rest.len() as f64;
         let groups = if plateaus { plateau_groups(&kpa) } else { bin_groups(&kpa, &legs, &curve, &rest) };
         Ok(Self { order, kpa, plateaus, rest, rest_kpa, groups })
+    }
+
+    /// The fold in which a group is read. Levels that were held are left out with their neighbours: often these are of one day,
+    /// and another day is what they have to tell. Legs have neighbours in each other.
+    pub fn reading_fold(&self, group: usize) -> usize {
+        if self.plateaus { group * READING_FOLDS / self.groups.len() } else { group % READING_FOLDS }
     }
 
     /// The values of a column in the order of the scans, gaps filled between their neighbours; `Err` has the share of the

@@ -6,10 +6,10 @@
 use super::least_squares::{NONE_FREE, Normal, Row};
 
 /// Radii, shares of the taxel's swing.
-const RADII: [f64; 4] = [0.01, 0.03, 0.08, 0.2];
+pub(super) const RADII: [f64; 4] = [0.01, 0.03, 0.08, 0.2];
 
 /// Plays follow the mean of so many scans: the noise of single ones would drag them.
-const SCANS: usize = 8;
+pub(super) const SCANS: usize = 8;
 
 /// The lags of the plays in one scan, counts.
 pub(super) type Lag = [f32; RADII.len()];

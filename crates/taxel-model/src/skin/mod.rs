@@ -25,15 +25,12 @@ pub use sigma::SigmaByReading;
 
 use crate::status::Status;
 use crate::workers::{Workers, map};
-use course::{Course, mean};
+use course::{Course, READING_FOLDS, mean};
 use curve::{LoadCurve, Problem, Soft};
 use form::{Folds, pilots};
 use lag::Lag;
 use sigma::{Moments, Noise, PRIOR_GROUPS, Variance};
 use thiserror::Error;
-
-/// Folds of groups whose scans are read by a fit without them.
-const READING_FOLDS: usize = 5;
 
 /// Fewer falling groups tell no hysteresis.
 const FALLING_GROUPS_MIN: usize = 21;
@@ -103,6 +100,8 @@ pub struct SkinFit {
     pub shared_kpa: Option<f64>,
     /// Whether the unloaded skin was seen, so that its zeros are known.
     pub zero_known: bool,
+    /// Left-out error with plays over that without; `None` without a fall.
+    pub plays_error_ratio: Option<f64>,
     taxels: Vec<Result<FittedTaxel, Status>>,
     course: Course,
 }
@@ -141,7 +140,8 @@ struct Curved {
     rms_counts: f64,
 }
 
-/// Fits a skin: `time_s` and `pressure_kpa` have an entry a scan, `counts` a column a taxel. What is missing is NaN.
+/// Fits a skin: `time_s` and `pressure_kpa` have an entry a scan, `counts` a column a taxel. What is missing is NaN. Hysteresis
+/// is compensated where that is asked for, shows, and wins.
 ///
 /// # Errors
 /// [`SkinError`]. A taxel that cannot be fitted is no error: its status says why.
@@ -149,6 +149,7 @@ pub fn fit(
     time_s: &[f64],
     pressure_kpa: &[f64],
     counts: &[&[f64]],
+    hysteresis: bool,
     workers: &dyn Workers,
 ) -> Result<SkinFit, SkinError> {
     let course = Course::new(time_s, pressure_kpa).map_err(|distinct| SkinError::TooFewPressures { distinct })?;
@@ -169,12 +170,12 @@ pub fn fit(
     let Some(whole) = Problem::new(form, &course, |_| true) else {
         return Err(SkinError::NoRise { rest_kpa: course.rest_kpa });
     };
-    let without = |k: usize| Problem::new(form, &course, |group| group % READING_FOLDS != k);
+    let without = |k: usize| Problem::new(form, &course, |group| course.reading_fold(group) != k);
     let falling = course.groups.iter().filter(|group| !group.rising).count();
     let fit = Fit {
         whole,
         without: std::array::from_fn(without),
-        with_plays: falling >= FALLING_GROUPS_MIN,
+        falls: hysteresis && falling >= FALLING_GROUPS_MIN,
         range_kpa,
         zero_known,
         swing_min,
@@ -203,6 +204,15 @@ fn see(course: &Course, counts: &[f64]) -> Result<Seen, Status> {
     Ok(Seen { sign, zero_counts, noise_counts, swing: quantile(load, 0.998).max(0.0), groups })
 }
 
+/// How the counts of a skin are read.
+struct ReadingChoice {
+    /// With plays.
+    plays: bool,
+    /// By the soft inverse.
+    soft: bool,
+    plays_error_ratio: Option<f64>,
+}
+
 /// A fit as far as all taxels share it.
 struct Fit<'a> {
     course: Course,
@@ -212,7 +222,7 @@ struct Fit<'a> {
     whole: Problem,
     /// The problem without each fold of groups; `None` if what is left does not carry a curve.
     without: [Option<Problem>; READING_FOLDS],
-    with_plays: bool,
+    falls: bool,
     range_kpa: [f64; 2],
     zero_known: bool,
     swing_min: f64,
@@ -227,17 +237,18 @@ impl Fit<'_> {
             sums.variance()
         };
         let shapes = [pooled(|curved| &curved.of_scans), pooled(|curved| &curved.of_groups)];
-        let soft = self.soft_is_better(pilots, &curved, workers);
+        let reading = self.choose_reading(pilots, &curved, workers);
         let taxels = map(workers, self.counts.len(), |taxel| {
             let seen = self.seen[taxel].as_ref().map_err(|status| *status)?;
             let curved = curved[taxel].as_ref().ok_or(Status::Dead { count: seen.zero_counts })?;
-            Ok(self.taxel(taxel, seen, curved, shapes, soft))
+            Ok(self.taxel(taxel, seen, curved, shapes, &reading))
         });
         let mut fit = SkinFit {
             form: self.form,
             range_kpa: self.range_kpa,
             shared_kpa: None,
             zero_known: self.zero_known,
+            plays_error_ratio: reading.plays_error_ratio,
             taxels: Vec::new(),
             course: self.course,
         };
@@ -281,25 +292,26 @@ impl Fit<'_> {
         Some(Curved { curve, of_scans, of_groups, rms_counts })
     }
 
-    /// Whether the soft inverse errs less on scans that were left out.
-    fn soft_is_better(&self, pilots: &[usize], curved: &[Option<Curved>], workers: &dyn Workers) -> bool {
+    /// Plays, and the soft inverse, if they err less on scans that were left out.
+    fn choose_reading(&self, pilots: &[usize], curved: &[Option<Curved>], workers: &dyn Workers) -> ReadingChoice {
         let from = self.range_kpa[0] + LOADED * (self.range_kpa[1] - self.range_kpa[0]);
-        let squares = map(workers, pilots.len(), |i| {
-            let (Ok(seen), Some(curved)) = (&self.seen[pilots[i]], &curved[pilots[i]]) else { return [0.0; 2] };
-            let load = self.load(pilots[i], seen);
-            let lags = self.lags(seen, &load);
-            [None, Some(curved.rms_counts)].map(|soft| {
-                let readings = self.left_out(seen, &load, lags.as_deref(), soft);
+        let error = |plays: bool, soft: bool| {
+            let squares = map(workers, pilots.len(), |i| {
+                let (Ok(seen), Some(curved)) = (&self.seen[pilots[i]], &curved[pilots[i]]) else { return 0.0 };
+                let load = self.load(pilots[i], seen);
+                let lags = plays.then(|| lag::lags(&load, seen.swing));
+                let readings = self.left_out(seen, &load, lags.as_deref(), soft.then_some(curved.rms_counts));
                 let errors = readings.iter().zip(&self.course.kpa).filter(|(r, p)| r.is_finite() && **p > from);
                 errors.map(|(r, p)| (r - p).powi(2)).sum()
-            })
-        });
-        let sum = |k: usize| squares.iter().map(|squares| squares[k]).sum::<f64>();
-        sum(1).sqrt() < SOFT_GAIN * sum(0).sqrt()
-    }
-
-    fn lags(&self, seen: &Seen, load: &[f64]) -> Option<Vec<Lag>> {
-        self.with_plays.then(|| lag::lags(load, seen.swing))
+            });
+            squares.iter().sum::<f64>().sqrt()
+        };
+        let alone = error(false, false);
+        let with_plays = self.falls.then(|| error(true, false));
+        let plays = with_plays.is_some_and(|with| with < alone);
+        let plain = if plays { with_plays.unwrap_or(alone) } else { alone };
+        let plays_error_ratio = with_plays.map(|with| with / alone).filter(|ratio| ratio.is_finite());
+        ReadingChoice { plays, soft: error(plays, true) < SOFT_GAIN * plain, plays_error_ratio }
     }
 
     /// The weights of the plays about a curve, from the falling groups that are chosen.
@@ -318,9 +330,10 @@ impl Fit<'_> {
         for (k, problem) in self.without.iter().enumerate() {
             let Some(problem) = problem else { continue };
             let curve = problem.fit(&seen.groups);
-            let plays = lags.map(|lags| (lags, self.plays(&curve, seen, lags, |g| g % READING_FOLDS != k)));
+            let plays = lags.map(|lags| (lags, self.plays(&curve, seen, lags, |g| self.course.reading_fold(g) != k)));
             let soft = soft.map(|sigma| curve.soft(sigma));
-            for group in self.course.groups.iter().skip(k).step_by(READING_FOLDS) {
+            let own = |(g, _): &(usize, &course::Group)| self.course.reading_fold(*g) == k;
+            for (_, group) in self.course.groups.iter().enumerate().filter(own) {
                 for scan in &group.scans {
                     let kpa = soft.as_ref().map_or_else(|| curve.read(load[*scan]), |soft| soft.read(load[*scan]));
                     let taken = plays.as_ref().map_or(0.0, |(lags, weights)| lag::taken_kpa(&lags[*scan], weights));
@@ -331,10 +344,17 @@ impl Fit<'_> {
         readings
     }
 
-    fn taxel(&self, taxel: usize, seen: &Seen, curved: &Curved, shapes: [Variance; 2], soft: bool) -> FittedTaxel {
+    fn taxel(
+        &self,
+        taxel: usize,
+        seen: &Seen,
+        curved: &Curved,
+        shapes: [Variance; 2],
+        reading: &ReadingChoice,
+    ) -> FittedTaxel {
         let load = self.load(taxel, seen);
-        let lags = self.lags(seen, &load);
-        let soft = soft.then_some(curved.rms_counts);
+        let lags = reading.plays.then(|| lag::lags(&load, seen.swing));
+        let soft = reading.soft.then_some(curved.rms_counts);
         let readings = self.left_out(seen, &load, lags.as_deref(), soft);
         let pairs = || readings.iter().copied().zip(self.course.kpa.iter().copied());
         let squares = pairs().filter(|(r, _)| r.is_finite()).map(|(r, p)| (r - p).powi(2));
@@ -391,8 +411,9 @@ fn shared_kpa(course: &Course, without: &[Option<Problem>; READING_FOLDS], taxel
         let Some(problem) = problem else { continue };
         for (counts, noise) in taxels {
             let curve = problem.fit(counts);
-            for (g, group) in course.groups.iter().enumerate().skip(k).step_by(READING_FOLDS) {
-                if group.on_curve && is_light(group.kpa - course.rest_kpa) && counts[g] > SHOWN * noise {
+            for (g, group) in course.groups.iter().enumerate() {
+                let light = course.reading_fold(g) == k && group.on_curve;
+                if light && is_light(group.kpa - course.rest_kpa) && counts[g] > SHOWN * noise {
                     sums[g] = (sums[g].0 + curve.read(counts[g]) - group.kpa, sums[g].1 + 1.0);
                 }
             }

@@ -1,8 +1,10 @@
 //! A fitted skin as models: curves as points over raw counts, and beside them the paper's polynomial.
 
+use super::lag::RADII;
 use super::{FittedTaxel, SkinFit};
 use crate::model::{Quality, Sign, TaxelModel};
 use crate::options::{Estimator, FitOptions, Shape};
+use crate::plays::Plays;
 use crate::points::Points;
 use crate::samples::{Samples, fit as fit_polynomial};
 use crate::status::{Flag, Status};
@@ -27,6 +29,35 @@ impl SkinFit {
         let unloaded = self.zero_known && self.course.rest_kpa.abs() <= super::LOADED * self.range_kpa[1];
         let taxel = self.taxels.get(taxel)?.as_ref().ok().filter(|_| unloaded)?;
         Some((taxel.zero_counts, taxel.noise_counts))
+    }
+
+    /// Scans over whose mean plays follow.
+    #[must_use]
+    pub const fn play_scans(&self) -> usize {
+        super::lag::SCANS
+    }
+
+    /// Counts per kPa of a taxel in use, over its swing.
+    #[must_use]
+    pub fn sensitivity(&self, taxel: usize) -> Option<f64> {
+        let taxel = self.taxels.get(taxel)?.as_ref().ok().filter(|taxel| taxel.status.is_ok())?;
+        Some(taxel.swing_counts / (self.range_kpa[1] - self.range_kpa[0]))
+    }
+
+    /// The hysteresis of a taxel about its curve; `None` where it is not compensated.
+    #[must_use]
+    pub fn plays(&self, taxel: usize) -> Option<Plays> {
+        let taxel = self.taxels.get(taxel)?.as_ref().ok()?;
+        let weights_kpa = taxel.plays_kpa?;
+        let ends =
+            [taxel.curve.counts.first()?, taxel.curve.counts.last()?].map(|u| taxel.zero_counts + taxel.sign * u);
+        Some(Plays {
+            curve: None,
+            range: [ends[0].min(ends[1]), ends[0].max(ends[1])],
+            sign: taxel.sign(),
+            radii_counts: RADII.map(|share| share * taxel.swing_counts),
+            weights_kpa,
+        })
     }
 
     /// The model of a taxel, whose `counts` are those that were fitted. The order of `options` is that of the polynomial.
@@ -69,7 +100,7 @@ impl SkinFit {
             status,
             flags: if missing > 0 { vec![Flag::Rejected { samples: missing as u64 }] } else { Vec::new() },
             estimator: Estimator::PressureBinned,
-            sign: if fitted.sign < 0.0 { Sign::Falling } else { Sign::Rising },
+            sign: fitted.sign(),
             range: Some(range),
             points: Some(points),
             sigma: Some(SigmaProfile { first_count: range[0], step_counts, sigma_kpa }),
@@ -94,6 +125,10 @@ impl SkinFit {
 }
 
 impl FittedTaxel {
+    fn sign(&self) -> Sign {
+        if self.sign < 0.0 { Sign::Falling } else { Sign::Rising }
+    }
+
     /// The curve over raw counts.
     fn points(&self) -> Points {
         let (load, kpa) = self.soft.as_ref().map_or((&self.curve.counts, &self.curve.kpa), |s| (&s.counts, &s.kpa));

@@ -31,7 +31,7 @@ fn made_up() -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
 }
 
 fn fit_columns(time: &[f64], kpa: &[f64], columns: &[Vec<f64>]) -> Result<SkinFit, SkinError> {
-    fit(time, kpa, &columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), &OneByOne)
+    fit(time, kpa, &columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), true, &OneByOne)
 }
 
 /// To what the reference prints with twelve digits.
@@ -59,6 +59,7 @@ fn a_made_up_skin_is_fitted_as_the_reference_fits_it() {
     let read = [-1.0, 0.0, 5.0, 20.0, 45.0, 60.0].map(|load| first.curve.inverse(load));
     let inverse = [1.075_150_282_885, 1.075_150_282_885, 6.452_034_899_555, 23.702_017_152_324, 60.086_401_148_631];
     agree("inverse", &read, &[&inverse[..], &[83.578_089_589_816]].concat());
+    assert!(skin.plays_error_ratio.unwrap() < 1.0);
     agree("plays of 0", &first.plays_kpa.unwrap(), &[0.0, 0.184_150_009_26, 0.148_699_775_743, 0.0]);
     agree("plays of 1", &taxels[1].plays_kpa.unwrap(), &[1.281_829_411_639, 0.0, 0.0, 0.0]);
     let knots: Vec<f64> = (0..13).map(|k| first.sigma.at(skin.range_kpa[1] / 12.0 * f64::from(k))).collect();
@@ -81,4 +82,54 @@ fn a_made_up_skin_is_fitted_as_the_reference_fits_it() {
             1.826_383_809_812,
         ],
     );
+}
+
+/// Every model is sound, and reads 30 kPa within `off_kpa`, where `counts` are what its taxel shows there.
+fn reads_thirty(skin: &SkinFit, columns: &[Vec<f64>], counts: f64, off_kpa: f64) {
+    for (taxel, column) in columns.iter().enumerate() {
+        let model = skin.model(taxel, column, &crate::FitOptions::default());
+        assert!(model.is_usable() && model.validate().is_ok(), "{:?} {:?}", model.status, model.validate());
+        assert!(model.sigma.as_ref().is_some_and(|sigma| sigma.sigma_kpa.iter().all(|s| s.is_finite() && *s > 0.0)));
+        let read = model.evaluate(counts).unwrap();
+        assert!((read.kpa - 30.0).abs() < off_kpa, "{read:?}");
+    }
+}
+
+/// Whole counts that rise by 4 a kPa, and a fixed sequence for noise.
+fn rising(kpa: &[f64]) -> Vec<Vec<f64>> {
+    let noise = |scan: usize| ((scan * 7919) % 7) as f64 - 3.0;
+    vec![kpa.iter().enumerate().map(|(scan, p)| (500.0 + 4.0 * p + noise(scan)).round()).collect(); 2]
+}
+
+#[test]
+fn a_fall_alone_is_read_backwards() {
+    let kpa: Vec<f64> = (0..900).map(|scan| (60.0 - 0.1 * f64::from(scan)).max(0.0)).collect();
+    let time: Vec<f64> = (0..900).map(|scan| 0.05 * f64::from(scan)).collect();
+    let columns = rising(&kpa);
+    let skin = fit_columns(&time, &kpa, &columns).unwrap();
+    assert!(skin.zero_known && skin.plays(0).is_none());
+    reads_thirty(&skin, &columns, 620.0, 1.0);
+}
+
+#[test]
+fn pressures_in_no_order_are_taken_by_their_size() {
+    let kpa: Vec<f64> = (0..900).map(|scan| f64::from(scan * 457 % 900) / 15.0).collect();
+    let time: Vec<f64> = (0..900).map(|scan| 0.05 * f64::from(scan)).collect();
+    let columns = rising(&kpa);
+    reads_thirty(&fit_columns(&time, &kpa, &columns).unwrap(), &columns, 620.0, 1.0);
+}
+
+#[test]
+fn an_hour_on_one_pressure_does_not_outweigh_the_ramp() {
+    let kpa: Vec<f64> = (0..9000)
+        .map(|scan| match scan {
+            0..100 => 0.0,
+            100..700 => 0.1 * f64::from(scan - 100),
+            700..7900 => 60.0,
+            _ => (60.0 - 0.1 * f64::from(scan - 7900)).max(0.0),
+        })
+        .collect();
+    let time: Vec<f64> = (0..9000).map(|scan| 0.5 * f64::from(scan)).collect();
+    let columns = rising(&kpa);
+    reads_thirty(&fit_columns(&time, &kpa, &columns).unwrap(), &columns, 620.0, 1.0);
 }

@@ -54,7 +54,13 @@ pub(super) fn cases() -> Vec<Case> {
 /// Two plays about a curve with both a slope and a bend, 150 to 250 counts.
 fn plays(sign: Sign) -> Plays {
     let curve = Curve { centre: 200.0, half_width: 50.0, chebyshev: vec![150.0, sign.as_f64() * 100.0, 3.0] };
-    Plays { curve, range: [150.0, 250.0], sign, radii_counts: [8.0, 20.0], weights_kpa: [0.8, 0.4] }
+    Plays {
+        curve: Some(curve),
+        range: [150.0, 250.0],
+        sign,
+        radii_counts: [8.0, 20.0, 0.0, 0.0],
+        weights_kpa: [0.8, 0.4, 0.0, 0.0],
+    }
 }
 
 fn signs() -> [Plays; 2] {
@@ -167,7 +173,7 @@ fn not_finite() -> Outcome {
 }
 
 fn mid(plays: &Plays, count: f64) -> f64 {
-    plays.curve.evaluate(count.clamp(plays.range[0], plays.range[1]))
+    plays.mid_kpa(count).unwrap_or(f64::NAN)
 }
 
 fn bounded() -> Outcome {
@@ -218,7 +224,7 @@ fn no_radius() -> Outcome {
 }
 
 fn huge_radius() -> Outcome {
-    let plays = Plays { radii_counts: [1e300, 1e6], ..plays(Sign::Falling) };
+    let plays = Plays { radii_counts: [1e300, 1e6, 0.0, 0.0], ..plays(Sign::Falling) };
     let path = walk(82, 10_000);
     // Plays that cannot move stand in the middle of the range, and follow loads beyond its end as well.
     let middle = 0.5 * (plays.range[0] + plays.range[1]);
@@ -234,7 +240,7 @@ fn replay() -> Outcome {
 }
 
 fn identification() -> Outcome {
-    let radii = [8.0, 20.0];
+    let radii = [8.0, 20.0, 0.0, 0.0];
     let (path, noise) = (walk(84, 5000), walk(85, 5000));
     let stuck = [200.0; 400];
     let with_infinity: Vec<f64> =

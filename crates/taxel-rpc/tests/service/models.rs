@@ -23,17 +23,18 @@ fn over_both_branches(id: &str) -> ModelSet {
     let set = ModelSet::clone(&model_set(id, FOREARM));
     let curve = set.taxels[0].curve.clone().unwrap();
     let plays = Plays {
-        curve,
+        curve: Some(curve),
         range: [180.0, 240.0],
         sign: Sign::Falling,
-        radii_counts: [4.0, 10.0],
-        weights_kpa: [0.5, 0.25],
+        radii_counts: [4.0, 10.0, 0.0, 0.0],
+        weights_kpa: [0.5, 0.25, 0.0, 0.0],
     };
     let taxel = RecordedTaxel { rmse_kpa: 1.5, sensitivity: 0.9, hysteresis_kpa: Some(3.0), plays: Some(plays) };
     let mut taxels = vec![None; TAXELS];
     taxels[0] = Some(taxel);
     let recorded = Recorded {
         smooth_s: 0.5,
+        plays_mean_s: 0.0,
         module_size: 10,
         lag_s: -0.1,
         zero_return: Some(ZeroReturn { rms: 0.4, common: 0.4 }),

@@ -23,7 +23,7 @@ fn whole_set() -> ModelSet {
     let set = model_set(1);
     let curve = set.taxels[0].curve.clone().unwrap();
     let plays = Plays {
-        curve,
+        curve: Some(curve),
         range: [170.0, 240.0],
         sign: Sign::Falling,
         radii_counts: [1.0; PLAYS],
@@ -32,6 +32,7 @@ fn whole_set() -> ModelSet {
     let taxel = RecordedTaxel { rmse_kpa: 0.5, sensitivity: 0.7, hysteresis_kpa: Some(-1.5), plays: Some(plays) };
     let recorded = Recorded {
         smooth_s: 0.2,
+        plays_mean_s: 0.1,
         module_size: 10,
         lag_s: -0.1,
         clock: Some(GaugeClock { offset_s: 0.3, rate: 1e-5, error_ratio: 0.9, applied: true }),
@@ -85,7 +86,7 @@ fn the_file_looks_as_documented() {
     );
     let curve = "curve{centre chebyshev half_width}";
     let recorded = format!(
-        "recorded{{clock{{applied error_ratio offset_s rate}} lag_s module_size plays_error_ratio smooth_s \
+        "recorded{{clock{{applied error_ratio offset_s rate}} lag_s module_size plays_error_ratio plays_mean_s smooth_s \
          taxels{{hysteresis_kpa plays{{{curve} radii_counts range sign weights_kpa}} rmse_kpa sensitivity}} \
          zero_return{{common rms}}}}"
     );

@@ -7,11 +7,11 @@ use taxel_model::skin::{Form, Warp, fit as fit_skin};
 use taxel_model::{TaxelModel, Workers, map};
 
 use crate::baseline::TaxelBaseline;
-use crate::calibration::branch::Branch;
+use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::fit::legs;
 use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::Scans;
-use crate::model_set::{Maker, ModelSet};
+use crate::model_set::{Maker, ModelSet, Recorded, RecordedTaxel};
 
 /// Fits a recording that is not one of 8-bit counts over time. The set comes without id, patch and time of making.
 ///
@@ -26,11 +26,27 @@ pub fn fit_any(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> 
     } else {
         gauge.to_vec()
     };
-    let skin = fit_skin(scans.time_s, &kpa, &scans.counts, workers)?;
+    let skin = fit_skin(scans.time_s, &kpa, &scans.counts, recipe.plays != PlaysChoice::Off, workers)?;
     let options = &recipe.options;
     let taxels: Vec<TaxelModel> =
         map(workers, scans.counts.len(), |taxel| skin.model(taxel, scans.counts[taxel], options));
     let zero = |taxel| skin.zero(taxel).map_or(TaxelBaseline::UNKNOWN, |(mean, noise)| TaxelBaseline { mean, noise });
+    let in_use = |taxel: usize| {
+        let plays = skin.plays(taxel).filter(|_| taxels[taxel].is_usable())?;
+        let (rmse_kpa, sensitivity) = (taxels[taxel].quality.rmse_kpa, skin.sensitivity(taxel)?);
+        Some(RecordedTaxel { rmse_kpa, sensitivity, hysteresis_kpa: None, plays: Some(plays) })
+    };
+    let in_use: Vec<Option<RecordedTaxel>> = (0..taxels.len()).map(in_use).collect();
+    let recorded = in_use.iter().any(Option::is_some).then(|| Recorded {
+        smooth_s: 0.0,
+        plays_mean_s: skin.play_scans() as f64 * scans.period_s(),
+        module_size: recipe.module_size,
+        lag_s: 0.0,
+        clock: None,
+        zero_return: None,
+        plays_error_ratio: skin.plays_error_ratio,
+        taxels: in_use,
+    });
     Ok(ModelSet {
         id: String::new(),
         patch: String::new(),
@@ -43,7 +59,7 @@ pub fn fit_any(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> 
         gauge_gain_rel: options.gauge.gain_rel,
         gauge_offset_kpa: options.gauge.offset_kpa,
         taxels,
-        recorded: None,
+        recorded,
         recalibrated: None,
         maker: Maker::this(false),
     })

@@ -1,5 +1,6 @@
 //! From the counts of a recording to pressures.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use taxel_model::{Beyond, Extension, PlayState, Plays, RangeState, Sign, Status};
@@ -8,10 +9,10 @@ use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::RecordingError;
 use crate::calibration::fit::scans::{Scans, modules};
 use crate::calibration::fit::smooth::half_width;
-use crate::calibration::fit::smooth::smooth;
+use crate::calibration::fit::smooth::{recent_means, smooth};
 use crate::calibration::fit::zero::{Tare, Zero};
 use crate::intake::faults::limits::FaultLimits;
-use crate::model_set::{GAIN_OF_DAY_REL, ModelSet};
+use crate::model_set::{GAIN_OF_DAY_REL, GAIN_OF_RECORDING_REL, ModelSet};
 
 /// How far taxels move between days, root mean square in counts: what an unproven zero may be off by.
 const DAY_COUNTS: f64 = 3.0;
@@ -116,7 +117,15 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
     let extensions = if one_skin { set.extensions() } else { vec![None; models] };
     let doubts_kpa = if skin { set.doubts_kpa() } else { vec![0.0; models] };
     let tared = applied.zero.is_tared();
-    let reader = Reader { set, extensions, doubts_kpa, half: half_width(scans, smooth_s), skin, tared };
+    let reader = Reader {
+        set,
+        extensions,
+        doubts_kpa,
+        half: half_width(scans, smooth_s),
+        period_s: scans.period_s(),
+        skin,
+        tared,
+    };
     let mut area = AreaSums::default();
     for (taxel, counts) in scans.counts.iter().enumerate() {
         match reader.readable(taxel, &applied.zero, &masks) {
@@ -191,6 +200,7 @@ struct Reader<'a> {
     /// What the calibration leaves open, kPa, by taxel.
     doubts_kpa: Vec<f64>,
     half: usize,
+    period_s: f64,
     skin: bool,
     tared: bool,
 }
@@ -211,6 +221,9 @@ impl Reader<'_> {
 
     /// What is known of a taxel's error in use; `None` if nothing but its curve's own scatter is.
     fn base(&self, taxel: usize) -> Option<Base> {
+        if self.set.taxels[taxel].points.is_some() {
+            return None;
+        }
         let (recorded, in_use) = (self.set.recorded.as_ref()?, self.set.in_use(taxel)?);
         let day = if self.tared { 0.0 } else { DAY_COUNTS };
         let zero_counts = recorded.zero_return_counts().hypot(day);
@@ -229,9 +242,17 @@ impl Reader<'_> {
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let rail = if sign == Sign::Falling { 0.0 } else { 255.0 };
         // What corrected a set by known loads is in these, too.
-        let of_day = if self.skin { GAIN_OF_DAY_REL } else { 0.0 };
+        let of_day = match (self.skin, self.set.is_of_skin()) {
+            (true, _) => GAIN_OF_DAY_REL,
+            (false, true) => GAIN_OF_RECORDING_REL,
+            (false, false) => 0.0,
+        };
         let gain = of_day.hypot(self.set.gauge_gain_rel);
         let smoothed = smooth(counts, masked, self.half);
+        let felt = self.set.recorded.as_ref().filter(|recorded| recorded.plays_mean_s > 0.0 && plays.is_some());
+        let felt = felt.map_or(Cow::Borrowed(&smoothed), |recorded| {
+            Cow::Owned(recent_means(counts, masked, (recorded.plays_mean_s / self.period_s).round() as usize))
+        });
         let mut state = PlayState::default();
         let nothing = || vec![f64::NAN; counts.len()];
         let (kpa, own_kpa, shared_kpa) = (nothing(), nothing(), nothing());
@@ -240,7 +261,10 @@ impl Reader<'_> {
             let count = smoothed[i] - moved;
             let Some(reading) = model.evaluate(count) else { continue };
             let beyond = extension.map_or(Beyond::default(), |extension| extension.at(count));
-            let kpa = plays.map_or(reading.kpa, |plays: &Plays| plays.evaluate(&mut state, count)) + beyond.kpa;
+            let bend = |plays: &Plays| {
+                plays.mid_kpa(count).unwrap_or(reading.kpa) + plays.bend_kpa(&mut state, felt[i] - moved)
+            };
+            let kpa = plays.map_or(reading.kpa, bend) + beyond.kpa;
             let (own, shared) = base.as_ref().map_or((reading.sigma_kpa, 0.0), |base| (base.own_kpa, base.shared_kpa));
             let range = plays.map_or(reading.range, |plays| plays.range_state(count)).in_pressure(sign);
             // Nothing tells how much more than at the range's end it is.

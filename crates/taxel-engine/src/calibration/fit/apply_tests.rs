@@ -13,6 +13,7 @@ fn recorded() -> ModelSet {
     let taxel = RecordedTaxel { rmse_kpa: 0.5, sensitivity: 2.0, hysteresis_kpa: Some(1.2), plays: None };
     let recorded = Recorded {
         smooth_s: 0.0,
+        plays_mean_s: 0.0,
         module_size: 10,
         lag_s: 0.0,
         clock: None,
@@ -26,7 +27,7 @@ fn recorded() -> ModelSet {
 fn reader(set: &ModelSet, skin: bool, tared: bool) -> Reader<'_> {
     let doubts_kpa = vec![0.0; set.taxels.len()];
     let extensions = if skin { set.extensions() } else { vec![None; set.taxels.len()] };
-    Reader { set, extensions, doubts_kpa, half: 0, skin, tared }
+    Reader { set, extensions, doubts_kpa, half: 0, period_s: 0.0, skin, tared }
 }
 
 #[test]

@@ -65,6 +65,7 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
         gauge_offset_kpa: recipe.options.gauge.offset_kpa,
         recorded: scans.is_recording().then(|| Recorded {
             smooth_s: recipe.smooth_s,
+            plays_mean_s: 0.0,
             module_size: recipe.module_size,
             lag_s,
             zero_return,

@@ -1,5 +1,7 @@
 //! Filters that look both ways.
 
+use std::collections::VecDeque;
+
 use crate::calibration::fit::scans::Scans;
 use crate::statistics::half_window;
 
@@ -56,4 +58,17 @@ pub fn smooth(values: &[f64], masked: &[bool], half: usize) -> Vec<f64> {
 /// Scans on each side of a centred mean over `seconds`.
 pub(super) fn half_width(scans: &Scans<'_>, seconds: f64) -> usize {
     half_window(seconds, scans.period_s())
+}
+
+/// Mean of each value that is not masked and those before it, over the last `scans` at most.
+pub(crate) fn recent_means(values: &[f64], masked: &[bool], scans: usize) -> Vec<f64> {
+    let mut window = VecDeque::new();
+    let mean = |(value, masked): (&f64, &bool)| {
+        if !masked {
+            window.truncate(scans.max(1) - 1);
+            window.push_front(*value);
+        }
+        window.iter().sum::<f64>() / window.len() as f64
+    };
+    values.iter().zip(masked).map(mean).collect()
 }

@@ -6,7 +6,7 @@
 
 use taxel_model::{PlayState, Plays, Sign};
 
-/// The most that a history can add to or take from the mid curve: half the width of the loop, sum of w_k r_k, kPa.
+/// Half the width of the loop, sum of w_k r_k, kPa: the most that a history can add to a mid curve, or take from it.
 pub(super) fn half_width_kpa(plays: &Plays) -> f64 {
     plays.weights_kpa.iter().zip(plays.radii_counts).map(|(weight, radius)| weight * radius).sum()
 }
@@ -42,7 +42,13 @@ mod tests {
 
     fn plays(sign: Sign) -> Plays {
         let curve = Curve { centre: 200.0, half_width: 25.0, chebyshev: vec![150.0, sign.as_f64() * 100.0] };
-        Plays { curve, range: [175.0, 225.0], sign, radii_counts: [4.0, 10.0], weights_kpa: [0.8, 0.4] }
+        Plays {
+            curve: Some(curve),
+            range: [175.0, 225.0],
+            sign,
+            radii_counts: [4.0, 10.0, 0.0, 0.0],
+            weights_kpa: [0.8, 0.4, 0.0, 0.0],
+        }
     }
 
     proptest! {
