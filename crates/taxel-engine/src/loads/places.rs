@@ -27,12 +27,6 @@ impl LaidAt {
         Self { place, known, unplaced }
     }
 
-    /// So many loads, each at a place of its own.
-    #[must_use]
-    pub fn apart(loads: usize) -> Self {
-        Self { place: (0..loads).collect(), known: loads, unplaced: 0 }
-    }
-
     /// Why they say nothing of the whole skin, in words.
     #[must_use]
     pub fn too_few(&self) -> Option<String> {
@@ -118,7 +112,7 @@ mod tests {
         assert!(old.too_few().unwrap().contains("(of 2 it is not known"));
         assert_eq!(laid(&vec![vec![]; 5]).known, 0);
         assert_eq!(laid(&[disc(20), disc(40), disc(60)]).too_few(), None);
-        assert_eq!((LaidAt::apart(3).too_few(), laid(&[]).known), (None, 0));
+        assert_eq!(laid(&[]).known, 0);
     }
 
     proptest! {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::loads::places::LaidAt;
 use taxel_engine::loads::{KnownLoad, Load, Validation, Weight};
 use taxel_engine::loads::{Patch, judge};
 use taxel_engine::model_set::ModelSet;
@@ -122,7 +123,8 @@ fn masses_at_fewer_than_three_places_correct_nothing() {
     assert!(found.found.is_sound() && found.found.places == 3, "{:?}", found.found);
     // Five of the seven are off together, so the gain is less certain than that of seven places.
     let points: Vec<_> = found.found.points.iter().map(|judged| judged.point).collect();
-    let apart = Recalibration::of(&points, Assumptions::MASSES).unwrap();
+    let laid = LaidAt { place: (0..points.len()).collect(), known: points.len(), unplaced: 0 };
+    let apart = Recalibration::of(&points, &laid, Assumptions::MASSES).unwrap();
     assert!(found.found.gain_sigma() > 1.3 * apart.gain_sigma(), "{:?}, {:?} apart", found.found, apart);
     assert_eq!(found.found.line, apart.line, "the gain itself is the same");
 }
