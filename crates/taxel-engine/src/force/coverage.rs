@@ -22,7 +22,7 @@ const AT_RIM: f64 = 3.0;
 /// A taxel at the corner of a module and those beside it.
 const CORNER_TAXELS: usize = 3;
 /// A taxel without a zero that lies so far towards load from where it was calibrated may bear one, counts: from day to day a
-/// taxel moves by less (see [`crate::zero::rest::RestLimits::moved_second_max`]).
+/// taxel moves by less (see [`crate::zero::rest`]).
 const LOADED_COUNTS: f64 = 16.0;
 
 /// A taxel under or beside a contact that cannot be read.

@@ -246,11 +246,11 @@ impl Patch {
     /// Another model set is in use from now on.
     pub fn set_models(&mut self, set: Arc<ModelSet>) {
         self.intake.expect_noise(&set.baseline);
-        self.zero.on_models(Some(&set));
+        self.zero.on_models(&set);
         self.force.set_models(set, self.zero.residue_counts());
         self.force.move_zero(self.zero.in_force(), self.zero.as_taken()); // it may be one for other models
         self.force.set_vouched(self.zero.vouched());
-        self.zero.weigh(|| self.force.newton_per_count());
+        self.zero.weigh(&self.force.newton_per_count());
         self.dirty = true;
     }
 
@@ -273,7 +273,7 @@ impl Patch {
             return refuse(ErrorReason::NoModelSet, "no model set is active: there is no force to compare".to_owned());
         }
         if !self.force.is_ready() {
-            return refuse(ErrorReason::ZeroLost, format!("there is no valid zero: {}", self.zero.reason()));
+            return refuse(ErrorReason::ZeroLost, format!("there is no valid zero: {}", self.zero.view().reason));
         }
         self.loads.begin(now.time, request, load)
     }

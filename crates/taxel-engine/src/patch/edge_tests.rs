@@ -122,7 +122,7 @@ fn a_board_is_configured_if_it_is_silent_or_was_configured_otherwise() {
         scene.act(|patch, effects| patch.begin(now(1_300), &[wanted], effects));
         assert_eq!(scene.sends(1_300), wanted);
         // Something may have lain on a board that streamed.
-        assert_eq!(scene.patch.zero.distrusted().is_some(), wanted && streams);
+        assert_eq!(scene.patch.zero.needs_confirmation().is_some(), wanted && streams);
     }
     let mut scene = Scene::new(listening(), true, false);
     scene.act(|patch, effects| patch.start(now(1_000), effects));

@@ -5,8 +5,7 @@ use std::time::Duration;
 use taxel_engine::Restored;
 use taxel_engine::command::Command;
 use taxel_engine::plan::{DriftPlan, PatchPlan};
-use taxel_engine::snapshot::ForceState;
-use taxel_engine::zero::drift::{DriftState, DriftView};
+use taxel_engine::snapshot::{DriftState, DriftView, ForceState};
 use taxel_sim::{BoardsConfig, Config, DielectricConfig, Fault, Mass, ThermalConfig, World};
 use taxel_skin::TaxelIndex;
 

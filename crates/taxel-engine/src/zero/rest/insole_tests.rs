@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 
 use super::RestWindow;
-use super::unlike::UNLIKENESS_MAX;
+use super::limits::UNLIKENESS_MAX;
 
 const RECORDINGS: [&str; 3] = ["left_calibration", "left_validation", "left_steps"];
 const SCANS_PER_SECOND: usize = 49;

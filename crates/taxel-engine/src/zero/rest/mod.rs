@@ -6,7 +6,7 @@
 //! - *Was the skin still throughout?* The second half of the window is compared with the first, and the noise of each
 //!   taxel with what it is known to be: a load that comes or goes within the window moves some taxels of a module by
 //!   more than their noise explains. One that is spread over many modules may move each by less: all together tell
-//!   (`unlike`).
+//!   ([`RestWindow`]).
 //! - *Is it where it was when nothing lay on it?* Between days the counts at rest move to both sides, on one recorded skin
 //!   by -0.7 to +0.9 (once -2.3) in the median and from -3.5 to +4.2 (10th to 90th percentile); a load moves taxels to
 //!   one side only. So [`judge()`] refuses where the whole skin, one module more than the rest of it, or a few taxels of
@@ -18,7 +18,7 @@
 //! the comparison with another day, by medians alone).
 //!
 //! A lighter load cannot be told from a day's drift at one instant. It shows when it goes: see
-//! [`crate::zero::unloading`].
+//! [`Unloading`].
 
 #[cfg(test)]
 mod edge_tests;
@@ -30,12 +30,12 @@ pub mod moves;
 pub mod statistics;
 #[cfg(test)]
 pub(crate) mod tests;
-mod unlike;
 pub mod verdict;
 pub mod window;
 
 pub use judge::{Reference, judge};
-pub use limits::RestLimits;
+pub use limits::SCANS_MIN;
+pub use moves::Unloading;
 pub use statistics::RestStatistics;
-pub use verdict::{RestFigures, RestVerdict};
+pub use verdict::RestVerdict;
 pub use window::RestWindow;

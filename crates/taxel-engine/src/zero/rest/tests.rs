@@ -1,6 +1,7 @@
+use super::limits::MOVED_FEW_FROM_ZERO_MAX;
+use super::verdict::Beyond;
 use super::*;
 use crate::baseline::TaxelBaseline;
-use crate::zero::unloading::unloading;
 use proptest::prelude::*;
 
 const TAXELS: usize = 150;
@@ -53,7 +54,7 @@ fn falling() -> Vec<i8> {
 }
 
 fn against(window: &RestWindow, models: Option<&[TaxelBaseline]>, sign: &[i8]) -> RestVerdict {
-    judge(window, Reference { models, zero: None, sign }, &RestLimits::default())
+    judge(window, Reference { models, zero: None, sign })
 }
 
 fn say(window: &RestWindow) -> RestVerdict {
@@ -75,8 +76,8 @@ fn a_recording_that_starts_under_load_is_refused_with_its_figures() {
     let mut noise = Noise(5);
     let zero = another_day(&mut noise, 0.0);
     let verdict = say(&window(&mut noise, |t, _| zero[t] - 21.0));
-    let RestVerdict::Loaded { figures, .. } = verdict else { panic!("{verdict}") };
-    assert!((figures.moved_median - 21.0).abs() < 1.0, "{figures}");
+    let RestVerdict::Loaded(Beyond { module: None, seen, .. }) = verdict else { panic!("{verdict}") };
+    assert!((seen - 21.0).abs() < 1.0, "{verdict}");
     assert!(say(&window(&mut noise, |t, _| zero[t] - 21.0)).to_string().starts_with("something presses on "));
 }
 
@@ -85,8 +86,7 @@ fn a_hand_on_a_tenth_of_the_skin_is_refused_and_named() {
     let mut noise = Noise(6);
     let zero = another_day(&mut noise, -0.7);
     let verdict = say(&window(&mut noise, |t, _| zero[t] - if (30..50).contains(&t) { 10.0 } else { 0.0 }));
-    let RestVerdict::Loaded { figures, .. } = verdict else { panic!("{verdict}") };
-    assert!(matches!(figures.worst_module, Some(3 | 4)), "{figures}");
+    assert!(matches!(verdict, RestVerdict::Loaded(Beyond { module: Some(3 | 4), .. })), "{verdict}");
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn the_sign_of_the_skin_decides_which_way_is_load() {
     let falling = say(&statistics);
     assert!(matches!(falling, RestVerdict::Rest { .. }), "{falling}");
     let unknown = against(&statistics, Some(&reference()), &[0; TAXELS]);
-    assert!(matches!(unknown, RestVerdict::NotEnough { .. }), "{unknown}");
+    assert!(matches!(unknown, RestVerdict::TooFew { .. }), "{unknown}");
     let elsewhere = say(&window(&mut noise, |_, _| 254.0));
     assert!(matches!(elsewhere, RestVerdict::OtherZero { .. }), "{elsewhere}");
 }
@@ -126,7 +126,7 @@ fn without_a_reference_a_still_skin_is_unproven() {
 fn too_few_scans_or_taxels_say_nothing() {
     let mut statistics = RestWindow::new(TAXELS, &modules());
     statistics.push(false, (0..TAXELS).map(|_| Some(240.0)));
-    assert!(matches!(say(&statistics), RestVerdict::NotEnough { scans: 1, .. }));
+    assert!(matches!(say(&statistics), RestVerdict::TooShort(1)));
     let mut faulty = RestWindow::new(TAXELS, &modules());
     for scan in 0..SCANS {
         let wavering = if scan % 2 == 0 { 241.0 } else { 239.0 };
@@ -139,16 +139,16 @@ fn too_few_scans_or_taxels_say_nothing() {
             }),
         );
     }
-    assert!(matches!(say(&faulty), RestVerdict::NotEnough { sound: 40, comparable: TAXELS, .. }), "{}", say(&faulty));
+    assert!(matches!(say(&faulty), RestVerdict::TooFew { sound: 40, comparable: TAXELS }), "{}", say(&faulty));
 }
 
 #[test]
 fn a_load_too_light_to_refuse_shows_when_it_goes() {
-    let (mut noise, limits) = (Noise(10), RestLimits::default());
+    let mut noise = Noise(10);
     let zero = another_day(&mut noise, 0.0);
     let taken = window(&mut noise, |t, _| zero[t] - 1.8);
     assert!(matches!(say(&taken), RestVerdict::Rest { .. }), "30 kPa look like another day");
-    let lift = |later: &RestWindow| unloading(&taken.all().baseline(), later.all(), &falling(), &limits);
+    let lift = |later: &RestWindow| later.lighter_than(&taken.all().baseline(), &falling());
     let same = window(&mut noise, |t, _| zero[t] - 1.8);
     assert_eq!(lift(&same), None);
     let heavier = window(&mut noise, |t, _| zero[t] - 30.0);
@@ -169,10 +169,11 @@ fn a_zero_that_holds_shows_a_load_that_another_day_would_hide() {
     let reference = reference();
     let judged = |window: &RestWindow, minutes: f64| {
         let reference = Reference { models: Some(&reference), zero: Some((&zero, minutes)), sign: &[-1; TAXELS] };
-        judge(window, reference, &RestLimits::default())
+        judge(window, reference)
     };
     let verdict = judged(&loaded, 1.0);
-    assert!(matches!(verdict, RestVerdict::LoadedInPart { module: 4, from_zero: true, .. }), "{verdict}");
+    let in_part = |limit| matches!(verdict, RestVerdict::LoadedInPart(3, Beyond { module: Some(4), limit: is, .. }) if is == limit);
+    assert!(in_part(MOVED_FEW_FROM_ZERO_MAX[1]), "{verdict}");
     let warm = window_of(20, &mut noise, |t, _| rest[t] - 2.0);
     assert!(matches!(judged(&warm, 10.0), RestVerdict::Rest { .. }), "{}", judged(&warm, 10.0));
 }
@@ -260,15 +261,7 @@ proptest! {
 
 #[test]
 fn a_zero_soon_after_the_bag_was_vented_says_that_a_later_one_is_better() {
-    let figures = |moved_median| RestFigures {
-        taxels: 218,
-        moved_median,
-        worst_module: None,
-        worst_module_moved: 0.0,
-        drift: 0.0,
-        noise_ratio: 1.0,
-    };
-    let said = |moved| RestVerdict::Rest { figures: figures(moved) }.to_string();
+    let said = |median| RestVerdict::Rest { median, worst: None }.to_string();
     assert!(said(0.76).contains("a later zero"), "{}", said(0.76));
     assert!(!said(0.1).contains("later") && !said(-0.8).contains("later"));
 }
