@@ -230,9 +230,9 @@ impl Engine {
             let refused = self.on_frame(now.at(frame.time), bus, frame, out);
             let Some(state) = self.buses.get_mut(usize::from(bus.0)) else { return };
             match refused {
-                Taken::Ours => state.frames += 1,
-                Taken::Foreign => state.foreign += 1,
-                Taken::Malformed(why) => state.refuse(&frame.frame, why),
+                Taken::Ours => state.health.frames += 1,
+                Taken::Foreign => state.health.foreign += 1,
+                Taken::Malformed(why) => state.refuse(format!("{}: {why}", frame.frame.id)),
             }
         }
         self.health_dirty.1 |= !frames.is_empty();
@@ -372,7 +372,7 @@ impl Engine {
 
     fn look_at_health(&self, now: Time) -> Health {
         Health {
-            buses: self.buses.iter().map(BusState::view).collect(),
+            buses: self.buses.iter().map(|bus| bus.health.clone()).collect(),
             boards: self.patches.iter().flat_map(|patch| patch.board_health(now)).collect(),
             gauges: self.patches.iter().map(Patch::gauge_reading).collect(),
             problems: self.problems.iter().chain(&self.damage).chain(&self.store_problem).cloned().collect(),

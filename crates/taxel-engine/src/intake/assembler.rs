@@ -91,7 +91,6 @@ impl ScanAssembler {
     /// Takes a whole module. Returns the scan that it completes: all expected modules have come, or one came twice, so
     /// that the scan before it is over.
     pub fn on_module(&mut self, patch: &Patch, index: usize, scan: &ModuleScan) -> Option<ScanEnd> {
-        let overrun = self.modules[index].fresh.then(|| self.end_scan());
         let site = &patch.modules()[index];
         let first = site.first_taxel as usize;
         if let CountBuffer::Bytes(counts) = &mut self.counts {
@@ -102,20 +101,20 @@ impl ScanAssembler {
         for (pad, &slot) in self.pads[index].iter_mut().zip(site.kind.thermal_slots()) {
             *pad = scan.values[slot as usize];
         }
-        self.note_module(index, scan.time, overrun)
+        self.note_module(index, scan.time)
     }
 
     /// As [`ScanAssembler::on_module`], for a module of a sensor that is described by its signals: `raw` are its counts.
     pub fn on_cells(&mut self, patch: &Patch, index: usize, time: Time, raw: &[u16]) -> Option<ScanEnd> {
-        let overrun = self.modules[index].fresh.then(|| self.end_scan());
         let site = &patch.modules()[index];
         let taxels = site.kind.taxel_slots().len().min(raw.len());
         self.counts.write(usize::from(site.first_taxel), &raw[..taxels]);
-        self.note_module(index, time, overrun)
+        self.note_module(index, time)
     }
 
     /// The counts of a module are in.
-    fn note_module(&mut self, index: usize, time: Time, overrun: Option<ScanEnd>) -> Option<ScanEnd> {
+    fn note_module(&mut self, index: usize, time: Time) -> Option<ScanEnd> {
+        let overrun = self.modules[index].fresh.then(|| self.end_scan());
         let module = &mut self.modules[index];
         self.expected += usize::from(!std::mem::replace(&mut module.expected, true));
         module.stale = false;
@@ -205,12 +204,6 @@ impl ScanAssembler {
         Some(last + limit + Duration::from_nanos(1))
     }
 
-    /// Whether any module was ever received.
-    #[must_use]
-    pub const fn heard(&self) -> bool {
-        self.begun.is_some()
-    }
-
     /// Two thermal pads per module as last received.
     #[must_use]
     pub fn pads(&self) -> &[[u8; 2]] {
@@ -229,10 +222,10 @@ impl ScanAssembler {
         &self.modules
     }
 
-    /// Receive time of the newest frame.
+    /// Receive time of the newest frame; `None` before the first.
     #[must_use]
-    pub const fn newest(&self) -> Time {
-        self.newest
+    pub fn newest(&self) -> Option<Time> {
+        self.begun.map(|_| self.newest)
     }
 
     /// Whether every module but those that are `left_out` was received within `limit` of the newest one.

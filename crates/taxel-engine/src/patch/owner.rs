@@ -17,7 +17,7 @@ use crate::boundary::snapshot::GaugeReading;
 use crate::calibration::calibrate::Calibration;
 use crate::force::owner::Force;
 use crate::force::reason::ReasonCode;
-use crate::intake::boards::BoardNews;
+use crate::intake::boards::{BoardDoubt, BoardNews, ZeroSign};
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::health::BoardHealth;
 use crate::intake::receive::{Intake, IntakeEvent, IntakePlan};
@@ -277,20 +277,14 @@ impl Patch {
         for event in events {
             match event {
                 IntakeEvent::Scan => self.on_scan(now, effects),
-                IntakeEvent::BoardDoubted { board, why, certain: true } => {
-                    self.with_zero(now, effects, |zero, events| zero.lose_by_board(board, &why, events));
-                }
-                IntakeEvent::BoardDoubted { board, why, certain: false } => {
-                    self.with_zero(now, effects, |zero, events| zero.doubt(board, &why, events));
-                }
-                IntakeEvent::BoardUnwell { board } => self.zero.on_unwell(board),
-                IntakeEvent::BoardWell { board, why, certain } => {
-                    self.with_zero(now, effects, |zero, events| zero.on_well(board, &why, certain, events));
-                }
-                IntakeEvent::BoardMoved { board, why } => {
-                    self.with_zero(now, effects, |zero, events| zero.lose_by_another(board, &why, events));
-                }
-                IntakeEvent::News { board, news } => effects.intents.push(Intent::News { board, news }),
+                IntakeEvent::Board(board, sign) => self.with_zero(now, effects, |zero, events| match sign {
+                    ZeroSign::Doubted(BoardDoubt { why, certain: true }) => zero.lose_by_board(board, &why, events),
+                    ZeroSign::Doubted(doubt) => zero.doubt(board, &doubt.why, events),
+                    ZeroSign::Unwell => zero.on_unwell(board),
+                    ZeroSign::Well(doubt) => zero.on_well(board, &doubt.why, doubt.certain, events),
+                    ZeroSign::Moved(why) => zero.lose_by_another(board, &why, events),
+                }),
+                IntakeEvent::News(board, news) => effects.intents.push(Intent::News { board, news }),
                 IntakeEvent::Changed => self.dirty = true,
             }
         }
