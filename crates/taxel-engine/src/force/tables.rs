@@ -91,27 +91,16 @@ impl Tables {
     /// All slices have one entry per taxel of the patch.
     #[must_use]
     pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
-        Self::with_residue(set, rest, areas, activation, 0.0)
+        Self::of_range(CountRange::BYTE, set, rest, areas, activation, 0.0)
     }
 
-    /// The same at a zero that lies `residue_counts` (not negative) towards load from that of the models.
+    /// The same for counts of another range, at a zero that lies `residue_counts` (not negative) towards load from that of the
+    /// models.
     ///
     /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
     /// Whether the next load finds that remainder again (as with play: it reads as much too little) or it has gone
     /// (creep), counts do not tell. So touched taxels are read at a share of it more, and which share is right is uncertain.
     /// Where hysteresis is compensated by plays it is known, and nothing is added.
-    #[must_use]
-    pub fn with_residue(
-        set: Arc<ModelSet>,
-        rest: &[TaxelBaseline],
-        areas: &[SquareMillimetre],
-        activation: Activation,
-        residue_counts: f64,
-    ) -> Self {
-        Self::of_range(CountRange::BYTE, set, rest, areas, activation, residue_counts)
-    }
-
-    /// The same for counts of another range.
     #[must_use]
     pub fn of_range(
         counts: CountRange,
@@ -148,16 +137,14 @@ impl Tables {
                 let more_counts = RESIDUE_SHARE * residue_counts;
                 let place = Place::new(&tables.set, taxel, extension, doubt_kpa, (*now, *then), more_counts);
                 let source = Source::new(&tables.set, taxel, place);
-                let falls = place.sign == Sign::Falling;
-                tables.polarity[taxel] = if falls { u8::MAX } else { 0 };
+                let polarity = if place.sign == Sign::Falling { u16::MAX } else { 0 };
+                let threshold = source.threshold(activation, counts);
+                tables.polarity[taxel] = polarity as u8;
                 tables.taxels[taxel] = Some(if counts.is_byte() {
                     let (table, force_n) = source.tabulate(*area, activation);
-                    tables.threshold[taxel] = source.threshold(activation);
-                    tables.force_n[taxel] = force_n;
+                    (tables.threshold[taxel], tables.force_n[taxel]) = (threshold as u8, force_n);
                     Counted::Byte(Box::new(table))
                 } else {
-                    let polarity = if falls { u16::MAX } else { 0 };
-                    let threshold = source.wide_threshold(activation, counts);
                     tables.wide[taxel] = WideThreshold { polarity, threshold };
                     Counted::Wide(Box::new(place))
                 });
@@ -168,8 +155,7 @@ impl Tables {
 
     /// What a count of more than eight bits means.
     fn meaning(&self, taxel: usize, place: Place, count: u16) -> Meaning {
-        let (units, top) = (self.counts.units(count), self.counts.units(self.counts.top()));
-        Source::new(&self.set, taxel, place).meaning(units, top, self.counts.per_unit())
+        Source::new(&self.set, taxel, place).meaning(self.counts.units(count), self.counts)
     }
 
     /// Standard uncertainty of the zero under touched taxels because the skin remembers earlier loads, counts.
