@@ -24,6 +24,7 @@ use crate::loads::load::Load;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
 use crate::plan::Plan;
+use crate::request::RequestId;
 
 /// The kernel keeps half a second of a full bus, and what it drops began after that: of so long a time frames may lack that it
 /// dropped. A longer pause of the host is told as such.
@@ -146,7 +147,7 @@ impl Engine {
             Input::SetLoaded { ticket, result } => self.on_set_loaded(now, ticket, result, out),
             Input::StoreDamaged(damage) => self.on_store_damaged(now, damage),
             Input::Durable { session, samples } => {
-                self.patches.iter_mut().for_each(|patch| patch.on_durable(session, samples));
+                self.patches.iter_mut().for_each(|patch| patch.calibration_mut().on_durable(session, samples));
             }
             Input::StoreFailed(why) => self.on_store_failed(now, &why, out),
         }
@@ -193,7 +194,7 @@ impl Engine {
                 return;
             }
             Intent::Zero { request, record } => {
-                (request, self.store_takes_records().map(|()| (Effect::Zero { request, patch: index }, record)))
+                (request, self.store_takes_records().map(|()| (Effect::Zero(index), record)))
             }
             Intent::Load(read) => {
                 let request = read.request;
@@ -201,13 +202,13 @@ impl Engine {
                 let load = load.and_then(|()| self.patches[index].complete_load(now, self.next_load, read));
                 let planned = load.map(|load| {
                     self.next_load += 1;
-                    (Effect::Load { request, patch: index, load: Arc::clone(&load) }, Record::Load(load))
+                    (Effect::Load(index, Arc::clone(&load)), Record::Load(load))
                 });
                 (request, planned)
             }
         };
         match planned {
-            Ok((effect, record)) => self.commit(effect, vec![record], out),
+            Ok((effect, record)) => self.commit(Some(request), effect, vec![record], out),
             Err(rejection) => {
                 self.patches[index].reject_zero(request);
                 out.push(Output::Reply(request, Err(rejection)));
@@ -216,8 +217,14 @@ impl Engine {
     }
 
     /// Hands records to the shell; the effect follows once they are on disk.
-    pub(super) fn commit(&mut self, effect: Effect, records: Vec<Record>, out: &mut Vec<Output>) {
-        let ticket = self.pending.keep(effect);
+    pub(super) fn commit(
+        &mut self,
+        request: Option<RequestId>,
+        effect: Effect,
+        records: Vec<Record>,
+        out: &mut Vec<Output>,
+    ) {
+        let ticket = self.pending.keep(request, effect);
         out.push(Output::Commit { ticket, records });
     }
 
@@ -342,7 +349,9 @@ impl Engine {
     fn on_store_failed(&mut self, now: Now, why: &str, out: &mut Vec<Output>) {
         let reason = format!("the store failed: {why}");
         self.each_patch(now, out, |patch, effects| {
-            patch.trigger_session(now, Trigger::StoreFailed, &reason, effects);
+            patch.with_session(now, effects, |calibration, intake, events| {
+                calibration.trigger(now, Trigger::StoreFailed, &reason, intake.gauge(), events)
+            });
         });
         self.store_problem = Some(format!("the store failed and takes nothing until a restart: {why}"));
         self.health_dirty.0 = true;

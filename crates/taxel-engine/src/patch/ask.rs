@@ -3,8 +3,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::calibration::job::FitOutcome;
-use crate::calibration::samples::SessionSamples;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::intake::gauge::GaugeAtRest;
@@ -178,30 +176,6 @@ impl Patch {
         self.intake.look(now.time, self.plan.session.gauge_timeout, left_out)
     }
 
-    /// Begins a session. The caller has checked that none is open.
-    pub fn start_session(&mut self, now: Now, view: SessionView, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.start(now, view, intake.gauge(), events)
-        });
-    }
-
-    /// Takes up a session of an earlier run.
-    pub fn resume_session(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
-        self.calibration.resume(now, view, samples);
-    }
-
-    /// Begins a session that goes on from the samples of another one. The caller has checked that none is open.
-    pub fn succeed_session(&mut self, now: Now, view: SessionView, samples: SessionSamples, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.succeed(now, view, samples, intake.gauge(), events)
-        });
-    }
-
-    /// The session that the patch holds was deleted.
-    pub fn forget_session(&mut self) {
-        self.calibration.forget();
-    }
-
     /// What an operator asks of the session that the patch holds.
     ///
     /// # Errors
@@ -222,25 +196,6 @@ impl Patch {
         self.on_calibration_events(now, events, effects);
         let view = self.calibration.session().cloned();
         view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
-    }
-
-    /// Something from outside changes the state of the session that the patch holds.
-    pub fn trigger_session(&mut self, now: Now, trigger: Trigger, reason: &str, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.trigger(now, trigger, reason, intake.gauge(), events)
-        });
-    }
-
-    /// A fit came back.
-    pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.on_fitted(now, outcome, intake.gauge(), events)
-        });
-    }
-
-    /// Samples of a session are on disk.
-    pub fn on_durable(&mut self, session: u64, samples: u64) {
-        self.calibration.on_durable(session, samples);
     }
 
     /// Another model set is in use from now on.

@@ -31,7 +31,7 @@ impl Patch {
     }
 
     /// Does something to the session that the patch holds, and what follows from it.
-    pub(super) fn with_session(
+    pub fn with_session(
         &mut self,
         now: Now,
         effects: &mut Effects<'_>,

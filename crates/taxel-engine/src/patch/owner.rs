@@ -146,6 +146,11 @@ impl Patch {
         &self.calibration
     }
 
+    /// The same, to be told what concerns it alone.
+    pub const fn calibration_mut(&mut self) -> &mut Calibration {
+        &mut self.calibration
+    }
+
     /// The model set in use.
     #[must_use]
     pub const fn models(&self) -> Option<&Arc<ModelSet>> {
