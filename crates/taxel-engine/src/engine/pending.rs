@@ -102,25 +102,21 @@ impl Pending {
     }
 
     /// Whether a patch waits for a model set to come into use.
-    #[must_use]
     pub fn activates(&self, index: usize) -> bool {
         self.any(|effect| matches!(effect, Effect::Activate(patch, _) if *patch == index))
     }
 
     /// Whether a model set waits to come into use.
-    #[must_use]
     pub fn activates_set(&self, id: &str) -> bool {
         self.any(|effect| matches!(effect, Effect::Activate(_, set) if set.id == id))
     }
 
     /// How many model sets will be known beyond those that are.
-    #[must_use]
     pub fn imports(&self) -> usize {
         self.effects.values().filter(|(_, effect)| matches!(effect, Effect::Keep(..))).count()
     }
 
     /// How a session is being ended.
-    #[must_use]
     pub fn ends(&self, number: u64) -> Option<Trigger> {
         self.effects.values().find_map(|(_, effect)| match effect {
             Effect::End(command, view) if view.number == number => Some(*command),
@@ -129,7 +125,6 @@ impl Pending {
     }
 
     /// Whether something is being deleted.
-    #[must_use]
     pub fn forgets(&self, gone: &Forgotten) -> bool {
         self.any(|effect| matches!(effect, Effect::Forget(what) if what == gone))
     }

@@ -46,7 +46,6 @@ impl ContactIds {
 
 /// Groups taxels: two closer than `reach_m` belong together, and so do their friends. Strongest contact first; ties keep the
 /// order of their first taxel.
-#[must_use]
 pub fn clusters(taxels: &[Placed], reach_m: f64) -> Vec<Contact> {
     let mut is_taken = vec![false; taxels.len()];
     let mut contacts: Vec<Contact> = Vec::new();

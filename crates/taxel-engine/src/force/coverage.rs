@@ -50,13 +50,11 @@ impl Unread {
     }
 
     /// Standard uncertainty of what it bears, kPa, where the mean is taken for it.
-    #[must_use]
     pub fn sigma_kpa(&self) -> f64 {
         (self.at_most_kpa - self.kpa) / SIGMAS
     }
 
     /// The same where it is taken to bear nothing.
-    #[must_use]
     pub fn missing_kpa(&self) -> f64 {
         self.at_most_kpa / SIGMAS
     }
@@ -76,7 +74,6 @@ pub struct Watched {
 
 impl Watched {
     /// `None` of a taxel without a usable model.
-    #[must_use]
     pub fn new(
         tables: &Tables,
         zero: &[TaxelBaseline],
@@ -95,14 +92,12 @@ impl Watched {
     }
 
     /// Whether it reads a load.
-    #[must_use]
     pub fn reads_a_load(&self, scan: &Scan<'_>) -> bool {
         scan.counts.units(self.taxel).is_some_and(|count| self.sign * count > self.loaded_from)
     }
 }
 
 /// The taxels that are not selected and lie where no selected ones tell of a load on them either, ascending.
-#[must_use]
 pub fn blind(neighbours: Option<&Neighbours>, modules: &[Range<usize>], selected: &[bool]) -> Vec<u16> {
     let unread = |range: Range<usize>| range.filter(|&taxel| !selected[taxel]);
     let mut blind = match neighbours {

@@ -97,7 +97,6 @@ struct Sums {
 
 impl ForceModel {
     /// Of a patch that is laid out so.
-    #[must_use]
     pub fn new(mut layout: Layout) -> Self {
         let geometry = layout.geometry.as_ref();
         let directed = geometry.is_some_and(|g| g.normals == NormalsVerdict::Usable);
@@ -110,7 +109,6 @@ impl ForceModel {
     }
 
     /// How the patch is laid out.
-    #[must_use]
     pub const fn layout(&self) -> &Layout {
         &self.layout
     }
@@ -162,7 +160,6 @@ impl ForceModel {
     }
 
     /// The force of one scan, which is `touch`, without its state, its reasons and what may be there undetected.
-    #[must_use]
     pub fn measure(
         &self,
         evaluator: &Evaluator,
@@ -223,13 +220,11 @@ impl ForceModel {
     }
 
     /// What may lie at most on the unread taxels of a touch, N.
-    #[must_use]
     pub fn unread_at_most_n(&self, touch: &Touch) -> f64 {
         touch.unread.iter().map(|one| one.at_most_kpa * self.newton_per_kpa(one.taxel)).sum()
     }
 
     /// The taxels that are not selected and of which none beside them tells, ascending.
-    #[must_use]
     pub fn blind(&self, selected: &[bool]) -> Vec<u16> {
         coverage::blind(self.neighbours.as_ref(), &self.layout.modules, selected)
     }

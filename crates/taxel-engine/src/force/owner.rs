@@ -114,7 +114,6 @@ pub struct Force {
 
 impl Force {
     /// Without models there is no force.
-    #[must_use]
     pub fn new(plan: ForcePlan) -> Self {
         let ForcePlan { layout, counts, activation, stale_share_max } = plan;
         Self {
@@ -146,13 +145,11 @@ impl Force {
     }
 
     /// The model set in use.
-    #[must_use]
     pub const fn models(&self) -> Option<&Arc<ModelSet>> {
         self.set.as_ref()
     }
 
     /// Whether there are models and a zero.
-    #[must_use]
     pub const fn is_ready(&self) -> bool {
         self.evaluator.is_some()
     }
@@ -328,14 +325,12 @@ impl Force {
 
     /// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; empty
     /// without models or zero.
-    #[must_use]
     pub fn newton_per_count(&self) -> Vec<f64> {
         let known = self.evaluator.as_ref().zip(self.zero.as_ref());
         known.map_or_else(Vec::new, |(e, zero)| newton_per_count(e.tables(), zero, self.activation))
     }
 
     /// The tables at the present zero and what each taxel's history adds, for readers of taxels.
-    #[must_use]
     pub fn tables(&self) -> Option<SharedTables> {
         self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
     }

@@ -89,7 +89,6 @@ impl Tables {
     /// Tables for `set` at the zero `rest`. Taxels without a usable model get none.
     ///
     /// All slices have one entry per taxel of the patch.
-    #[must_use]
     pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
         Self::of_range(CountRange::BYTE, set, rest, areas, activation, 0.0)
     }
@@ -101,7 +100,6 @@ impl Tables {
     /// Whether the next load finds that remainder again (as with play: it reads as much too little) or it has gone
     /// (creep), counts do not tell. So touched taxels are read at a share of it more, and which share is right is uncertain.
     /// Where hysteresis is compensated by plays it is known, and nothing is added.
-    #[must_use]
     pub fn of_range(
         counts: CountRange,
         set: Arc<ModelSet>,
@@ -164,31 +162,26 @@ impl Tables {
     }
 
     /// The model set.
-    #[must_use]
     pub const fn set(&self) -> &Arc<ModelSet> {
         &self.set
     }
 
     /// The model set's id.
-    #[must_use]
     pub const fn id(&self) -> &Arc<str> {
         &self.id
     }
 
     /// How many taxels there are.
-    #[must_use]
     pub fn taxels(&self) -> usize {
         self.taxels.len()
     }
 
     /// Whether a taxel has a usable model and a zero.
-    #[must_use]
     pub fn has(&self, taxel: usize) -> bool {
         self.taxels.get(taxel).is_some_and(Option::is_some)
     }
 
     /// What `count` means for `taxel`, to whose pressure its history adds `offset_kpa`; `None` without a usable model.
-    #[must_use]
     pub fn reading(&self, taxel: usize, count: impl Into<u16>, offset_kpa: f32) -> Option<TaxelReading> {
         let count = count.into();
         let table = match self.taxels.get(taxel)?.as_ref()? {

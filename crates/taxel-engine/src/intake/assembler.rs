@@ -58,7 +58,6 @@ pub struct ScanEnd {
 
 impl ScanAssembler {
     /// Nothing received yet: every module is stale.
-    #[must_use]
     pub fn new(patch: &Patch, period: Duration) -> Self {
         let module = |_: &_| ModuleState {
             pairer: Pairer::new(period / PAIRING_SHARE),
@@ -197,7 +196,6 @@ impl ScanAssembler {
     }
 
     /// When the first module falls silent, if none is heard before; `None` if none is listened for.
-    #[must_use]
     pub fn first_silence(&self, limit: Duration) -> Option<Time> {
         let expected = self.modules.iter().filter(|module| module.expected);
         let last = expected.filter_map(|module| module.last.or(self.begun)).min()?;
@@ -205,31 +203,26 @@ impl ScanAssembler {
     }
 
     /// Two thermal pads per module as last received.
-    #[must_use]
     pub fn pads(&self) -> &[[u8; 2]] {
         &self.pads
     }
 
     /// One raw count per taxel as last received.
-    #[must_use]
     pub fn counts(&self) -> Counts<'_> {
         self.counts.counts()
     }
 
     /// All modules, in the patch's order.
-    #[must_use]
     pub fn modules(&self) -> &[ModuleState] {
         &self.modules
     }
 
     /// Receive time of the newest frame; `None` before the first.
-    #[must_use]
     pub fn newest(&self) -> Option<Time> {
         self.begun.map(|_| self.newest)
     }
 
     /// Whether every module but those that are `left_out` was received within `limit` of the newest one.
-    #[must_use]
     pub fn is_whole_without(&self, limit: Duration, left_out: impl Fn(usize) -> bool) -> bool {
         let fresh = |m: &ModuleState| !m.stale && m.last.is_some_and(|last| self.newest.since(last) <= limit);
         self.modules.iter().enumerate().all(|(index, module)| left_out(index) || fresh(module))

@@ -123,7 +123,6 @@ impl BoardState {
     }
 
     /// Whether it streams.
-    #[must_use]
     pub fn is_heard(&self, now: Time) -> bool {
         self.last.is_some_and(|last| now.since(last) <= SILENT_AFTER)
     }
@@ -162,19 +161,16 @@ impl BoardState {
     }
 
     /// Tails whose status word named a trouble.
-    #[must_use]
     pub const fn status_errors(&self) -> u64 {
         self.status_errors
     }
 
     /// Temperature in Celsius, where the board sends it.
-    #[must_use]
     pub const fn celsius(&self) -> Option<f64> {
         self.celsius
     }
 
     /// Firmware in words.
-    #[must_use]
     pub fn firmware(&self) -> Option<String> {
         self.firmware.map(|f| {
             let ((major, minor, build), protocol) = (f.app, f.protocol);
@@ -183,7 +179,6 @@ impl BoardState {
     }
 
     /// What an operator should know of it.
-    #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if let Some(f) = self.firmware.filter(FirmwareVersion::loses_arbitrated_frames) {

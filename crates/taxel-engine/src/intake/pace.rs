@@ -60,7 +60,6 @@ pub struct Pace {
 
 impl Pace {
     /// A module that should send at this period, which is not zero.
-    #[must_use]
     pub fn new(period: Duration) -> Self {
         Self {
             configured: period,
@@ -129,7 +128,6 @@ impl Pace {
     }
 
     /// The interval at which the module has been sending evenly, where that is not the configured one.
-    #[must_use]
     pub fn unlike_configured(&self) -> Option<Duration> {
         let (last, since) = (self.last?, self.even_since?);
         let configured_s = self.configured.as_secs_f64();
@@ -138,7 +136,6 @@ impl Pace {
     }
 
     /// Scans that came when the board cannot have sent them: when the last one did, and how many in all.
-    #[must_use]
     pub const fn excess(&self) -> (Option<Time>, u64) {
         self.excess
     }

@@ -86,7 +86,6 @@ pub struct Intake {
 
 impl Intake {
     /// Nothing heard, nothing sent.
-    #[must_use]
     pub fn new(plan: IntakePlan) -> Self {
         let regions = Regions::new(&plan.patch);
         let (modules, boards) = (plan.patch.modules().len(), plan.patch.boards().len());
@@ -125,7 +124,6 @@ impl Intake {
     }
 
     /// Whether each board streams, also if only other patches hear it.
-    #[must_use]
     pub fn streams(&self, now: Time) -> Vec<bool> {
         self.boards.iter().map(|board| board.is_heard(now)).collect()
     }
@@ -329,7 +327,6 @@ impl Intake {
     }
 
     /// When [`Intake::tick`] has something to do at the latest, if nothing comes before.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let silence = self.assembler.first_silence(self.plan.stale_after);
         [self.bring_up.deadline(), silence, self.faults.deadline()].into_iter().flatten().min()
@@ -353,7 +350,6 @@ impl Intake {
     }
 
     /// The scan that ended last, with what is believed of it now.
-    #[must_use]
     pub fn scan(&self) -> Scan<'_> {
         Scan {
             time: self.end.time,
@@ -368,13 +364,11 @@ impl Intake {
     }
 
     /// Whether every module but those that are `left_out` was received within `limit` of the newest one.
-    #[must_use]
     pub fn is_whole_without(&self, limit: Duration, left_out: impl Fn(usize) -> bool) -> bool {
         self.assembler.is_whole_without(limit, left_out)
     }
 
     /// Receive time of the newest frame; `None` before the first.
-    #[must_use]
     pub fn newest(&self) -> Option<Time> {
         self.assembler.newest()
     }
@@ -385,31 +379,26 @@ impl Intake {
     }
 
     /// The faults of a taxel now.
-    #[must_use]
     pub fn faults(&self, taxel: usize) -> FaultSet {
         self.faults.faults(taxel)
     }
 
     /// The recent past of the pressure.
-    #[must_use]
     pub const fn gauge(&self) -> &GaugeHistory {
         &self.gauge
     }
 
     /// Where the bring-up stands.
-    #[must_use]
     pub const fn bring_up(&self) -> &BringUp {
         &self.bring_up
     }
 
     /// The parts of the patch.
-    #[must_use]
     pub const fn regions(&self) -> &Regions {
         &self.regions
     }
 
     /// Taxels of silent modules.
-    #[must_use]
     pub fn silent_taxels(&self) -> usize {
         let modules = self.silent.iter().zip(self.regions.modules());
         modules.filter(|(silent, _)| **silent).map(|(_, range)| range.len()).sum()

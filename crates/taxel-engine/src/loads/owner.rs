@@ -43,25 +43,21 @@ pub struct Loads {
 
 impl Loads {
     /// The loads of earlier runs, oldest first.
-    #[must_use]
     pub const fn new(plan: LoadsPlan, all: Vec<Arc<Load>>) -> Self {
         Self { plan, all, watch: None }
     }
 
     /// How many loads are kept.
-    #[must_use]
     pub const fn count(&self) -> usize {
         self.all.len()
     }
 
     /// Mean of the configured areas, in mm2.
-    #[must_use]
     pub fn area_mm2(&self) -> f64 {
         mean_area_mm2(&self.plan.areas)
     }
 
     /// Whether faulty taxels are filled by their neighbours.
-    #[must_use]
     pub const fn fills(&self) -> bool {
         self.plan.fills
     }
@@ -101,7 +97,6 @@ impl Loads {
     }
 
     /// When [`Loads::tick`] has something to do.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         self.watch.as_ref().map(LoadWatch::give_up_at)
     }
@@ -146,7 +141,6 @@ impl Loads {
     }
 
     /// All loads, judged for the model set in use.
-    #[must_use]
     pub fn validation(&self, model_set: Option<String>) -> Validation {
         let patch = Patch { name: &self.plan.patch, mean_area_mm2: self.area_mm2(), fills: self.plan.fills };
         judge(patch, &self.all, model_set)

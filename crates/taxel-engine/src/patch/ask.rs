@@ -171,7 +171,6 @@ impl Patch {
     }
 
     /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.
-    #[must_use]
     pub fn look(&self, now: Now, left_out: &[u16]) -> Vec<String> {
         self.intake.look(now.time, self.plan.session.gauge_timeout, left_out)
     }
@@ -249,7 +248,6 @@ impl Patch {
     }
 
     /// All known loads, judged.
-    #[must_use]
     pub fn validate(&self) -> Validation {
         self.loads.validation(self.force.models().map(|set| set.id.clone()))
     }

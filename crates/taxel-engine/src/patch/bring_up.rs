@@ -23,13 +23,11 @@ impl Patch {
     }
 
     /// Whether nothing is left to be listened for at the start: every module streams, or the boards were configured already.
-    #[must_use]
     pub fn is_heard(&self) -> bool {
         self.has_begun || self.intake.scan().whole
     }
 
     /// Whether each board has to be configured at the start: it is silent, or this daemon configured it otherwise last.
-    #[must_use]
     pub fn boards_to_configure(&self, now: Time) -> Vec<bool> {
         let differs = self.noted.configured != Some(self.settings);
         let may = |board| !self.has_begun && self.plan.configures_board(board);

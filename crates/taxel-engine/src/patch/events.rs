@@ -122,7 +122,6 @@ impl Patch {
     }
 
     /// The session that the patch holds or held last, as readers see it.
-    #[must_use]
     pub fn seen_session(&self) -> Option<Arc<SessionView>> {
         self.calibration.session().map(|view| self.seen(&Arc::new(view.clone())))
     }

@@ -97,7 +97,6 @@ pub struct Patch {
 impl Patch {
     /// Nothing heard, nothing sent; `loads` are those of earlier runs, `known` what was known then of its zero,
     /// `shared` says which boards other patches have, too.
-    #[must_use]
     pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, known: KeptZero, shared: Vec<bool>) -> Self {
         let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
         let regions = intake.regions().clone();
@@ -123,25 +122,21 @@ impl Patch {
     }
 
     /// Its plan.
-    #[must_use]
     pub const fn plan(&self) -> &PatchPlan {
         &self.plan
     }
 
     /// Its name.
-    #[must_use]
     pub fn name(&self) -> &str {
         self.plan.patch.name()
     }
 
     /// How many taxels it has.
-    #[must_use]
     pub fn taxels(&self) -> usize {
         self.intake.regions().taxels()
     }
 
     /// Its calibration.
-    #[must_use]
     pub const fn calibration(&self) -> &Calibration {
         &self.calibration
     }
@@ -152,19 +147,16 @@ impl Patch {
     }
 
     /// The model set in use.
-    #[must_use]
     pub const fn models(&self) -> Option<&Arc<ModelSet>> {
         self.force.models()
     }
 
     /// Why this set says nothing of the boards or the areas that are configured, in words.
-    #[must_use]
     pub fn unfit(&self, set: &ModelSet) -> Option<String> {
         self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_sum(self.loads.area_mm2(), self.loads.fills()))
     }
 
     /// How many known loads are kept.
-    #[must_use]
     pub const fn loads(&self) -> usize {
         self.loads.count()
     }
@@ -380,7 +372,6 @@ impl Patch {
     }
 
     /// When [`Patch::tick`] has something to do at the latest, if nothing comes before.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let now = Time::from_nanos(i64::MIN);
         if self.dirty {
@@ -391,13 +382,11 @@ impl Patch {
     }
 
     /// One entry per board.
-    #[must_use]
     pub fn board_health(&self, now: Time) -> Vec<BoardHealth> {
         self.intake.board_health(now)
     }
 
     /// What the gauge read last, if it was heard.
-    #[must_use]
     pub fn gauge_reading(&self) -> Option<GaugeReading> {
         self.intake.gauge().newest().map(|(time, kpa)| GaugeReading { time, kpa: kpa.0 })
     }

@@ -33,7 +33,6 @@ impl Sums {
 
 impl CountSums {
     /// Sums of so many taxels over no scan yet.
-    #[must_use]
     pub fn new(taxels: usize) -> Self {
         Self { scans: 0, taxels: vec![Sums::default(); taxels], range: CountRange::BYTE }
     }
@@ -58,13 +57,11 @@ impl CountSums {
     }
 
     /// Scans taken.
-    #[must_use]
     pub fn scans(&self) -> u64 {
         u64::from(self.scans)
     }
 
     /// Mean and noise per taxel in units; NaN where a taxel was sound in less than half of the scans.
-    #[must_use]
     pub fn baseline(&self) -> Vec<TaxelBaseline> {
         let per_unit = self.range.per_unit();
         let of = |&Sums { sound, counts, squares }: &Sums| {

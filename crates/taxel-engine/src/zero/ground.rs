@@ -28,7 +28,6 @@ pub struct Ground {
 
 impl Ground {
     /// Nothing is known but that pressure lowers the counts of all boards of iCub. Of other sensors only models tell.
-    #[must_use]
     pub fn new(regions: &Regions, activation: Activation) -> Self {
         let sign = |kind: &ModuleKind| if matches!(kind, ModuleKind::Cells(_)) { 0 } else { -1 };
         let modules = regions.modules().iter().zip(regions.kinds());
@@ -59,26 +58,22 @@ impl Ground {
     }
 
     /// One per taxel; none before the first zero or models.
-    #[must_use]
     pub fn zero(&self) -> &[TaxelBaseline] {
         &self.zero
     }
 
     /// One per taxel: +1, -1, or 0 where it is not known.
-    #[must_use]
     pub fn signs(&self) -> &[i8] {
         &self.signs
     }
 
     /// Counts from the zero from which on the taxel is touched.
-    #[must_use]
     pub fn touched_counts(&self, taxel: usize) -> f64 {
         self.touched_counts.get(taxel).copied().unwrap_or(f64::MAX)
     }
 
     /// How far the zero lies towards load from that of the models, counts, from 0 to [`RESIDUE_MAX_COUNTS`], once it has followed
     /// the skin by so many counts towards load: what the skin remembers of earlier loads. How it creeps back is the offset's.
-    #[must_use]
     pub fn residue_counts(&self, followed: f64) -> f64 {
         (self.residue_counts + followed.min(0.0)).max(0.0)
     }

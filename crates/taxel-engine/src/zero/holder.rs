@@ -87,7 +87,6 @@ pub struct Zero {
 
 impl Zero {
     /// No zero.
-    #[must_use]
     pub fn new(plan: ZeroPlan, regions: Regions) -> Self {
         Self {
             view: TareView::default(),
@@ -111,31 +110,26 @@ impl Zero {
     }
 
     /// Whether the boards still have it, as far as the counts show.
-    #[must_use]
     pub fn holds(&self) -> bool {
         self.held().is_some_and(|held| !held.doubted)
     }
 
     /// The zero as it was taken, one per taxel, if there is one.
-    #[must_use]
     pub fn baseline(&self) -> Option<&[TaxelBaseline]> {
         self.held().map(|held| held.baseline.as_slice())
     }
 
     /// The same if it holds: what a load of that time would still hide in.
-    #[must_use]
     pub fn as_taken(&self) -> Option<Vec<TaxelBaseline>> {
         self.baseline().filter(|_| self.holds()).map(<[_]>::to_vec)
     }
 
     /// The zero with its drift, one per taxel, if it holds.
-    #[must_use]
     pub fn zero(&self) -> Option<&[TaxelBaseline]> {
         self.holds().then_some(self.ground.zero())
     }
 
     /// The same for a live force, which needs one that the models in use are of, or have judged.
-    #[must_use]
     pub fn in_force(&self) -> Option<&[TaxelBaseline]> {
         self.zero().filter(|_| !self.is_of_other_models())
     }
@@ -145,7 +139,6 @@ impl Zero {
     }
 
     /// What readers see.
-    #[must_use]
     pub fn view(&self) -> TareView {
         let mut view = self.view.clone();
         view.drift = *self.offset.view();
@@ -158,7 +151,6 @@ impl Zero {
     }
 
     /// Why there is none for a live force, if there is none.
-    #[must_use]
     pub fn lacks(&self) -> Option<Reason> {
         if self.in_force().is_some() {
             return None;
@@ -168,40 +160,34 @@ impl Zero {
     }
 
     /// Who wants a zero that is being watched for.
-    #[must_use]
     pub fn watching(&self) -> Option<&Purpose> {
         self.watch.as_ref().map(|watch| &watch.purpose)
     }
 
     /// Standard uncertainty, in counts, of the zero that all taxels share.
-    #[must_use]
     pub fn sigma_counts(&self) -> f64 {
         self.offset.sigma_counts().hypot(UNSEEN_COUNTS)
     }
 
     /// How far the zero lies towards load from that of the models, as far as that may be what the skin remembers of earlier
     /// loads, counts.
-    #[must_use]
     pub fn residue_counts(&self) -> f64 {
         self.ground.residue_counts(self.offset.followed_counts())
     }
 
     /// How much of a load that lies on the whole patch may have gone into the zero since it was taken: what was taken of a
     /// heavier skin for an offset.
-    #[must_use]
     pub const fn absorbed(&self) -> Newton {
         self.offset.view().absorbed
     }
 
     /// What keeps a force at this zero from being a good one.
-    #[must_use]
     pub fn shortcoming(&self) -> Option<Reason> {
         self.offset.shortcoming()
     }
 
     /// That a load has just vanished from a whole board, if one has: nothing bounds a force above until the counts have shown that
     /// the board did not take a new zero.
-    #[must_use]
     pub fn load_vanished(&self) -> Option<Reason> {
         let mut boards = self.evidence.unloaded().peekable();
         boards.peek()?;
@@ -326,7 +312,6 @@ impl Zero {
     }
 
     /// When [`Zero::tick`] has something to do.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         self.watch.as_ref().map(|watch| watch.give_up_at() + Duration::from_nanos(1))
     }

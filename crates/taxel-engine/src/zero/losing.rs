@@ -120,7 +120,6 @@ impl Zero {
     }
 
     /// Why the counts cannot show whether the skin is unloaded, so that somebody has to confirm it; also after a restart.
-    #[must_use]
     pub fn needs_confirmation(&self) -> Option<&str> {
         self.evidence.unproven()
     }
@@ -132,7 +131,6 @@ impl Zero {
 
     /// What is known of the zero, if that is no more what was `noted`. The boards are set as the
     /// sum says.
-    #[must_use]
     pub fn news(&self, settings: u32, noted: &KeptZero) -> Option<KeptZero> {
         let (configured, unproven, unjudged) = (Some(settings), self.held_over_restarts(), self.unjudged.as_ref());
         // The set for which that does not count.
@@ -167,13 +165,11 @@ impl Zero {
     }
 
     /// The zero that somebody confirmed, if there is one with the zeros that the boards have.
-    #[must_use]
     pub const fn vouched(&self) -> Option<&Arc<[TaxelBaseline]>> {
         self.vouched.as_ref()
     }
 
     /// The zero that holds, if somebody confirmed this very one.
-    #[must_use]
     pub fn vouched_now(&self) -> Option<&[TaxelBaseline]> {
         self.baseline().filter(|zero| self.is_vouched(zero))
     }

@@ -1,19 +1,19 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
-pub mod bag;
+pub(crate) mod bag;
 mod count_sums;
-pub mod events;
-pub mod evidence;
+pub(crate) mod events;
+pub(crate) mod evidence;
 mod ground;
-pub mod holder;
-pub mod kept;
+pub(crate) mod holder;
+pub(crate) mod kept;
 mod losing;
 mod module_offset;
 mod offset;
-pub mod plan;
-pub mod rest;
+pub(crate) mod plan;
+pub(crate) mod rest;
 #[cfg(test)]
 mod tests;
-pub mod view;
-pub mod watch;
+pub(crate) mod view;
+pub(crate) mod watch;
 mod watching;

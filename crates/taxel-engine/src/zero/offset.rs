@@ -93,7 +93,6 @@ pub struct Told {
 
 impl Offset {
     /// Of no zero yet.
-    #[must_use]
     pub fn new(plan: DriftPlan, regions: &Regions, beside: Vec<Vec<usize>>) -> Self {
         Self {
             plan,
@@ -140,7 +139,6 @@ impl Offset {
     }
 
     /// Mean of the pads of each module in the last second, counts, `None` without one.
-    #[must_use]
     pub fn pads(&self) -> Vec<Option<f64>> {
         self.modules.iter().map(ModuleOffset::pads).collect()
     }
@@ -277,7 +275,6 @@ impl Offset {
     }
 
     /// The zero as it was taken, moved by what is followed; `signs` say which way pressure moves the counts.
-    #[must_use]
     pub fn applied_to(&self, zero: &[TaxelBaseline], signs: &[i8]) -> Vec<TaxelBaseline> {
         let mut zero = zero.to_vec();
         for (taxels, module) in self.taxels.iter().zip(&self.modules) {
@@ -290,13 +287,11 @@ impl Offset {
     }
 
     /// How far the median module's zero has followed, counts towards load.
-    #[must_use]
     pub fn followed_counts(&self) -> f64 {
         median(self.modules.iter().map(|module| module.followed)).unwrap_or(0.0)
     }
 
     /// Standard uncertainty of the zero, counts, that taxels share: of the modules that are touched, or of all.
-    #[must_use]
     pub fn sigma_counts(&self) -> f64 {
         let of = |held: bool| {
             let these = self.modules.iter().filter(|module| !held || module.untouched_s < HOLD_OFF_S);
@@ -309,13 +304,11 @@ impl Offset {
     }
 
     /// What readers see.
-    #[must_use]
     pub const fn view(&self) -> &DriftView {
         &self.view
     }
 
     /// Why the force is not what it should be, if the drift is at its bound.
-    #[must_use]
     pub fn shortcoming(&self) -> Option<Reason> {
         let bounded = || self.taxels.iter().zip(&self.modules).filter(|(_, module)| module.is_bounded);
         let target = bounded().map(|(_, module)| module.offset()).reduce(furthest)?;

@@ -55,7 +55,6 @@ pub struct ZeroPlan {
 
 impl ZeroPlan {
     /// What the module at this position is called; its position where it has no name.
-    #[must_use]
     pub fn module_name(&self, module: usize) -> String {
         self.module_names.get(module).cloned().unwrap_or_else(|| format!("module {module}"))
     }
@@ -63,7 +62,6 @@ impl ZeroPlan {
 
 /// Of each module of a patch those that lie beside it: with taxels closer than `reach_m`. Without positions of both, two modules
 /// count as beside each other.
-#[must_use]
 pub fn modules_beside(modules: &[Range<usize>], geometry: Option<&Geometry>, reach_m: f64) -> Vec<Vec<usize>> {
     let place = |taxel: usize| geometry?.poses.get(taxel).copied().flatten().map(|pose| pose.position);
     let places: Vec<Vec<[f64; 3]>> = modules.iter().map(|taxels| taxels.clone().filter_map(place).collect()).collect();

@@ -34,7 +34,6 @@ pub enum Purpose {
 
 impl Purpose {
     /// Who vouches that nothing touches the skin.
-    #[must_use]
     pub fn confirmed_by(&self) -> Option<&str> {
         match self {
             Self::AtStart => None,
@@ -56,7 +55,6 @@ pub struct Watch {
 
 impl Watch {
     /// Begins to watch for so long, with an empty `window`.
-    #[must_use]
     pub const fn new(begun: Time, duration: Duration, window: RestWindow, purpose: Purpose) -> Self {
         Self { purpose, window, begun, duration }
     }
@@ -68,13 +66,11 @@ impl Watch {
     }
 
     /// Whether it has lasted long enough and has seen enough scans.
-    #[must_use]
     pub fn is_over(&self, now: Time) -> bool {
         self.window.all().count() >= SCANS_MIN && now.since(self.begun) >= self.duration
     }
 
     /// When a watch that gets no scans is given up.
-    #[must_use]
     pub fn give_up_at(&self) -> Time {
         self.begun + self.duration + GRACE
     }

@@ -5,11 +5,10 @@ use std::time::Duration;
 
 use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
-use taxel_engine::intake::faults::Fault;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{DevicePlan, DeviceSignal, Gauge, PatchPlan, Plan, ScanBegin, Sender};
 use taxel_engine::record::Record;
-use taxel_engine::snapshot::ForceState;
+use taxel_engine::snapshot::{Fault, ForceState};
 use taxel_engine::{BusNotice, Restored};
 use taxel_skin::{Board, BoardAddress, CountRange, Module, ModuleKind, Patch, SquareMillimetre, Time};
 use taxel_wire::array::{CountField, FrameSpec};

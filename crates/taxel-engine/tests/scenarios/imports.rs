@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::command::{Command, Done, Rejection};
-use taxel_engine::force::ForceState;
 use taxel_engine::model_set::ModelSet;
+use taxel_engine::snapshot::ForceState;
 use taxel_model::TaxelModel;
 
 use crate::bench::Bench;

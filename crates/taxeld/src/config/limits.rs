@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
+use taxel_engine::SCANS_MIN;
 use taxel_engine::calibration::fit::{Branch, PlaysChoice};
 use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
-use taxel_engine::zero::rest::SCANS_MIN;
 use taxel_model::{FitOptions, GaugeUncertainty, Order};
 use taxel_skin::Kilopascal;
 

@@ -3,8 +3,10 @@
 use std::time::Duration;
 use taxel_skin::{CountRange, ModuleKind, Time};
 
+use super::detector::FaultDetector;
+use super::fault::{Fault, FaultSet};
+use super::limits::FaultLimits;
 use super::taxel::TaxelWatch;
-use super::*;
 use crate::counts::Counts;
 
 const HOLD: Duration = Duration::from_secs(2);

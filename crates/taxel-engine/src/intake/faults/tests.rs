@@ -1,4 +1,6 @@
-use super::*;
+use super::detector::FaultDetector;
+use super::fault::Fault;
+use super::limits::FaultLimits;
 use proptest::prelude::*;
 use std::time::Duration;
 use taxel_skin::Time;

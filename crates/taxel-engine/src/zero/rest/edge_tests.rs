@@ -1,7 +1,9 @@
 //! Where each limit of the test of rest lies: a little less is rest, a little more is not.
 
-use super::judge::drift_error;
-use super::*;
+use super::judge::{Reference, drift_error, judge};
+use super::statistics::RestStatistics;
+use super::verdict::RestVerdict;
+use super::window::RestWindow;
 use crate::baseline::TaxelBaseline;
 use crate::zero::rest::moves::Moves;
 use crate::zero::rest::verdict::{Beyond, Unsteadiness};

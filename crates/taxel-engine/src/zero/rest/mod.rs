@@ -24,18 +24,13 @@
 mod edge_tests;
 #[cfg(test)]
 mod insole_tests;
-pub mod judge;
-pub mod limits;
-pub mod moves;
-pub mod statistics;
+pub(crate) mod judge;
+pub(crate) mod limits;
+pub(crate) mod moves;
+pub(crate) mod statistics;
 #[cfg(test)]
 pub(crate) mod tests;
-pub mod verdict;
-pub mod window;
+pub(crate) mod verdict;
+pub(crate) mod window;
 
-pub use judge::{Reference, judge};
-pub use limits::SCANS_MIN;
-pub use moves::Unloading;
 pub use statistics::RestStatistics;
-pub use verdict::RestVerdict;
-pub use window::RestWindow;

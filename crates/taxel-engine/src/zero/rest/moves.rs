@@ -128,7 +128,6 @@ impl Unloading {
     /// What was seen of each taxel in so many scans, if that is lighter than `zero` by more than a true zero allows: then that was
     /// taken under a load that has gone since. True zeros of recordings stay within 0.07 counts in the median, where a load of
     /// 30 kPa leaves 0.9. The window is as long as that of the zero; who has a whole file asks for each of its windows.
-    #[must_use]
     pub fn find(
         zero: &[TaxelBaseline],
         (seen, scans): (&[TaxelBaseline], u64),
@@ -150,7 +149,6 @@ impl Unloading {
     }
 
     /// In words, with the modules by the names that they have for whoever looks for them.
-    #[must_use]
     pub fn told(&self, name: impl Fn(usize) -> String) -> String {
         let by_module = |module| format!(", {} by {:.2}", name(module), self.module_median);
         let module = self.module.map(by_module).unwrap_or_default();

@@ -1,6 +1,8 @@
+use super::judge::{Reference, judge};
 use super::limits::MOVED_FEW_FROM_ZERO_MAX;
-use super::verdict::Beyond;
-use super::*;
+use super::statistics::RestStatistics;
+use super::verdict::{Beyond, RestVerdict};
+use super::window::RestWindow;
 use crate::baseline::TaxelBaseline;
 use proptest::prelude::*;
 

@@ -100,19 +100,16 @@ impl fmt::Display for Unsteadiness {
 
 impl RestVerdict {
     /// Whether the skin is at rest, as far as counts can show.
-    #[must_use]
     pub const fn is_rest(&self) -> bool {
         matches!(self, Self::Rest { .. })
     }
 
     /// Whether enough was seen and nothing moved: then an operator may vouch for what the counts cannot show.
-    #[must_use]
     pub const fn is_still(&self) -> bool {
         !matches!(self.refusal(), ErrorReason::TareUnsteady | ErrorReason::SkinSilent)
     }
 
     /// Why no zero is taken of a skin that this was said of, unless somebody vouches for it.
-    #[must_use]
     pub const fn refusal(&self) -> ErrorReason {
         match self {
             Self::Loaded(_) | Self::LoadedInPart(..) | Self::Standing(..) => ErrorReason::TareLoaded,
@@ -123,7 +120,6 @@ impl RestVerdict {
     }
 
     /// In words, with the modules by the names that they have for whoever looks for them.
-    #[must_use]
     pub fn told(&self, name: impl Fn(usize) -> String) -> String {
         let place = |beyond: &Beyond| beyond.module.map_or_else(|| "most of the skin".to_owned(), &name);
         match self {

@@ -32,7 +32,6 @@ pub struct RestWindow {
 
 impl RestWindow {
     /// No scan yet. `modules` says which taxels form a module.
-    #[must_use]
     pub fn new(taxels: usize, modules: &[Range<usize>]) -> Self {
         let [of_taxels, of_modules] = [taxels, modules.len()].map(RestStatistics::new);
         Self {
@@ -70,13 +69,11 @@ impl RestWindow {
     }
 
     /// The whole window.
-    #[must_use]
     pub const fn all(&self) -> &RestStatistics {
         &self.all
     }
 
     /// Which taxels form each module.
-    #[must_use]
     pub fn modules(&self) -> &[Range<usize>] {
         &self.modules
     }
@@ -98,7 +95,6 @@ impl RestWindow {
 
     /// Mean and noise per taxel. A taxel that moved while it was watched has none: one may move without the skin being called
     /// restless, and what it reads in the mean may hide a load that came meanwhile.
-    #[must_use]
     pub fn steady_baseline(&self) -> Vec<TaxelBaseline> {
         let [early, late] = self.halves.each_ref().map(RestStatistics::baseline);
         let share = self.halves_error();
@@ -117,7 +113,6 @@ impl RestWindow {
     }
 
     /// As [`Unloading::find`].
-    #[must_use]
     pub fn lighter_than(&self, zero: &[TaxelBaseline], sign: &[i8]) -> Option<Unloading> {
         Unloading::find(zero, (&self.all.baseline(), self.all.count()), &self.modules, sign)
     }
@@ -128,7 +123,6 @@ impl RestWindow {
     ///
     /// What the median module moved by is taken off first: warmth moves all. The deviate is that of a chi-square with one
     /// degree of freedom less than there are modules (Wilson and Hilferty, The Distribution of Chi-Square, 1931).
-    #[must_use]
     pub(super) fn unlikeness(&self) -> Option<f64> {
         if !self.has_both_halves() {
             return None;
