@@ -7,7 +7,7 @@
 //!    an *organ*; none knows another.
 //! 3. Only `patch` knows all organs of a patch, and only [`engine`] all patches.
 //! 4. A force goes out as a good one only while its zero is proven.
-//! 5. What an operator asks for takes effect when it is on disk: see [`engine::pending`].
+//! 5. What an operator asks for takes effect when it is on disk: see `engine/pending.rs`.
 //! 6. Within the crate a file imports from the file that defines an item; no files import each other in a circle.
 //!
 //! | folder | what it owns |

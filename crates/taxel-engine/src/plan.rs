@@ -23,7 +23,7 @@ use crate::force::measure::Layout;
 use crate::force::owner::ForcePlan;
 use crate::intake::faults::limits::FaultLimits;
 use crate::intake::receive::IntakePlan;
-use crate::loads::owner::LoadsPlan;
+use crate::loads::load::LoadsPlan;
 use crate::model_set::ModelSet;
 use crate::regions::Regions;
 use crate::zero::plan::{ZeroPlan, modules_beside};
@@ -232,7 +232,7 @@ impl PatchPlan {
     pub fn loads(&self) -> LoadsPlan {
         LoadsPlan {
             patch: self.patch.name().to_owned(),
-            areas: self.areas.clone(),
+            mean_area_mm2: self.areas.iter().map(|area| area.0).sum::<f64>() / self.areas.len().max(1) as f64,
             fills: self.outputs.fill && self.geometry.is_some(),
         }
     }

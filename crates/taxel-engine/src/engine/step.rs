@@ -19,6 +19,7 @@ use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
 use crate::intake::boards::SILENT_AFTER;
 use crate::intake::health::{BusNotice, BusState};
+use crate::intake::receive::{Intake, IntakeEvent};
 use crate::known_set::KnownSet;
 use crate::loads::load::Load;
 use crate::now::Now;
@@ -184,12 +185,23 @@ impl Engine {
         result
     }
 
+    /// Something comes in to one patch.
+    fn with_intake<T>(
+        &mut self,
+        now: Now,
+        index: usize,
+        out: &mut Vec<Output>,
+        act: impl FnOnce(&mut Intake, &mut Vec<IntakeEvent>) -> T,
+    ) -> T {
+        self.with_patch(now, index, out, |patch, effects| patch.with_intake(now, effects, act))
+    }
+
     /// Has written down what a patch intends, before it takes effect, and tells others what concerns them, too.
     fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
         let (request, planned) = match intent {
             Intent::News { board, news } => {
                 for (other, board) in self.shared.others(index, board).to_vec() {
-                    self.with_patch(now, other, out, |patch, effects| patch.on_news(now, board, &news, effects));
+                    self.with_intake(now, other, out, |intake, events| intake.on_news(board, &news, events));
                 }
                 return;
             }
@@ -249,16 +261,16 @@ impl Engine {
         let refused = match self.routes.of(bus, frame.frame.id) {
             Route::Foreign => return Taken::Foreign,
             Route::Module { patch, module } => {
-                let take = |patch: &mut Patch, effects: &mut Effects<'_>| {
-                    patch.on_module_frame(now, usize::from(module), frame, effects)
-                };
-                self.with_patch(now, usize::from(patch), out, take).err().map(|e| e.to_string())
+                let taken = self.with_intake(now, usize::from(patch), out, |intake, events| {
+                    intake.on_module_frame(usize::from(module), frame, events)
+                });
+                taken.err().map(|refusal| refusal.to_string())
             }
             Route::Board { patch, board } => {
-                let take = |patch: &mut Patch, effects: &mut Effects<'_>| {
-                    patch.on_board_frame(now, usize::from(board), &frame.frame, effects)
-                };
-                self.with_patch(now, usize::from(patch), out, take).err().map(|e| e.to_string())
+                let taken = self.with_intake(now, usize::from(patch), out, |intake, events| {
+                    intake.on_board_frame(usize::from(board), &frame.frame, events)
+                });
+                taken.err().map(|refusal| refusal.to_string())
             }
             Route::Gauge => self.on_gauge(now, bus, frame, out),
             Route::Device => return self.on_device(now, bus, frame, out),
@@ -297,7 +309,7 @@ impl Engine {
             if plan.devices.is_empty() || !plan.patch.is_on(bus) {
                 continue;
             }
-            match self.with_patch(now, index, out, |patch, effects| patch.on_device_frame(now, frame, effects)) {
+            match self.with_intake(now, index, out, |intake, events| intake.on_device_frame(frame, events)) {
                 Ok(theirs) => ours |= theirs,
                 Err(short) => refused = Some(short.to_string()),
             }

@@ -57,7 +57,9 @@ impl Patch {
         let streaming = streams.iter().zip(wanted).any(|(streams, wanted)| *streams && *wanted);
         let shows_loads = self.force.is_ready() && self.felt.is_some();
         let unseen = streaming && !confirmed && !shows_loads;
-        self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
+        self.with_zero(now, effects, |zero, events| {
+            zero.lose(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, events)
+        });
         self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
         self.zero.on_bring_up(confirmed, unseen.then_some(CONFIGURED_UNSEEN));
         self.intake.start_bring_up(now.time, wanted);

@@ -114,7 +114,7 @@ fn a_board_is_configured_if_it_is_silent_or_was_configured_otherwise() {
         if streams {
             scene.act(|patch, effects| {
                 let heard = BoardNews::Heard(now(1_250).time, StatusWord(0));
-                patch.on_news(now(1_250), 0, &heard, effects)
+                patch.with_intake(now(1_250), effects, |intake, events| intake.on_news(0, &heard, events))
             });
         }
         assert_eq!(scene.patch.boards_to_configure(now(1_300).time), [wanted]);

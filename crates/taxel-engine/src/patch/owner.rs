@@ -5,10 +5,7 @@
 
 use std::sync::Arc;
 use std::time::Duration;
-use taxel_skin::{BusIndex, Kilopascal, Newton, Time};
-use taxel_wire::array::TooShort;
-use taxel_wire::icub::Refusal;
-use taxel_wire::{Frame, TimedFrame};
+use taxel_skin::{Board, BusIndex, Kilopascal, Newton, Time};
 
 use crate::boundary::output::Output;
 use crate::boundary::pushed::PushedScan;
@@ -16,7 +13,6 @@ use crate::boundary::record::Record;
 use crate::boundary::snapshot::GaugeReading;
 use crate::calibration::calibrate::Calibration;
 use crate::force::owner::Force;
-use crate::force::reason::ReasonCode;
 use crate::intake::boards::{BoardDoubt, BoardNews, ZeroSign};
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::health::BoardHealth;
@@ -153,17 +149,14 @@ impl Patch {
 
     /// Why this set says nothing of the boards or the areas that are configured, in words.
     pub fn unfit(&self, set: &ModelSet) -> Option<String> {
-        self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_sum(self.loads.area_mm2(), self.loads.fills()))
+        self.plan
+            .unfit_for_settings(set)
+            .or_else(|| set.unfit_for_sum(self.loads.plan().mean_area_mm2, self.loads.plan().fills))
     }
 
     /// How many known loads are kept.
     pub const fn loads(&self) -> usize {
         self.loads.count()
-    }
-
-    /// Something has moved the zero of the boards.
-    pub fn lose_zero(&mut self, now: Now, code: ReasonCode, why: impl Into<String>, effects: &mut Effects<'_>) {
-        self.with_zero(now, effects, |zero, events| zero.lose(code, why, events));
     }
 
     /// The host may have lost frames of a bus, of all without one, of so long a time before `now`.
@@ -174,48 +167,27 @@ impl Patch {
     /// A bus was lost for a time, and with it what its boards did meanwhile: they may have taken new zeros under what lies
     /// on them.
     pub fn on_bus_lost(&mut self, now: Now, bus: BusIndex, why: &str, effects: &mut Effects<'_>) {
-        let boards = self.plan.patch.boards().iter().enumerate().filter(|(_, board)| board.bus == bus);
-        let boards: Vec<usize> = boards.map(|(board, _)| board).collect();
+        self.lose_zeros(now, |board| board.bus == bus, why, effects);
+    }
+
+    fn lose_zeros(&mut self, now: Now, of: impl Fn(&Board) -> bool, why: &str, effects: &mut Effects<'_>) {
+        let boards: Vec<bool> = self.plan.patch.boards().iter().map(of).collect();
         self.with_zero(now, effects, |zero, events| {
-            boards.into_iter().for_each(|board| zero.lose_by_board(board, why, events));
+            (0..boards.len()).filter(|&board| boards[board]).for_each(|board| zero.lose_by_board(board, why, events));
         });
     }
 
-    /// A frame with an identifier of one of this patch's modules.
-    ///
-    /// # Errors
-    /// [`Refusal`] if its content is not a message; the caller counts it.
-    pub fn on_module_frame(
+    /// Something comes in, such as a frame, and what follows from it.
+    pub fn with_intake<T>(
         &mut self,
         now: Now,
-        module: usize,
-        frame: &TimedFrame,
         effects: &mut Effects<'_>,
-    ) -> Result<(), Refusal> {
+        act: impl FnOnce(&mut Intake, &mut Vec<IntakeEvent>) -> T,
+    ) -> T {
         let mut events = Vec::new();
-        self.intake.on_module_frame(module, frame, &mut events)?;
-        if !events.is_empty() {
-            self.on_intake_events(now, events, effects);
-        }
-        Ok(())
-    }
-
-    /// A frame with an identifier of one of this patch's devices. Returns whether it was one of theirs.
-    ///
-    /// # Errors
-    /// [`TooShort`] if it ends before its numbers do; the caller counts it.
-    pub fn on_device_frame(
-        &mut self,
-        now: Now,
-        frame: &TimedFrame,
-        effects: &mut Effects<'_>,
-    ) -> Result<bool, TooShort> {
-        let mut events = Vec::new();
-        let ours = self.intake.on_device_frame(frame, &mut events);
-        if !events.is_empty() {
-            self.on_intake_events(now, events, effects);
-        }
-        ours
+        let result = act(&mut self.intake, &mut events);
+        self.on_intake_events(now, events, effects);
+        result
     }
 
     /// A program begins to hand over scans. Whatever handed them over before may have been another device, or the same
@@ -223,10 +195,7 @@ impl Patch {
     pub fn begin_push(&mut self, now: Now, effects: &mut Effects<'_>) {
         if self.intake.newest().is_some() {
             let why = "another stream of scans has begun: what pushes them may have taken a new zero";
-            let boards = 0..self.plan.patch.boards().len();
-            self.with_zero(now, effects, |zero, events| {
-                boards.for_each(|board| zero.lose_by_board(board, why, events));
-            });
+            self.lose_zeros(now, |_| true, why, effects);
         }
     }
 
@@ -235,33 +204,7 @@ impl Patch {
         if let Some(pressure) = scan.pressure {
             self.on_pressure(now, scan.time, pressure, effects);
         }
-        let mut events = Vec::new();
-        self.intake.on_pushed(scan, &mut events);
-        self.on_intake_events(now, events, effects);
-    }
-
-    /// A frame with another identifier of one of this patch's boards.
-    ///
-    /// # Errors
-    /// [`Refusal`] if its content is not a message; the caller counts it.
-    pub fn on_board_frame(
-        &mut self,
-        now: Now,
-        board: usize,
-        frame: &Frame,
-        effects: &mut Effects<'_>,
-    ) -> Result<(), Refusal> {
-        let mut events = Vec::new();
-        self.intake.on_board_frame(board, frame, &mut events)?;
-        self.on_intake_events(now, events, effects);
-        Ok(())
-    }
-
-    /// What another patch has learnt of a board that this one has, too.
-    pub fn on_news(&mut self, now: Now, board: usize, news: &BoardNews, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.intake.on_news(board, news, &mut events);
-        self.on_intake_events(now, events, effects);
+        self.with_intake(now, effects, |intake, events| intake.on_pushed(scan, events));
     }
 
     /// A reading of the gauge that this patch's bag has.

@@ -8,7 +8,7 @@ use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::loads::places::LaidAt;
 use taxel_engine::loads::{KnownLoad, Load, Validation, Weight};
-use taxel_engine::loads::{Patch, judge};
+use taxel_engine::loads::{LoadsPlan, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, Recalibration, propose};
@@ -262,8 +262,8 @@ fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
     loads[0].read.reasons = vec!["module 3 is silent: the total is a lower bound".to_owned()];
     let (area_mm2, of) = (loads[0].mean_area_mm2, view.model_set.clone());
     let loads: Vec<_> = loads.into_iter().map(Arc::new).collect();
-    let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, fills: true };
-    view = judge(patch, &loads, of);
+    let plan = LoadsPlan { patch: view.patch.clone(), mean_area_mm2: area_mm2, fills: true };
+    view = judge(&plan, &loads, of);
     let counted = view.loads.iter().filter(|judged| judged.counts()).count();
     assert_eq!(counted, MASSES.len() - 1);
     let chosen = Chosen { loads: numbers, ..Chosen::default() };
@@ -287,8 +287,8 @@ fn loads_and_their_correction_say_nothing_of_a_sum_that_is_made_in_another_way()
     );
     let loads: Vec<Arc<Load>> = view.loads.iter().rev().map(|judged| Arc::clone(&judged.load)).collect();
     let counted = |loads: &[Arc<Load>], fills| {
-        let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, fills };
-        let judged = judge(patch, loads, view.model_set.clone());
+        let plan = LoadsPlan { patch: view.patch.clone(), mean_area_mm2: area_mm2, fills };
+        let judged = judge(&plan, loads, view.model_set.clone());
         (judged.loads.iter().filter(|load| load.counts()).count(), judged.loads[0].outdated_because.clone())
     };
     let said = "faulty taxels were filled by their neighbours, and are not now".to_owned();
