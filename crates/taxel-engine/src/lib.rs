@@ -6,14 +6,14 @@
 //! 2. A fact has one owner with private fields, which takes values and returns values. A folder that owns one kind of fact is
 //!    an *organ*; none knows another.
 //! 3. Only `patch` knows all organs of a patch, and only [`engine`] all patches.
-//! 4. A force goes out as a good one only while its zero is proven: see [`zero`].
-//! 5. What an operator asks for takes effect when it is on disk: see [`engine::pending`].
+//! 4. A force goes out as a good one only while its zero is proven.
+//! 5. What an operator asks for takes effect when it is on disk: see `engine/pending.rs`.
 //! 6. Within the crate a file imports from the file that defines an item; no files import each other in a circle.
 //!
 //! | folder | what it owns |
 //! |---|---|
-//! | [`intake`] | frames to scans: assembler, faults, boards, bring-up, gauge |
-//! | [`zero`] | what is zero, and does it hold |
+//! | `intake` | frames to scans: assembler, faults, boards, bring-up, gauge |
+//! | `zero` | what is zero, and does it hold |
 //! | [`force`] | models at the present zero, selection, sum, uncertainty |
 //! | [`calibration`] | sessions and fits |
 //! | [`loads`] | known loads and how far they are read off |
@@ -37,7 +37,7 @@ pub mod counts;
 pub mod engine;
 mod fnv;
 pub mod force;
-pub mod intake;
+mod intake;
 pub mod known_set;
 pub mod loads;
 pub mod model_set;
@@ -52,7 +52,7 @@ mod scan;
 pub mod stability;
 pub mod statistics;
 pub mod verdict;
-pub mod zero;
+mod zero;
 
 pub use boundary::catalogue::Restored;
 pub use boundary::input::Input;
@@ -65,3 +65,5 @@ pub use now::Now;
 pub use regions::Regions;
 pub use request::{ErrorReason, Rejection, RequestId};
 pub use scan::Scan;
+pub use zero::rest::RestStatistics;
+pub use zero::rest::limits::SCANS_MIN;

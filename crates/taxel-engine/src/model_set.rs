@@ -94,10 +94,6 @@ pub struct Recalibrated {
     pub gain: f64,
     /// Standard uncertainty of the gain.
     pub gain_sigma: f64,
-    /// What was added then, kPa.
-    pub offset_kpa: f64,
-    /// Standard uncertainty of the offset, kPa.
-    pub offset_sigma_kpa: f64,
     /// Relative standard deviation from place to place that was assumed.
     pub place_rel: f64,
     /// Relative standard uncertainty that a load at a new place has by the correction; in `gauge_gain_rel`.

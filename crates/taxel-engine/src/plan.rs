@@ -12,8 +12,7 @@ pub use crate::intake::bring_up::BoardSetup;
 use crate::intake::bring_up::commands;
 pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 pub use crate::intake::gauge::Gauge;
-pub use crate::zero::drift::plan::DriftPlan;
-pub use crate::zero::plan::TarePlan;
+pub use crate::zero::plan::{DriftPlan, TarePlan};
 
 use crate::baseline::Activation;
 use crate::board_settings::{BoardSettings, KnownBoard, difference};
@@ -24,11 +23,10 @@ use crate::force::measure::Layout;
 use crate::force::owner::ForcePlan;
 use crate::intake::faults::limits::FaultLimits;
 use crate::intake::receive::IntakePlan;
-use crate::loads::owner::LoadsPlan;
+use crate::loads::load::LoadsPlan;
 use crate::model_set::ModelSet;
 use crate::regions::Regions;
-use crate::zero::drift::site::drift_sites;
-use crate::zero::plan::ZeroPlan;
+use crate::zero::plan::{ZeroPlan, modules_beside};
 
 /// Everything one engine does.
 #[derive(Clone, Debug)]
@@ -183,12 +181,12 @@ impl PatchPlan {
     /// What of it the zero needs.
     #[must_use]
     pub fn zero(&self) -> ZeroPlan {
+        let (regions, reach_m) = (Regions::new(&self.patch), self.live.contact_reach_m);
         ZeroPlan {
             tare: self.tare,
             drift: self.drift,
-            sites: drift_sites(&self.patch, self.geometry.as_ref(), self.live.contact_reach_m),
+            beside: modules_beside(regions.modules(), self.geometry.as_ref(), reach_m),
             activation: self.live.activation(),
-            period: self.period,
             board_names: self.patch.boards().iter().map(|board| board.address.to_string()).collect(),
             module_names: (0..self.patch.modules().len()).map(|module| self.patch.module_name(module)).collect(),
         }
@@ -246,7 +244,7 @@ impl PatchPlan {
     pub fn loads(&self) -> LoadsPlan {
         LoadsPlan {
             patch: self.patch.name().to_owned(),
-            areas: self.areas.clone(),
+            mean_area_mm2: self.areas.iter().map(|area| area.0).sum::<f64>() / self.areas.len().max(1) as f64,
             fills: self.outputs.fill && self.geometry.is_some(),
         }
     }

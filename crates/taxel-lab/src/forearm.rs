@@ -7,11 +7,11 @@ use std::time::Duration;
 use anyhow::Context;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::fit::FitRecipe;
-use taxel_engine::force::Force;
-use taxel_engine::force::owner::ZeroState;
+use taxel_engine::force::{Force, ZeroState};
+
+use taxel_engine::RestStatistics;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Gauge, Outputs, PatchPlan};
-use taxel_engine::zero::rest::RestStatistics;
 use taxel_sim::{BoardsConfig, Config, Effect, GaugeConfig, Mass, PumpCommand, World};
 use taxel_skin::{BusIndex, Geometry, Kilopascal, ModuleSite, TaxelIndex, Time, area};
 use taxel_wire::TimedFrame;

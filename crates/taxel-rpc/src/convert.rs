@@ -2,10 +2,9 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use taxel_engine::intake::faults::FaultSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::{
-    Contact, ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Term,
+    Contact, FaultSet, ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Term,
 };
 use taxel_proto::{Timestamp, v1};
 use taxel_skin::{Newton, Time};

@@ -352,7 +352,6 @@ fn check_recalibrated(of: &Recalibrated) -> Result<(), ModelsJsonError> {
         ("gain_in_all", of.gain_in_all, above),
         ("area_mm2", of.area_mm2.unwrap_or(above), above),
         ("gain_sigma", of.gain_sigma, sigma),
-        ("offset_sigma_kpa", of.offset_sigma_kpa, sigma),
         ("place_rel", of.place_rel, sigma),
         ("relative_sigma", of.relative_sigma, sigma),
     ] {

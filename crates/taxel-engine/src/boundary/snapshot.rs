@@ -7,8 +7,9 @@ pub use crate::force::budget::{Budget, Term};
 pub use crate::force::reason::{Reason, ReasonCode, in_words};
 pub use crate::force::sample::{Contact, ForceSample, ForceState, RangeFlag, TaxelState, Undetected};
 pub use crate::force::taxels::Taxels;
+pub use crate::intake::faults::fault::{Fault, FaultSet};
 pub use crate::intake::health::{BoardHealth, BusHealth};
-pub use crate::zero::view::TareView;
+pub use crate::zero::view::{DriftState, DriftView, TareView};
 
 /// One patch at one moment.
 #[derive(Clone, Debug, Default)]

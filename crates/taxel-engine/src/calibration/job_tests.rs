@@ -9,7 +9,7 @@ use super::limits::SessionLimits;
 use super::samples::{RampBaseline, Sample, SessionSamples};
 use super::view::{SampleRefusal, SessionState};
 use crate::baseline::{Activation, TaxelBaseline};
-use crate::force::Tables;
+use crate::force::tables::Tables;
 use crate::intake::faults::limits::FaultLimits;
 use crate::model_set::ModelSet;
 use taxel_skin::SquareMillimetre;

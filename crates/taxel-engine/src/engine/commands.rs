@@ -34,11 +34,13 @@ impl Engine {
             Command::Activate { patch, model_set, expected } => {
                 self.activate(now, request, (&patch, model_set, expected), out)
             }
-            Command::Import { model_set, insist } => self.keep(model_set, Origin::Import { request, insist }, out),
-            Command::KeepRefit { model_set, sessions } => {
-                self.keep(model_set, Origin::Refit { request, sessions }, out)
+            Command::Import { model_set, insist } => {
+                self.keep(Some(request), model_set, Origin::Import { insist }, out)
             }
-            Command::KeepRecalibration { model_set } => self.keep(model_set, Origin::Loads { request }, out),
+            Command::KeepRefit { model_set, sessions } => {
+                self.keep(Some(request), model_set, Origin::Refit(sessions), out)
+            }
+            Command::KeepRecalibration { model_set } => self.keep(Some(request), model_set, Origin::Loads, out),
         };
         match answer {
             Ok(Answer::Now(done)) => out.push(Output::Reply(request, Ok(done))),

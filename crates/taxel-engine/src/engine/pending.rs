@@ -22,56 +22,20 @@ pub(super) enum Answer {
 /// The effect that something will have.
 #[derive(Clone, Debug)]
 pub enum Effect {
-    /// A model set comes into use.
-    Activate {
-        /// Whom to answer.
-        request: RequestId,
-        /// Position of the patch.
-        patch: usize,
-        /// The set.
-        set: Arc<ModelSet>,
-    },
+    /// A model set comes into use on the patch at this position.
+    Activate(usize, Arc<ModelSet>),
     /// A model set is kept.
-    Keep {
-        /// The set.
-        set: Arc<ModelSet>,
-        /// Where it comes from.
-        origin: Origin,
-    },
-    /// A zero holds.
-    Zero {
-        /// Whom to answer.
-        request: RequestId,
-        /// Position of the patch.
-        patch: usize,
-    },
-    /// A known load counts.
-    Load {
-        /// Whom to answer.
-        request: RequestId,
-        /// Position of the patch.
-        patch: usize,
-        /// The load.
-        load: Arc<Load>,
-    },
+    Keep(Arc<ModelSet>, Origin),
+    /// A zero of the patch at this position holds.
+    Zero(usize),
+    /// A known load on the patch at this position counts.
+    Load(usize, Arc<Load>),
     /// Something is not known any more.
-    Forget {
-        /// Whom to answer.
-        request: RequestId,
-        /// What it is.
-        what: Forgotten,
-    },
-    /// An operator ends a session that gathers nothing.
-    End {
-        /// Whom to answer.
-        request: RequestId,
-        /// How it was ended.
-        command: Trigger,
-        /// What is known of it then.
-        view: Arc<SessionView>,
-    },
-    /// A command to a session goes on when its samples are read.
-    TakeUp(TakeUp),
+    Forget(Forgotten),
+    /// An operator ends a session that gathers nothing: how, and what is known of it then.
+    End(Trigger, Arc<SessionView>),
+    /// A command to the session of this number goes on when its samples are read.
+    TakeUp(u64, Trigger),
     /// An activation goes on when its set is read.
     ReadSet(ReadSet),
 }
@@ -81,30 +45,15 @@ pub enum Effect {
 pub enum Origin {
     /// A file that somebody imports.
     Import {
-        /// Whom to answer.
-        request: RequestId,
         /// Somebody insists that it is right, whatever is odd about it.
         insist: bool,
     },
-    /// A fit of stored samples.
-    Refit {
-        /// Whom to answer.
-        request: RequestId,
-        /// Whose samples.
-        sessions: Vec<u64>,
-    },
+    /// A fit of the stored samples of these sessions.
+    Refit(Vec<u64>),
     /// Known loads, which corrected the active set.
-    Loads {
-        /// Whom to answer.
-        request: RequestId,
-    },
-    /// The fit that ends a session.
-    Session {
-        /// Position of the patch.
-        patch: usize,
-        /// What it came to.
-        outcome: FitOutcome,
-    },
+    Loads,
+    /// The fit that ends the session of the patch at this position, and what it came to.
+    Session(usize, FitOutcome),
 }
 
 /// What is deleted.
@@ -116,22 +65,9 @@ pub enum Forgotten {
     Session(u64),
 }
 
-/// A command to a session whose samples are being read.
-#[derive(Clone, Copy, Debug)]
-pub struct TakeUp {
-    /// Whom to answer.
-    pub request: RequestId,
-    /// Number of the session.
-    pub session: u64,
-    /// What is asked of it.
-    pub command: Trigger,
-}
-
 /// A command to use a model set that is being read.
 #[derive(Clone, Debug)]
 pub struct ReadSet {
-    /// Whom to answer.
-    pub request: RequestId,
     /// Position of the patch.
     pub patch: usize,
     /// The set's id.
@@ -144,52 +80,52 @@ pub struct ReadSet {
 #[derive(Debug, Default)]
 pub struct Pending {
     next: u64,
-    effects: BTreeMap<u64, Effect>,
+    /// Each with whom to answer; a session that ends with its fit asks for nothing.
+    effects: BTreeMap<u64, (Option<RequestId>, Effect)>,
 }
 
 impl Pending {
     /// Keeps an effect; its ticket.
-    pub fn keep(&mut self, effect: Effect) -> u64 {
+    pub fn keep(&mut self, request: Option<RequestId>, effect: Effect) -> u64 {
         self.next += 1;
-        self.effects.insert(self.next, effect);
+        self.effects.insert(self.next, (request, effect));
         self.next
     }
 
-    /// The effect of a ticket, once.
-    pub fn take(&mut self, ticket: u64) -> Option<Effect> {
+    /// The effect of a ticket and whom to answer, once.
+    pub fn take(&mut self, ticket: u64) -> Option<(Option<RequestId>, Effect)> {
         self.effects.remove(&ticket)
     }
 
+    fn any(&self, is: impl Fn(&Effect) -> bool) -> bool {
+        self.effects.values().any(|(_, effect)| is(effect))
+    }
+
     /// Whether a patch waits for a model set to come into use.
-    #[must_use]
     pub fn activates(&self, index: usize) -> bool {
-        self.effects.values().any(|effect| matches!(effect, Effect::Activate { patch, .. } if *patch == index))
+        self.any(|effect| matches!(effect, Effect::Activate(patch, _) if *patch == index))
     }
 
     /// Whether a model set waits to come into use.
-    #[must_use]
     pub fn activates_set(&self, id: &str) -> bool {
-        self.effects.values().any(|effect| matches!(effect, Effect::Activate { set, .. } if set.id == id))
+        self.any(|effect| matches!(effect, Effect::Activate(_, set) if set.id == id))
     }
 
     /// How many model sets will be known beyond those that are.
-    #[must_use]
     pub fn imports(&self) -> usize {
-        self.effects.values().filter(|effect| matches!(effect, Effect::Keep { .. })).count()
+        self.effects.values().filter(|(_, effect)| matches!(effect, Effect::Keep(..))).count()
     }
 
     /// How a session is being ended.
-    #[must_use]
     pub fn ends(&self, number: u64) -> Option<Trigger> {
-        self.effects.values().find_map(|effect| match effect {
-            Effect::End { command, view, .. } if view.number == number => Some(*command),
+        self.effects.values().find_map(|(_, effect)| match effect {
+            Effect::End(command, view) if view.number == number => Some(*command),
             _ => None,
         })
     }
 
     /// Whether something is being deleted.
-    #[must_use]
     pub fn forgets(&self, gone: &Forgotten) -> bool {
-        self.effects.values().any(|effect| matches!(effect, Effect::Forget { what, .. } if what == gone))
+        self.any(|effect| matches!(effect, Effect::Forget(what) if what == gone))
     }
 }

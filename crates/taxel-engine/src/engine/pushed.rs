@@ -40,8 +40,8 @@ impl Engine {
         self.health_dirty.1 = true;
         let news = self.line_of(scan.patch).is_some_and(|line| {
             match &refused {
-                None => line.frames += 1,
-                Some(why) => line.refuse_scan(why.clone()),
+                None => line.health.frames += 1,
+                Some(why) => line.refuse(why.clone()),
             }
             line.on_frames(now.time)
         });

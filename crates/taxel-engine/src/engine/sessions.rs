@@ -11,7 +11,7 @@ use crate::calibration::samples::{NotLoaded, SessionSamples};
 use crate::calibration::transition::{Trigger, commanded};
 use crate::calibration::view::{SessionState, SessionView};
 use crate::counts::Counts;
-use crate::engine::pending::{Answer, Effect, Forgotten, TakeUp};
+use crate::engine::pending::{Answer, Effect, Forgotten};
 use crate::engine::step::Engine;
 use crate::now::Now;
 use crate::patch::owner::Patch;
@@ -43,13 +43,7 @@ impl Engine {
     ) -> Reply {
         let index = self.patch_named(patch)?;
         self.store_takes_records()?;
-        self.room_for_session()?;
-        self.room_for_model_set()?;
-        let patch = &self.patches[index];
-        if !patch.plan().can_calibrate() {
-            let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
-            return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
-        }
+        let patch = self.check_begin(now, index)?;
         let branches = asked.branches.unwrap_or(patch.plan().session.branches);
         if patch.plan().session.typed && branches == Branch::Both {
             let problem = "a dial is typed while the pressure rises: expected RISING".to_owned();
@@ -62,14 +56,9 @@ impl Engine {
             let problem = format!("{target} kPa is not above 0 and at most {most}{why}");
             return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
         }
-        patch.calibration().refuse_if_open("finish or abort it first")?;
-        patch.check_gauge_heard(now)?;
-        patch.check_vented(now)?;
         let left_out = left_out(patch, &asked.leave_out)?;
         let view = SessionView {
-            number: self.next_session,
             patch: patch.name().to_owned(),
-            started_wall_ns: now.wall_ns,
             confirmed_by: asked.confirmed_by,
             look: patch.look(now, &left_out).into(),
             left_out,
@@ -79,8 +68,41 @@ impl Engine {
             branches,
             ..SessionView::default()
         };
+        self.begin(now, index, view, None, out)
+    }
+
+    /// The patch at this position, if a session can begin on it now.
+    fn check_begin(&self, now: Now, index: usize) -> Result<&Patch, Rejection> {
+        self.room_for_session()?;
+        self.room_for_model_set()?;
+        let patch = &self.patches[index];
+        if !patch.plan().can_calibrate() {
+            let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
+            return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
+        }
+        patch.calibration().refuse_if_open("finish or abort it first")?;
+        patch.check_gauge_heard(now)?;
+        patch.check_vented(now)?;
+        Ok(patch)
+    }
+
+    /// Begins a session under the next number, with the samples of the one that it goes on from. Everything was checked.
+    fn begin(
+        &mut self,
+        now: Now,
+        index: usize,
+        view: SessionView,
+        samples: Option<SessionSamples>,
+        out: &mut Vec<Output>,
+    ) -> Reply {
+        let view = SessionView { number: self.next_session, started_wall_ns: now.wall_ns, ..view };
         self.next_session += 1;
-        self.with_patch(now, index, out, |patch, effects| patch.start_session(now, view, effects));
+        self.with_patch(now, index, out, |patch, effects| {
+            patch.with_session(now, effects, |calibration, intake, events| match samples {
+                Some(samples) => calibration.succeed(now, view, samples, intake.gauge(), events),
+                None => calibration.start(now, view, intake.gauge(), events),
+            });
+        });
         let view = self.patches[index].calibration().session().cloned();
         view.map(|view| Done::Session(Arc::new(view)))
             .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
@@ -104,9 +126,7 @@ impl Engine {
         }
         if self.is_succeeded(number, command) {
             self.check_successor(now, number)?;
-            let ticket = self.pending.keep(Effect::TakeUp(TakeUp { request, session: number, command }));
-            out.push(Output::Load { ticket, session: number });
-            return Ok(Answer::Later);
+            return Ok(self.load(request, number, command, out));
         }
         if let Some(index) = self.held(number) {
             return self.command_held(now, index, command, out).map(Answer::Now);
@@ -116,9 +136,14 @@ impl Engine {
         }
         self.check_take_up(now, number, command)?;
         self.room_for_model_set()?;
-        let ticket = self.pending.keep(Effect::TakeUp(TakeUp { request, session: number, command }));
+        Ok(self.load(request, number, command, out))
+    }
+
+    /// A command goes on when the samples of its session are read.
+    fn load(&mut self, request: RequestId, number: u64, command: Trigger, out: &mut Vec<Output>) -> Answer {
+        let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
         out.push(Output::Load { ticket, session: number });
-        Ok(Answer::Later)
+        Answer::Later
     }
 
     /// A session whose models are in use stays as it is. Another ramp begins a session of its own.
@@ -198,7 +223,7 @@ impl Engine {
         view.changed_wall_ns = now.wall_ns;
         let view = Arc::new(view);
         let record = Record::Session(Arc::clone(&view));
-        self.commit(Effect::End { request, command, view }, vec![record], out);
+        self.commit(Some(request), Effect::End(command, view), vec![record], out);
         Ok(Answer::Later)
     }
 
@@ -245,20 +270,20 @@ impl Engine {
         result: Result<SessionSamples, NotLoaded>,
         out: &mut Vec<Output>,
     ) {
-        let Some(Effect::TakeUp(loading)) = self.pending.take(ticket) else { return };
-        let reply = self.take_up(now, loading, result, out);
-        out.push(Output::Reply(loading.request, reply));
+        let Some((request, Effect::TakeUp(number, command))) = self.pending.take(ticket) else { return };
+        let reply = self.take_up(now, number, command, result, out);
+        out.extend(request.map(|request| Output::Reply(request, reply)));
     }
 
     /// Everything may have changed while the samples were read, so that everything is asked again.
     fn take_up(
         &mut self,
         now: Now,
-        loading: TakeUp,
+        number: u64,
+        command: Trigger,
         result: Result<SessionSamples, NotLoaded>,
         out: &mut Vec<Output>,
     ) -> Reply {
-        let TakeUp { session: number, command, .. } = loading;
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
         self.refuse_if_in_use(number, command)?;
@@ -272,9 +297,8 @@ impl Engine {
         }
         let index = self.check_take_up(now, number, command)?;
         let samples = self.usable_samples(index, number, result)?;
-        let patch = &mut self.patches[index];
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
-        patch.resume_session(now, SessionView::clone(view), samples);
+        self.patches[index].calibration_mut().resume(now, SessionView::clone(view), samples);
         self.command_held(now, index, command, out)
     }
 
@@ -315,21 +339,12 @@ impl Engine {
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         view.check_trusted()?;
         let index = self.patch_named(&view.patch)?;
-        let patch = &self.patches[index];
-        self.room_for_session()?;
-        self.room_for_model_set()?;
-        if !patch.plan().can_calibrate() {
-            let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
-            return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
-        }
+        let patch = self.check_begin(now, index)?;
         let modules = patch.plan().patch.modules().len();
         if view.left_out.iter().any(|module| usize::from(*module) >= modules) {
             let why = format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name());
             return Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why));
         }
-        patch.calibration().refuse_if_open("finish or abort it first")?;
-        patch.check_gauge_heard(now)?;
-        patch.check_vented(now)?;
         Ok(index)
     }
 
@@ -344,9 +359,7 @@ impl Engine {
     ) -> Reply {
         let of = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let view = SessionView {
-            number: self.next_session,
             patch: of.patch.clone(),
-            started_wall_ns: now.wall_ns,
             confirmed_by: of.confirmed_by.clone(),
             predecessor: Some(number),
             left_out: of.left_out.clone(),
@@ -356,11 +369,7 @@ impl Engine {
             branches: of.branches,
             ..SessionView::default()
         };
-        self.next_session += 1;
-        self.with_patch(now, index, out, |patch, effects| patch.succeed_session(now, view, samples, effects));
-        let view = self.patches[index].calibration().session().cloned();
-        view.map(|view| Done::Session(Arc::new(view)))
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
+        self.begin(now, index, view, Some(samples), out)
     }
 
     /// The patch that holds a session.
@@ -386,7 +395,7 @@ impl Engine {
             self.refuse_if_set_is_used(id)?;
         }
         let record = Record::SessionDeleted { session: number, wall_ns: now.wall_ns };
-        self.commit(Effect::Forget { request, what: Forgotten::Session(number) }, vec![record], out);
+        self.commit(Some(request), Effect::Forget(Forgotten::Session(number)), vec![record], out);
         Ok(Answer::Later)
     }
 
@@ -397,7 +406,7 @@ impl Engine {
             Forgotten::Session(number) => {
                 self.sessions.remove(number);
                 if let Some(index) = self.held(*number) {
-                    self.patches[index].forget_session();
+                    self.patches[index].calibration_mut().forget();
                     out.push(Output::SessionGone(index));
                 }
             }

@@ -68,6 +68,7 @@ impl Engine {
     /// [`Rejection`] of a set that cannot be one of its patch, or is not of what is in use.
     pub(super) fn keep(
         &mut self,
+        request: Option<RequestId>,
         set: Arc<ModelSet>,
         origin: Origin,
         out: &mut Vec<Output>,
@@ -83,18 +84,18 @@ impl Engine {
             });
         }
         match &origin {
-            Origin::Import { insist, .. } => self.check_plausible(index, &set, *insist)?,
-            Origin::Refit { sessions, .. } => self.check_sessions(&set, sessions)?,
-            Origin::Loads { .. } => self.check_source(index, &set)?,
-            Origin::Session { .. } => {}
+            Origin::Import { insist } => self.check_plausible(index, &set, *insist)?,
+            Origin::Refit(sessions) => self.check_sessions(&set, sessions)?,
+            Origin::Loads => self.check_source(index, &set)?,
+            Origin::Session(..) => {}
         }
         self.refuse_if_set_is_deleted(&set.id)?;
         // A session has had its room since its ramp began.
-        if self.known_set(&set.id).is_none() && !matches!(origin, Origin::Session { .. }) {
+        if self.known_set(&set.id).is_none() && !matches!(origin, Origin::Session(..)) {
             self.room_for_model_set()?;
         }
         let record = Record::ModelSet(Arc::clone(&set));
-        self.commit(Effect::Keep { set, origin }, vec![record], out);
+        self.commit(request, Effect::Keep(set, origin), vec![record], out);
         Ok(Answer::Later)
     }
 
@@ -143,7 +144,7 @@ impl Engine {
     }
 
     /// A set is on disk.
-    pub(super) fn on_kept(&mut self, now: Now, set: Arc<ModelSet>, origin: Origin, out: &mut Vec<Output>) {
+    pub(super) fn on_kept(&mut self, now: Now, set: Arc<ModelSet>, origin: Origin, out: &mut Vec<Output>) -> Done {
         let known = self.known_set(&set.id).cloned();
         let was_known = known.is_some();
         let id = set.id.clone();
@@ -153,14 +154,12 @@ impl Engine {
             self.model_sets.push(known.clone());
             self.catalogue_dirty = true;
         }
-        let (request, done) = match origin {
-            Origin::Import { request, .. } => (request, Done::Imported { model_set: id }),
-            Origin::Refit { request, .. } | Origin::Loads { request } => {
-                (request, Done::RefitKept { model_set: known, known: was_known })
-            }
-            Origin::Session { patch, outcome } => return self.end_fit(now, patch, &outcome, out),
-        };
-        out.push(Output::Reply(request, Ok(done)));
+        match origin {
+            Origin::Import { .. } => return Done::Imported { model_set: id },
+            Origin::Refit(_) | Origin::Loads => {}
+            Origin::Session(patch, outcome) => self.end_fit(now, patch, &outcome, out),
+        }
+        Done::RefitKept { model_set: known, known: was_known }
     }
 
     pub(super) fn activate(
@@ -171,15 +170,15 @@ impl Engine {
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         let patch = self.patch_named(patch)?;
-        let loading = ReadSet { request, patch, model_set, expected };
+        let loading = ReadSet { patch, model_set, expected };
         match self.check_activation(&loading)?.at_hand {
             Some(set) => {
                 self.check_fit(patch, &set)?;
-                self.commit_activation(now, request, patch, set, out);
+                self.commit_activation(now, Some(request), patch, set, out);
             }
             None => {
                 let model_set = loading.model_set.clone();
-                let ticket = self.pending.keep(Effect::ReadSet(loading));
+                let ticket = self.pending.keep(Some(request), Effect::ReadSet(loading));
                 out.push(Output::LoadSet { ticket, model_set });
             }
         }
@@ -194,10 +193,10 @@ impl Engine {
         result: Result<Arc<ModelSet>, NotLoaded>,
         out: &mut Vec<Output>,
     ) {
-        let Some(Effect::ReadSet(loading)) = self.pending.take(ticket) else { return };
+        let Some((request, Effect::ReadSet(loading))) = self.pending.take(ticket) else { return };
         match self.loaded(&loading, result) {
-            Ok(set) => self.commit_activation(now, loading.request, loading.patch, set, out),
-            Err(rejection) => out.push(Output::Reply(loading.request, Err(rejection))),
+            Ok(set) => self.commit_activation(now, request, loading.patch, set, out),
+            Err(rejection) => out.extend(request.map(|request| Output::Reply(request, Err(rejection)))),
         }
     }
 
@@ -229,7 +228,7 @@ impl Engine {
     fn commit_activation(
         &mut self,
         now: Now,
-        request: RequestId,
+        request: Option<RequestId>,
         patch: usize,
         set: Arc<ModelSet>,
         out: &mut Vec<Output>,
@@ -238,7 +237,7 @@ impl Engine {
         // The set goes along: the store finds it there, or writes it again if what it has is damaged.
         let stored = Record::ModelSet(Arc::clone(&set));
         let activated = Record::Activated { patch: name, model_set: set.id.clone(), wall_ns: now.wall_ns };
-        self.commit(Effect::Activate { request, patch, set }, vec![stored, activated], out);
+        self.commit(request, Effect::Activate(patch, set), vec![stored, activated], out);
     }
 
     /// The set, if it may come into use on the patch now.
@@ -285,14 +284,7 @@ impl Engine {
     }
 
     /// A model set comes into use, and readers see the session that it came from in use.
-    pub(super) fn put_to_use(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        patch: usize,
-        set: &Arc<ModelSet>,
-        out: &mut Vec<Output>,
-    ) {
+    pub(super) fn put_to_use(&mut self, now: Now, patch: usize, set: &Arc<ModelSet>, out: &mut Vec<Output>) -> Done {
         let before = self.patches[patch].models().cloned();
         self.with_patch(now, patch, out, |patch, _| patch.set_models(Arc::clone(set)));
         self.keep_at_hand();
@@ -300,8 +292,7 @@ impl Engine {
             out.push(Output::Session(patch, view));
         }
         self.catalogue_dirty = true;
-        let previous = before.map(|set| set.id.clone());
-        out.push(Output::Reply(request, Ok(Done::Activated { model_set: set.id.clone(), previous })));
+        Done::Activated { model_set: set.id.clone(), previous: before.map(|set| set.id.clone()) }
     }
 
     pub(super) fn delete_model_set(
@@ -321,7 +312,7 @@ impl Engine {
             return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));
         }
         let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
-        self.commit(Effect::Forget { request, what: Forgotten::ModelSet(id) }, vec![record], out);
+        self.commit(Some(request), Effect::Forget(Forgotten::ModelSet(id)), vec![record], out);
         Ok(Answer::Later)
     }
 

@@ -16,20 +16,17 @@ pub struct SharedBoards {
 
 impl SharedBoards {
     /// Those of a plan.
-    #[must_use]
     pub fn new(plan: &Plan) -> Self {
         let patches = &plan.patches;
         Self { others: (0..patches.len()).map(|patch| others_of(patches, patch)).collect() }
     }
 
     /// The other patches that have a board of a patch, each with the board's position there.
-    #[must_use]
     pub fn others(&self, patch: usize, board: usize) -> &[(usize, usize)] {
         self.others.get(patch).and_then(|boards| boards.get(board)).map_or(&[], Vec::as_slice)
     }
 
     /// Per board of a patch, whether another patch has it, too.
-    #[must_use]
     pub fn of_patch(&self, patch: usize) -> Vec<bool> {
         self.others.get(patch).map_or_else(Vec::new, |boards| boards.iter().map(|others| !others.is_empty()).collect())
     }
@@ -37,7 +34,6 @@ impl SharedBoards {
     /// The plan in which every patch of a described device knows what one of them does: how the device tells that it is well,
     /// since while it is not its counts are nobody's force, and what it is sent, since a device that is configured may take a zero
     /// for all. Patches may know it of each other in a row, so that there are as many rounds as patches.
-    #[must_use]
     pub fn with_devices_of_all(&self, plan: &Arc<Plan>) -> Arc<Plan> {
         let mut told = Arc::clone(plan);
         for _ in 0..plan.patches.len() {

@@ -19,11 +19,13 @@ use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
 use crate::intake::boards::SILENT_AFTER;
 use crate::intake::health::{BusNotice, BusState};
+use crate::intake::receive::{Intake, IntakeEvent};
 use crate::known_set::KnownSet;
 use crate::loads::load::Load;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
 use crate::plan::Plan;
+use crate::request::RequestId;
 
 /// The kernel keeps half a second of a full bus, and what it drops began after that: of so long a time frames may lack that it
 /// dropped. A longer pause of the host is told as such.
@@ -146,7 +148,7 @@ impl Engine {
             Input::SetLoaded { ticket, result } => self.on_set_loaded(now, ticket, result, out),
             Input::StoreDamaged(damage) => self.on_store_damaged(now, damage),
             Input::Durable { session, samples } => {
-                self.patches.iter_mut().for_each(|patch| patch.on_durable(session, samples));
+                self.patches.iter_mut().for_each(|patch| patch.calibration_mut().on_durable(session, samples));
             }
             Input::StoreFailed(why) => self.on_store_failed(now, &why, out),
         }
@@ -183,17 +185,28 @@ impl Engine {
         result
     }
 
+    /// Something comes in to one patch.
+    fn with_intake<T>(
+        &mut self,
+        now: Now,
+        index: usize,
+        out: &mut Vec<Output>,
+        act: impl FnOnce(&mut Intake, &mut Vec<IntakeEvent>) -> T,
+    ) -> T {
+        self.with_patch(now, index, out, |patch, effects| patch.with_intake(now, effects, act))
+    }
+
     /// Has written down what a patch intends, before it takes effect, and tells others what concerns them, too.
     fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
         let (request, planned) = match intent {
             Intent::News { board, news } => {
                 for (other, board) in self.shared.others(index, board).to_vec() {
-                    self.with_patch(now, other, out, |patch, effects| patch.on_news(now, board, &news, effects));
+                    self.with_intake(now, other, out, |intake, events| intake.on_news(board, &news, events));
                 }
                 return;
             }
             Intent::Zero { request, record } => {
-                (request, self.store_takes_records().map(|()| (Effect::Zero { request, patch: index }, record)))
+                (request, self.store_takes_records().map(|()| (Effect::Zero(index), record)))
             }
             Intent::Load(read) => {
                 let request = read.request;
@@ -201,13 +214,13 @@ impl Engine {
                 let load = load.and_then(|()| self.patches[index].complete_load(now, self.next_load, read));
                 let planned = load.map(|load| {
                     self.next_load += 1;
-                    (Effect::Load { request, patch: index, load: Arc::clone(&load) }, Record::Load(load))
+                    (Effect::Load(index, Arc::clone(&load)), Record::Load(load))
                 });
                 (request, planned)
             }
         };
         match planned {
-            Ok((effect, record)) => self.commit(effect, vec![record], out),
+            Ok((effect, record)) => self.commit(Some(request), effect, vec![record], out),
             Err(rejection) => {
                 self.patches[index].reject_zero(request);
                 out.push(Output::Reply(request, Err(rejection)));
@@ -216,8 +229,14 @@ impl Engine {
     }
 
     /// Hands records to the shell; the effect follows once they are on disk.
-    pub(super) fn commit(&mut self, effect: Effect, records: Vec<Record>, out: &mut Vec<Output>) {
-        let ticket = self.pending.keep(effect);
+    pub(super) fn commit(
+        &mut self,
+        request: Option<RequestId>,
+        effect: Effect,
+        records: Vec<Record>,
+        out: &mut Vec<Output>,
+    ) {
+        let ticket = self.pending.keep(request, effect);
         out.push(Output::Commit { ticket, records });
     }
 
@@ -230,9 +249,9 @@ impl Engine {
             let refused = self.on_frame(now.at(frame.time), bus, frame, out);
             let Some(state) = self.buses.get_mut(usize::from(bus.0)) else { return };
             match refused {
-                Taken::Ours => state.frames += 1,
-                Taken::Foreign => state.foreign += 1,
-                Taken::Malformed(why) => state.refuse(&frame.frame, why),
+                Taken::Ours => state.health.frames += 1,
+                Taken::Foreign => state.health.foreign += 1,
+                Taken::Malformed(why) => state.refuse(format!("{}: {why}", frame.frame.id)),
             }
         }
         self.health_dirty.1 |= !frames.is_empty();
@@ -242,16 +261,16 @@ impl Engine {
         let refused = match self.routes.of(bus, frame.frame.id) {
             Route::Foreign => return Taken::Foreign,
             Route::Module { patch, module } => {
-                let take = |patch: &mut Patch, effects: &mut Effects<'_>| {
-                    patch.on_module_frame(now, usize::from(module), frame, effects)
-                };
-                self.with_patch(now, usize::from(patch), out, take).err().map(|e| e.to_string())
+                let taken = self.with_intake(now, usize::from(patch), out, |intake, events| {
+                    intake.on_module_frame(usize::from(module), frame, events)
+                });
+                taken.err().map(|refusal| refusal.to_string())
             }
             Route::Board { patch, board } => {
-                let take = |patch: &mut Patch, effects: &mut Effects<'_>| {
-                    patch.on_board_frame(now, usize::from(board), &frame.frame, effects)
-                };
-                self.with_patch(now, usize::from(patch), out, take).err().map(|e| e.to_string())
+                let taken = self.with_intake(now, usize::from(patch), out, |intake, events| {
+                    intake.on_board_frame(usize::from(board), &frame.frame, events)
+                });
+                taken.err().map(|refusal| refusal.to_string())
             }
             Route::Gauge => self.on_gauge(now, bus, frame, out),
             Route::Device => return self.on_device(now, bus, frame, out),
@@ -290,7 +309,7 @@ impl Engine {
             if plan.devices.is_empty() || !plan.patch.is_on(bus) {
                 continue;
             }
-            match self.with_patch(now, index, out, |patch, effects| patch.on_device_frame(now, frame, effects)) {
+            match self.with_intake(now, index, out, |intake, events| intake.on_device_frame(frame, events)) {
                 Ok(theirs) => ours |= theirs,
                 Err(short) => refused = Some(short.to_string()),
             }
@@ -342,7 +361,9 @@ impl Engine {
     fn on_store_failed(&mut self, now: Now, why: &str, out: &mut Vec<Output>) {
         let reason = format!("the store failed: {why}");
         self.each_patch(now, out, |patch, effects| {
-            patch.trigger_session(now, Trigger::StoreFailed, &reason, effects);
+            patch.with_session(now, effects, |calibration, intake, events| {
+                calibration.trigger(now, Trigger::StoreFailed, &reason, intake.gauge(), events)
+            });
         });
         self.store_problem = Some(format!("the store failed and takes nothing until a restart: {why}"));
         self.health_dirty.0 = true;
@@ -372,7 +393,7 @@ impl Engine {
 
     fn look_at_health(&self, now: Time) -> Health {
         Health {
-            buses: self.buses.iter().map(BusState::view).collect(),
+            buses: self.buses.iter().map(|bus| bus.health.clone()).collect(),
             boards: self.patches.iter().flat_map(|patch| patch.board_health(now)).collect(),
             problems: self.problems.iter().chain(&self.damage).chain(&self.store_problem).cloned().collect(),
             store: StoreHealth { problem: self.store_problem.clone(), damage: self.damage.clone() },

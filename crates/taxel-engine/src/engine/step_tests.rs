@@ -166,7 +166,7 @@ fn a_gauge_is_read_on_its_own_bus() {
     engine.step(now(1_000), Input::Frames(BusIndex(1), &[TimedFrame { time: ms(1_000), frame }]), &mut out);
     let presses = |patch: usize| engine.patches[patch].check_vented(now(1_000)).is_err();
     assert_eq!([presses(0), presses(1)], [false, true]);
-    assert_eq!((engine.buses[0].frames, engine.buses[1].frames), (0, 1));
+    assert_eq!((engine.buses[0].health.frames, engine.buses[1].health.frames), (0, 1));
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn a_program_may_push_the_gauge_of_a_skin_that_is_on_a_bus() {
     let begin = Command::BeginPush { patch: "p".to_owned() };
     engine.step(now(1_000), Input::Command(RequestId(1), begin), &mut out);
     assert!(out.iter().any(|output| matches!(output, Output::Reply(RequestId(1), Ok(Done::PushBegun)))), "{out:?}");
-    assert!(engine.buses[1].up);
+    assert!(engine.buses[1].health.up);
     let frame = TimedFrame { time: ms(1_010), frame: reading::frame(0, 12.5) };
     engine.step(now(1_010), Input::Frames(BusIndex(1), &[frame]), &mut out);
     let read = out.iter().any(|output| matches!(output, Output::Gauge(0, reading) if reading.kpa == 12.5));
@@ -226,7 +226,7 @@ fn frames_of_a_device_are_counted_by_what_became_of_them_and_are_those_of_its_ow
     let mut give = |at_ms: i64, bytes: &[u8]| {
         let frame = TimedFrame { time: ms(at_ms), frame: Frame::data(id, bytes).unwrap() };
         engine.step(now(at_ms), Input::Frames(BusIndex(1), &[frame]), &mut Vec::new());
-        let bus = engine.buses[1].view();
+        let bus = &engine.buses[1].health;
         let scans = [0, 1].map(|patch: usize| engine.patches[patch].board_health(Time::default())[0].scans);
         (bus.frames, bus.foreign, bus.malformed, scans)
     };

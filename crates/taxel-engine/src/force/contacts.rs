@@ -46,7 +46,6 @@ impl ContactIds {
 
 /// Groups taxels: two closer than `reach_m` belong together, and so do their friends. Strongest contact first; ties keep the
 /// order of their first taxel.
-#[must_use]
 pub fn clusters(taxels: &[Placed], reach_m: f64) -> Vec<Contact> {
     let mut is_taken = vec![false; taxels.len()];
     let mut contacts: Vec<Contact> = Vec::new();
@@ -65,13 +64,14 @@ pub fn clusters(taxels: &[Placed], reach_m: f64) -> Vec<Contact> {
                 }
             }
         }
-        contacts.push(contact(members.into_iter().map(|member| taxels[member])));
+        contacts.push(together(members.into_iter().map(|member| taxels[member])));
     }
     contacts.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
     contacts
 }
 
-fn contact(members: impl Iterator<Item = Placed>) -> Contact {
+/// All of these as one contact.
+pub fn together(members: impl Iterator<Item = Placed>) -> Contact {
     let mut contact = Contact::default();
     let (mut weighted, mut resultant, mut moment) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
     for Placed { taxel, pose, force_n, area_mm2 } in members {

@@ -22,7 +22,7 @@ const AT_RIM: f64 = 3.0;
 /// A taxel at the corner of a module and those beside it.
 const CORNER_TAXELS: usize = 3;
 /// A taxel without a zero that lies so far towards load from where it was calibrated may bear one, counts: from day to day a
-/// taxel moves by less (see [`crate::zero::rest::RestLimits::moved_second_max`]).
+/// taxel moves by less (see [`crate::zero::rest`]).
 const LOADED_COUNTS: f64 = 16.0;
 
 /// A taxel under or beside a contact that cannot be read.
@@ -50,13 +50,11 @@ impl Unread {
     }
 
     /// Standard uncertainty of what it bears, kPa, where the mean is taken for it.
-    #[must_use]
     pub fn sigma_kpa(&self) -> f64 {
         (self.at_most_kpa - self.kpa) / SIGMAS
     }
 
     /// The same where it is taken to bear nothing.
-    #[must_use]
     pub fn missing_kpa(&self) -> f64 {
         self.at_most_kpa / SIGMAS
     }
@@ -76,7 +74,6 @@ pub struct Watched {
 
 impl Watched {
     /// `None` of a taxel without a usable model.
-    #[must_use]
     pub fn new(
         tables: &Tables,
         zero: &[TaxelBaseline],
@@ -95,14 +92,12 @@ impl Watched {
     }
 
     /// Whether it reads a load.
-    #[must_use]
     pub fn reads_a_load(&self, scan: &Scan<'_>) -> bool {
         scan.counts.units(self.taxel).is_some_and(|count| self.sign * count > self.loaded_from)
     }
 }
 
 /// The taxels that are not selected and lie where no selected ones tell of a load on them either, ascending.
-#[must_use]
 pub fn blind(neighbours: Option<&Neighbours>, modules: &[Range<usize>], selected: &[bool]) -> Vec<u16> {
     let unread = |range: Range<usize>| range.filter(|&taxel| !selected[taxel]);
     let mut blind = match neighbours {

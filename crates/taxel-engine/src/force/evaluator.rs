@@ -35,13 +35,11 @@ impl Evaluator {
     /// An evaluator for `set` at the zero `rest`; every taxel with a usable model counts.
     ///
     /// All slices have one entry per taxel of the patch.
-    #[must_use]
     pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
         Self::of(Tables::new(set, rest, areas, activation))
     }
 
     /// An evaluator that looks up in `tables`; every taxel with a usable model counts.
-    #[must_use]
     pub fn of(tables: Tables) -> Self {
         let tables = Arc::new(tables);
         let mut evaluator =
@@ -51,7 +49,6 @@ impl Evaluator {
     }
 
     /// The tables, for readers of snapshots.
-    #[must_use]
     pub const fn tables(&self) -> &Arc<Tables> {
         &self.tables
     }
@@ -73,13 +70,11 @@ impl Evaluator {
     }
 
     /// What the history of each taxel adds, if hysteresis is compensated.
-    #[must_use]
     pub const fn hysteresis(&self) -> Option<&Offsets> {
         self.offsets.as_ref()
     }
 
     /// Whether each taxel counts in the sum now.
-    #[must_use]
     pub fn selection(&self) -> &[bool] {
         &self.selected
     }
@@ -93,7 +88,6 @@ impl Evaluator {
     /// per taxel.
     ///
     /// The order of addition is fixed, so that a replay gives the same bits.
-    #[must_use]
     pub fn total_n<'a>(&self, counts: impl Into<Counts<'a>>) -> f64 {
         self.total_of(counts.into())
     }
@@ -137,7 +131,6 @@ impl Evaluator {
 
     /// The sum over `active`, which is [`Evaluator::active`] of some counts: the same bits as [`Evaluator::total_n`] of
     /// these, without a second walk over all taxels.
-    #[must_use]
     pub fn sum_n(&self, active: &[(usize, f64)]) -> f64 {
         if self.offsets.is_some() {
             return active.iter().fold(0.0, |sum, (_, newton)| sum + newton);
@@ -155,7 +148,6 @@ impl Evaluator {
     }
 
     /// The selected taxels that are active, with their force in newton, ascending.
-    #[must_use]
     pub fn active<'a>(&self, counts: impl Into<Counts<'a>>) -> Vec<(usize, f64)> {
         let mut active = Vec::new();
         self.find_active(counts.into(), &mut active);
@@ -209,14 +201,12 @@ impl Evaluator {
     }
 
     /// Force in newton of a taxel beside an activated one, where a weaker touch counts; `None` if it is not selected.
-    #[must_use]
     pub fn low_n(&self, taxel: usize, count: u16) -> Option<f64> {
         let newton = self.tables.low_n(taxel, count)?;
         self.selected[taxel].then(|| self.with_hysteresis_n(taxel, newton))
     }
 
     /// What `count` means for `taxel`; `None` without a usable model.
-    #[must_use]
     pub fn reading(&self, taxel: usize, count: impl Into<u16>) -> Option<TaxelReading> {
         offsets::reading(&self.tables, self.offsets.as_ref(), taxel, count)
     }

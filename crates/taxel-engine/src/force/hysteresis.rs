@@ -74,7 +74,6 @@ struct Unknown {
 
 impl Hysteresis {
     /// Plays that start at rest, at the zero `rest` (one per taxel); `None` if `set` compensates nothing.
-    #[must_use]
     pub fn new(set: &Arc<ModelSet>, rest: &[TaxelBaseline]) -> Option<Self> {
         let recorded = set.recorded.as_ref()?;
         let begin = |taxel: usize| {
@@ -101,7 +100,6 @@ impl Hysteresis {
 
     /// Plays of which nobody knows where they stand: a load may lie on the skin. Until a count is seen the mid curve is
     /// served, half a loop's width from all that may be.
-    #[must_use]
     pub fn unknown(set: &Arc<ModelSet>, rest: &[TaxelBaseline]) -> Option<Self> {
         let mut hysteresis = Self::new(set, rest)?;
         for (taxel, follower) in hysteresis.followers.iter_mut().enumerate() {
@@ -215,13 +213,11 @@ impl Hysteresis {
     }
 
     /// What each taxel's history adds to its pressure, kPa; 0 where hysteresis is not compensated.
-    #[must_use]
     pub fn offset_kpa(&self) -> Arc<[f32]> {
         self.followers.iter().map(|follower| follower.as_ref().map_or(0.0, |f| f.offset_kpa)).collect()
     }
 
     /// The same with what is uncertain of it.
-    #[must_use]
     pub fn offsets(&self) -> Offsets {
         let unsure_kpa = (!self.unsure.is_empty()).then(|| {
             let mut unsure_kpa = vec![0.0_f32; self.followers.len()];

@@ -1,12 +1,11 @@
 //! From the pressures of one scan to a force: which taxels are touched, their sum, its uncertainty, and what else the plan asks for.
 
-use nalgebra::Vector3;
 use std::ops::Range;
 use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 
 use crate::counts::Counts;
 use crate::force::budget::{Budget, Term};
-use crate::force::contacts::{Placed, clusters};
+use crate::force::contacts::{Placed, clusters, together};
 use crate::force::coverage::{self, Unread};
 use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::Neighbours;
@@ -45,16 +44,11 @@ pub struct Layout {
     pub contact_reach_m: f64,
 }
 
-/// The fixed part of a patch's force, worked out once from the plan.
+/// The fixed part of a patch's force: its layout, with no outputs that geometry does not allow, and which taxels lie beside which.
 #[derive(Clone, Debug)]
 pub struct ForceModel {
-    outputs: Outputs,
-    areas_mm2: Vec<f64>,
-    area_uncertainty: f64,
-    geometry: Option<Geometry>,
+    layout: Layout,
     neighbours: Option<Neighbours>,
-    contact_reach_m: f64,
-    modules: Vec<Range<usize>>,
 }
 
 /// What a scan touches. Its owner keeps it from scan to scan, so that a scan seldom has to ask for memory.
@@ -102,31 +96,21 @@ struct Sums {
 }
 
 impl ForceModel {
-    /// Parts that geometry does not allow are left out here, once.
-    #[must_use]
-    pub fn new(layout: &Layout) -> Self {
-        let mut outputs = layout.outputs;
-        let geometry = layout.geometry.clone();
-        let directed = geometry.as_ref().is_some_and(|g| g.normals == NormalsVerdict::Usable);
-        outputs.resultant &= directed;
-        outputs.moment &= directed;
-        outputs.contacts &= geometry.is_some();
-        outputs.fill &= geometry.is_some();
-        Self {
-            outputs,
-            areas_mm2: layout.areas.iter().map(|a| a.0).collect(),
-            area_uncertainty: layout.area_uncertainty,
-            neighbours: geometry.as_ref().map(Neighbours::new),
-            geometry,
-            contact_reach_m: layout.contact_reach_m,
-            modules: layout.modules.clone(),
-        }
+    /// Of a patch that is laid out so.
+    pub fn new(mut layout: Layout) -> Self {
+        let geometry = layout.geometry.as_ref();
+        let directed = geometry.is_some_and(|g| g.normals == NormalsVerdict::Usable);
+        let neighbours = geometry.map(Neighbours::new);
+        layout.outputs.resultant &= directed;
+        layout.outputs.moment &= directed;
+        layout.outputs.contacts &= neighbours.is_some();
+        layout.outputs.fill &= neighbours.is_some();
+        Self { layout, neighbours }
     }
 
-    /// The neighbours of each taxel, where positions are known.
-    #[must_use]
-    pub const fn neighbours(&self) -> Option<&Neighbours> {
-        self.neighbours.as_ref()
+    /// How the patch is laid out.
+    pub const fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     /// Which taxels are touched, those at the rim of a contact with them, and what lies on unread ones beside them.
@@ -165,7 +149,7 @@ impl ForceModel {
             }
             None => {
                 let is_touched = |range: &&Range<usize>| active.iter().any(|(taxel, _)| range.contains(taxel));
-                for range in self.modules.iter().filter(is_touched) {
+                for range in self.layout.modules.iter().filter(is_touched) {
                     let read = || range.clone().filter(|&taxel| selected[taxel]).map(kpa);
                     let of_module = range.clone().filter(|&taxel| !selected[taxel]);
                     missing.extend(of_module.clone());
@@ -176,7 +160,6 @@ impl ForceModel {
     }
 
     /// The force of one scan, which is `touch`, without its state, its reasons and what may be there undetected.
-    #[must_use]
     pub fn measure(
         &self,
         evaluator: &Evaluator,
@@ -192,7 +175,7 @@ impl ForceModel {
         let unread_n =
             |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
         // Filled taxels err independently; what is left out is too little of all of them.
-        let (filled_n, missing_n) = if self.outputs.fill {
+        let (filled_n, missing_n) = if self.layout.outputs.fill {
             let squares: f64 = unread_n(Unread::sigma_kpa).map(|newton| newton * newton).sum();
             (unread_n(|one| one.kpa).sum(), squares.sqrt())
         } else {
@@ -214,7 +197,7 @@ impl ForceModel {
             .with(Term::BeyondRange, scale * sums.beyond_n)
             .with(Term::Gauge, (set.gauge_gain_rel * total_n).hypot(scale * set.gauge_offset_kpa * sums.area))
             .with(Term::GainOfDay, GAIN_OF_DAY_REL * total_n)
-            .with(Term::Area, self.area_uncertainty * total_n)
+            .with(Term::Area, self.layout.area_uncertainty * total_n)
             .with(Term::Sampling, scale * sampling_n2.sqrt())
             .with(Term::Rim, scale * contacts.iter().map(Contact::rim_sigma_n).sum::<f64>())
             .with(Term::Unread, missing_n)
@@ -227,30 +210,28 @@ impl ForceModel {
             out_of_range: sums.above,
             ..ForceSample::default()
         };
-        if self.outputs.fill {
+        if self.layout.outputs.fill {
             active.extend(unread.iter().map(|one| (one.taxel, one.kpa * self.newton_per_kpa(one.taxel))));
         }
-        if let Some(geometry) = &self.geometry {
+        if let Some(geometry) = &self.layout.geometry {
             self.add_geometry(&mut sample, geometry, active);
         }
         sample
     }
 
     /// What may lie at most on the unread taxels of a touch, N.
-    #[must_use]
     pub fn unread_at_most_n(&self, touch: &Touch) -> f64 {
         touch.unread.iter().map(|one| one.at_most_kpa * self.newton_per_kpa(one.taxel)).sum()
     }
 
     /// The taxels that are not selected and of which none beside them tells, ascending.
-    #[must_use]
     pub fn blind(&self, selected: &[bool]) -> Vec<u16> {
-        coverage::blind(self.neighbours.as_ref(), &self.modules, selected)
+        coverage::blind(self.neighbours.as_ref(), &self.layout.modules, selected)
     }
 
     /// 1 kPa on 1 mm2 is 1e-3 N.
     fn newton_per_kpa(&self, taxel: usize) -> f64 {
-        self.areas_mm2[taxel] * 1e-3
+        self.layout.areas[taxel].0 * 1e-3
     }
 
     /// Without positions any taxel may lie there.
@@ -290,34 +271,24 @@ impl ForceModel {
             let touched = active.iter().filter(|(taxel, _)| range.contains(taxel));
             0.5 * f64::from(jump.max(0.0)) * touched.map(per_count_n).sum::<f64>()
         };
-        self.modules.iter().zip(jumps).map(of_module).map(|newton| newton * newton).sum::<f64>().sqrt()
+        self.layout.modules.iter().zip(jumps).map(of_module).map(|newton| newton * newton).sum::<f64>().sqrt()
     }
 
     fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {
-        if self.outputs == (Outputs { fill: self.outputs.fill, ..Outputs::default() }) {
+        if self.layout.outputs == (Outputs { fill: self.layout.outputs.fill, ..Outputs::default() }) {
             return; // nobody asks for any of it
         }
-        let poses = |taxel: usize| geometry.poses.get(taxel).copied().flatten();
-        let (mut resultant, mut moment, mut weighted) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
-        let mut weight = 0.0;
-        for &(taxel, newton) in active {
-            let Some(pose) = poses(taxel) else { continue };
-            let position = Vector3::from(pose.position);
-            let force = -newton * Vector3::from(pose.normal); // a pressure pushes against the outward normal
-            resultant += force;
-            moment += position.cross(&force);
-            weighted += newton * position;
-            weight += newton;
-        }
-        sample.resultant = self.outputs.resultant.then_some(resultant.into());
-        sample.moment = self.outputs.moment.then_some(moment.into());
-        sample.centre_of_pressure = (self.outputs.moment && weight > 0.0).then(|| (weighted / weight).into());
-        if self.outputs.contacts {
-            let placed = active.iter().filter_map(|&(taxel, force_n)| {
-                let (pose, area_mm2) = (poses(taxel)?, self.areas_mm2[taxel]);
-                Some(Placed { taxel: taxel as u16, pose, force_n, area_mm2 })
-            });
-            sample.contacts = clusters(&placed.collect::<Vec<_>>(), self.contact_reach_m);
+        let placed = active.iter().filter_map(|&(taxel, force_n)| {
+            let (pose, area_mm2) = (geometry.poses.get(taxel).copied().flatten()?, self.layout.areas[taxel].0);
+            Some(Placed { taxel: taxel as u16, pose, force_n, area_mm2 })
+        });
+        let (placed, outputs) = (placed.collect::<Vec<_>>(), self.layout.outputs);
+        let all = together(placed.iter().copied());
+        sample.resultant = outputs.resultant.then_some(all.resultant);
+        sample.moment = outputs.moment.then_some(all.moment);
+        sample.centre_of_pressure = (outputs.moment && all.force_n > 0.0).then_some(all.centre);
+        if outputs.contacts {
+            sample.contacts = clusters(&placed, self.layout.contact_reach_m);
         }
     }
 }

@@ -1,33 +1,28 @@
 //! From counts to a force: the models at the present zero, which taxels count, what is touched, and how far to trust it.
 
-pub mod budget;
-pub mod contacts;
+pub(crate) mod budget;
+pub(crate) mod contacts;
 mod coverage;
-pub mod evaluator;
+pub(crate) mod evaluator;
 #[cfg(test)]
 mod history_tests;
-pub mod hysteresis;
+pub(crate) mod hysteresis;
 mod light_end;
-pub mod measure;
-pub mod neighbours;
-pub mod offsets;
-pub mod owner;
-pub mod reason;
-pub mod remainder;
-pub mod sample;
-pub mod sampling;
+pub(crate) mod measure;
+pub(crate) mod neighbours;
+pub(crate) mod offsets;
+pub(crate) mod owner;
+pub(crate) mod reason;
+pub(crate) mod remainder;
+pub(crate) mod sample;
+pub(crate) mod sampling;
 mod source;
-pub mod tables;
-pub mod taxels;
+pub(crate) mod tables;
+pub(crate) mod taxels;
 #[cfg(test)]
 pub(crate) mod tests;
 
 pub use crate::baseline::Activation;
-pub use budget::{Budget, Term};
 pub use evaluator::Evaluator;
-pub use measure::{ForceModel, Layout, Outputs};
-pub use owner::{Force, ForcePlan};
-pub use reason::{Reason, ReasonCode};
-pub use sample::{Contact, ForceSample, ForceState, RangeFlag, TaxelState, Undetected};
-pub use tables::{Tables, TaxelReading};
-pub use taxels::{Basis, ModuleAge, Taxels};
+pub use measure::{Layout, Outputs};
+pub use owner::{Force, ForcePlan, ZeroState};

@@ -30,7 +30,6 @@ pub struct Neighbours {
 
 impl Neighbours {
     /// Taxels without a position have no neighbours.
-    #[must_use]
     pub fn new(geometry: &Geometry) -> Self {
         let place = |taxel: usize| geometry.poses[taxel].map(|pose| pose.position);
         let taxels = geometry.poses.len();
@@ -103,7 +102,6 @@ impl Neighbours {
     }
 
     /// Whether a taxel lies at the rim of the skin.
-    #[must_use]
     pub fn is_at_rim(&self, taxel: usize) -> bool {
         self.at_rim[taxel]
     }

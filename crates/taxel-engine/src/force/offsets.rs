@@ -16,25 +16,21 @@ pub struct Offsets {
 
 impl Offsets {
     /// Both have the same length.
-    #[must_use]
     pub const fn new(kpa: Arc<[f32]>, unsure_kpa: Option<Arc<[f32]>>) -> Self {
         Self { kpa, unsure_kpa }
     }
 
     /// Of how many taxels.
-    #[must_use]
     pub fn taxels(&self) -> usize {
         self.kpa.len()
     }
 
     /// What the history of a taxel adds to its pressure, kPa.
-    #[must_use]
     pub fn kpa(&self, taxel: usize) -> f32 {
         self.kpa[taxel]
     }
 
     /// Whether every history is known.
-    #[must_use]
     pub const fn are_known(&self) -> bool {
         self.unsure_kpa.is_none()
     }
@@ -45,7 +41,6 @@ impl Offsets {
     /// With u the farthest that the truth may lie away: nothing speaks for one place more than for another, so it is a
     /// rectangle. About its middle, from -u to u, where a history is not known, and about its end, from 0 to u, where the offset
     /// lags behind the count. The root mean square of both is u / sqrt(3), and the end of neither is beyond 1.8 of these.
-    #[must_use]
     pub fn sigma_kpa(&self, taxel: usize) -> f64 {
         self.unsure_kpa.as_ref().map_or(0.0, |unsure| f64::from(unsure[taxel]) / 3.0_f64.sqrt())
     }
@@ -65,7 +60,6 @@ impl Offsets {
 
 /// What `count` means for `taxel` with its history, where hysteresis is compensated, and with what is uncertain of that;
 /// `None` without a usable model.
-#[must_use]
 pub fn reading(
     tables: &Tables,
     offsets: Option<&Offsets>,

@@ -72,8 +72,10 @@ pub struct Measured {
 /// The force of one patch.
 #[derive(Debug)]
 pub struct Force {
-    plan: ForcePlan,
     model: ForceModel,
+    counts: CountRange,
+    activation: Activation,
+    stale_share_max: f64,
     set: Option<Arc<ModelSet>>,
     /// The id of `set`, as samples carry it.
     id: Option<Arc<str>>,
@@ -112,11 +114,13 @@ pub struct Force {
 
 impl Force {
     /// Without models there is no force.
-    #[must_use]
     pub fn new(plan: ForcePlan) -> Self {
+        let ForcePlan { layout, counts, activation, stale_share_max } = plan;
         Self {
-            model: ForceModel::new(&plan.layout),
-            plan,
+            model: ForceModel::new(layout),
+            counts,
+            activation,
+            stale_share_max,
             set: None,
             id: None,
             lacks_models: Reason::new(ReasonCode::NoModelSet, NO_MODELS),
@@ -141,19 +145,17 @@ impl Force {
     }
 
     /// The model set in use.
-    #[must_use]
     pub const fn models(&self) -> Option<&Arc<ModelSet>> {
         self.set.as_ref()
     }
 
     /// Whether there are models and a zero.
-    #[must_use]
     pub const fn is_ready(&self) -> bool {
         self.evaluator.is_some()
     }
 
     /// Another model set is in use from now on. How the load came that lies on the skin, its plays have not seen.
-    /// `residue_counts` as [`Tables::with_residue`] has it, of the zero that holds.
+    /// `residue_counts` as [`Tables::of_range`] has it, of the zero that holds.
     pub fn set_models(&mut self, set: Arc<ModelSet>, residue_counts: f64) {
         self.residue_counts = residue_counts;
         self.id = Some(Arc::from(set.id.as_str()));
@@ -166,7 +168,7 @@ impl Force {
         self.lacks_models = Reason::new(ReasonCode::NoModelSet, format!("{NO_MODELS}: {why}"));
     }
 
-    /// Another zero was taken, or it was lost: histories begin anew, at rest. `residue_counts` as [`Tables::with_residue`] has it.
+    /// Another zero was taken, or it was lost: histories begin anew, at rest. `residue_counts` as [`Tables::of_range`] has it.
     pub fn set_zero(&mut self, zero: Option<&[TaxelBaseline]>, residue_counts: f64) {
         (self.zero, self.residue_counts) = (zero.map(<[TaxelBaseline]>::to_vec), residue_counts);
         self.taken = self.zero.clone().unwrap_or_default();
@@ -203,9 +205,9 @@ impl Force {
     fn tabulate(&mut self) {
         self.evaluator = match (&self.set, &self.zero) {
             (Some(set), Some(zero)) => {
-                let (areas, activation) = (&self.plan.layout.areas, self.plan.activation);
+                let (areas, activation) = (&self.model.layout().areas, self.activation);
                 let set = Arc::clone(set);
-                let (range, residue_counts) = (self.plan.counts, self.residue_counts);
+                let (range, residue_counts) = (self.counts, self.residue_counts);
                 Some(Evaluator::of(Tables::of_range(range, set, zero, areas, activation, residue_counts)))
             }
             _ => None,
@@ -239,17 +241,17 @@ impl Force {
         evaluator.select(|taxel| scan.sound[taxel]);
         self.blind = self.model.blind(evaluator.selection()).into();
         self.usable = evaluator.selected().count();
-        let heard = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
+        let layout = self.model.layout();
+        let heard = layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
         let unread = heard.flat_map(|(taxels, _)| taxels.clone()).filter(|&taxel| !evaluator.selection()[taxel]);
         let (tables, zero) = (evaluator.tables(), self.zero.as_deref().unwrap_or_default());
-        let watched = |taxel| Watched::new(tables, zero, self.plan.activation, taxel, scan.sound[taxel]);
+        let watched = |taxel| Watched::new(tables, zero, self.activation, taxel, scan.sound[taxel]);
         self.watched = unread.filter_map(watched).collect();
         if let Some(zero) = &self.zero {
-            let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
             let zero = Rest { zero, taken: &self.taken, vouched: self.vouched.as_deref().unwrap_or_default() };
-            let relative_sigma = tables.set().gauge_gain_rel.hypot(self.plan.layout.area_uncertainty);
+            let relative_sigma = tables.set().gauge_gain_rel.hypot(layout.area_uncertainty);
             let selected = evaluator.selection();
-            self.remainder = Remainder::new(tables, zero, activation, selected, modules, relative_sigma);
+            self.remainder = Remainder::new(tables, zero, self.activation, selected, &layout.modules, relative_sigma);
         }
     }
 
@@ -260,7 +262,7 @@ impl Force {
         if self.set.is_none() {
             return self.nothing(ForceState::Uncalibrated, self.lacks_models.clone(), silent, taxels);
         }
-        if silent as f64 > self.plan.stale_share_max * taxels as f64 {
+        if silent as f64 > self.stale_share_max * taxels as f64 {
             let text = format!("{silent} of {taxels} taxels are silent");
             let why = Reason::about(self.silent(scan), ReasonCode::TaxelsSilent, text);
             return self.nothing(ForceState::Stale, why, silent, taxels);
@@ -323,14 +325,12 @@ impl Force {
 
     /// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; empty
     /// without models or zero.
-    #[must_use]
     pub fn newton_per_count(&self) -> Vec<f64> {
         let known = self.evaluator.as_ref().zip(self.zero.as_ref());
-        known.map_or_else(Vec::new, |(e, zero)| newton_per_count(e.tables(), zero, self.plan.activation))
+        known.map_or_else(Vec::new, |(e, zero)| newton_per_count(e.tables(), zero, self.activation))
     }
 
     /// The tables at the present zero and what each taxel's history adds, for readers of taxels.
-    #[must_use]
     pub fn tables(&self) -> Option<SharedTables> {
         self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
     }

@@ -74,7 +74,6 @@ pub struct Unseen {
 impl Remainder {
     /// For the taxels that are `selected` at the zero `rest`; all slices by taxel. `relative_sigma` is the standard
     /// uncertainty that all forces share, relative to them.
-    #[must_use]
     pub fn new(
         tables: &Tables,
         rest: Rest<'_>,
@@ -115,7 +114,6 @@ impl Remainder {
     }
 
     /// What may press beside the `active` taxels, at a zero that all taxels share an uncertainty of.
-    #[must_use]
     pub fn unseen<'a>(
         &self,
         counts: impl Into<Counts<'a>>,

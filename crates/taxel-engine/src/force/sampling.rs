@@ -35,14 +35,12 @@ impl Contact {
     }
 
     /// Standard uncertainty of its force because pads sample it, N.
-    #[must_use]
     pub fn sigma_n(&self) -> f64 {
         let effective = if self.kpa2 > 0.0 { self.kpa * self.kpa / self.kpa2 } else { 1.0 };
         relative_sigma(effective) * self.force_n.abs()
     }
 
     /// Standard uncertainty of its force because some of it lies at the rim of the skin, N.
-    #[must_use]
     pub fn rim_sigma_n(&self) -> f64 {
         AT_RIM * self.rim_n.abs()
     }

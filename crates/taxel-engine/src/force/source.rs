@@ -5,7 +5,7 @@
 //! zero moves, 60 ms for 230 taxels in the middle of the live path, and only touched taxels are ever looked up. So counts
 //! of more than eight bits are read from the curve itself.
 
-use taxel_model::{Beyond, Extension, Plays, RangeState, Sign, TaxelModel};
+use taxel_model::{Beyond, Extension, Plays, Sign, TaxelModel};
 use taxel_skin::{CountRange, SquareMillimetre};
 
 use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
@@ -140,33 +140,38 @@ impl<'a> Source<'a> {
         Self { model: &set.taxels[taxel], plays: set.plays(taxel), in_use: set.in_use(taxel), set, place }
     }
 
-    /// What a count of so many units means, of which the range holds `top`.
-    pub(super) fn meaning(&self, units: f64, top: f64, per_unit: f64) -> Meaning {
-        let count = units + self.place.shift;
-        let beyond = self.beyond(units);
+    /// What a count of so many units means in the range of counts, of which `kpa` gives the pressures.
+    fn meaning_by(&self, units: f64, counts: CountRange, kpa: impl Fn(f64) -> f32) -> Meaning {
+        let (count, top) = (units + self.place.shift, counts.units(counts.top()));
         let sigma_kpa = self.sigma_in_use_kpa().unwrap_or_else(|| {
             let inside = |[low, high]: [f64; 2]| count.max(low).min(high);
             let slope = self.model.served().zip(self.model.range).map(|(curve, range)| curve.slope(inside(range)));
-            let rounding_kpa = slope.map_or(0.0, |slope| slope.abs() / (12.0_f64.sqrt() * per_unit));
+            let rounding_kpa = slope.map_or(0.0, |slope| slope.abs() / (12.0_f64.sqrt() * counts.per_unit()));
             self.model.evaluate(count).map_or(f64::INFINITY, |reading| reading.sigma_kpa.max(rounding_kpa))
         });
+        // Noise must not decide whether a reading near the end of the range says that it is beyond.
         let margin = RANGE_MARGIN_SIGMAS * self.place.now.noise.max(NOISE_FLOOR_COUNTS);
-        let nearer = (units + self.sign().as_f64() * margin).clamp(0.0, top);
+        let nearer = counts.units(counts.nearest((units + self.sign().as_f64() * margin).clamp(0.0, top)));
         let range = match self.range_at(nearer) {
             RangeFlag::Above => RangeFlag::Above,
             _ => self.range_at(units),
         };
         let (before, after) = ((units - 1.0).max(0.0), (units + 1.0).min(top));
         let sigma_kpa = (sigma_kpa as f32).hypot(self.doubt_kpa(units) as f32);
-        let rise = self.pressure_kpa(after) - self.pressure_kpa(before);
+        let beyond = self.beyond(units);
         Meaning {
             units,
-            pressure_kpa: self.pressure_kpa(units),
+            pressure_kpa: kpa(units),
             sigma_kpa: sigma_kpa.hypot(beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa) as f32),
-            kpa_per_count: rise.abs() / (after - before) as f32,
+            kpa_per_count: (kpa(after) - kpa(before)).abs() / (after - before) as f32,
             range,
             pressed: self.pressed(units),
         }
+    }
+
+    /// What a count of so many units means.
+    pub(super) fn meaning(&self, units: f64, counts: CountRange) -> Meaning {
+        self.meaning_by(units, counts, |units| self.pressure_kpa(units))
     }
 
     fn pressure_kpa(&self, units: f64) -> f32 {
@@ -176,18 +181,33 @@ impl<'a> Source<'a> {
         let count = units + self.place.shift;
         let kpa = match self.plays {
             Some(plays) if plays.curve.is_some() => plays.mid_kpa(count).unwrap_or(0.0),
-            _ => self.model.evaluate(count).map_or(0.0, |reading| reading.kpa),
+            _ => self.model.kpa(count).unwrap_or(0.0),
         };
         kpa as f32 + self.beyond(units).kpa as f32
     }
 
     fn range_at(&self, units: f64) -> RangeFlag {
+        let range = self.plays.map(|plays| plays.range).or(self.model.range);
         let count = units + self.place.shift;
-        let state = match self.plays {
-            Some(plays) => plays.range_state(count),
-            None => self.model.evaluate(count).map_or(RangeState::Below, |reading| reading.range),
-        };
-        in_pressure(state, self.sign())
+        let rises = self.sign() == Sign::Rising;
+        match range {
+            Some([low, _]) if count < low => {
+                if rises {
+                    RangeFlag::Below
+                } else {
+                    RangeFlag::Above
+                }
+            }
+            Some([_, high]) if count > high => {
+                if rises {
+                    RangeFlag::Above
+                } else {
+                    RangeFlag::Below
+                }
+            }
+            Some(_) => RangeFlag::In,
+            None => RangeFlag::Below,
+        }
     }
 
     /// What the calibration leaves open at a count, kPa.
@@ -224,79 +244,39 @@ impl<'a> Source<'a> {
     }
 
     /// The threshold code of raw counts of this range: the greatest in the taxel's polarity that is no touch.
-    pub(super) fn wide_threshold(&self, activation: Activation, range: CountRange) -> u16 {
+    pub(super) fn threshold(&self, activation: Activation, range: CountRange) -> u16 {
         let distance = activation.distance_counts(self.place.now.noise);
         let edge = (self.place.now.mean + self.sign().as_f64() * distance) * range.per_unit();
-        // The casts saturate at the ends of sixteen bits.
+        let top = f64::from(range.top());
         match self.sign() {
-            Sign::Rising => edge.floor() as u16,
-            Sign::Falling => !(edge.ceil() as u16),
+            Sign::Rising => edge.floor().clamp(0.0, top) as u16,
+            Sign::Falling => !(edge.ceil().clamp(0.0, top) as u16),
         }
     }
 
     const fn sign(&self) -> Sign {
         self.place.sign
     }
+
     /// Tables for what is looked up now and then, and the force that every scan needs.
     pub(super) fn tabulate(&self, area: SquareMillimetre, activation: Activation) -> (TaxelTable, ForceTable) {
-        let mut table = self.model.tabulate(self.place.shift);
-        // Noise must not decide whether a reading near the end of the range says that it is beyond.
-        let margin = RANGE_MARGIN_SIGMAS * self.place.now.noise.max(NOISE_FLOOR_COUNTS);
-        let nearer = |code: f64| (code + self.sign().as_f64() * margin).round().clamp(0.0, 255.0);
-        let mut range = std::array::from_fn(|code| {
-            let beyond = in_pressure(table.range_state(nearer(code as f64) as u8), self.sign());
-            if beyond == RangeFlag::Above { beyond } else { in_pressure(table.range_state(code as u8), self.sign()) }
+        let pressure_kpa: [f32; 256] = std::array::from_fn(|code| self.pressure_kpa(code as f64));
+        let meanings: [Meaning; 256] = std::array::from_fn(|code| {
+            self.meaning_by(code as f64, CountRange::BYTE, |units| pressure_kpa[units as usize])
         });
-        if let Some(plays) = self.plays {
-            for code in 0..=u8::MAX {
-                let count = f64::from(code) + self.place.shift;
-                if let Some(kpa) = plays.mid_kpa(count) {
-                    table.pressure_kpa[usize::from(code)] = kpa as f32;
-                }
-                let beyond = in_pressure(plays.range_state(nearer(f64::from(code)) + self.place.shift), self.sign());
-                let here = in_pressure(plays.range_state(count), self.sign());
-                range[usize::from(code)] = if beyond == RangeFlag::Above { beyond } else { here };
-            }
-        }
-        if let Some(sigma_kpa) = self.sigma_in_use_kpa() {
-            table.sigma_kpa = [sigma_kpa as f32; 256];
-        }
-        let doubts_kpa: [f64; 256] = std::array::from_fn(|code| self.doubt_kpa(code as f64));
-        for code in 0..=u8::MAX {
-            let (beyond, light) = (self.beyond(f64::from(code)), self.light(f64::from(code)));
-            let code = usize::from(code);
-            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(doubts_kpa[code] as f32);
-            if let Some((kpa, _)) = light {
-                table.pressure_kpa[code] = kpa as f32;
-            }
-            if beyond != Beyond::default() {
-                table.pressure_kpa[code] += beyond.kpa as f32;
-                let sigma_kpa = beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa);
-                table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
-            }
-        }
-        let hysteresis_kpa = self.hysteresis_kpa();
-        let beyond = |distance: f64| -> [f32; 256] {
-            std::array::from_fn(|code| {
-                let newton = f64::from(table.pressure_kpa[code]) * area.0 * 1e-3;
-                if self.pressed(code as f64) > distance { newton.max(0.0) as f32 } else { 0.0 }
-            })
-        };
         let distance = activation.distance_counts(self.place.now.noise);
-        let (low_n, newton_per_kpa) = (beyond(LOW_SHARE * distance), area.0 * 1e-3);
-        let shares = std::array::from_fn(|code| {
-            let shared_kpa = [hysteresis_kpa, doubts_kpa[code], self.beyond_shared_kpa(code as f64)];
-            Share {
-                low_n: low_n[code],
-                per_count_n: (newton_per_kpa * f64::from(kpa_per_count(&table.pressure_kpa, code as u8))) as f32,
-                above: if range[code] == RangeFlag::Above { 1.0 } else { 0.0 },
-                ..Share::of_sigmas(newton_per_kpa, f64::from(table.sigma_kpa[code]), shared_kpa)
-            }
-        });
         let mut force_n = [0.0; FORCE_STRIDE];
-        force_n[..256].copy_from_slice(&beyond(distance));
-        let (pressure_kpa, sigma_kpa) = (table.pressure_kpa, table.sigma_kpa);
-        (TaxelTable { pressure_kpa, sigma_kpa, range, shares, zero: self.place.now.mean }, force_n)
+        for (newton, meaning) in force_n.iter_mut().zip(&meanings) {
+            *newton = if meaning.pressed > distance { meaning.newton(area) } else { 0.0 };
+        }
+        let table = TaxelTable {
+            pressure_kpa,
+            sigma_kpa: meanings.map(|meaning| meaning.sigma_kpa),
+            range: meanings.map(|meaning| meaning.range),
+            shares: meanings.map(|meaning| self.share(&meaning, area, activation)),
+            zero: self.place.now.mean,
+        };
+        (table, force_n)
     }
 
     /// What a code beyond the calibrated range adds to the pressure at the range's end, and how uncertain that is.
@@ -312,14 +292,6 @@ impl<'a> Source<'a> {
     /// Counts from rest towards pressure.
     fn pressed(&self, units: f64) -> f64 {
         self.sign().as_f64() * (units - self.place.now.mean)
-    }
-
-    /// The greatest flipped count that is no touch.
-    pub(super) fn threshold(&self, activation: Activation) -> u8 {
-        let distance = activation.distance_counts(self.place.now.noise);
-        let untouched = (0..=u8::MAX)
-            .filter(|&code| self.pressed(f64::from(code)) <= distance || self.pressed(f64::from(code)).is_nan());
-        untouched.map(|code| if self.sign() == Sign::Falling { !code } else { code }).max().unwrap_or(0)
     }
 
     /// The error of a reading as a recording of both branches has shown it, and what is not in there: the noise of a
@@ -344,13 +316,4 @@ pub(super) fn kpa_per_count(pressure_kpa: &[f32; 256], count: u8) -> f32 {
     let (before, after) = (count.saturating_sub(1), count.saturating_add(1));
     let rise = pressure_kpa[usize::from(after)] - pressure_kpa[usize::from(before)];
     rise.abs() / f32::from(after - before)
-}
-
-/// Beyond which end of the pressure a count lies.
-const fn in_pressure(counts: RangeState, sign: Sign) -> RangeFlag {
-    match counts.in_pressure(sign) {
-        RangeState::InRange => RangeFlag::In,
-        RangeState::Below => RangeFlag::Below,
-        RangeState::Above => RangeFlag::Above,
-    }
 }

@@ -89,30 +89,17 @@ impl Tables {
     /// Tables for `set` at the zero `rest`. Taxels without a usable model get none.
     ///
     /// All slices have one entry per taxel of the patch.
-    #[must_use]
     pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
-        Self::with_residue(set, rest, areas, activation, 0.0)
+        Self::of_range(CountRange::BYTE, set, rest, areas, activation, 0.0)
     }
 
-    /// The same at a zero that lies `residue_counts` (not negative) towards load from that of the models.
+    /// The same for counts of another range, at a zero that lies `residue_counts` (not negative) towards load from that of the
+    /// models.
     ///
     /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
     /// Whether the next load finds that remainder again (as with play: it reads as much too little) or it has gone
     /// (creep), counts do not tell. So touched taxels are read at a share of it more, and which share is right is uncertain.
     /// Where hysteresis is compensated by plays it is known, and nothing is added.
-    #[must_use]
-    pub fn with_residue(
-        set: Arc<ModelSet>,
-        rest: &[TaxelBaseline],
-        areas: &[SquareMillimetre],
-        activation: Activation,
-        residue_counts: f64,
-    ) -> Self {
-        Self::of_range(CountRange::BYTE, set, rest, areas, activation, residue_counts)
-    }
-
-    /// The same for counts of another range.
-    #[must_use]
     pub fn of_range(
         counts: CountRange,
         set: Arc<ModelSet>,
@@ -148,16 +135,14 @@ impl Tables {
                 let more_counts = RESIDUE_SHARE * residue_counts;
                 let place = Place::new(&tables.set, taxel, extension, doubt_kpa, (*now, *then), more_counts);
                 let source = Source::new(&tables.set, taxel, place);
-                let falls = place.sign == Sign::Falling;
-                tables.polarity[taxel] = if falls { u8::MAX } else { 0 };
+                let polarity = if place.sign == Sign::Falling { u16::MAX } else { 0 };
+                let threshold = source.threshold(activation, counts);
+                tables.polarity[taxel] = polarity as u8;
                 tables.taxels[taxel] = Some(if counts.is_byte() {
                     let (table, force_n) = source.tabulate(*area, activation);
-                    tables.threshold[taxel] = source.threshold(activation);
-                    tables.force_n[taxel] = force_n;
+                    (tables.threshold[taxel], tables.force_n[taxel]) = (threshold as u8, force_n);
                     Counted::Byte(Box::new(table))
                 } else {
-                    let polarity = if falls { u16::MAX } else { 0 };
-                    let threshold = source.wide_threshold(activation, counts);
                     tables.wide[taxel] = WideThreshold { polarity, threshold };
                     Counted::Wide(Box::new(place))
                 });
@@ -168,8 +153,7 @@ impl Tables {
 
     /// What a count of more than eight bits means.
     fn meaning(&self, taxel: usize, place: Place, count: u16) -> Meaning {
-        let (units, top) = (self.counts.units(count), self.counts.units(self.counts.top()));
-        Source::new(&self.set, taxel, place).meaning(units, top, self.counts.per_unit())
+        Source::new(&self.set, taxel, place).meaning(self.counts.units(count), self.counts)
     }
 
     /// Standard uncertainty of the zero under touched taxels because the skin remembers earlier loads, counts.
@@ -178,31 +162,26 @@ impl Tables {
     }
 
     /// The model set.
-    #[must_use]
     pub const fn set(&self) -> &Arc<ModelSet> {
         &self.set
     }
 
     /// The model set's id.
-    #[must_use]
     pub const fn id(&self) -> &Arc<str> {
         &self.id
     }
 
     /// How many taxels there are.
-    #[must_use]
     pub fn taxels(&self) -> usize {
         self.taxels.len()
     }
 
     /// Whether a taxel has a usable model and a zero.
-    #[must_use]
     pub fn has(&self, taxel: usize) -> bool {
         self.taxels.get(taxel).is_some_and(Option::is_some)
     }
 
     /// What `count` means for `taxel`, to whose pressure its history adds `offset_kpa`; `None` without a usable model.
-    #[must_use]
     pub fn reading(&self, taxel: usize, count: impl Into<u16>, offset_kpa: f32) -> Option<TaxelReading> {
         let count = count.into();
         let table = match self.taxels.get(taxel)?.as_ref()? {

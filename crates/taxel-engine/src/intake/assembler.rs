@@ -58,7 +58,6 @@ pub struct ScanEnd {
 
 impl ScanAssembler {
     /// Nothing received yet: every module is stale.
-    #[must_use]
     pub fn new(patch: &Patch, period: Duration) -> Self {
         let module = |_: &_| ModuleState {
             pairer: Pairer::new(period / PAIRING_SHARE),
@@ -91,7 +90,6 @@ impl ScanAssembler {
     /// Takes a whole module. Returns the scan that it completes: all expected modules have come, or one came twice, so
     /// that the scan before it is over.
     pub fn on_module(&mut self, patch: &Patch, index: usize, scan: &ModuleScan) -> Option<ScanEnd> {
-        let overrun = self.modules[index].fresh.then(|| self.end_scan());
         let site = &patch.modules()[index];
         let first = site.first_taxel as usize;
         if let CountBuffer::Bytes(counts) = &mut self.counts {
@@ -102,20 +100,20 @@ impl ScanAssembler {
         for (pad, &slot) in self.pads[index].iter_mut().zip(site.kind.thermal_slots()) {
             *pad = scan.values[slot as usize];
         }
-        self.note_module(index, scan.time, overrun)
+        self.note_module(index, scan.time)
     }
 
     /// As [`ScanAssembler::on_module`], for a module of a sensor that is described by its signals: `raw` are its counts.
     pub fn on_cells(&mut self, patch: &Patch, index: usize, time: Time, raw: &[u16]) -> Option<ScanEnd> {
-        let overrun = self.modules[index].fresh.then(|| self.end_scan());
         let site = &patch.modules()[index];
         let taxels = site.kind.taxel_slots().len().min(raw.len());
         self.counts.write(usize::from(site.first_taxel), &raw[..taxels]);
-        self.note_module(index, time, overrun)
+        self.note_module(index, time)
     }
 
     /// The counts of a module are in.
-    fn note_module(&mut self, index: usize, time: Time, overrun: Option<ScanEnd>) -> Option<ScanEnd> {
+    fn note_module(&mut self, index: usize, time: Time) -> Option<ScanEnd> {
+        let overrun = self.modules[index].fresh.then(|| self.end_scan());
         let module = &mut self.modules[index];
         self.expected += usize::from(!std::mem::replace(&mut module.expected, true));
         module.stale = false;
@@ -198,45 +196,33 @@ impl ScanAssembler {
     }
 
     /// When the first module falls silent, if none is heard before; `None` if none is listened for.
-    #[must_use]
     pub fn first_silence(&self, limit: Duration) -> Option<Time> {
         let expected = self.modules.iter().filter(|module| module.expected);
         let last = expected.filter_map(|module| module.last.or(self.begun)).min()?;
         Some(last + limit + Duration::from_nanos(1))
     }
 
-    /// Whether any module was ever received.
-    #[must_use]
-    pub const fn heard(&self) -> bool {
-        self.begun.is_some()
-    }
-
     /// Two thermal pads per module as last received.
-    #[must_use]
     pub fn pads(&self) -> &[[u8; 2]] {
         &self.pads
     }
 
     /// One raw count per taxel as last received.
-    #[must_use]
     pub fn counts(&self) -> Counts<'_> {
         self.counts.counts()
     }
 
     /// All modules, in the patch's order.
-    #[must_use]
     pub fn modules(&self) -> &[ModuleState] {
         &self.modules
     }
 
-    /// Receive time of the newest frame.
-    #[must_use]
-    pub const fn newest(&self) -> Time {
-        self.newest
+    /// Receive time of the newest frame; `None` before the first.
+    pub fn newest(&self) -> Option<Time> {
+        self.begun.map(|_| self.newest)
     }
 
     /// Whether every module but those that are `left_out` was received within `limit` of the newest one.
-    #[must_use]
     pub fn is_whole_without(&self, limit: Duration, left_out: impl Fn(usize) -> bool) -> bool {
         let fresh = |m: &ModuleState| !m.stale && m.last.is_some_and(|last| self.newest.since(last) <= limit);
         self.modules.iter().enumerate().all(|(index, module)| left_out(index) || fresh(module))

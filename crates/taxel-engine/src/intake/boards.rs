@@ -39,13 +39,17 @@ pub struct SilenceLimits {
     pub power_cycle_after: Duration,
 }
 
-/// What a described device tells of itself.
+/// What is learnt of a board's zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum DeviceNews {
-    /// It is not well from now on.
+pub enum ZeroSign {
+    /// It may have another.
+    Doubted(BoardDoubt),
+    /// It is a described device that is not well from now on.
     Unwell,
-    /// It is well again, and why its zero is in doubt.
+    /// It is one that is well again, and why its zero is in doubt.
     Well(BoardDoubt),
+    /// It has a new one: the counts of another patch that has modules of it have shown that; why, in words that name the board.
+    Moved(String),
 }
 
 /// One board.
@@ -67,18 +71,18 @@ pub struct BoardState {
 impl BoardState {
     /// A described device sent counts, and `is_well` or not by its own status. While it is not it may take a new zero, as one
     /// does that starts or calibrates itself, and its counts show nothing. Returns what is new.
-    pub fn on_device(&mut self, time: Time, is_well: bool, limits: SilenceLimits) -> Option<DeviceNews> {
+    pub fn on_device(&mut self, time: Time, is_well: bool, limits: SilenceLimits) -> Option<ZeroSign> {
         match (is_well, self.unwell_since) {
             (false, None) => {
                 self.unwell_since = Some(time);
-                Some(DeviceNews::Unwell)
+                Some(ZeroSign::Unwell)
             }
             (true, Some(since)) => {
                 self.unwell_since = None;
                 let unwell = time.since(since);
                 let seconds = unwell.as_secs_f64();
                 let why = format!("was not well by its own status for {seconds:.2} s and may have taken a new zero");
-                Some(DeviceNews::Well(BoardDoubt { why, certain: unwell > limits.power_cycle_after }))
+                Some(ZeroSign::Well(BoardDoubt { why, certain: unwell > limits.power_cycle_after }))
             }
             _ => None,
         }
@@ -119,7 +123,6 @@ impl BoardState {
     }
 
     /// Whether it streams.
-    #[must_use]
     pub fn is_heard(&self, now: Time) -> bool {
         self.last.is_some_and(|last| now.since(last) <= SILENT_AFTER)
     }
@@ -158,19 +161,16 @@ impl BoardState {
     }
 
     /// Tails whose status word named a trouble.
-    #[must_use]
     pub const fn status_errors(&self) -> u64 {
         self.status_errors
     }
 
     /// Temperature in Celsius, where the board sends it.
-    #[must_use]
     pub const fn celsius(&self) -> Option<f64> {
         self.celsius
     }
 
     /// Firmware in words.
-    #[must_use]
     pub fn firmware(&self) -> Option<String> {
         self.firmware.map(|f| {
             let ((major, minor, build), protocol) = (f.app, f.protocol);
@@ -179,7 +179,6 @@ impl BoardState {
     }
 
     /// What an operator should know of it.
-    #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if let Some(f) = self.firmware.filter(FirmwareVersion::loses_arbitrated_frames) {
@@ -262,7 +261,7 @@ mod tests {
         let mut unwell_for = |seconds: f64| {
             board.on_device(Time::from_seconds(5.0), false, LIMITS);
             match board.on_device(Time::from_seconds(5.0 + seconds), true, LIMITS) {
-                Some(DeviceNews::Well(doubt)) => doubt.certain,
+                Some(ZeroSign::Well(doubt)) => doubt.certain,
                 news => panic!("{news:?}"),
             }
         };
@@ -291,8 +290,8 @@ mod tests {
         let mut board = BoardState::default();
         let mut news = |ms: i64, is_well| {
             board.on_device(Time::from_nanos(ms * 1_000_000), is_well, LIMITS).map(|news| match news {
-                DeviceNews::Unwell => None,
-                DeviceNews::Well(doubt) => Some(doubt.certain),
+                ZeroSign::Well(doubt) => Some(doubt.certain),
+                _ => None,
             })
         };
         assert_eq!([news(0, true), news(20, true), news(40, false), news(60, false)], [None, None, Some(None), None]);

@@ -68,7 +68,6 @@ pub struct BringUp {
 
 impl BringUp {
     /// Nothing is sent until [`BringUp::start`].
-    #[must_use]
     pub fn new(modules: usize) -> Self {
         let heard = vec![false; modules];
         Self { state: BringUpState::Listening, steps: VecDeque::new(), heard, proof_until: Time::default() }
@@ -107,7 +106,6 @@ impl BringUp {
     }
 
     /// When the next command is due, or the proof must have come.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let proof = self.awaits_frames().then(|| self.proof_until + Duration::from_nanos(1));
         self.steps.front().map(|step| step.due).or(proof)
@@ -138,26 +136,17 @@ impl BringUp {
         matches!(self.state, BringUpState::Proving | BringUpState::LeftAlone)
     }
 
-    /// Where it stands.
-    #[must_use]
-    pub const fn state(&self) -> &BringUpState {
-        &self.state
-    }
-
     /// Whether commands are still to be sent, so that silence and re-tares are expected.
-    #[must_use]
     pub const fn is_busy(&self) -> bool {
         matches!(self.state, BringUpState::Configuring)
     }
 
     /// Whether the boards are expected to send.
-    #[must_use]
     pub const fn is_done(&self) -> bool {
         !matches!(self.state, BringUpState::Configuring | BringUpState::Proving)
     }
 
     /// The bring-up of one board in words; `modules` are the positions and names of its modules.
-    #[must_use]
     pub fn in_words(&self, modules: impl Iterator<Item = (usize, String)>) -> String {
         match &self.state {
             BringUpState::Listening | BringUpState::LeftAlone => "listening".to_owned(),
@@ -259,7 +248,7 @@ mod tests {
         .flat_map(|(t, list)| list.into_iter().map(move |(board, byte)| (t, board, byte)))
         .collect();
         assert_eq!(seen, expected);
-        assert_eq!(bring_up.state(), &BringUpState::Proving);
+        assert_eq!(bring_up.state, BringUpState::Proving);
     }
 
     #[test]
@@ -279,11 +268,11 @@ mod tests {
         let mut bring_up = BringUp::new(4);
         bring_up.start(ms(0), &patch(), &[setup(), setup()], &[], &[false, true]);
         let sent: Vec<usize> = (0..=530).flat_map(|t| bring_up.next_due(ms(t))).map(|(board, _)| board).collect();
-        assert!(sent.iter().all(|board| *board == 1) && bring_up.state() == &BringUpState::Proving, "{sent:?}");
+        assert!(sent.iter().all(|board| *board == 1) && bring_up.state == BringUpState::Proving, "{sent:?}");
         bring_up.start(ms(1_000), &patch(), &[setup(), setup()], &[], &[false; 2]);
         assert_eq!((bring_up.next_due(ms(9_999)), bring_up.is_done()), (None, true));
         (0..3).for_each(|module| bring_up.heard(module));
         bring_up.tick(ms(3_001));
-        assert_eq!(bring_up.state(), &BringUpState::Incomplete(vec![3]));
+        assert_eq!(bring_up.state, BringUpState::Incomplete(vec![3]));
     }
 }

@@ -71,7 +71,6 @@ pub struct DevicePlan {
 
 impl DevicePlan {
     /// A device whose scans come whole and in no frames.
-    #[must_use]
     pub const fn without_frames() -> Self {
         Self {
             frames: Vec::new(),
@@ -84,7 +83,6 @@ impl DevicePlan {
     }
 
     /// Whether the daemon sends it anything.
-    #[must_use]
     pub fn is_configured(&self) -> bool {
         !self.commands.is_empty() && self.sender != Sender::Elsewhere
     }
@@ -144,7 +142,6 @@ struct ModuleParts {
 
 impl Device {
     /// The device at `board` of a patch; nothing received yet.
-    #[must_use]
     pub fn new(patch: &Patch, board: usize, plan: DevicePlan, period: Duration) -> Self {
         let mut first = 0;
         let sites = patch.modules().iter().enumerate().filter(|(_, site)| usize::from(site.board) == board);
@@ -257,20 +254,17 @@ impl Device {
     }
 
     /// The raw counts of a module of the patch as last received; empty if it is none of this device's.
-    #[must_use]
     pub fn counts(&self, module: usize) -> &[u16] {
         let found = self.modules.iter().find(|parts| parts.index == module);
         found.and_then(|parts| self.counts.get(parts.taxels.clone())).unwrap_or_default()
     }
 
     /// Whether its status is the good one, as far as it told.
-    #[must_use]
     pub const fn is_well(&self) -> bool {
         self.well
     }
 
     /// Frames that found no whole module.
-    #[must_use]
     pub const fn orphans(&self) -> u64 {
         self.orphans
     }

@@ -1,7 +1,6 @@
 //! The state of buses and boards, as an operator has to know it.
 
 use taxel_skin::Time;
-use taxel_wire::Frame;
 
 /// What a bus tells beside its frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,17 +26,8 @@ pub enum BusNotice {
 /// One bus, live.
 #[derive(Clone, Debug, Default)]
 pub struct BusState {
-    /// Whether frames can come.
-    pub up: bool,
-    /// Frames that were understood.
-    pub frames: u64,
-    /// Frames of no concern.
-    pub foreign: u64,
-    malformed: u64,
-    last_malformed: String,
-    dropped: u64,
-    forged: u64,
-    problem: String,
+    /// What the world sees.
+    pub health: BusHealth,
     /// The problem is an error that the controller reported, and not why no frame can come.
     reported: bool,
     /// When it was told last that no frame can come.
@@ -52,72 +42,48 @@ impl BusState {
         if self.down_at.is_some_and(|down| received <= down) {
             return false;
         }
-        let news = !std::mem::replace(&mut self.up, true);
+        let news = !std::mem::replace(&mut self.health.up, true);
         if news {
-            self.problem.clear();
+            self.health.problem.clear();
         }
         news
     }
 
-    /// Counts a frame of ours whose content is not.
-    pub fn refuse(&mut self, frame: &Frame, why: String) {
-        self.malformed += 1;
-        self.last_malformed = format!("{}: {why}", frame.id);
-    }
-
-    /// Counts a scan that was handed over and is none of this patch's; why.
-    pub fn refuse_scan(&mut self, why: String) {
-        self.malformed += 1;
-        self.last_malformed = why;
+    /// Counts a frame, or a scan that was handed over, whose content is not one of ours; which, and why.
+    pub fn refuse(&mut self, why: String) {
+        self.health.malformed += 1;
+        self.health.last_malformed = why;
     }
 
     /// Takes a notice that is told `now`; returns why the boards' zero is in doubt, if it is.
     pub fn on_notice(&mut self, now: Time, notice: BusNotice) -> Option<String> {
-        match &notice {
-            BusNotice::Up => self.down_at = None,
-            BusNotice::Down(_) | BusNotice::BusOff => self.down_at = Some(now),
-            _ => {}
-        }
+        let health = &mut self.health;
         match notice {
             BusNotice::Up => {
-                self.up = true;
-                self.problem.clear();
+                (health.up, self.down_at) = (true, None);
+                health.problem.clear();
             }
-            BusNotice::Down(why) => {
-                self.up = false;
-                (self.problem, self.reported) = (why, false);
-            }
-            BusNotice::Dropped(frames) => self.dropped += frames,
+            BusNotice::Down(why) => self.on_down(now, why),
+            BusNotice::Dropped(frames) => health.dropped += frames,
             BusNotice::Unread(lines, why) => {
-                self.malformed += lines;
-                self.last_malformed = why;
+                health.malformed += lines;
+                health.last_malformed = why;
             }
-            BusNotice::ControllerError(what) => (self.problem, self.reported) = (what, true),
-            BusNotice::ControllerRecovered(_) if self.reported => self.problem.clear(),
+            BusNotice::ControllerError(what) => (health.problem, self.reported) = (what, true),
+            BusNotice::ControllerRecovered(_) if self.reported => health.problem.clear(),
             BusNotice::ControllerRecovered(_) => {}
-            BusNotice::Forged => self.forged += 1,
+            BusNotice::Forged => health.forged += 1,
             BusNotice::BusOff => {
-                self.up = false;
-                (self.problem, self.reported) = ("bus-off: the controller left the bus".to_owned(), false);
+                self.on_down(now, "bus-off: the controller left the bus".to_owned());
                 return Some("the controller went bus-off; boards may have lost their zero meanwhile".to_owned());
             }
         }
         None
     }
 
-    /// What the world sees.
-    #[must_use]
-    pub fn view(&self) -> BusHealth {
-        BusHealth {
-            up: self.up,
-            problem: self.problem.clone(),
-            frames: self.frames,
-            foreign: self.foreign,
-            malformed: self.malformed,
-            last_malformed: self.last_malformed.clone(),
-            dropped: self.dropped,
-            forged: self.forged,
-        }
+    fn on_down(&mut self, now: Time, why: String) {
+        (self.health.up, self.health.problem) = (false, why);
+        (self.reported, self.down_at) = (false, Some(now));
     }
 }
 

@@ -1,13 +1,11 @@
 //! Frames to scans: what was heard, what of it may be believed, and what it says of the boards.
 
-pub mod assembler;
-pub mod boards;
-pub mod bring_up;
-pub mod cells;
-pub mod faults;
-pub mod gauge;
-pub mod health;
-pub mod pace;
-pub mod receive;
-
-pub use receive::{Intake, IntakeEvent, IntakePlan};
+pub(crate) mod assembler;
+pub(crate) mod boards;
+pub(crate) mod bring_up;
+pub(crate) mod cells;
+pub(crate) mod faults;
+pub(crate) mod gauge;
+pub(crate) mod health;
+pub(crate) mod pace;
+pub(crate) mod receive;

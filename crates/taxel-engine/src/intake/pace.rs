@@ -35,18 +35,6 @@ const MEAN_SHARE: f64 = 0.1;
 /// A board whose period is off by more than this share is worth a word.
 const WORD_SHARE: f64 = 0.2;
 
-/// What to do with a module's scan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Arrival {
-    /// It comes when it can.
-    InTime,
-    /// It comes when the board cannot have sent it: neither it nor what came before can be trusted until this time.
-    TooFast {
-        /// The module is out until then.
-        until: Time,
-    },
-}
-
 /// The pace of one module.
 #[derive(Clone, Debug)]
 pub struct Pace {
@@ -72,7 +60,6 @@ pub struct Pace {
 
 impl Pace {
     /// A module that should send at this period, which is not zero.
-    #[must_use]
     pub fn new(period: Duration) -> Self {
         Self {
             configured: period,
@@ -100,8 +87,8 @@ impl Pace {
         *self = Self { excess: self.excess, ..Self::new(self.configured) };
     }
 
-    /// A scan of the module came.
-    pub fn on_scan(&mut self, time: Time) -> Arrival {
+    /// A scan of the module came. If the board cannot have sent it then: until when neither it nor what came before can be trusted.
+    pub fn on_scan(&mut self, time: Time) -> Option<Time> {
         let begins = self.last.is_none_or(|last| time.since(last) >= BREAK);
         // Where two nodes sent before the break, two may come back from it.
         let crowded = self.excess.0.zip(self.last).is_some_and(|(excess, last)| last.since(excess) <= MEMORY);
@@ -115,11 +102,11 @@ impl Pace {
             let again = self.excess.0.is_some_and(|before| time.since(before) <= MEMORY);
             self.excess = (Some(time), self.excess.1 + 1);
             self.kept_since = Some(time);
-            return Arrival::TooFast { until: time + if again { HOLD } else { 2 * self.period } };
+            return Some(time + if again { HOLD } else { 2 * self.period });
         }
         self.due = Some(self.due.map_or(time, |due| due.max(time)) + self.least);
         self.is_proven |= self.kept_since.is_some_and(|since| time.since(since) >= STEADY);
-        Arrival::InTime
+        None
     }
 
     /// Follows the mean interval, and believes another period once it has been kept for long enough.
@@ -141,7 +128,6 @@ impl Pace {
     }
 
     /// The interval at which the module has been sending evenly, where that is not the configured one.
-    #[must_use]
     pub fn unlike_configured(&self) -> Option<Duration> {
         let (last, since) = (self.last?, self.even_since?);
         let configured_s = self.configured.as_secs_f64();
@@ -150,7 +136,6 @@ impl Pace {
     }
 
     /// Scans that came when the board cannot have sent them: when the last one did, and how many in all.
-    #[must_use]
     pub const fn excess(&self) -> (Option<Time>, u64) {
         self.excess
     }
@@ -168,7 +153,7 @@ mod tests {
     }
 
     fn refused(pace: &mut Pace, times_ms: impl IntoIterator<Item = f64>) -> Vec<f64> {
-        times_ms.into_iter().filter(|&t| pace.on_scan(ms(t)) != Arrival::InTime).collect()
+        times_ms.into_iter().filter(|&t| pace.on_scan(ms(t)).is_some()).collect()
     }
 
     proptest! {
@@ -198,9 +183,9 @@ mod tests {
     fn the_second_scan_too_many_takes_the_module_out_for_longer() {
         let mut pace = Pace::new(PERIOD);
         pace.on_scan(ms(0.0));
-        assert_eq!(pace.on_scan(ms(10.0)), Arrival::TooFast { until: ms(110.0) });
-        assert_eq!(pace.on_scan(ms(50.0)), Arrival::InTime);
-        assert_eq!(pace.on_scan(ms(60.0)), Arrival::TooFast { until: ms(1_060.0) });
+        assert_eq!(pace.on_scan(ms(10.0)), Some(ms(110.0)));
+        assert_eq!(pace.on_scan(ms(50.0)), None);
+        assert_eq!(pace.on_scan(ms(60.0)), Some(ms(1_060.0)));
     }
 
     /// Its scans come as evenly as those of a board with half the period.
@@ -213,8 +198,8 @@ mod tests {
             let (mut out_until, mut believed) = (ms(0.0), 0);
             for time in both.map(ms) {
                 match pace.on_scan(time) {
-                    Arrival::TooFast { until } => out_until = out_until.max(until),
-                    Arrival::InTime => believed += u32::from(time > ms(3_200.0) && time >= out_until),
+                    Some(until) => out_until = out_until.max(until),
+                    None => believed += u32::from(time > ms(3_200.0) && time >= out_until),
                 }
             }
             assert_eq!(believed, 0, "scans of one of two nodes while the module is in use, {phase} ms apart");

@@ -8,20 +8,20 @@ mod told;
 use std::time::Duration;
 use taxel_skin::{BusIndex, Patch, Time};
 use taxel_wire::array::TooShort;
-use taxel_wire::icub::{Message, ModuleScan, Refusal, StatusWord, decode};
+use taxel_wire::icub::{Message, Refusal, StatusWord, decode};
 use taxel_wire::{Frame, TimedFrame};
 
 use crate::baseline::TaxelBaseline;
 use crate::boundary::pushed::PushedScan;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
-use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, DeviceNews, SilenceLimits};
+use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, SilenceLimits, ZeroSign};
 use crate::intake::bring_up::{BoardSetup, BringUp};
 use crate::intake::cells::{Device, DevicePlan, Sender};
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::faults::limits::FaultLimits;
 use crate::intake::gauge::GaugeHistory;
-use crate::intake::pace::{Arrival, Pace};
+use crate::intake::pace::Pace;
 use crate::regions::Regions;
 use crate::scan::Scan;
 
@@ -54,43 +54,10 @@ pub struct IntakePlan {
 pub enum IntakeEvent {
     /// A scan has ended; ask for it.
     Scan,
-    /// A board may have lost or changed its zero.
-    BoardDoubted {
-        /// Position of the board in the patch.
-        board: usize,
-        /// Why, in words that name the board.
-        why: String,
-        /// Whether it surely has, or the counts have to show it.
-        certain: bool,
-    },
-    /// A described device is not well by its own status.
-    BoardUnwell {
-        /// Its position in the patch.
-        board: usize,
-    },
-    /// It is well again.
-    BoardWell {
-        /// Its position in the patch.
-        board: usize,
-        /// Why its zero is in doubt.
-        why: String,
-        /// Whether it is so long that it counts as lost.
-        certain: bool,
-    },
-    /// A board has a new zero: the counts of another patch that has modules of it have shown that.
-    BoardMoved {
-        /// Position of the board in the patch.
-        board: usize,
-        /// Why, in words that name the board.
-        why: String,
-    },
-    /// Another patch has this board, too, and must know this of it.
-    News {
-        /// Position of the board in the patch.
-        board: usize,
-        /// What must be known.
-        news: BoardNews,
-    },
+    /// What is learnt of the zero of the board at this position in the patch, in words that name it.
+    Board(usize, ZeroSign),
+    /// Another patch has the board at this position, too, and must know this of it.
+    News(usize, BoardNews),
     /// A module fell silent, or a taxel's faults changed with time alone: readers must see that before the next scan.
     Changed,
 }
@@ -119,7 +86,6 @@ pub struct Intake {
 
 impl Intake {
     /// Nothing heard, nothing sent.
-    #[must_use]
     pub fn new(plan: IntakePlan) -> Self {
         let regions = Regions::new(&plan.patch);
         let (modules, boards) = (plan.patch.modules().len(), plan.patch.boards().len());
@@ -158,7 +124,6 @@ impl Intake {
     }
 
     /// Whether each board streams, also if only other patches hear it.
-    #[must_use]
     pub fn streams(&self, now: Time) -> Vec<bool> {
         self.boards.iter().map(|board| board.is_heard(now)).collect()
     }
@@ -177,7 +142,9 @@ impl Intake {
             Message::Head { values, .. } => self.assembler.pairer(module).head(frame.time, values),
             Message::Tail { values, status, .. } => {
                 if let Some(scan) = self.assembler.pairer(module).tail(frame.time, values, status) {
-                    self.on_module(module, &scan, events);
+                    self.on_values(module, [scan.time; 2], scan.status, events, |assembler, patch| {
+                        assembler.on_module(patch, module, &scan)
+                    });
                 }
             }
             other => {
@@ -202,14 +169,14 @@ impl Intake {
             }
             if brought.status {
                 let (is_well, limits) = (self.devices[position].is_well(), self.silence_limits());
-                let news = self.boards[position].on_device(frame.time, is_well, limits);
-                self.tell_of_device(position, news, events); // before its counts are taken, which may be of another zero
+                let sign = self.boards[position].on_device(frame.time, is_well, limits);
+                self.tell(position, sign, events); // before its counts are taken, which may be of another zero
             }
             for module in brought.modules {
                 let device = &self.devices[position];
                 let status = if device.is_well() { StatusWord(0) } else { StatusWord(NOT_WELL) };
                 let raw = device.counts(module).to_vec();
-                self.on_values(module, frame.time, status, events, |assembler, patch| {
+                self.on_values(module, [frame.time; 2], status, events, |assembler, patch| {
                     assembler.on_cells(patch, module, frame.time, &raw)
                 });
             }
@@ -221,11 +188,9 @@ impl Intake {
     pub fn on_pushed(&mut self, scan: &PushedScan, events: &mut Vec<IntakeEvent>) {
         for module in 0..self.regions.modules().len() {
             let Some(own) = scan.counts.get(self.regions.modules()[module].clone()) else { continue };
-            if self.comes_in_time(module, scan.taken, events) {
-                self.take_values(module, scan.time, StatusWord(0), events, |assembler, patch| {
-                    assembler.on_cells(patch, module, scan.time, own)
-                });
-            }
+            self.on_values(module, [scan.time, scan.taken], StatusWord(0), events, |assembler, patch| {
+                assembler.on_cells(patch, module, scan.time, own)
+            });
         }
     }
 
@@ -250,7 +215,7 @@ impl Intake {
 
     fn tell_others(&self, board: usize, news: BoardNews, events: &mut Vec<IntakeEvent>) {
         if self.plan.shared.get(board) == Some(&true) {
-            events.push(IntakeEvent::News { board, news });
+            events.push(IntakeEvent::News(board, news));
         }
     }
 
@@ -259,7 +224,7 @@ impl Intake {
         match news {
             BoardNews::Heard(time, status) => self.watch_board(board, *time, *status, events),
             BoardNews::Said(message) => self.take_board_message(board, *message),
-            BoardNews::Moved(why) => events.push(IntakeEvent::BoardMoved { board, why: why.clone() }),
+            BoardNews::Moved(why) => events.push(IntakeEvent::Board(board, ZeroSign::Moved(why.clone()))),
         }
     }
 
@@ -273,44 +238,22 @@ impl Intake {
         }
     }
 
-    fn on_module(&mut self, module: usize, scan: &ModuleScan, events: &mut Vec<IntakeEvent>) {
-        self.on_values(module, scan.time, scan.status, events, |assembler, patch| {
-            assembler.on_module(patch, module, scan)
-        });
-    }
-
-    /// All values of a module came; `write` hands them to the assembler.
+    /// All values of a module came, of this time and at that; `write` hands them to the assembler. If its board cannot have sent them
+    /// now, the module is out for a while.
     fn on_values(
         &mut self,
         module: usize,
-        time: Time,
+        [time, came]: [Time; 2],
         status: StatusWord,
         events: &mut Vec<IntakeEvent>,
         write: impl FnOnce(&mut ScanAssembler, &Patch) -> Option<ScanEnd>,
     ) {
-        if self.comes_in_time(module, time, events) {
-            self.take_values(module, time, status, events, write);
+        if let Some(until) = self.paces[module].on_scan(came) {
+            self.faults.doubt_module(came, module, until);
+            self.refresh_soundness();
+            events.push(IntakeEvent::Changed);
+            return;
         }
-    }
-
-    /// Whether a board can have sent a module's values now. Otherwise the module is out for a while.
-    fn comes_in_time(&mut self, module: usize, now: Time, events: &mut Vec<IntakeEvent>) -> bool {
-        let Arrival::TooFast { until } = self.paces[module].on_scan(now) else { return true };
-        self.faults.doubt_module(now, module, until);
-        self.refresh_soundness();
-        events.push(IntakeEvent::Changed);
-        false
-    }
-
-    /// Values that came in time.
-    fn take_values(
-        &mut self,
-        module: usize,
-        time: Time,
-        status: StatusWord,
-        events: &mut Vec<IntakeEvent>,
-        write: impl FnOnce(&mut ScanAssembler, &Patch) -> Option<ScanEnd>,
-    ) {
         let taxels = self.regions.modules()[module].clone();
         let ended = write(&mut self.assembler, &self.plan.patch);
         self.bring_up.heard(module);
@@ -333,34 +276,25 @@ impl Intake {
     fn watch_board(&mut self, board: usize, time: Time, status: StatusWord, events: &mut Vec<IntakeEvent>) {
         let limits = self.silence_limits();
         let doubt = self.boards[board].on_module(time, status, limits);
-        self.tell_doubt(board, doubt, events);
+        // While boards are configured, silence and new zeros are what that is for.
+        let doubt = doubt.filter(|_| !self.bring_up.is_busy());
+        self.tell(board, doubt.map(ZeroSign::Doubted), events);
     }
 
     const fn silence_limits(&self) -> SilenceLimits {
         SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after }
     }
 
-    fn tell_of_device(&self, board: usize, news: Option<DeviceNews>, events: &mut Vec<IntakeEvent>) {
-        match news {
-            None => {}
-            Some(DeviceNews::Unwell) => events.push(IntakeEvent::BoardUnwell { board }),
-            Some(DeviceNews::Well(doubt)) => {
-                let why = format!("board {} {}", self.plan.patch.boards()[board].address, doubt.why);
-                events.push(IntakeEvent::BoardWell { board, why, certain: doubt.certain });
-            }
-        }
-    }
-
-    /// Tells that the zero of a board is in doubt, unless it is being taken anew.
-    fn tell_doubt(&self, board: usize, doubt: Option<BoardDoubt>, events: &mut Vec<IntakeEvent>) {
-        if self.bring_up.is_busy() {
-            return; // silence and new zeros are what it is for
-        }
+    /// Tells what is learnt of a board's zero, with its name.
+    fn tell(&self, board: usize, sign: Option<ZeroSign>, events: &mut Vec<IntakeEvent>) {
         let address = self.plan.patch.boards()[board].address;
-        if let Some(doubt) = doubt {
-            let why = format!("board {address} {}", doubt.why);
-            events.push(IntakeEvent::BoardDoubted { board, why, certain: doubt.certain });
-        }
+        let named = |doubt: BoardDoubt| BoardDoubt { why: format!("board {address} {}", doubt.why), ..doubt };
+        let sign = sign.map(|sign| match sign {
+            ZeroSign::Doubted(doubt) => ZeroSign::Doubted(named(doubt)),
+            ZeroSign::Well(doubt) => ZeroSign::Well(named(doubt)),
+            other => other,
+        });
+        events.extend(sign.map(|sign| IntakeEvent::Board(board, sign)));
     }
 
     /// A reading of the gauge.
@@ -398,7 +332,6 @@ impl Intake {
     }
 
     /// When [`Intake::tick`] has something to do at the latest, if nothing comes before.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let silence = self.assembler.first_silence(self.plan.stale_after);
         [self.bring_up.deadline(), silence, self.faults.deadline()].into_iter().flatten().min()
@@ -422,7 +355,6 @@ impl Intake {
     }
 
     /// The scan that ended last, with what is believed of it now.
-    #[must_use]
     pub fn scan(&self) -> Scan<'_> {
         Scan {
             time: self.end.time,
@@ -437,15 +369,13 @@ impl Intake {
     }
 
     /// Whether every module but those that are `left_out` was received within `limit` of the newest one.
-    #[must_use]
     pub fn is_whole_without(&self, limit: Duration, left_out: impl Fn(usize) -> bool) -> bool {
         self.assembler.is_whole_without(limit, left_out)
     }
 
     /// Receive time of the newest frame; `None` before the first.
-    #[must_use]
     pub fn newest(&self) -> Option<Time> {
-        self.assembler.heard().then(|| self.assembler.newest())
+        self.assembler.newest()
     }
 
     /// When each module was last received whole.
@@ -454,31 +384,26 @@ impl Intake {
     }
 
     /// The faults of a taxel now.
-    #[must_use]
     pub fn faults(&self, taxel: usize) -> FaultSet {
         self.faults.faults(taxel)
     }
 
     /// The recent past of the pressure.
-    #[must_use]
     pub const fn gauge(&self) -> &GaugeHistory {
         &self.gauge
     }
 
     /// Where the bring-up stands.
-    #[must_use]
     pub const fn bring_up(&self) -> &BringUp {
         &self.bring_up
     }
 
     /// The parts of the patch.
-    #[must_use]
     pub const fn regions(&self) -> &Regions {
         &self.regions
     }
 
     /// Taxels of silent modules.
-    #[must_use]
     pub fn silent_taxels(&self) -> usize {
         let modules = self.silent.iter().zip(self.regions.modules());
         modules.filter(|(silent, _)| **silent).map(|(_, range)| range.len()).sum()

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use taxel_skin::{Newton, SquareMillimetre};
+use taxel_skin::Newton;
 
 use crate::request::Rejection;
 
@@ -185,18 +185,12 @@ fn unfit(load: &Load) -> String {
     }
 }
 
-/// Mean of the areas, in mm2.
-#[must_use]
-pub fn mean_area_mm2(areas: &[SquareMillimetre]) -> f64 {
-    areas.iter().map(|area| area.0).sum::<f64>() / areas.len().max(1) as f64
-}
-
-/// What loads are judged by.
-#[derive(Clone, Copy, Debug)]
-pub struct Patch<'a> {
-    /// Its name.
-    pub name: &'a str,
-    /// Mean of the configured areas, in mm2.
+/// What the loads of a patch are judged by.
+#[derive(Clone, Debug)]
+pub struct LoadsPlan {
+    /// The patch's name.
+    pub patch: String,
+    /// Mean of the configured areas of its taxels, in mm2.
     pub mean_area_mm2: f64,
     /// Whether faulty taxels are filled by their neighbours.
     pub fills: bool,
@@ -204,8 +198,8 @@ pub struct Patch<'a> {
 
 /// The loads of a patch, oldest first, judged by its active model set and the mean of its configured areas.
 #[must_use]
-pub fn judge(patch: Patch<'_>, all: &[Arc<Load>], model_set: Option<String>) -> Validation {
-    let area_mm2 = patch.mean_area_mm2;
+pub fn judge(plan: &LoadsPlan, all: &[Arc<Load>], model_set: Option<String>) -> Validation {
+    let area_mm2 = plan.mean_area_mm2;
     let replaced: BTreeMap<u64, u64> = all.iter().filter_map(|load| Some((load.replaces?, load.number))).collect();
     let outdated = |load: &Load| {
         if let Some(by) = replaced.get(&load.number) {
@@ -214,8 +208,8 @@ pub fn judge(patch: Patch<'_>, all: &[Arc<Load>], model_set: Option<String>) -> 
             "another model set is active now".to_owned()
         } else if (load.mean_area_mm2 / area_mm2 - 1.0).abs() > SAME_AREA_SHARE {
             format!("the configured areas were {:.3} mm2 in the mean, now {area_mm2:.3}", load.mean_area_mm2)
-        } else if load.filled.is_some_and(|then| then != patch.fills) {
-            let [then, now] = if patch.fills { ["not ", ""] } else { ["", "not "] };
+        } else if load.filled.is_some_and(|then| then != plan.fills) {
+            let [then, now] = if plan.fills { ["not ", ""] } else { ["", "not "] };
             format!("faulty taxels were {then}filled by their neighbours, and are {now}now")
         } else {
             String::new()
@@ -230,7 +224,7 @@ pub fn judge(patch: Patch<'_>, all: &[Arc<Load>], model_set: Option<String>) -> 
     let errors: Vec<f64> =
         loads.iter().filter(|j| j.outdated_because.is_empty()).map(|j| j.load.error().abs()).collect();
     Validation {
-        patch: patch.name.to_owned(),
+        patch: plan.patch.clone(),
         model_set,
         mean_absolute_error: (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64),
         loads,

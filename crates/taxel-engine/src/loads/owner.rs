@@ -1,27 +1,16 @@
 //! The known loads of one patch: those that were read, and the one that is being read.
 
 use std::sync::Arc;
-use taxel_skin::{SquareMillimetre, Time};
+use taxel_skin::Time;
 
 use crate::force::owner::Measured;
-use crate::loads::load::{KnownLoad, Load, Patch, Reading, Validation, Weight, judge, mean_area_mm2};
+use crate::loads::load::{KnownLoad, Load, LoadsPlan, Reading, Validation, Weight, judge};
 use crate::loads::watch::{LoadWatch, Unread};
 use crate::now::Now;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
 /// Loads of all patches that one store is good for; laying them down takes an operator days.
 pub const LOADS_MAX: usize = 10_000;
-
-/// What the loads of a patch are compared with.
-#[derive(Clone, Debug)]
-pub struct LoadsPlan {
-    /// The patch's name.
-    pub patch: String,
-    /// The configured area of each taxel.
-    pub areas: Vec<SquareMillimetre>,
-    /// Whether faulty taxels are filled by their neighbours.
-    pub fills: bool,
-}
 
 /// A load that was read, or why it could not be.
 #[derive(Clone, Debug)]
@@ -43,27 +32,18 @@ pub struct Loads {
 
 impl Loads {
     /// The loads of earlier runs, oldest first.
-    #[must_use]
     pub const fn new(plan: LoadsPlan, all: Vec<Arc<Load>>) -> Self {
         Self { plan, all, watch: None }
     }
 
     /// How many loads are kept.
-    #[must_use]
     pub const fn count(&self) -> usize {
         self.all.len()
     }
 
-    /// Mean of the configured areas, in mm2.
-    #[must_use]
-    pub fn area_mm2(&self) -> f64 {
-        mean_area_mm2(&self.plan.areas)
-    }
-
-    /// Whether faulty taxels are filled by their neighbours.
-    #[must_use]
-    pub const fn fills(&self) -> bool {
-        self.plan.fills
+    /// What they are judged by.
+    pub const fn plan(&self) -> &LoadsPlan {
+        &self.plan
     }
 
     /// Begins to read a known load.
@@ -101,7 +81,6 @@ impl Loads {
     }
 
     /// When [`Loads::tick`] has something to do.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         self.watch.as_ref().map(LoadWatch::give_up_at)
     }
@@ -135,7 +114,7 @@ impl Loads {
             replaces: known.replaces,
             read,
             model_set: model_set.to_owned(),
-            mean_area_mm2: self.area_mm2(),
+            mean_area_mm2: self.plan.mean_area_mm2,
             filled: Some(self.plan.fills),
         })
     }
@@ -146,9 +125,7 @@ impl Loads {
     }
 
     /// All loads, judged for the model set in use.
-    #[must_use]
     pub fn validation(&self, model_set: Option<String>) -> Validation {
-        let patch = Patch { name: &self.plan.patch, mean_area_mm2: self.area_mm2(), fills: self.plan.fills };
-        judge(patch, &self.all, model_set)
+        judge(&self.plan, &self.all, model_set)
     }
 }

@@ -18,7 +18,6 @@ pub struct LaidAt {
 
 impl LaidAt {
     /// Of these loads.
-    #[must_use]
     pub fn of(loads: &[&Load]) -> Self {
         let felt: Vec<&[u16]> = loads.iter().map(|load| load.read.taxels.as_slice()).collect();
         let unplaced = felt.iter().filter(|taxels| taxels.is_empty()).count();
@@ -27,14 +26,7 @@ impl LaidAt {
         Self { place, known, unplaced }
     }
 
-    /// So many loads, each at a place of its own.
-    #[must_use]
-    pub fn apart(loads: usize) -> Self {
-        Self { place: (0..loads).collect(), known: loads, unplaced: 0 }
-    }
-
     /// Why they say nothing of the whole skin, in words.
-    #[must_use]
     pub fn too_few(&self) -> Option<String> {
         let (loads, known, unplaced) = (self.place.len(), self.known, self.unplaced);
         let old = if unplaced > 0 {
@@ -55,7 +47,6 @@ impl LaidAt {
 ///
 /// Two loads lie at one place if they share more than half of the taxels of the smaller one. Those of which it is not known
 /// which taxels felt them lie at one place together.
-#[must_use]
 fn places(loads: &[&[u16]]) -> Vec<usize> {
     let mut first: Vec<&[u16]> = Vec::new();
     let mut found = Vec::with_capacity(loads.len());

@@ -80,7 +80,6 @@ impl LoadWatch {
     }
 
     /// When a watch that gets no scans ends.
-    #[must_use]
     pub fn give_up_at(&self) -> Time {
         self.begun + SPAN + GRACE + Duration::from_nanos(1)
     }

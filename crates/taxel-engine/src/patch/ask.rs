@@ -3,8 +3,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::calibration::job::FitOutcome;
-use crate::calibration::samples::SessionSamples;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::intake::gauge::GaugeAtRest;
@@ -181,33 +179,8 @@ impl Patch {
     }
 
     /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.
-    #[must_use]
     pub fn look(&self, now: Now, left_out: &[u16]) -> Vec<String> {
         self.intake.look(now.time, self.plan.session.gauge_timeout, left_out)
-    }
-
-    /// Begins a session. The caller has checked that none is open.
-    pub fn start_session(&mut self, now: Now, view: SessionView, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.start(now, view, intake.gauge(), events)
-        });
-    }
-
-    /// Takes up a session of an earlier run.
-    pub fn resume_session(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
-        self.calibration.resume(now, view, samples);
-    }
-
-    /// Begins a session that goes on from the samples of another one. The caller has checked that none is open.
-    pub fn succeed_session(&mut self, now: Now, view: SessionView, samples: SessionSamples, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.succeed(now, view, samples, intake.gauge(), events)
-        });
-    }
-
-    /// The session that the patch holds was deleted.
-    pub fn forget_session(&mut self) {
-        self.calibration.forget();
     }
 
     /// What an operator asks of the session that the patch holds.
@@ -250,33 +223,14 @@ impl Patch {
         view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
     }
 
-    /// Something from outside changes the state of the session that the patch holds.
-    pub fn trigger_session(&mut self, now: Now, trigger: Trigger, reason: &str, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.trigger(now, trigger, reason, intake.gauge(), events)
-        });
-    }
-
-    /// A fit came back.
-    pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.on_fitted(now, outcome, intake.gauge(), events)
-        });
-    }
-
-    /// Samples of a session are on disk.
-    pub fn on_durable(&mut self, session: u64, samples: u64) {
-        self.calibration.on_durable(session, samples);
-    }
-
     /// Another model set is in use from now on.
     pub fn set_models(&mut self, set: Arc<ModelSet>) {
         self.intake.expect_noise(&set.baseline);
-        self.zero.on_models(Some(&set));
+        self.zero.on_models(&set);
         self.force.set_models(set, self.zero.residue_counts());
         self.force.move_zero(self.zero.in_force(), self.zero.as_taken()); // it may be one for other models
         self.force.set_vouched(self.zero.vouched());
-        self.zero.weigh(|| self.force.newton_per_count());
+        self.zero.weigh(&self.force.newton_per_count());
         self.dirty = true;
     }
 
@@ -299,7 +253,7 @@ impl Patch {
             return refuse(ErrorReason::NoModelSet, "no model set is active: there is no force to compare".to_owned());
         }
         if !self.force.is_ready() {
-            return refuse(ErrorReason::ZeroLost, format!("there is no valid zero: {}", self.zero.reason()));
+            return refuse(ErrorReason::ZeroLost, format!("there is no valid zero: {}", self.zero.view().reason));
         }
         self.loads.begin(now.time, request, load)
     }
@@ -320,7 +274,6 @@ impl Patch {
     }
 
     /// All known loads, judged.
-    #[must_use]
     pub fn validate(&self) -> Validation {
         self.loads.validation(self.force.models().map(|set| set.id.clone()))
     }

@@ -23,13 +23,11 @@ impl Patch {
     }
 
     /// Whether nothing is left to be listened for at the start: every module streams, or the boards were configured already.
-    #[must_use]
     pub fn is_heard(&self) -> bool {
         self.has_begun || self.intake.scan().whole
     }
 
     /// Whether each board has to be configured at the start: it is silent, or this daemon configured it otherwise last.
-    #[must_use]
     pub fn boards_to_configure(&self, now: Time) -> Vec<bool> {
         let differs = self.noted.configured != Some(self.settings);
         let may = |board| !self.has_begun && self.plan.configures_board(board);
@@ -48,7 +46,7 @@ impl Patch {
         }
         self.intake.start_bring_up(now.time, wanted);
         if let Some(kept) = self.noted.zero.clone().filter(|_| self.noted.configured == Some(self.settings)) {
-            self.with_zero(now, effects, |zero, events| zero.go_on(now, &kept, events));
+            self.with_zero(now, effects, |zero, events| zero.go_on(now, kept, events));
         }
     }
 
@@ -59,7 +57,9 @@ impl Patch {
         let streaming = streams.iter().zip(wanted).any(|(streams, wanted)| *streams && *wanted);
         let shows_loads = self.force.is_ready() && self.felt.is_some();
         let unseen = streaming && !confirmed && !shows_loads;
-        self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
+        self.with_zero(now, effects, |zero, events| {
+            zero.lose(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, events)
+        });
         self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
         self.zero.on_bring_up(confirmed, unseen.then_some(CONFIGURED_UNSEEN));
         self.intake.start_bring_up(now.time, wanted);

@@ -83,7 +83,7 @@ fn a_board_is_configured_if_it_is_silent_or_was_configured_otherwise() {
         if streams {
             scene.act(|patch, effects| {
                 let heard = BoardNews::Heard(now(1_250).time, StatusWord(0));
-                patch.on_news(now(1_250), 0, &heard, effects)
+                patch.with_intake(now(1_250), effects, |intake, events| intake.on_news(0, &heard, events))
             });
         }
         assert_eq!(scene.patch.boards_to_configure(now(1_300).time), [wanted]);
@@ -91,7 +91,7 @@ fn a_board_is_configured_if_it_is_silent_or_was_configured_otherwise() {
         scene.act(|patch, effects| patch.begin(now(1_300), &[wanted], effects));
         assert_eq!(scene.sends(1_300), wanted);
         // Something may have lain on a board that streamed.
-        assert_eq!(scene.patch.zero.distrusted().is_some(), wanted && streams);
+        assert_eq!(scene.patch.zero.needs_confirmation().is_some(), wanted && streams);
     }
     let mut scene = Scene::new(listening(), true, false);
     scene.act(|patch, effects| patch.start(now(1_000), effects));

@@ -31,7 +31,7 @@ impl Patch {
     }
 
     /// Does something to the session that the patch holds, and what follows from it.
-    pub(super) fn with_session(
+    pub fn with_session(
         &mut self,
         now: Now,
         effects: &mut Effects<'_>,
@@ -69,7 +69,7 @@ impl Patch {
                 ZeroEvent::Restored => self.use_zero(),
                 ZeroEvent::Refused(Purpose::AtStart, _, why) => {
                     // What is held against the boards does not pass by itself.
-                    let lasts = self.zero.distrusted().is_some();
+                    let lasts = self.zero.needs_confirmation().is_some();
                     let lacks = self.force.models().is_some_and(|set| !set.knows_rest());
                     let hint = match lasts || lacks {
                         true => ". If the skin is unloaded: `taxeld tare --confirmed-by NAME`",
@@ -111,7 +111,7 @@ impl Patch {
         }
         self.force.set_zero(self.zero.in_force(), self.zero.residue_counts());
         self.force.set_vouched(self.zero.vouched());
-        self.zero.weigh(|| self.force.newton_per_count());
+        self.zero.weigh(&self.force.newton_per_count());
         if let Some(baseline) = self.zero.baseline() {
             self.intake.expect_noise(baseline);
         }
@@ -122,7 +122,6 @@ impl Patch {
     }
 
     /// The session that the patch holds or held last, as readers see it.
-    #[must_use]
     pub fn seen_session(&self) -> Option<Arc<SessionView>> {
         self.calibration.session().map(|view| self.seen(&Arc::new(view.clone())))
     }
@@ -136,11 +135,7 @@ impl Patch {
                     self.zero.watch(now.time, Purpose::Session { confirmed_by }, &mut follows);
                     self.on_zero_events(now, follows, effects);
                 }
-                CalibrationEvent::ZeroNotWanted => {
-                    if matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
-                        self.zero.stop_watching();
-                    }
-                }
+                CalibrationEvent::ZeroNotWanted => self.zero.end_watch_of_session(),
                 CalibrationEvent::Record(record) => {
                     let session = self.calibration.session().map_or(0, |view| view.number);
                     effects.out.push(Output::Record(match record {

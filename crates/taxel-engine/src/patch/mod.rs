@@ -5,5 +5,5 @@ mod bring_up;
 #[cfg(test)]
 pub(crate) mod edge_tests;
 mod events;
-pub mod owner;
+pub(crate) mod owner;
 mod publish;

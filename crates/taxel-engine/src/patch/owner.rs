@@ -5,10 +5,7 @@
 
 use std::sync::Arc;
 use std::time::Duration;
-use taxel_skin::{BusIndex, Kilopascal, Newton, Time};
-use taxel_wire::array::TooShort;
-use taxel_wire::icub::Refusal;
-use taxel_wire::{Frame, TimedFrame};
+use taxel_skin::{Board, BusIndex, Kilopascal, Newton, Time};
 
 use crate::boundary::output::Output;
 use crate::boundary::pushed::PushedScan;
@@ -16,8 +13,7 @@ use crate::boundary::record::Record;
 use crate::boundary::snapshot::GaugeReading;
 use crate::calibration::calibrate::Calibration;
 use crate::force::owner::Force;
-use crate::force::reason::ReasonCode;
-use crate::intake::boards::BoardNews;
+use crate::intake::boards::{BoardDoubt, BoardNews, ZeroSign};
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::gauge::GaugeAtRest;
 use crate::intake::health::BoardHealth;
@@ -98,7 +94,6 @@ pub struct Patch {
 impl Patch {
     /// Nothing heard, nothing sent; `loads` are those of earlier runs, `known` what was known then of its zero,
     /// `shared` says which boards other patches have, too.
-    #[must_use]
     pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, known: KeptZero, shared: Vec<bool>) -> Self {
         let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
         let regions = intake.regions().clone();
@@ -124,50 +119,45 @@ impl Patch {
     }
 
     /// Its plan.
-    #[must_use]
     pub const fn plan(&self) -> &PatchPlan {
         &self.plan
     }
 
     /// Its name.
-    #[must_use]
     pub fn name(&self) -> &str {
         self.plan.patch.name()
     }
 
     /// How many taxels it has.
-    #[must_use]
     pub fn taxels(&self) -> usize {
         self.intake.regions().taxels()
     }
 
     /// Its calibration.
-    #[must_use]
     pub const fn calibration(&self) -> &Calibration {
         &self.calibration
     }
 
+    /// The same, to be told what concerns it alone.
+    pub const fn calibration_mut(&mut self) -> &mut Calibration {
+        &mut self.calibration
+    }
+
     /// The model set in use.
-    #[must_use]
     pub const fn models(&self) -> Option<&Arc<ModelSet>> {
         self.force.models()
     }
 
     /// Why this set says nothing of the boards or the areas that are configured, in words.
-    #[must_use]
     pub fn unfit(&self, set: &ModelSet) -> Option<String> {
-        self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_sum(self.loads.area_mm2(), self.loads.fills()))
+        self.plan
+            .unfit_for_settings(set)
+            .or_else(|| set.unfit_for_sum(self.loads.plan().mean_area_mm2, self.loads.plan().fills))
     }
 
     /// How many known loads are kept.
-    #[must_use]
     pub const fn loads(&self) -> usize {
         self.loads.count()
-    }
-
-    /// Something has moved the zero of the boards.
-    pub fn lose_zero(&mut self, now: Now, code: ReasonCode, why: impl Into<String>, effects: &mut Effects<'_>) {
-        self.with_zero(now, effects, |zero, events| zero.lose(code, why, events));
     }
 
     /// The host may have lost frames of a bus, of all without one, of so long a time before `now`.
@@ -178,48 +168,27 @@ impl Patch {
     /// A bus was lost for a time, and with it what its boards did meanwhile: they may have taken new zeros under what lies
     /// on them.
     pub fn on_bus_lost(&mut self, now: Now, bus: BusIndex, why: &str, effects: &mut Effects<'_>) {
-        let boards = self.plan.patch.boards().iter().enumerate().filter(|(_, board)| board.bus == bus);
-        let boards: Vec<usize> = boards.map(|(board, _)| board).collect();
+        self.lose_zeros(now, |board| board.bus == bus, why, effects);
+    }
+
+    fn lose_zeros(&mut self, now: Now, of: impl Fn(&Board) -> bool, why: &str, effects: &mut Effects<'_>) {
+        let boards: Vec<bool> = self.plan.patch.boards().iter().map(of).collect();
         self.with_zero(now, effects, |zero, events| {
-            boards.into_iter().for_each(|board| zero.lose_by_board(board, why, events));
+            (0..boards.len()).filter(|&board| boards[board]).for_each(|board| zero.lose_by_board(board, why, events));
         });
     }
 
-    /// A frame with an identifier of one of this patch's modules.
-    ///
-    /// # Errors
-    /// [`Refusal`] if its content is not a message; the caller counts it.
-    pub fn on_module_frame(
+    /// Something comes in, such as a frame, and what follows from it.
+    pub fn with_intake<T>(
         &mut self,
         now: Now,
-        module: usize,
-        frame: &TimedFrame,
         effects: &mut Effects<'_>,
-    ) -> Result<(), Refusal> {
+        act: impl FnOnce(&mut Intake, &mut Vec<IntakeEvent>) -> T,
+    ) -> T {
         let mut events = Vec::new();
-        self.intake.on_module_frame(module, frame, &mut events)?;
-        if !events.is_empty() {
-            self.on_intake_events(now, events, effects);
-        }
-        Ok(())
-    }
-
-    /// A frame with an identifier of one of this patch's devices. Returns whether it was one of theirs.
-    ///
-    /// # Errors
-    /// [`TooShort`] if it ends before its numbers do; the caller counts it.
-    pub fn on_device_frame(
-        &mut self,
-        now: Now,
-        frame: &TimedFrame,
-        effects: &mut Effects<'_>,
-    ) -> Result<bool, TooShort> {
-        let mut events = Vec::new();
-        let ours = self.intake.on_device_frame(frame, &mut events);
-        if !events.is_empty() {
-            self.on_intake_events(now, events, effects);
-        }
-        ours
+        let result = act(&mut self.intake, &mut events);
+        self.on_intake_events(now, events, effects);
+        result
     }
 
     /// A program begins to hand over scans. Whatever handed them over before may have been another device, or the same
@@ -227,10 +196,7 @@ impl Patch {
     pub fn begin_push(&mut self, now: Now, effects: &mut Effects<'_>) {
         if self.intake.newest().is_some() {
             let why = "another stream of scans has begun: what pushes them may have taken a new zero";
-            let boards = 0..self.plan.patch.boards().len();
-            self.with_zero(now, effects, |zero, events| {
-                boards.for_each(|board| zero.lose_by_board(board, why, events));
-            });
+            self.lose_zeros(now, |_| true, why, effects);
         }
     }
 
@@ -239,33 +205,7 @@ impl Patch {
         if let Some(pressure) = scan.pressure {
             self.on_pressure(now, scan.time, pressure, effects);
         }
-        let mut events = Vec::new();
-        self.intake.on_pushed(scan, &mut events);
-        self.on_intake_events(now, events, effects);
-    }
-
-    /// A frame with another identifier of one of this patch's boards.
-    ///
-    /// # Errors
-    /// [`Refusal`] if its content is not a message; the caller counts it.
-    pub fn on_board_frame(
-        &mut self,
-        now: Now,
-        board: usize,
-        frame: &Frame,
-        effects: &mut Effects<'_>,
-    ) -> Result<(), Refusal> {
-        let mut events = Vec::new();
-        self.intake.on_board_frame(board, frame, &mut events)?;
-        self.on_intake_events(now, events, effects);
-        Ok(())
-    }
-
-    /// What another patch has learnt of a board that this one has, too.
-    pub fn on_news(&mut self, now: Now, board: usize, news: &BoardNews, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.intake.on_news(board, news, &mut events);
-        self.on_intake_events(now, events, effects);
+        self.with_intake(now, effects, |intake, events| intake.on_pushed(scan, events));
     }
 
     /// A reading of the gauge that this patch's bag has.
@@ -279,20 +219,14 @@ impl Patch {
         for event in events {
             match event {
                 IntakeEvent::Scan => self.on_scan(now, effects),
-                IntakeEvent::BoardDoubted { board, why, certain: true } => {
-                    self.with_zero(now, effects, |zero, events| zero.lose_by_board(board, &why, events));
-                }
-                IntakeEvent::BoardDoubted { board, why, certain: false } => {
-                    self.with_zero(now, effects, |zero, events| zero.doubt(board, &why, events));
-                }
-                IntakeEvent::BoardUnwell { board } => self.zero.on_unwell(board),
-                IntakeEvent::BoardWell { board, why, certain } => {
-                    self.with_zero(now, effects, |zero, events| zero.on_well(board, &why, certain, events));
-                }
-                IntakeEvent::BoardMoved { board, why } => {
-                    self.with_zero(now, effects, |zero, events| zero.lose_by_another(board, &why, events));
-                }
-                IntakeEvent::News { board, news } => effects.intents.push(Intent::News { board, news }),
+                IntakeEvent::Board(board, sign) => self.with_zero(now, effects, |zero, events| match sign {
+                    ZeroSign::Doubted(BoardDoubt { why, certain: true }) => zero.lose_by_board(board, &why, events),
+                    ZeroSign::Doubted(doubt) => zero.doubt(board, &doubt.why, events),
+                    ZeroSign::Unwell => zero.on_unwell(board),
+                    ZeroSign::Well(doubt) => zero.on_well(board, &doubt.why, doubt.certain, events),
+                    ZeroSign::Moved(why) => zero.lose_by_another(board, &why, events),
+                }),
+                IntakeEvent::News(board, news) => effects.intents.push(Intent::News { board, news }),
                 IntakeEvent::Changed => self.dirty = true,
             }
         }
@@ -397,7 +331,6 @@ impl Patch {
     }
 
     /// When [`Patch::tick`] has something to do at the latest, if nothing comes before.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let now = Time::from_nanos(i64::MIN);
         if self.dirty {
@@ -408,7 +341,6 @@ impl Patch {
     }
 
     /// One entry per board.
-    #[must_use]
     pub fn board_health(&self, now: Time) -> Vec<BoardHealth> {
         self.intake.board_health(now)
     }

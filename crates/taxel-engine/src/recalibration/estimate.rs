@@ -1,8 +1,8 @@
 //! By what factor a skin reads too little or too much, from known loads: with its uncertainty, and refused where the
 //! loads contradict each other.
 //!
-//! What lay there is gain times what was read, plus an offset if one is asked for. Beforehand a point has the standard
-//! deviation `s^2 = u_known^2 + g^2 u_read^2 + (place_rel g read)^2 + floor^2`, with g the median of known over read, which
+//! What lay there is gain times what was read. Beforehand a point has the standard deviation
+//! `s^2 = u_known^2 + g^2 u_read^2 + (place_rel g read)^2 + floor^2`, with g the median of known over read, which
 //! one wrong load does not move. Two tests, which sound loads fail in 1 % of all cases together:
 //!
 //! 1. Each point is compared with the line through all others. The farthest contradicts if it lies beyond what one of n
@@ -21,7 +21,7 @@
 use std::ops::RangeInclusive;
 
 use crate::loads::places::LaidAt;
-use crate::recalibration::line::{Line, LinePoint, chi2_quantile, normal_quantile, of_reading, plus};
+use crate::recalibration::line::{Line, LinePoint, chi2_quantile, normal_quantile};
 use crate::recalibration::points::{Assumptions, LoadPoint};
 use crate::statistics::median;
 
@@ -64,10 +64,10 @@ pub struct JudgedPoint {
 /// What known loads say of a skin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recalibration {
-    /// What readings are to be multiplied by, and added to them, with the covariance.
+    /// What readings are to be multiplied by.
     pub line: Line,
-    /// By how much its covariance is more because loads at one place are off together.
-    shared: [f64; 3],
+    /// By how much its variance is more because loads at one place are off together.
+    shared: f64,
     /// The points, as they were given.
     pub points: Vec<JudgedPoint>,
     /// At how many places they are known to lie.
@@ -83,19 +83,11 @@ pub struct Recalibration {
 }
 
 impl Recalibration {
-    /// What these points say, where each says something of its own of the whole skin.
-    ///
-    /// # Errors
-    /// As of [`Recalibration::at`].
-    pub fn of(points: &[LoadPoint], assumptions: Assumptions) -> Result<Self, String> {
-        Self::at(points, &LaidAt::apart(points.len()), assumptions)
-    }
-
     /// What these points say that lie at these places.
     ///
     /// # Errors
-    /// In words: too few or too many points, figures that are none, or points that do not determine what is asked for.
-    pub fn at(points: &[LoadPoint], laid: &LaidAt, assumptions: Assumptions) -> Result<Self, String> {
+    /// In words: too few or too many points, or figures that are none.
+    pub fn of(points: &[LoadPoint], laid: &LaidAt, assumptions: Assumptions) -> Result<Self, String> {
         let count = points.len();
         if !(POINTS_MIN..=POINTS_MAX).contains(&count) {
             return Err(format!(
@@ -106,14 +98,13 @@ impl Recalibration {
             return Err(problem);
         }
         let weighed = weighed(points, &laid.place, &assumptions);
-        let line = Line::through(&weighed, assumptions.offset)
-            .ok_or("the loads are too much alike to tell an offset from a gain: take some much smaller than others")?;
+        let line = Line::through(&weighed).ok_or("the loads give no gain that is a number")?;
         let judged: Vec<(JudgedPoint, f64)> =
             points.iter().zip(&weighed).map(|(of, on)| judge(&line, *of, on)).collect();
         let deviation_max = normal_quantile(0.5 * FALSE_ALARMS / count as f64);
         let mut of = Self {
             line,
-            shared: line.shared(&weighed, assumptions.offset),
+            shared: line.shared(&weighed),
             places: laid.known,
             points: judged.iter().map(|(point, _)| *point).collect(),
             deviation_max,
@@ -143,20 +134,18 @@ impl Recalibration {
     /// Whether the skin is off by more than the loads can tell.
     #[must_use]
     pub fn is_needed(&self) -> bool {
-        let [gain, _, offset] = self.covariance();
-        let beyond = |value: f64, variance: f64| value.abs() > NEEDED_SIGMAS * (self.widening() * variance).sqrt();
-        beyond(self.line.gain - 1.0, gain) || (self.assumptions.offset && beyond(self.line.offset, offset))
+        (self.line.gain - 1.0).abs() > NEEDED_SIGMAS * self.own_sigma()
     }
 
-    /// The covariance of the line, with what loads at one place have in common.
-    fn covariance(&self) -> [f64; 3] {
-        plus(self.line.covariance, self.shared)
+    /// Standard uncertainty of the gain, without what all loads have in common.
+    fn own_sigma(&self) -> f64 {
+        (self.widening() * (self.line.variance + self.shared)).sqrt()
     }
 
     /// Standard uncertainty of the gain.
     #[must_use]
     pub fn gain_sigma(&self) -> f64 {
-        (self.widening() * self.covariance()[0]).sqrt().hypot(self.line.gain * self.common_rel())
+        self.own_sigma().hypot(self.line.gain * self.common_rel())
     }
 
     /// What all known loads may be off by together, as one balance is or one force sensor: the least of their relative
@@ -164,22 +153,6 @@ impl Recalibration {
     fn common_rel(&self) -> f64 {
         let of = |judged: &JudgedPoint| judged.point.known_sigma / judged.point.known;
         self.points.iter().map(of).fold(f64::INFINITY, f64::min)
-    }
-
-    /// Standard uncertainty of the offset; 0 if it was not looked for.
-    #[must_use]
-    pub fn offset_sigma(&self) -> f64 {
-        (self.widening() * self.covariance()[2]).sqrt()
-    }
-
-    /// Standard uncertainty of the corrected reading under a load at a new place, where the skin reads `read` before the
-    /// correction: that of the line, and the scatter from place to place.
-    #[must_use]
-    pub fn predicted_sigma(&self, read: f64) -> f64 {
-        let Assumptions { place_rel, floor, .. } = self.assumptions;
-        let place = (place_rel * self.line.gain * read).powi(2) + floor * floor;
-        let common = self.common_rel() * self.line.at(read);
-        (self.widening() * (of_reading(self.covariance(), read) + place)).sqrt().hypot(common)
     }
 
     /// Relative standard uncertainty that a corrected set has by its gain, for any load: that of the gain, and the scatter
@@ -222,13 +195,14 @@ impl Recalibration {
         if deviation.abs() > self.deviation_max {
             let mut others = weighed.to_vec();
             others.remove(position);
-            let rest = Line::through(&others, self.assumptions.offset);
-            let says = rest.map(|rest| says(&judged.point, &rest)).unwrap_or_default();
+            let point = judged.point;
+            let rest = Line::through(&others).map_or(f64::NAN, |rest| rest.gain * point.read);
             let limit = self.deviation_max;
             self.contradicts = Some(number);
             self.refused_because.push(format!(
-                "point {number} contradicts the others: {says}{:.1} standard deviations away, where {limit:.1} are allowed. \
-                 If it was noted wrong, replace it or leave it out",
+                "point {number} contradicts the others: it was noted as {:.3}, by the others it is {rest:.3}, {:.1} standard \
+                 deviations away, where {limit:.1} are allowed. If it was noted wrong, replace it or leave it out",
+                point.known,
                 deviation.abs()
             ));
             return;
@@ -272,10 +246,5 @@ fn weighed(points: &[LoadPoint], places: &[usize], assumptions: &Assumptions) ->
 /// A point beside the line, and how much of the line at its place it decides itself.
 fn judge(line: &Line, point: LoadPoint, on: &LinePoint) -> (JudgedPoint, f64) {
     let (deviation, leverage) = line.deviation(on);
-    (JudgedPoint { point, corrected: line.at(point.read), deviation }, leverage)
-}
-
-/// What the other points say of one that contradicts them.
-fn says(point: &LoadPoint, rest: &Line) -> String {
-    format!("it was noted as {:.3}, by the others it is {:.3}, ", point.known, rest.at(point.read))
+    (JudgedPoint { point, corrected: line.gain * point.read, deviation }, leverage)
 }

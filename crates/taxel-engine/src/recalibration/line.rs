@@ -1,7 +1,7 @@
-//! The straight line of the weighted least squares: known = gain read + offset, with or without the offset.
+//! The straight line through nothing of the weighted least squares: known = gain read.
 //!
-//! The standard deviation s_i of each point is known beforehand, so the covariance is C = (sum x x^T / s^2)^-1 and a
-//! point's residual over its own standard deviation, s_i sqrt(1 - h_i) with h_i = x_i^T C x_i / s_i^2, is standard normal.
+//! The standard deviation s_i of each point is known beforehand, so the variance of the gain is V = 1 / sum (x / s)^2 and a
+//! point's residual over its own standard deviation, s_i sqrt(1 - h_i) with h_i = V (x_i / s_i)^2, is standard normal.
 //! It equals the point's distance from the line through all others over the standard deviation of that distance.
 
 /// A point of the line.
@@ -15,101 +15,55 @@ pub(crate) struct LinePoint {
     pub(crate) place_sigma: f64,
 }
 
-/// The line with its covariance.
+/// The line with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// What readings are multiplied by.
     pub gain: f64,
-    /// What is added then; 0 if it was not looked for.
-    pub offset: f64,
-    /// Variance of the gain, covariance of both, variance of the offset.
-    pub(crate) covariance: [f64; 3],
+    /// Variance of the gain, where every point lies at a place of its own.
+    pub(crate) variance: f64,
     /// Sum of the squared residuals over their variances.
     pub chi2: f64,
-    /// Points less parameters.
+    /// Points less one.
     pub dof: f64,
 }
 
 impl Line {
     /// The line of these points; `None` if they do not determine it.
-    pub(crate) fn through(points: &[LinePoint], offset: bool) -> Option<Self> {
+    pub(crate) fn through(points: &[LinePoint]) -> Option<Self> {
         let weighted =
             |term: &dyn Fn(&LinePoint) -> f64| points.iter().map(|p| term(p) / (p.sigma * p.sigma)).sum::<f64>();
         let (xx, xy) = (weighted(&|p| p.read * p.read), weighted(&|p| p.read * p.known));
-        let (gain, constant, covariance) = if offset {
-            let (x, y, one) = (weighted(&|p| p.read), weighted(&|p| p.known), weighted(&|_| 1.0));
-            let determinant = xx * one - x * x;
-            // Points at one load only: whatever is left is rounding.
-            if determinant.is_nan() || determinant <= xx * one * DETERMINED_MIN {
-                return None;
-            }
-            let covariance = [one / determinant, -x / determinant, xx / determinant];
-            ((one * xy - x * y) / determinant, (xx * y - x * xy) / determinant, covariance)
-        } else {
-            (xy / xx, 0.0, [1.0 / xx, 0.0, 0.0])
-        };
-        let line =
-            Self { gain, offset: constant, covariance, chi2: 0.0, dof: points.len() as f64 - 1.0 - f64::from(offset) };
+        let line = Self { gain: xy / xx, variance: 1.0 / xx, chi2: 0.0, dof: points.len() as f64 - 1.0 };
         let chi2 = points.iter().map(|p| (line.residual(p) / p.sigma).powi(2)).sum::<f64>();
-        (gain.is_finite() && constant.is_finite() && chi2.is_finite()).then_some(Self { chi2, ..line })
+        (line.gain.is_finite() && chi2.is_finite()).then_some(Self { chi2, ..line })
     }
 
-    /// By how much the covariance is more because points at one place are off together: with the change `a = C x / s^2` of
-    /// the line by each point's error, and the part `p` of it that the place has in common, the sum of `a a^T p p` over all
+    /// By how much the variance is more because points at one place are off together: with the change `a = V x / s^2` of
+    /// the gain by each point's error, and the part `p` of it that the place has in common, the sum of `a a p p` over all
     /// pairs of different points of one place.
-    pub(crate) fn shared(&self, points: &[LinePoint], offset: bool) -> [f64; 3] {
-        let [gain, both, constant] = self.covariance;
-        let moves = |p: &LinePoint| {
-            let (x, one, share) = (p.read, f64::from(offset), p.place_sigma / (p.sigma * p.sigma));
-            [share * (gain * x + both * one), share * (both * x + constant * one)]
-        };
-        let mut sums = vec![[0.0; 2]; points.iter().map(|p| p.place + 1).max().unwrap_or(0)];
-        let mut alone = [0.0; 3];
-        for point in points {
-            let [by_gain, by_offset] = moves(point);
-            sums[point.place][0] += by_gain;
-            sums[point.place][1] += by_offset;
-            alone = plus(alone, [by_gain * by_gain, by_gain * by_offset, by_offset * by_offset]);
+    pub(crate) fn shared(&self, points: &[LinePoint]) -> f64 {
+        let mut sums = vec![0.0; points.iter().map(|p| p.place + 1).max().unwrap_or(0)];
+        let mut alone = 0.0;
+        for p in points {
+            let moves = self.variance * p.read * p.place_sigma / (p.sigma * p.sigma);
+            sums[p.place] += moves;
+            alone += moves * moves;
         }
-        let together = sums.iter().fold([0.0; 3], |sum, [g, o]| plus(sum, [g * g, g * o, o * o]));
-        [0, 1, 2].map(|i| together[i] - alone[i])
+        sums.iter().map(|sum| sum * sum).sum::<f64>() - alone
     }
 
     /// How much more lay at a point than the line says.
-    pub(crate) fn residual(&self, point: &LinePoint) -> f64 {
-        point.known - self.at(point.read)
-    }
-
-    /// What the line says of a reading.
-    #[must_use]
-    pub fn at(&self, read: f64) -> f64 {
-        self.gain * read + self.offset
-    }
-
-    /// Variance of the line at a reading, where every point lies at a place of its own.
-    #[must_use]
-    pub fn variance_at(&self, read: f64) -> f64 {
-        of_reading(self.covariance, read)
+    fn residual(&self, point: &LinePoint) -> f64 {
+        point.known - self.gain * point.read
     }
 
     /// A point's residual in standard deviations, and the share of the line at that point which it decides itself.
     pub(crate) fn deviation(&self, point: &LinePoint) -> (f64, f64) {
-        let leverage = self.variance_at(point.read) / (point.sigma * point.sigma);
+        let leverage = self.variance * (point.read / point.sigma).powi(2);
         (self.residual(point) / (point.sigma * (1.0 - leverage).max(f64::MIN_POSITIVE).sqrt()), leverage)
     }
 }
-
-/// The variance of a line with this covariance at a reading.
-pub(crate) fn of_reading([gain, both, offset]: [f64; 3], read: f64) -> f64 {
-    gain * read * read + 2.0 * both * read + offset
-}
-
-pub(crate) fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|i| a[i] + b[i])
-}
-
-/// An offset is looked for only where the readings differ by more than rounding.
-const DETERMINED_MIN: f64 = 1e-6;
 
 /// What a standard normal deviate exceeds with probability `p`, 0 < p <= 0.5; within 5e-4 (Abramowitz and Stegun 26.2.23).
 pub(crate) fn normal_quantile(p: f64) -> f64 {
@@ -133,23 +87,19 @@ mod tests {
     }
 
     /// The mean of n equal points of which everything is common to a place has the variance of one where they all lie
-    /// there, and n times less where each lies elsewhere; a line through two places has that of their mean points.
+    /// there, and n times less where each lies elsewhere.
     #[test]
     fn points_at_one_place_count_as_one() {
-        let at = |place: usize, read: f64| LinePoint { place, place_sigma: 0.2, ..point(read, read, 0.2) };
-        let variance = |places: [usize; 4], offset: bool| {
-            let reads = if offset { [2.0, 2.0, 8.0, 8.0] } else { [5.0; 4] };
-            let points: Vec<LinePoint> = places.iter().zip(reads).map(|(place, read)| at(*place, read)).collect();
-            let line = Line::through(&points, offset).unwrap();
-            [0, 1, 2].map(|i| line.covariance[i] + line.shared(&points, offset)[i])
+        let variance = |places: [usize; 4]| {
+            let at = |place: usize| LinePoint { place, place_sigma: 0.2, ..point(5.0, 5.0, 0.2) };
+            let points = places.map(at);
+            let line = Line::through(&points).unwrap();
+            line.variance + line.shared(&points)
         };
-        let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
         let one = (0.2_f64 / 5.0).powi(2);
-        assert!(near(variance([0, 1, 2, 3], false), [one / 4.0, 0.0, 0.0]));
-        assert!(near(variance([0, 0, 0, 0], false), [one, 0.0, 0.0]));
-        assert!(near(variance([0, 0, 0, 1], false), [one * 10.0 / 16.0, 0.0, 0.0]));
-        let two = Line::through(&[at(0, 2.0), at(1, 8.0)], true).unwrap();
-        assert!(near(variance([0, 0, 1, 1], true), two.covariance));
+        for (places, expected) in [([0, 1, 2, 3], 0.25), ([0, 0, 0, 0], 1.0), ([0, 0, 0, 1], 10.0 / 16.0)] {
+            assert!((variance(places) - expected * one).abs() < 1e-12, "{places:?}");
+        }
     }
 
     #[test]
@@ -163,29 +113,17 @@ mod tests {
     }
 
     #[test]
-    fn gain_and_offset_of_exact_points_come_back_and_one_load_gives_no_offset() {
-        let of = |gain: f64, offset: f64, reads: &[f64]| {
-            reads.iter().map(|&read| point(read, gain * read + offset, 0.1 * read)).collect::<Vec<_>>()
-        };
-        let line = Line::through(&of(1.1, -2.0, &[10.0, 20.0, 50.0, 90.0, 150.0]), true).unwrap();
-        assert!((line.gain - 1.1).abs() < 1e-12 && (line.offset + 2.0).abs() < 1e-9 && line.chi2 < 1e-12, "{line:?}");
-        assert_eq!(Line::through(&of(1.1, -2.0, &[10.0; 5]), true), None);
-    }
-
-    #[test]
     fn a_deviation_is_the_distance_from_the_line_through_the_others() {
         let points: Vec<LinePoint> = [(2.0, 2.1), (4.0, 3.9), (6.0, 6.9), (8.0, 8.1), (9.0, 9.2)]
             .map(|(read, known)| point(read, known, 0.03 * read + 0.05))
             .to_vec();
-        for offset in [false, true] {
-            let line = Line::through(&points, offset).unwrap();
-            for left_out in 0..points.len() {
-                let mut others = points.clone();
-                let point = others.remove(left_out);
-                let rest = Line::through(&others, offset).unwrap();
-                let sigma = (point.sigma.powi(2) + rest.variance_at(point.read)).sqrt();
-                assert!((line.deviation(&point).0 - rest.residual(&point) / sigma).abs() < 1e-9);
-            }
+        let line = Line::through(&points).unwrap();
+        for left_out in 0..points.len() {
+            let mut others = points.clone();
+            let point = others.remove(left_out);
+            let rest = Line::through(&others).unwrap();
+            let sigma = (point.sigma.powi(2) + rest.variance * point.read.powi(2)).sqrt();
+            assert!((line.deviation(&point).0 - rest.residual(&point) / sigma).abs() < 1e-9);
         }
     }
 }

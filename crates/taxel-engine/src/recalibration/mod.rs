@@ -9,7 +9,6 @@ pub mod estimate;
 pub mod line;
 pub mod points;
 pub mod proposal;
-pub mod recording;
 #[cfg(test)]
 mod tests;
 

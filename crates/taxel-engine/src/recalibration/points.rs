@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::loads::load::Load;
 
-/// One load point. `read` and `known` are in one unit: newton for loads, kilopascal for a recording with its gauge.
+/// One load point. `read` and `known` are in one unit, newton for loads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoadPoint {
@@ -66,19 +66,12 @@ pub struct Assumptions {
     pub place_rel: f64,
     /// Standard deviation that does not grow with the load, in the unit of the points; 0 or more.
     pub floor: f64,
-    /// Whether an offset that all taxels have in common is looked for beside the gain. Only for points in kPa.
-    pub offset: bool,
 }
 
 impl Assumptions {
     /// Masses laid on a patch, in newton: [`PLACE_REL`] from place to place, and 0.1 N of a zero that is 0.1 kPa off over 30
     /// taxels.
-    pub const MASSES: Self = Self { place_rel: PLACE_REL, floor: 0.1, offset: false };
-
-    /// A chamber or a bag that loads the whole skin, in kPa: how far the mean over all taxels lies from the gauge on the
-    /// very recording that the curves were fitted to (`left_calibration` in taxel-model's README), root mean square: 2.0 %
-    /// above 30 kPa, 3 to 4 kPa below.
-    pub const PRESSURES: Self = Self { place_rel: 0.02, floor: 3.0, offset: false };
+    pub const MASSES: Self = Self { place_rel: PLACE_REL, floor: 0.1 };
 
     /// What is wrong with them, in words.
     #[must_use]

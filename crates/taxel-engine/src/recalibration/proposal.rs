@@ -62,7 +62,7 @@ pub fn propose(
     let mut loads: Vec<&Load> = counted.filter(|load| taken(load)).take(POINTS_MAX).collect();
     loads.sort_by_key(|load| load.number);
     let points: Vec<LoadPoint> = loads.iter().copied().map(LoadPoint::of).collect();
-    let found = Recalibration::at(&points, &LaidAt::of(&loads), assumptions)?;
+    let found = Recalibration::of(&points, &LaidAt::of(&loads), assumptions)?;
     let first = view.loads.iter().find(|judged| judged.counts()).map(|judged| &judged.load);
     // Of an earlier version that is not known, and one that is known says it of all: the others are outdated.
     let filled = loads.iter().find_map(|load| load.filled);
@@ -71,8 +71,8 @@ pub fn propose(
 }
 
 /// The corrected set, without an id: which taxels are usable, the counts at rest and the settings of the boards are those
-/// of `source`; every pressure is corrected, and the uncertainty of the correction is in `gauge_gain_rel` and
-/// `gauge_offset_kpa`, which the whole skin shares. `read_with`: the mean area that the loads were read with, and whether
+/// of `source`; every pressure is corrected, and the uncertainty of the correction is in `gauge_gain_rel`, which the whole
+/// skin shares. `read_with`: the mean area that the loads were read with, and whether
 /// faulty taxels were filled then, as far as that is known; if the points are forces.
 ///
 /// # Errors
@@ -86,7 +86,7 @@ pub fn corrected(
     if let Some(why) = found.refused_because.first() {
         return Err(why.clone());
     }
-    let (gain, offset) = (found.line.gain, found.line.offset);
+    let gain = found.line.gain;
     let before = source.recalibrated.as_ref().map_or(1.0, |earlier| earlier.gain_in_all);
     let gain_in_all = before * gain;
     if !GAINS.contains(&gain_in_all) {
@@ -105,7 +105,7 @@ pub fn corrected(
         rmse_kpa: gain * taxel.rmse_kpa,
         sensitivity: taxel.sensitivity / gain,
         hysteresis_kpa: taxel.hysteresis_kpa.map(|kpa| gain * kpa),
-        plays: taxel.plays.as_ref().map(|plays| plays.scaled(gain, offset)),
+        plays: taxel.plays.as_ref().map(|plays| plays.scaled(gain, 0.0)),
     };
     let mut recorded = source.recorded.clone();
     if let Some(recorded) = &mut recorded {
@@ -119,8 +119,6 @@ pub fn corrected(
         filled: read_with.and_then(|(_, filled)| filled),
         gain,
         gain_sigma: found.gain_sigma(),
-        offset_kpa: offset,
-        offset_sigma_kpa: found.offset_sigma(),
         place_rel: found.assumptions.place_rel,
         relative_sigma: found.relative_sigma(),
         gain_in_all,
@@ -136,8 +134,8 @@ pub fn corrected(
         baseline: source.baseline.clone(),
         pressure_max_kpa: gain * source.pressure_max_kpa,
         gauge_gain_rel: source.gauge_gain_rel.hypot(found.relative_sigma()),
-        gauge_offset_kpa: (gain * source.gauge_offset_kpa).hypot(found.offset_sigma()),
-        taxels: source.taxels.iter().map(|model| model.scaled(gain, offset)).collect(),
+        gauge_offset_kpa: gain * source.gauge_offset_kpa,
+        taxels: source.taxels.iter().map(|model| model.scaled(gain, 0.0)).collect(),
         recorded,
         recalibrated: Some(recalibrated),
         maker: source.maker.clone(),
@@ -147,9 +145,8 @@ pub fn corrected(
 /// How the set came to be, in words. The words of an earlier correction are not repeated: the chain tells.
 fn method(source: &ModelSet, found: &Recalibration) -> String {
     let first = source.method.split(WORDS).next().unwrap_or_default();
-    let offset = if found.assumptions.offset { format!(" and {:+.2} kPa", found.line.offset) } else { String::new() };
     let (gain, sigma, points) = (found.line.gain, found.gain_sigma(), found.points.len());
-    format!("{first}{WORDS}{gain:.4} +- {sigma:.4}{offset} from {points} known loads")
+    format!("{first}{WORDS}{gain:.4} +- {sigma:.4} from {points} known loads")
 }
 
 /// What separates the words of the fit from those of the correction.

@@ -1,11 +1,16 @@
 //! What outlives the daemon of a patch's zero. The boards keep theirs while it is away, and go on with it.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::baseline::TaxelBaseline;
+use crate::model_set::ModelSet;
 use crate::zero::view::TareView;
+
+/// So many zeros of sessions are remembered, the newest.
+const SESSION_RESTS: usize = 64;
 
 /// What is known of the zero of a patch, and of the zeros that its boards take when they are configured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -65,5 +70,69 @@ impl TakenZero {
 
     pub(super) fn baseline(&self) -> Vec<TaxelBaseline> {
         self.mean.iter().zip(&self.noise).map(|(&mean, &noise)| TaxelBaseline { mean, noise }).collect()
+    }
+}
+
+/// Whether two sets of models refer to one zero, to the bit.
+pub(super) fn have_same_rest(a: &[TaxelBaseline], b: &[TaxelBaseline]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.mean.to_bits() == b.mean.to_bits())
+}
+
+/// A zero that no models were there to judge: that of a first session.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Unjudged {
+    /// What was held against the boards when it was taken. It is again once the models are others than those of the session.
+    pub(super) held: Option<String>,
+    pub(super) models: Models,
+    /// Of the models of such a session those that were in use last, perhaps before the daemon started.
+    pub(super) own: Option<String>,
+    /// The zeros that sessions have taken since, the newest last: models of the boards as they are refer to one of these.
+    pub(super) rests: VecDeque<Vec<TaxelBaseline>>,
+}
+
+/// Which models are in use at a zero that none have judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Models {
+    #[default]
+    None,
+    /// Those of a session, which are of the boards as they are.
+    OfSession,
+    /// Others. The ramp that it was taken for goes on, but there is no force.
+    Others,
+}
+
+impl Unjudged {
+    /// Another zero of this kind was taken, after that of `before`, if there was one.
+    pub(super) fn after(before: Option<Self>, held: Option<String>) -> Self {
+        Self { held, rests: before.map(|before| before.rests).unwrap_or_default(), ..Self::default() }
+    }
+
+    pub(super) fn is_of_other_models(&self) -> bool {
+        self.models == Models::Others
+    }
+
+    /// A session took a zero to which the models refer that it makes.
+    pub(super) fn note_rest(&mut self, rest: &[TaxelBaseline]) {
+        if self.has_rest(rest) {
+            return;
+        }
+        if self.rests.len() == SESSION_RESTS {
+            self.rests.pop_front();
+        }
+        self.rests.push_back(rest.to_vec());
+    }
+
+    fn has_rest(&self, rest: &[TaxelBaseline]) -> bool {
+        self.rests.iter().any(|of_session| have_same_rest(of_session, rest))
+    }
+
+    /// Another set is in use. Returns whether it was made in such a session, or by known loads of one that was.
+    pub(super) fn owns(&mut self, set: &ModelSet) -> bool {
+        let is_own = self.own.as_ref() == Some(&set.id) || self.has_rest(&set.baseline);
+        if is_own {
+            self.own = Some(set.id.clone());
+            self.note_rest(&set.baseline);
+        }
+        is_own
     }
 }

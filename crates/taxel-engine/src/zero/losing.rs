@@ -1,19 +1,26 @@
-//! What takes the zero away, or puts it in doubt, and ends whoever watches for another one.
+//! What takes the zero away or puts it in doubt, and how a patch goes on after a restart of the daemon or of its boards.
 
+use std::sync::Arc;
+
+use crate::baseline::TaxelBaseline;
 use crate::force::reason::ReasonCode;
+use crate::model_set::ModelSet;
+use crate::now::Now;
 use crate::request::ErrorReason;
-use crate::zero::drift::view::DriftView;
 use crate::zero::events::ZeroEvent;
-use crate::zero::holder::{Models, Zero};
+use crate::zero::holder::{Trust, Zero};
+use crate::zero::kept::{KeptZero, Models, TakenZero, Unjudged, have_same_rest};
+use crate::zero::view::TareView;
+
+/// Why a zero of before the start is in doubt for its first scans.
+const AWAY: &str = "the daemon did not run, and a board may have taken a new zero meanwhile";
 
 impl Zero {
     /// Something may have moved the zero of a board: the counts have to show that it did not.
     pub fn doubt(&mut self, board: usize, why: &str, events: &mut Vec<ZeroEvent>) {
         self.refuse_watch(why, events);
         self.evidence.doubt(board, why.to_owned());
-        if self.view.valid {
-            self.tell_doubt(events);
-        }
+        self.tell_doubt(events);
     }
 
     /// A board says that it is not well: what it sends says nothing until it is, and what it read before is kept, as of a
@@ -26,14 +33,10 @@ impl Zero {
     pub fn on_well(&mut self, board: usize, why: &str, certain: bool, events: &mut Vec<ZeroEvent>) {
         self.evidence.on_well(board, why.to_owned());
         if certain {
-            self.vouched = None;
-            self.lose(ReasonCode::ZeroLost, why, events);
-            return;
+            return self.lose_boards_zero(why, events);
         }
         self.refuse_watch(why, events);
-        if self.view.valid {
-            self.tell_doubt(events);
-        }
+        self.tell_doubt(events);
     }
 
     /// Something has moved the zero: there is none until rest is proven again.
@@ -47,32 +50,33 @@ impl Zero {
         if let Some(held) = without_models.and_then(|unjudged| unjudged.held) {
             self.evidence.distrust(held);
         }
-        if self.view.valid || self.view.reason.is_empty() {
-            self.view.epoch += 1;
-            self.view.valid = false;
-            self.view.reason.clone_from(&reason);
-            self.view.code = Some(code);
-            self.view.drift = DriftView::default();
-            if std::mem::take(&mut self.on_trial) {
-                self.baseline = None; // as if there had been none: another is taken as after any start
-            }
-            self.offset.end();
-            self.doubted = false;
-            events.push(ZeroEvent::Lost(reason));
-        }
+        let on_trial = match &self.trust {
+            Trust::Held(held) => held.on_trial,
+            Trust::None if self.view.code.is_none() => true, // nothing was said yet
+            _ => return,
+        };
+        // One that is refuted before it was ever trusted is as none: another is taken as after any start.
+        self.trust = if on_trial { Trust::None } else { Trust::Lost };
+        self.view.epoch += 1;
+        self.view.invalidate(code, reason.clone());
+        self.offset.end();
+        events.push(ZeroEvent::Lost(reason));
     }
 
     /// As [`Zero::lose`], by what a board has sent, which takes a new zero now: whatever lies on it reads as nothing then.
     pub fn lose_by_board(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
         self.evidence.doubt(board, reason.to_owned());
-        self.vouched = None;
-        self.lose(ReasonCode::ZeroLost, reason, events);
+        self.lose_boards_zero(reason, events);
     }
 
     /// As [`Zero::lose_by_board`], by what another patch has seen of the board some scans later: its load has vanished here,
     /// too, if one lay here.
     pub fn lose_by_another(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
         self.evidence.moved(board, reason);
+        self.lose_boards_zero(reason, events);
+    }
+
+    pub(super) fn lose_boards_zero(&mut self, reason: &str, events: &mut Vec<ZeroEvent>) {
         self.vouched = None;
         self.lose(ReasonCode::ZeroLost, reason, events);
     }
@@ -80,16 +84,116 @@ impl Zero {
     /// Ends a watch because of what has happened meanwhile. A zero that is being written down is none any more; who
     /// asked for it is told when that has ended, by [`Zero::adopt`].
     fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {
-        if let Some(proven) = &mut self.proven {
-            proven.spoil(why);
-        }
+        self.writing.iter_mut().for_each(|writing| writing.spoil(why));
         self.end_watch(ErrorReason::ZeroLost, format!("meanwhile {why}"), events);
     }
 
-    /// Ends a watch of a skin that cannot be at rest; whoever wanted it is told why.
-    pub fn end_watch(&mut self, reason: ErrorReason, why: String, events: &mut Vec<ZeroEvent>) {
-        if let Some(purpose) = self.stop_watching() {
-            events.push(ZeroEvent::Refused(purpose, reason, why));
+    /// What was held against the boards before the daemon started still is.
+    pub fn remember(&mut self, known: &KeptZero) {
+        if let own @ Some(_) = known.excused.clone() {
+            // It is held against the boards as soon as other models are in use.
+            self.unjudged = Some(Unjudged { held: known.unproven.clone(), own, ..Unjudged::default() });
+        } else if let Some(why) = &known.unproven {
+            self.evidence.distrust(why.clone());
+        }
+    }
+
+    /// The boards still have the zeros of before the daemon started, as far as is known: the patch goes on with its own. The
+    /// next scans have to show that no board has taken another meanwhile.
+    pub fn go_on(&mut self, now: Now, kept: Arc<TakenZero>, events: &mut Vec<ZeroEvent>) {
+        let taxels = self.regions.taxels();
+        if (kept.mean.len(), kept.noise.len()) != (taxels, taxels) || self.needs_confirmation().is_some() {
+            return; // of another layout, or nobody can tell
+        }
+        let baseline = kept.baseline();
+        let view = TareView::taken(kept.epoch, kept.wall_ns, kept.reason.clone(), kept.at_rest, &baseline);
+        if kept.confirmed {
+            self.vouched = Some(baseline.as_slice().into());
+        }
+        self.hold(now.time, view, baseline, kept);
+        (0..self.regions.boards().len()).for_each(|board| self.evidence.doubt(board, AWAY.to_owned()));
+        if let Trust::Held(held) = &mut self.trust {
+            held.on_trial = true;
+        }
+        events.push(ZeroEvent::Restored);
+        self.tell_doubt(events);
+    }
+
+    /// Why the counts cannot show whether the skin is unloaded, so that somebody has to confirm it; also after a restart.
+    pub fn needs_confirmation(&self) -> Option<&str> {
+        self.evidence.unproven()
+    }
+
+    /// The same, or why it will once other models than those of a session are in use.
+    pub(super) fn held_over_restarts(&self) -> Option<&str> {
+        self.needs_confirmation().or_else(|| self.unjudged.as_ref()?.held.as_deref())
+    }
+
+    /// What is known of the zero, if that is no more what was `noted`. The boards are set as the
+    /// sum says.
+    pub fn news(&self, settings: u32, noted: &KeptZero) -> Option<KeptZero> {
+        let (configured, unproven, unjudged) = (Some(settings), self.held_over_restarts(), self.unjudged.as_ref());
+        // The set for which that does not count.
+        let excused = unjudged.filter(|unjudged| unjudged.held.as_deref() == unproven);
+        let excused = excused.and_then(|unjudged| unjudged.own.as_deref());
+        // Not one that no models have judged yet.
+        let judged = unjudged.is_none_or(|unjudged| unjudged.own.is_some());
+        let zero = self.held().filter(|_| judged).map(|held| &held.kept);
+        let same = (configured, unproven, excused)
+            == (noted.configured, noted.unproven.as_deref(), noted.excused.as_deref())
+            && zero.map(Arc::as_ptr) == noted.zero.as_ref().map(Arc::as_ptr);
+        let news = || KeptZero {
+            configured,
+            unproven: unproven.map(str::to_owned),
+            excused: excused.map(str::to_owned),
+            zero: zero.cloned(),
+        };
+        (!same).then(news)
+    }
+
+    /// The boards are being configured, and take zeros of their own. Somebody has `confirmed` that nothing touches the skin, or
+    /// nobody could see what lay on it: then that is held against the zeros of the boards, and so is what was before, until
+    /// somebody confirms a zero.
+    pub fn on_bring_up(&mut self, confirmed: bool, unseen: Option<&'static str>) {
+        self.configuring = true;
+        if confirmed {
+            self.evidence.forget();
+            self.unjudged = None;
+        }
+        unseen.into_iter().for_each(|why| self.evidence.distrust(why.to_owned()));
+        self.vouched = None;
+    }
+
+    /// The zero that somebody confirmed, if there is one with the zeros that the boards have.
+    pub const fn vouched(&self) -> Option<&Arc<[TaxelBaseline]>> {
+        self.vouched.as_ref()
+    }
+
+    /// The zero that holds, if somebody confirmed this very one.
+    pub fn vouched_now(&self) -> Option<&[TaxelBaseline]> {
+        self.baseline().filter(|zero| self.is_vouched(zero))
+    }
+
+    pub(super) fn is_vouched(&self, zero: &[TaxelBaseline]) -> bool {
+        self.vouched.as_deref().is_some_and(|vouched| have_same_rest(zero, vouched))
+    }
+
+    /// A session has taken a zero, and `zero` is that of its first ramp, which is the rest of the models that it makes: they are of
+    /// the skin as the boards see it now.
+    pub fn note_session_rest(&mut self, zero: &[TaxelBaseline]) {
+        self.unjudged.iter_mut().for_each(|unjudged| unjudged.note_rest(zero));
+    }
+
+    /// Models are in use, perhaps those of a session since the boards were configured.
+    pub(super) fn on_rest_of_models(&mut self, set: &ModelSet) {
+        let Some(unjudged) = &mut self.unjudged else { return };
+        let is_own = unjudged.owns(set);
+        let models = if is_own { Models::OfSession } else { Models::Others };
+        let before = std::mem::replace(&mut unjudged.models, models);
+        match &unjudged.held {
+            Some(held) if !is_own => self.evidence.distrust(held.clone()),
+            Some(held) if before == Models::Others => self.evidence.trust_again(held),
+            _ => {}
         }
     }
 }

@@ -1,31 +1,19 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
-pub mod bag;
-pub mod count_sums;
-pub mod drift;
-pub mod events;
-pub mod evidence;
-mod following;
+pub(crate) mod bag;
+mod count_sums;
+pub(crate) mod events;
+pub(crate) mod evidence;
 mod ground;
-pub mod holder;
-pub mod kept;
+pub(crate) mod holder;
+pub(crate) mod kept;
 mod losing;
 mod module_offset;
-pub mod offset;
-mod over_restarts;
-pub mod plan;
-mod proven;
-mod residue;
-pub mod rest;
+mod offset;
+pub(crate) mod plan;
+pub(crate) mod rest;
 #[cfg(test)]
 mod tests;
-pub mod unloading;
-pub mod view;
-pub mod watch;
+pub(crate) mod view;
+pub(crate) mod watch;
 mod watching;
-
-pub use events::ZeroEvent;
-pub use holder::Zero;
-pub use plan::{TarePlan, ZeroPlan};
-pub use view::TareView;
-pub use watch::Purpose;

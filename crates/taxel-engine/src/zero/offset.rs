@@ -24,13 +24,11 @@ use crate::regions::Regions;
 use crate::scan::Scan;
 use crate::statistics::{exponential_share, median};
 use crate::zero::count_sums::CountSums;
-use crate::zero::drift::plan::DriftPlan;
-use crate::zero::drift::site::DriftSite;
-use crate::zero::drift::view::{DriftState, DriftView};
 use crate::zero::ground::Ground;
 use crate::zero::module_offset::{ModuleOffset, coefficient_of_all};
-use crate::zero::rest::limits::RestLimits;
-use crate::zero::unloading::{Later, Unloading};
+use crate::zero::plan::DriftPlan;
+use crate::zero::rest::moves::Unloading;
+use crate::zero::view::{DriftState, DriftView};
 
 /// Standard uncertainty of a new zero, counts, and what of a residue of earlier loads comes to it.
 const ZERO_SIGMA: f64 = 0.15;
@@ -66,14 +64,15 @@ const TABLES_S: f64 = 10.0;
 #[derive(Clone, Debug)]
 pub struct Offset {
     plan: DriftPlan,
-    sites: Vec<DriftSite>,
+    /// Of each module its taxels, and the modules beside it.
+    taxels: Vec<Range<usize>>,
+    beside: Vec<Vec<usize>>,
     modules: Vec<ModuleOffset>,
     window: CountSums,
     /// Whether the counts of all scans of the window count.
     counts: bool,
     /// N per count of each module as a whole; empty while nobody knows.
     newton_per_count: Vec<f64>,
-    zeroed: bool,
     last: Option<Time>,
     /// Time since the zero, the last prediction, the window's begin, and the tables, seconds.
     zero_s: f64,
@@ -94,16 +93,15 @@ pub struct Told {
 
 impl Offset {
     /// Of no zero yet.
-    #[must_use]
-    pub fn new(plan: DriftPlan, regions: &Regions, sites: Vec<DriftSite>) -> Self {
+    pub fn new(plan: DriftPlan, regions: &Regions, beside: Vec<Vec<usize>>) -> Self {
         Self {
             plan,
-            modules: vec![ModuleOffset::default(); sites.len()],
-            sites,
+            taxels: regions.modules().to_vec(),
+            modules: vec![ModuleOffset::default(); regions.modules().len()],
+            beside,
             window: CountSums::new(regions.taxels()),
             counts: true,
             newton_per_count: Vec::new(),
-            zeroed: false,
             last: None,
             zero_s: 0.0,
             predict_s: 0.0,
@@ -119,7 +117,7 @@ impl Offset {
         let sigma = ZERO_SIGMA.hypot(RESIDUE_SHARE * residue_counts);
         let pads = pads.iter().copied().chain(std::iter::repeat(None));
         self.modules.iter_mut().zip(pads).for_each(|(module, then)| module.begin(sigma, then, HOLD_OFF_S));
-        (self.zeroed, self.zero_s, self.tables_s) = (true, 0.0, 0.0);
+        (self.zero_s, self.tables_s) = (0.0, 0.0);
         self.predict_s = PREDICT_S; // what the pads say since, after a restart: at once
         self.view = DriftView::default();
         if self.plan.follow {
@@ -131,7 +129,6 @@ impl Offset {
 
     /// There is no zero any more.
     pub fn end(&mut self) {
-        self.zeroed = false;
         self.view = DriftView::default();
     }
 
@@ -142,26 +139,19 @@ impl Offset {
     }
 
     /// Mean of the pads of each module in the last second, counts, `None` without one.
-    #[must_use]
     pub fn pads(&self) -> Vec<Option<f64>> {
         self.modules.iter().map(ModuleOffset::pads).collect()
     }
 
     /// How much a count more of each taxel weighs, N; empty while nobody knows.
     pub fn weigh(&mut self, newton_per_count: &[f64]) {
-        let of = |site: &DriftSite| Some(newton_per_count.get(site.taxels.clone())?.iter().sum::<f64>().abs());
-        self.newton_per_count = self.sites.iter().filter_map(of).collect();
+        let of = |taxels: &Range<usize>| Some(newton_per_count.get(taxels.clone())?.iter().sum::<f64>().abs());
+        self.newton_per_count = self.taxels.iter().filter_map(of).collect();
     }
 
     /// Takes a scan, `ground` being what it is compared with and `taken` the zero as it was taken. While its counts do not
     /// `count`, as in a session or in doubt, only the pads are followed.
-    pub fn on_scan(
-        &mut self,
-        scan: &Scan<'_>,
-        count: bool,
-        (ground, taken): (&Ground, Option<&[TaxelBaseline]>),
-        (modules, limits): (&[Range<usize>], &RestLimits),
-    ) -> Told {
+    pub fn on_scan(&mut self, scan: &Scan<'_>, count: bool, ground: &Ground, taken: Option<&[TaxelBaseline]>) -> Told {
         let dt_s = self.last.map_or(0.0, |last| scan.time.seconds_since(last));
         if dt_s < 0.0 {
             return Told::default();
@@ -169,15 +159,15 @@ impl Offset {
         self.last = Some(scan.time);
         let gap = dt_s > GAP_S;
         let share = if gap { 1.0 } else { exponential_share(dt_s, PADS_S) };
-        for ((module, site), (pads, silent)) in
-            self.modules.iter_mut().zip(&self.sites).zip(scan.pads.iter().zip(scan.silent))
+        for ((module, taxels), (pads, silent)) in
+            self.modules.iter_mut().zip(&self.taxels).zip(scan.pads.iter().zip(scan.silent))
         {
-            let sign = ground.signs().get(site.taxels.start).map_or(-1.0, |sign| f64::from(*sign));
+            let sign = ground.signs().get(taxels.start).map_or(-1.0, |sign| f64::from(*sign));
             if !silent {
                 module.feel(*pads, sign, share);
             }
         }
-        let Some(taken) = taken.filter(|_| self.zeroed) else { return Told::default() };
+        let Some(taken) = taken else { return Told::default() };
         self.zero_s += dt_s;
         self.predict_s += dt_s;
         self.tables_s += dt_s;
@@ -201,8 +191,7 @@ impl Offset {
             if self.counts {
                 self.read(&seen, taken, ground);
             }
-            let later = Later { seen: &seen, scans, modules };
-            told.lighter = later.unloaded(ground.zero(), ground.signs(), limits);
+            told.lighter = Unloading::find(ground.zero(), (&seen, scans), &self.taxels, ground.signs());
             self.restart();
             self.describe();
         }
@@ -212,10 +201,10 @@ impl Offset {
 
     /// What the window says of each module that nothing touches.
     fn read(&mut self, seen: &[TaxelBaseline], taken: &[TaxelBaseline], ground: &Ground) {
-        let offsets = |site: &DriftSite, module: &ModuleOffset| {
+        let offsets = |(taxels, module): (&Range<usize>, &ModuleOffset)| {
             let mut touched = false;
-            let mut offsets = Vec::with_capacity(site.taxels.len());
-            for taxel in site.taxels.clone() {
+            let mut offsets = Vec::with_capacity(taxels.len());
+            for taxel in taxels.clone() {
                 let (Some(zero), Some(seen)) = (taken.get(taxel), seen.get(taxel)) else { continue };
                 let moved = f64::from(ground.signs()[taxel]) * (seen.mean - zero.mean);
                 if moved.is_finite() && ground.signs()[taxel] != 0 {
@@ -223,19 +212,14 @@ impl Offset {
                     offsets.push((moved, zero.noise));
                 }
             }
-            (!touched && offsets.len() >= TAXELS_MIN.min(site.taxels.len())).then(|| trimmed(offsets))
+            (!touched && offsets.len() >= TAXELS_MIN.min(taxels.len())).then(|| trimmed(offsets))
         };
-        let quiet: Vec<Option<(f64, f64)>> =
-            self.sites.iter().zip(&self.modules).map(|(site, module)| offsets(site, module)).collect();
-        let read: Vec<Option<(f64, f64)>> = self
-            .sites
-            .iter()
-            .zip(&quiet)
-            .map(|(site, seen)| {
-                let near = site.beside.iter().any(|&other| quiet.get(other).is_some_and(Option::is_none));
-                seen.filter(|_| !near).map(|(seen, noise)| (seen, noise.hypot(READING_SIGMA)))
-            })
-            .collect();
+        let quiet: Vec<Option<(f64, f64)>> = self.taxels.iter().zip(&self.modules).map(offsets).collect();
+        let unless_near = |(beside, seen): (&Vec<usize>, &Option<(f64, f64)>)| {
+            let near = beside.iter().any(|&other| quiet.get(other).is_some_and(Option::is_none));
+            seen.filter(|_| !near).map(|(seen, noise)| (seen, noise.hypot(READING_SIGMA)))
+        };
+        let read: Vec<Option<(f64, f64)>> = self.beside.iter().zip(&quiet).map(unless_near).collect();
         let heavier_may = self.absorbs(&read);
         for (module, read) in self.modules.iter_mut().zip(&read) {
             module.untouched_s = if read.is_some() { module.untouched_s + WINDOW_S } else { 0.0 };
@@ -291,12 +275,11 @@ impl Offset {
     }
 
     /// The zero as it was taken, moved by what is followed; `signs` say which way pressure moves the counts.
-    #[must_use]
     pub fn applied_to(&self, zero: &[TaxelBaseline], signs: &[i8]) -> Vec<TaxelBaseline> {
         let mut zero = zero.to_vec();
-        for (site, module) in self.sites.iter().zip(&self.modules) {
-            let signs = signs.get(site.taxels.clone()).unwrap_or_default();
-            for (taxel, sign) in zero.get_mut(site.taxels.clone()).unwrap_or_default().iter_mut().zip(signs) {
+        for (taxels, module) in self.taxels.iter().zip(&self.modules) {
+            let signs = signs.get(taxels.clone()).unwrap_or_default();
+            for (taxel, sign) in zero.get_mut(taxels.clone()).unwrap_or_default().iter_mut().zip(signs) {
                 taxel.mean += f64::from(*sign) * module.followed;
             }
         }
@@ -304,13 +287,11 @@ impl Offset {
     }
 
     /// How far the median module's zero has followed, counts towards load.
-    #[must_use]
     pub fn followed_counts(&self) -> f64 {
         median(self.modules.iter().map(|module| module.followed)).unwrap_or(0.0)
     }
 
     /// Standard uncertainty of the zero, counts, that taxels share: of the modules that are touched, or of all.
-    #[must_use]
     pub fn sigma_counts(&self) -> f64 {
         let of = |held: bool| {
             let these = self.modules.iter().filter(|module| !held || module.untouched_s < HOLD_OFF_S);
@@ -323,19 +304,16 @@ impl Offset {
     }
 
     /// What readers see.
-    #[must_use]
     pub const fn view(&self) -> &DriftView {
         &self.view
     }
 
     /// Why the force is not what it should be, if the drift is at its bound.
-    #[must_use]
     pub fn shortcoming(&self) -> Option<Reason> {
-        let bounded = || self.sites.iter().zip(&self.modules).filter(|(_, module)| module.is_bounded);
-        let furthest = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
+        let bounded = || self.taxels.iter().zip(&self.modules).filter(|(_, module)| module.is_bounded);
         let target = bounded().map(|(_, module)| module.offset()).reduce(furthest)?;
         let text = format!("drift of {target:+.1} counts reached its bound of {} counts: tare", self.plan.bound_counts);
-        let taxels = bounded().flat_map(|(site, _)| site.taxels.clone());
+        let taxels = bounded().flat_map(|(taxels, _)| taxels.clone());
         Some(Reason::about(positions(taxels), ReasonCode::DriftBounded, text))
     }
 
@@ -355,11 +333,14 @@ impl Offset {
             () if follows => DriftState::Following,
             () => DriftState::Held,
         };
-        let furthest = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
         self.view.max_counts = self.modules.iter().map(|module| module.followed).fold(0.0, furthest);
         self.view.median_counts = self.followed_counts();
         self.view.sigma_counts = self.sigma_counts();
     }
+}
+
+const fn furthest(a: f64, b: f64) -> f64 {
+    if b.abs() > a.abs() { b } else { a }
 }
 
 /// The mean of the inner half of the offsets, with its standard error by the taxels' noise; a window has some 24 conversions.

@@ -4,8 +4,8 @@ use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
 use super::*;
 use crate::baseline::Activation;
-use crate::zero::drift::site::drift_sites;
 use crate::zero::module_offset::{BETWEEN_MODULES, GUESS, GUESS_SIGMA};
+use crate::zero::plan::modules_beside;
 use crate::zero::rest::tests::Noise;
 
 const MODULES: usize = 8;
@@ -17,7 +17,6 @@ struct Watched {
     offset: Offset,
     ground: Ground,
     taken: Vec<TaxelBaseline>,
-    modules: Vec<Range<usize>>,
     noise: Noise,
     scans: i64,
     pads: f64,
@@ -29,17 +28,16 @@ impl Watched {
         let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
         let patch = Patch::new("p", vec![board]).unwrap();
         let regions = Regions::new(&patch);
-        let mut sites = drift_sites(&patch, None, 0.01);
+        let mut beside = modules_beside(regions.modules(), None, 0.01);
         if apart {
-            sites.iter_mut().for_each(|site| site.beside.clear());
+            beside.iter_mut().for_each(Vec::clear);
         }
         let taken = vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; TAXELS];
         let mut ground = Ground::new(&regions, Activation { sigmas: 4.0, floor_counts: 2.0 });
         ground.take(&taken);
         let plan = DriftPlan { follow, ..DriftPlan::default() };
-        let offset = Offset::new(plan, &regions, sites);
-        let modules = regions.modules().to_vec();
-        let mut new = Self { offset, ground, taken, modules, noise: Noise(5), scans: 0, pads: 100.4 };
+        let offset = Offset::new(plan, &regions, beside);
+        let mut new = Self { offset, ground, taken, noise: Noise(5), scans: 0, pads: 100.4 };
         new.seconds(2.0, |_| 0.0);
         new.zero();
         new
@@ -68,8 +66,7 @@ impl Watched {
                 soundness: 0,
                 jumps: &[],
             };
-            let compared = (&self.ground, Some(self.taken.as_slice()));
-            self.offset.on_scan(&scan, true, compared, (&self.modules, &RestLimits::default()));
+            self.offset.on_scan(&scan, true, &self.ground, Some(&self.taken));
         }
     }
 

@@ -1,11 +1,10 @@
 //! What the zero needs to know of a patch.
 
+use std::ops::Range;
 use std::time::Duration;
+use taxel_skin::Geometry;
 
 use crate::baseline::Activation;
-use crate::zero::drift::plan::DriftPlan;
-use crate::zero::drift::site::DriftSite;
-use crate::zero::rest::limits::RestLimits;
 
 /// How the zero is taken.
 #[derive(Clone, Copy, Debug)]
@@ -14,13 +13,26 @@ pub struct TarePlan {
     pub duration: Duration,
     /// Take the zero by itself after start, if rest is proven against the active model set.
     pub at_start: bool,
-    /// What counts as rest.
-    pub rest: RestLimits,
 }
 
 impl Default for TarePlan {
     fn default() -> Self {
-        Self { duration: Duration::from_secs(1), at_start: true, rest: RestLimits::default() }
+        Self { duration: Duration::from_secs(1), at_start: true }
+    }
+}
+
+/// Whether and how far the zero follows the temperature of the skin (`offset.rs`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriftPlan {
+    /// Whether it does at all.
+    pub follow: bool,
+    /// How far at most from the proven zero, counts.
+    pub bound_counts: f64,
+}
+
+impl Default for DriftPlan {
+    fn default() -> Self {
+        Self { follow: false, bound_counts: 3.0 }
     }
 }
 
@@ -31,12 +43,10 @@ pub struct ZeroPlan {
     pub tare: TarePlan,
     /// Whether and how far it follows the temperature.
     pub drift: DriftPlan,
-    /// The modules, and which lie beside which.
-    pub sites: Vec<DriftSite>,
+    /// Of each module those that lie beside it.
+    pub beside: Vec<Vec<usize>>,
     /// When a taxel counts as touched.
     pub activation: Activation,
-    /// The period at which the boards send.
-    pub period: Duration,
     /// What each board is called.
     pub board_names: Vec<String>,
     /// What each module is called.
@@ -45,8 +55,21 @@ pub struct ZeroPlan {
 
 impl ZeroPlan {
     /// What the module at this position is called; its position where it has no name.
-    #[must_use]
     pub fn module_name(&self, module: usize) -> String {
         self.module_names.get(module).cloned().unwrap_or_else(|| format!("module {module}"))
     }
+}
+
+/// Of each module of a patch those that lie beside it: with taxels closer than `reach_m`. Without positions of both, two modules
+/// count as beside each other.
+pub fn modules_beside(modules: &[Range<usize>], geometry: Option<&Geometry>, reach_m: f64) -> Vec<Vec<usize>> {
+    let place = |taxel: usize| geometry?.poses.get(taxel).copied().flatten().map(|pose| pose.position);
+    let places: Vec<Vec<[f64; 3]>> = modules.iter().map(|taxels| taxels.clone().filter_map(place).collect()).collect();
+    let near = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>() <= reach_m.powi(2);
+    let beside = |a: usize, b: usize| {
+        let (a, b) = (&places[a], &places[b]);
+        a.is_empty() || b.is_empty() || a.iter().any(|a| b.iter().any(|b| near(a, b)))
+    };
+    let of = |one: usize| (0..modules.len()).filter(|&other| other != one && beside(one, other)).collect();
+    (0..modules.len()).map(of).collect()
 }

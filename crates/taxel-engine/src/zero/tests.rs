@@ -14,13 +14,11 @@ use crate::regions::Regions;
 use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
-use crate::zero::drift::plan::DriftPlan;
-use crate::zero::drift::site::drift_sites;
-use crate::zero::drift::view::DriftState;
 use crate::zero::events::{Surroundings, ZeroEvent};
-use crate::zero::holder::Zero;
+use crate::zero::holder::{Trust, Zero};
 use crate::zero::kept::{KeptZero, TakenZero};
-use crate::zero::plan::{TarePlan, ZeroPlan};
+use crate::zero::plan::{DriftPlan, TarePlan, ZeroPlan, modules_beside};
+use crate::zero::view::DriftState;
 use crate::zero::watch::Purpose;
 
 const MODULES: usize = 8;
@@ -57,21 +55,22 @@ fn a_zero_of_before_the_start_is_valid_once_its_counts_have_shown_that_no_board_
     for (load, holds) in [(0, true), (20, true), (-3, false)] {
         let mut earlier = Skin::new();
         earlier.models = Some(models(240.0));
-        earlier.zero.on_models(earlier.models.as_ref());
+        earlier.zero.on_models(earlier.models.as_ref().unwrap());
         let earlier = earlier.zeroed(|_| 0);
         let known = earlier.zero.news(7, &KeptZero::default()).unwrap();
         assert!(earlier.zero.news(7, &known).is_none(), "it is noted once");
         let known: KeptZero = serde_json::from_str(&serde_json::to_string(&known).unwrap()).unwrap();
         let mut skin = Skin::new();
         skin.zero.remember(&known);
-        skin.zero.on_models(earlier.models.as_ref());
-        skin.zero.go_on(skin.now(), known.zero.as_ref().unwrap(), &mut skin.events);
+        skin.zero.on_models(earlier.models.as_ref().unwrap());
+        skin.zero.go_on(skin.now(), known.zero.unwrap(), &mut skin.events);
         assert!(!skin.zero.holds(), "it is in doubt at first");
         // Where a load lies on half of the skin, or what has become lighter.
         skin.scan(21, |taxel| if taxel < TAXELS / 2 { load } else { 0 });
         assert_eq!(skin.zero.holds(), holds, "{load}: {:?}", skin.events);
         assert_eq!(skin.zero.view().epoch, earlier.zero.view().epoch + u64::from(!holds));
-        assert_eq!(skin.zero.baseline.is_some(), holds, "what was refuted is replaced as after any start");
+        assert_eq!(matches!(skin.zero.trust, Trust::Held(_)), holds);
+        assert_eq!(matches!(skin.zero.trust, Trust::None), !holds, "what was refuted is replaced as after any start");
     }
 }
 
@@ -82,7 +81,7 @@ fn a_zero_of_another_layout_or_one_that_needs_confirmation_is_not_gone_on_with()
         let zero = TakenZero { mean: numbers.clone(), noise: numbers, ..TakenZero::default() };
         let mut skin = Skin::new();
         skin.zero.remember(&KeptZero { unproven, ..KeptZero::default() });
-        skin.zero.go_on(skin.now(), &Arc::new(zero), &mut skin.events);
+        skin.zero.go_on(skin.now(), Arc::new(zero), &mut skin.events);
         assert!(!skin.zero.view().valid && skin.events.is_empty(), "{taxels} taxels");
     }
 }
@@ -107,17 +106,17 @@ impl Skin {
         let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
         let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
         let patch = Patch::new("p", vec![board]).unwrap();
+        let regions = Regions::new(&patch);
         let plan = ZeroPlan {
             tare: TarePlan { at_start: false, ..TarePlan::default() },
             drift,
-            sites: drift_sites(&patch, None, 0.01),
+            beside: modules_beside(regions.modules(), None, 0.01),
             activation: Activation { sigmas: 4.0, floor_counts: 2.0 },
-            period: Duration::from_millis(50),
             board_names: vec!["12".to_owned()],
             module_names: Vec::new(),
         };
         Self {
-            zero: Zero::new(plan, Regions::new(&patch)),
+            zero: Zero::new(plan, regions),
             scans: 0,
             events: Vec::new(),
             session_open: false,
@@ -214,7 +213,7 @@ fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
     for (scans_after, distrusted) in [(4, true), (30, true), (40, false)] {
         let mut skin = Skin::new();
         skin.models = Some(models(240.0));
-        skin.zero.on_models(skin.models.as_ref());
+        skin.zero.on_models(skin.models.as_ref().unwrap());
         let mut skin = skin.zeroed(|_| 0);
         skin.scan(20, |taxel| if taxel < 30 { 20 } else { 0 });
         skin.scan(scans_after, |_| 0);
@@ -222,7 +221,7 @@ fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
         let why = "board 12 has taken a new zero";
         skin.zero.lose_by_another(0, why, &mut skin.events);
         assert_eq!((skin.lost(), skin.zero.zero()), (Some(why), None));
-        assert_eq!(skin.zero.distrusted(), distrusted.then_some(why), "{scans_after} scans after");
+        assert_eq!(skin.zero.needs_confirmation(), distrusted.then_some(why), "{scans_after} scans after");
     }
 }
 

@@ -1,10 +1,14 @@
-//! Watching the skin at rest: who asked for it, what was seen, and when it is enough.
+//! A zero on its way: who asked for it, the watch of the skin, and one that was proven and is being written down.
 
 use std::time::Duration;
 use taxel_skin::Time;
 
+use crate::baseline::TaxelBaseline;
 use crate::request::RequestId;
+use crate::scan::Scan;
+use crate::zero::rest::limits::SCANS_MIN;
 use crate::zero::rest::window::RestWindow;
+use crate::zero::view::TareView;
 
 /// How much longer than planned a watch may take before it is given up.
 const GRACE: Duration = Duration::from_secs(2);
@@ -30,7 +34,6 @@ pub enum Purpose {
 
 impl Purpose {
     /// Who vouches that nothing touches the skin.
-    #[must_use]
     pub fn confirmed_by(&self) -> Option<&str> {
         match self {
             Self::AtStart => None,
@@ -42,53 +45,66 @@ impl Purpose {
 /// A watch under way.
 #[derive(Debug)]
 pub struct Watch {
-    window: RestWindow,
+    /// Who asked for it.
+    pub purpose: Purpose,
+    /// What was seen.
+    pub window: RestWindow,
     begun: Time,
     duration: Duration,
-    purpose: Purpose,
 }
 
 impl Watch {
     /// Begins to watch for so long, with an empty `window`.
-    #[must_use]
-    pub const fn new(now: Time, duration: Duration, window: RestWindow, purpose: Purpose) -> Self {
-        Self { window, begun: now, duration, purpose }
-    }
-
-    /// Who asked for it.
-    #[must_use]
-    pub const fn purpose(&self) -> &Purpose {
-        &self.purpose
+    pub const fn new(begun: Time, duration: Duration, window: RestWindow, purpose: Purpose) -> Self {
+        Self { purpose, window, begun, duration }
     }
 
     /// Takes one scan: what its sound taxels read, and what the others do.
-    pub fn push(
-        &mut self,
-        now: Time,
-        sound: impl Iterator<Item = Option<f64>>,
-        faulty: impl Iterator<Item = Option<f64>>,
-    ) {
-        let late = now.since(self.begun) >= self.duration / 2;
-        self.window.push(late, sound);
-        self.window.push_faulty(faulty);
+    pub fn push(&mut self, now: Time, scan: &Scan<'_>) {
+        self.window.push(now.since(self.begun) >= self.duration / 2, scan.sound_counts());
+        self.window.push_faulty(scan.faulty_counts());
     }
 
-    /// Whether it has lasted long enough and has seen at least so many scans.
-    #[must_use]
-    pub fn is_over(&self, now: Time, scans_min: u64) -> bool {
-        self.window.all().count() >= scans_min && now.since(self.begun) >= self.duration
+    /// Whether it has lasted long enough and has seen enough scans.
+    pub fn is_over(&self, now: Time) -> bool {
+        self.window.all().count() >= SCANS_MIN && now.since(self.begun) >= self.duration
     }
 
     /// When a watch that gets no scans is given up.
-    #[must_use]
     pub fn give_up_at(&self) -> Time {
         self.begun + self.duration + GRACE
     }
+}
 
-    /// Ends the watch.
-    #[must_use]
-    pub fn end(self) -> (Purpose, RestWindow) {
-        (self.purpose, self.window)
+/// What is held against the boards, in words: that the zero of one is in doubt, that a load has just vanished from one at once, and
+/// that the counts cannot show rest.
+pub(super) type HeldAgainst = [Option<String>; 3];
+
+/// A zero that was proven for an operator and holds once it is on disk.
+#[derive(Clone, Debug)]
+pub(super) struct Writing {
+    /// For whom it was taken.
+    pub(super) request: RequestId,
+    /// What was held against the boards when it was taken.
+    pub(super) held: HeldAgainst,
+    /// Whether somebody vouches for it.
+    pub(super) vouched: bool,
+    /// The zero, or what has moved it meanwhile.
+    pub(super) zero: Result<(TareView, Vec<TaxelBaseline>), String>,
+}
+
+impl Writing {
+    /// Something has moved it; the first reason stays.
+    pub(super) fn spoil(&mut self, why: &str) {
+        if self.zero.is_ok() {
+            self.zero = Err(why.to_owned());
+        }
+    }
+
+    /// This is held against the boards now: what is new of it spoils the zero, and would be forgotten with it.
+    pub(super) fn spoil_by(&mut self, now: HeldAgainst) {
+        let new = now.into_iter().zip(&self.held).find_map(|(now, then)| now.filter(|now| Some(now) != then.as_ref()));
+        new.iter().for_each(|why| self.spoil(why));
     }
 }
 
@@ -102,7 +118,11 @@ mod tests {
     fn watched(scans: u32) -> Watch {
         let mut watch = Watch::new(Time::default(), SECOND, RestWindow::new(1, &[]), Purpose::AtStart);
         (0..scans).for_each(|scan| {
-            watch.push(Time::default() + scan * SECOND / 10, std::iter::once(Some(240.0)), std::iter::once(None))
+            let (time, counts, sound) = (Time::default() + scan * SECOND / 10, [240_u8], [true]);
+            let counts = (&counts).into();
+            let scan =
+                Scan { time, whole: true, counts, pads: &[], silent: &[], sound: &sound, soundness: 0, jumps: &[] };
+            watch.push(time, &scan);
         });
         watch
     }
@@ -110,14 +130,13 @@ mod tests {
     #[test]
     fn a_watch_is_over_when_it_has_lasted_and_has_seen_enough() {
         let almost = Time::from_nanos(999_999_999);
-        assert!(!watched(10).is_over(almost, 10) && watched(10).is_over(Time::default() + SECOND, 10));
-        assert!(!watched(9).is_over(Time::default() + 2 * SECOND, 10));
+        assert!(!watched(10).is_over(almost) && watched(10).is_over(Time::default() + SECOND));
+        assert!(!watched(9).is_over(Time::default() + 2 * SECOND));
         assert_eq!(watched(0).give_up_at(), Time::default() + 3 * SECOND);
     }
 
     #[test]
     fn half_of_the_time_is_the_later_half_of_the_scans() {
-        let (_, window) = watched(7).end();
-        assert_eq!(window.halves().each_ref().map(|half| half.count()), [5, 2]);
+        assert_eq!(watched(7).window.halves().each_ref().map(|half| half.count()), [5, 2]);
     }
 }

@@ -1,8 +1,8 @@
 //! A model set comes into use only on boards that are set as they were when it was gathered: the rest looks the same
 //! whatever a count is worth, so that nothing else tells a force that is half of the true one.
 
-use taxel_engine::force::reason::ReasonCode;
 use taxel_engine::record::KeptZero;
+use taxel_engine::snapshot::ReasonCode;
 
 use crate::prelude::*;
 use crate::shared::configured;

@@ -1,7 +1,7 @@
 //! The zero follows the temperature of the skin, and nothing else.
 
 use taxel_engine::plan::DriftPlan;
-use taxel_engine::zero::drift::{DriftState, DriftView};
+use taxel_engine::snapshot::{DriftState, DriftView};
 use taxel_sim::{BoardsConfig, ThermalConfig};
 
 use crate::prelude::*;

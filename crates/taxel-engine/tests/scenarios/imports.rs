@@ -1,7 +1,7 @@
 //! Model sets from elsewhere: what cannot be of this patch is refused, unless an operator insists.
 
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::force::ForceState;
+use taxel_engine::snapshot::ForceState;
 
 use crate::prelude::*;
 use crate::say::other_with;

@@ -1,7 +1,8 @@
 //! Known loads correct the gain of a model set: a new set that nobody uses before an operator says so, made once and never
 //! corrected twice.
 
-use taxel_engine::loads::{KnownLoad, Load, Patch, Validation, Weight, judge};
+use taxel_engine::loads::places::LaidAt;
+use taxel_engine::loads::{KnownLoad, Load, LoadsPlan, Validation, Weight, judge};
 use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, Recalibration, propose};
 
 use crate::prelude::*;
@@ -110,7 +111,8 @@ fn masses_at_fewer_than_three_places_correct_nothing() {
     assert!(found.found.is_sound() && found.found.places == 3, "{:?}", found.found);
     // Five of the seven are off together, so the gain is less certain than that of seven places.
     let points: Vec<_> = found.found.points.iter().map(|judged| judged.point).collect();
-    let apart = Recalibration::of(&points, Assumptions::MASSES).unwrap();
+    let laid = LaidAt { place: (0..points.len()).collect(), known: points.len(), unplaced: 0 };
+    let apart = Recalibration::of(&points, &laid, Assumptions::MASSES).unwrap();
     assert!(found.found.gain_sigma() > 1.3 * apart.gain_sigma(), "{:?}, {:?} apart", found.found, apart);
     assert_eq!(found.found.line, apart.line, "the gain itself is the same");
 }
@@ -225,8 +227,8 @@ fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
     loads[0].read.reasons = vec!["module 3 is silent: the total is a lower bound".to_owned()];
     let (area_mm2, of) = (loads[0].mean_area_mm2, view.model_set.clone());
     let loads: Vec<_> = loads.into_iter().map(Arc::new).collect();
-    let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, fills: true };
-    view = judge(patch, &loads, of);
+    let plan = LoadsPlan { patch: view.patch.clone(), mean_area_mm2: area_mm2, fills: true };
+    view = judge(&plan, &loads, of);
     let counted = view.loads.iter().filter(|judged| judged.counts()).count();
     assert_eq!(counted, MASSES.len() - 1);
     let chosen = Chosen { loads: numbers, ..Chosen::default() };
@@ -250,8 +252,8 @@ fn loads_and_their_correction_say_nothing_of_a_sum_that_is_made_in_another_way()
     );
     let loads: Vec<Arc<Load>> = view.loads.iter().rev().map(|judged| Arc::clone(&judged.load)).collect();
     let counted = |loads: &[Arc<Load>], fills| {
-        let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, fills };
-        let judged = judge(patch, loads, view.model_set.clone());
+        let plan = LoadsPlan { patch: view.patch.clone(), mean_area_mm2: area_mm2, fills };
+        let judged = judge(&plan, loads, view.model_set.clone());
         (judged.loads.iter().filter(|load| load.counts()).count(), judged.loads[0].outdated_because.clone())
     };
     let said = "faulty taxels were filled by their neighbours, and are not now".to_owned();

@@ -6,6 +6,7 @@ mod certificate;
 mod commands;
 mod recalibration;
 mod recordings;
+mod steady;
 
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};

@@ -3,10 +3,9 @@
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::snapshot::{
-    BoardHealth, Budget, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag,
-    Reason, ReasonCode, StoreHealth, TareView, TaxelState, Term, Undetected,
+    BoardHealth, Budget, BusHealth, Catalogue, Contact, DriftView, ForceSample, ForceState, Health, PatchSnapshot,
+    RangeFlag, Reason, ReasonCode, StoreHealth, TareView, TaxelState, Term, Undetected,
 };
-use taxel_engine::zero::drift::DriftView;
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;

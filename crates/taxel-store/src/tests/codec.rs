@@ -48,8 +48,6 @@ fn whole_set() -> ModelSet {
         filled: None,
         gain: 1.04,
         gain_sigma: 0.02,
-        offset_kpa: 0.1,
-        offset_sigma_kpa: 0.05,
         place_rel: 0.05,
         relative_sigma: 0.03,
         gain_in_all: 1.04,
@@ -96,8 +94,8 @@ fn the_file_looks_as_documented() {
         "taxels{{coefficients {curve} estimator flags gauge{{gain_rel noise_kpa offset_kpa}} order {quality} range repaired \
          sigma{{first_count sigma_kpa step_counts}} sign status taxel}}"
     );
-    let recalibrated = "recalibrated{area_mm2 derived_from earlier filled gain gain_in_all gain_sigma offset_kpa \
-                        offset_sigma_kpa place_rel points{known known_sigma number read read_sigma} relative_sigma}";
+    let recalibrated = "recalibrated{area_mm2 derived_from earlier filled gain gain_in_all gain_sigma \
+                        place_rel points{known known_sigma number read read_sigma} relative_sigma}";
     let all = format!(
         "{{baseline{{mean noise}} board_settings created_wall_ns fitted_by format gauge_gain_rel gauge_offset_kpa id method patch \
          pressure_max_kpa {recalibrated} {recorded} session simulated {taxels} version}}"

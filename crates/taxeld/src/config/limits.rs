@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use taxel_engine::SCANS_MIN;
 use taxel_engine::calibration::fit::{Branch, PlaysChoice};
 use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
 use taxel_model::{FitOptions, GaugeUncertainty, Order};
@@ -28,8 +29,8 @@ pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> Li
 /// A slow array is watched until it has sent what a zero needs.
 pub fn tare(section: &PatchSection, period: Duration) -> TarePlan {
     let defaults = TarePlan::default();
-    let enough = period.saturating_mul(defaults.rest.scans_min as u32);
-    TarePlan { duration: defaults.duration.max(enough), at_start: section.tare_at_start, ..defaults }
+    let enough = period.saturating_mul(SCANS_MIN as u32);
+    TarePlan { duration: defaults.duration.max(enough), at_start: section.tare_at_start }
 }
 
 /// The rules of a session.

@@ -87,8 +87,6 @@ fn corrected() -> Recalibrated {
         filled: None,
         gain: 1.0,
         gain_sigma: 0.0,
-        offset_kpa: 0.0,
-        offset_sigma_kpa: 0.0,
         place_rel: 0.0,
         relative_sigma: 0.0,
         gain_in_all: 1.0,

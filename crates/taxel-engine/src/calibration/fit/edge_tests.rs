@@ -11,7 +11,8 @@ use super::zero::{baseline, rest_scans, zero_return};
 use super::*;
 use crate::baseline::TaxelBaseline;
 use crate::calibration::samples::Sample;
-use crate::intake::faults::{Fault, FaultLimits};
+use crate::intake::faults::fault::Fault;
+use crate::intake::faults::limits::FaultLimits;
 use crate::model_set::ZeroReturn;
 use crate::zero::rest::verdict::RestVerdict;
 

@@ -8,8 +8,9 @@ use taxel_model::{Estimator, FitOptions, Flag, Order, PLAYS, Samples, Status};
 
 use super::scans::modules;
 use super::*;
-use crate::intake::faults::{Fault, FaultLimits};
-use crate::zero::rest::RestVerdict;
+use crate::intake::faults::fault::Fault;
+use crate::intake::faults::limits::FaultLimits;
+use crate::zero::rest::verdict::RestVerdict;
 
 const PERIOD_S: f64 = 0.02;
 const TAXELS: usize = 30;

@@ -9,10 +9,9 @@ use crate::calibration::fit::scans::{Scans, modules};
 use crate::model_set::{ModelSet, ZeroReturn};
 use crate::statistics::{mean, root_mean_square};
 use crate::zero::rest::judge::{Reference, judge};
-use crate::zero::rest::limits::RestLimits;
+use crate::zero::rest::moves::Unloading;
 use crate::zero::rest::verdict::RestVerdict;
 use crate::zero::rest::window::RestWindow;
-use crate::zero::unloading::{Unloading, unloading};
 
 /// Within this share of the range above the least pressure the rig is at rest.
 const REST_BAND: f64 = 0.02;
@@ -152,10 +151,9 @@ impl Zero {
             return Self::Tared { window_s, proof: None, moved };
         }
         let sign = set.signs();
-        let limits = RestLimits::default();
         let reference = Reference { models: Some(&set.baseline), zero: None, sign: &sign };
-        let verdict = judge(&begin, reference, &limits);
-        if !matches!(verdict, RestVerdict::Rest { .. }) {
+        let verdict = judge(&begin, reference);
+        if !verdict.is_rest() {
             return Self::NotAtRest(verdict);
         }
         let zero: Vec<TaxelBaseline> = now
@@ -164,7 +162,7 @@ impl Zero {
             .map(|(t, now)| if sound(&t) { now } else { TaxelBaseline { mean: f64::NAN, noise: f64::NAN } })
             .collect();
         for first in (n..scans.len().saturating_sub(n - 1)).step_by(n) {
-            if let Some(lift) = unloading(&zero, window(first, true).all(), &sign, &limits) {
+            if let Some(lift) = window(first, true).lighter_than(&zero, &sign) {
                 return Self::Lifted { lift, after_s: scans.time_s[first] - scans.time_s[0] };
             }
         }

@@ -96,7 +96,7 @@ impl Force {
 
     /// Taxels of modules that are silent, ascending.
     pub(super) fn silent(&self, scan: &Scan<'_>) -> Vec<u16> {
-        let modules = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| **silent);
+        let modules = self.model.layout().modules.iter().zip(scan.silent).filter(|(_, silent)| **silent);
         let mut taxels = positions(modules.flat_map(|(taxels, _)| taxels.clone()));
         taxels.sort_unstable();
         taxels

@@ -44,7 +44,6 @@ fn at_threshold(tables: &Tables, rest: TaxelBaseline, activation: Activation, ta
 
 /// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; 0 where nothing
 /// is known.
-#[must_use]
 pub fn newton_per_count(tables: &Tables, zero: &[TaxelBaseline], activation: Activation) -> Vec<f64> {
     let of = |(taxel, &rest): (usize, &TaxelBaseline)| {
         let per_count = at_threshold(tables, rest, activation, taxel).map_or(0.0, |(_, per_count)| per_count);

@@ -50,7 +50,6 @@ pub struct FaultDetector {
 impl FaultDetector {
     /// `modules` are ranges of taxel numbers; those beyond `taxel_count` are cut off.
     /// Modules of 10, 11 and 12 taxels are taken for triangles, palms with pad 11 and fingertips.
-    #[must_use]
     pub fn new(taxel_count: usize, modules: &[Range<usize>], limits: FaultLimits) -> Self {
         let clip = |r: &Range<usize>| r.start.min(taxel_count)..r.end.min(taxel_count).max(r.start.min(taxel_count));
         let watch = |range: &Range<usize>| ModuleWatch {
@@ -77,7 +76,6 @@ impl FaultDetector {
     }
 
     /// Says what each module's values are, where their number leaves it open.
-    #[must_use]
     pub fn with_kinds(mut self, kinds: impl IntoIterator<Item = ModuleKind>) -> Self {
         for (module, kind) in self.modules.iter_mut().zip(kinds) {
             module.slots = kind.taxel_slots();
@@ -224,7 +222,6 @@ impl FaultDetector {
     }
 
     /// When the next module becomes stale if it is not heard before.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let limit = Duration::from_secs_f32(self.limits.stale_after_s.clamp(0.0, 1e6)) + Duration::from_millis(1);
         let is_stale = |module: &ModuleWatch| self.faults(module.taxels.start).contains(Fault::Stale);
@@ -233,21 +230,18 @@ impl FaultDetector {
     }
 
     /// The faults of a taxel now; none for an unknown taxel.
-    #[must_use]
     pub fn faults(&self, taxel: usize) -> FaultSet {
         self.taxels.get(taxel).map(|t| t.faults).unwrap_or_default()
     }
 
     /// By how many counts the taxels of a module jump together, there and back within a scan or two; 0 nearly always, and of
     /// a module that there is not.
-    #[must_use]
     pub fn jump_counts(&self, now: Time, module: usize) -> f32 {
         self.modules.get(module).map_or(0.0, |watch| watch.jumps.counts(now))
     }
 
     /// Since when the taxel's values are wrong: a freeze is known only seconds after it began. `None` if it has no
     /// fault. Who can still change what it wrote, as a reader of a file, excludes the taxel from here on.
-    #[must_use]
     pub fn wrong_since(&self, taxel: usize) -> Option<Time> {
         self.taxels.get(taxel).and_then(TaxelWatch::wrong_since)
     }

@@ -3,8 +3,10 @@
 use std::time::Duration;
 use taxel_skin::{ModuleKind, Time};
 
+use super::detector::FaultDetector;
+use super::fault::Fault;
+use super::limits::FaultLimits;
 use super::taxel::TaxelWatch;
-use super::*;
 
 const HOLD: Duration = Duration::from_secs(2);
 

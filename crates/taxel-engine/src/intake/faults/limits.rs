@@ -45,7 +45,6 @@ const PERIOD_MAX_S: f32 = 0.2;
 
 impl FaultLimits {
     /// The same for scans that come every so many seconds: at slow ones every time is as many scans longer.
-    #[must_use]
     pub fn at_period(self, period_s: f32) -> Self {
         let slower = (period_s / PERIOD_MAX_S).max(1.0);
         Self {

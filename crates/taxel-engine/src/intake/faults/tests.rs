@@ -1,4 +1,5 @@
-use super::*;
+use super::detector::FaultDetector;
+use super::limits::FaultLimits;
 use proptest::prelude::*;
 use std::time::Duration;
 use taxel_skin::Time;

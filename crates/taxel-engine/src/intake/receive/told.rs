@@ -21,7 +21,6 @@ impl Intake {
     /// What an operator should see to before a session, so that what would spoil it is known before the pump runs, a line each:
     /// modules that are silent, boards that send at another period or warn of themselves, a gauge that is silent or stands still.
     /// `left_out` are modules that nobody waits for.
-    #[must_use]
     pub fn look(&self, now: Time, gauge_timeout: Duration, left_out: &[u16]) -> Vec<String> {
         let mut lines = Vec::new();
         let waited_for = |module: usize| !left_out.iter().any(|out| usize::from(*out) == module);
@@ -36,7 +35,6 @@ impl Intake {
     }
 
     /// Which modules keep a scan from being whole, in words.
-    #[must_use]
     pub fn silence(&self, now: Time) -> String {
         let modules = self.assembler.modules().iter().enumerate();
         let words = modules.filter(|(_, module)| module.stale).map(|(position, module)| {
@@ -55,7 +53,6 @@ impl Intake {
     }
 
     /// One entry per board.
-    #[must_use]
     pub fn board_health(&self, now: Time) -> Vec<BoardHealth> {
         (0..self.boards.len()).map(|board| self.health_of(board, now)).collect()
     }

@@ -1,10 +1,11 @@
 //! Where each limit of the test of rest lies: a little less is rest, a little more is not.
 
-use super::*;
+use super::judge::{Reference, judge};
+use super::verdict::RestVerdict;
+use super::window::RestWindow;
 use crate::baseline::TaxelBaseline;
 use crate::zero::rest::moves::Moves;
-use crate::zero::rest::verdict::Unsteadiness;
-use crate::zero::unloading::unloading;
+use crate::zero::rest::verdict::{Beyond, Unsteadiness};
 
 const TAXELS: usize = 150;
 const SCANS: usize = 20;
@@ -49,7 +50,7 @@ fn say(window: &RestWindow, zero: Option<(f64, f64)>) -> RestVerdict {
     let at = |away: f64| vec![TaxelBaseline { mean: 240.0 + away, noise: NOISE }; TAXELS];
     let zero = zero.map(|(away, minutes)| (at(away), minutes));
     let zero = zero.as_ref().map(|(zero, minutes)| (zero.as_slice(), *minutes));
-    judge(window, Reference { models: Some(&models), zero, sign: &[-1; TAXELS] }, &RestLimits::default())
+    judge(window, Reference { models: Some(&models), zero, sign: &[-1; TAXELS] })
 }
 
 fn is_rest(window: &RestWindow, zero: Option<(f64, f64)>) -> bool {
@@ -68,18 +69,18 @@ fn what_a_day_may_move_counts_by() {
     // A module beyond the rest of the skin, or beyond its zero where the rest of the skin is lighter.
     for (common, from) in [(0.0, 0.0), (2.0, 2.0), (-2.0, 0.0)] {
         assert!(is_rest(&on(10, common, from + 4.95), None), "{common}");
-        let RestVerdict::Loaded { figures, .. } = say(&on(10, common, from + 5.05), None) else { panic!("{common}") };
-        assert!(figures.worst_module == Some(3) && (figures.worst_module_moved - 5.05).abs() < 0.01, "{figures}");
-        assert!((figures.moved_median - common).abs() < 0.01 && figures.taxels == TAXELS, "{figures}");
+        let verdict = say(&on(10, common, from + 5.05), None);
+        let RestVerdict::Loaded(Beyond { module: Some(3), seen, .. }) = verdict else { panic!("{common}: {verdict}") };
+        assert!((seen - 5.05).abs() < 0.01, "{verdict}");
     }
     for (taxels, max) in [(3, 8.0), (2, 16.0)] {
         for (common, from) in [(0.0, 0.0), (2.0, 2.0), (-2.0, 0.0)] {
             assert!(is_rest(&on(taxels, common, from + max - 0.05), None), "{taxels} from {common}");
             let verdict = say(&on(taxels, common, from + max + 0.05), None);
-            let RestVerdict::LoadedInPart { module: 3, taxels: said, from_zero: false, moved, .. } = verdict else {
+            let RestVerdict::LoadedInPart(said, Beyond { module: Some(3), seen, limit }) = verdict else {
                 panic!("{taxels} from {common}: {verdict}");
             };
-            assert!(usize::from(said) == taxels && (moved - max - 0.05).abs() < 0.01, "{verdict}");
+            assert!((usize::from(said), limit) == (taxels, max) && (seen - max - 0.05).abs() < 0.01, "{verdict}");
         }
     }
     assert!(is_rest(&on(1, 0.0, 60.0), None), "one taxel may be odd");
@@ -98,10 +99,10 @@ fn what_temperature_may_move_counts_by_since_the_zero() {
             let limit = explained + max;
             assert!(is_rest(&on(taxels, common, limit - 0.05), Some((0.0, minutes))), "{taxels}: {minutes} {common}");
             let verdict = say(&on(taxels, common, limit + 0.05), Some((0.0, minutes)));
-            let RestVerdict::LoadedInPart { module: 3, taxels: said, from_zero: true, .. } = verdict else {
+            let RestVerdict::LoadedInPart(said, Beyond { module: Some(3), limit, .. }) = verdict else {
                 panic!("{taxels}: {minutes} {common}: {verdict}");
             };
-            assert_eq!(usize::from(said), taxels);
+            assert_eq!((usize::from(said), limit), (taxels, max));
         }
     }
     // Three counts towards load by the models are five by a zero that lies two away from load.
@@ -129,11 +130,11 @@ fn how_still_a_skin_is_at_rest() {
             assert!(matches!(verdict, RestVerdict::Unlike { .. }), "{verdict}");
         }
         let verdict = say(&step(10, 1.61 * way), None);
-        assert!(matches!(verdict, RestVerdict::Unsteady { module: 3, what: Unsteadiness::Median(..) }), "{verdict}");
+        assert!(matches!(verdict, RestVerdict::Unsteady(3, Unsteadiness::Median(..))), "{verdict}");
         // Of three, by 3.3 standard errors.
         assert!(is_rest(&step(3, 2.28 * way), None), "{}", say(&step(3, 2.28 * way), None));
         let verdict = say(&step(3, 2.32 * way), None);
-        assert!(matches!(verdict, RestVerdict::Unsteady { module: 3, what: Unsteadiness::Third(..) }), "{verdict}");
+        assert!(matches!(verdict, RestVerdict::Unsteady(3, Unsteadiness::Third(..))), "{verdict}");
     }
     assert!(is_rest(&step(2, 2.32), None), "two may be odd");
     // The noise of three, 1.9 times the models'.
@@ -142,7 +143,7 @@ fn how_still_a_skin_is_at_rest() {
     };
     assert!(is_rest(&shaking(3, 2.02), None) && is_rest(&shaking(2, 2.06), None));
     let verdict = say(&shaking(3, 2.06), None);
-    assert!(matches!(verdict, RestVerdict::Unsteady { module: 3, what: Unsteadiness::Noise(..) }), "{verdict}");
+    assert!(matches!(verdict, RestVerdict::Unsteady(3, Unsteadiness::Noise(..))), "{verdict}");
     assert!(!is_rest(&wiggling(9, |_| 0.4, |_, _| 0.0), None) && is_rest(&wiggling(10, |_| 0.4, |_, _| 0.0), None));
 }
 
@@ -152,7 +153,7 @@ fn a_load_on_few_taxels_of_each_module_is_no_rest() {
     let step = |taxels: &'static [usize], counts: f64| {
         window(move |t, scan| if scan >= SCANS / 2 && taxels.contains(&t) { counts } else { 0.0 })
     };
-    let single = |taxels, all| Unsteadiness::Single { taxels, all };
+    let single = |taxels, all| if all { Unsteadiness::JumpsOfSkin(taxels) } else { Unsteadiness::Jumps(taxels) };
     for (taxels, counts, found) in [
         (&[31, 32][..], 3.6, Some((3, single(2, false)))),
         (&[31, 32], -3.6, Some((3, single(2, false)))),
@@ -164,7 +165,7 @@ fn a_load_on_few_taxels_of_each_module_is_no_rest() {
         let verdict = say(&step(taxels, counts), None);
         match found {
             None => assert!(matches!(verdict, RestVerdict::Rest { .. }), "{taxels:?} {counts}: {verdict}"),
-            Some((module, what)) => assert_eq!(verdict, RestVerdict::Unsteady { module, what }, "{taxels:?} {counts}"),
+            Some((module, what)) => assert_eq!(verdict, RestVerdict::Unsteady(module, what), "{taxels:?} {counts}"),
         }
     }
 }
@@ -190,14 +191,14 @@ fn how_much_noise_a_skin_of_small_modules_has_at_rest() {
     let shaking = |counts: f64| wiggling_in(&pairs, SCANS, move |_| counts, |_, _| 0.0);
     assert!(is_rest(&shaking(2.66), None), "{}", say(&shaking(2.66), None));
     let verdict = say(&shaking(2.70), None);
-    let RestVerdict::Restless { noise_ratio, .. } = verdict else { panic!("{verdict}") };
+    let RestVerdict::Trembling(noise_ratio) = verdict else { panic!("{verdict}") };
     assert!((noise_ratio - 2.518).abs() < 0.001, "{noise_ratio}");
 }
 
 /// Without models the quieter half says what a taxel's noise is.
 #[test]
 fn how_still_a_skin_without_models_is() {
-    let said = |window: &RestWindow| judge(window, Reference::default(), &RestLimits::default());
+    let said = |window: &RestWindow| judge(window, Reference::default());
     let shaken_late = |counts: f64| {
         wiggling(
             SCANS,
@@ -212,13 +213,13 @@ fn how_still_a_skin_without_models_is() {
     // 0.63 counts in the first half, of which 1.9 times is 1.2; with 1.4 in the second half it is 1.1 in all, with 1.7 it is 1.3.
     assert!(matches!(said(&shaken_late(0.8)), RestVerdict::Unproven { taxels: TAXELS, .. }));
     let verdict = said(&shaken_late(1.1));
-    assert!(matches!(verdict, RestVerdict::Unsteady { module: 3, what: Unsteadiness::Noise(..) }), "{verdict}");
+    assert!(matches!(verdict, RestVerdict::Unsteady(3, Unsteadiness::Noise(..))), "{verdict}");
 }
 
 #[test]
 fn how_much_lighter_than_its_zero_a_skin_may_become() {
-    let (zero, limits) = (models(), RestLimits::default());
-    let found = |window: &RestWindow| unloading(&zero, window.all(), &[-1; TAXELS], &limits);
+    let zero = models();
+    let found = |window: &RestWindow| window.lighter_than(&zero, &[-1; TAXELS]);
     for (taxels, max) in [(TAXELS, 0.75), (10, 1.5), (3, 2.5)] {
         let lighter = |by: f64| window(move |t, _| if t < taxels { -by } else { 0.0 });
         assert_eq!(found(&lighter(max - 0.02)), None, "{taxels}");
@@ -235,7 +236,7 @@ fn how_much_lighter_than_its_zero_a_skin_may_become() {
 #[test]
 fn what_a_skin_that_became_lighter_says() {
     let lighter = window(|t, _| if (30..40).contains(&t) { -2.0 } else { -1.0 });
-    let said = unloading(&models(), lighter.all(), &[-1; TAXELS], &RestLimits::default()).expect("a load has gone");
+    let said = lighter.lighter_than(&models(), &[-1; TAXELS]).expect("a load has gone");
     let expected = "the skin is 1.00 counts lighter than its zero in the median, module 3 by 2.00, three taxels of a \
                     module by 2.00 and more";
     assert_eq!(said.to_string(), expected);
@@ -254,7 +255,7 @@ fn who_speaks_for_a_module() {
     };
     assert_eq!(moves(4, 20, 0.8).worst_module(&modules(), 0.0), (None, 0.0));
     assert_eq!(moves(5, 20, 0.8).worst_module(&modules(), 0.0), (Some(0), 10.0));
-    assert_eq!(moves(5, 20, 0.8).worst_third(&modules(), 1.0), (Some(0), 9.0));
+    assert_eq!(moves(5, 20, 0.8).worst_few(&modules(), 1.0, 2), (Some(0), 9.0));
     assert_eq!(moves(5, 10, 0.0).worst_module(&modules(), 0.0), (None, 0.0));
     assert_eq!(moves(5, 9, 0.0).worst_module(&modules(), 0.0), (Some(0), 10.0));
     assert_eq!(moves(5, 20, 0.8).counts(), (TAXELS - 5, TAXELS));
@@ -285,35 +286,35 @@ fn how_far_a_taxel_may_move_and_have_a_zero() {
 
 #[test]
 fn what_is_said_of_a_skin_that_is_not_at_rest() {
-    let unsteady = |what| RestVerdict::Unsteady { module: 3, what };
-    let restless =
-        |drift, noise_ratio| RestVerdict::Restless { drift, drift_max: 0.45, noise_ratio, noise_ratio_max: 2.5 };
-    let in_part =
-        |taxels, from_zero| RestVerdict::LoadedInPart { module: 3, taxels, moved: 2.6, moved_max: 2.5, from_zero };
-    let not_enough = |scans| RestVerdict::NotEnough { scans, scans_min: 10, sound: 40, comparable: TAXELS };
+    let unsteady = |what| RestVerdict::Unsteady(3, what);
+    let beyond = |seen, limit| Beyond { module: Some(3), seen, limit };
+    let in_part = |taxels| RestVerdict::LoadedInPart(taxels, beyond(2.6, 2.5));
     let said = [
         (
             unsteady(Unsteadiness::Median(1.61, 1.6)),
             "something moved on module 3 (1.6 counts between the halves of the watch, limit 1.6)",
         ),
         (
-            unsteady(Unsteadiness::Third(3.4, 3.3)),
+            unsteady(Unsteadiness::Third(3.4)),
             "something moved on module 3 (three taxels by 3.4 standard errors, limit 3.3)",
         ),
         (
-            unsteady(Unsteadiness::Noise(2.0, 1.9)),
+            unsteady(Unsteadiness::Noise(2.0)),
             "something moved on module 3 (three taxels have 2.0 times their noise, limit 1.9)",
         ),
         (
-            RestVerdict::Unlike { unlikeness: 5.24, unlikeness_max: 5.0 },
+            RestVerdict::Unlike(beyond(5.24, 5.0)),
             "something moved on several modules (5.2 standard deviations apart, limit 5)",
         ),
-        (restless(0.5, f64::NAN), "the whole skin moved (+0.5 counts in the median, limit 0.5)"),
-        (restless(0.0, 2.6), "the whole skin trembled (2.6 times its noise, limit 2.5)"),
-        (in_part(2, false), "something presses on module 3 (2.6 counts on two taxels, limit 2.5)"),
-        (in_part(3, true), "something presses on module 3 (2.6 counts on three taxels, limit 2.5)"),
-        (not_enough(9), "too little was seen (9 scans, at least 10)"),
-        (not_enough(10), "too few sound taxels (40 of the 150 that have a model)"),
+        (RestVerdict::Restless(beyond(0.5, 0.45)), "the whole skin moved (+0.5 counts in the median, limit 0.5)"),
+        (RestVerdict::Trembling(2.6), "the whole skin trembled (2.6 times its noise, limit 2.5)"),
+        (in_part(2), "something presses on module 3 (2.6 counts on two taxels, limit 2.5)"),
+        (in_part(3), "something presses on module 3 (2.6 counts on three taxels, limit 2.5)"),
+        (RestVerdict::TooShort(9), "too little was seen (9 scans, at least 10)"),
+        (
+            RestVerdict::TooFew { sound: 40, comparable: TAXELS },
+            "too few sound taxels (40 of the 150 that have a model)",
+        ),
     ];
     for (verdict, words) in said {
         assert!(verdict.to_string().contains(words), "`{words}` is not in: {verdict}");
@@ -322,8 +323,11 @@ fn what_is_said_of_a_skin_that_is_not_at_rest() {
 
 #[test]
 fn what_is_said_of_a_load() {
-    let RestVerdict::Loaded { figures, .. } = say(&on(10, 2.0, 7.05), None) else { panic!("not loaded") };
-    assert_eq!(figures.to_string(), "median shift 2.00 counts, largest 5.1 (module 3)");
+    let rest = say(&on(10, 2.0, 6.05), None).to_string();
+    assert!(
+        rest.starts_with("unloaded: median shift 2.00 counts, largest 4.1 (module 3); the skin may still"),
+        "{rest}"
+    );
     assert_eq!(say(&on(10, 2.0, 7.05), None).to_string(), "something presses on module 3 (5.1 counts, limit 5)");
 }
 
@@ -331,6 +335,7 @@ fn what_is_said_of_a_load() {
 /// under a load, whether their fault has been found already or not.
 #[test]
 fn two_taxels_of_a_module_that_stand_far_towards_load_are_no_rest() {
+    let two = || RestVerdict::Standing(2, Beyond { module: Some(3), seen: 16.0, limit: 16.0 });
     let standing = |taxels: &[usize], level: f64, sound: bool, flutter: f64| {
         let mut seen = RestWindow::new(TAXELS, &modules());
         for scan in 0..SCANS {
@@ -348,8 +353,8 @@ fn two_taxels_of_a_module_that_stand_far_towards_load_are_no_rest() {
     };
     for sound in [false, true] {
         let loaded = |level| standing(&[32, 37, 90], level, sound, 0.0);
-        assert_eq!(loaded(16.1), RestVerdict::Standing { module: 3, taxels: 2, moved_max: 16.0 }, "{sound}");
-        assert!(loaded(16.1).is_loaded() && loaded(16.1).is_still(), "somebody may vouch for broken ones");
+        assert_eq!(loaded(16.1), two(), "{sound}");
+        assert!(loaded(16.1).is_still(), "somebody may vouch for broken ones");
         for level in [15.9, 0.0, -200.0] {
             assert!(matches!(loaded(level), RestVerdict::Rest { .. }), "{sound}, {level}: {}", loaded(level));
         }
@@ -367,6 +372,6 @@ fn two_taxels_of_a_module_that_stand_far_towards_load_are_no_rest() {
         let verdict = standing(&[32, 37], 200.0, false, flutter);
         assert_eq!(matches!(verdict, RestVerdict::Standing { .. }), loaded, "{flutter}: {verdict}");
     }
-    let words = RestVerdict::Standing { module: 3, taxels: 2, moved_max: 16.0 }.to_string();
+    let words = two().to_string();
     assert!(words.starts_with("something presses on module 3, or 2 taxels are broken"), "{words}");
 }

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 
-use super::RestWindow;
-use super::unlike::UNLIKENESS_MAX;
+use super::limits::UNLIKENESS_MAX;
+use super::window::RestWindow;
 
 const RECORDINGS: [&str; 3] = ["left_calibration", "left_validation", "left_steps"];
 const SCANS_PER_SECOND: usize = 49;

@@ -6,10 +6,10 @@
 //! - *Was the skin still throughout?* The second half of the window is compared with the first, and the noise of each
 //!   taxel with what it is known to be: a load that comes or goes within the window moves some taxels of a module by
 //!   more than their noise explains. One that is spread over many modules may move each by less: all together tell
-//!   (`unlike`).
+//!   (`window.rs`).
 //! - *Is it where it was when nothing lay on it?* Between days the counts at rest move to both sides, on one recorded skin
 //!   by -0.7 to +0.9 (once -2.3) in the median and from -3.5 to +4.2 (10th to 90th percentile); a load moves taxels to
-//!   one side only. So [`judge()`] refuses where the whole skin, one module more than the rest of it, or a few taxels of
+//!   one side only. So `judge` refuses where the whole skin, one module more than the rest of it, or a few taxels of
 //!   a module moved into the direction of load by more than a day does. Where a zero holds already, counts are compared
 //!   with that too, by limits that know only of temperature and hysteresis.
 //!
@@ -17,25 +17,19 @@
 //! 94 % at 60, 100 % from 100 kPa on; of loads on a tenth of the skin 75 % at 60 kPa, 100 % at 100 (these are figures of
 //! the comparison with another day, by medians alone).
 //!
-//! A lighter load cannot be told from a day's drift at one instant. It shows when it goes: see
-//! [`crate::zero::unloading`].
+//! A lighter load cannot be told from a day's drift at one instant. It shows when it goes: see `moves.rs`.
 
 #[cfg(test)]
 mod edge_tests;
 #[cfg(test)]
 mod insole_tests;
-pub mod judge;
-pub mod limits;
-pub mod moves;
-pub mod statistics;
+pub(crate) mod judge;
+pub(crate) mod limits;
+pub(crate) mod moves;
+pub(crate) mod statistics;
 #[cfg(test)]
 pub(crate) mod tests;
-mod unlike;
-pub mod verdict;
-pub mod window;
+pub(crate) mod verdict;
+pub(crate) mod window;
 
-pub use judge::{Reference, judge};
-pub use limits::RestLimits;
 pub use statistics::RestStatistics;
-pub use verdict::{RestFigures, RestVerdict};
-pub use window::RestWindow;

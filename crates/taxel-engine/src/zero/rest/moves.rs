@@ -1,49 +1,39 @@
-//! How far each taxel of a skin has moved into the direction of load.
+//! How far each taxel of a skin has moved towards load since its zero was taken.
 
+use std::fmt;
 use std::ops::Range;
 
-use super::statistics::RestStatistics;
+use super::limits::{LIFT_MEDIAN_MAX, LIFT_MODULE_MAX, LIFT_THIRD_MAX, SCANS_MIN, SOUND_SHARE_MIN};
 use crate::baseline::TaxelBaseline;
 use crate::statistics::median;
 
 /// Fewest taxels of a module that may speak for it; of one that has fewer in all, half of them. A module of one taxel has
 /// nobody else to speak for it.
 const MODULE_TAXELS_MIN: usize = 5;
-
-/// A taxel with so much noise at rest, in counts, that reads one value for the whole window is broken, not at rest.
+/// A taxel with so much noise at rest, in counts, that reads one value for so many scans is broken, not at rest.
 const LIFE_COUNTS: f64 = 0.3;
-
-/// Fewer scans of a sound taxel may well all read the same.
 const LIFE_SCANS: u64 = 10;
 
-/// How far each taxel moved into the direction of load, counts; NaN for one that takes no part.
+/// How far each taxel moved towards load, counts; NaN for one that takes no part.
 #[derive(Clone, Debug)]
-pub struct Moves {
+pub(super) struct Moves {
     moved: Vec<f64>,
     sound: usize,
     comparable: usize,
 }
 
 impl Moves {
-    /// From `reference` to the window; `sign` is +1 where the count rises with pressure, -1 where it falls, 0 where that
-    /// is not known.
-    #[must_use]
-    pub fn against(reference: &[TaxelBaseline], now: &RestStatistics, sign: &[i8]) -> Self {
-        Self::between(reference, &now.baseline(), now.count(), sign)
-    }
-
-    /// From `reference` to what was seen in so many `scans`; `sign` as in [`Moves::against`].
-    #[must_use]
-    pub fn between(reference: &[TaxelBaseline], now: &[TaxelBaseline], scans: u64, sign: &[i8]) -> Self {
+    /// From `reference` to what was seen in so many `scans`; `sign` is +1 where the count rises with pressure, -1 where it falls, 0
+    /// where that is not known.
+    pub(super) fn between(reference: &[TaxelBaseline], now: &[TaxelBaseline], scans: u64, sign: &[i8]) -> Self {
         let mut comparable = 0;
-        let short = scans < LIFE_SCANS;
         let mut moved = vec![f64::NAN; now.len()];
         for (((moved, now), reference), &sign) in moved.iter_mut().zip(now).zip(reference).zip(sign) {
             if sign == 0 || !reference.mean.is_finite() {
                 continue;
             }
             comparable += 1;
-            let lifeless = !short && now.noise == 0.0 && reference.noise >= LIFE_COUNTS;
+            let lifeless = scans >= LIFE_SCANS && now.noise == 0.0 && reference.noise >= LIFE_COUNTS;
             if !lifeless {
                 *moved = f64::from(sign.signum()) * (now.mean - reference.mean);
             }
@@ -52,8 +42,7 @@ impl Moves {
     }
 
     /// Nothing to compare with: every taxel with a value takes part and has not moved.
-    #[must_use]
-    pub fn unsigned(now: &[TaxelBaseline]) -> Self {
+    pub(super) fn unsigned(now: &[TaxelBaseline]) -> Self {
         let moved: Vec<f64> = now.iter().map(|t| if t.mean.is_finite() { 0.0 } else { f64::NAN }).collect();
         let comparable = moved.len();
         Self::of(moved, comparable)
@@ -64,22 +53,14 @@ impl Moves {
         Self { moved, sound, comparable }
     }
 
-    /// The same moves, away from load.
-    #[must_use]
-    pub fn reversed(&self) -> Self {
-        Self { moved: self.moved.iter().map(|m| -m).collect(), ..*self }
-    }
-
     /// Taxels that take part, and those that have a reference.
-    #[must_use]
-    pub const fn counts(&self) -> (usize, usize) {
+    pub(super) const fn counts(&self) -> (usize, usize) {
         (self.sound, self.comparable)
     }
 
-    /// Whether at least this share of the taxels with a reference takes part.
-    #[must_use]
-    pub fn are_enough(&self, sound_share_min: f64) -> bool {
-        self.sound > 0 && self.sound as f64 >= sound_share_min * self.comparable as f64
+    /// Whether enough of the taxels with a reference take part.
+    pub(super) fn are_enough(&self) -> bool {
+        self.sound > 0 && self.sound as f64 >= SOUND_SHARE_MIN * self.comparable as f64
     }
 
     /// Whether enough taxels of a module take part to speak for it.
@@ -95,40 +76,28 @@ impl Moves {
     }
 
     /// The taxels that take part.
-    pub fn taxels(&self) -> impl Iterator<Item = usize> {
-        self.moved.iter().enumerate().filter(|(_, m)| m.is_finite()).map(|(taxel, _)| taxel)
+    pub(super) fn taxels(&self) -> impl Iterator<Item = usize> {
+        (0..self.moved.len()).filter(|&taxel| self.has(taxel))
     }
 
     /// The move of the median taxel; NaN of none.
-    #[must_use]
-    pub fn median(&self) -> f64 {
+    pub(super) fn median(&self) -> f64 {
         median(self.moved.iter().copied()).unwrap_or(f64::NAN)
     }
 
     /// The module whose median taxel moved furthest beyond `all`, and how far; `(None, 0.0)` if none did.
-    #[must_use]
-    pub fn worst_module(&self, modules: &[Range<usize>], all: f64) -> (Option<usize>, f64) {
+    pub(super) fn worst_module(&self, modules: &[Range<usize>], all: f64) -> (Option<usize>, f64) {
         self.worst(modules, all, |moved| median(moved.iter().copied()))
     }
 
-    /// The module whose third taxel moved furthest beyond `all`, and how far; `(None, 0.0)` if none did.
-    #[must_use]
-    pub fn worst_third(&self, modules: &[Range<usize>], all: f64) -> (Option<usize>, f64) {
-        self.worst(modules, all, third)
-    }
-
-    /// The module whose second taxel moved furthest beyond `all`, and how far; `(None, 0.0)` if none did.
-    #[must_use]
-    pub fn worst_second(&self, modules: &[Range<usize>], all: f64) -> (Option<usize>, f64) {
-        self.worst(modules, all, |moved| greatest(moved, 1))
+    /// The same of its taxel that moved furthest but for so many.
+    pub(super) fn worst_few(&self, modules: &[Range<usize>], all: f64, others: usize) -> (Option<usize>, f64) {
+        self.worst(modules, all, |moved| greatest(moved, others))
     }
 
     fn worst(&self, modules: &[Range<usize>], all: f64, of: impl Fn(&[f64]) -> Option<f64>) -> (Option<usize>, f64) {
         let mut worst = (None, 0.0);
-        for (module, range) in modules.iter().enumerate() {
-            if !self.are_enough_of(range) {
-                continue;
-            }
+        for (module, range) in modules.iter().enumerate().filter(|(_, range)| self.are_enough_of(range)) {
             let beyond = of(&self.moved[range.clone()]).unwrap_or(0.0) - all;
             if beyond > worst.1 {
                 worst = (Some(module), beyond);
@@ -138,15 +107,60 @@ impl Moves {
     }
 }
 
-/// The third greatest of the finite values; `None` of fewer.
-#[must_use]
-pub fn third(values: &[f64]) -> Option<f64> {
-    greatest(values, 2)
-}
-
 /// The finite value that so many others are greater than.
-fn greatest(values: &[f64], greater: usize) -> Option<f64> {
+pub(super) fn greatest(values: &[f64], greater: usize) -> Option<f64> {
     let mut finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     finite.sort_by(|a, b| b.total_cmp(a));
     finite.get(greater).copied()
+}
+
+/// By how much a skin is lighter than its zero, counts: that was taken under a load, or is another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unloading {
+    pub(super) median: f64,
+    pub(super) module: Option<usize>,
+    pub(super) module_median: f64,
+    /// The third taxel of some module.
+    pub(super) third: f64,
+}
+
+impl Unloading {
+    /// What was seen of each taxel in so many scans, if that is lighter than `zero` by more than a true zero allows: then that was
+    /// taken under a load that has gone since. True zeros of recordings stay within 0.07 counts in the median, where a load of
+    /// 30 kPa leaves 0.9. The window is as long as that of the zero; who has a whole file asks for each of its windows.
+    pub fn find(
+        zero: &[TaxelBaseline],
+        (seen, scans): (&[TaxelBaseline], u64),
+        modules: &[Range<usize>],
+        sign: &[i8],
+    ) -> Option<Self> {
+        if scans < SCANS_MIN {
+            return None;
+        }
+        let away: Vec<i8> = sign.iter().map(|sign| -sign).collect();
+        let lighter = Moves::between(zero, seen, scans, &away);
+        if !lighter.are_enough() {
+            return None;
+        }
+        let (module, module_median) = lighter.worst_module(modules, 0.0);
+        let (median, (_, third)) = (lighter.median(), lighter.worst_few(modules, 0.0, 2));
+        let found = median > LIFT_MEDIAN_MAX || module_median > LIFT_MODULE_MAX || third > LIFT_THIRD_MAX;
+        found.then_some(Self { median, module, module_median, third })
+    }
+
+    /// In words, with the modules by the names that they have for whoever looks for them.
+    pub fn told(&self, name: impl Fn(usize) -> String) -> String {
+        let by_module = |module| format!(", {} by {:.2}", name(module), self.module_median);
+        let module = self.module.map(by_module).unwrap_or_default();
+        format!(
+            "the skin is {:.2} counts lighter than its zero in the median{module}, three taxels of a module by {:.2} and more",
+            self.median, self.third
+        )
+    }
+}
+
+impl fmt::Display for Unloading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.told(|module| format!("module {module}")))
+    }
 }

@@ -1,32 +1,15 @@
 //! Mean, noise and drift per taxel over some scans, in one pass.
 
-use std::ops::Range;
-
 use crate::baseline::TaxelBaseline;
 
-/// Least noise, in counts, that a taxel is credited with: rounding alone makes 0.29.
-pub(super) const NOISE_FLOOR_COUNTS: f64 = 0.5;
-
-/// A taxel that has moved further from one half of a window to the other has no zero, in standard errors. By chance that
-/// becomes of one taxel in a hundred thousand (`a_taxel_at_rest_keeps_its_zero`).
-pub(super) const STEADY_ERRORS_MAX: f64 = 5.0;
-/// And in counts, so that rounding is no movement.
-pub(super) const STEADY_COUNTS_MAX: f64 = 1.0;
 /// Half of the scans repeat a conversion of the boards, so half of them count.
 pub(super) const INDEPENDENT_SHARE: f64 = 0.5;
-
-/// Standard error of the difference of the means of these, as a factor of the noise.
-pub(super) fn error_between(halves: &[RestStatistics; 2]) -> f64 {
-    let independent = |half: &RestStatistics| (INDEPENDENT_SHARE * half.scans as f64).max(1.0);
-    halves.iter().map(|half| 1.0 / independent(half)).sum::<f64>().sqrt()
-}
 
 /// Running mean, variance and drift per taxel over a window of scans.
 #[derive(Clone, Debug, Default)]
 pub struct RestStatistics {
     scans: u64,
     taxels: Vec<Moments>,
-    modules: Vec<Range<usize>>,
 }
 
 /// Welford's recurrences, also for the covariance with the number of the scan.
@@ -44,14 +27,7 @@ impl RestStatistics {
     /// Statistics of `taxels` taxels over no scan yet.
     #[must_use]
     pub fn new(taxels: usize) -> Self {
-        Self { scans: 0, taxels: vec![Moments::default(); taxels], modules: Vec::new() }
-    }
-
-    /// Says which taxels form a module, so that a load on a part of the skin can be seen.
-    #[must_use]
-    pub fn in_modules(mut self, modules: impl IntoIterator<Item = Range<usize>>) -> Self {
-        self.modules = modules.into_iter().collect();
-        self
+        Self { scans: 0, taxels: vec![Moments::default(); taxels] }
     }
 
     /// Takes one scan; `None` where a taxel gave nothing usable.
@@ -84,14 +60,16 @@ impl RestStatistics {
     }
 
     /// Least-squares drift per taxel from the first to the last scan, in counts; 0 where it cannot be known.
-    pub(crate) fn drift(&self) -> Vec<f64> {
+    pub(super) fn drift(&self) -> Vec<f64> {
         let length = self.scans as f64;
         let of = |m: &Moments| if m.scan_sum_squares > 0.0 { m.cross / m.scan_sum_squares * length } else { 0.0 };
         self.taxels.iter().map(of).collect()
     }
 
-    pub(crate) fn modules(&self) -> &[Range<usize>] {
-        &self.modules
+    /// Standard error of the difference of the means of these two, as a factor of the noise.
+    pub(super) fn error_between(halves: &[Self; 2]) -> f64 {
+        let independent = |half: &Self| (INDEPENDENT_SHARE * half.scans as f64).max(1.0);
+        halves.iter().map(|half| 1.0 / independent(half)).sum::<f64>().sqrt()
     }
 }
 

@@ -1,4 +1,7 @@
-use super::*;
+use super::judge::{Reference, judge};
+use super::statistics::RestStatistics;
+use super::verdict::RestVerdict;
+use super::window::RestWindow;
 use crate::baseline::TaxelBaseline;
 use proptest::prelude::*;
 
@@ -52,7 +55,7 @@ fn falling() -> Vec<i8> {
 }
 
 fn against(window: &RestWindow, models: Option<&[TaxelBaseline]>, sign: &[i8]) -> RestVerdict {
-    judge(window, Reference { models, zero: None, sign }, &RestLimits::default())
+    judge(window, Reference { models, zero: None, sign })
 }
 
 fn say(window: &RestWindow) -> RestVerdict {
@@ -68,7 +71,7 @@ fn the_sign_of_the_skin_decides_which_way_is_load() {
     let falling = say(&statistics);
     assert!(matches!(falling, RestVerdict::Rest { .. }), "{falling}");
     let unknown = against(&statistics, Some(&reference()), &[0; TAXELS]);
-    assert!(matches!(unknown, RestVerdict::NotEnough { .. }), "{unknown}");
+    assert!(matches!(unknown, RestVerdict::TooFew { .. }), "{unknown}");
     let elsewhere = say(&window(&mut noise, |_, _| 254.0));
     assert!(matches!(elsewhere, RestVerdict::OtherZero { .. }), "{elsewhere}");
 }
@@ -77,7 +80,7 @@ fn the_sign_of_the_skin_decides_which_way_is_load() {
 fn too_few_scans_or_taxels_say_nothing() {
     let mut statistics = RestWindow::new(TAXELS, &modules());
     statistics.push(false, (0..TAXELS).map(|_| Some(240.0)));
-    assert!(matches!(say(&statistics), RestVerdict::NotEnough { scans: 1, .. }));
+    assert!(matches!(say(&statistics), RestVerdict::TooShort(1)));
     let mut faulty = RestWindow::new(TAXELS, &modules());
     for scan in 0..SCANS {
         let wavering = if scan % 2 == 0 { 241.0 } else { 239.0 };
@@ -90,7 +93,7 @@ fn too_few_scans_or_taxels_say_nothing() {
             }),
         );
     }
-    assert!(matches!(say(&faulty), RestVerdict::NotEnough { sound: 40, comparable: TAXELS, .. }), "{}", say(&faulty));
+    assert!(matches!(say(&faulty), RestVerdict::TooFew { sound: 40, comparable: TAXELS }), "{}", say(&faulty));
 }
 
 /// How many of 300 windows of a second the test calls rest: zeros of another day, and `load(taxel, scan of 20)` on them.
@@ -176,15 +179,7 @@ proptest! {
 
 #[test]
 fn a_zero_soon_after_the_bag_was_vented_says_that_a_later_one_is_better() {
-    let figures = |moved_median| RestFigures {
-        taxels: 218,
-        moved_median,
-        worst_module: None,
-        worst_module_moved: 0.0,
-        drift: 0.0,
-        noise_ratio: 1.0,
-    };
-    let said = |moved| RestVerdict::Rest { figures: figures(moved) }.to_string();
+    let said = |median| RestVerdict::Rest { median, worst: None }.to_string();
     assert!(said(0.76).contains("a later zero"), "{}", said(0.76));
     assert!(!said(0.1).contains("later") && !said(-0.8).contains("later"));
 }

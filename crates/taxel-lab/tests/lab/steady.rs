@@ -1,7 +1,7 @@
 //! Load points of a recording that has its own gauge: stretches in which gauge and skin hold still.
 
-use crate::recalibration::points::LoadPoint;
-use crate::statistics::mean;
+use taxel_engine::recalibration::LoadPoint;
+use taxel_engine::statistics::mean;
 
 /// What counts as steady: a lag of half a second between the logs of skin and gauge does not matter then.
 pub const STEADY: Steadiness = Steadiness { span_s: 2.0, share: 0.02, floor: 1.0 };
@@ -128,54 +128,46 @@ impl Span {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_are_spread_over_the_pressures_and_their_scans_are_told() {
-        let time_s: Vec<f64> = (0..4_000).map(|i| 0.02 * f64::from(i)).collect();
-        // Steps of 5 s, each 25 kPa higher.
-        let gauge: Vec<f64> = time_s.iter().map(|t| 25.0 * (t / 5.0).floor()).collect();
-        let area: Vec<f64> = gauge.iter().map(|kpa| 0.9 * kpa).collect();
-        let found = points_of(&time_s, &area, &gauge, 5).unwrap();
-        let known: Vec<f64> = found.points.iter().map(|point| point.known).collect();
-        assert_eq!(known, [50.0, 125.0, 225.0, 300.0, 375.0]);
-        assert!(found.points.iter().all(|point| (point.read / point.known - 0.9).abs() < 1e-9));
-        for (time, taken) in time_s.iter().zip(&found.taken) {
-            let of_point = known.iter().any(|kpa| (kpa / 5.0..kpa / 5.0 + 4.99).contains(time));
-            assert!(!of_point || *taken, "{time}");
-        }
-        assert!(found.taken.iter().filter(|taken| !**taken).count() > 1_500);
-        assert!(points_of(&time_s, &area, &gauge, 40).unwrap_err().contains("hold still"));
+#[test]
+fn points_are_spread_over_the_pressures_and_their_scans_are_told() {
+    let time_s: Vec<f64> = (0..4_000).map(|i| 0.02 * f64::from(i)).collect();
+    // Steps of 5 s, each 25 kPa higher.
+    let gauge: Vec<f64> = time_s.iter().map(|t| 25.0 * (t / 5.0).floor()).collect();
+    let area: Vec<f64> = gauge.iter().map(|kpa| 0.9 * kpa).collect();
+    let found = points_of(&time_s, &area, &gauge, 5).unwrap();
+    let known: Vec<f64> = found.points.iter().map(|point| point.known).collect();
+    assert_eq!(known, [50.0, 125.0, 225.0, 300.0, 375.0]);
+    assert!(found.points.iter().all(|point| (point.read / point.known - 0.9).abs() < 1e-9));
+    for (time, taken) in time_s.iter().zip(&found.taken) {
+        let of_point = known.iter().any(|kpa| (kpa / 5.0..kpa / 5.0 + 4.99).contains(time));
+        assert!(!of_point || *taken, "{time}");
     }
+    assert!(found.taken.iter().filter(|taken| !**taken).count() > 1_500);
+    assert!(points_of(&time_s, &area, &gauge, 40).unwrap_err().contains("hold still"));
+}
 
-    #[test]
-    fn only_what_both_hold_is_a_stretch_and_a_lag_between_them_changes_nothing() {
-        let time_s: Vec<f64> = (0..1200).map(|i| 0.01 * f64::from(i)).collect();
-        let step = |t: f64| {
-            if t < 4.0 {
-                10.0
-            } else if t < 5.0 {
-                10.0 + 20.0 * (t - 4.0)
-            } else {
-                30.0
-            }
-        };
-        let known: Vec<f64> = time_s.iter().map(|t| step(*t)).collect();
-        let read: Vec<f64> = time_s.iter().map(|t| 0.9 * step(t - 0.7)).collect();
-        let wanted = Steadiness { span_s: 2.0, share: 0.01, floor: 0.0 };
-        let found = stretches(&time_s, &read, &known, wanted);
-        assert_eq!(found.len(), 2, "{found:?}");
-        for (stretch, force) in found.iter().zip([10.0, 30.0]) {
-            assert!(
-                (stretch.known / force - 1.0).abs() < 2e-3 && (stretch.read / force - 0.9).abs() < 2e-3,
-                "{stretch:?}"
-            );
+#[test]
+fn only_what_both_hold_is_a_stretch_and_a_lag_between_them_changes_nothing() {
+    let time_s: Vec<f64> = (0..1200).map(|i| 0.01 * f64::from(i)).collect();
+    let step = |t: f64| {
+        if t < 4.0 {
+            10.0
+        } else if t < 5.0 {
+            10.0 + 20.0 * (t - 4.0)
+        } else {
+            30.0
         }
-        let mut broken = read.clone();
-        broken.iter_mut().step_by(150).for_each(|value| *value = f64::NAN);
-        assert!(stretches(&time_s, &broken, &known, wanted).is_empty());
-        assert!(stretches(&[], &[], &[], wanted).is_empty());
+    };
+    let known: Vec<f64> = time_s.iter().map(|t| step(*t)).collect();
+    let read: Vec<f64> = time_s.iter().map(|t| 0.9 * step(t - 0.7)).collect();
+    let wanted = Steadiness { span_s: 2.0, share: 0.01, floor: 0.0 };
+    let found = stretches(&time_s, &read, &known, wanted);
+    assert_eq!(found.len(), 2, "{found:?}");
+    for (stretch, force) in found.iter().zip([10.0, 30.0]) {
+        assert!((stretch.known / force - 1.0).abs() < 2e-3 && (stretch.read / force - 0.9).abs() < 2e-3, "{stretch:?}");
     }
+    let mut broken = read.clone();
+    broken.iter_mut().step_by(150).for_each(|value| *value = f64::NAN);
+    assert!(stretches(&time_s, &broken, &known, wanted).is_empty());
+    assert!(stretches(&[], &[], &[], wanted).is_empty());
 }
