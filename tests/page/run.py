@@ -77,7 +77,9 @@ class Page:
         def pressed():
             self.toasts()
             self.click(selector)
-            told = self.until("an answer", self.toasts)
+            told = self.until("an answer", lambda: self.toasts() or self.text("dialog"))
+            if self.text("dialog"):  # it asks who confirms that the skin is unloaded: nobody does
+                self.click("dialog button[type=button]")
             return told if re.search(wanted, told) else time.sleep(0.3)
 
         return self.until(f"{selector} answers {wanted}", pressed)

@@ -42,9 +42,9 @@ export function median(values) {
   return sorted.length ? sorted[sorted.length >> 1] : NaN;
 }
 
-/** A list of pairs as dt and dd. */
+/** A list of names and values as dt and dd; a third part explains the name on the spot. */
 export const facts = (pairs) =>
-  el("dl", pairs.filter((pair) => pair && pair[1] !== undefined).map(([name, value]) => [el("dt", name), el("dd", value)]));
+  el("dl", pairs.filter((pair) => pair && pair[1] !== undefined).map(([name, value, title]) => [el("dt", { title }, name), el("dd", value)]));
 
 /** A table: heads begin with `#` where the column holds numbers. On a phone each row becomes a block, unless `folds` is false. */
 export function table(heads, rows, empty = "nothing yet", folds = true) {
