@@ -28,7 +28,7 @@ async fn get_force(channel: Channel) -> Result<(), tonic::Status> {
     ForceServiceClient::new(channel).get_force(v1::PatchRequest::default()).await.map(drop)
 }
 
-async fn stream(channel: Channel) -> Result<Streaming<v1::ForceSample>, tonic::Status> {
+pub async fn stream(channel: Channel) -> Result<Streaming<v1::ForceSample>, tonic::Status> {
     let answer = ForceServiceClient::new(channel).stream_force(v1::StreamRequest::default()).await;
     answer.map(tonic::Response::into_inner)
 }
@@ -56,11 +56,8 @@ async fn a_reader_that_gives_no_window_is_ended_and_its_place_is_free() {
     while get_force(mute.clone()).await.is_ok() {} // its connection is gone, and it may come again
 }
 
-/// The socket is full, so that not even a ping goes out.
-#[tokio::test]
-async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
-    let limits = Limits { check_every: SHORT, preface_checks: 1_000, streams: 1, ..patient() };
-    let daemon = start_with(&[FOREARM], limits).await;
+/// A reader of all taxels that reads nothing.
+pub async fn mute(daemon: &Daemon) -> TcpStream {
     let socket = TcpSocket::new_v4().unwrap();
     socket.set_recv_buffer_size(4096).unwrap();
     let mut mute = socket.connect(daemon.address).await.unwrap();
@@ -70,6 +67,15 @@ async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
     let wide = [frame(4, 0, 0, &[0, 4, 0x7f, 0xff, 0xff, 0xff]), frame(8, 0, 0, &[0x7f, 0, 0, 0])].concat();
     let call = [frame(1, 4, 1, &headers), frame(0, 1, 1, &[0; 5])].concat();
     mute.write_all(&[BEGIN, &wide, &call].concat()).await.unwrap();
+    mute
+}
+
+/// The socket is full, so that not even a ping goes out.
+#[tokio::test]
+async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
+    let limits = Limits { check_every: SHORT, preface_checks: 1_000, streams: 1, ..patient() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    let _mute = mute(&daemon).await;
     let mut refused = false;
     for sequence in 1.. {
         daemon.engine().patch(0, snapshot(sequence, Time::default()));

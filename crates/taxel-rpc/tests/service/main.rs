@@ -9,6 +9,7 @@ mod certificates;
 mod errors;
 mod events;
 mod fixture;
+mod latency;
 mod lists;
 mod log_lines;
 mod models;
