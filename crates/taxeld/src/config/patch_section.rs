@@ -188,6 +188,18 @@ pub struct GaugeSection {
     pub poll: Option<String>,
     /// and milliseconds from one question to the next.
     pub every_ms: Option<u64>,
+    /// What has it in a register: a serial device, or `tcp:HOST:PORT`,
+    pub modbus: Option<String>,
+    /// the device there, 1 unless it is set,
+    pub slave: Option<u8>,
+    /// the address of its register,
+    pub register: Option<u16>,
+    /// whether that is an input register,
+    pub input: Option<bool>,
+    /// how the number lies there, `i16` unless it is set,
+    pub number: Option<String>,
+    /// and what a step of it is.
+    pub scale: Option<f64>,
     /// Whether a program pushes it over the service.
     pub push: bool,
     /// Whether it is a dial that an operator reads at each plateau,

@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 
 use nix::fcntl::OFlag;
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
+use taxel_rig::Template;
+use taxel_rig::modbus::{Framing, Number, Register};
 use taxel_wire::signal::{PressureMeaning, PressureUnit};
-use tokio::io::AsyncWriteExt;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
 use tokio::time::timeout;
 
@@ -25,7 +27,11 @@ fn terminal() -> (PtyMaster, PathBuf) {
 fn bus(at: &str, poll: &str) -> LineBus {
     let template = Template::new("P={kPa}").unwrap();
     let at = At::new(at).unwrap();
-    LineBus::new(Line { at, baud: BAUD_USUAL, poll: poll.to_owned(), every: Duration::from_millis(50), template })
+    of(at, Speech::Text { poll: poll.to_owned(), template })
+}
+
+fn of(at: At, speech: Speech) -> LineBus {
+    LineBus::new(Line { at, baud: BAUD_USUAL, every: Duration::from_millis(20), speech })
 }
 
 fn serial(path: &Path) -> LineBus {
@@ -189,6 +195,42 @@ async fn a_gauge_that_hangs_up_at_once_is_tried_with_growing_pauses() {
     };
     let tries = tokio::join!(tries, bounded).0;
     assert!((5..=25).contains(&tries), "{tries} in a minute");
+}
+
+/// A register of slave 1 that counts the questions, over TCP and as RTU over a pseudo terminal.
+#[tokio::test]
+async fn a_register_is_asked_again_and_again() {
+    let register = Register { slave: 1, input: true, address: 18, number: Number::I16, scale: 0.5 };
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let at = At::new(&format!("tcp:{}", listener.local_addr().unwrap())).unwrap();
+    let mut bus = of(at, Speech::Modbus(register, Framing::Tcp));
+    let serve = async {
+        let (mut gauge, _) = listener.accept().await.unwrap();
+        let mut question = [0; 12];
+        for value in 1..=3 {
+            gauge.read_exact(&mut question).await.unwrap();
+            assert_eq!(question[2..], [0, 0, 0, 6, 1, 4, 0, 18, 0, 1]);
+            gauge.write_all(&[question[0], question[1], 0, 0, 0, 5, 1, 4, 2, 0, value]).await.unwrap();
+        }
+        gauge
+    };
+    let read = async { [next(&mut bus).await.0, next(&mut bus).await.0, next(&mut bus).await.0].concat() };
+    let (read, gauge) = tokio::join!(read, serve);
+    assert_eq!(read, [0.5, 1.0, 1.5]);
+    drop(gauge);
+    assert!(down(&mut bus).await.contains("the line has ended"));
+
+    let (mut gauge, path) = terminal();
+    let mut bus = of(At::Serial(path), Speech::Modbus(register, Framing::Rtu));
+    let serve = std::thread::spawn(move || {
+        let mut question = [0; 8];
+        gauge.read_exact(&mut question).unwrap();
+        gauge.write_all(&[1, 4, 2, 0, 7, 0xF8, 0xF2]).unwrap();
+        gauge
+    });
+    let (read, events) = next(&mut bus).await;
+    assert_eq!((read, events), (vec![3.5], vec![BusEvent::Up]));
+    drop(serve.join());
 }
 
 #[test]

@@ -33,7 +33,8 @@ fn a_line_is_a_bus_of_its_own_with_the_unit_of_its_template() {
     let (config, scene) = examine_text(Path::new("t.toml"), &with(gauge)).unwrap();
     let (bus, plan) = (config.bus.last().unwrap(), &scene.plan.patches[0]);
     let line = line_of(&config, bus).unwrap();
-    assert_eq!((bus.name.as_str(), line.baud, line.poll.as_str()), ("/dev/ttyACM0", 9_600, "P\r"));
+    assert_eq!((bus.name.as_str(), line.baud), ("/dev/ttyACM0", 9_600));
+    assert!(matches!(&line.speech, Speech::Text { poll, .. } if poll == "P\r"), "{line:?}");
     assert_eq!((line.every, plan.gauge.as_ref().unwrap().bus), (Duration::from_millis(100), BusIndex(2)));
     assert!((read(gauge, 305.0) - 30.5).abs() < 1e-9 && plan.has_gauge());
 }
@@ -65,6 +66,17 @@ fn a_gauge_that_is_pushed_is_a_bus_of_its_own() {
 }
 
 #[test]
+fn a_register_is_read_as_rtu_on_a_device_and_over_tcp_on_a_host() {
+    for (at, framing) in [("/dev/ttyUSB0", Framing::Rtu), ("tcp:10.0.0.7:502", Framing::Tcp)] {
+        let gauge =
+            format!("modbus = \"{at}\", register = 18, input = true, number = \"u16\", scale = 0.1, unit = \"kPa\"");
+        let (config, _) = examine_text(Path::new("t.toml"), &with(&gauge)).unwrap();
+        let register = Register { slave: 1, input: true, address: 18, number: Number::U16, scale: 0.1 };
+        assert_eq!(line_of(&config, config.bus.last().unwrap()).unwrap().speech, Speech::Modbus(register, framing));
+    }
+}
+
+#[test]
 fn two_patches_in_one_bag_share_a_line_if_they_say_the_same_of_it() {
     let other = "[[patch]]\nname = \"b\"\nbus = \"c\"\nboards = [{ address = 13, modules = \"0\" }]\ngauge = { ";
     let line = "line = \"/dev/ttyACM0\", template = \"{kPa}\"";
@@ -72,7 +84,7 @@ fn two_patches_in_one_bag_share_a_line_if_they_say_the_same_of_it() {
     let scene = examine_text(Path::new("t.toml"), &text("")).unwrap().1;
     let buses: Vec<_> = scene.plan.patches.iter().map(|plan| plan.gauge.as_ref().unwrap().bus).collect();
     assert_eq!(buses, [BusIndex(2); 2]);
-    assert!(refused(&text(", baud = 9600")).contains("patch `b` reads it with another template"), "{}", text(""));
+    assert!(refused(&text(", baud = 9600")).contains("patch `b` reads it otherwise"), "{}", text(""));
 }
 
 #[test]
@@ -92,6 +104,16 @@ fn what_is_wrong_with_a_gauge_is_said_with_what_was_expected() {
         (format!("{line}, template = \"{{kPa}}\", poll = \"\""), "gauge.poll: expected 1 to 64 bytes"),
         (format!("{line}, template = \"{{kPa}}\", id = 3"), "id and signal and line say two things"),
         (format!("{line}, template = \"{{kPa}}\", bus = \"c\""), "a line is a bus of its own"),
+        ("modbus = \"tcp:h:502\", unit = \"kPa\"".to_owned(), "gauge.register is missing"),
+        ("modbus = \"tcp:h:502\", register = 1".to_owned(), "gauge.unit: expected the unit of the register's steps"),
+        (
+            "modbus = \"tcp:h:502\", register = 1, unit = \"kPa\", number = \"f64\"".to_owned(),
+            "expected one of u16, i16",
+        ),
+        (
+            "modbus = \"tcp:h:502\", register = 1, unit = \"kPa\", poll = \"P\"".to_owned(),
+            "gauge.poll: it belongs to line",
+        ),
         ("line = \"COM3\", template = \"{kPa}\"".to_owned(), "gauge.line = \"COM3\": expected a device"),
         ("line = \"tcp:h:1\", template = \"{kPa}\", baud = 9600".to_owned(), "over TCP has none"),
         ("template = \"{kPa}\"".to_owned(), "nothing says where its number is"),
