@@ -83,6 +83,36 @@ pub struct Register {
 }
 
 impl Register {
+    /// Reads one from words: `holding 18` or `input 18`, then where they are not i16, x1 and slave 1 the type, the step and the
+    /// device, as in `input 18 f32 x0.1 slave 9`.
+    ///
+    /// # Errors
+    /// What was expected.
+    pub fn new(text: &str) -> Result<Self, String> {
+        let expected =
+            || format!("expected \"holding 18\" or \"input 18\", then one of {}, \"x0.1\", \"slave 9\"", Number::NAMES);
+        let mut words = text.split_whitespace();
+        let input = match words.next() {
+            Some("input") => true,
+            Some("holding") => false,
+            _ => return Err(expected()),
+        };
+        let address = words.next().and_then(|word| word.parse().ok()).ok_or_else(expected)?;
+        let mut register = Self { slave: 1, input, address, number: Number::I16, scale: 1.0 };
+        while let Some(word) = words.next() {
+            let scale = word.strip_prefix('x').and_then(|scale| scale.parse::<f64>().ok());
+            match (Number::named(word), scale.filter(|scale| scale.is_finite() && *scale != 0.0)) {
+                (Some(number), _) => register.number = number,
+                (None, Some(scale)) => register.scale = scale,
+                (None, None) if word == "slave" => {
+                    register.slave = words.next().and_then(|word| word.parse().ok()).ok_or_else(expected)?;
+                }
+                (None, None) => return Err(expected()),
+            }
+        }
+        Ok(register)
+    }
+
     const fn function(&self) -> u8 {
         if self.input { 4 } else { 3 }
     }
@@ -193,6 +223,17 @@ mod tests {
         assert_eq!(question[..6], [1, 4, 0, 18, 0, 1]);
         let question = register(Number::F32).question(Framing::Tcp, 0x1234);
         assert_eq!(question, [0x12, 0x34, 0, 0, 0, 6, 1, 3, 0, 18, 0, 2]);
+    }
+
+    #[test]
+    fn a_register_is_written_in_words() {
+        let plain = Register { slave: 1, input: false, address: 18, number: Number::I16, scale: 1.0 };
+        assert_eq!(Register::new("holding 18"), Ok(plain));
+        let full = Register { slave: 9, input: true, number: Number::F32, scale: -0.1, ..plain };
+        assert_eq!(Register::new("input 18 f32 slave 9 x-0.1"), Ok(full));
+        for text in ["", "18", "coil 18", "holding", "holding -1", "holding 18 f64", "input 18 x0", "input 18 slave"] {
+            assert!(Register::new(text).unwrap_err().starts_with("expected \"holding 18\""), "{text}");
+        }
     }
 
     #[test]

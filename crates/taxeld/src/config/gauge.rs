@@ -1,10 +1,8 @@
 //! Where the pressure of a patch comes from: the one key of `gauge` that says it, and the keys that belong to that one.
 
-use std::time::Duration;
-
 use taxel_dbc::DbcFile;
 use taxel_engine::plan::Gauge;
-use taxel_rig::modbus::{Framing, Number, Register};
+use taxel_rig::modbus::{Framing, Register};
 use taxel_rig::{Speech, Template};
 use taxel_skin::BusIndex;
 use taxel_wire::reading;
@@ -15,15 +13,13 @@ use super::patch::bus_index;
 use super::patch_section::{BranchesWord, GaugeSection, PatchSection, ReferenceWord};
 use super::ports;
 use super::problem::Faults;
-use crate::rig::{At, BAUD_RATES, BAUD_USUAL, Line};
+use crate::rig::{At, Line};
 
 #[cfg(test)]
 mod tests;
 
 /// At sea level. A gauge that reads the bag's own pressure finds out by itself how far the weather is from it.
 const AMBIENT_KPA: f64 = 101.325;
-/// Between two questions to a gauge, ms: a trend needs four readings a second, and more than a hundred tell nothing new.
-const EVERY_MS: (u64, u64, u64) = (10, 50, 200);
 /// Longest question to a gauge, in bytes.
 const POLL_BYTES_MAX: usize = 64;
 
@@ -34,10 +30,8 @@ enum Kind {
     Can,
     /// A port of YARP.
     Port,
-    /// Text.
+    /// Text, or a register.
     Line,
-    /// A register.
-    Modbus,
     /// A program that pushes it.
     Push,
     /// An operator who reads a dial.
@@ -46,7 +40,7 @@ enum Kind {
     Scans,
 }
 
-use Kind::{Can, Line as Text, Modbus, Port, Push, Scans, Typed};
+use Kind::{Can, Line as OnLine, Port, Push, Scans, Typed};
 
 impl Kind {
     /// How people write it.
@@ -54,8 +48,7 @@ impl Kind {
         match self {
             Can => "id and signal",
             Port => "port",
-            Text => "line",
-            Modbus => "modbus",
+            OnLine => "line",
             Push => "push",
             Typed => "typed",
             Scans => "push = { taxels = ... } of the patch",
@@ -68,8 +61,7 @@ fn kinds(section: &GaugeSection) -> Vec<Kind> {
     let said = [
         (Can, section.id.is_some() || section.signal.is_some()),
         (Port, section.port.is_some()),
-        (Text, section.line.is_some()),
-        (Modbus, section.modbus.is_some()),
+        (OnLine, section.line.is_some()),
         (Push, section.push),
         (Typed, section.typed),
     ];
@@ -78,23 +70,17 @@ fn kinds(section: &GaugeSection) -> Vec<Kind> {
 
 /// Notes each key that says nothing where the pressure comes from there.
 fn check_keys(section: &GaugeSection, kind: Kind, faults: &mut Faults) {
-    let keys: [(&str, bool, &[Kind]); 15] = [
+    let keys: [(&str, bool, &[Kind]); 9] = [
         // The bus of what is a bus of its own is known.
-        ("bus", section.bus.is_some() && !matches!(kind, Text | Modbus | Push), &[Can, Port]),
+        ("bus", section.bus.is_some() && !matches!(kind, OnLine | Push), &[Can, Port]),
         ("index", section.index.is_some(), &[Port]),
-        ("unit", section.unit.is_some(), &[Can, Port, Modbus]),
-        ("template", section.template.is_some(), &[Text]),
-        ("baud", section.baud.is_some(), &[Text, Modbus]),
-        ("poll", section.poll.is_some(), &[Text]),
+        ("unit", section.unit.is_some() && section.register.is_none(), &[Can, Port]),
+        ("template", section.template.is_some(), &[OnLine]),
+        ("poll", section.poll.is_some(), &[OnLine]),
+        ("register", section.register.is_some(), &[OnLine]),
         ("resolution_kpa", section.resolution_kpa.is_some(), &[Typed]),
-        ("every_ms", section.every_ms.is_some(), &[Text, Modbus]),
-        ("slave", section.slave.is_some(), &[Modbus]),
-        ("register", section.register.is_some(), &[Modbus]),
-        ("input", section.input.is_some(), &[Modbus]),
-        ("number", section.number.is_some(), &[Modbus]),
-        ("scale", section.scale.is_some(), &[Modbus]),
-        ("reference", section.reference.is_some(), &[Can, Port, Text, Modbus]),
-        ("ambient_kpa", section.ambient_kpa.is_some(), &[Can, Port, Text, Modbus]),
+        ("reference", section.reference.is_some(), &[Can, Port, OnLine]),
+        ("ambient_kpa", section.ambient_kpa.is_some(), &[Can, Port, OnLine]),
     ];
     for (key, _, kinds) in keys.into_iter().filter(|(_, is_there, kinds)| *is_there && !kinds.contains(&kind)) {
         let words = match (kind, key) {
@@ -102,7 +88,7 @@ fn check_keys(section: &GaugeSection, kind: Kind, faults: &mut Faults) {
                 "the pressure comes with each message, differential and in kPa: leave it out, or say id and signal of a gauge"
                     .to_owned()
             }
-            (Text, "unit") => "the template has the unit, as in \"P={kPa}\": leave it out".to_owned(),
+            (OnLine, "unit") => "the template has the unit, as in \"P={kPa}\": leave it out".to_owned(),
             _ => {
                 let of: Vec<&str> = kinds.iter().map(|kind| kind.words()).collect();
                 format!("it belongs to {}, and the pressure comes by {}: leave it out", of.join(" or "), kind.words())
@@ -118,7 +104,7 @@ pub fn expand(config: &mut Config) {
         let name = format!("{}/gauge", patch.name);
         let Some(gauge) = &mut patch.gauge else { continue };
         let (name, source) = match kinds(gauge)[..] {
-            [Text | Modbus] => (way(gauge).unwrap_or_default().to_owned(), BusSource::Line),
+            [OnLine] => (gauge.line.clone().unwrap_or_default(), BusSource::Line),
             [Push] => (name, BusSource::Push),
             _ => continue,
         };
@@ -146,7 +132,7 @@ pub fn gauge(
         ([kind], _) => *kind,
         ([], Some(_)) => Scans,
         ([], None) => {
-            let words = "gauge: nothing says where its number is: id = 0x3A1, signal = \"0|32@1-\" for CAN, or port, line, modbus, push = true, or typed = true";
+            let words = "gauge: nothing says where its number is: id = 0x3A1, signal = \"0|32@1-\" for CAN, or port, line, push = true, or typed = true";
             faults.note("gauge", words);
             return None;
         }
@@ -166,11 +152,10 @@ pub fn gauge(
     let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
     let signal = match kind {
         Port => ports::gauge(gauge, gauge.port.as_deref().unwrap_or_default(), faults)?,
-        Text | Modbus => reading::signal(
-            0,
-            unit(gauge, &line(config, section, faults)?.speech, faults)?,
-            PressureMeaning::Differential,
-        ),
+        OnLine => {
+            let unit = unit(gauge, &line(config, section, faults)?.speech, faults)?;
+            reading::signal(0, unit, PressureMeaning::Differential)
+        }
         Push => reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential),
         Can | Scans | Typed => can(gauge, file, faults)?,
     };
@@ -179,7 +164,7 @@ pub fn gauge(
         let words = "a gauge with a port needs a bus with source = \"yarp\", and one without needs another: name it in gauge.bus";
         faults.note("gauge", words);
     }
-    if matches!(kind, Text | Modbus) != (source == BusSource::Line) {
+    if (kind == OnLine) != (source == BusSource::Line) {
         faults.note(
             "gauge.bus",
             "gauge.bus: a line is a bus of its own, and nothing else is on it: leave it out, or name another",
@@ -231,11 +216,6 @@ fn refers_to(gauge: &GaugeSection, faults: &mut Faults) -> (PressureMeaning, f64
     }
 }
 
-/// Where a gauge is that is on no bus: its device, or its host.
-fn way(gauge: &GaugeSection) -> Option<&str> {
-    gauge.line.as_deref().or(gauge.modbus.as_deref())
-}
-
 /// The unit of what such a gauge says.
 fn unit(gauge: &GaugeSection, speech: &Speech, faults: &mut Faults) -> Option<PressureUnit> {
     if let Speech::Text { template, .. } = speech {
@@ -249,72 +229,46 @@ fn unit(gauge: &GaugeSection, speech: &Speech, faults: &mut Faults) -> Option<Pr
 /// A gauge that prints text or has a register.
 fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<Line> {
     let gauge = section.gauge.as_ref()?;
-    let (key, at) = (if gauge.line.is_some() { "gauge.line" } else { "gauge.modbus" }, way(gauge)?);
-    let same = |other: &GaugeSection| {
-        let text = |of: &GaugeSection| (of.template.clone(), of.baud, of.poll.clone(), of.every_ms);
-        let register = |of: &GaugeSection| (of.slave, of.register, of.input, of.number.clone(), of.scale);
-        way(other) != Some(at) || (text(other), register(other)) == (text(gauge), register(gauge))
-    };
+    let at = gauge.line.as_deref()?;
+    let says = |of: &GaugeSection| (of.template.clone(), of.poll.clone(), of.register.clone());
+    let same = |other: &GaugeSection| other.line.as_deref() != Some(at) || says(other) == says(gauge);
     if let Some(other) = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(|other| !same(other))) {
-        let words = format!("{key}: patch `{}` reads it otherwise: one gauge has the same keys in both", other.name);
-        faults.note(key, words);
+        let words =
+            format!("gauge.line: patch `{}` reads it otherwise: one gauge has the same keys in both", other.name);
+        faults.note("gauge.line", words);
     }
-    let at = faults.take(key, At::new(at).map_err(|why| format!("{key} = \"{at}\": {why}")))?;
-    if gauge.baud.is_some() && !at.is_serial() {
-        faults.note("gauge.baud", "gauge.baud: a connection over TCP has none: leave it out");
-    }
-    let baud = gauge.baud.unwrap_or(BAUD_USUAL);
-    if !BAUD_RATES.contains(&baud) {
-        let known: Vec<String> = BAUD_RATES.iter().map(ToString::to_string).collect();
-        faults.note("gauge.baud", format!("gauge.baud = {baud}: expected one of {}", known.join(", ")));
-    }
-    let (least, usual, most) = EVERY_MS;
-    let every_ms = gauge.every_ms.unwrap_or(usual);
-    faults.range("gauge.every_ms", every_ms as f64, least as f64, most as f64);
-    let speech = if gauge.line.is_some() { text(gauge, faults)? } else { register(gauge, &at, faults)? };
-    Some(Line { at, baud, every: Duration::from_millis(every_ms), speech })
+    let at = faults.take("gauge.line", At::new(at).map_err(|why| format!("gauge.line = \"{at}\": {why}")))?;
+    let speech = match (&gauge.template, &gauge.register) {
+        (Some(template), None) => text(gauge, template, faults)?,
+        (None, Some(register)) => {
+            let read = Register::new(register).map_err(|why| format!("gauge.register = \"{register}\": {why}"));
+            let framing = if at.is_serial() { Framing::Rtu } else { Framing::Tcp };
+            Speech::Modbus(faults.take("gauge.register", read)?, framing)
+        }
+        _ => {
+            let words = "gauge: expected one of template, what a line of its text looks like, as in \"P={kPa}\", and register, as in \
+                         \"holding 18\"; `taxeld scan --serial` shows what comes";
+            faults.note("gauge", words);
+            return None;
+        }
+    };
+    Some(Line { at, speech })
 }
 
-fn text(gauge: &GaugeSection, faults: &mut Faults) -> Option<Speech> {
+fn text(gauge: &GaugeSection, template: &str, faults: &mut Faults) -> Option<Speech> {
     let poll = gauge.poll.clone().unwrap_or_default();
     if gauge.poll.is_some() && !(1..=POLL_BYTES_MAX).contains(&poll.len()) {
         let words =
             format!("gauge.poll: expected 1 to {POLL_BYTES_MAX} bytes, with the end of the line, as in \"P\\r\\n\"");
         faults.note("gauge.poll", words);
     }
-    if gauge.poll.is_none() && gauge.every_ms.is_some() {
-        faults.note("gauge.every_ms", "gauge.every_ms: without poll nothing is asked: leave it out");
-    }
-    let Some(template) = &gauge.template else {
-        let words = "gauge.template is missing: what a line looks like, as in \"P={kPa}\"; `taxeld scan --serial` shows what comes";
-        faults.note("gauge", words);
-        return None;
-    };
     let read = Template::new(template).map_err(|why| format!("gauge.template = \"{template}\": {why}"));
     Some(Speech::Text { poll, template: faults.take("gauge.template", read)? })
 }
 
-fn register(gauge: &GaugeSection, at: &At, faults: &mut Faults) -> Option<Speech> {
-    let Some(address) = gauge.register else {
-        faults
-            .note("gauge", "gauge.register is missing: the address of the register with the pressure, counted from 0");
-        return None;
-    };
-    let name = gauge.number.as_deref().unwrap_or("i16");
-    let words = || format!("gauge.number = \"{name}\": expected one of {}", Number::NAMES);
-    let number = faults.take("gauge.number", Number::named(name).ok_or_else(words))?;
-    let scale = gauge.scale.unwrap_or(1.0);
-    if !scale.is_finite() || scale == 0.0 {
-        faults.note("gauge.scale", format!("gauge.scale = {scale}: expected a number other than 0"));
-    }
-    let framing = if at.is_serial() { Framing::Rtu } else { Framing::Tcp };
-    let (slave, input) = (gauge.slave.unwrap_or(1), gauge.input.unwrap_or(false));
-    Some(Speech::Modbus(Register { slave, input, address, number, scale }, framing))
-}
-
 /// The line of a bus that is one; it was checked.
 pub fn line_of(config: &Config, bus: &BusSection) -> Option<Line> {
-    let on_it = |gauge: &GaugeSection| gauge.bus.as_ref() == Some(&bus.name) && way(gauge).is_some();
+    let on_it = |gauge: &GaugeSection| gauge.bus.as_ref() == Some(&bus.name) && gauge.line.is_some();
     let section = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(on_it))?;
     line(config, section, &mut Faults::default())
 }

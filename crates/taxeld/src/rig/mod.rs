@@ -18,6 +18,8 @@ pub use link::{At, BAUD_RATES, BAUD_USUAL};
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 /// A gauge that has not said a line for so long has stopped. A micro board that was just plugged in takes two seconds to begin.
 const SILENT_AFTER: Duration = Duration::from_secs(3);
+/// From one question to the next, for a gauge that has to be asked: a trend needs four readings a second.
+pub const ASK_EVERY: Duration = Duration::from_millis(50);
 /// A question without an answer is asked again after so long.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
 
@@ -26,10 +28,6 @@ const ANSWER_WITHIN: Duration = Duration::from_millis(500);
 pub struct Line {
     /// Where it is.
     pub at: At,
-    /// The rate of a serial device.
-    pub baud: u32,
-    /// From one question to the next.
-    pub every: Duration,
     /// What is asked, and what it says.
     pub speech: Speech,
 }
@@ -64,7 +62,7 @@ impl LineBus {
     async fn connect(&mut self) -> Result<Open, String> {
         sleep(self.pause).await;
         self.pause = (2 * self.pause).clamp(PAUSES[0], PAUSES[1]);
-        let link = self.line.at.open(self.line.baud).await?;
+        let link = self.line.at.open().await?;
         let (talk, now) = (Talk::begin(self.line.speech.clone()), Instant::now());
         Ok(Open { link, talk, heard: now, asked: now, ask_at: now })
     }
@@ -111,7 +109,7 @@ impl Open {
                 count = self.link.read(&mut buffer) => {
                     let said = self.talk.take(&buffer[..count.map_err(|error| error.to_string())?]);
                     if !said.is_empty() {
-                        (self.heard, self.ask_at) = (Instant::now(), self.asked + line.every);
+                        (self.heard, self.ask_at) = (Instant::now(), self.asked + ASK_EVERY);
                         return Ok(said);
                     }
                 }

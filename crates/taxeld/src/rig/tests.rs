@@ -31,7 +31,7 @@ fn bus(at: &str, poll: &str) -> LineBus {
 }
 
 fn of(at: At, speech: Speech) -> LineBus {
-    LineBus::new(Line { at, baud: BAUD_USUAL, every: Duration::from_millis(20), speech })
+    LineBus::new(Line { at, speech })
 }
 
 fn serial(path: &Path) -> LineBus {
@@ -221,7 +221,7 @@ async fn a_register_is_asked_again_and_again() {
     assert!(down(&mut bus).await.contains("the line has ended"));
 
     let (mut gauge, path) = terminal();
-    let mut bus = of(At::Serial(path), Speech::Modbus(register, Framing::Rtu));
+    let mut bus = of(At::Serial(path, BAUD_USUAL), Speech::Modbus(register, Framing::Rtu));
     let serve = std::thread::spawn(move || {
         let mut question = [0; 8];
         gauge.read_exact(&mut question).unwrap();
@@ -238,6 +238,8 @@ fn where_a_gauge_is_is_a_device_or_a_host_with_a_port() {
     for (text, shown) in [("/dev/ttyACM0", "/dev/ttyACM0"), ("tcp:10.0.0.2:4001", "tcp:10.0.0.2:4001")] {
         assert_eq!(At::new(text).unwrap().to_string(), shown);
     }
+    assert_eq!(At::new("/dev/ttyS0@9600").unwrap(), At::Serial("/dev/ttyS0".into(), 9_600));
+    assert!(At::new("/dev/ttyS0@9601").unwrap_err().contains("expected a rate of [1200, 2400"));
     for text in ["", "ttyACM0", "tcp:", "tcp:host", "tcp::4001", "tcp:host:70000", "COM3"] {
         assert!(At::new(text).unwrap_err().contains("/dev/ttyACM0"), "{text}");
     }

@@ -44,7 +44,7 @@ impl SessionRun {
 
     /// Watches the skin until somebody types what the dial shows; nobody needs for ever.
     pub(super) fn wait_for_plateau(&mut self, now: Time) -> Progress {
-        let (waiting, enough) = (std::mem::take(&mut self.pending), self.has_enough());
+        let waiting = std::mem::take(&mut self.pending);
         let Some(plateaus) = &mut self.plateaus else { return Progress::On };
         waiting.into_iter().for_each(|scan| plateaus.push(scan));
         if now.since(plateaus.since()) <= PLATEAU_PATIENCE {
@@ -52,7 +52,7 @@ impl SessionRun {
         }
         let minutes = PLATEAU_PATIENCE.as_secs() / 60;
         self.view.reason = format!("nothing was typed for {minutes} minutes");
-        if enough { Progress::RampEnded } else { Progress::Failed }
+        if self.has_enough() { Progress::RampEnded } else { Progress::Failed }
     }
 
     /// Refuses to fit plateaus that are too few to draw a curve through.
