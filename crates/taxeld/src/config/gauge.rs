@@ -159,7 +159,16 @@ pub fn gauge(
         Push => reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential),
         Can | Scans | Typed => can(gauge, file, faults)?,
     };
-    let source = config.bus[usize::from(of.0)].source;
+    check_bus(kind, (config.bus[usize::from(of.0)].source, section.push.is_some()), faults);
+    let (meaning, scale) = refers_to(gauge, faults);
+    let signal = SignalSpec { meaning, scale: scale * signal.scale, offset: scale * signal.offset, ..signal };
+    faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
+    let takes_ambient = meaning != PressureMeaning::Differential && gauge.ambient_kpa.is_none();
+    Some(Gauge { pushed: kind == Push, takes_ambient, ..Gauge::new(of, signal) })
+}
+
+/// Notes what is wrong with the bus that it is on.
+fn check_bus(kind: Kind, (source, skin_is_pushed): (BusSource, bool), faults: &mut Faults) {
     if (kind == Port) != (source == BusSource::Yarp) {
         let words = "a gauge with a port needs a bus with source = \"yarp\", and one without needs another: name it in gauge.bus";
         faults.note("gauge", words);
@@ -175,15 +184,10 @@ pub fn gauge(
             "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
         faults.note("gauge.bus", words);
     }
-    if kind == Push && section.push.is_some() {
+    if kind == Push && skin_is_pushed {
         let words = "gauge.push: the scans of this patch are pushed, and the pressure with them: write gauge = {}";
         faults.note("gauge.push", words);
     }
-    let (meaning, scale) = refers_to(gauge, faults);
-    let signal = SignalSpec { meaning, scale: scale * signal.scale, offset: scale * signal.offset, ..signal };
-    faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
-    let takes_ambient = meaning != PressureMeaning::Differential && gauge.ambient_kpa.is_none();
-    Some(Gauge { pushed: kind == Push, takes_ambient, ..Gauge::new(of, signal) })
 }
 
 /// Checks a dial that is read by eye.
