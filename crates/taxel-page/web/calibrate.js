@@ -133,15 +133,6 @@ function adviser() {
   };
 }
 
-/** What to do where a dial is read by eye. */
-function adviceOfDial(s) {
-  const { settled, taken = 0, lastKpa } = s.typed;
-  if (settled) return ["Type what the dial shows", "ok"];
-  if (lastKpa === undefined) return ["Leave the bag vented: the skin is watched", "warn"];
-  const step = (s.targetKpa - lastKpa) / Math.max(1, 8 - taken);
-  return [`Pump to about ${num(lastKpa + step, 0)} kPa and hold`, "warn"];
-}
-
 /** Where what the dial shows is typed; the daemon says why if it is no plateau. */
 function dial() {
   const shows = el("input", { type: "number", step: "any", required: true, name: "dial" });
@@ -170,7 +161,7 @@ function ramping(signal) {
     if (stateOf(s) !== "RAMPING") return;
     // A pump goes on by itself.
     const old = isOld();
-    const [text, kind] = old ? ["Stop: nothing new comes from the daemon", "bad"] : s.typed ? adviceOfDial(s) : advise(s);
+    const [text, kind] = old ? ["Stop: nothing new comes from the daemon", "bad"] : s.typed ? [s.reason, s.typed.settled ? "ok" : "warn"] : advise(s);
     advice.className = `advice ${kind}`;
     advice.textContent = text;
     put(pressure, `${old ? "–" : num(s.pressureKpa, 1)} `, el("small", `of ${num(s.targetKpa, 0)} kPa`));

@@ -1,13 +1,17 @@
 //! What gauges of a vacuum rig say that are on no bus of the robot: pure, without I/O and total over all bytes.
 //!
-//! - [`Template`]: where in a line of text the pressure is, and in which unit.
-//! - [`Lines`]: from bytes to lines.
+//! - [`Talk`]: what is asked of one, and what its bytes say.
+//! - [`Template`]: where in a line of text the pressure is, and in which unit; [`Lines`]: from bytes to lines.
+//! - [`modbus`]: a register.
 //! - [`drive`]: the course of a pump that calibrates by itself; [`profile`]: what such a drive is told in lines of text.
 
 pub mod drive;
 mod lines;
+pub mod modbus;
 pub mod profile;
+mod talk;
 mod template;
 
 pub use lines::{LINE_BYTES_MAX, Lines};
+pub use talk::{Speech, Talk};
 pub use template::{Template, TemplateFault, Unread, numbers_of};

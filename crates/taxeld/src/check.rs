@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::Context;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
+use taxel_rig::Speech;
 use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, printable, written_modules};
 
@@ -13,6 +14,7 @@ use crate::config::{
     read_text,
 };
 use crate::missing::{missing, obstacles};
+use crate::rig::{ASK_EVERY, At};
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
 const FRAME_S: f64 = 111e-6;
@@ -140,10 +142,14 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
         }
         BusSource::Line => {
             let Some(line) = config::line_of(config, section) else { return String::new() };
-            let rate = if line.at.is_serial() { format!(" at {} baud", line.baud) } else { String::new() };
-            let how = match line.poll.as_str() {
-                "" => "prints by itself".to_owned(),
-                poll => format!("is asked {poll:?} every {} ms", line.every.as_millis()),
+            let rate = if let At::Serial(_, baud) = line.at { format!(" at {baud} baud") } else { String::new() };
+            let how = match &line.speech {
+                Speech::Text { poll, .. } if poll.is_empty() => "prints by itself".to_owned(),
+                Speech::Text { poll, .. } => format!("is asked {poll:?} every {} ms", ASK_EVERY.as_millis()),
+                Speech::Modbus(register, _) => {
+                    let (slave, address) = (register.slave, register.address);
+                    format!("register {address} of slave {slave} is read every {} ms", ASK_EVERY.as_millis())
+                }
             };
             return format!("gauge on {}{rate}: {how}", line.at);
         }

@@ -30,7 +30,7 @@ pub fn missing(config: &Config, doors: &Doors) -> Vec<String> {
     let mut missing: Vec<String> = interfaces.filter_map(|bus| interface(bus.interface.as_deref()?)).collect();
     let lines = config.bus.iter().filter_map(|bus| line_of(config, bus));
     missing.extend(lines.filter_map(|line| match &line.at {
-        At::Serial(path) => file("gauge.line", path),
+        At::Serial(path, _) => file("gauge.line", path),
         At::Tcp(_) => None,
     }));
     missing.extend(doors.doors.iter().flat_map(door));

@@ -14,7 +14,7 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
-use taxel_engine::calibration::{Direction, SessionState, SessionView};
+use taxel_engine::calibration::{Direction, PLATEAUS_MIN, SessionState, SessionView};
 use taxel_engine::plan::Plan;
 use taxel_rpc::Handle;
 use taxel_sim::{BoardsConfig, Config, Mass, PumpCommand, Skin, World};
@@ -127,8 +127,8 @@ struct Simulation {
     to_bus: mpsc::Sender<TimedFrame>,
     /// What the pump is told by somebody else.
     pump: Option<Receiver<PumpCommand>>,
-    /// The branch that the pump follows.
-    pumping: Option<Direction>,
+    /// What the pump does.
+    pumping: Option<PumpCommand>,
     places: [TaxelIndex; UNDER_THE_MASS.len()],
     loaded: bool,
     /// Frames that come later than this are dropped: a burst of them would look like a board that sends too fast.
@@ -172,16 +172,11 @@ impl Simulation {
         let sessions = (0..self.handle.patches()).filter_map(|patch| self.handle.session(patch));
         let session = sessions.max_by_key(|session| rank(session));
         let session = session.as_deref();
-        let ramping = session.filter(|one| one.state == SessionState::Ramping).map(|one| one.direction);
+        let wanted = session.filter(|one| one.state == SessionState::Ramping).map_or(PumpCommand::Vent, pump_of);
         if let Some(pump) = &self.pump {
             pump.try_iter().for_each(|command| self.world.pump(command));
-        } else if ramping != self.pumping {
-            self.pumping = ramping;
-            self.world.pump(match ramping {
-                Some(Direction::Rising) => RISE,
-                Some(Direction::Falling) => FALL,
-                None => PumpCommand::Vent,
-            });
+        } else if self.pumping.replace(wanted) != Some(wanted) {
+            self.world.pump(wanted);
         }
         let open = session.is_some_and(|one| one.state.is_open());
         let seconds = now.since(self.begun).as_secs();
@@ -197,6 +192,19 @@ impl Simulation {
                 tracing::warn!(%error, "the simulated mass");
             }
         }
+    }
+}
+
+/// What a ramp wants of the pump. Where a dial is typed, it is held at a pressure until that was typed.
+fn pump_of(session: &SessionView) -> PumpCommand {
+    match (session.typed, session.direction) {
+        (Some(typed), _) => {
+            let step = session.target_kpa / PLATEAUS_MIN as f64;
+            let target = Kilopascal(typed.last_kpa.map_or(0.0, |last| last + step));
+            PumpCommand::Ramp { target, kpa_per_s: 2.0 }
+        }
+        (None, Direction::Rising) => RISE,
+        (None, Direction::Falling) => FALL,
     }
 }
 

@@ -167,6 +167,10 @@ impl Calibration {
                 let why = session.check_plateaus().err().unwrap_or_default();
                 return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
             }
+            Trigger::FinishRamp if session.is_typed() => {
+                session.explain(String::new()); // what was to be done next
+                self.fit(now, gauge, events);
+            }
             Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),
             Trigger::FinishRamp => self.fit(now, gauge, events),
             Trigger::Discard | Trigger::Abort => self.enter(now, next, command.reason(), gauge, events),

@@ -16,15 +16,23 @@ const STEP_MAX_SHARE: f64 = 0.3;
 /// The skin is watched for so long, and in at least so many scans.
 const WATCHED: Duration = Duration::from_secs(3);
 const SCANS_MIN: usize = 60;
-/// From the first third of that to the last a settled skin moves by less, in counts in the mean of its taxels: a leak of 0.05 kPa a
-/// second, which is below what a dial tells, and creep.
+/// From the first third of that to the last a settled skin moves by less, in counts in the mean of its taxels: by a leak of 0.05 kPa
+/// a second, which is below what a dial tells, and by creep.
 const DRIFT_COUNTS: f64 = 0.1;
+/// While somebody reads and types it may move by so many times that: what is told must not be taken back at once.
+const TYPING_SLACK: f64 = 2.0;
 /// Or by this share of what it moved since the plateau before: after a large step creep goes on for minutes.
 const DRIFT_SHARE: f64 = 0.01;
 /// A skin that has moved by less than this since the plateau before, in counts, is at the same pressure.
 const MOVED_COUNTS: f64 = 0.2;
+/// A skin that is back from the furthest since then by more than this share of the way, and by more than MOVED_COUNTS beside its
+/// noise, has been at a higher pressure.
+const BACK_SHARE: f64 = 0.15;
 /// So many standard deviations of its noise no skin moves by chance.
 const NOISE_SIGMAS: f64 = 3.0;
+/// What is said of a plateau that was come to from above.
+const BACK: &str = "the pressure has been higher since the plateau before, and skin reads otherwise while it falls: pump beyond \
+                    that, hold, and type what the dial shows then";
 /// Nobody needs longer from one plateau to the next.
 pub const PLATEAU_PATIENCE: Duration = Duration::from_secs(15 * 60);
 
@@ -46,6 +54,8 @@ pub struct Plateaus {
     scans: VecDeque<(Pending, f64)>,
     /// The plateau before: what was typed, and the mean of the taxels.
     last: Option<(f64, f64)>,
+    /// How far the skin has been from there since, in counts.
+    furthest: f64,
     /// When it was taken, or the ramp began.
     since: Time,
 }
@@ -59,6 +69,8 @@ enum Holding {
     Moves(f64),
     /// It is where it was at the plateau before.
     Same,
+    /// It has been further.
+    Back,
     /// It has settled.
     Settled,
 }
@@ -74,7 +86,9 @@ impl Plateaus {
     pub fn push(&mut self, scan: Pending) {
         let (sum, taxels) =
             scan.counts.counts().iter_units().fold((0.0, 0_u32), |(sum, n), count| (sum + count, n + 1));
-        self.scans.push_back((scan, sum / f64::from(taxels.max(1))));
+        let mean = sum / f64::from(taxels.max(1));
+        self.furthest = self.last.map_or(0.0, |(_, last)| self.furthest.max((mean - last).abs()));
+        self.scans.push_back((scan, mean));
         while self.scans.len() > SCANS_MIN && self.span() > WATCHED {
             self.scans.pop_front();
         }
@@ -100,7 +114,24 @@ impl Plateaus {
     /// Whether the skin has settled at a new pressure.
     #[must_use]
     pub fn is_settled(&self) -> bool {
-        self.holding() == Holding::Settled
+        self.holding(1.0) == Holding::Settled
+    }
+
+    /// What the operator is to do now, in words; `taken` plateaus of the session count.
+    #[must_use]
+    pub fn advice(&self, taken: usize, limits: &SessionLimits) -> String {
+        match (self.holding(1.0), self.last_kpa()) {
+            (Holding::Settled, _) => "the skin has settled: read the dial and type what it shows".to_owned(),
+            (Holding::Back, _) => BACK.to_owned(),
+            (_, None) => "leave the bag vented: the skin is watched".to_owned(),
+            (_, Some(last)) => {
+                let left = PLATEAUS_MIN.saturating_sub(taken).max(1) as f64;
+                let next = last + (limits.target.0 - last).max(0.0) / left;
+                format!(
+                    "{taken} of {PLATEAUS_MIN} plateaus: pump to about {next:.0} kPa and hold until the skin has settled"
+                )
+            }
+        }
     }
 
     /// The dial shows `kpa`: gives the scans of this plateau.
@@ -113,7 +144,7 @@ impl Plateaus {
         let scans = std::mem::take(&mut self.scans).into_iter().map(|(scan, _)| scan);
         // Those whose zero may still turn out to be wrong stay out.
         let scans = scans.filter(|scan| now.since(scan.time) >= PROBATION).collect();
-        (self.last, self.since) = (Some((kpa, mean)), now);
+        (self.last, self.furthest, self.since) = (Some((kpa, mean)), 0.0, now);
         Ok(scans)
     }
 
@@ -142,7 +173,7 @@ impl Plateaus {
             }
             Some(_) => {}
         }
-        match self.holding() {
+        match self.holding(TYPING_SLACK) {
             Holding::Settled => Ok(()),
             Holding::Short => Err(format!("hold the pressure: the skin is watched for {} s", WATCHED.as_secs())),
             Holding::Moves(counts) => Err(format!(
@@ -150,6 +181,7 @@ impl Plateaus {
                 counts.abs(),
                 WATCHED.as_secs()
             )),
+            Holding::Back => Err(BACK.to_owned()),
             Holding::Same => {
                 let last = self.last_kpa().unwrap_or_default();
                 Err(format!(
@@ -159,7 +191,8 @@ impl Plateaus {
         }
     }
 
-    fn holding(&self) -> Holding {
+    /// What it does, where a settled skin may move by `slack` times the usual.
+    fn holding(&self, slack: f64) -> Holding {
         if self.scans.len() < SCANS_MIN || self.span() + WATCHED / 10 < WATCHED {
             return Holding::Short;
         }
@@ -170,10 +203,14 @@ impl Plateaus {
         let chance = NOISE_SIGMAS * scan_sd * (2.0 / third as f64).sqrt();
         let moved = self.last.map(|(_, last)| (newest - last).abs());
         let limit = DRIFT_COUNTS.max(chance).max(DRIFT_SHARE * moved.unwrap_or(0.0));
-        if (newest - first).abs() > limit {
+        if (newest - first).abs() > slack * limit {
             Holding::Moves(newest - first)
         } else if moved.is_some_and(|moved| moved < MOVED_COUNTS.max(chance)) {
             Holding::Same
+        } else if moved.is_some_and(|moved| {
+            self.furthest - moved > BACK_SHARE * self.furthest + MOVED_COUNTS + NOISE_SIGMAS * scan_sd
+        }) {
+            Holding::Back
         } else {
             Holding::Settled
         }
@@ -274,7 +311,10 @@ mod tests {
         assert!(skin.take(0.0).unwrap_err().contains("is watched for 3 s"));
         skin.run(2.0, |_| 240.0);
         assert!(skin.plateaus.is_settled());
+        let advice = |skin: &Skin| skin.plateaus.advice(0, &SessionLimits::default());
+        assert_eq!(advice(&skin), "the skin has settled: read the dial and type what it shows");
         assert!((38..=42).contains(&skin.take(0.5).unwrap()), "all but those of the last second");
+        assert_eq!(advice(&skin), "0 of 8 plateaus: pump to about 9 kPa and hold until the skin has settled");
         skin.run(4.0, |_| 230.0);
         assert!(skin.take(10.0).is_ok());
     }
@@ -291,6 +331,17 @@ mod tests {
         skin.run(10.0, |t| 236.0 - 2.0 * (1.0 - (-t / 2.0).exp()));
         assert!(skin.plateaus.is_settled(), "creep has ended");
         skin.take(5.0).unwrap();
+    }
+
+    #[test]
+    fn a_plateau_that_was_come_to_from_above_is_none() {
+        let mut skin = Skin::new();
+        skin.run(4.0, |_| 240.0);
+        skin.take(0.0).unwrap();
+        skin.run(4.0, |t| if t < 0.5 { 220.0 } else { 230.0 });
+        assert!(skin.take(10.0).unwrap_err().contains("has been higher since the plateau before"));
+        skin.run(4.0, |_| 219.0);
+        skin.take(20.0).unwrap();
     }
 
     #[test]

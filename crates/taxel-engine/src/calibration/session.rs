@@ -1,6 +1,7 @@
 //! One session under way: from scans and pressure to samples, and what the operator sees of it.
 
 mod shown;
+mod typed;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -12,7 +13,7 @@ use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, Direction};
 use crate::calibration::job::refuse_gaps;
 use crate::calibration::limits::SessionLimits;
-use crate::calibration::plateau::{PLATEAU_PATIENCE, PLATEAUS_MIN, Plateaus};
+use crate::calibration::plateau::Plateaus;
 use crate::calibration::ramp::{Gate, Ramp};
 use crate::calibration::rise::{Rise, Stall};
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
@@ -294,68 +295,6 @@ impl SessionRun {
             }
         }
         self.give_up_if_hopeless(now, gauge)
-    }
-
-    /// Whether a dial is typed.
-    #[must_use]
-    pub const fn is_typed(&self) -> bool {
-        self.plateaus.is_some()
-    }
-
-    /// The dial shows `kpa`, and the skin has settled there. New samples go to `records`.
-    ///
-    /// # Errors
-    /// Why it is no plateau, in words.
-    pub fn take_plateau(&mut self, now: Time, kpa: f64, records: &mut Vec<SessionRecord>) -> Result<Progress, String> {
-        let Some(plateaus) = &mut self.plateaus else {
-            return Err("a gauge says the pressure of this patch: nothing is typed".to_owned());
-        };
-        let is_first = plateaus.last_kpa().is_none();
-        let scans = plateaus.take(now, kpa, &self.limits)?;
-        if let (true, Some(ramp)) = (is_first, Arc::make_mut(&mut self.samples).ramps.last_mut()) {
-            ramp.gauge_kpa = Some(kpa); // what the dial shows of the vented bag
-            records.push(SessionRecord::Ramp(ramp.clone()));
-        }
-        let reached = kpa - self.gauge_zero_kpa();
-        (0..reached.max(0.0) as usize).for_each(|step| self.cover(step as f64));
-        for scan in scans {
-            if self.samples.samples.len() >= self.limits.scans_max {
-                self.view.refused.add(SampleRefusal::Full);
-                return Ok(Progress::RampEnded);
-            }
-            records.push(self.accept(scan, Kilopascal(kpa)));
-        }
-        let ends = reached >= self.limits.target.0 && self.has_enough();
-        Ok(if ends { Progress::RampEnded } else { Progress::On })
-    }
-
-    /// Watches the skin until somebody types what the dial shows; nobody needs for ever.
-    fn wait_for_plateau(&mut self, now: Time) -> Progress {
-        let (waiting, enough) = (std::mem::take(&mut self.pending), self.has_enough());
-        let Some(plateaus) = &mut self.plateaus else { return Progress::On };
-        waiting.into_iter().for_each(|scan| plateaus.push(scan));
-        if now.since(plateaus.since()) <= PLATEAU_PATIENCE {
-            return Progress::On;
-        }
-        let minutes = PLATEAU_PATIENCE.as_secs() / 60;
-        self.view.reason = format!("nothing was typed for {minutes} minutes");
-        if enough { Progress::RampEnded } else { Progress::Failed }
-    }
-
-    /// Refuses to fit plateaus that are too few to draw a curve through.
-    ///
-    /// # Errors
-    /// How many there are, and what to do.
-    pub fn check_plateaus(&self) -> Result<(), String> {
-        let taken = self.samples.plateaus();
-        if !self.is_typed() || taken >= PLATEAUS_MIN {
-            return Ok(());
-        }
-        let number = self.view.number;
-        Err(format!(
-            "{taken} plateaus above the vented bag, and {PLATEAUS_MIN} make a calibration: type more, or, to begin another ramp: \
-             taxeld sessions end {number}, then taxeld calibrate --session {number}"
-        ))
     }
 
     /// Whether the branch has reached its end with the scan at `time`. A fall has also where no sample entered any

@@ -180,7 +180,8 @@ impl Patch {
 
     /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.
     pub fn look(&self, now: Now, left_out: &[u16]) -> Vec<String> {
-        self.intake.look(now.time, self.plan.session.gauge_timeout, left_out)
+        let session = &self.plan.session;
+        self.intake.look(now.time, (!session.typed).then_some(session.gauge_timeout), left_out)
     }
 
     /// What an operator asks of the session that the patch holds.

@@ -9,7 +9,7 @@ use taxel_engine::plan::{PatchPlan, SessionLimits};
 use taxel_engine::snapshot::ForceState;
 use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::{Config, Mass, PumpCommand, Skin, World};
-use taxel_skin::{Kilopascal, TaxelIndex};
+use taxel_skin::{Kilopascal, Newton, TaxelIndex};
 
 use crate::bench::Bench;
 use crate::rig::{patch_plan, plan, small_world};
@@ -63,6 +63,7 @@ fn climb(bench: &mut Bench, session: u64, plateaus: usize) {
 fn eight_typed_plateaus_make_a_calibration() {
     let mut bench = bench_of(small_world());
     let session = bench.start_session(None);
+    assert!(bench.host.session().look.is_empty(), "nobody waits for a gauge: {:?}", bench.host.session().look);
     climb(&mut bench, session, PLATEAUS_MIN);
     let view = bench.host.session().clone();
     assert_eq!(view.typed.map(|typed| usize::from(typed.taken)), Some(PLATEAUS_MIN));
@@ -130,8 +131,9 @@ fn a_session_that_nobody_types_in_ends() {
     assert!(bench.host.session().reason.contains("nothing was typed for 15 minutes"));
 }
 
-/// Mean absolute error of masses on the forearm, percent: of models by a ramp, or by so many typed plateaus.
-fn error_percent(seed: u64, plateaus: Option<usize>) -> f64 {
+/// Of masses on the forearm, with models by a ramp, or by so many typed plateaus: the mean absolute error in percent, and the share
+/// whose 95 % interval holds the weight.
+fn weighed(seed: u64, plateaus: Option<usize>) -> (f64, f64) {
     let world = World::new(Skin::forearm().unwrap(), Config::seeded(seed));
     let mut bench = if plateaus.is_some() {
         bench_of(world)
@@ -154,7 +156,7 @@ fn error_percent(seed: u64, plateaus: Option<usize>) -> f64 {
     bench.activate(&set).unwrap();
     bench.tare(Some("Ada")).unwrap();
     bench.until_force(10.0, ForceState::Ok);
-    let (mut errors, taxels) = (Vec::new(), bench.world.skin().patch().taxels().len());
+    let (mut errors, mut held, taxels) = (Vec::new(), 0, bench.world.skin().patch().taxels().len());
     for (m, kilogram) in [0.2, 0.4, 0.6, 0.8, 1.0].into_iter().enumerate() {
         for place in 0..4 {
             let centre = (place * taxels / 4 + 20 * m + 7 * seed as usize) % taxels;
@@ -162,26 +164,35 @@ fn error_percent(seed: u64, plateaus: Option<usize>) -> f64 {
             let weight = bench.world.lay(Mass::on_disc(kilogram, centre, 600.0)).unwrap().0;
             bench.seconds(1.0);
             errors.push(100.0 * (bench.weigh(10) / weight - 1.0).abs());
+            let force = &bench.host.snapshots.last().unwrap().force;
+            let reaches = |end: Option<Newton>, sign: f64| end.is_none_or(|end| sign * (end.0 - weight) >= 0.0);
+            held += usize::from(reaches(force.low(), -1.0) && reaches(force.high(), 1.0));
             bench.world.clear();
             bench.run(Duration::from_secs(2));
         }
     }
-    errors.iter().sum::<f64>() / errors.len() as f64
+    let n = errors.len() as f64;
+    (errors.iter().sum::<f64>() / n, held as f64 / n)
 }
 
 #[test]
 fn twelve_typed_plateaus_are_as_good_as_a_ramp_to_one_point() {
-    let (ramp, typed) = (error_percent(7, None), error_percent(7, Some(12)));
+    let ((ramp, _), (typed, held)) = (weighed(7, None), weighed(7, Some(12)));
     assert!(typed <= ramp + 1.0, "{typed:.2} % by 12 plateaus, {ramp:.2} % by the ramp");
+    assert!(held >= 0.9, "the stated interval held {held:.2} of the weights");
 }
 
-/// The figures: `cargo test --release -p taxel-engine --test scenarios typed::figures -- --ignored --nocapture`.
+/// The figures: `cargo test -p taxel-engine --test scenarios typed::figures -- --ignored --nocapture`.
 #[test]
 #[ignore = "minutes"]
 fn figures() {
     for (what, plateaus) in [("ramp", None), ("8", Some(8)), ("12", Some(12)), ("20", Some(20))] {
-        let errors: Vec<f64> = (1..=5).map(|seed| error_percent(seed, plateaus)).collect();
+        let (errors, held): (Vec<f64>, Vec<f64>) = (1..=5).map(|seed| weighed(seed, plateaus)).unzip();
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-        println!("{what}: {mean:.2} % ({})", errors.iter().map(|e| format!("{e:.2}")).collect::<Vec<_>>().join(", "));
+        let held = 100.0 * held.iter().sum::<f64>() / held.len() as f64;
+        println!(
+            "{what}: {mean:.2} %, {held:.0} % held ({})",
+            errors.iter().map(|e| format!("{e:.2}")).collect::<Vec<_>>().join(", ")
+        );
     }
 }

@@ -1,10 +1,9 @@
 //! Where the pressure of a patch comes from: the one key of `gauge` that says it, and the keys that belong to that one.
 
-use std::time::Duration;
-
 use taxel_dbc::DbcFile;
 use taxel_engine::plan::Gauge;
-use taxel_rig::Template;
+use taxel_rig::modbus::{Framing, Register};
+use taxel_rig::{Speech, Template};
 use taxel_skin::BusIndex;
 use taxel_wire::reading;
 use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
@@ -14,15 +13,13 @@ use super::patch::bus_index;
 use super::patch_section::{BranchesWord, GaugeSection, PatchSection, ReferenceWord};
 use super::ports;
 use super::problem::Faults;
-use crate::rig::{At, BAUD_RATES, BAUD_USUAL, Line};
+use crate::rig::{At, Line};
 
 #[cfg(test)]
 mod tests;
 
 /// At sea level. A gauge that reads the bag's own pressure finds out by itself how far the weather is from it.
 const AMBIENT_KPA: f64 = 101.325;
-/// Between two questions to a gauge, ms: a trend needs four readings a second, and more than a hundred tell nothing new.
-const EVERY_MS: (u64, u64, u64) = (10, 50, 200);
 /// Longest question to a gauge, in bytes.
 const POLL_BYTES_MAX: usize = 64;
 
@@ -33,7 +30,7 @@ enum Kind {
     Can,
     /// A port of YARP.
     Port,
-    /// Text.
+    /// Text, or a register.
     Line,
     /// A program that pushes it.
     Push,
@@ -43,7 +40,7 @@ enum Kind {
     Scans,
 }
 
-use Kind::{Can, Line as Text, Port, Push, Scans, Typed};
+use Kind::{Can, Line as OnLine, Port, Push, Scans, Typed};
 
 impl Kind {
     /// How people write it.
@@ -51,7 +48,7 @@ impl Kind {
         match self {
             Can => "id and signal",
             Port => "port",
-            Text => "line",
+            OnLine => "line",
             Push => "push",
             Typed => "typed",
             Scans => "push = { taxels = ... } of the patch",
@@ -64,7 +61,7 @@ fn kinds(section: &GaugeSection) -> Vec<Kind> {
     let said = [
         (Can, section.id.is_some() || section.signal.is_some()),
         (Port, section.port.is_some()),
-        (Text, section.line.is_some()),
+        (OnLine, section.line.is_some()),
         (Push, section.push),
         (Typed, section.typed),
     ];
@@ -73,18 +70,17 @@ fn kinds(section: &GaugeSection) -> Vec<Kind> {
 
 /// Notes each key that says nothing where the pressure comes from there.
 fn check_keys(section: &GaugeSection, kind: Kind, faults: &mut Faults) {
-    let keys: [(&str, bool, &[Kind]); 10] = [
+    let keys: [(&str, bool, &[Kind]); 9] = [
         // The bus of what is a bus of its own is known.
-        ("bus", section.bus.is_some() && !matches!(kind, Text | Push), &[Can, Port]),
+        ("bus", section.bus.is_some() && !matches!(kind, OnLine | Push), &[Can, Port]),
         ("index", section.index.is_some(), &[Port]),
-        ("unit", section.unit.is_some(), &[Can, Port]),
-        ("template", section.template.is_some(), &[Text]),
-        ("baud", section.baud.is_some(), &[Text]),
-        ("poll", section.poll.is_some(), &[Text]),
+        ("unit", section.unit.is_some() && section.register.is_none(), &[Can, Port]),
+        ("template", section.template.is_some(), &[OnLine]),
+        ("poll", section.poll.is_some(), &[OnLine]),
+        ("register", section.register.is_some(), &[OnLine]),
         ("resolution_kpa", section.resolution_kpa.is_some(), &[Typed]),
-        ("every_ms", section.every_ms.is_some(), &[Text]),
-        ("reference", section.reference.is_some(), &[Can, Port, Text]),
-        ("ambient_kpa", section.ambient_kpa.is_some(), &[Can, Port, Text]),
+        ("reference", section.reference.is_some(), &[Can, Port, OnLine]),
+        ("ambient_kpa", section.ambient_kpa.is_some(), &[Can, Port, OnLine]),
     ];
     for (key, _, kinds) in keys.into_iter().filter(|(_, is_there, kinds)| *is_there && !kinds.contains(&kind)) {
         let words = match (kind, key) {
@@ -92,7 +88,7 @@ fn check_keys(section: &GaugeSection, kind: Kind, faults: &mut Faults) {
                 "the pressure comes with each message, differential and in kPa: leave it out, or say id and signal of a gauge"
                     .to_owned()
             }
-            (Text, "unit") => "the template has the unit, as in \"P={kPa}\": leave it out".to_owned(),
+            (OnLine, "unit") => "the template has the unit, as in \"P={kPa}\": leave it out".to_owned(),
             _ => {
                 let of: Vec<&str> = kinds.iter().map(|kind| kind.words()).collect();
                 format!("it belongs to {}, and the pressure comes by {}: leave it out", of.join(" or "), kind.words())
@@ -108,7 +104,7 @@ pub fn expand(config: &mut Config) {
         let name = format!("{}/gauge", patch.name);
         let Some(gauge) = &mut patch.gauge else { continue };
         let (name, source) = match kinds(gauge)[..] {
-            [Text] => (gauge.line.clone().unwrap_or_default(), BusSource::Line),
+            [OnLine] => (gauge.line.clone().unwrap_or_default(), BusSource::Line),
             [Push] => (name, BusSource::Push),
             _ => continue,
         };
@@ -156,16 +152,28 @@ pub fn gauge(
     let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
     let signal = match kind {
         Port => ports::gauge(gauge, gauge.port.as_deref().unwrap_or_default(), faults)?,
-        Text => reading::signal(0, line(config, section, faults)?.template.unit(), PressureMeaning::Differential),
+        OnLine => {
+            let unit = unit(gauge, &line(config, section, faults)?.speech, faults)?;
+            reading::signal(0, unit, PressureMeaning::Differential)
+        }
         Push => reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential),
         Can | Scans | Typed => can(gauge, file, faults)?,
     };
-    let source = config.bus[usize::from(of.0)].source;
+    check_bus(kind, (config.bus[usize::from(of.0)].source, section.push.is_some()), faults);
+    let (meaning, scale) = refers_to(gauge, faults);
+    let signal = SignalSpec { meaning, scale: scale * signal.scale, offset: scale * signal.offset, ..signal };
+    faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
+    let takes_ambient = meaning != PressureMeaning::Differential && gauge.ambient_kpa.is_none();
+    Some(Gauge { pushed: kind == Push, takes_ambient, ..Gauge::new(of, signal) })
+}
+
+/// Notes what is wrong with the bus that it is on.
+fn check_bus(kind: Kind, (source, skin_is_pushed): (BusSource, bool), faults: &mut Faults) {
     if (kind == Port) != (source == BusSource::Yarp) {
         let words = "a gauge with a port needs a bus with source = \"yarp\", and one without needs another: name it in gauge.bus";
         faults.note("gauge", words);
     }
-    if (kind == Text) != (source == BusSource::Line) {
+    if (kind == OnLine) != (source == BusSource::Line) {
         faults.note(
             "gauge.bus",
             "gauge.bus: a line is a bus of its own, and nothing else is on it: leave it out, or name another",
@@ -176,15 +184,10 @@ pub fn gauge(
             "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
         faults.note("gauge.bus", words);
     }
-    if kind == Push && section.push.is_some() {
+    if kind == Push && skin_is_pushed {
         let words = "gauge.push: the scans of this patch are pushed, and the pressure with them: write gauge = {}";
         faults.note("gauge.push", words);
     }
-    let (meaning, scale) = refers_to(gauge, faults);
-    let signal = SignalSpec { meaning, scale: scale * signal.scale, offset: scale * signal.offset, ..signal };
-    faults.take("gauge", signal.validate().map_err(|why| format!("gauge: {why}")))?;
-    let takes_ambient = meaning != PressureMeaning::Differential && gauge.ambient_kpa.is_none();
-    Some(Gauge { pushed: kind == Push, takes_ambient, ..Gauge::new(of, signal) })
 }
 
 /// Checks a dial that is read by eye.
@@ -217,48 +220,54 @@ fn refers_to(gauge: &GaugeSection, faults: &mut Faults) -> (PressureMeaning, f64
     }
 }
 
-/// The line of a gauge that prints text.
+/// The unit of what such a gauge says.
+fn unit(gauge: &GaugeSection, speech: &Speech, faults: &mut Faults) -> Option<PressureUnit> {
+    if let Speech::Text { template, .. } = speech {
+        return Some(template.unit());
+    }
+    let named = gauge.unit.as_deref().and_then(PressureUnit::named);
+    let words = || format!("gauge.unit: expected the unit of the register's steps, one of {}", PressureUnit::NAMES);
+    faults.take("gauge.unit", named.ok_or_else(words))
+}
+
+/// A gauge that prints text or has a register.
 fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<Line> {
     let gauge = section.gauge.as_ref()?;
     let at = gauge.line.as_deref()?;
-    let same = |other: &GaugeSection| {
-        let of = |gauge: &GaugeSection| (gauge.template.clone(), gauge.baud, gauge.poll.clone(), gauge.every_ms);
-        other.line.as_deref() != Some(at) || of(other) == of(gauge)
-    };
+    let says = |of: &GaugeSection| (of.template.clone(), of.poll.clone(), of.register.clone());
+    let same = |other: &GaugeSection| other.line.as_deref() != Some(at) || says(other) == says(gauge);
     if let Some(other) = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(|other| !same(other))) {
         let words =
-            format!("gauge.line: patch `{}` reads it with another template, baud, poll or every_ms", other.name);
+            format!("gauge.line: patch `{}` reads it otherwise: one gauge has the same keys in both", other.name);
         faults.note("gauge.line", words);
     }
     let at = faults.take("gauge.line", At::new(at).map_err(|why| format!("gauge.line = \"{at}\": {why}")))?;
-    if gauge.baud.is_some() && !at.is_serial() {
-        faults.note("gauge.baud", "gauge.baud: a connection over TCP has none: leave it out");
-    }
-    let baud = gauge.baud.unwrap_or(BAUD_USUAL);
-    if !BAUD_RATES.contains(&baud) {
-        let known: Vec<String> = BAUD_RATES.iter().map(ToString::to_string).collect();
-        faults.note("gauge.baud", format!("gauge.baud = {baud}: expected one of {}", known.join(", ")));
-    }
+    let speech = match (&gauge.template, &gauge.register) {
+        (Some(template), None) => text(gauge, template, faults)?,
+        (None, Some(register)) => {
+            let read = Register::new(register).map_err(|why| format!("gauge.register = \"{register}\": {why}"));
+            let framing = if at.is_serial() { Framing::Rtu } else { Framing::Tcp };
+            Speech::Modbus(faults.take("gauge.register", read)?, framing)
+        }
+        _ => {
+            let words = "gauge: expected one of template, what a line of its text looks like, as in \"P={kPa}\", and register, as in \
+                         \"holding 18\"; `taxeld scan --serial` shows what comes";
+            faults.note("gauge", words);
+            return None;
+        }
+    };
+    Some(Line { at, speech })
+}
+
+fn text(gauge: &GaugeSection, template: &str, faults: &mut Faults) -> Option<Speech> {
     let poll = gauge.poll.clone().unwrap_or_default();
     if gauge.poll.is_some() && !(1..=POLL_BYTES_MAX).contains(&poll.len()) {
         let words =
             format!("gauge.poll: expected 1 to {POLL_BYTES_MAX} bytes, with the end of the line, as in \"P\\r\\n\"");
         faults.note("gauge.poll", words);
     }
-    let (least, usual, most) = EVERY_MS;
-    let every_ms = gauge.every_ms.unwrap_or(usual);
-    if gauge.poll.is_none() && gauge.every_ms.is_some() {
-        faults.note("gauge.every_ms", "gauge.every_ms: without poll nothing is asked: leave it out");
-    }
-    faults.range("gauge.every_ms", every_ms as f64, least as f64, most as f64);
-    let Some(template) = &gauge.template else {
-        let words = "gauge.template is missing: what a line looks like, as in \"P={kPa}\"; `taxeld scan --serial` shows what comes";
-        faults.note("gauge", words);
-        return None;
-    };
     let read = Template::new(template).map_err(|why| format!("gauge.template = \"{template}\": {why}"));
-    let template = faults.take("gauge.template", read)?;
-    Some(Line { at, baud, poll, every: Duration::from_millis(every_ms), template })
+    Some(Speech::Text { poll, template: faults.take("gauge.template", read)? })
 }
 
 /// The line of a bus that is one; it was checked.

@@ -178,16 +178,14 @@ pub struct GaugeSection {
     pub index: Option<usize>,
     /// Unit; by default that of the DBC file.
     pub unit: Option<String>,
-    /// What prints it as text: a serial device, or `tcp:HOST:PORT`,
+    /// What has it: a serial device, with its rate after an `@` if that is not 115200, or `tcp:HOST:PORT`,
     pub line: Option<String>,
-    /// what such a line looks like, `P={kPa}`,
+    /// what a line of text looks like that it prints, `P={kPa}`,
     pub template: Option<String>,
-    /// the rate of a serial device,
-    pub baud: Option<u32>,
-    /// the question that it answers with a line; without one it prints by itself,
+    /// the question that it answers with such a line; without one it prints by itself;
     pub poll: Option<String>,
-    /// and milliseconds from one question to the next.
-    pub every_ms: Option<u64>,
+    /// or its register of Modbus, `holding 18`.
+    pub register: Option<String>,
     /// Whether a program pushes it over the service.
     pub push: bool,
     /// Whether it is a dial that an operator reads at each plateau,

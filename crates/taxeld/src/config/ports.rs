@@ -169,7 +169,7 @@ mod tests {
             ("\"/icub/skin/left_forearm\"", "\"left\"", "expected the name of a port"),
             ("modules = \"0\" }", "modules = \"0\", shift = 1 }", "nothing can be set at boards"),
             ("index = 2", "index = 9999", "gauge.index = 9999: expected 0 to 2046"),
-            ("port = \"/bag:o\", index", "bus = \"robot\", index", "gauge.index: it belongs to port"),
+            ("port = \"/bag:o\", index", "bus = \"robot\", index", "nothing says where its number is"),
             ("unit = \"mbar\"", "unit = \"mm\"", "expected the unit of the port's values"),
             ("index = 2", "id = 3", "id and signal and port say two things"),
             ("source = \"yarp\"", "source = \"yarp\"\nserver = \"here\"", "expected ADDRESS:PORT"),

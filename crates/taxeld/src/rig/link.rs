@@ -29,8 +29,8 @@ const WRITE_WITHIN: Duration = Duration::from_secs(1);
 /// Where a gauge is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum At {
-    /// A device.
-    Serial(PathBuf),
+    /// A device, and its rate.
+    Serial(PathBuf, u32),
     /// A host and a port.
     Tcp(String),
 }
@@ -44,23 +44,41 @@ impl At {
         let port = |address: &str| address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
         match text.strip_prefix("tcp:") {
             Some(address) if port(address) && !address.starts_with(':') => Ok(Self::Tcp(address.to_owned())),
-            None if text.starts_with('/') => Ok(Self::Serial(text.into())),
-            _ => Err("expected a device, as in \"/dev/ttyACM0\", or \"tcp:HOST:PORT\"".to_owned()),
+            None if text.starts_with('/') => {
+                let (path, baud) = text.rsplit_once('@').unwrap_or((text, ""));
+                let baud = if baud.is_empty() { Some(BAUD_USUAL) } else { baud.parse().ok() };
+                let known = baud.filter(|baud| BAUD_RATES.contains(baud));
+                known
+                    .map(|baud| Self::Serial(path.into(), baud))
+                    .ok_or_else(|| format!("expected a rate of {BAUD_RATES:?}"))
+            }
+            _ => {
+                Err("expected a device, as in \"/dev/ttyACM0\" or \"/dev/ttyACM0@9600\", or \"tcp:HOST:PORT\""
+                    .to_owned())
+            }
         }
     }
 
     /// Whether it is a device, which has a rate.
     pub const fn is_serial(&self) -> bool {
-        matches!(self, Self::Serial(_))
+        matches!(self, Self::Serial(..))
+    }
+
+    /// The same device at this rate; a host has none.
+    pub fn at_rate(&self, baud: u32) -> Self {
+        match self {
+            Self::Serial(path, _) => Self::Serial(path.clone(), baud),
+            Self::Tcp(address) => Self::Tcp(address.clone()),
+        }
     }
 
     /// Opens it.
     ///
     /// # Errors
     /// What the system answers, in words.
-    pub async fn open(&self, baud: u32) -> Result<Link, String> {
+    pub async fn open(&self) -> Result<Link, String> {
         let opened = match self {
-            Self::Serial(path) => serial(path, baud),
+            Self::Serial(path, baud) => serial(path, *baud),
             Self::Tcp(address) => match timeout(CONNECT_WITHIN, TcpStream::connect(address)).await {
                 Ok(connected) => connected.map(|stream| {
                     let (reader, writer) = stream.into_split();
@@ -76,7 +94,7 @@ impl At {
 impl fmt::Display for At {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Serial(path) => write!(f, "{}", path.display()),
+            Self::Serial(path, _) => write!(f, "{}", path.display()),
             Self::Tcp(address) => write!(f, "tcp:{address}"),
         }
     }

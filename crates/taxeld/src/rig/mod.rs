@@ -7,7 +7,7 @@ mod tests;
 use std::time::Duration;
 
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, NotSent, SendError, SourceError};
-use taxel_rig::{Lines, Template};
+use taxel_rig::{Speech, Talk};
 use taxel_wire::{Frame, TimedFrame, reading};
 use tokio::time::{Instant, sleep, sleep_until};
 
@@ -17,25 +17,21 @@ pub use link::{At, BAUD_RATES, BAUD_USUAL, Link};
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 /// A gauge that has not said a line for so long has stopped. A micro board that was just plugged in takes two seconds to begin.
 const SILENT_AFTER: Duration = Duration::from_secs(3);
+/// From one question to the next, for a gauge that has to be asked: a trend needs four readings a second.
+pub const ASK_EVERY: Duration = Duration::from_millis(50);
 /// A question without an answer is asked again after so long.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
 
-/// How a gauge talks.
+/// A gauge, and how it talks.
 #[derive(Clone, Debug)]
 pub struct Line {
     /// Where it is.
     pub at: At,
-    /// The rate of a serial device.
-    pub baud: u32,
-    /// The question that it answers with a line; empty where it prints by itself.
-    pub poll: String,
-    /// From one question to the next.
-    pub every: Duration,
-    /// What a line looks like.
-    pub template: Template,
+    /// What is asked, and what it says.
+    pub speech: Speech,
 }
 
-/// A gauge that prints text, as a bus. Nothing can be sent to it.
+/// A gauge as a bus. Nothing can be sent to it.
 pub struct LineBus {
     line: Line,
     open: Option<Open>,
@@ -47,18 +43,16 @@ pub struct LineBus {
 
 struct Open {
     link: Link,
-    lines: Lines,
-    /// When a line came last, or it was opened.
+    talk: Talk,
+    /// When it said something last, or it was opened.
     heard: Instant,
     /// When it was asked last, and when it is to be asked next.
     asked: Instant,
     ask_at: Instant,
-    /// Whether bytes came that made no line.
-    babbles: bool,
 }
 
 impl LineBus {
-    /// Reads this line.
+    /// Reads this gauge.
     pub const fn new(line: Line) -> Self {
         Self { line, open: None, pause: Duration::ZERO, told: None }
     }
@@ -67,19 +61,18 @@ impl LineBus {
     async fn connect(&mut self) -> Result<Open, String> {
         sleep(self.pause).await;
         self.pause = (2 * self.pause).clamp(PAUSES[0], PAUSES[1]);
-        let link = self.line.at.open(self.line.baud).await?;
-        let lines = if self.line.poll.is_empty() { Lines::default() } else { Lines::from_the_first() };
-        let now = Instant::now();
-        Ok(Open { link, lines, heard: now, asked: now, ask_at: now, babbles: false })
+        let link = self.line.at.open().await?;
+        let (talk, now) = (Talk::begin(self.line.speech.clone()), Instant::now());
+        Ok(Open { link, talk, heard: now, asked: now, ask_at: now })
     }
 
-    /// Waits for lines and appends what they say; or why none came.
+    /// Waits until the gauge says something and appends that; or why it says nothing.
     async fn more(&mut self, batch: &mut Batch) -> Result<(), String> {
         if self.open.is_none() {
             self.open = Some(self.connect().await?);
         }
         let Some(open) = &mut self.open else { return Ok(()) };
-        let heard = match open.lines_of(&self.line).await {
+        let heard = match open.next(&self.line).await {
             Ok(heard) => heard,
             Err(why) => {
                 self.open = None;
@@ -88,8 +81,8 @@ impl LineBus {
         };
         let time = ClockReading::now().time; // a reading is as old as its line
         let (mut unread, mut newest) = (None, None);
-        for line in &heard {
-            match self.line.template.read(line) {
+        for said in heard {
+            match said {
                 Ok(value) => newest = Some(value),
                 Err(why) => unread = Some((unread.map_or(0, |(lines, _)| lines) + 1, why)),
             }
@@ -107,31 +100,30 @@ impl LineBus {
 }
 
 impl Open {
-    /// The next lines, at least one; asks for them where that is needed.
-    async fn lines_of(&mut self, line: &Line) -> Result<Vec<String>, String> {
+    /// What it says next, at least one reading or what is none; asks for it where that is needed.
+    async fn next(&mut self, line: &Line) -> Result<Vec<Result<f64, String>>, String> {
         let mut buffer = [0; 1024];
         loop {
             tokio::select! {
                 count = self.link.read(&mut buffer) => {
-                    let mut lines = self.lines.take(&buffer[..count.map_err(|error| error.to_string())?]);
-                    self.babbles = self.lines.is_endless();
-                    lines.retain(|said| said != line.poll.trim()); // an echo of the question
-                    if !lines.is_empty() {
-                        (self.heard, self.ask_at) = (Instant::now(), self.asked + line.every);
-                        return Ok(lines);
+                    let said = self.talk.take(&buffer[..count.map_err(|error| error.to_string())?]);
+                    if !said.is_empty() {
+                        (self.heard, self.ask_at) = (Instant::now(), self.asked + ASK_EVERY);
+                        return Ok(said);
                     }
                 }
-                () = sleep_until(self.ask_at), if !line.poll.is_empty() => {
-                    self.link.write(line.poll.as_bytes()).await.map_err(|error| error.to_string())?;
+                () = sleep_until(self.ask_at), if line.speech.is_asked() => {
+                    let question = self.talk.question();
+                    self.link.write(&question).await.map_err(|error| error.to_string())?;
                     self.asked = Instant::now();
                     self.ask_at = self.asked + ANSWER_WITHIN;
                 }
                 () = sleep_until(self.heard + SILENT_AFTER) => {
                     let seconds = SILENT_AFTER.as_secs();
-                    return Err(match (self.babbles, line.poll.is_empty()) {
+                    return Err(match (self.talk.babbles(), line.speech.is_asked()) {
                         (true, _) => "bytes come and no lines: is baud right? `taxeld scan --serial` tries the rates".to_owned(),
-                        (false, true) => format!("no line came for {seconds} s: is the gauge on, or does it need poll?"),
-                        (false, false) => format!("no answer to poll came for {seconds} s: is the gauge on?"),
+                        (false, false) => format!("no line came for {seconds} s: is the gauge on, or does it need poll?"),
+                        (false, true) => format!("no answer came for {seconds} s: is the gauge on?"),
                     });
                 }
             }

@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 
 use nix::fcntl::OFlag;
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
+use taxel_rig::Template;
+use taxel_rig::modbus::{Framing, Number, Register};
 use taxel_wire::signal::{PressureMeaning, PressureUnit};
-use tokio::io::AsyncWriteExt;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
 use tokio::time::timeout;
 
@@ -25,7 +27,11 @@ fn terminal() -> (PtyMaster, PathBuf) {
 fn bus(at: &str, poll: &str) -> LineBus {
     let template = Template::new("P={kPa}").unwrap();
     let at = At::new(at).unwrap();
-    LineBus::new(Line { at, baud: BAUD_USUAL, poll: poll.to_owned(), every: Duration::from_millis(50), template })
+    of(at, Speech::Text { poll: poll.to_owned(), template })
+}
+
+fn of(at: At, speech: Speech) -> LineBus {
+    LineBus::new(Line { at, speech })
 }
 
 fn serial(path: &Path) -> LineBus {
@@ -191,11 +197,49 @@ async fn a_gauge_that_hangs_up_at_once_is_tried_with_growing_pauses() {
     assert!((5..=25).contains(&tries), "{tries} in a minute");
 }
 
+/// A register of slave 1 that counts the questions, over TCP and as RTU over a pseudo terminal.
+#[tokio::test]
+async fn a_register_is_asked_again_and_again() {
+    let register = Register { slave: 1, input: true, address: 18, number: Number::I16, scale: 0.5 };
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let at = At::new(&format!("tcp:{}", listener.local_addr().unwrap())).unwrap();
+    let mut bus = of(at, Speech::Modbus(register, Framing::Tcp));
+    let serve = async {
+        let (mut gauge, _) = listener.accept().await.unwrap();
+        let mut question = [0; 12];
+        for value in 1..=3 {
+            gauge.read_exact(&mut question).await.unwrap();
+            assert_eq!(question[2..], [0, 0, 0, 6, 1, 4, 0, 18, 0, 1]);
+            gauge.write_all(&[question[0], question[1], 0, 0, 0, 5, 1, 4, 2, 0, value]).await.unwrap();
+        }
+        gauge
+    };
+    let read = async { [next(&mut bus).await.0, next(&mut bus).await.0, next(&mut bus).await.0].concat() };
+    let (read, gauge) = tokio::join!(read, serve);
+    assert_eq!(read, [0.5, 1.0, 1.5]);
+    drop(gauge);
+    assert!(down(&mut bus).await.contains("the line has ended"));
+
+    let (mut gauge, path) = terminal();
+    let mut bus = of(At::Serial(path, BAUD_USUAL), Speech::Modbus(register, Framing::Rtu));
+    let serve = std::thread::spawn(move || {
+        let mut question = [0; 8];
+        gauge.read_exact(&mut question).unwrap();
+        gauge.write_all(&[1, 4, 2, 0, 7, 0xF8, 0xF2]).unwrap();
+        gauge
+    });
+    let (read, events) = next(&mut bus).await;
+    assert_eq!((read, events), (vec![3.5], vec![BusEvent::Up]));
+    drop(serve.join());
+}
+
 #[test]
 fn where_a_gauge_is_is_a_device_or_a_host_with_a_port() {
     for (text, shown) in [("/dev/ttyACM0", "/dev/ttyACM0"), ("tcp:10.0.0.2:4001", "tcp:10.0.0.2:4001")] {
         assert_eq!(At::new(text).unwrap().to_string(), shown);
     }
+    assert_eq!(At::new("/dev/ttyS0@9600").unwrap(), At::Serial("/dev/ttyS0".into(), 9_600));
+    assert!(At::new("/dev/ttyS0@9601").unwrap_err().contains("expected a rate of [1200, 2400"));
     for text in ["", "ttyACM0", "tcp:", "tcp:host", "tcp::4001", "tcp:host:70000", "COM3"] {
         assert!(At::new(text).unwrap_err().contains("/dev/ttyACM0"), "{text}");
     }

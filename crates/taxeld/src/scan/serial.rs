@@ -47,8 +47,8 @@ pub async fn text(asked: &Asked<'_>) -> anyhow::Result<String> {
     ensure!(rates.iter().all(|rate| BAUD_RATES.contains(rate)), "--baud: expected one of {BAUD_RATES:?}");
     let mut tried = Vec::new();
     for baud in rates {
-        let rate = if asked.at.is_serial() { format!(" at {baud} baud") } else { String::new() };
-        let heard = listen(asked, baud).await?;
+        let rate = if asked.at.is_serial() { format!("@{baud}") } else { String::new() };
+        let heard = listen(&asked.at.at_rate(baud), asked).await?;
         let is_text = |line: &&String| line.chars().all(|c| c.is_ascii_graphic() || c.is_ascii_whitespace());
         if heard.lines.iter().filter(is_text).count() * 2 > heard.lines.len() {
             let mut lines =
@@ -69,8 +69,8 @@ struct Heard {
     seconds: f64,
 }
 
-async fn listen(asked: &Asked<'_>, baud: u32) -> anyhow::Result<Heard> {
-    let mut link = asked.at.open(baud).await.map_err(anyhow::Error::msg)?;
+async fn listen(at: &At, asked: &Asked<'_>) -> anyhow::Result<Heard> {
+    let mut link = at.open().await.map_err(anyhow::Error::msg)?;
     // On a command line an escape is two characters.
     let poll = asked.poll.map(|text| text.replace("\\r", "\r").replace("\\n", "\n"));
     let mut lines = if poll.is_some() { Lines::from_the_first() } else { Lines::default() };

@@ -6,6 +6,8 @@ mod common;
 #[cfg(feature = "sim")]
 mod demo;
 #[cfg(feature = "sim")]
+mod dial;
+#[cfg(feature = "sim")]
 mod kills;
 mod logs;
 #[cfg(feature = "sim")]

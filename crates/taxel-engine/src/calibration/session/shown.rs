@@ -24,8 +24,11 @@ impl SessionRun {
         self.count_responding();
         if let Some(plateaus) = &self.plateaus {
             let (ramping, last_kpa) = (self.view.state == SessionState::Ramping, plateaus.last_kpa());
-            let (settled, taken) = (ramping && plateaus.is_settled(), self.samples.plateaus() as u16);
-            self.view.typed = Some(PlateauView { settled, taken, last_kpa });
+            let (settled, taken) = (ramping && plateaus.is_settled(), self.samples.plateaus());
+            self.view.typed = Some(PlateauView { settled, taken: taken as u16, last_kpa });
+            if ramping {
+                self.view.reason = plateaus.advice(taken, &self.limits);
+            }
             self.view.pressure_kpa = last_kpa.filter(|_| ramping).map(|kpa| kpa - self.view.gauge_zero_kpa);
             return;
         }

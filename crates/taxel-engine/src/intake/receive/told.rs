@@ -21,7 +21,7 @@ impl Intake {
     /// What an operator should see to before a session, so that what would spoil it is known before the pump runs, a line each:
     /// modules that are silent, boards that send at another period or warn of themselves, a gauge that is silent or stands still.
     /// `left_out` are modules that nobody waits for.
-    pub fn look(&self, now: Time, gauge_timeout: Duration, left_out: &[u16]) -> Vec<String> {
+    pub fn look(&self, now: Time, gauge_timeout: Option<Duration>, left_out: &[u16]) -> Vec<String> {
         let mut lines = Vec::new();
         let waited_for = |module: usize| !left_out.iter().any(|out| usize::from(*out) == module);
         if self.scan().silent.iter().enumerate().any(|(module, silent)| *silent && waited_for(module)) {
@@ -30,7 +30,7 @@ impl Intake {
         for board in self.board_health(now) {
             lines.extend(board.warnings.iter().map(|warning| format!("board {}: {warning}", board.address)));
         }
-        lines.extend(look_at_gauge(&self.gauge, now, gauge_timeout));
+        lines.extend(gauge_timeout.and_then(|timeout| look_at_gauge(&self.gauge, now, timeout)));
         lines
     }
 

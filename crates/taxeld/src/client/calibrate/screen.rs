@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 
 use taxel_proto::v1::{Session, SessionState};
 
-use super::dial;
 use crate::client::failure::Outcome;
 use crate::client::json;
 use crate::client::places::Places;
@@ -123,12 +122,10 @@ fn pressure(session: &Session) -> String {
 
 /// What an operator at the pump is to do now, in the daemon's own words where it has some.
 fn advice(session: &Session) -> String {
-    if let Some(advice) = dial::advice(session) {
-        return advice;
-    }
     let rate = session.rate_kpa_per_s.unwrap_or(0.0);
     let advice = match (session.state(), session.pressure_kpa) {
         (SessionState::Fitting, _) => "fitting the models",
+        (SessionState::Ramping, _) if session.typed.is_some() => &session.reason,
         (SessionState::Ramping, None) => "no pressure reading: is the gauge on?",
         (SessionState::Ramping, _) if session.falling && -rate > NEAR_LIMIT * session.fall_max_kpa_per_s => "slower",
         (SessionState::Ramping, _) if session.falling && rate < -STANDS_KPA_PER_S => "go on",
@@ -147,6 +144,8 @@ fn advice(session: &Session) -> String {
 
 #[cfg(test)]
 mod tests {
+    use taxel_proto::v1::TypedPlateaus;
+
     use super::*;
 
     fn ramping(kpa: f64, rate: f64) -> Session {
@@ -198,6 +197,9 @@ mod tests {
         for (rate, expected) in [(-1.0, "go on"), (-1.9, "slower"), (0.0, "let air in slowly")] {
             assert_eq!(advice(&Session { falling: true, ..ramping(40.0, rate) }), expected, "{rate} kPa/s");
         }
+        let words = "the skin has settled: read the dial".to_owned();
+        let dial = Session { typed: Some(TypedPlateaus::default()), reason: words.clone(), ..ramping(40.0, 0.0) };
+        assert_eq!(advice(&dial), words, "where a dial is typed the daemon says what to do");
         let mut session = Session { state: SessionState::Taring.into(), ..Session::default() };
         assert_eq!(advice(&session), "hands off: the zero is being taken");
         session.reason = "waiting for an unloaded skin: it moves".to_owned();

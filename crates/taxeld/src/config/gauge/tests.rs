@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use taxel_engine::plan::PatchPlan;
+use taxel_rig::modbus::Number;
 use taxel_wire::signal::PressureMeaning;
 
 use super::super::examine_text;
@@ -29,12 +30,13 @@ fn read(gauge: &str, value: f64) -> f64 {
 
 #[test]
 fn a_line_is_a_bus_of_its_own_with_the_unit_of_its_template() {
-    let gauge = "line = \"/dev/ttyACM0\", template = \"P={mbar}\", baud = 9600, poll = \"P\\r\", every_ms = 100";
+    let gauge = "line = \"/dev/ttyACM0@9600\", template = \"P={mbar}\", poll = \"P\\r\"";
     let (config, scene) = examine_text(Path::new("t.toml"), &with(gauge)).unwrap();
     let (bus, plan) = (config.bus.last().unwrap(), &scene.plan.patches[0]);
     let line = line_of(&config, bus).unwrap();
-    assert_eq!((bus.name.as_str(), line.baud, line.poll.as_str()), ("/dev/ttyACM0", 9_600, "P\r"));
-    assert_eq!((line.every, plan.gauge.as_ref().unwrap().bus), (Duration::from_millis(100), BusIndex(2)));
+    assert_eq!(line.at, At::Serial("/dev/ttyACM0".into(), 9_600));
+    assert!(matches!(&line.speech, Speech::Text { poll, .. } if poll == "P\r"), "{line:?}");
+    assert_eq!(plan.gauge.as_ref().unwrap().bus, BusIndex(2));
     assert!((read(gauge, 305.0) - 30.5).abs() < 1e-9 && plan.has_gauge());
 }
 
@@ -58,10 +60,29 @@ fn a_gauge_on_can_may_be_absolute_without_a_known_ambient_pressure() {
 }
 
 #[test]
+fn a_dial_has_no_bus_and_its_resolution_is_an_uncertainty() {
+    let plan = plan("typed = true, resolution_kpa = 0.5, offset_uncertainty_kpa = 0.1");
+    assert!(plan.session.typed && plan.gauge.is_none() && plan.can_calibrate() && !plan.has_gauge());
+    assert!((plan.fit.gauge.offset_kpa - 0.1_f64.hypot(0.5 / 12.0_f64.sqrt())).abs() < 1e-12);
+    let both = format!("{}session = {{ branches = \"both\" }}\n", with("typed = true, resolution_kpa = 0.5"));
+    assert!(refused(&both).contains("a dial is typed while the pressure rises"), "{}", refused(&both));
+}
+
+#[test]
 fn a_gauge_that_is_pushed_is_a_bus_of_its_own() {
     let (config, scene) = examine_text(Path::new("t.toml"), &with("push = true")).unwrap();
     let gauge = scene.plan.patches[0].gauge.as_ref().unwrap();
     assert!(gauge.pushed && config.bus[usize::from(gauge.bus.0)].source == BusSource::Push);
+}
+
+#[test]
+fn a_register_is_read_as_rtu_on_a_device_and_over_tcp_on_a_host() {
+    for (at, framing) in [("/dev/ttyUSB0", Framing::Rtu), ("tcp:10.0.0.7:502", Framing::Tcp)] {
+        let gauge = format!("line = \"{at}\", register = \"input 18 u16 x0.1\", unit = \"kPa\"");
+        let (config, _) = examine_text(Path::new("t.toml"), &with(&gauge)).unwrap();
+        let register = Register { slave: 1, input: true, address: 18, number: Number::U16, scale: 0.1 };
+        assert_eq!(line_of(&config, config.bus.last().unwrap()).unwrap().speech, Speech::Modbus(register, framing));
+    }
 }
 
 #[test]
@@ -72,32 +93,32 @@ fn two_patches_in_one_bag_share_a_line_if_they_say_the_same_of_it() {
     let scene = examine_text(Path::new("t.toml"), &text("")).unwrap().1;
     let buses: Vec<_> = scene.plan.patches.iter().map(|plan| plan.gauge.as_ref().unwrap().bus).collect();
     assert_eq!(buses, [BusIndex(2); 2]);
-    assert!(refused(&text(", baud = 9600")).contains("patch `b` reads it with another template"), "{}", text(""));
+    assert!(refused(&text(", poll = \"P\"")).contains("patch `b` reads it otherwise"), "{}", text(""));
 }
 
 #[test]
 fn what_is_wrong_with_a_gauge_is_said_with_what_was_expected() {
     let line = "line = \"/dev/ttyACM0\"";
     for (gauge, says) in [
-        (format!("{line}"), "gauge.template is missing: what a line looks like, as in \"P={kPa}\""),
+        (line.to_owned(), "gauge: expected one of template"),
         (format!("{line}, template = \"P=\""), "gauge.template = \"P=\": it has no number"),
         (format!("{line}, template = \"{{ksi}}\""), "{ksi} is no unit"),
-        (format!("{line}, template = \"{{kPa}}\", baud = 1"), "gauge.baud = 1: expected one of 1200, 2400"),
+        (format!("{line}, template = \"{{kPa}}\", register = \"holding 1\""), "gauge: expected one of template"),
         (format!("{line}, template = \"{{kPa}}\", unit = \"Pa\""), "gauge.unit: the template has the unit"),
-        (format!("{line}, template = \"{{kPa}}\", every_ms = 50"), "without poll nothing is asked"),
-        (
-            format!("{line}, template = \"{{kPa}}\", poll = \"P\", every_ms = 500"),
-            "gauge.every_ms = 500: expected 10 to 200",
-        ),
         (format!("{line}, template = \"{{kPa}}\", poll = \"\""), "gauge.poll: expected 1 to 64 bytes"),
         (format!("{line}, template = \"{{kPa}}\", id = 3"), "id and signal and line say two things"),
         (format!("{line}, template = \"{{kPa}}\", bus = \"c\""), "a line is a bus of its own"),
+        (format!("{line}, register = \"18\", unit = \"kPa\""), "gauge.register = \"18\": expected \"holding 18\""),
+        (format!("{line}, register = \"holding 18\""), "gauge.unit: expected the unit of the register's steps"),
         ("line = \"COM3\", template = \"{kPa}\"".to_owned(), "gauge.line = \"COM3\": expected a device"),
-        ("line = \"tcp:h:1\", template = \"{kPa}\", baud = 9600".to_owned(), "over TCP has none"),
+        ("line = \"/dev/ttyS0@1\", template = \"{kPa}\"".to_owned(), "expected a rate of [1200, 2400"),
         ("template = \"{kPa}\"".to_owned(), "nothing says where its number is"),
         ("push = true, unit = \"Pa\"".to_owned(), "gauge.unit: the pressure comes with each message"),
-        ("id = 1, signal = \"0|8@1+\", unit = \"Pa\", baud = 9600".to_owned(), "gauge.baud: it belongs to line"),
+        ("id = 1, signal = \"0|8@1+\", unit = \"Pa\", poll = \"P\"".to_owned(), "gauge.poll: it belongs to line"),
         ("push = true, reference = \"absolute\"".to_owned(), "gauge.reference: the pressure comes with each message"),
+        ("typed = true".to_owned(), "gauge.resolution_kpa is missing"),
+        ("typed = true, resolution_kpa = 9.0".to_owned(), "gauge.resolution_kpa = 9: expected 0.01 to 5"),
+        ("typed = true, resolution_kpa = 0.5, id = 3".to_owned(), "id and signal and typed say two things"),
         (
             format!("{line}, template = \"{{kPa}}\", reference = \"ambient\", ambient_kpa = 99.0"),
             "with reference = \"absolute\"",
