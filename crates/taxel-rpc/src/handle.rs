@@ -62,10 +62,13 @@ pub(crate) struct PatchFeed {
     pub(crate) session: watch::Receiver<Option<Arc<SessionView>>>,
 }
 
+/// The engine's ends of a [`PatchFeed`].
+type PatchEnds = (watch::Sender<Arc<PatchSnapshot>>, watch::Sender<Option<Arc<SessionView>>>);
+
 /// The engine's end: publishes snapshots, never waits. When it is dropped every stream ends with UNAVAILABLE.
 pub struct Publisher {
     heartbeat: Arc<Heartbeat>,
-    patches: Vec<(watch::Sender<Arc<PatchSnapshot>>, watch::Sender<Option<Arc<SessionView>>>)>,
+    patches: Vec<PatchEnds>,
     health: watch::Sender<Arc<Health>>,
     catalogue: watch::Sender<Arc<Catalogue>>,
     fits: Arc<Semaphore>,
