@@ -70,6 +70,9 @@ struct PatchEnds {
     gauge: watch::Sender<Option<GaugeReading>>,
 }
 
+/// The engine's ends of a [`PatchFeed`].
+type PatchEnds = (watch::Sender<Arc<PatchSnapshot>>, watch::Sender<Option<Arc<SessionView>>>);
+
 /// The engine's end: publishes snapshots, never waits. When it is dropped every stream ends with UNAVAILABLE.
 pub struct Publisher {
     heartbeat: Arc<Heartbeat>,

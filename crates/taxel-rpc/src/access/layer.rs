@@ -14,8 +14,7 @@ use tonic::transport::server::TcpConnectInfo;
 use tonic::{Code, Status};
 
 use crate::access::origin::Origin;
-use crate::access::rules::Access;
-use crate::access::rules::Caller;
+use crate::access::rules::{Access, Caller};
 use crate::access::table::{Method, method};
 use crate::connection::{Answer, Peer};
 use crate::limits::{Place, Shares};
@@ -25,6 +24,9 @@ use crate::status::left_open;
 /// Longest method name that an answer repeats, in characters.
 const NAME_CHARS_MAX: usize = 100;
 
+/// A long call whose request does not come whole, or whose answer nobody makes, gives its place back after this time.
+const LONG_CALL_MAX: Duration = Duration::from_secs(120);
+
 /// What stands before the services. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Gate {
@@ -32,9 +34,6 @@ pub(crate) struct Gate {
     shares: Arc<Shares>,
     refusals: Arc<Refusals>,
 }
-
-/// A long call whose request does not come whole, or whose answer nobody makes, gives its place back after this time.
-const LONG_CALL_MAX: Duration = Duration::from_secs(120);
 
 /// What a call was let through with.
 type Admitted = (Caller, Peer, Option<Arc<Place>>);
