@@ -4,7 +4,7 @@ use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
 use super::*;
 use crate::baseline::Activation;
-use crate::zero::module_offset::{BETWEEN_MODULES, GUESS, GUESS_SIGMA};
+use crate::zero::module_offset::GUESS;
 use crate::zero::plan::modules_beside;
 use crate::zero::rest::tests::Noise;
 
@@ -83,28 +83,6 @@ fn near(is: f64, expected: f64, within: f64) {
     assert!((is - expected).abs() <= within, "{is}, expected {expected}");
 }
 
-/// Nobody has touched it for long, and everything is known but for noise.
-#[test]
-fn an_untouched_module_tells_its_offset_whichever_way_it_drifts() {
-    for drift in [-0.3, 0.08] {
-        let mut watched = Watched::new(false, false);
-        watched.seconds(60.0, |_| drift);
-        (0..MODULES).for_each(|module| near(watched.offset(module), drift, 0.15));
-        assert!(watched.sigma(0) < 0.12, "{}", watched.sigma(0));
-    }
-}
-
-/// Before anything was read. Pads that warm read less, as taxels under a load do.
-#[test]
-fn the_pads_tell_of_warmth_at_once_and_how_little_is_known_of_what_the_boards_leave() {
-    let mut watched = Watched::new(false, false);
-    watched.pads -= 5.0;
-    watched.seconds(2.0, |_| 3.0 * GUESS + 20.0); // all of it is touched
-    near(watched.offset(0), 5.0 * GUESS, 0.4);
-    near(watched.sigma(0), 5.0 * GUESS_SIGMA.hypot(BETWEEN_MODULES), 0.3);
-    assert!(watched.offset.sigma_counts() > watched.sigma(0), "what is not followed comes to it");
-}
-
 #[test]
 fn what_a_module_learns_of_its_pads_it_and_the_others_know_later() {
     let mut watched = Watched::new(true, true);
@@ -118,19 +96,6 @@ fn what_a_module_learns_of_its_pads_it_and_the_others_know_later() {
     near(watched.offset(0), 1.56, 0.6);
     near(watched.ground.zero()[0].mean, ZERO, 1e-9);
     near(watched.offset.applied_to(&watched.taken, watched.ground.signs())[40].mean, ZERO - 1.56, 0.2);
-}
-
-/// A count on everything at once is a load, and so is whatever creeps in beyond a newton.
-#[test]
-fn a_load_on_everything_is_not_taken_for_an_offset() {
-    let mut watched = Watched::new(false, false);
-    watched.seconds(40.0, |_| 0.0);
-    watched.seconds(60.0, |_| 1.0);
-    assert!(watched.offset(0) < 0.2, "{}", watched.offset(0));
-    let mut watched = Watched::new(true, false);
-    (0..600).for_each(|second| watched.seconds(1.0, |_| 0.002 * f64::from(second)));
-    assert!(watched.offset.view().absorbed.0 < ABSORBED_MAX.0 + 0.05, "{:?}", watched.offset.view());
-    assert!(watched.offset(0) < 0.2, "8 N a count of all: {}", watched.offset(0));
 }
 
 #[test]
@@ -167,15 +132,4 @@ fn after_a_restart_the_first_scan_tells_what_the_pads_say_of_the_time_between() 
     watched.seconds(0.1, |_| 0.0);
     near(watched.offset(0), -6.0 * GUESS, 0.4);
     assert!(watched.sigma(0) > 1.0, "{}", watched.sigma(0));
-}
-
-#[test]
-fn a_gap_and_a_zero_that_is_lost_leave_nothing_of_a_window() {
-    let mut watched = Watched::new(false, false);
-    watched.seconds(40.0, |_| 0.0);
-    watched.scans += 20 * 60;
-    watched.seconds(20.0, |_| -0.5);
-    near(watched.offset(0), 0.0, 0.15);
-    watched.offset.end();
-    assert_eq!(watched.offset.view(), &DriftView::default());
 }

@@ -110,24 +110,6 @@ fn who_only_listens_never_sends() {
     assert_eq!(bench.host.sent, [], "not a single frame");
 }
 
-/// There is no force that would show the load, since there is no zero.
-#[test]
-fn boards_that_are_configured_without_a_force_need_a_zero_that_somebody_confirms() {
-    let mut bench = small().in_charge();
-    bench.bus_off();
-    bench.lay(0.5, 33);
-    let mark = bench.mark();
-    bench.configure_again(None);
-    let refused = bench.tare(None);
-    let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
-    assert!(why.contains("no force that would show a load"), "{why}");
-    bench.is_truthful_since(mark, "a bring-up under a load");
-    bench.world.clear();
-    bench.configure_again(Some("Ada"));
-    bench.tare(None).unwrap();
-    bench.until_force(1.0, ForceState::Ok);
-}
-
 /// The boards stream as this daemon configured them: a restart neither zeroes nor hides what lies on them.
 #[test]
 fn a_restart_under_a_load_goes_on_with_the_zero_of_before_within_two_seconds() {

@@ -39,18 +39,6 @@ fn an_activation_that_the_disk_refuses_has_no_effect() {
     assert!(matches!(bench.ask(activate("m-other")), Ok(Done::Activated { .. })), "and can be asked for again");
 }
 
-#[test]
-fn an_import_that_the_disk_refuses_has_no_effect() {
-    let mut bench = small().in_use();
-    bench.host.disk_is_slow = true;
-    let before = seen(&bench);
-    let request = bench.host.command(import(other("m-other")));
-    bench.seconds(1.0);
-    is_refused_and_has_no_effect(&mut bench, request, &before, "an import");
-    let reply = bench.ask(activate("m-other"));
-    assert!(matches!(reply, Err(Rejection::NotFound(..))), "{reply:?}");
-}
-
 /// The one before has judged it.
 #[test]
 fn a_tare_beside_which_another_set_comes_into_use_is_not_taken() {
