@@ -214,7 +214,7 @@ fn patch_plan(name: &str) -> PatchPlan {
         geometry: Some(Geometry::from_poses(poses)),
         area_uncertainty: 0.0,
         live: LiveLimits { stale_after: STALE_AFTER, ..LiveLimits::default() },
-        tare: TarePlan { duration: Duration::from_secs(2), at_start: false, ..TarePlan::default() },
+        tare: TarePlan { duration: Duration::from_secs(2), at_start: false },
         ..PatchPlan::new(Patch::new(name, vec![board]).unwrap())
     }
 }
