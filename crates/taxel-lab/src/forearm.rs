@@ -5,11 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
+use taxel_engine::RestStatistics;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::fit::FitRecipe;
 use taxel_engine::force::{Force, ZeroState};
-
-use taxel_engine::RestStatistics;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Gauge, Outputs, PatchPlan};
 use taxel_sim::{BoardsConfig, Config, Effect, GaugeConfig, Mass, PumpCommand, World};

@@ -63,15 +63,12 @@ pub(crate) struct PatchFeed {
     pub(crate) gauge: watch::Receiver<Option<GaugeReading>>,
 }
 
-/// The other ends of what comes from one patch.
+/// The engine's ends of a [`PatchFeed`].
 struct PatchEnds {
     snapshot: watch::Sender<Arc<PatchSnapshot>>,
     session: watch::Sender<Option<Arc<SessionView>>>,
     gauge: watch::Sender<Option<GaugeReading>>,
 }
-
-/// The engine's ends of a [`PatchFeed`].
-type PatchEnds = (watch::Sender<Arc<PatchSnapshot>>, watch::Sender<Option<Arc<SessionView>>>);
 
 /// The engine's end: publishes snapshots, never waits. When it is dropped every stream ends with UNAVAILABLE.
 pub struct Publisher {

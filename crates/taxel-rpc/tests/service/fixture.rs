@@ -236,7 +236,7 @@ fn patch_plan(name: &str) -> PatchPlan {
         area_uncertainty: 0.0,
         live: LiveLimits { stale_after: STALE_AFTER, ..LiveLimits::default() },
         gauge: (name == ARM).then(|| Gauge { pushed: true, ..Gauge::new(BusIndex(1), pushed_gauge()) }),
-        tare: TarePlan { duration: Duration::from_secs(2), at_start: false, ..TarePlan::default() },
+        tare: TarePlan { duration: Duration::from_secs(2), at_start: false },
         ..PatchPlan::new(Patch::new(name, vec![board]).unwrap())
     }
 }
