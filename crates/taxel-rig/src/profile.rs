@@ -45,8 +45,6 @@ enum Reference {
 struct File {
     name: String,
     at: String,
-    #[serde(default = "usual_baud")]
-    baud: u32,
     #[serde(default = "line_feed")]
     ending: String,
     #[serde(default)]
@@ -70,10 +68,6 @@ struct File {
     hold_s: f64,
     #[serde(default = "total_s")]
     total_s: f64,
-}
-
-const fn usual_baud() -> u32 {
-    115_200
 }
 
 fn line_feed() -> String {
@@ -182,16 +176,10 @@ impl Profile {
         &self.file.name
     }
 
-    /// Where it is: a device, or `tcp:HOST:PORT`.
+    /// Where it is: a device with its rate, or `tcp:HOST:PORT`.
     #[must_use]
     pub fn at(&self) -> &str {
         &self.file.at
-    }
-
-    /// The rate of a serial device.
-    #[must_use]
-    pub const fn baud(&self) -> u32 {
-        self.file.baud
     }
 
     /// What vents the bag without this program.

@@ -24,7 +24,7 @@ mod config;
 #[allow(dead_code)]
 #[path = "../../../crates/taxeld/src/files.rs"]
 mod files;
-#[allow(dead_code)]
+#[allow(dead_code, unused_imports)]
 #[path = "../../../crates/taxeld/src/rig/mod.rs"]
 mod rig;
 #[allow(dead_code, unused_macros)]

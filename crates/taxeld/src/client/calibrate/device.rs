@@ -67,7 +67,7 @@ impl Pump {
         let profile = Profile::new(&text).map_err(|fault| Failure::refused(format!("{file}: {fault}")))?;
         let text = at.unwrap_or(profile.at());
         let at = At::new(text).map_err(|expected| Failure::refused(format!("{file}: at = {text:?}: {expected}")))?;
-        let link = at.open(profile.baud()).await.map_err(Failure::refused)?;
+        let link = at.open().await.map_err(Failure::refused)?;
         let (begun, lines) = (Instant::now(), Lines::from_the_first());
         Ok(Self { profile, at, link, lines, begun, answered: begun, said: String::new() })
     }
@@ -119,7 +119,7 @@ impl Pump {
         let (end, before) = (Instant::now() + Duration::from_secs(2), self.answered);
         while Instant::now() < end && self.answered == before {
             if self.tell(Order::Vent).await.is_err()
-                && let Ok(link) = self.at.open(self.profile.baud()).await
+                && let Ok(link) = self.at.open().await
             {
                 self.link = link;
             }
