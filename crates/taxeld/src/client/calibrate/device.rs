@@ -286,7 +286,7 @@ impl ByDevice<'_> {
         }
         let leak = drive.leak_kpa_per_min().map_or_else(String::new, |leak| format!("leak {leak:.1} kPa/min; "));
         let words = match state {
-            State::Armed => "drive: venting; hands off",
+            State::Armed => "drive: the valve is open; hands off",
             State::SelfTest => "drive: self-test, 5 kPa and a vent",
             State::LeakTest => "drive: leak test at 20 kPa",
             State::Tare => &format!("drive: {leak}the bag is vented, the zero is being taken"),
