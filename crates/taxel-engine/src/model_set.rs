@@ -18,7 +18,7 @@ pub const GAIN_OF_DAY_REL: f64 = 0.017;
 
 /// By how much the gain differs between two recordings of one mounting, relative standard uncertainty. Matched to made-up
 /// skins whose gain differs by 2 %, of which left-out readings show a part.
-pub const GAIN_OF_RECORDING_REL: f64 = 0.012;
+pub const GAIN_OF_RECORDING_REL: f64 = 0.01;
 
 /// Models of all taxels of a patch, immutable once made.
 #[derive(Clone, Debug)]

@@ -73,7 +73,10 @@ impl SkinFit {
     fn model_of(&self, fitted: &FittedTaxel, counts: &[f64], options: &FitOptions) -> TaxelModel {
         let points = fitted.points();
         let Some(range) = points.range() else {
-            return TaxelModel::without_curve(Status::Dead { count: fitted.zero_counts }, options.gauge);
+            // Noise alone has a flat curve.
+            let dead = Status::Dead { count: fitted.zero_counts };
+            let status = if fitted.status.is_ok() { dead } else { fitted.status };
+            return TaxelModel::without_curve(status, options.gauge);
         };
         let polynomial = self.polynomial(counts, options);
         let missing = self.course.order.iter().filter(|row| !counts.get(**row).is_some_and(|c| c.is_finite())).count();

@@ -221,9 +221,8 @@ impl Reader<'_> {
 
     /// What is known of a taxel's error in use; `None` if nothing but its curve's own scatter is.
     fn base(&self, taxel: usize) -> Option<Base> {
-        if self.set.taxels[taxel].points.is_some() {
-            return None;
-        }
+        // A skin fit has the error by the reading.
+        self.set.taxels.get(taxel).filter(|model| model.points.is_none())?;
         let (recorded, in_use) = (self.set.recorded.as_ref()?, self.set.in_use(taxel)?);
         let day = if self.tared { 0.0 } else { DAY_COUNTS };
         let zero_counts = recorded.zero_return_counts().hypot(day);
@@ -242,10 +241,10 @@ impl Reader<'_> {
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let rail = if sign == Sign::Falling { 0.0 } else { 255.0 };
         // What corrected a set by known loads is in these, too.
-        let of_day = match (self.skin, self.set.is_of_skin()) {
-            (true, _) => GAIN_OF_DAY_REL,
-            (false, true) => GAIN_OF_RECORDING_REL,
-            (false, false) => 0.0,
+        let of_day = match plays {
+            _ if self.skin => GAIN_OF_DAY_REL,
+            Some(plays) if plays.curve.is_none() => GAIN_OF_RECORDING_REL,
+            _ => 0.0,
         };
         let gain = of_day.hypot(self.set.gauge_gain_rel);
         let smoothed = smooth(counts, masked, self.half);

@@ -63,7 +63,7 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
         pressure_max_kpa: fit.kpa[top],
         gauge_gain_rel: recipe.options.gauge.gain_rel,
         gauge_offset_kpa: recipe.options.gauge.offset_kpa,
-        recorded: scans.is_recording().then(|| Recorded {
+        recorded: (scans.is_recording() || !recipe.is_paper()).then(|| Recorded {
             smooth_s: recipe.smooth_s,
             plays_mean_s: 0.0,
             module_size: recipe.module_size,
@@ -83,7 +83,7 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
 /// What of the scans must not be believed, and the faults of the skin where that is something else: of the paper's scans
 /// only what was never read is left out.
 fn masks(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> (Masks, Option<Masks>) {
-    if !scans.is_recording() {
+    if recipe.is_paper() && !scans.is_recording() {
         return (Masks::missing(scans), None);
     }
     let modules = modules(scans.counts.len(), recipe.module_size);
