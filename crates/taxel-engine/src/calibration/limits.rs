@@ -9,6 +9,10 @@ use crate::intake::gauge::RestLimits;
 /// A spike is so many noise bands high.
 const SPIKE_BANDS: f64 = 4.0;
 
+/// A scan enters the session when the zero has stood for so long after it. A board that takes a new zero unseen is
+/// found within that time, and the scans with the wrong zero never get in.
+pub const PROBATION: Duration = Duration::from_secs(1);
+
 /// The rules of a calibration session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SessionLimits {

@@ -5,9 +5,8 @@ use std::collections::VecDeque;
 use std::time::Duration;
 use taxel_skin::{Kilopascal, Time};
 
-use crate::calibration::limits::SessionLimits;
-use crate::calibration::samples::SessionSamples;
-use crate::calibration::session::{PROBATION, Pending};
+use crate::calibration::limits::{PROBATION, SessionLimits};
+use crate::calibration::samples::{Pending, SessionSamples};
 
 /// So many plateaus above the vented bag make a calibration.
 pub const PLATEAUS_MIN: usize = 8;

@@ -1,5 +1,7 @@
 //! The samples of a session.
 
+use taxel_skin::Time;
+
 use crate::baseline::TaxelBaseline;
 use crate::counts::SharedCounts;
 
@@ -41,6 +43,15 @@ pub struct Sample {
     pub time_ns: i64,
     /// What the gauge read, interpolated at that time, kPa.
     pub pressure_kpa: f64,
+    /// One raw count per taxel.
+    pub counts: SharedCounts,
+}
+
+/// A scan on its way into the session.
+#[derive(Clone, Debug)]
+pub struct Pending {
+    /// Mean time of its modules.
+    pub time: Time,
     /// One raw count per taxel.
     pub counts: SharedCounts,
 }

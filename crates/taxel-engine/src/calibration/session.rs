@@ -12,19 +12,15 @@ use taxel_skin::{Kilopascal, Time};
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, Direction};
 use crate::calibration::job::refuse_gaps;
-use crate::calibration::limits::SessionLimits;
+use crate::calibration::limits::{PROBATION, SessionLimits};
 use crate::calibration::plateau::Plateaus;
 use crate::calibration::ramp::{Gate, Ramp};
 use crate::calibration::rise::{Rise, Stall};
-use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
+use crate::calibration::samples::{Pending, RampBaseline, Sample, SessionSamples};
 use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
 use crate::counts::{Counts, SharedCounts};
 use crate::intake::gauge::{GaugeAtRest, GaugeHistory};
 use crate::now::Now;
-
-/// A scan enters the session when the zero has stood for so long after it. A board that takes a new zero unseen is
-/// found within that time, and the scans with the wrong zero never get in.
-pub const PROBATION: Duration = Duration::from_secs(1);
 
 /// A rise that gains nothing for so long is told as one that cannot get further.
 const STALLED_AFTER: Duration = Duration::from_secs(5);
@@ -32,15 +28,6 @@ const STALLED_AFTER: Duration = Duration::from_secs(5);
 /// Scans that wait for the gauge and for the end of their probation: at the longest gauge timeout of 1 s and the
 /// shortest period of 5 ms there are 400.
 const PENDING_MAX: usize = 512;
-
-/// A scan on its way into the session.
-#[derive(Clone, Debug)]
-pub struct Pending {
-    /// Mean time of its modules.
-    pub time: Time,
-    /// One raw count per taxel.
-    pub counts: SharedCounts,
-}
 
 /// What a step of the session came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
