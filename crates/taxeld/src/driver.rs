@@ -316,4 +316,4 @@ impl Driver {
 }
 
 #[cfg(all(test, feature = "sim"))]
-mod tests;
+pub(crate) mod tests;
