@@ -317,4 +317,4 @@ impl Driver {
 }
 
 #[cfg(all(test, feature = "sim"))]
-mod tests;
+pub(crate) mod tests;

@@ -82,44 +82,20 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    use taxel_engine::baseline::TaxelBaseline;
     use taxel_engine::calibration::{SessionState, SessionView};
-    use taxel_engine::model_set::ModelSet;
     use taxel_engine::record::Record;
-    use taxel_model::{Accumulator, FitOptions};
     use taxel_rpc::handle::channel;
-    use taxel_store::{Batch, Store, models_json};
+    use taxel_store::{Batch, Store};
     use tokio::sync::mpsc;
 
     use super::*;
     use crate::clock::boottime;
     use crate::config;
     use crate::driver::Driver;
+    use crate::driver::tests::model_set as set;
     use crate::queues::{Queues, TellDone};
 
     const PATCH: &str = "left_forearm";
-
-    /// A model set of the demo's forearm that differs from others by its time and method: an id follows from the content.
-    fn set(created_wall_ns: i64) -> Arc<ModelSet> {
-        let mut set = ModelSet {
-            id: String::new(),
-            patch: PATCH.to_owned(),
-            created_wall_ns,
-            session: None,
-            method: format!("none {created_wall_ns}"),
-            board_settings: Vec::new(),
-            baseline: vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; 230],
-            pressure_max_kpa: 70.0,
-            gauge_gain_rel: 0.01,
-            gauge_offset_kpa: 0.1,
-            taxels: vec![Accumulator::new().fit(&FitOptions::default()); 230],
-            recorded: None,
-            recalibrated: None,
-            maker: taxel_engine::model_set::Maker::default(),
-        };
-        set.id = models_json::content_id(&set);
-        Arc::new(set)
-    }
 
     /// Five model sets, the first active, and five sessions that ended.
     fn records() -> Vec<Record> {

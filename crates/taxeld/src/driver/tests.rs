@@ -141,10 +141,8 @@ impl Bench {
     }
 }
 
-/// A model set of the demo's forearm that differs from others by its time.
-fn import(created_wall_ns: i64) -> Command {
-    let baseline = vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; 230];
-    let taxels = vec![Accumulator::new().fit(&FitOptions::default()); 230];
+/// A model set of the demo's forearm that differs from others by its time and method: an id follows from the content.
+pub(crate) fn model_set(created_wall_ns: i64) -> Arc<ModelSet> {
     let mut set = ModelSet {
         id: String::new(),
         patch: "left_forearm".to_owned(),
@@ -152,17 +150,21 @@ fn import(created_wall_ns: i64) -> Command {
         session: None,
         method: format!("none {created_wall_ns}"),
         board_settings: Vec::new(),
-        baseline,
+        baseline: vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; 230],
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.01,
         gauge_offset_kpa: 0.1,
-        taxels,
+        taxels: vec![Accumulator::new().fit(&FitOptions::default()); 230],
         recorded: None,
         recalibrated: None,
         maker: taxel_engine::model_set::Maker::default(),
     };
     set.id = models_json::content_id(&set);
-    Command::Import { model_set: Arc::new(set), insist: false }
+    Arc::new(set)
+}
+
+fn import(created_wall_ns: i64) -> Command {
+    Command::Import { model_set: model_set(created_wall_ns), insist: false }
 }
 
 fn foreign(time: Time) -> TimedFrame {
@@ -398,12 +400,9 @@ impl Bench {
 #[tokio::test]
 async fn the_audit_log_has_who_asked_and_the_model_set_before_and_after() {
     let mut bench = Bench::new();
-    let mut ids = Vec::new();
+    let ids = [1, 2].map(|wall_ns| model_set(wall_ns).id.clone());
     for wall_ns in [1, 2] {
-        let command = import(wall_ns);
-        let Command::Import { model_set, .. } = &command else { panic!("{command:?}") };
-        ids.push(model_set.id.clone());
-        bench.audited("ann", command).await.unwrap();
+        bench.audited("ann", import(wall_ns)).await.unwrap();
     }
     let activate = |id: &str| Command::Activate { patch: String::new(), model_set: id.to_owned(), expected: None };
     bench.audited("bob", activate(&ids[0])).await.unwrap();

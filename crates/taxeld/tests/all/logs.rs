@@ -119,28 +119,16 @@ fn lines_that_are_refused_are_told_and_a_log_of_nothing_else_fails_with_the_firs
     let bare = "  can0  4D0   [3]  40 F0 EF\n  can0  4D0   [2]  C0 F0\n";
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log), ("bare.log", bare), ("empty.log", "# nothing\n")]);
     let [config, log, bare, empty] = ["t.toml", "t.log", "bare.log", "empty.log"].map(|name| path(folder.path(), name));
-    let replay = |log| ["replay", log, "--config", &config].map(str::to_owned).to_vec();
-    for (name, command) in [("scan", vec!["scan".to_owned()]), ("replay", replay(""))] {
-        let of = |log: &str| -> Vec<String> {
-            let mut command = command.clone();
-            if name == "scan" {
-                command.push(log.to_owned())
-            } else {
-                log.clone_into(&mut command[1])
-            }
-            command
-        };
-        let arguments = of(&log);
-        let (printed, said) = succeeds(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    for name in ["scan", "replay"] {
+        let of = |log| if name == "scan" { vec![name, log] } else { vec![name, log, "--config", &config] };
+        let (printed, said) = succeeds(&of(&log));
         let told = if name == "replay" { printed } else { said };
         assert!(told.contains("1 of 3201 lines are no frame:\n  line 2: column 1: found `t`"), "{name}: {told}");
-        let arguments = of(&bare);
-        let said = fails(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        let said = fails(&of(&bare));
         let why =
             "not one of its 2 lines is a frame: line 1: column 3: found `c`, expected `(` and a time: record with";
         assert!(said.contains(why), "{name}: {said}");
-        let arguments = of(&empty);
-        let said = fails(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        let said = fails(&of(&empty));
         assert!(said.contains("there is no frame in it"), "{name}: {said}");
     }
 }
