@@ -57,6 +57,8 @@ async fn down(bus: &mut LineBus) -> String {
     }
 }
 
+// Time goes on as it does where bytes are waited for: a kernel that takes its while for them would be outrun by a clock that jumps.
+
 /// Opens the terminal from the other end, so that what is written is kept for it.
 async fn opened(bus: &mut LineBus) {
     let mut batch = Batch::default();
@@ -64,7 +66,7 @@ async fn opened(bus: &mut LineBus) {
     assert!(waits.is_err() && bus.open.is_some());
 }
 
-#[tokio::test(start_paused = true)]
+#[tokio::test]
 async fn a_gauge_on_a_serial_line_is_read_from_its_first_whole_line_on() {
     let (mut gauge, path) = terminal();
     let mut bus = serial(&path);
@@ -75,7 +77,7 @@ async fn a_gauge_on_a_serial_line_is_read_from_its_first_whole_line_on() {
     assert_eq!(next(&mut bus).await, (vec![14.0], vec![]), "what comes at once is one reading, the newest");
 }
 
-#[tokio::test(start_paused = true)]
+#[tokio::test]
 async fn nonsense_is_counted_and_ends_nothing() {
     let (mut gauge, path) = terminal();
     let mut bus = serial(&path);
@@ -88,7 +90,7 @@ async fn nonsense_is_counted_and_ends_nothing() {
     assert_eq!(next(&mut bus).await, (vec![2.0], vec![]));
 }
 
-#[tokio::test(start_paused = true)]
+#[tokio::test]
 async fn a_gauge_that_is_unplugged_and_plugged_in_is_read_again() {
     let folder = tempfile::tempdir().unwrap();
     let device = folder.path().join("gauge");
