@@ -126,8 +126,8 @@ impl Publisher {
         Arc::clone(&self.fits)
     }
 
-    /// The engine's task has its turn now; due at least every [`BEAT_EVERY`](crate::BEAT_EVERY). Gives for how long the
-    /// task had none if that was longer than [`STALLED_AFTER`](crate::STALLED_AFTER), for which readers were told that
+    /// The engine's task has its turn now; due at least every [`BEAT_EVERY`]. Gives for how long the
+    /// task had none if that was longer than [`STALLED_AFTER`], for which readers were told that
     /// the engine is stalled.
     pub fn beat(&self) -> Option<Duration> {
         let gap = self.heartbeat.beat()?;
