@@ -26,8 +26,8 @@ pub enum Effect {
     Activate(usize, Arc<ModelSet>),
     /// A model set is kept.
     Keep(Arc<ModelSet>, Origin),
-    /// A zero of the patch at this position holds.
-    Zero(usize),
+    /// The zero of the patch at this position holds that was proven for this request.
+    Zero(usize, RequestId),
     /// A known load on the patch at this position counts.
     Load(usize, Arc<Load>),
     /// Something is not known any more.
@@ -139,10 +139,10 @@ mod tests {
         let mut pending = Pending::default();
         let request = Some(RequestId(7));
         let forget = pending.keep(request, Effect::Forget(Forgotten::Session(3)));
-        let zero = pending.keep(request, Effect::Zero(1));
+        let zero = pending.keep(request, Effect::Zero(1, RequestId(7)));
         assert!(forget != zero);
         assert!(pending.forgets(&Forgotten::Session(3)) && !pending.forgets(&Forgotten::Session(4)));
-        assert!(matches!(pending.take(zero), Some((Some(RequestId(7)), Effect::Zero(1)))));
+        assert!(matches!(pending.take(zero), Some((Some(RequestId(7)), Effect::Zero(1, _)))));
         assert!(pending.take(forget).is_some() && pending.take(forget).is_none());
         let view = Arc::new(SessionView { number: 3, ..SessionView::default() });
         pending.keep(request, Effect::End(Trigger::Discard, view));
