@@ -92,12 +92,6 @@ impl<'a, const N: usize> From<&'a [u8; N]> for Counts<'a> {
     }
 }
 
-impl<'a> From<&'a CountBuffer> for Counts<'a> {
-    fn from(buffer: &'a CountBuffer) -> Self {
-        buffer.counts()
-    }
-}
-
 /// The counts of taxels, owned, to be written to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CountBuffer {
@@ -135,21 +129,6 @@ impl CountBuffer {
                 to.iter_mut().zip(raw).for_each(|(to, &raw)| *to = raw.min(range.top()));
             }
         }
-    }
-}
-
-impl From<Counts<'_>> for CountBuffer {
-    fn from(counts: Counts<'_>) -> Self {
-        match counts {
-            Counts::Bytes(bytes) => Self::Bytes(bytes.to_vec()),
-            Counts::Words(words, range) => Self::Words(words.to_vec(), range),
-        }
-    }
-}
-
-impl From<Vec<u8>> for CountBuffer {
-    fn from(bytes: Vec<u8>) -> Self {
-        Self::Bytes(bytes)
     }
 }
 

@@ -18,7 +18,7 @@ use crate::calibration::ramp::{Gate, Ramp};
 use crate::calibration::rise::{Rise, Stall};
 use crate::calibration::samples::{Pending, RampBaseline, Sample, SessionSamples};
 use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
-use crate::counts::{Counts, SharedCounts};
+use crate::counts::Counts;
 use crate::intake::gauge::{GaugeAtRest, GaugeHistory};
 use crate::now::Now;
 

@@ -8,7 +8,7 @@ use crate::calibration::job::FitOutcome;
 use crate::engine::pending::{Effect, Origin};
 use crate::engine::step::Engine;
 use crate::now::Now;
-use crate::request::{ErrorReason, Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection};
 
 impl Engine {
     /// A fit came back. A model set is written down before the session says that it has one.
@@ -35,13 +35,13 @@ impl Engine {
     pub(super) fn on_committed(&mut self, now: Now, ticket: u64, result: Result<(), String>, out: &mut Vec<Output>) {
         let Some((request, effect)) = self.pending.take(ticket) else { return };
         let reply = match result {
-            Ok(()) => self.take_effect(now, request, effect, out),
-            Err(why) => Err(self.leave_undone(now, request, effect, &why, out)),
+            Ok(()) => self.take_effect(now, effect, out),
+            Err(why) => Err(self.leave_undone(now, effect, &why, out)),
         };
         out.extend(request.map(|request| Output::Reply(request, reply)));
     }
 
-    fn take_effect(&mut self, now: Now, request: Option<RequestId>, effect: Effect, out: &mut Vec<Output>) -> Reply {
+    fn take_effect(&mut self, now: Now, effect: Effect, out: &mut Vec<Output>) -> Reply {
         match effect {
             Effect::Activate(patch, set) => Ok(self.put_to_use(now, patch, &set, out)),
             Effect::Keep(set, origin) => Ok(self.on_kept(now, set, origin, out)),
@@ -49,8 +49,7 @@ impl Engine {
                 let why = "what waits to be read was written, which is a fault of this program".to_owned();
                 Err(Rejection::FailedPrecondition(ErrorReason::ProgramFault, why))
             }
-            Effect::Zero(patch) => {
-                let request = request.unwrap_or(RequestId(0));
+            Effect::Zero(patch, request) => {
                 self.with_patch(now, patch, out, |patch, _| patch.adopt_zero(now, request)).map(Done::Tared)
             }
             Effect::Load(patch, load) => {
@@ -66,21 +65,14 @@ impl Engine {
         }
     }
 
-    fn leave_undone(
-        &mut self,
-        now: Now,
-        request: Option<RequestId>,
-        effect: Effect,
-        why: &str,
-        out: &mut Vec<Output>,
-    ) -> Rejection {
+    fn leave_undone(&mut self, now: Now, effect: Effect, why: &str, out: &mut Vec<Output>) -> Rejection {
         let why = format!("it could not be written to disk, and nothing has changed: {why}");
-        match (effect, request) {
-            (Effect::Keep(_, Origin::Session(patch, outcome)), _) => {
+        match effect {
+            Effect::Keep(_, Origin::Session(patch, outcome)) => {
                 let outcome = FitOutcome { result: Err(format!("the model set: {why}")), ..outcome };
                 self.end_fit(now, patch, &outcome, out);
             }
-            (Effect::Zero(patch), Some(request)) => self.patches[patch].reject_zero(request),
+            Effect::Zero(patch, request) => self.patches[patch].reject_zero(request),
             _ => {}
         }
         Rejection::Unavailable(ErrorReason::StoreUnavailable, why)

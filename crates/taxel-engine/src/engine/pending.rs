@@ -26,8 +26,8 @@ pub enum Effect {
     Activate(usize, Arc<ModelSet>),
     /// A model set is kept.
     Keep(Arc<ModelSet>, Origin),
-    /// A zero of the patch at this position holds.
-    Zero(usize),
+    /// The zero of the patch at this position holds that was proven for this request.
+    Zero(usize, RequestId),
     /// A known load on the patch at this position counts.
     Load(usize, Arc<Load>),
     /// Something is not known any more.

@@ -117,33 +117,67 @@ impl Engine {
         command: Trigger,
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
+        Ok(match self.go_on(now, number, command, None, out)? {
+            Some(done) => Answer::Now(done),
+            None if command == Trigger::Abort => return self.end_on_disk(now, request, number, command, out),
+            None => {
+                let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
+                out.push(Output::Load { ticket, session: number });
+                Answer::Later
+            }
+        })
+    }
+
+    /// The samples of a session were read, or why not: the command that needs them goes on.
+    pub(super) fn on_loaded(
+        &mut self,
+        now: Now,
+        ticket: u64,
+        result: Result<SessionSamples, NotLoaded>,
+        out: &mut Vec<Output>,
+    ) {
+        let Some((request, Effect::TakeUp(number, command))) = self.pending.take(ticket) else { return };
+        let fault = "the samples were read, and are still missing, which is a fault of this program";
+        let fault = || Rejection::FailedPrecondition(ErrorReason::ProgramFault, fault.to_owned());
+        let reply = self.go_on(now, number, command, Some(result), out).and_then(|done| done.ok_or_else(fault));
+        out.extend(request.map(|request| Output::Reply(request, reply)));
+    }
+
+    /// Does what is asked of a session, with its samples if they were `read`. `None` if they have to be, or are not needed for a session
+    /// that no patch holds. Everything may change while they are read, so that everything is asked again then.
+    fn go_on(
+        &mut self,
+        now: Now,
+        number: u64,
+        command: Trigger,
+        read: Option<Result<SessionSamples, NotLoaded>>,
+        out: &mut Vec<Output>,
+    ) -> Result<Option<Done>, Rejection> {
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
         self.refuse_if_in_use(number, command)?;
-        if command == Trigger::StartRamp {
+        if command == Trigger::StartRamp && read.is_none() {
             self.room_for_model_set()?;
             self.check_settings(number)?;
         }
         if self.is_succeeded(number, command) {
-            self.check_successor(now, number)?;
-            return Ok(self.load(request, number, command, out));
+            let index = self.check_successor(now, number)?;
+            let Some(read) = read else { return Ok(None) };
+            let samples = self.usable_samples(index, number, read)?;
+            return self.begin_successor(now, index, number, samples, out).map(Some);
         }
         if let Some(index) = self.held(number) {
-            return self.command_held(now, index, command, out).map(Answer::Now);
+            return self.command_held(now, index, command, out).map(Some);
         }
         if command == Trigger::Abort {
-            return self.end_on_disk(now, request, number, command, out);
+            return Ok(None);
         }
-        self.check_take_up(now, number, command)?;
-        self.room_for_model_set()?;
-        Ok(self.load(request, number, command, out))
-    }
-
-    /// A command goes on when the samples of its session are read.
-    fn load(&mut self, request: RequestId, number: u64, command: Trigger, out: &mut Vec<Output>) -> Answer {
-        let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
-        out.push(Output::Load { ticket, session: number });
-        Answer::Later
+        let index = self.check_take_up(now, number, command)?;
+        let Some(read) = read else { return self.room_for_model_set().map(|()| None) };
+        let samples = self.usable_samples(index, number, read)?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
+        self.patches[index].calibration_mut().resume(now, SessionView::clone(view), samples);
+        self.command_held(now, index, command, out).map(Some)
     }
 
     /// A session whose models are in use stays as it is. Another ramp begins a session of its own.
@@ -260,46 +294,6 @@ impl Engine {
             self.patches[index].check_vented(now)?;
         }
         Ok(index)
-    }
-
-    /// The samples of a session were read, or why not: the command that needs them goes on.
-    pub(super) fn on_loaded(
-        &mut self,
-        now: Now,
-        ticket: u64,
-        result: Result<SessionSamples, NotLoaded>,
-        out: &mut Vec<Output>,
-    ) {
-        let Some((request, Effect::TakeUp(number, command))) = self.pending.take(ticket) else { return };
-        let reply = self.take_up(now, number, command, result, out);
-        out.extend(request.map(|request| Output::Reply(request, reply)));
-    }
-
-    /// Everything may have changed while the samples were read, so that everything is asked again.
-    fn take_up(
-        &mut self,
-        now: Now,
-        number: u64,
-        command: Trigger,
-        result: Result<SessionSamples, NotLoaded>,
-        out: &mut Vec<Output>,
-    ) -> Reply {
-        self.store_takes_records()?;
-        self.refuse_if_session_ends(number)?;
-        self.refuse_if_in_use(number, command)?;
-        if self.is_succeeded(number, command) {
-            let index = self.check_successor(now, number)?;
-            let samples = self.usable_samples(index, number, result)?;
-            return self.begin_successor(now, index, number, samples, out);
-        }
-        if let Some(index) = self.held(number) {
-            return self.command_held(now, index, command, out);
-        }
-        let index = self.check_take_up(now, number, command)?;
-        let samples = self.usable_samples(index, number, result)?;
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
-        self.patches[index].calibration_mut().resume(now, SessionView::clone(view), samples);
-        self.command_held(now, index, command, out)
     }
 
     /// The samples of a session that is to go on, if they were read and are of the patch as it is now.

@@ -206,7 +206,7 @@ impl Engine {
                 return;
             }
             Intent::Zero { request, record } => {
-                (request, self.store_takes_records().map(|()| (Effect::Zero(index), record)))
+                (request, self.store_takes_records().map(|()| (Effect::Zero(index, request), record)))
             }
             Intent::Load(read) => {
                 let request = read.request;

@@ -8,7 +8,7 @@ use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 use taxel_skin::Time;
 
-use crate::counts::CountBuffer;
+use crate::counts::SharedCounts;
 use crate::force::offsets::{self, Offsets};
 use crate::force::sample::TaxelState;
 use crate::force::tables::Tables;
@@ -26,7 +26,7 @@ pub struct Taxels {
 #[derive(Debug)]
 pub struct Basis {
     /// Raw counts as last received.
-    pub counts: CountBuffer,
+    pub counts: SharedCounts,
     /// One per module.
     pub modules: Box<[ModuleAge]>,
     /// Position of each taxel's module in `modules`.

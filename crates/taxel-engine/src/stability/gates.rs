@@ -3,7 +3,8 @@
 use crate::Now;
 use crate::baseline::TaxelBaseline;
 use crate::calibration::fit::{Branch, FitRecipe};
-use crate::calibration::session::{Pending, Progress, SessionRun};
+use crate::calibration::samples::Pending;
+use crate::calibration::session::{Progress, SessionRun};
 use crate::calibration::{FitJob, SampleRefusal, SessionView};
 use crate::intake::gauge::GaugeHistory;
 use crate::plan::SessionLimits;
