@@ -305,7 +305,8 @@ impl Fit<'_> {
         let from = self.range_kpa[0] + LOADED * (self.range_kpa[1] - self.range_kpa[0]);
         let error = |plays: bool, soft: bool| {
             let squares = map(workers, pilots.len(), |i| {
-                let (Ok(seen), Some(curved)) = (&self.seen[pilots[i]], &curved[pilots[i]]) else { return 0.0 };
+                let clear = curved[pilots[i]].as_ref().filter(|curved| !curved.is_noise);
+                let (Ok(seen), Some(curved)) = (&self.seen[pilots[i]], clear) else { return 0.0 };
                 let load = self.load(pilots[i], seen);
                 let lags = plays.then(|| lag::lags(&load, seen.swing));
                 let readings = self.left_out(seen, &load, lags.as_deref(), soft.then_some(curved.rms_counts));
