@@ -59,6 +59,9 @@ const SOFT_GAIN: f64 = 0.95;
 /// Loads below this share of the range do not decide on the inverse.
 const LOADED: f64 = 0.02;
 
+/// A curve that spans less than this share of its taxel's swing goes through noise: the others' noise is told without it.
+const SPAN_MIN: f64 = 0.25;
+
 /// A taxel without more than this share of the scans is not fitted.
 const MISSING_MAX: f64 = 0.3;
 
@@ -138,6 +141,9 @@ struct Curved {
     of_scans: Moments,
     of_groups: Moments,
     rms_counts: f64,
+    /// Counts that the moments are shares of.
+    span: f64,
+    is_noise: bool,
 }
 
 /// Fits a skin: `time_s` and `pressure_kpa` have an entry a scan, `counts` a column a taxel. What is missing is NaN. Hysteresis
@@ -233,7 +239,8 @@ impl Fit<'_> {
         let curved: Vec<Option<Curved>> = map(workers, self.counts.len(), |taxel| self.curve(taxel));
         let pooled = |of: fn(&Curved) -> &Moments| {
             let mut sums = Moments::default();
-            moving.iter().filter_map(|taxel| curved[*taxel].as_ref()).for_each(|curved| sums.add(of(curved)));
+            let clear = moving.iter().filter_map(|taxel| curved[*taxel].as_ref()).filter(|curved| !curved.is_noise);
+            clear.for_each(|curved| sums.add(of(curved)));
             sums.variance()
         };
         let shapes = [pooled(|curved| &curved.of_scans), pooled(|curved| &curved.of_groups)];
@@ -278,7 +285,7 @@ impl Fit<'_> {
         let row = |kpa: f64| self.whole.row(kpa, curve.zone_kpa);
         let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), self.form.free());
         let left = folds.residuals(&self.course.of_curve(&seen.groups));
-        let span = curve.span().max(f64::MIN_POSITIVE);
+        let span = curve.span().max(SPAN_MIN * seen.swing);
         let at = |kpa: f64| curve.counts_at(kpa);
         let of_groups = Moments::of(left.iter().zip(on_curve()).map(|(r, g)| (*r, at(g.kpa))), span);
         let load = self.load(taxel, seen);
@@ -289,7 +296,8 @@ impl Fit<'_> {
         };
         let of_scans = Moments::of(scans.map(residual), span);
         let rms_counts = of_scans.mean_square().max(of_groups.mean_square()).sqrt() * span;
-        Some(Curved { curve, of_scans, of_groups, rms_counts })
+        let is_noise = curve.span() < span;
+        Some(Curved { curve, of_scans, of_groups, rms_counts, span, is_noise })
     }
 
     /// Plays, and the soft inverse, if they err less on scans that were left out.
@@ -297,7 +305,8 @@ impl Fit<'_> {
         let from = self.range_kpa[0] + LOADED * (self.range_kpa[1] - self.range_kpa[0]);
         let error = |plays: bool, soft: bool| {
             let squares = map(workers, pilots.len(), |i| {
-                let (Ok(seen), Some(curved)) = (&self.seen[pilots[i]], &curved[pilots[i]]) else { return 0.0 };
+                let clear = curved[pilots[i]].as_ref().filter(|curved| !curved.is_noise);
+                let (Ok(seen), Some(curved)) = (&self.seen[pilots[i]], clear) else { return 0.0 };
                 let load = self.load(pilots[i], seen);
                 let lags = plays.then(|| lag::lags(&load, seen.swing));
                 let readings = self.left_out(seen, &load, lags.as_deref(), soft.then_some(curved.rms_counts));
@@ -359,8 +368,7 @@ impl Fit<'_> {
         let pairs = || readings.iter().copied().zip(self.course.kpa.iter().copied());
         let squares = pairs().filter(|(r, _)| r.is_finite()).map(|(r, p)| (r - p).powi(2));
         let curve = &curved.curve;
-        let span = curve.span().max(f64::MIN_POSITIVE);
-        let noise = Noise::new(span, (&curved.of_scans, shapes[0]), (&curved.of_groups, shapes[1]));
+        let noise = Noise::new(curved.span, (&curved.of_scans, shapes[0]), (&curved.of_groups, shapes[1]));
         let prior_scans = PRIOR_GROUPS * load.len() as f64 / self.course.groups.len() as f64;
         FittedTaxel {
             status: Status::Ok,

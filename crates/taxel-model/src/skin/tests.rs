@@ -133,3 +133,16 @@ fn an_hour_on_one_pressure_does_not_outweigh_the_ramp() {
     let columns = rising(&kpa);
     reads_thirty(&fit_columns(&time, &kpa, &columns).unwrap(), &columns, 620.0, 1.0);
 }
+
+#[test]
+fn a_taxel_of_noise_alone_is_excluded_and_changes_no_other() {
+    let (time, kpa, mut columns) = made_up();
+    let alone = fit_columns(&time, &kpa, &columns).unwrap();
+    columns.push((0..kpa.len()).map(|scan| ((scan * 104_729) % 53) as f64 + 200.0).collect());
+    let beside = fit_columns(&time, &kpa, &columns).unwrap();
+    assert!(matches!(beside.taxels[40].as_ref().unwrap().status, Status::PoorFit { .. }), "{:?}", beside.taxels[40]);
+    for (one, other) in alone.taxels.iter().zip(&beside.taxels) {
+        let [one, other] = [one, other].map(|taxel| taxel.as_ref().unwrap().sigma.median_kpa());
+        assert!((one / other - 1.0).abs() < 0.05, "{one} {other}");
+    }
+}
