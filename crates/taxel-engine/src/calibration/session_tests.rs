@@ -4,8 +4,8 @@ use taxel_skin::{Kilopascal, Time};
 
 use super::branch::{Branch, Direction};
 use super::limits::SessionLimits;
-use super::samples::{Sample, SessionSamples};
 use super::samples::Pending;
+use super::samples::{Sample, SessionSamples};
 use super::session::{Progress, SessionRecord, SessionRun};
 use super::view::{SampleRefusal, SessionView};
 use crate::baseline::TaxelBaseline;

@@ -155,6 +155,20 @@ pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / n
 }
 
+/// The value below which this share of them lies, on a straight line between neighbours; NaN of nothing.
+pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    let Some(last) = values.len().checked_sub(1) else { return f64::NAN };
+    let place = share * last as f64;
+    let k = (place as usize).min(last);
+    let (_, at, above) = values.select_nth_unstable_by(k, f64::total_cmp);
+    let (at, next) = (*at, above.iter().copied().fold(f64::INFINITY, f64::min));
+    if next.is_finite() { at + (next - at) * (place - k as f64) } else { at }
+}
+
+pub(super) fn median(values: Vec<f64>) -> f64 {
+    quantile(values, 0.5)
+}
+
 /// Least value, and width of the range.
 fn extent(kpa: &[f64]) -> (f64, f64) {
     let (low, high) = kpa.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));

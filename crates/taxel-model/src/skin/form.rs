@@ -207,7 +207,7 @@ pub(super) fn choose(course: &Course, pilots: &[&[f64]], free_zero: bool, allow_
                 let row = |kpa: f64| form.row_at(kpa - course.rest_kpa, zone * top, top);
                 let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), form.free());
                 let errors = counts.iter().zip(&spread).map(|(counts, spread)| folds.error(counts) / spread);
-                let error = super::median(errors.collect());
+                let error = super::course::median(errors.collect());
                 match tried.iter_mut().find(|(other, _)| *other == form) {
                     Some((_, least)) => *least = least.min(error),
                     None => tried.push((form, error)),

@@ -25,7 +25,7 @@ pub use sigma::SigmaByReading;
 
 use crate::status::Status;
 use crate::workers::{Workers, map};
-use course::{Course, READING_FOLDS, mean};
+use course::{Course, READING_FOLDS, mean, median, quantile};
 use curve::{LoadCurve, Problem, Soft};
 use form::{Folds, pilots};
 use lag::Lag;
@@ -434,18 +434,4 @@ fn shared_kpa(course: &Course, without: &[Option<Problem>; READING_FOLDS], taxel
 fn spread(kpa: &[f64]) -> f64 {
     let middle = mean(kpa.iter().copied());
     mean(kpa.iter().map(|p| (p - middle).powi(2))).sqrt()
-}
-
-/// The value below which this share of them lies, on a straight line between neighbours; NaN of nothing.
-fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
-    let Some(last) = values.len().checked_sub(1) else { return f64::NAN };
-    let place = share * last as f64;
-    let k = (place as usize).min(last);
-    let (_, at, above) = values.select_nth_unstable_by(k, f64::total_cmp);
-    let (at, next) = (*at, above.iter().copied().fold(f64::INFINITY, f64::min));
-    if next.is_finite() { at + (next - at) * (place - k as f64) } else { at }
-}
-
-fn median(values: Vec<f64>) -> f64 {
-    quantile(values, 0.5)
 }

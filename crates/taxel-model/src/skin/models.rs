@@ -118,7 +118,7 @@ impl SkinFit {
     fn polynomial(&self, counts: &[f64], options: &FitOptions) -> TaxelModel {
         let of_group = |scans: &[usize]| {
             let known = scans.iter().filter_map(|scan| counts.get(self.course.order[*scan])).filter(|c| c.is_finite());
-            super::mean(known.copied())
+            super::course::mean(known.copied())
         };
         let groups = self.course.groups.iter().filter(|group| group.on_curve);
         let (counts, kpa): (Vec<f64>, Vec<f64>) = groups.map(|group| (of_group(&group.scans), group.kpa)).unzip();

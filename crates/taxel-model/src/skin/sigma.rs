@@ -158,6 +158,6 @@ impl SigmaByReading {
     /// Its median over the range, kPa.
     #[must_use]
     pub fn median_kpa(&self) -> f64 {
-        super::median(self.sigma_kpa.to_vec())
+        super::course::median(self.sigma_kpa.to_vec())
     }
 }
