@@ -28,7 +28,7 @@ pub fn start() -> anyhow::Result<(SocketAddr, Receiver<PumpCommand>)> {
     let (to, commands) = channel();
     runtime::start("sim-drive", move || {
         for stream in listener.incoming().flatten() {
-            // Whoever it was is gone, and so is whatever held the pressure.
+            // The program is gone, and so is what held the pressure.
             if serve(stream, &to).is_err() && to.send(PumpCommand::Vent).is_err() {
                 return;
             }

@@ -1,5 +1,5 @@
 //! The course of a drive: a pump and a valve that calibrate a skin by themselves. Pure: what is seen comes in, what the drive is
-//! told goes out; whoever owns the line calls it twenty times a second.
+//! told goes out. The owner of the line calls it twenty times a second.
 //!
 //! `Armed -> SelfTest -> LeakTest -> Tare -> Ramp -> Hold -> (Fall ->) Vent -> (Tare ... ->) Done`, and from each of them
 //! `SafeVent`, from which nothing leads back. The session is an ordinary one of the daemon: the drive only moves the pressure.
@@ -8,128 +8,43 @@
 //! gauge is no pressure.
 
 mod control;
+mod given;
+mod stop;
 mod watch;
 
-use std::fmt;
 use std::time::Duration;
 
+pub use given::{Abilities, Ask, Limits, Order, Phase, Programme, Seen};
+pub use stop::Stop;
+
 use control::Control;
+use stop::{AT_REST_MAX_KPA, LEAK_KPA, LEAK_MAX_KPA_PER_MIN, TEST_KPA};
 use watch::Watch;
 
 /// Before anything is pumped, gauge and drive are waited for so long: a micro board that was just plugged in begins anew.
 const HEARD_WITHIN: Duration = Duration::from_secs(5);
-/// No gauge of a vented bag reads more at the beginning, kPa.
-const AT_REST_MAX_KPA: f64 = 2.0;
 /// Readings that what the gauge reads at rest is the mean of: a second of them.
 const AT_REST_READINGS: u32 = 20;
 /// A bag is vented below this, kPa.
 const VENTED_KPA: f64 = 1.0;
 /// A bag that is not vented after so long does not vent.
 const VENT_WITHIN: Duration = Duration::from_secs(10);
-/// The self-test rises to this, and to this share of it within so long.
-const TEST_KPA: f64 = 5.0;
+/// The self-test reaches this share of its pressure within so long.
 const TEST_SHARE: f64 = 0.8;
 const TEST_WITHIN: Duration = Duration::from_secs(15);
 /// What the self-test may overshoot by, kPa.
 const TEST_OVER_KPA: f64 = 3.0;
 /// A drive's own limit has ended what it held so long after the last command, beyond the limit itself.
 const OWN_LIMIT_SLACK: Duration = Duration::from_secs(4);
-/// The leak is read at this pressure, kPa, after so long, over so long; the most that a bag may lose (kPa/min).
-const LEAK_KPA: f64 = 20.0;
+/// The leak is read after so long, over so long.
 const LEAK_SETTLE: Duration = Duration::from_secs(3);
 const LEAK_OVER: Duration = Duration::from_secs(6);
-const LEAK_MAX_KPA_PER_MIN: f64 = 3.4;
 /// The session has taken its zero within so long.
 const TARE_WITHIN: Duration = Duration::from_secs(120);
 /// A ramp that gets no further for so long does not.
 const STANDS_MAX: Duration = Duration::from_secs(8);
 /// A ramp goes so far beyond the session's target, kPa, so that the session sees it reached.
 const BEYOND_TARGET_KPA: f64 = 0.5;
-
-/// Limits that hold whatever the programme says.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Highest pressure, kPa.
-    pub highest_kpa: f64,
-    /// How long the highest pressure of a ramp is held while the session does not go on.
-    pub hold: Duration,
-    /// How long all of it may last.
-    pub total: Duration,
-}
-
-/// What the drive can do.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Abilities {
-    /// It vents by itself when it has been told nothing for so long.
-    pub own_limit: Option<Duration>,
-    /// It can close the bag with its pump off, so that the leak can be read.
-    pub holds: bool,
-}
-
-/// What is to be done.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Programme {
-    /// Rate of rise and fall, kPa/s.
-    pub kpa_per_s: f64,
-    /// Rises of the session; the bag is vented between them.
-    pub ramps: u32,
-}
-
-/// What the session is at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// There is none yet.
-    None,
-    /// It takes its zero.
-    Taring,
-    /// It gathers samples of a rise.
-    Rising,
-    /// It gathers samples of a fall.
-    Falling,
-    /// It computes models, or waits for what comes next.
-    Over,
-    /// It has ended without models.
-    Failed,
-}
-
-/// What is known at one moment.
-#[derive(Clone, Copy, Debug)]
-pub struct Seen {
-    /// Now, on a clock that does not stand still.
-    pub now: Duration,
-    /// What the bag's gauge read last, kPa below ambient, and how long ago.
-    pub gauge: Option<(f64, Duration)>,
-    /// How long ago the drive answered as it should, with the set point that it was given.
-    pub answer_age: Duration,
-    /// What the session is at.
-    pub phase: Phase,
-    /// Its target, kPa; not read before it rises.
-    pub target_kpa: f64,
-}
-
-/// What the drive is told.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Order {
-    /// This pressure, kPa below ambient.
-    Set(f64),
-    /// Pump off, valve closed.
-    Hold,
-    /// Valve open.
-    Vent,
-    /// Nothing, not even a question: its own limit is tried.
-    Silence,
-}
-
-/// What the session is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ask {
-    /// To begin.
-    Begin,
-    /// Another ramp.
-    Ramp,
-    /// To stop.
-    Abort,
-}
 
 /// Where the course is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -154,135 +69,6 @@ pub enum State {
     Done,
     /// It was ended, and the bag is vented as far as the drive does as it is told.
     SafeVent,
-}
-
-/// Why a course was ended.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Stop {
-    /// Somebody asked for it.
-    Asked(String),
-    /// This program did not run for so long.
-    Held(Duration),
-    /// The gauge has said nothing for so long.
-    GaugeSilent(Duration),
-    /// The drive has not answered for so long, or with another set point than it was given.
-    DriveSilent(Duration),
-    /// The bag is beyond the limit.
-    TooHigh {
-        /// What the gauge reads, kPa.
-        kpa: f64,
-        /// The limit, kPa.
-        highest_kpa: f64,
-    },
-    /// The gauge reads so many kPa above ambient.
-    BelowZero(f64),
-    /// The bag was not vented at the beginning.
-    NotAtRest(f64),
-    /// The pressure rises much faster than it should.
-    TooFast {
-        /// In the last second, kPa/s.
-        kpa_per_s: f64,
-    },
-    /// The bag does not follow the set point.
-    Apart {
-        /// What the gauge reads, kPa.
-        gauge_kpa: f64,
-        /// The set point, kPa.
-        set_kpa: f64,
-    },
-    /// All of it takes longer than it may.
-    TooLong(Duration),
-    /// The self-test did not reach its pressure.
-    NoRise(f64),
-    /// The drive went on when nobody spoke to it: it has no limit of its own.
-    NoOwnLimit(Duration),
-    /// The bag does not vent.
-    NoVent(f64),
-    /// The bag leaks, kPa/min.
-    Leak(f64),
-    /// The session did not take its zero in time.
-    NoZero,
-    /// The session wants more than the drive may give.
-    Target {
-        /// The session's target, kPa.
-        target_kpa: f64,
-        /// The limit, kPa.
-        highest_kpa: f64,
-    },
-    /// The session does not see its target reached.
-    NoTarget(f64),
-    /// The session has ended by itself.
-    Session,
-}
-
-impl fmt::Display for Stop {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Asked(by) => write!(f, "{by} ended it"),
-            Self::Held(held) => write!(f, "this program was held up for {:.1} s", held.as_secs_f64()),
-            Self::GaugeSilent(Duration::MAX) => f.write_str("the bag's gauge says nothing: `taxeld health` says why"),
-            Self::GaugeSilent(age) => {
-                write!(
-                    f,
-                    "the bag's gauge has said nothing for {:.1} s; check its line, then begin anew",
-                    age.as_secs_f64()
-                )
-            }
-            Self::DriveSilent(age) => write!(
-                f,
-                "the drive has not taken a command for {:.1} s; check its line and its supply",
-                age.as_secs_f64()
-            ),
-            Self::TooHigh { kpa, highest_kpa } => write!(f, "the bag is at {kpa:.1} kPa, limit {highest_kpa:.1}"),
-            Self::BelowZero(kpa) => write!(
-                f,
-                "the gauge reads {kpa:.1} kPa: expected pressure below ambient as a positive number; check its sign and reference"
-            ),
-            Self::NotAtRest(kpa) => write!(
-                f,
-                "the bag is not vented: its gauge reads {kpa:.1} kPa, limit {AT_REST_MAX_KPA}; open the valve, then begin anew"
-            ),
-            Self::TooFast { kpa_per_s } => write!(f, "the pressure rises by {kpa_per_s:.1} kPa in a second"),
-            Self::Apart { gauge_kpa, set_kpa } => write!(
-                f,
-                "the bag does not follow the drive: gauge {gauge_kpa:.1} kPa, set point {set_kpa:.1} kPa; is the bag tight, and are both in kPa below ambient?"
-            ),
-            Self::TooLong(limit) => write!(f, "it takes longer than {:.0} s (total_s)", limit.as_secs_f64()),
-            Self::NoRise(kpa) => write!(
-                f,
-                "self-test: the gauge reads {kpa:.1} kPa where {TEST_KPA} were asked for; is the pump on, the bag closed, the gauge this bag's?"
-            ),
-            Self::NoOwnLimit(limit) => write!(
-                f,
-                "self-test: the drive holds the pressure although it was told nothing for {:.1} s; it has no time limit of its own: \
-                 name another fail_safe",
-                limit.as_secs_f64()
-            ),
-            Self::NoVent(kpa) => {
-                write!(
-                    f,
-                    "the bag does not vent: its gauge reads {kpa:.1} kPa; open the valve by hand and switch the pump off"
-                )
-            }
-            Self::Leak(kpa_per_min) => write!(
-                f,
-                "the bag loses {kpa_per_min:.1} kPa/min at {LEAK_KPA} kPa, limit {LEAK_MAX_KPA_PER_MIN}; seal it"
-            ),
-            Self::NoZero => f.write_str("the session has not taken its zero; does something press on the skin?"),
-            Self::Target { target_kpa, highest_kpa } => write!(
-                f,
-                "the session's target is {target_kpa:.0} kPa, and highest_kpa of the drive is {highest_kpa:.0}; begin anew with --target {:.0}",
-                highest_kpa - 1.0
-            ),
-            Self::NoTarget(kpa) => {
-                write!(
-                    f,
-                    "the session does not see its target reached: the bag stays at {kpa:.1} kPa; is the pump at its end?"
-                )
-            }
-            Self::Session => f.write_str("the session has ended by itself"),
-        }
-    }
 }
 
 /// What a state remembers.
@@ -391,7 +177,7 @@ impl Drive {
         self.leak_kpa_per_min
     }
 
-    /// Ends it: somebody asked for that, or whoever drives it cannot go on.
+    /// Ends it: somebody asked for that, or the line is broken.
     pub fn stop(&mut self, now: Duration, by: impl Into<String>) {
         if !matches!(self.now, Now::Done | Now::SafeVent { .. }) {
             self.enter(now, Now::SafeVent { why: Stop::Asked(by.into()), vented: false });

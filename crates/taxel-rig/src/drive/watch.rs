@@ -3,13 +3,14 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use super::{Limits, Seen, Stop};
+use super::given::{Limits, Seen};
+use super::stop::Stop;
 
 /// A gauge that says nothing new for so long is silent.
 const GAUGE_AGE_MAX: Duration = Duration::from_millis(200);
 /// A drive that has not answered for so long does not.
 const ANSWER_AGE_MAX: Duration = Duration::from_millis(500);
-/// Whoever drives it comes twenty times a second; after so long the bag is another one.
+/// It is called twenty times a second; after so long the bag is another one.
 const HELD_MAX: Duration = Duration::from_secs(2);
 /// Noise of a gauge, and what a regulator overshoots by, kPa.
 const BEYOND_KPA: f64 = 1.0;

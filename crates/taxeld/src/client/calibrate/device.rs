@@ -72,7 +72,7 @@ impl Pump {
         Ok(Self { profile, at, link, lines, begun, answered: begun, said: String::new() })
     }
 
-    /// Asks whoever has to stand beside it.
+    /// Asks the person who has to stand beside it.
     ///
     /// # Errors
     /// Nobody does.
@@ -303,7 +303,7 @@ impl ByDevice<'_> {
     /// Tells of a bag that a program before this one has left.
     async fn look_first(&self) {
         if let Some((kpa, _)) = self.gauge().await.filter(|(kpa, _)| *kpa > FOUND_KPA) {
-            self.screen.tell(&format!("the bag is at {kpa:.1} kPa, left by whoever used it last: venting it first"));
+            self.screen.tell(&format!("the bag is still at {kpa:.1} kPa: venting it first"));
         }
     }
 }
