@@ -209,7 +209,7 @@ fn curve_leg(kpa: &[f64], legs: &[Leg], least: f64) -> Range<usize> {
     let top = |leg: &Leg| kpa[leg.scans.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let rising = || legs.iter().filter(|leg| leg.rising);
     let level = least + HIGH * (rising().map(top).fold(f64::NEG_INFINITY, f64::max) - least);
-    rising().filter(|leg| top(leg) >= level).next_back().map_or(0..kpa.len(), |leg| leg.scans.clone())
+    rising().rfind(|leg| top(leg) >= level).map_or(0..kpa.len(), |leg| leg.scans.clone())
 }
 
 /// Scans of the last seconds before the pressure leaves its level at the beginning of the curve's leg.
