@@ -2,6 +2,8 @@
 //!
 //! Left out: the foil's own stiffness, temperature, a pump that heats up, and any drive's real protocol.
 
+#![allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
