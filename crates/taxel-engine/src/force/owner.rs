@@ -155,7 +155,7 @@ impl Force {
     }
 
     /// Another model set is in use from now on. How the load came that lies on the skin, its plays have not seen.
-    /// `residue_counts` as [`Tables::of_range`] has it, of the zero that holds.
+    /// `residue_counts` as `Tables::of_range` has it, of the zero that holds.
     pub fn set_models(&mut self, set: Arc<ModelSet>, residue_counts: f64) {
         self.residue_counts = residue_counts;
         self.id = Some(Arc::from(set.id.as_str()));
@@ -168,7 +168,7 @@ impl Force {
         self.lacks_models = Reason::new(ReasonCode::NoModelSet, format!("{NO_MODELS}: {why}"));
     }
 
-    /// Another zero was taken, or it was lost: histories begin anew, at rest. `residue_counts` as [`Tables::of_range`] has it.
+    /// Another zero was taken, or it was lost: histories begin anew, at rest. `residue_counts` as `Tables::of_range` has it.
     pub fn set_zero(&mut self, zero: Option<&[TaxelBaseline]>, residue_counts: f64) {
         (self.zero, self.residue_counts) = (zero.map(<[TaxelBaseline]>::to_vec), residue_counts);
         self.taken = self.zero.clone().unwrap_or_default();
