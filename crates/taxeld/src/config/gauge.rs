@@ -8,8 +8,8 @@ use taxel_skin::BusIndex;
 use taxel_wire::reading;
 use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
 
+use super::boards::bus_index;
 use super::file::{BusSection, BusSource, Config};
-use super::patch::bus_index;
 use super::patch_section::{BranchesWord, GaugeSection, PatchSection, ReferenceWord};
 use super::ports;
 use super::problem::Faults;

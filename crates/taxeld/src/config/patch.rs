@@ -8,7 +8,7 @@ use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Outputs, PatchPlan, 
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
 
 use super::array::{Described, describe, grid, pushed};
-use super::boards::boards;
+use super::boards::{boards, bus_index};
 use super::file::{BusSource, Config, beside};
 use super::gauge::{comes_with_scans, gauge};
 use super::limits::{fit_options, gauge_uncertainty, live, session, tare};
@@ -77,16 +77,6 @@ pub fn patch_plan(
         fit,
         patch,
     })
-}
-
-/// The position of a bus.
-pub fn bus_index(config: &Config, key: &str, name: &str, faults: &mut Faults) -> Option<BusIndex> {
-    let position = config.bus.iter().position(|bus| bus.name == name);
-    if position.is_none() {
-        let names = config.bus.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
-        faults.note(key, format!("bus `{name}` is not among the buses: {names}"));
-    }
-    position.and_then(|position| u8::try_from(position).ok()).map(BusIndex)
 }
 
 fn dbc_file(array: &ArraySection, path: &Path, faults: &mut Faults) -> Option<DbcFile> {

@@ -1,16 +1,11 @@
 //! A dial that is read by eye: the operator holds a plateau and types what it shows.
 
-use taxel_proto::v1::{AdvanceSessionRequest, Session, SessionAction, SessionState};
+use taxel_proto::v1::{AdvanceSessionRequest, SessionAction};
 
 use super::follow::Course;
 use crate::client::ask;
 use crate::client::failure::Outcome;
 use crate::client::sessions::advance;
-
-/// Whether the skin has settled, and what the dial shows may be typed.
-pub fn is_due(session: &Session) -> bool {
-    session.state() == SessionState::Ramping && session.typed.as_ref().is_some_and(|typed| typed.settled)
-}
 
 impl Course {
     /// Types what the dial shows, of the script or of whoever is asked. Elsewhere than at a terminal it is typed on the page.

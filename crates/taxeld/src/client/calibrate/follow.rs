@@ -6,7 +6,6 @@ use std::time::Duration;
 use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState};
 use tonic::Streaming;
 
-use super::dial;
 use super::screen::{Screen, bell};
 use crate::client::ask;
 use crate::client::connect::Daemon;
@@ -61,7 +60,7 @@ impl Course {
                     self.interrupt().await?;
                 }
             }
-            if dial::is_due(&self.session) {
+            if may_be_typed(&self.session) {
                 self.type_plateau().await?;
             }
         }
@@ -132,6 +131,11 @@ impl Course {
         }
         Ok(())
     }
+}
+
+/// Whether the skin has settled, and what the dial shows may be typed.
+fn may_be_typed(session: &Session) -> bool {
+    session.state() == SessionState::Ramping && session.typed.as_ref().is_some_and(|typed| typed.settled)
 }
 
 /// Waits for [`QUIET`], and says why nothing can come then; `None` where the daemon runs, and nothing has changed.
