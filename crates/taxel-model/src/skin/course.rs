@@ -1,5 +1,6 @@
 //! The course of the pressure in a recording: its legs, where it rests, and groups of scans at equal pressure.
 
+use super::numbers::mean;
 use std::ops::Range;
 
 /// A leg ends where the pressure has turned by this share of its range.
@@ -148,11 +149,6 @@ impl Course {
     pub fn means(&self, values: &[f64]) -> Vec<f64> {
         self.groups.iter().map(|group| mean(group.scans.iter().map(|scan| values[*scan]))).collect()
     }
-}
-
-pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = values.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
-    sum / n
 }
 
 /// Least value, and width of the range.
