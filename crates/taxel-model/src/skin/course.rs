@@ -1,5 +1,6 @@
 //! The course of the pressure in a recording: its legs, where it rests, and groups of scans at equal pressure.
 
+use super::numbers::mean;
 use std::ops::Range;
 
 /// A leg ends where the pressure has turned by this share of its range.
@@ -148,25 +149,6 @@ impl Course {
     pub fn means(&self, values: &[f64]) -> Vec<f64> {
         self.groups.iter().map(|group| mean(group.scans.iter().map(|scan| values[*scan]))).collect()
     }
-}
-
-pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = values.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
-    sum / n
-}
-
-/// The value below which this share of them lies, on a straight line between neighbours; NaN of nothing.
-pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
-    let Some(last) = values.len().checked_sub(1) else { return f64::NAN };
-    let place = share * last as f64;
-    let k = (place as usize).min(last);
-    let (_, at, above) = values.select_nth_unstable_by(k, f64::total_cmp);
-    let (at, next) = (*at, above.iter().copied().fold(f64::INFINITY, f64::min));
-    if next.is_finite() { at + (next - at) * (place - k as f64) } else { at }
-}
-
-pub(super) fn median(values: Vec<f64>) -> f64 {
-    quantile(values, 0.5)
 }
 
 /// Least value, and width of the range.

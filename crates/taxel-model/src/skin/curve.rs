@@ -3,6 +3,7 @@
 use super::course::Course;
 use super::form::{Form, dot, moments};
 use super::least_squares::{Normal, Row};
+use super::numbers::interpolate;
 
 /// Dead zones that a taxel may have, shares of the range.
 const ZONES: [f64; 13] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0];
@@ -201,17 +202,4 @@ impl Soft {
     pub fn read(&self, load: f64) -> f64 {
         interpolate(load, &self.counts, &self.kpa)
     }
-}
-
-/// Between the points `x`, ascending, on straight lines; held beyond.
-pub(super) fn interpolate(at: f64, x: &[f64], y: &[f64]) -> f64 {
-    let next = x.partition_point(|x| *x <= at);
-    if next == 0 {
-        return y[0];
-    }
-    if next == x.len() {
-        return y[next - 1];
-    }
-    let (x0, x1, y0, y1) = (x[next - 1], x[next], y[next - 1], y[next]);
-    y0 + (y1 - y0) * ((at - x0) / (x1 - x0))
 }

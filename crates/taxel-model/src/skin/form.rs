@@ -5,6 +5,7 @@
 
 use super::course::Course;
 use super::least_squares::{NONE_FREE, Normal, Row, UNKNOWNS};
+use super::numbers::{median, spread};
 
 /// Highest order of a curve.
 const ORDER_MAX: usize = 7;
@@ -193,7 +194,7 @@ pub(super) fn choose(course: &Course, pilots: &[&[f64]], free_zero: bool, allow_
     let on_curve = || course.groups.iter().filter(|group| group.on_curve);
     let top = on_curve().map(|group| group.kpa - course.rest_kpa).fold(0.0, f64::max);
     let counts: Vec<Vec<f64>> = pilots.iter().map(|counts| course.of_curve(counts)).collect();
-    let spread: Vec<f64> = counts.iter().map(|counts| variance(counts)).collect();
+    let spread: Vec<f64> = counts.iter().map(|counts| spread(counts).powi(2)).collect();
     let mut distinct: Vec<f64> = on_curve().map(|group| group.kpa).collect();
     distinct.sort_unstable_by(f64::total_cmp);
     distinct.dedup();
@@ -207,7 +208,7 @@ pub(super) fn choose(course: &Course, pilots: &[&[f64]], free_zero: bool, allow_
                 let row = |kpa: f64| form.row_at(kpa - course.rest_kpa, zone * top, top);
                 let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), form.free());
                 let errors = counts.iter().zip(&spread).map(|(counts, spread)| folds.error(counts) / spread);
-                let error = super::course::median(errors.collect());
+                let error = median(errors.collect());
                 match tried.iter_mut().find(|(other, _)| *other == form) {
                     Some((_, least)) => *least = least.min(error),
                     None => tried.push((form, error)),
@@ -225,9 +226,4 @@ pub(super) fn choose(course: &Course, pilots: &[&[f64]], free_zero: bool, allow_
         dead_zone: false,
         free_zero,
     })
-}
-
-fn variance(values: &[f64]) -> f64 {
-    let mean = super::course::mean(values.iter().copied());
-    super::course::mean(values.iter().map(|value| (value - mean).powi(2)))
 }

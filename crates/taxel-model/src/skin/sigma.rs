@@ -1,6 +1,7 @@
 //! How far a reading is off: the noise of the counts by load, and the errors of readings that were left out.
 
 use super::curve::LoadCurve;
+use super::numbers::median;
 
 /// Knots of the uncertainty over the range of the pressure.
 pub(super) const KNOTS: usize = 13;
@@ -158,6 +159,6 @@ impl SigmaByReading {
     /// Its median over the range, kPa.
     #[must_use]
     pub fn median_kpa(&self) -> f64 {
-        super::course::median(self.sigma_kpa.to_vec())
+        median(self.sigma_kpa.to_vec())
     }
 }

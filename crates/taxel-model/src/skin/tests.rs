@@ -1,3 +1,4 @@
+use super::super::form::Warp;
 use super::*;
 use crate::OneByOne;
 

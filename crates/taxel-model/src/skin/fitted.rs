@@ -1,7 +1,11 @@
 //! A fitted skin as models: curves as points over raw counts, and beside them the paper's polynomial.
 
-use super::lag::RADII;
-use super::{FittedTaxel, SkinFit};
+use super::course::Course;
+use super::curve::{LoadCurve, Soft};
+use super::form::Form;
+use super::lag::{RADII, SCANS};
+use super::numbers::mean;
+use super::sigma::SigmaByReading;
 use crate::model::{Quality, Sign, TaxelModel};
 use crate::options::{Estimator, FitOptions, Shape};
 use crate::plays::Plays;
@@ -16,6 +20,42 @@ const SIGMA_STEPS: usize = 64;
 /// Of a normal distribution 95 % lie within so many standard deviations.
 const WITHIN_95: f64 = 1.96;
 
+/// Loads below this share of the range are none.
+pub(super) const LOADED: f64 = 0.02;
+
+/// A calibrated skin.
+#[derive(Debug)]
+pub struct SkinFit {
+    /// The form of its curves.
+    pub form: Form,
+    /// Least and greatest calibrated pressure, kPa.
+    pub range_kpa: [f64; 2],
+    /// What the readings of light loads have in common by which they are off, kPa; `None` where nothing tells.
+    pub shared_kpa: Option<f64>,
+    /// Whether the unloaded skin was seen, so that its zeros are known.
+    pub zero_known: bool,
+    /// Left-out error with plays over that without; `None` without a fall.
+    pub plays_error_ratio: Option<f64>,
+    pub(super) taxels: Vec<Result<FittedTaxel, Status>>,
+    pub(super) course: Course,
+}
+
+/// One taxel of a calibrated skin.
+#[derive(Clone, Debug)]
+pub(super) struct FittedTaxel {
+    pub(super) status: Status,
+    /// +1 where counts rise with pressure, else -1.
+    pub(super) sign: f64,
+    pub(super) zero_counts: f64,
+    pub(super) noise_counts: f64,
+    pub(super) swing_counts: f64,
+    pub(super) curve: LoadCurve,
+    pub(super) soft: Option<Soft>,
+    pub(super) plays_kpa: Option<[f64; 4]>,
+    pub(super) sigma: SigmaByReading,
+    pub(super) error_kpa: f64,
+}
+
 impl SkinFit {
     /// How many taxels there are.
     #[must_use]
@@ -26,7 +66,7 @@ impl SkinFit {
     /// Mean count and noise of the unloaded taxel; `None` where no unloaded skin was seen.
     #[must_use]
     pub fn zero(&self, taxel: usize) -> Option<(f64, f64)> {
-        let unloaded = self.zero_known && self.course.rest_kpa.abs() <= super::LOADED * self.range_kpa[1];
+        let unloaded = self.zero_known && self.course.rest_kpa.abs() <= LOADED * self.range_kpa[1];
         let taxel = self.taxels.get(taxel)?.as_ref().ok().filter(|_| unloaded)?;
         Some((taxel.zero_counts, taxel.noise_counts))
     }
@@ -34,7 +74,7 @@ impl SkinFit {
     /// Scans over whose mean plays follow.
     #[must_use]
     pub const fn play_scans(&self) -> usize {
-        super::lag::SCANS
+        SCANS
     }
 
     /// Counts per kPa of a taxel in use, over its swing.
@@ -118,7 +158,7 @@ impl SkinFit {
     fn polynomial(&self, counts: &[f64], options: &FitOptions) -> TaxelModel {
         let of_group = |scans: &[usize]| {
             let known = scans.iter().filter_map(|scan| counts.get(self.course.order[*scan])).filter(|c| c.is_finite());
-            super::course::mean(known.copied())
+            mean(known.copied())
         };
         let groups = self.course.groups.iter().filter(|group| group.on_curve);
         let (counts, kpa): (Vec<f64>, Vec<f64>) = groups.map(|group| (of_group(&group.scans), group.kpa)).unzip();

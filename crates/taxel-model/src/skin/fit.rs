@@ -1,0 +1,379 @@
+//! The fit from end to end: what all taxels share, then taxel by taxel.
+
+use super::course::{Course, Group, READING_FOLDS};
+use super::curve::{LoadCurve, Problem};
+use super::fitted::{FittedTaxel, LOADED, SkinFit};
+use super::form::{self, Folds, Form, pilots};
+use super::lag::{self, Lag};
+use super::numbers::{mean, median, quantile, spread};
+use super::sigma::{Moments, Noise, PRIOR_GROUPS, SigmaByReading, Variance};
+use crate::status::Status;
+use crate::workers::{Workers, map};
+use thiserror::Error;
+
+/// Fewer falling groups tell no hysteresis.
+const FALLING_GROUPS_MIN: usize = 21;
+
+/// A taxel in use has at least this share of the median swing ...
+const SWING_MIN: f64 = 0.25;
+
+/// ... and at most this multiple of the median error.
+const ERROR_MAX: f64 = 2.5;
+
+/// A reading that is off by this share of the standard deviation of the pressures says nothing.
+const SAYS_NOTHING: f64 = 0.8;
+
+/// So many unloaded scans give a zero.
+const REST_SCANS_MIN: usize = 10;
+
+/// A taxel shows its load above this multiple of its noise.
+const SHOWN: f64 = 1.4;
+
+/// Light loads, shares of the range, where what the curves have in common shows.
+const LIGHT: [f64; 2] = [0.015, 0.15];
+
+/// The soft inverse is taken where it lowers the left-out error to this share.
+const SOFT_GAIN: f64 = 0.95;
+
+/// A curve that spans less than this share of its taxel's swing goes through noise: the others' noise is told without it.
+const SPAN_MIN: f64 = 0.25;
+
+/// A taxel without more than this share of the scans is not fitted.
+const MISSING_MAX: f64 = 0.3;
+
+/// Why a recording cannot be fitted.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum SkinError {
+    /// Two pressures leave nothing to tell an error by.
+    #[error("the recording has {distinct} distinct pressures in `pressure_kpa`: a fit needs 3 and more")]
+    TooFewPressures {
+        /// How many there are.
+        distinct: usize,
+    },
+    /// No count changes.
+    #[error("no taxel moves: all counts stay the same while the pressure goes from {from_kpa} to {to_kpa} kPa")]
+    NothingMoves {
+        /// Least pressure, kPa.
+        from_kpa: f64,
+        /// Greatest pressure, kPa.
+        to_kpa: f64,
+    },
+    /// There is no leg to fit a curve to.
+    #[error(
+        "the pressure never stays above the {rest_kpa} kPa at which the recording begins: expected a rise from the unloaded skin"
+    )]
+    NoRise {
+        /// Pressure before the rise, kPa.
+        rest_kpa: f64,
+    },
+}
+
+/// What is seen of a taxel before anything is fitted.
+struct Seen {
+    sign: f64,
+    zero_counts: f64,
+    noise_counts: f64,
+    swing: f64,
+    /// Mean load counts, one a group.
+    groups: Vec<f64>,
+}
+
+/// What a curve leaves of a taxel's counts.
+struct Curved {
+    curve: LoadCurve,
+    of_scans: Moments,
+    of_groups: Moments,
+    rms_counts: f64,
+    /// Counts that the moments are shares of.
+    span: f64,
+    is_noise: bool,
+}
+
+/// Fits a skin: `time_s` and `pressure_kpa` have an entry a scan, `counts` a column a taxel. What is missing is NaN. Hysteresis
+/// is compensated where that is asked for, shows, and wins.
+///
+/// # Errors
+/// [`SkinError`]. A taxel that cannot be fitted is no error: its status says why.
+pub fn fit(
+    time_s: &[f64],
+    pressure_kpa: &[f64],
+    counts: &[&[f64]],
+    hysteresis: bool,
+    workers: &dyn Workers,
+) -> Result<SkinFit, SkinError> {
+    let course = Course::new(time_s, pressure_kpa).map_err(|distinct| SkinError::TooFewPressures { distinct })?;
+    let seen = map(workers, counts.len(), |taxel| see(&course, counts[taxel]));
+    let range_kpa = course.kpa.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)]);
+    let swings = seen.iter().flatten().map(|seen| seen.swing).filter(|swing| *swing > 0.0);
+    let swing_min = SWING_MIN * median(swings.collect());
+    let moves = |taxel: &usize| seen[*taxel].as_ref().is_ok_and(|s| s.swing > 0.0 && s.swing >= swing_min);
+    let moving: Vec<usize> = (0..counts.len()).filter(moves).collect();
+    if moving.is_empty() {
+        return Err(SkinError::NothingMoves { from_kpa: range_kpa[0], to_kpa: range_kpa[1] });
+    }
+    let zero_known = course.rest.len() >= REST_SCANS_MIN;
+    let pilots = pilots(&moving);
+    let groups: Vec<&[f64]> =
+        pilots.iter().filter_map(|taxel| Some(seen[*taxel].as_ref().ok()?.groups.as_slice())).collect();
+    let form = form::choose(&course, &groups, !zero_known, zero_known && !course.plateaus);
+    let Some(whole) = Problem::new(form, &course, |_| true) else {
+        return Err(SkinError::NoRise { rest_kpa: course.rest_kpa });
+    };
+    let without = |k: usize| Problem::new(form, &course, |group| course.reading_fold(group) != k);
+    let falling = course.groups.iter().filter(|group| !group.rising).count();
+    let fit = Fit {
+        whole,
+        without: std::array::from_fn(without),
+        falls: hysteresis && falling >= FALLING_GROUPS_MIN,
+        range_kpa,
+        zero_known,
+        swing_min,
+        course,
+        form,
+        counts,
+        seen,
+    };
+    Ok(fit.run(&moving, &pilots, workers))
+}
+
+/// What is seen of a column.
+fn see(course: &Course, counts: &[f64]) -> Result<Seen, Status> {
+    let column = course.column(counts, MISSING_MAX).map_err(|share| match share {
+        share if share < 1.0 => Status::Missing { share },
+        _ => Status::NoData,
+    })?;
+    let (mean_kpa, mean_count) = (mean(course.kpa.iter().copied()), mean(column.iter().copied()));
+    let cross: f64 = course.kpa.iter().zip(&column).map(|(p, c)| (p - mean_kpa) * (c - mean_count)).sum();
+    let sign = if cross < 0.0 { -1.0 } else { 1.0 };
+    let at_rest = || course.rest.iter().map(|scan| column[*scan]);
+    let zero_counts = mean(at_rest());
+    let noise_counts = mean(at_rest().map(|count| (count - zero_counts).powi(2))).sqrt();
+    let load: Vec<f64> = column.iter().map(|count| sign * (count - zero_counts)).collect();
+    let groups = course.means(&load);
+    Ok(Seen { sign, zero_counts, noise_counts, swing: quantile(load, 0.998).max(0.0), groups })
+}
+
+/// How the counts of a skin are read.
+struct ReadingChoice {
+    /// With plays.
+    plays: bool,
+    /// By the soft inverse.
+    soft: bool,
+    plays_error_ratio: Option<f64>,
+}
+
+/// A fit as far as all taxels share it.
+struct Fit<'a> {
+    course: Course,
+    form: Form,
+    counts: &'a [&'a [f64]],
+    seen: Vec<Result<Seen, Status>>,
+    whole: Problem,
+    /// The problem without each fold of groups; `None` if what is left does not carry a curve.
+    without: [Option<Problem>; READING_FOLDS],
+    falls: bool,
+    range_kpa: [f64; 2],
+    zero_known: bool,
+    swing_min: f64,
+}
+
+impl Fit<'_> {
+    fn run(self, moving: &[usize], pilots: &[usize], workers: &dyn Workers) -> SkinFit {
+        let curved: Vec<Option<Curved>> = map(workers, self.counts.len(), |taxel| self.curve(taxel));
+        let pooled = |of: fn(&Curved) -> &Moments| {
+            let mut sums = Moments::default();
+            let clear = moving.iter().filter_map(|taxel| curved[*taxel].as_ref()).filter(|curved| !curved.is_noise);
+            clear.for_each(|curved| sums.add(of(curved)));
+            sums.variance()
+        };
+        let shapes = [pooled(|curved| &curved.of_scans), pooled(|curved| &curved.of_groups)];
+        let reading = self.choose_reading(pilots, &curved, workers);
+        let taxels = map(workers, self.counts.len(), |taxel| {
+            let seen = self.seen[taxel].as_ref().map_err(|status| *status)?;
+            let curved = curved[taxel].as_ref().ok_or(Status::Dead { count: seen.zero_counts })?;
+            Ok(self.taxel(taxel, seen, curved, shapes, &reading))
+        });
+        let mut fit = SkinFit {
+            form: self.form,
+            range_kpa: self.range_kpa,
+            shared_kpa: None,
+            zero_known: self.zero_known,
+            plays_error_ratio: reading.plays_error_ratio,
+            taxels: Vec::new(),
+            course: self.course,
+        };
+        fit.taxels = judged(taxels, self.swing_min, spread(&fit.course.kpa), fit.course.kpa.len() as u64);
+        let in_use = |taxel: &usize| fit.taxels[*taxel].as_ref().is_ok_and(|taxel| taxel.status.is_ok());
+        let used: Vec<(&[f64], f64)> = (0..fit.taxels.len())
+            .filter(in_use)
+            .filter_map(|taxel| {
+                Some((self.seen[taxel].as_ref().ok()?.groups.as_slice(), fit.taxels[taxel].as_ref().ok()?.noise_counts))
+            })
+            .collect();
+        fit.shared_kpa = shared_kpa(&fit.course, &self.without, &used);
+        fit
+    }
+
+    /// A taxel's load counts, in the order of the course.
+    fn load(&self, taxel: usize, seen: &Seen) -> Vec<f64> {
+        let column = self.course.column(self.counts[taxel], MISSING_MAX).unwrap_or_default();
+        column.iter().map(|count| seen.sign * (count - seen.zero_counts)).collect()
+    }
+
+    /// The curve of a taxel that moves, and what it leaves in counts.
+    fn curve(&self, taxel: usize) -> Option<Curved> {
+        let seen = self.seen[taxel].as_ref().ok().filter(|seen| seen.swing > 0.0)?;
+        let curve = self.whole.fit(&seen.groups);
+        let on_curve = || self.course.groups.iter().filter(|group| group.on_curve);
+        let row = |kpa: f64| self.whole.row(kpa, curve.zone_kpa);
+        let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), self.form.free());
+        let left = folds.residuals(&self.course.of_curve(&seen.groups));
+        let span = curve.span().max(SPAN_MIN * seen.swing);
+        let at = |kpa: f64| curve.counts_at(kpa);
+        let of_groups = Moments::of(left.iter().zip(on_curve()).map(|(r, g)| (*r, at(g.kpa))), span);
+        let load = self.load(taxel, seen);
+        let scans = on_curve().flat_map(|group| &group.scans);
+        let residual = |scan: &usize| {
+            let u = at(self.course.kpa[*scan]);
+            (load[*scan] - u, u)
+        };
+        let of_scans = Moments::of(scans.map(residual), span);
+        let rms_counts = of_scans.mean_square().max(of_groups.mean_square()).sqrt() * span;
+        let is_noise = curve.span() < span;
+        Some(Curved { curve, of_scans, of_groups, rms_counts, span, is_noise })
+    }
+
+    /// Plays, and the soft inverse, if they err less on scans that were left out.
+    fn choose_reading(&self, pilots: &[usize], curved: &[Option<Curved>], workers: &dyn Workers) -> ReadingChoice {
+        let from = self.range_kpa[0] + LOADED * (self.range_kpa[1] - self.range_kpa[0]);
+        let error = |plays: bool, soft: bool| {
+            let squares = map(workers, pilots.len(), |i| {
+                let clear = curved[pilots[i]].as_ref().filter(|curved| !curved.is_noise);
+                let (Ok(seen), Some(curved)) = (&self.seen[pilots[i]], clear) else { return 0.0 };
+                let load = self.load(pilots[i], seen);
+                let lags = plays.then(|| lag::lags(&load, seen.swing));
+                let readings = self.left_out(seen, &load, lags.as_deref(), soft.then_some(curved.rms_counts));
+                let errors = readings.iter().zip(&self.course.kpa).filter(|(r, p)| r.is_finite() && **p > from);
+                errors.map(|(r, p)| (r - p).powi(2)).sum()
+            });
+            squares.iter().sum::<f64>().sqrt()
+        };
+        let alone = error(false, false);
+        let with_plays = self.falls.then(|| error(true, false));
+        let plays = with_plays.is_some_and(|with| with < alone);
+        let plain = if plays { with_plays.unwrap_or(alone) } else { alone };
+        let plays_error_ratio = with_plays.map(|with| with / alone).filter(|ratio| ratio.is_finite());
+        ReadingChoice { plays, soft: error(plays, true) < SOFT_GAIN * plain, plays_error_ratio }
+    }
+
+    /// The weights of the plays about a curve, from the falling groups that are chosen.
+    fn plays(&self, curve: &LoadCurve, seen: &Seen, lags: &[Lag], chosen: impl Fn(usize) -> bool) -> [f64; 4] {
+        let falling = self.course.groups.iter().enumerate().filter(|(g, group)| !group.rising && chosen(*g));
+        lag::weights(
+            falling.map(|(g, group)| {
+                (group.weight, lag::mean(lags, &group.scans), curve.inverse(seen.groups[g]) - group.kpa)
+            }),
+        )
+    }
+
+    /// Each scan read by a fit without its fold of groups, kPa; NaN for scans of no group.
+    fn left_out(&self, seen: &Seen, load: &[f64], lags: Option<&[Lag]>, soft: Option<f64>) -> Vec<f64> {
+        let mut readings = vec![f64::NAN; load.len()];
+        for (k, problem) in self.without.iter().enumerate() {
+            let Some(problem) = problem else { continue };
+            let curve = problem.fit(&seen.groups);
+            let plays = lags.map(|lags| (lags, self.plays(&curve, seen, lags, |g| self.course.reading_fold(g) != k)));
+            let soft = soft.map(|sigma| curve.soft(sigma));
+            let own = |(g, _): &(usize, &Group)| self.course.reading_fold(*g) == k;
+            for (_, group) in self.course.groups.iter().enumerate().filter(own) {
+                for scan in &group.scans {
+                    let kpa = soft.as_ref().map_or_else(|| curve.read(load[*scan]), |soft| soft.read(load[*scan]));
+                    let taken = plays.as_ref().map_or(0.0, |(lags, weights)| lag::taken_kpa(&lags[*scan], weights));
+                    readings[*scan] = kpa - taken;
+                }
+            }
+        }
+        readings
+    }
+
+    fn taxel(
+        &self,
+        taxel: usize,
+        seen: &Seen,
+        curved: &Curved,
+        shapes: [Variance; 2],
+        reading: &ReadingChoice,
+    ) -> FittedTaxel {
+        let load = self.load(taxel, seen);
+        let lags = reading.plays.then(|| lag::lags(&load, seen.swing));
+        let soft = reading.soft.then_some(curved.rms_counts);
+        let readings = self.left_out(seen, &load, lags.as_deref(), soft);
+        let pairs = || readings.iter().copied().zip(self.course.kpa.iter().copied());
+        let squares = pairs().filter(|(r, _)| r.is_finite()).map(|(r, p)| (r - p).powi(2));
+        let curve = &curved.curve;
+        let noise = Noise::new(curved.span, (&curved.of_scans, shapes[0]), (&curved.of_groups, shapes[1]));
+        let prior_scans = PRIOR_GROUPS * load.len() as f64 / self.course.groups.len() as f64;
+        FittedTaxel {
+            status: Status::Ok,
+            sign: seen.sign,
+            zero_counts: seen.zero_counts,
+            noise_counts: if self.zero_known { seen.noise_counts } else { curved.rms_counts },
+            swing_counts: seen.swing,
+            soft: soft.map(|sigma| curve.soft(sigma)),
+            plays_kpa: lags.map(|lags| self.plays(curve, seen, &lags, |_| true)),
+            sigma: SigmaByReading::new(curve, &noise, self.range_kpa, pairs(), prior_scans),
+            error_kpa: mean(squares).sqrt(),
+            curve: curve.clone(),
+        }
+    }
+}
+
+/// The taxels with their status: by swing, and by error beside that of the others and the `spread` of the pressures.
+fn judged(
+    mut taxels: Vec<Result<FittedTaxel, Status>>,
+    swing_min: f64,
+    spread_kpa: f64,
+    samples: u64,
+) -> Vec<Result<FittedTaxel, Status>> {
+    let moving = |taxel: &&FittedTaxel| taxel.swing_counts >= swing_min;
+    let errors = taxels.iter().flatten().filter(moving).map(|taxel| taxel.error_kpa);
+    let limit_kpa = (ERROR_MAX * median(errors.collect())).min(SAYS_NOTHING * spread_kpa);
+    for taxel in taxels.iter_mut().flatten() {
+        let (swing_counts, rmse_kpa) = (taxel.swing_counts, taxel.error_kpa);
+        if swing_counts < swing_min {
+            taxel.status = Status::InsufficientSwing { swing_counts, needed_counts: swing_min };
+        } else if rmse_kpa.is_nan() {
+            taxel.status = Status::Unproven { samples };
+            taxel.error_kpa = 0.0;
+        } else if rmse_kpa > limit_kpa {
+            taxel.status = Status::PoorFit { rmse_kpa, limit_kpa };
+        }
+    }
+    taxels
+}
+
+/// Root mean square over light groups of what the taxels' left-out readings have in common. Of each taxel its counts, one a
+/// group, and its noise: of those that show their load.
+fn shared_kpa(course: &Course, without: &[Option<Problem>; READING_FOLDS], taxels: &[(&[f64], f64)]) -> Option<f64> {
+    let width = course.groups.iter().filter(|g| g.on_curve).map(|g| g.kpa).fold(0.0, f64::max) - course.rest_kpa;
+    let is_light = |kpa: f64| kpa > LIGHT[0] * width && kpa < LIGHT[1] * width;
+    let mut sums = vec![(0.0, 0.0); course.groups.len()];
+    for (k, problem) in without.iter().enumerate() {
+        let Some(problem) = problem else { continue };
+        for (counts, noise) in taxels {
+            let curve = problem.fit(counts);
+            for (g, group) in course.groups.iter().enumerate() {
+                let light = course.reading_fold(g) == k && group.on_curve;
+                if light && is_light(group.kpa - course.rest_kpa) && counts[g] > SHOWN * noise {
+                    sums[g] = (sums[g].0 + curve.read(counts[g]) - group.kpa, sums[g].1 + 1.0);
+                }
+            }
+        }
+    }
+    let means: Vec<f64> = sums.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| (sum / n).powi(2)).collect();
+    (!means.is_empty()).then(|| mean(means.into_iter()).sqrt())
+}
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;
