@@ -3,7 +3,7 @@
 //! - [`Talk`]: what is asked of one, and what its bytes say.
 //! - [`Template`]: where in a line of text the pressure is, and in which unit; [`Lines`]: from bytes to lines.
 //! - [`modbus`]: a register.
-//! - [`drive`]: the course of a pump that calibrates by itself; [`profile`]: what such a drive is told in lines of text.
+//! - [`drive`]: the procedure of a pump that calibrates by itself; [`profile`]: what such a drive is told in lines of text.
 
 pub mod drive;
 mod lines;

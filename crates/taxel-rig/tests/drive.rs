@@ -1,4 +1,4 @@
-//! The course of a drive against a simulated rig: bag, pump, valve, regulator, gauge, line, session, each with faults.
+//! The procedure of a drive against a simulated rig: bag, pump, valve, regulator, gauge, line, session, each with faults.
 //!
 //! Left out: the foil's own stiffness, temperature, a pump that heats up, and any drive's real protocol.
 
@@ -234,7 +234,7 @@ impl Session {
     }
 }
 
-struct Course {
+struct Procedure {
     /// When it was ended, and when the bag was vented after that.
     ended: Option<Duration>,
     vented: Option<Duration>,
@@ -246,10 +246,11 @@ struct Course {
     rise: Vec<(f64, f64)>,
     kpa: f64,
     ramps: u32,
+    phase: Phase,
     rig: Rig,
 }
 
-fn run(seed: u64, programme: Programme, both: bool, fault: Option<(Fault, Duration)>, until: Duration) -> Course {
+fn run(seed: u64, programme: Programme, both: bool, fault: Option<(Fault, Duration)>, until: Duration) -> Procedure {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut rig = Rig::new(&mut random, fault);
     let abilities = Abilities { own_limit: rig.own_limit, holds: true };
@@ -283,23 +284,23 @@ fn run(seed: u64, programme: Programme, both: bool, fault: Option<(Fault, Durati
             vented = vented.or((rig.kpa < 1.0).then_some(now));
         }
     }
-    Course { ended, vented, state, drive, highest_kpa, rise, kpa: rig.kpa, ramps: session.ramps, rig }
+    Procedure { ended, vented, state, drive, highest_kpa, rise, kpa: rig.kpa, ramps: session.ramps, phase, rig }
 }
 
 #[test]
 fn a_course_rises_at_its_rate_and_comes_to_its_end() {
     for seed in 0..200 {
         let ramps = if seed % 10 == 0 { 3 } else { 1 };
-        let course = run(seed, Programme { ramps, ..PROGRAMME }, seed % 2 == 0, None, Duration::from_secs(590));
-        let rig = &course.rig;
-        assert_eq!(course.drive.state(), State::Done, "seed {seed}: {:?} {rig:?}", course.drive.stopped());
-        assert_eq!(course.ramps, ramps, "seed {seed}");
-        assert!(course.highest_kpa < TARGET_KPA + 1.5, "seed {seed}: {} kPa {rig:?}", course.highest_kpa);
+        let procedure = run(seed, Programme { ramps, ..PROGRAMME }, seed % 2 == 0, None, Duration::from_secs(590));
+        let rig = &procedure.rig;
+        assert_eq!(procedure.drive.state(), State::Done, "seed {seed}: {:?} {rig:?}", procedure.drive.stopped());
+        assert_eq!(procedure.ramps, ramps, "seed {seed}");
+        assert!(procedure.highest_kpa < TARGET_KPA + 1.5, "seed {seed}: {} kPa {rig:?}", procedure.highest_kpa);
         let (from, to) =
-            (course.rise.iter().find(|(_, kpa)| *kpa > 10.0), course.rise.iter().find(|(_, kpa)| *kpa > 65.0));
+            (procedure.rise.iter().find(|(_, kpa)| *kpa > 10.0), procedure.rise.iter().find(|(_, kpa)| *kpa > 65.0));
         let rate = 55.0 / (to.unwrap().0 - from.unwrap().0);
         assert!((rate - 1.0).abs() < 0.05, "seed {seed}: {rate} kPa/s {rig:?}");
-        let leak = course.drive.leak_kpa_per_min().unwrap();
+        let leak = procedure.drive.leak_kpa_per_min().unwrap();
         assert!((leak - 60.0 * rig.leak_per_s * 20.0).abs() < 2.5, "seed {seed}: {leak} kPa/min {rig:?}");
     }
 }
@@ -312,27 +313,29 @@ fn after_a_fault_the_bag_is_vented_and_no_limit_is_exceeded() {
         for seed in 0..200 {
             let mut random = ChaCha8Rng::seed_from_u64(1_000 + seed);
             let at = Duration::from_millis(random.random_range(500..100_000));
-            let course = run(seed, PROGRAMME, seed % 2 == 0, Some((fault, at)), Duration::from_secs(700));
+            let procedure = run(seed, PROGRAMME, seed % 2 == 0, Some((fault, at)), Duration::from_secs(700));
             let context =
-                || format!("{fault:?} at {at:?}, seed {seed}: {:?}\n{:?}", course.drive.stopped(), course.rig);
+                || format!("{fault:?} at {at:?}, seed {seed}: {:?}\n{:?}", procedure.drive.stopped(), procedure.rig);
             assert!(
-                matches!(course.drive.state(), State::Done | State::SafeVent),
+                matches!(procedure.drive.state(), State::Done | State::SafeVent),
                 "{:?} {}",
-                course.drive.state(),
+                procedure.drive.state(),
                 context()
             );
             // A gauge that reads half shows the limit at twice the pressure; all else is within noise and overshoot of it.
             let highest =
                 if fault == Fault::GaugeHalf || fault == Fault::GaugeLags { 95.0 } else { LIMITS.highest_kpa + 3.0 };
-            assert!(course.highest_kpa < highest, "{} kPa, {}", course.highest_kpa, context());
-            assert!(course.kpa < 1.0, "not vented: {} kPa, {}", course.kpa, context());
-            let (Some(ended), Some(vented)) = (course.ended, course.vented) else {
+            assert!(procedure.highest_kpa < highest, "{} kPa, {}", procedure.highest_kpa, context());
+            let phase = procedure.phase;
+            assert!(!matches!(phase, Phase::Taring | Phase::Rising | Phase::Falling), "{phase:?} {}", context());
+            assert!(procedure.kpa < 1.0, "not vented: {} kPa, {}", procedure.kpa, context());
+            let (Some(ended), Some(vented)) = (procedure.ended, procedure.vented) else {
                 done += 1;
                 continue;
             };
             venting = venting.max(vented - ended);
             if ended.saturating_sub(at) > slowest.0 {
-                slowest = (ended - at, seed, course.state, course.drive.stopped().unwrap().0.to_string());
+                slowest = (ended - at, seed, procedure.state, procedure.drive.stopped().unwrap().0.to_string());
             }
         }
         println!(

@@ -184,7 +184,7 @@ fn twelve_typed_plateaus_are_as_good_as_a_ramp_to_one_point() {
 
 /// The figures: `cargo test -p taxel-engine --test scenarios typed::figures -- --ignored --nocapture`.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "takes minutes and prints figures: cargo test -p taxel-engine --test scenarios -- --ignored --nocapture typed::figures"]
 fn figures() {
     for (what, plateaus) in [("ramp", None), ("8", Some(8)), ("12", Some(12)), ("20", Some(20))] {
         let (errors, held): (Vec<f64>, Vec<f64>) = (1..=5).map(|seed| weighed(seed, plateaus)).unzip();

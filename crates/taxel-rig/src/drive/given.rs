@@ -1,4 +1,4 @@
-//! What a course is given, and what it gives.
+//! What a procedure is given, and what it gives.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! The course of a drive: a pump and a valve that calibrate a skin by themselves. Pure: what is seen comes in, what the drive is
+//! The procedure of a drive: a pump and a valve that calibrate a skin by themselves. Pure: what is seen comes in, what the drive is
 //! told goes out. The owner of the line calls it twenty times a second.
 //!
 //! `Armed -> SelfTest -> LeakTest -> Tare -> Ramp -> Hold -> (Fall ->) Vent -> (Tare ... ->) Done`, and from each of them
@@ -46,7 +46,7 @@ const STANDS_MAX: Duration = Duration::from_secs(8);
 /// A ramp goes so far beyond the session's target, kPa, so that the session sees it reached.
 const BEYOND_TARGET_KPA: f64 = 0.5;
 
-/// Where the course is.
+/// Where the procedure is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// The bag is vented; what the gauge reads is taken for zero.
@@ -87,7 +87,7 @@ enum Now {
     Fall(Control),
     Vent,
     Done,
-    SafeVent { why: Stop, vented: bool },
+    SafeVent { why: Stop, vented: bool, aborted: bool },
 }
 
 /// The slope of a straight line through readings, by least squares.
@@ -112,7 +112,7 @@ impl Slope {
     }
 }
 
-/// A drive in its course.
+/// A drive in its procedure.
 #[derive(Clone, Debug)]
 pub struct Drive {
     limits: Limits,
@@ -128,7 +128,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// A course that begins now, with a bag that should be vented. A process that was killed may have left it otherwise: so the
+    /// A procedure that begins now, with a bag that should be vented. A process that was killed may have left it otherwise: so the
     /// first thing is to vent.
     #[must_use]
     pub fn new(now: Duration, limits: Limits, abilities: Abilities, programme: Programme) -> Self {
@@ -166,7 +166,7 @@ impl Drive {
     #[must_use]
     pub const fn stopped(&self) -> Option<(&Stop, bool)> {
         match &self.now {
-            Now::SafeVent { why, vented } => Some((why, *vented)),
+            Now::SafeVent { why, vented, .. } => Some((why, *vented)),
             _ => None,
         }
     }
@@ -180,25 +180,26 @@ impl Drive {
     /// Ends it: somebody asked for that, or the line is broken.
     pub fn stop(&mut self, now: Duration, by: impl Into<String>) {
         if !matches!(self.now, Now::Done | Now::SafeVent { .. }) {
-            self.enter(now, Now::SafeVent { why: Stop::Asked(by.into()), vented: false });
+            self.safe_vent(now, Stop::Asked(by.into()));
         }
     }
 
     /// What is to be done now. To be called every 50 ms, and each order goes out, also the same one again: so a drive with a
     /// limit of its own hears that somebody is there.
     pub fn step(&mut self, seen: &Seen) -> (Order, Option<Ask>) {
-        if let Now::SafeVent { vented, .. } = &mut self.now {
-            let read = seen.gauge.filter(|(_, age)| *age < Duration::from_secs(1));
-            *vented |= read.is_some_and(|(kpa, _)| kpa - self.rest_kpa < VENTED_KPA);
-            return (Order::Vent, None);
+        if !matches!(self.now, Now::Done | Now::SafeVent { .. }) {
+            match self.go_on(seen) {
+                Ok(done) => return done,
+                Err(why) => self.safe_vent(seen.now, why),
+            }
         }
-        if matches!(self.now, Now::Done) {
-            return (Order::Vent, None);
-        }
-        self.go_on(seen).unwrap_or_else(|why| {
-            self.enter(seen.now, Now::SafeVent { why, vented: false });
-            (Order::Vent, (!matches!(seen.phase, Phase::None | Phase::Failed)).then_some(Ask::Abort))
-        })
+        let Now::SafeVent { vented, aborted, .. } = &mut self.now else { return (Order::Vent, None) };
+        let read = seen.gauge.filter(|(_, age)| *age < Duration::from_secs(1));
+        *vented |= read.is_some_and(|(kpa, _)| kpa - self.rest_kpa < VENTED_KPA);
+        // Whatever ended it, the session does not wait for a pressure that will not come.
+        let is_open = matches!(seen.phase, Phase::Taring | Phase::Rising | Phase::Falling);
+        let aborts = is_open && !std::mem::replace(aborted, true);
+        (Order::Vent, aborts.then_some(Ask::Abort))
     }
 
     fn go_on(&mut self, seen: &Seen) -> Result<(Order, Option<Ask>), Stop> {
@@ -377,6 +378,10 @@ impl Drive {
             (_, Some(set_kpa)) => self.enter(now, Now::Hold { set_kpa }),
             _ => {}
         }
+    }
+
+    fn safe_vent(&mut self, now: Duration, why: Stop) {
+        self.enter(now, Now::SafeVent { why, vented: false, aborted: false });
     }
 
     fn enter(&mut self, now: Duration, next: Now) {

@@ -1,4 +1,4 @@
-//! Why a course was ended, in words that say what to do.
+//! Why a procedure was ended, in words that say what to do.
 
 use std::fmt;
 use std::time::Duration;
@@ -11,7 +11,7 @@ pub(super) const TEST_KPA: f64 = 5.0;
 pub(super) const LEAK_KPA: f64 = 20.0;
 pub(super) const LEAK_MAX_KPA_PER_MIN: f64 = 3.4;
 
-/// Why a course was ended.
+/// Why a procedure was ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stop {
     /// Somebody asked for it.

@@ -1,4 +1,4 @@
-//! What ends a course at once: limits that hold whatever the programme says, and what cannot be.
+//! What ends a procedure at once: limits that hold whatever the programme says, and what cannot be.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -44,7 +44,7 @@ impl Watch {
     /// A reading that is fresh, in kPa below ambient.
     ///
     /// # Errors
-    /// Why the course cannot go on.
+    /// Why the procedure cannot go on.
     pub(super) fn look(&mut self, seen: &Seen, limits: &Limits, kpa_per_s: f64) -> Result<f64, Stop> {
         let held = seen.now.saturating_sub(std::mem::replace(&mut self.looked, seen.now));
         if held > HELD_MAX {

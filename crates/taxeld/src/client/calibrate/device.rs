@@ -1,7 +1,7 @@
 //! `taxeld calibrate --device`: a drive moves the pressure, and the session is an ordinary one. The drive is this program's alone:
 //! the daemon knows of no pump, and what a pump's line does cannot touch the force.
 //!
-//! Twenty times a second the gauge is asked for at the daemon, the course ([`taxel_rig::drive`]) says what is to be done, and the
+//! Twenty times a second the gauge is asked for at the daemon, the procedure ([`taxel_rig::drive`]) says what is to be done, and the
 //! drive is told. Whatever ends this program vents the bag first: an error, Ctrl-C, a signal, a session that somebody aborted. Where
 //! it cannot do that any more, because it was killed or the machine hangs, the drive's fail-safe has to.
 
@@ -168,20 +168,20 @@ impl Followed {
 }
 
 impl ByDevice<'_> {
-    /// Runs the course to its end; the session in review.
+    /// Runs the procedure to its end; the session in review.
     ///
     /// # Errors
     /// Why it was ended; the bag is vented then as far as the drive obeys.
     pub async fn run(mut self, pump: &mut Pump) -> Outcome<Session> {
         self.look_first().await;
-        let ended = self.course(pump).await;
+        let ended = self.procedure(pump).await;
         if ended.is_err() {
             pump.vent().await;
         }
         ended
     }
 
-    async fn course(&mut self, pump: &mut Pump) -> Outcome<Session> {
+    async fn procedure(&mut self, pump: &mut Pump) -> Outcome<Session> {
         let (limits, abilities) = (pump.profile.limits(), pump.profile.abilities());
         let programme = Programme { kpa_per_s: pump.profile.kpa_per_s(), ramps: self.ramps };
         let mut drive = Drive::new(pump.now(), limits, abilities, programme);
@@ -230,7 +230,7 @@ impl ByDevice<'_> {
         }
     }
 
-    /// One turn of the course: look, decide, tell.
+    /// One turn of the procedure: look, decide, tell.
     async fn step(&mut self, pump: &mut Pump, drive: &mut Drive, followed: &mut Followed) {
         let gauge = self.gauge().await;
         let target_kpa = followed.session.as_ref().map_or(0.0, |session| session.target_kpa);
@@ -278,7 +278,7 @@ impl ByDevice<'_> {
         Ok(())
     }
 
-    /// Says where the course is, when that changes.
+    /// Says where the procedure is, when that changes.
     fn show(&self, drive: &Drive, told: &mut Option<State>) {
         let state = drive.state();
         if told.replace(state) == Some(state) {
