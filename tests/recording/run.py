@@ -11,17 +11,20 @@ the daemon published. At last there is no room on the disk: that is told, and th
 import csv
 import json
 import pathlib
+import re
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
+from xml.etree import ElementTree
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import NonSeekingReader, SeekingReader
 from mcap_protobuf.decoder import DecoderFactory
 
 HERE = pathlib.Path(__file__).parent
+DEPLOY = HERE.parents[1] / "deploy"
 PATIENCE_S = 600
 OK, DEGRADED = 1, 2
 # The force file of a replay has six digits.
@@ -102,8 +105,30 @@ def calibrated(taxeld, scratch):
     kinds = {str(event.text) for event in found["/taxeld/events"]}
     if not whole or len(found["/taxeld/bus/skin"]) < 100 or len(kinds) < 3:
         sys.exit(f"the closed recording: {({topic: len(all) for topic, all in found.items()})}, {kinds}")
+    layouts(found)
     taxels = found["/taxeld/taxels/left_forearm"][-1].taxels
     print(f"closed: {', '.join(f'{topic} {len(all)}' for topic, all in found.items())}, {len(taxels)} taxels")
+
+
+def drawn():
+    """Topic and field of everything that the layouts for Foxglove and PlotJuggler draw."""
+    layout = json.loads((DEPLOY / "foxglove.json").read_text(encoding="utf-8"))
+    panels = layout["configById"]
+    used = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(layout["layout"]))
+    if sorted(used) != sorted(panels):
+        sys.exit(f"foxglove.json: panels {sorted(panels)}, laid out are {sorted(used)}")
+    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", [])]
+    paths += [panel["topicPath"] for panel in panels.values() if "topicPath" in panel]
+    curves = ElementTree.parse(DEPLOY / "plotjuggler.xml").iter("curve")
+    return [tuple(path.partition("."))[::2] for path in paths] + [tuple(curve.get("name").rsplit("/", 1)) for curve in curves]
+
+
+def layouts(found):
+    """Foxglove and PlotJuggler draw nothing that a recording lacks."""
+    for topic, field in (every := drawn()):
+        if topic not in found or field and field not in found[topic][-1].DESCRIPTOR.fields_by_name:
+            sys.exit(f"a layout draws {topic} {field}, which a recording lacks")
+    print(f"layouts: {len(every)} curves and topics are in a recording")
 
 
 def forces(found):
