@@ -6,6 +6,7 @@ usage: run.py TAXELD SCRATCH          needs grpcio, grpcio-reflection, cmake, a 
 """
 
 import gzip
+import json
 import os
 import pathlib
 import re
@@ -51,13 +52,50 @@ def until(what, wanted):
 
 
 def install(scratch):
-    """`pip install` of a copy, so that nothing is built in the repository; gives where it is."""
+    """The wheel, made of a copy so that nothing is built in the repository, and installed; gives where it is."""
     copy, site = scratch / "python", scratch / "site"
     shutil.copytree(REPOSITORY / "deploy/python", copy, ignore=shutil.ignore_patterns("__pycache__", "build", "*.egg-info"))
-    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(copy)]
-    subprocess.run(pip, check=True)
+    pip = [sys.executable, "-m", "pip"]
+    subprocess.run([*pip, "wheel", "--quiet", "--no-deps", "--wheel-dir", str(scratch), str(copy)], check=True)
+    (wheel,) = scratch.glob("taxel-*-py3-none-any.whl")
+    subprocess.run([*pip, "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)], check=True)
     assert (site / "taxel/py.typed").is_file()
     return site
+
+
+# Runs the cells of a notebook one after the other, as Jupyter does, and keeps each figure that it shows.
+CELLS = """
+import json, sys
+import matplotlib
+matplotlib.use("agg")
+import matplotlib.pyplot as pyplot
+names, figures = {}, []
+pyplot.show = lambda: (pyplot.savefig(f"figure-{len(figures)}.png"), figures.append(pyplot.gcf()))
+for cell in json.load(open(sys.argv[1]))["cells"]:
+    if cell["cell_type"] == "code":
+        exec("".join(cell["source"]), names)
+lines = [len(figure.axes[0].lines) for figure in figures]
+print(json.dumps({"lines": lines, "scans": len(names["session"].time_s), "forces": len(names["total"])}))
+"""
+
+
+def notebook(taxeld, site, scratch, folder):
+    """The notebook runs to its end against a daemon of its own: scans, curves and forces are in its figures."""
+    demo = Demo(taxeld, folder)
+    try:
+        for command in (["calibrate", "--target", "20", "--yes"], ["tare"]):  # a mass lies on the skin half of the time
+            words = [taxeld, *command, "--server", demo.address]
+            until(f"taxeld {command[0]}", lambda words=words: subprocess.run(words, capture_output=True).returncode == 0)
+        path = f"{pathlib.Path(taxeld).resolve().parent}:{os.environ['PATH']}"
+        environment = {**os.environ, "PYTHONPATH": str(site), "PATH": path, "TAXELD_SERVER": demo.address}
+        command = [sys.executable, "-c", CELLS, str(REPOSITORY / "deploy/python/examples/skin.ipynb")]
+        done = subprocess.run(command, env=environment, cwd=scratch, capture_output=True, text=True, timeout=PATIENCE_S)
+    finally:
+        demo.signal(signal.SIGTERM)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["lines"] == [6, 1] and found["scans"] > 100 and found["forces"] > 10, found
+    print(f"the notebook runs: {found['scans']} scans, {found['forces']} forces")
 
 
 def build(scratch):
@@ -167,6 +205,9 @@ def sessions(taxel, scratch):
         session = taxel.read_session(path)
         assert (session.taxels, session.time_s, session.pressure_kpa) == (2, [0.0, 0.05], [0.5, None])
         assert session.taxel(0) == [240.0, 239.5]
+    plain.write_text("t_s,pressure_kpa,c0,ramp,figure\n,,,,rising\n,0.05,240,1,zero\n0.0,0.5,239,1,\n0.05,0.6,238,2,\n")
+    exported = taxel.read_session(plain)
+    assert (exported.time_s, exported.counts) == ([0.0, 0.05], [[239.0], [238.0]])
     for bad, line in (("a,b\n", 1), ("t_s,pressure_kpa,c0\n1,2\n", 2), ("t_s,pressure_kpa,c0\n1,2,3\n1,2,x\n", 3),
                       ("t_s,pressure_kpa,c0\n1,2,nan\n", 2), ("t_s,pressure_kpa,c0\n1,2,\n", 2)):
         plain.write_text(bad)
@@ -188,6 +229,8 @@ def main(taxeld, scratch):
     sessions(taxel, scratch)
     cpp = build(scratch)
     over_a_socket(taxel, taxeld, cpp, scratch)
+    with tempfile.TemporaryDirectory(prefix="taxeld-notebook-", dir="/dev/shm") as folder:
+        notebook(taxeld, site, scratch, folder)
     with tempfile.TemporaryDirectory(prefix="taxeld-readers-", dir="/dev/shm") as folder:
         page = os.path.join(folder, "left_forearm")
         memory = taxel.Reader(page)

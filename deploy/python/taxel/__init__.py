@@ -13,8 +13,12 @@
 
 from .client import Forces, connect
 from .force import Force, NoForce, Why
+from .models import ModelSet, read_models
 from .refusal import info_of, reason_of
 from .session import Session, read_session
 from .shm import Reader
 
-__all__ = ["Force", "Forces", "NoForce", "Reader", "Session", "Why", "connect", "info_of", "read_session", "reason_of"]
+__all__ = [
+    "Force", "Forces", "ModelSet", "NoForce", "Reader", "Session", "Why",
+    "connect", "info_of", "read_models", "read_session", "reason_of",
+]

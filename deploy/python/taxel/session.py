@@ -1,7 +1,7 @@
 """Recordings: the samples of a calibration session, or any file of time, pressure and counts.
 
 The file is what `taxel-lab fit` reads: a header `t_s,pressure_kpa,c0,c1,...` and a row a scan; plain or .gz. A cell of the
-pressure may be empty.
+pressure may be empty. `taxeld sessions export` adds the columns `ramp` and `figure`, and rows of figures, which are no scans.
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ import math
 import os
 from dataclasses import dataclass
 from typing import Any, List, Optional, Sequence, Union
+
+
+_EXPORTED = ["ramp", "figure"]  # columns after the counts
 
 
 @dataclass(frozen=True)
@@ -56,16 +59,20 @@ def read_session(path: Union[str, "os.PathLike[str]"]) -> Session:
         if header[:1] != ["t_s"] or not any(cell == "c0" for cell in header):
             raise ValueError(f"{name}:1: expected the header t_s,pressure_kpa,c0,c1,...")
         first = header.index("c0")
-        expected = [f"c{number}" for number in range(len(header) - first)]
-        if header[first:] != expected or header[1:first] not in ([], ["pressure_kpa"]):
+        exported = header[-2:] == _EXPORTED
+        end = len(header) - 2 * exported
+        expected = [f"c{number}" for number in range(end - first)]
+        if header[first:end] != expected or header[1:first] not in ([], ["pressure_kpa"]):
             raise ValueError(f"{name}:1: expected the header t_s,pressure_kpa,c0,c1,...")
         for row in rows:
             if not row:
                 continue
             if len(row) != len(header):
                 raise ValueError(f"{name}:{rows.line_num}: {len(row)} cells, expected {len(header)}")
+            if exported and row[-1]:
+                continue
             try:
-                numbers = [float(cell) if cell else None for cell in row]
+                numbers = [float(cell) if cell else None for cell in row[:end]]
             except ValueError as error:
                 raise ValueError(f"{name}:{rows.line_num}: {error}") from None
             time_s, counts = numbers[0], numbers[first:]
