@@ -40,7 +40,7 @@ pub async fn health(args: HealthArgs) -> Outcome {
 }
 
 /// What keeps the force from being good, in words.
-fn troubles(health: &Health) -> Vec<String> {
+pub fn troubles(health: &Health) -> Vec<String> {
     let mut wrong = health.problems.clone();
     let down = health.buses.iter().filter(|bus| !bus.up);
     wrong.extend(down.map(|bus| format!("bus {} is down: {}", bus.bus, bus.problem)));

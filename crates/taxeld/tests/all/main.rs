@@ -23,4 +23,6 @@ mod shared_memory;
 #[cfg(feature = "sim")]
 mod systemd;
 #[cfg(feature = "sim")]
+mod top;
+#[cfg(feature = "sim")]
 mod walkthrough;
