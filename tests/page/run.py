@@ -16,6 +16,7 @@ import time
 
 from selenium import webdriver
 from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -29,6 +30,7 @@ class Page:
         options = webdriver.ChromeOptions()
         for argument in ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1400,1000"]:
             options.add_argument(argument)
+        options.add_experimental_option("prefs", {"download.default_directory": str(scratch.resolve())})
         options.binary_location = "/usr/bin/chromium"
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self.browser = webdriver.Chrome(options, webdriver.ChromeService("/usr/bin/chromedriver"))
@@ -170,6 +172,47 @@ def watch(page):
     print(f"live: {page.text('#verdict')}, {force} N", flush=True)
     assert page.text("#simulated") == "simulated"
     keyboard(page)
+    in_space(page)
+    recorded(page)
+
+
+def in_space(page):
+    """The skin in space is turned by a drag, has its force, and is laid flat again."""
+    page.click("#solid")
+    page.until("the way back", lambda: page.text("#solid") == "Flat")
+    feel(page)
+    page.shot("solid")
+    page.shot("solid-phone-dark", 390, 1500, dark=True)
+    skin = page.find("canvas.skin")
+    hand = lambda: ActionChains(page.browser).move_to_element(skin)
+    hand().click().perform()
+    middle = page.until("the taxel in the middle", lambda: page.text("#taxel dd"))
+    hand().click_and_hold().move_by_offset(150, 0).release().perform()
+    hand().click().perform()
+    page.until("another taxel in the middle", lambda: page.text("#taxel dd") not in ("", middle))
+    page.shot("solid-turned")
+    page.click("#solid")
+    # What is in front goes with the hand.
+    moved = page.browser.execute_script("""return Promise.all([import('/solid.js'), import('/store.js')]).then(([{ Solid }, { state }]) => {
+        const solid = new Solid(state.skin);
+        solid.fit(400, 400);
+        const before = solid.seen();
+        solid.turn(20, 10);
+        const moved = solid.seen().map(({ at: [u, v] }, t) => [before[t].near, [u - before[t].at[0], v - before[t].at[1]]]);
+        return moved.sort((a, b) => b[0] - a[0]).slice(0, 20).map(([, by]) => by); })""")
+    assert len(moved) == 20 and all(right > 0 and down > 0 for right, down in moved), moved
+
+
+def recorded(page):
+    """The forces that came while it recorded are a table."""
+    (page.scratch / "force-left_forearm.csv").unlink(missing_ok=True)
+    page.click("#save-force")
+    page.until("twenty forces", lambda: int(re.search(r"\d+|$", page.text("#save-force")).group() or 0) >= 20)
+    page.click("#save-force")
+    rows = page.until("the file", lambda: list(csv.DictReader((page.scratch / "force-left_forearm.csv").open()))
+                      if (page.scratch / "force-left_forearm.csv").exists() else None)
+    assert len(rows) >= 20 and all(row["patch"] == "left_forearm" and row["state"] and float(row["age_s"]) < 5 for row in rows), rows[:3]
+    assert page.text("#save-force") == "Record"
 
 
 def keyboard(page):

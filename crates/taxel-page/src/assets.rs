@@ -24,6 +24,7 @@ pub(crate) const FILES: &[(&str, &str, &[u8])] = files! {
     "/store.js", "store.js", SCRIPT;
     "/unroll.js", "unroll.js", SCRIPT;
     "/skin.js", "skin.js", SCRIPT;
+    "/solid.js", "solid.js", SCRIPT;
     "/chart.js", "chart.js", SCRIPT;
     "/ticks.js", "ticks.js", SCRIPT;
     "/taxel.js", "taxel.js", SCRIPT;

@@ -2,7 +2,7 @@
 
 import { call } from "./api.js";
 import { Chart } from "./chart.js";
-import { button, el, facts, num, put, toast, whoConfirms } from "./dom.js";
+import { button, download, el, facts, num, put, toast, whoConfirms } from "./dom.js";
 import { SkinView } from "./skin.js";
 import { COURSE_S, age, on, state, verdict } from "./store.js";
 import { taxelCard } from "./taxel.js";
@@ -105,8 +105,28 @@ class Course {
       this.held = this.held ? null : { now: performance.now() / 1000, course: state.course.map((point) => ({ ...point })) };
       hold.textContent = this.held ? "Go on" : "Pause";
     } }, "Pause");
-    this.node = el("div", this.chart.node, el("div.row", choose, hold), el("p.note", "Kept by this page while it is open."));
+    this.node = el("div", this.chart.node, el("div.row", choose, hold, recordButton(signal)), el("p.note", "Kept by this page while it is open."));
   }
+}
+
+on("force", () => {
+  if (!state.recorded) return;
+  const { word, shown } = verdict();
+  const { time, totalN, lowN, highN } = state.force;
+  state.recorded.push([time, state.patch, word, ...(shown ? [totalN, lowN, highN] : ["", "", ""]), age()].map((cell) => cell ?? "").join(","));
+});
+
+/** The button that records each force that comes here, also beside another view, and saves them as a table. */
+function recordButton(signal) {
+  const node = el("button", { id: "save-force", title: "Each force that this page gets, as a table", onclick: () => {
+    if (state.recorded) download(`force-${state.patch}.csv`, ["time,patch,state,total_n,low_n,high_n,age_s", ...state.recorded, ""].join("\n"), "text/csv");
+    state.recorded = state.recorded ? null : [];
+    tell();
+  } });
+  const tell = () => { node.textContent = state.recorded ? `Save (${state.recorded.length})` : "Record"; };
+  on("force", tell, signal);
+  tell();
+  return node;
 }
 
 /** So many seconds of the course until `now`, the interval of 95 %, and hatched where there was no force. */
@@ -172,8 +192,12 @@ function chooser(skin) {
   };
   const scale = el("select", { id: "scale", "aria-label": "Scale", onchange: (event) => { skin.top = Number(event.target.value) || null; skin.soon(); } },
     el("option", { value: "" }, "automatic scale"), [5, 10, 20, 35, 70, 100, 200].map((top) => el("option", { value: top }, `0 to ${top}`)));
+  const solid = el("button", { id: "solid", hidden: !state.layout?.hasPositions, onclick: () => {
+    skin.inSpace(!skin.solid);
+    solid.textContent = skin.solid ? "Flat" : "3D";
+  } }, "3D");
   update();
-  return el("div.row", kpa, counts, scale);
+  return el("div.row", kpa, counts, scale, solid);
 }
 
 export function live(signal) {
@@ -184,6 +208,6 @@ export function live(signal) {
   tell();
   return el("div.live.three",
     forceCard(signal),
-    el("section.card", el("div.row.between", el("h2", "The skin, laid flat, seen from outside"), chooser(skin), tareButton()), skin.node, remarks),
+    el("section.card", el("div.row.between", el("h2", "The skin, seen from outside"), chooser(skin), tareButton()), skin.node, remarks),
     taxelCard(signal));
 }

@@ -77,8 +77,8 @@ addEventListener("error", (event) => toast(`This page has a fault: ${event.messa
 at("patch").addEventListener("change", (event) => start(event.target.value));
 document.addEventListener("visibilitychange", () => {
   if (!begun) return;
-  if (document.hidden) shut();
-  else { open(); findSession().catch(() => {}); }
+  if (document.hidden && !state.recorded) shut();
+  else if (!document.hidden) { open(); findSession().catch(() => {}); }
 });
 on("force", pill);
 setInterval(pill, 200);

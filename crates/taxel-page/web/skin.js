@@ -1,6 +1,7 @@
 // The skin as a picture: each taxel filled by what it reads, and by its outline what to think of that.
 
 import { el, num } from "./dom.js";
+import { Solid } from "./solid.js";
 import { ticks } from "./ticks.js";
 import { isOld, on, select, state, verdict } from "./store.js";
 
@@ -87,13 +88,13 @@ export function sharp(canvas) {
  * which taxels a model set excludes that is not in use yet. */
 export class SkinView {
   constructor(signal, { values = "kpa", overlays = true } = {}) {
-    Object.assign(this, { values, overlays, top: null, marked: null, peak: 0, rest: null, restFrames: 0, waiting: false, drawn: 0 });
+    Object.assign(this, { values, overlays, top: null, marked: null, peak: 0, rest: null, restFrames: 0, waiting: false, drawn: 0, solid: null });
     this.canvas = el("canvas.skin", { tabindex: "0", role: "img", "aria-label": "The skin laid flat. Arrow keys go from taxel to taxel." });
     this.scale = el("canvas.scale", { role: "img" });
     this.node = el("div", this.canvas, this.legend());
     this.signal = signal;
     for (const name of ["taxels", "skin", "selected", "theme"]) on(name, () => this.soon(), signal);
-    on("skin", () => { this.rest = null; }, signal);
+    on("skin", () => { this.rest = null; if (this.solid) this.inSpace(true); }, signal);
     on("taxels", () => this.learnRest(), signal);
     const observer = new ResizeObserver(() => this.soon());
     observer.observe(this.canvas);
@@ -101,7 +102,10 @@ export class SkinView {
     // Also when nothing comes: what was drawn last must not look like what is.
     const timer = setInterval(() => this.old !== isOld() && this.soon(), 200);
     signal.addEventListener("abort", () => clearInterval(timer));
-    this.canvas.addEventListener("pointermove", (event) => event.pointerType === "mouse" && this.point(event));
+    this.canvas.addEventListener("pointermove", (event) => {
+      if (this.solid && event.buttons) { this.solid.turn(event.movementX, event.movementY); this.soon(); }
+      else if (event.pointerType === "mouse") this.point(event);
+    });
     this.canvas.addEventListener("pointerdown", (event) => this.point(event));
     this.canvas.addEventListener("keydown", (event) => this.step(event));
   }
@@ -181,12 +185,43 @@ export class SkinView {
     this.turn = ([x, y]) => (this.turned ? [-y, x] : [x, y]);
   }
 
+  /** Shows the skin in space, to be turned by dragging it, or laid flat. */
+  inSpace(wanted) {
+    this.solid = wanted && state.layout?.hasPositions ? new Solid(state.skin) : null;
+    this.canvas.style.touchAction = this.solid ? "none" : "";
+    this.soon();
+  }
+
+  /** Where the taxels are on the canvas, those that are drawn last at the end. */
+  lay(g, tint, width, height) {
+    if (this.solid) {
+      this.solid.fit(width, height);
+      this.k = this.solid.k;
+      const seen = this.solid.seen();
+      this.at = seen.map(({ at }) => at);
+      this.seen = seen;
+      return seen.map(({ near }, t) => [near, t]).sort((a, b) => a[0] - b[0]).map(([, t]) => t);
+    }
+    this.fit(width, height);
+    this.outlines(g, tint);
+    this.at = state.layout.points.map((point) => this.place([point.x, point.y]));
+    this.seen = null;
+    return this.at.map((_, t) => t);
+  }
+
+  /** A disc that is seen from the side is narrow, and one from inside faint. */
+  lean(g, { outside, width, angle }) {
+    g.globalAlpha = outside ? 1 : 0.2;
+    g.rotate(angle);
+    g.scale(width, 1);
+    g.rotate(-angle);
+  }
+
   draw() {
     const { g, width, height } = sharp(this.canvas);
     if (!state.layout || !width) return;
-    this.fit(width, height);
     const tint = colours();
-    this.outlines(g, tint);
+    const order = this.lay(g, tint, width, height);
     const readings = state.taxels?.taxels ?? [];
     const steps = this.values === "kpa" ? STEPS_KPA : STEPS_COUNTS;
     const values = state.layout.points.map((_, t) => (readings[t] ? this.value(readings[t], t) : undefined));
@@ -194,13 +229,17 @@ export class SkinView {
     this.peak = Math.max(most, this.peak * 0.995);
     const top = this.top ?? steps.find((step) => step >= this.peak) ?? steps.at(-1);
     this.drawScale(top, tint);
-    this.at = state.layout.points.map((point) => this.place([point.x, point.y]));
     const kinds = this.at.map((_, t) => (this.excluded?.has(t) ? "excluded" : kindOf(readings[t], state.skin.taxels[t])));
-    // Where modules lie close together, what is marked lies on top.
-    for (const marked of [false, true]) {
-      this.at.forEach(([x, y], t) => {
-        if ((kinds[t] !== "plain") === marked) drawTaxel(g, kinds[t], values[t] / top, x, y, state.layout.radii[t] * this.k, tint);
-      });
+    // Where modules lie close together, what is marked lies on top; in space what is nearer.
+    for (const marked of this.solid ? [null] : [false, true]) {
+      for (const t of order) {
+        if (marked !== null && (kinds[t] !== "plain") !== marked) continue;
+        g.save();
+        g.translate(...this.at[t]);
+        if (this.seen) this.lean(g, this.seen[t]);
+        drawTaxel(g, kinds[t], values[t] / top, 0, 0, state.layout.radii[t] * this.k, tint);
+        g.restore();
+      }
     }
     for (const taxel of this.marked ?? []) if (this.at[taxel]) this.ring(g, tint, taxel, tint.amber);
     if (state.selected !== null && this.at[state.selected]) this.ring(g, tint, state.selected, tint.blue);
@@ -242,6 +281,7 @@ export class SkinView {
   overlay(g, tint) {
     const force = state.shown ?? state.force; // of the very sample whose number is shown beside it
     if (!force || !verdict().shown) return;
+    if (this.solid) return this.arrow(g, tint, this.solid.arrow(force));
     g.font = "600 12px system-ui, sans-serif";
     g.textAlign = "center";
     for (const contact of force.contacts ?? []) {
@@ -277,8 +317,17 @@ export class SkinView {
     const [dx, dy] = this.turn([on(place.axes.along) / total, on(place.axes.around) / total]);
     const length = 60 * Math.hypot(dx, dy);
     if (length < 6) return;
-    const [ex, ey] = [x + 60 * dx, y + 60 * dy];
-    const [ux, uy] = [dx / Math.hypot(dx, dy), dy / Math.hypot(dx, dy)];
+    this.arrow(g, tint, [[x, y], [x + 60 * dx, y + 60 * dy]]);
+  }
+
+  /** An arrow from one place to another. */
+  arrow(g, tint, ends) {
+    if (!ends) return;
+    const [[x, y], [ex, ey]] = ends;
+    const length = Math.hypot(ex - x, ey - y) || 1;
+    const [ux, uy] = [(ex - x) / length, (ey - y) / length];
+    g.lineWidth = 2.5;
+    g.strokeStyle = tint.blue;
     g.beginPath();
     g.moveTo(x, y); g.lineTo(ex, ey);
     g.moveTo(ex - 7 * ux + 4 * uy, ey - 7 * uy - 4 * ux); g.lineTo(ex, ey); g.lineTo(ex - 7 * ux - 4 * uy, ey - 7 * uy + 4 * ux);
@@ -301,7 +350,7 @@ export class SkinView {
     let [best, least] = [null, Infinity];
     (this.at ?? []).forEach(([tx, ty], t) => {
       const distance = Math.hypot(tx - x, ty - y);
-      if (distance < least && fits(tx - x, ty - y, t)) [best, least] = [t, distance];
+      if (distance < least && this.seen?.[t].outside !== false && fits(tx - x, ty - y, t)) [best, least] = [t, distance];
     });
     return { taxel: best, distance: least };
   }

@@ -23,7 +23,7 @@ const REOPEN_EVERY_MS = 5000;
 
 export const state = {
   patch: "", patches: [], skin: null, layout: null, force: null, taxels: null, session: null, modelSet: null,
-  course: [], shown: null, selected: null, ramp: null, frames: 0,
+  course: [], recorded: null, shown: null, selected: null, ramp: null, frames: 0,
 };
 
 const listeners = new Map();

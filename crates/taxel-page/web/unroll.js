@@ -1,16 +1,16 @@
 // The skin laid flat. Patches wrap around limbs: the surface is cut where it has its widest gap and unrolled about its axis,
 // each module kept in its own shape.
 
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-const scaled = (a, k) => [a[0] * k, a[1] * k, a[2] * k];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const unit = (a) => scaled(a, 1 / (Math.hypot(...a) || 1));
-const mean = (list) => scaled(list.reduce((s, a) => [s[0] + a[0], s[1] + a[1], s[2] + a[2]], [0, 0, 0]), 1 / (list.length || 1));
-const vector = (v, k = 1) => [(v.x ?? 0) * k, (v.y ?? 0) * k, (v.z ?? 0) * k];
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+export const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+export const scaled = (a, k) => [a[0] * k, a[1] * k, a[2] * k];
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const unit = (a) => scaled(a, 1 / (Math.hypot(...a) || 1));
+export const mean = (list) => scaled(list.reduce((s, a) => [s[0] + a[0], s[1] + a[1], s[2] + a[2]], [0, 0, 0]), 1 / (list.length || 1));
+export const vector = (v, k = 1) => [(v.x ?? 0) * k, (v.y ?? 0) * k, (v.z ?? 0) * k];
 
 /** Eigenvectors of the covariance of some vectors about `about`, by Jacobi rotations; the least first. */
-function directions(list, about) {
+export function directions(list, about) {
   const m = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
   for (const a of list) {
     const d = sub(a, about);
