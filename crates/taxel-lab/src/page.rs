@@ -94,7 +94,10 @@ fn figure(figure: &Figure) -> Markup {
     html! {
         figure id=(figure.id) {
             div class="scroll" { (PreEscaped(svg(figure))) }
-            figcaption { (figure.caption) " " a href={ (figure.id) ".svg" } { "SVG" } }
+            // Without a caption it is a page of one file: no other is beside it.
+            @if !figure.caption.is_empty() {
+                figcaption { (figure.caption) " " a href={ (figure.id) ".svg" } { "SVG" } }
+            }
         }
     }
 }

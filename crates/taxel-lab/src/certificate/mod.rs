@@ -8,6 +8,7 @@
 mod budget;
 mod course;
 mod evidence;
+mod figures;
 mod make;
 mod page;
 mod taxel;

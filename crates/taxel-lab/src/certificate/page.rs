@@ -3,6 +3,7 @@
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::figures::figures;
 use super::make::Certificate;
 use crate::document::{Section, Table, words};
 use crate::page::Page;
@@ -80,7 +81,8 @@ fn section(Part { field, heading, shown, note }: Part, certificate: &Value) -> S
         _ => (Vec::new(), vec![vec!["None.".into()]]),
     };
     let tables = vec![Table::new(&field, "", columns, rows)];
-    Section { id: field, title: heading, text, tables, ..Section::default() }
+    let figures = figures(&field, &certificate[&field]);
+    Section { id: field, title: heading, text, tables, figures, ..Section::default() }
 }
 
 /// A field's name as a reader's words: `rise_kpa_per_s` is `rise, kPa/s`.

@@ -208,6 +208,19 @@ fn what_was_not_measured_or_stated_is_said_and_not_invented() {
 }
 
 #[test]
+fn the_page_draws_loads_and_curves_and_links_to_no_file_beside_it() {
+    let mut case = case();
+    let model_set = json(&case)["set"]["id"].as_str().unwrap().to_owned();
+    case.loads = vec![Load { load: 1, model_set, force_n: 5.0, read_n: 5.5, scans: 4, ..Load::default() }];
+    let html = certificate(&case).unwrap().to_html().unwrap();
+    assert_eq!(html.matches("<svg").count(), 2);
+    for part in ["Known loads as they were read", "read + 2 sigma", "taxel 0 (", "taxel 1 ("] {
+        assert!(html.contains(part), "{part}: {html}");
+    }
+    assert!(!html.contains(".svg"), "{html}");
+}
+
+#[test]
 fn what_is_stated_stands_there_and_can_do_nothing() {
     let mut case = case();
     case.stated.customer = Some("<script>alert(1)</script>".to_owned());
