@@ -200,7 +200,7 @@ impl Site {
             let message = method.request_of(&fields)?;
             let place = Arc::clone(&self.streams).try_acquire_owned().map_err(|_| {
                 let why = format!("{} streams are open over HTTP, which is the limit", self.limits.streams);
-                Refusal::exhausted(ErrorReason::NoPlace, why)
+                Refusal::exhausted(ErrorReason::DaemonBusy, why)
             })?;
             let messages = streaming(&self.services, &method, caller.request(message)).await?;
             sources.push(Source { call, messages, _place: place });

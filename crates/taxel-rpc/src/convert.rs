@@ -196,5 +196,5 @@ fn cause(reason: &Reason, in_full: bool) -> v1::ForceReason {
 }
 
 same_names!(code: ReasonCode => v1::ReasonCode,
-    NoFrame FrameOld EngineStalled TaxelsSilent TaxelsFaulty TaxelsBlind TaxelsWithoutZero TaxelsOutOfRange LoadVanished
-    DriftBounded NoModelSet NoUsableTaxel ZeroNotTaken RestNotProven BoardsNotConfigured ZeroLost ZeroDoubted);
+    NoFrame FrameOld EngineStalled TaxelsSilent TaxelsFaulty TaxelsExcluded TaxelsWithoutZero TaxelsOutOfRange LoadVanished
+    DriftBounded NoModelSet NoUsableTaxel ZeroNotTaken NotUnloaded BoardsNotConfigured ZeroLost ZeroInCheck);

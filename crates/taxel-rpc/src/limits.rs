@@ -128,7 +128,7 @@ impl Shares {
             taken.push(Arc::downgrade(&place));
             return Ok(place);
         };
-        Err(Refusal::exhausted(ErrorReason::NoPlace, format!("{why}: end another first")).into())
+        Err(Refusal::exhausted(ErrorReason::DaemonBusy, format!("{why}: end another first")).into())
     }
 
     /// Streams that are being served now.

@@ -53,7 +53,7 @@ impl IngestService for Service {
         let who = format!("{} ({})", caller.who(), caller.origin.place());
         let mut pusher = line.begin(patch, bus, &who).map_err(|other| {
             let why = format!("{other} pushes the scans of patch `{name}`");
-            Refusal::new(Code::AlreadyExists, ErrorReason::NoPlace, why).about("patch", &name)
+            Refusal::new(Code::AlreadyExists, ErrorReason::DaemonBusy, why).about("patch", &name)
         })?;
         let begun = self.command(&caller, "PushScans", Command::BeginPush { patch: name }).await?;
         let Done::PushBegun = begun else { return Err(misfit()) };

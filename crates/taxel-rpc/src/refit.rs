@@ -39,7 +39,7 @@ impl Service {
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
         let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
             let why = "another fit is under way, which ends within seconds: try again then";
-            Refusal::exhausted(ErrorReason::NoPlace, why)
+            Refusal::exhausted(ErrorReason::DaemonBusy, why)
         })?;
         let sessions = refit.numbers();
         let mut samples = Vec::with_capacity(sessions.len());

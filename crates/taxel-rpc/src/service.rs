@@ -170,7 +170,7 @@ impl Service {
             mpsc::error::TrySendError::Full(_) => {
                 let waiting = self.handle.commands.max_capacity();
                 let why = format!("{waiting} commands wait for the engine already: try again later");
-                Refusal::exhausted(ErrorReason::NoPlace, why)
+                Refusal::exhausted(ErrorReason::DaemonBusy, why)
             }
             mpsc::error::TrySendError::Closed(_) => unavailable(STOPPED),
         })?;

@@ -39,7 +39,7 @@ pub(crate) fn left_open(code: Code, why: impl fmt::Display) -> Refusal {
 
 /// The system has no timer left for another fixed rate, or took one away.
 pub(crate) fn no_timer(error: &std::io::Error) -> Refusal {
-    Refusal::exhausted(v1::ErrorReason::NoPlace, format!("no timer for a fixed rate: {error}"))
+    Refusal::exhausted(v1::ErrorReason::DaemonBusy, format!("no timer for a fixed rate: {error}"))
 }
 
 /// The engine's reasons as programs have them: one for all that a program would answer in the same way.
@@ -67,7 +67,7 @@ const fn sent_as(reason: ErrorReason) -> v1::ErrorReason {
         ErrorReason::GaugeOffset => Sent::GaugeOffset,
         ErrorReason::SkinSilent => Sent::SkinSilent,
         ErrorReason::TareUnsteady | ErrorReason::TareUnproven | ErrorReason::TareSuperseded | ErrorReason::ZeroLost => {
-            Sent::ZeroUnproven
+            Sent::ZeroInvalid
         }
         ErrorReason::NoModelSet => Sent::NoModelSet,
         ErrorReason::ModelSetInUse | ErrorReason::ActiveSetChanged | ErrorReason::ActivationUnderWay => {

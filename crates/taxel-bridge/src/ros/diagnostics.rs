@@ -173,12 +173,12 @@ mod tests {
         let demo = force(ForceSample { simulated: true, ..good() });
         assert_eq!(level(&demo), (OK, "OK, simulated: no skin is touched".to_owned()));
         assert!(patch("icub", "arm", &demo, 1).values.contains(&value("simulated", true)));
-        let (reasons, codes) = (vec!["a board took a new zero".to_owned()], vec![ReasonCode::RestNotProven]);
+        let (reasons, codes) = (vec!["a board took a new zero".to_owned()], vec![ReasonCode::NotUnloaded]);
         let invalid = Err(NoForce::Sample(judge::NoForce::State(ForceState::TareInvalid, reasons, codes)));
         let said = level(&invalid);
         assert_eq!(said, (ERROR, "no force is published: TARE_INVALID: a board took a new zero".to_owned()));
         let values = patch("icub", "arm", &invalid, 1).values;
-        assert_eq!(values[1..], [value("state", "TARE_INVALID"), value("reasons", "REST_NOT_PROVEN")]);
+        assert_eq!(values[1..], [value("state", "TARE_INVALID"), value("reasons", "NOT_UNLOADED")]);
         assert_eq!(
             level(&Err(NoForce::Sample(judge::NoForce::TooOld(Duration::from_secs(3), Duration::from_millis(150))))).0,
             STALE

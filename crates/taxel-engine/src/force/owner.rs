@@ -268,7 +268,7 @@ impl Force {
             return self.nothing(ForceState::Stale, why, silent, taxels);
         }
         if self.set.as_ref().is_some_and(|set| !set.knows_rest()) {
-            let why = Reason::new(ReasonCode::RestNotProven, NO_REST);
+            let why = Reason::new(ReasonCode::NotUnloaded, NO_REST);
             return self.nothing(ForceState::TareInvalid, why, silent, taxels);
         }
         if let Some(why) = &zero.lacks {

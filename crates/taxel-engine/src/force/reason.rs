@@ -18,7 +18,7 @@ pub enum ReasonCode {
     /// Taxels in or beside what is touched have a fault; without positions any.
     TaxelsFaulty,
     /// Taxels are out of use, and so are those beside them.
-    TaxelsBlind,
+    TaxelsExcluded,
     /// Taxels with a model have no zero.
     TaxelsWithoutZero,
     /// Active taxels read more than was calibrated.
@@ -34,13 +34,13 @@ pub enum ReasonCode {
     /// No zero has been taken since the start.
     ZeroNotTaken,
     /// Rest could not be proven.
-    RestNotProven,
+    NotUnloaded,
     /// The boards are not configured yet.
     BoardsNotConfigured,
     /// Something has moved the zero, or it was taken under a load.
     ZeroLost,
     /// Something may have moved the zero, which is being looked at.
-    ZeroDoubted,
+    ZeroInCheck,
 }
 
 /// One reason, with the taxels that it is about.

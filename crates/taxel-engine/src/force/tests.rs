@@ -176,7 +176,7 @@ fn words(reasons: &[Reason]) -> Vec<String> {
 
 #[test]
 fn each_reason_has_a_code_and_names_the_taxels_that_it_is_about() {
-    use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
+    use ReasonCode::{TaxelsExcluded, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
     fn told(mut skin: Skin) -> Vec<(ReasonCode, Vec<u16>)> {
         let sample = skin.measured().sample;
         sample.reasons.iter().map(|reason| (reason.code(), reason.taxels().to_vec())).collect()
@@ -184,13 +184,13 @@ fn each_reason_has_a_code_and_names_the_taxels_that_it_is_about() {
     let skin = || Skin::new(Some(row(TAXELS)));
     assert_eq!(told(skin().press(20..24, 30).fault(24).fault(75)), [(TaxelsFaulty, vec![24])]);
     assert_eq!(told(skin().silence(5)), [(TaxelsSilent, (50..60).collect())]);
-    assert_eq!(told((50..60).fold(skin(), Skin::fault)), [(TaxelsBlind, (50..60).collect())]);
+    assert_eq!(told((50..60).fold(skin(), Skin::fault)), [(TaxelsExcluded, (50..60).collect())]);
     assert_eq!(told(skin().press(20..22, 100)), [(TaxelsOutOfRange, vec![20, 21])]);
     let mut without_zero = skin();
     let mut zero = rest(TAXELS);
     zero[50..60].fill(TaxelBaseline { mean: f64::NAN, noise: f64::NAN });
     without_zero.force.set_zero(Some(&zero), 0.0);
-    assert_eq!(told(without_zero), [(TaxelsBlind, (50..60).collect()), (TaxelsWithoutZero, (50..60).collect())]);
+    assert_eq!(told(without_zero), [(TaxelsExcluded, (50..60).collect()), (TaxelsWithoutZero, (50..60).collect())]);
     let most = (0..6).fold(skin(), Skin::silence);
     let silent = told(most);
     assert_eq!(silent, [(TaxelsSilent, (0..60).collect())], "no force at all");
@@ -212,12 +212,12 @@ fn a_taxel_beside_a_contact_that_cannot_be_used_and_reads_a_load_leaves_the_forc
         let sample = skin.measured().sample;
         (sample.unbounded, sample.reasons.iter().map(Reason::code).collect::<Vec<_>>())
     };
-    use ReasonCode::{TaxelsBlind, TaxelsFaulty};
+    use ReasonCode::{TaxelsExcluded, TaxelsFaulty};
     for geometry in [Some(row(TAXELS)), None] {
         assert_eq!(judged(16, false, geometry.clone()), (false, vec![]), "as far as days differ");
-        assert_eq!(judged(17, false, geometry.clone()), (true, vec![TaxelsBlind]));
+        assert_eq!(judged(17, false, geometry.clone()), (true, vec![TaxelsExcluded]));
         assert_eq!(judged(3, true, geometry.clone()), (false, vec![TaxelsFaulty]));
-        assert_eq!(judged(200, true, geometry), (true, vec![TaxelsFaulty, TaxelsBlind]));
+        assert_eq!(judged(200, true, geometry), (true, vec![TaxelsFaulty, TaxelsExcluded]));
     }
 }
 

@@ -75,7 +75,7 @@ impl Patch {
                         true => ". If the skin is unloaded: `taxeld tare --confirmed-by NAME`",
                         false => "",
                     };
-                    self.zero.explain(ReasonCode::RestNotProven, format!("no zero yet: {why}{hint}"));
+                    self.zero.explain(ReasonCode::NotUnloaded, format!("no zero yet: {why}{hint}"));
                 }
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
                     let why = format!("tare refused: {why}{}", remedy(reason));

@@ -143,9 +143,9 @@ impl Zero {
         let mut view = self.view.clone();
         view.drift = *self.offset.view();
         if let Some(why) = self.evidence.doubted().filter(|_| self.held().is_some_and(|held| held.doubted)) {
-            view.invalidate(ReasonCode::ZeroDoubted, format!("{why}; this is being looked at"));
+            view.invalidate(ReasonCode::ZeroInCheck, format!("{why}; this is being looked at"));
         } else if view.valid && self.is_of_other_models() {
-            view.invalidate(ReasonCode::RestNotProven, UNJUDGED);
+            view.invalidate(ReasonCode::NotUnloaded, UNJUDGED);
         }
         view
     }
@@ -261,7 +261,7 @@ impl Zero {
             self.evidence.begin(true); // boards that were configured have taken zeros of their own
             needs_confirmation.into_iter().for_each(|why| self.evidence.distrust(why));
             if !around.configuring && self.view.code == Some(ReasonCode::BoardsNotConfigured) {
-                self.explain(ReasonCode::RestNotProven, CONFIGURED.to_owned());
+                self.explain(ReasonCode::NotUnloaded, CONFIGURED.to_owned());
             }
         }
     }

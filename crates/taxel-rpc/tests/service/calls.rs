@@ -225,12 +225,12 @@ async fn health_names_buses_boards_zeros_and_faults() {
     assert_eq!(tare.noise_median_counts.to_bits(), 0.0_f64.to_bits(), "not a number stays inside");
     assert!(tare.drift_median_counts == -3.0);
     assert_eq!((health.streams, health.streams_max), (0, taxel_rpc::Limits::default().streams as u32));
-    let (code, reason) = (Some(ReasonCode::ZeroDoubted), "board 13 was silent".to_owned());
+    let (code, reason) = (Some(ReasonCode::ZeroInCheck), "board 13 was silent".to_owned());
     let doubted =
         PatchSnapshot { tare: Some(TareView { code, reason, ..TareView::default() }), ..PatchSnapshot::default() };
     daemon.engine().patch(0, Arc::new(doubted));
     let health = client.get_health(()).await.unwrap().into_inner();
-    assert_eq!(health.patches[0].tare.as_ref().unwrap().reason_code(), v1::ReasonCode::ZeroDoubted);
+    assert_eq!(health.patches[0].tare.as_ref().unwrap().reason_code(), v1::ReasonCode::ZeroInCheck);
 }
 
 #[tokio::test]

@@ -78,7 +78,7 @@ async fn a_large_answer_has_its_place_until_it_is_taken() {
             break status;
         }
     };
-    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::ResourceExhausted, Some("NO_PLACE")));
+    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::ResourceExhausted, Some("DAEMON_BUSY")));
     assert!(status.message().contains("1 long calls of loopback TCP are being served"), "{status:?}");
     ForceServiceClient::new(daemon.connect().await).get_force(v1::PatchRequest::default()).await.unwrap();
     untaken.abort();

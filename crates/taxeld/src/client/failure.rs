@@ -51,10 +51,10 @@ impl Failure {
 /// What to type where the daemon refuses `command` for this reason.
 fn helps(reason: ErrorReason, command: &str) -> Option<String> {
     Some(match reason {
-        ErrorReason::SkinLoaded | ErrorReason::ZeroUnproven if matches!(command, "tare" | "bring-up" | "calibrate") => {
+        ErrorReason::SkinLoaded | ErrorReason::ZeroInvalid if matches!(command, "tare" | "bring-up" | "calibrate") => {
             format!("taxeld {command} --confirmed-by NAME   # only if nothing touches the skin")
         }
-        ErrorReason::ZeroUnproven => "taxeld tare".to_owned(),
+        ErrorReason::ZeroInvalid => "taxeld tare".to_owned(),
         ErrorReason::NoModelSet => "taxeld calibrate".to_owned(),
         ErrorReason::SessionUnknown | ErrorReason::SessionWrongState => "taxeld sessions list".to_owned(),
         ErrorReason::ModelSetUnknown | ErrorReason::ActiveSetChanged => "taxeld models list".to_owned(),
@@ -130,7 +130,7 @@ mod tests {
         let of = |reason| Failure::from(Status::from(Refusal::failed_precondition(reason, "no")));
         let loaded = of(ErrorReason::SkinLoaded);
         assert!(loaded.help_for("tare").unwrap().starts_with("taxeld tare --confirmed-by NAME"), "{loaded:?}");
-        assert_eq!(of(ErrorReason::ZeroUnproven).help_for("load").as_deref(), Some("taxeld tare"));
+        assert_eq!(of(ErrorReason::ZeroInvalid).help_for("load").as_deref(), Some("taxeld tare"));
         assert_eq!(of(ErrorReason::SkinSilent).help_for("health"), None, "what was just done is no help");
         assert_eq!(Failure::refused("no").help("taxeld run").help_for("tare").as_deref(), Some("taxeld run"));
     }

@@ -64,21 +64,21 @@ impl Force {
         }
         if !loaded.is_empty() {
             let text = format!("{} taxels that cannot be used read a load: no upper bound", loaded.len());
-            reasons.push(Reason::about(loaded.clone(), ReasonCode::TaxelsBlind, text));
+            reasons.push(Reason::about(loaded.clone(), ReasonCode::TaxelsExcluded, text));
         } else if more {
             let missing = positions(touch.missing.iter().copied());
             let text = format!(
                 "more than the contact itself may lie on {} taxels beside it that cannot be read: no upper bound",
                 missing.len()
             );
-            reasons.push(Reason::about(missing, ReasonCode::TaxelsBlind, text));
+            reasons.push(Reason::about(missing, ReasonCode::TaxelsExcluded, text));
         }
         more || !loaded.is_empty()
     }
 
     fn say_blind(&self, reasons: &mut Vec<Reason>) {
         let text = format!("{} taxels cannot be read, nor can those beside them: no upper bound", self.blind.len());
-        reasons.push(Reason::about(std::sync::Arc::clone(&self.blind), ReasonCode::TaxelsBlind, text));
+        reasons.push(Reason::about(std::sync::Arc::clone(&self.blind), ReasonCode::TaxelsExcluded, text));
         let without_zero = positions(self.without_zero());
         if !without_zero.is_empty() {
             let text = format!(
