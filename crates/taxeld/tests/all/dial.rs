@@ -63,9 +63,9 @@ fn a_gauge_that_prints_text_is_read_and_what_is_wrong_with_it_is_in_the_health()
         gauge
     });
     let wrong = format!("{at}: line \"ERR 7\" is not as the template says");
-    let says = |words: &'static str| move |output: &Output| text(&output.stdout).contains(words);
-    assert!(until(folder.path(), &["health"], says("gauge: 12.50 kPa")).contains(&wrong));
+    let says = |output: &Output, words: &str| text(&output.stdout).contains(words);
+    until(folder.path(), &["health"], |output| says(output, "gauge: 12.50 kPa") && says(output, &wrong));
     drop(end);
     drop(printed.join()); // the terminal is gone
-    until(folder.path(), &["health"], says("DOWN"));
+    until(folder.path(), &["health"], |output| says(output, "DOWN"));
 }
