@@ -109,18 +109,10 @@ mod tests {
         ModelSet {
             id: id.to_owned(),
             patch: "palm".to_owned(),
-            created_wall_ns: 0,
-            session: None,
-            method: String::new(),
-            board_settings: Vec::new(),
             baseline: vec![TaxelBaseline { mean: rest, noise: 0.5 }; taxels.len()],
             pressure_max_kpa: to_kpa,
-            gauge_gain_rel: 0.0,
-            gauge_offset_kpa: 0.0,
             taxels,
-            recorded: None,
-            recalibrated: None,
-            maker: crate::model_set::Maker::default(),
+            ..ModelSet::default()
         }
     }
 

@@ -21,7 +21,7 @@ pub const GAIN_OF_DAY_REL: f64 = 0.017;
 pub const GAIN_OF_RECORDING_REL: f64 = 0.01;
 
 /// Models of all taxels of a patch, immutable once made.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ModelSet {
     /// `m-` and the first 16 hexadecimal digits of the content's hash; made by the store's codec.
     pub id: String,
@@ -241,7 +241,7 @@ impl RecordedTaxel {
 }
 
 /// What a fit to rising and falling pressure, of a recording or a session, knows of the skin in use.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recorded {
     /// Counts were averaged over so many seconds, and are to be when the models are applied; 0 is not at all.

@@ -49,6 +49,13 @@ impl Rejection {
     }
 }
 
+impl ErrorReason {
+    /// Refuses what cannot be in this state.
+    pub(crate) fn because(self, why: impl Into<String>) -> Rejection {
+        Rejection::FailedPrecondition(self, why.into())
+    }
+}
+
 /// Why a command was refused, for programs: one value for all refusals that a program would answer in the same way.
 /// `taxel.v1.ErrorReason` has the same values under the same names, and says what can be done about each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

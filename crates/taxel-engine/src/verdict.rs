@@ -139,18 +139,9 @@ mod tests {
         ModelSet {
             id: "m-1".to_owned(),
             patch: "palm".to_owned(),
-            created_wall_ns: 0,
-            session: None,
-            method: String::new(),
-            board_settings: Vec::new(),
-            baseline: Vec::new(),
             pressure_max_kpa: 70.0,
-            gauge_gain_rel: 0.0,
-            gauge_offset_kpa: 0.0,
             taxels,
-            recorded: None,
-            recalibrated: None,
-            maker: crate::model_set::Maker::default(),
+            ..ModelSet::default()
         }
     }
 

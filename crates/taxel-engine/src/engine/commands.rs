@@ -107,7 +107,7 @@ impl Engine {
         let index = self.patch_named(patch)?;
         if !self.patches[index].plan().configures() {
             let why = "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
-            return Err(Rejection::FailedPrecondition(ErrorReason::ListenOnly, why));
+            return Err(ErrorReason::ListenOnly.because(why));
         }
         // A board that is configured forgets the modules of all its patches.
         let mut wanted: Vec<Vec<bool>> =

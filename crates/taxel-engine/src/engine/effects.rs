@@ -47,7 +47,7 @@ impl Engine {
             Effect::Keep(set, origin) => Ok(self.on_kept(now, set, origin, out)),
             Effect::TakeUp(..) | Effect::ReadSet(_) => {
                 let why = "what waits to be read was written, which is a fault of this program".to_owned();
-                Err(Rejection::FailedPrecondition(ErrorReason::ProgramFault, why))
+                Err(ErrorReason::ProgramFault.because(why))
             }
             Effect::Zero(patch, request) => {
                 self.with_patch(now, patch, out, |patch, _| patch.adopt_zero(now, request)).map(Done::Tared)

@@ -35,8 +35,5 @@ fn limited(there: usize, max: usize, what: &str, then: &str) -> Result<(), Rejec
     if there < max {
         return Ok(());
     }
-    Err(Rejection::FailedPrecondition(
-        ErrorReason::LimitReached,
-        format!("there are {there} {what}, and {max} is the limit: {then}"),
-    ))
+    Err(ErrorReason::LimitReached.because(format!("there are {there} {what}, and {max} is the limit: {then}")))
 }

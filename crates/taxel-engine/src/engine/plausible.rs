@@ -132,31 +132,14 @@ mod tests {
 
     fn set(pressure_max_kpa: f64, model: TaxelModel, plays: Option<Plays>) -> ModelSet {
         let taxel = RecordedTaxel { rmse_kpa: 0.0, sensitivity: 1.0, hysteresis_kpa: None, plays };
-        let recorded = Recorded {
-            smooth_s: 0.0,
-            plays_mean_s: 0.0,
-            module_size: 10,
-            lag_s: 0.0,
-            clock: None,
-            zero_return: None,
-            plays_error_ratio: None,
-            taxels: vec![Some(taxel)],
-        };
+        let recorded = Recorded { taxels: vec![Some(taxel)], ..Recorded::default() };
         ModelSet {
             id: "m-1".to_owned(),
             patch: "p".to_owned(),
-            created_wall_ns: 0,
-            session: None,
-            method: String::new(),
-            board_settings: Vec::new(),
-            baseline: Vec::new(),
             pressure_max_kpa,
-            gauge_gain_rel: 0.0,
-            gauge_offset_kpa: 0.0,
             taxels: vec![model],
             recorded: Some(recorded),
-            recalibrated: None,
-            maker: crate::model_set::Maker::default(),
+            ..ModelSet::default()
         }
     }
 

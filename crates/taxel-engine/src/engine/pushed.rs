@@ -7,7 +7,7 @@ use crate::engine::step::Engine;
 use crate::intake::health::{BusNotice, BusState};
 use crate::now::Now;
 use crate::plan::PatchPlan;
-use crate::request::{ErrorReason, Rejection};
+use crate::request::ErrorReason;
 
 impl Engine {
     pub(super) fn begin_push(&mut self, now: Now, patch: &str, out: &mut Vec<Output>) -> Reply {
@@ -24,7 +24,7 @@ impl Engine {
             let why = format!(
                 "the scans of patch `{name}` come over its bus, and its gauge's readings too: nobody can push any"
             );
-            return Err(Rejection::FailedPrecondition(ErrorReason::NotPushed, why));
+            return Err(ErrorReason::NotPushed.because(why));
         }
         if let Some(line) = self.line_of(index) {
             line.on_notice(now.time, BusNotice::Up);

@@ -78,7 +78,7 @@ impl Engine {
         let patch = &self.patches[index];
         if !patch.plan().can_calibrate() {
             let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
-            return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
+            return Err(ErrorReason::NoPressureSensor.because(why));
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
         patch.check_gauge_heard(now)?;
@@ -103,9 +103,7 @@ impl Engine {
                 None => calibration.start(now, view, intake.gauge(), events),
             });
         });
-        let view = self.patches[index].calibration().session().cloned();
-        view.map(|view| Done::Session(Arc::new(view)))
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
+        self.patches[index].held_session().map(Done::Session)
     }
 
     /// What an operator asks of a session. The samples of one that no patch holds are read first.
@@ -138,7 +136,7 @@ impl Engine {
     ) {
         let Some((request, Effect::TakeUp(number, command))) = self.pending.take(ticket) else { return };
         let fault = "the samples were read, and are still missing, which is a fault of this program";
-        let fault = || Rejection::FailedPrecondition(ErrorReason::ProgramFault, fault.to_owned());
+        let fault = || ErrorReason::ProgramFault.because(fault.to_owned());
         let reply = self.go_on(now, number, command, Some(result), out).and_then(|done| done.ok_or_else(fault));
         out.extend(request.map(|request| Output::Reply(request, reply)));
     }
@@ -197,7 +195,7 @@ impl Engine {
         let found = plan.differs_from(&view.board_settings).or_else(|| plan.gauge_differs_from(&view.gauge));
         let Some(found) = found else { return Ok(()) };
         let why = format!("session {number} cannot go on: it {found}: set it as it was, or start a new session");
-        Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why))
+        Err(ErrorReason::LayoutChanged.because(why))
     }
 
     fn command_held(&mut self, now: Now, index: usize, command: Trigger, out: &mut Vec<Output>) -> Reply {
@@ -212,7 +210,7 @@ impl Engine {
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let Some(index) = self.held(number) else {
             let why = format!("session {number} is {}; a plateau is typed only in RAMPING", view.state.name());
-            return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+            return Err(ErrorReason::SessionWrongState.because(why));
         };
         let view = self.with_patch(now, index, out, |patch, effects| patch.take_plateau(now, kpa, effects))?;
         Ok(Done::Session(view))
@@ -230,7 +228,7 @@ impl Engine {
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
             let state = self.seen(view).state.name();
             let why = format!("session {number} is {state} and its models are in use; activate others first");
-            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
+            return Err(ErrorReason::ModelSetInUse.because(why));
         }
         self.store_takes_records()?;
         self.end_on_disk(now, request, number, Trigger::Discard, out)
@@ -251,7 +249,7 @@ impl Engine {
         view.state = commanded(number, view.state, command)?;
         if let Some(id) = view.model_set.as_deref().filter(|id| self.pending.activates_set(id)) {
             let why = format!("model set `{id}` of session {number} is being activated");
-            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
+            return Err(ErrorReason::ModelSetInUse.because(why));
         }
         view.reason = command.reason().to_owned();
         view.changed_wall_ns = now.wall_ns;
@@ -304,10 +302,9 @@ impl Engine {
         read: Result<SessionSamples, NotLoaded>,
     ) -> Result<SessionSamples, Rejection> {
         let samples = read.map_err(|why| match why {
-            NotLoaded::Damaged(what) => Rejection::FailedPrecondition(
-                ErrorReason::DataDamaged,
-                format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one"),
-            ),
+            NotLoaded::Damaged(what) => ErrorReason::DataDamaged.because(format!(
+                "session {number} cannot go on, its samples are damaged on disk: {what}; start a new one"
+            )),
             NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
         })?;
         let patch = &self.patches[index];
@@ -315,7 +312,7 @@ impl Engine {
         if !samples.samples.iter().all(|sample| fits(sample.counts.counts())) {
             let name = patch.name();
             let why = format!("session {number} is of another layout of patch `{name}` and cannot go on");
-            return Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why));
+            return Err(ErrorReason::LayoutChanged.because(why));
         }
         Ok(samples)
     }
@@ -337,7 +334,7 @@ impl Engine {
         let modules = patch.plan().patch.modules().len();
         if view.left_out.iter().any(|module| usize::from(*module) >= modules) {
             let why = format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name());
-            return Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why));
+            return Err(ErrorReason::LayoutChanged.because(why));
         }
         Ok(index)
     }
@@ -383,7 +380,7 @@ impl Engine {
         self.refuse_if_session_ends(number)?;
         if view.state.is_open() {
             let why = format!("session {number} is {}; abort it first", view.state.name());
-            return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));
+            return Err(ErrorReason::SessionOpen.because(why));
         }
         if let Some(id) = view.model_set.as_deref() {
             self.refuse_if_set_is_used(id)?;
@@ -426,7 +423,7 @@ impl Engine {
 }
 
 fn session_is_being(number: u64, what: &str) -> Rejection {
-    Rejection::FailedPrecondition(ErrorReason::BeingDeleted, format!("session {number} is being {what}"))
+    ErrorReason::BeingDeleted.because(format!("session {number} is being {what}"))
 }
 
 /// The positions of the modules that an operator leaves out, given as board address and module number.

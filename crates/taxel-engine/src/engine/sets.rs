@@ -80,7 +80,7 @@ impl Engine {
             let why = format!("the model set has {given} taxels, patch `{}` has {taxels}", set.patch);
             return Err(match origin {
                 Origin::Import { .. } => Rejection::InvalidArgument { field: "json", problem: why },
-                _ => Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why),
+                _ => ErrorReason::LayoutChanged.because(why),
             });
         }
         match &origin {
@@ -117,7 +117,7 @@ impl Engine {
             let view = self.sessions.get(number).ok_or_else(|| Rejection::no_session(*number))?;
             if view.patch != set.patch {
                 let why = format!("session {number} is of patch `{}`, the model set is of `{}`", view.patch, set.patch);
-                return Err(Rejection::FailedPrecondition(ErrorReason::SessionsDiffer, why));
+                return Err(ErrorReason::SessionsDiffer.because(why));
             }
         }
         Ok(())
@@ -125,20 +125,19 @@ impl Engine {
 
     /// Refuses what known loads made of another set than the active one, with which they were read.
     fn check_source(&self, index: usize, set: &ModelSet) -> Result<(), Rejection> {
-        let refuse = |reason, why: String| Err(Rejection::FailedPrecondition(reason, why));
         let Some(recalibrated) = &set.recalibrated else {
-            return refuse(ErrorReason::ProgramFault, format!("`{}` was not made by known loads", set.id));
+            return Err(ErrorReason::ProgramFault.because(format!("`{}` was not made by known loads", set.id)));
         };
         let source = recalibrated.derived_from.as_str();
         let active = self.patches[index].models().map(|active| active.id.as_str());
         if active != Some(source) {
             let is = active.unwrap_or("none");
             let why = format!("the loads were read with `{source}`, and {is} is active now: propose it again");
-            return refuse(ErrorReason::ActiveSetChanged, why);
+            return Err(ErrorReason::ActiveSetChanged.because(why));
         }
         if self.comes_of_discarded(&SetSummary::of(set)) {
             let why = format!("the session of `{source}` is DISCARDED: its models are not to be used");
-            return refuse(ErrorReason::ModelSetDiscarded, why);
+            return Err(ErrorReason::ModelSetDiscarded.because(why));
         }
         self.check_fit(index, set)
     }
@@ -204,7 +203,7 @@ impl Engine {
     fn loaded(&self, loading: &ReadSet, result: Result<Arc<ModelSet>, NotLoaded>) -> Result<Arc<ModelSet>, Rejection> {
         let id = &loading.model_set;
         let set = result.map_err(|why| match why {
-            NotLoaded::Damaged(what) => Rejection::FailedPrecondition(ErrorReason::DataDamaged, format!(
+            NotLoaded::Damaged(what) => ErrorReason::DataDamaged.because(format!(
                 "model set `{id}` is damaged on disk and cannot be used: {what}; import it again, or activate another one"
             )),
             NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
@@ -212,7 +211,7 @@ impl Engine {
         let known = self.check_activation(loading)?;
         if (&set.id, &set.patch, set.taxels.len()) != (&known.id, &known.patch, known.taxels) {
             let why = format!("the store gave another model set than `{id}`, which is a fault of this program");
-            return Err(Rejection::FailedPrecondition(ErrorReason::ProgramFault, why));
+            return Err(ErrorReason::ProgramFault.because(why));
         }
         self.check_fit(loading.patch, &set)?;
         Ok(set)
@@ -220,9 +219,7 @@ impl Engine {
 
     /// Refuses a set that was gathered with other settings of the boards, or corrected with other areas.
     fn check_fit(&self, patch: usize, set: &ModelSet) -> Result<(), Rejection> {
-        self.patches[patch]
-            .unfit(set)
-            .map_or(Ok(()), |why| Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)))
+        self.patches[patch].unfit(set).map_or(Ok(()), |why| Err(ErrorReason::LayoutChanged.because(why)))
     }
 
     fn commit_activation(
@@ -252,33 +249,25 @@ impl Engine {
             let problem = format!("`{id}` is for patch `{}`, not for `{name}`", set.patch);
             return Err(Rejection::InvalidArgument { field: "model_set", problem });
         }
-        let refuse = |reason, why: String| Err(Rejection::FailedPrecondition(reason, why));
         let (given, taxels) = (set.taxels, patch.taxels());
         if given != taxels {
-            return refuse(
-                ErrorReason::LayoutChanged,
-                format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed"),
-            );
+            return Err(ErrorReason::LayoutChanged
+                .because(format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed")));
         }
         if self.pending.activates(index) {
-            return refuse(
-                ErrorReason::ActivationUnderWay,
-                format!("another model set of patch `{name}` is being activated: ask again"),
-            );
+            return Err(ErrorReason::ActivationUnderWay
+                .because(format!("another model set of patch `{name}` is being activated: ask again")));
         }
         let is = patch.models().map_or("none", |set| set.id.as_str());
         let wrong = |expected: &&String| if expected.is_empty() { is != "none" } else { expected.as_str() != is };
         if let Some(expected) = asked.expected.as_ref().filter(wrong) {
-            return refuse(
-                ErrorReason::ActiveSetChanged,
-                format!("expected `{expected}` to be active, but it is {is}"),
+            return Err(
+                ErrorReason::ActiveSetChanged.because(format!("expected `{expected}` to be active, but it is {is}"))
             );
         }
         if self.comes_of_discarded(set) {
-            return refuse(
-                ErrorReason::ModelSetDiscarded,
-                format!("the session of `{id}` is DISCARDED: its models are not to be used"),
-            );
+            return Err(ErrorReason::ModelSetDiscarded
+                .because(format!("the session of `{id}` is DISCARDED: its models are not to be used")));
         }
         Ok(set.clone())
     }
@@ -309,7 +298,7 @@ impl Engine {
         if let Some(view) = self.session_of(&id).filter(|view| view.state.is_open()) {
             let (session, state) = (view.number, view.state.name());
             let why = format!("`{id}` is of session {session}, which is {state}; finish or abort that first");
-            return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));
+            return Err(ErrorReason::SessionOpen.because(why));
         }
         let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
         self.commit(Some(request), Effect::Forget(Forgotten::ModelSet(id)), vec![record], out);
@@ -319,10 +308,7 @@ impl Engine {
     /// Refuses what needs a model set that is on its way out.
     pub(super) fn refuse_if_set_is_deleted(&self, id: &str) -> Result<(), Rejection> {
         if self.pending.forgets(&Forgotten::ModelSet(id.to_owned())) {
-            return Err(Rejection::FailedPrecondition(
-                ErrorReason::BeingDeleted,
-                format!("model set `{id}` is being deleted"),
-            ));
+            return Err(ErrorReason::BeingDeleted.because(format!("model set `{id}` is being deleted")));
         }
         Ok(())
     }
@@ -332,7 +318,7 @@ impl Engine {
         let uses = |patch: &&Patch| patch.models().is_some_and(|set| set.id == id);
         if let Some(patch) = self.patches.iter().find(uses) {
             let why = format!("model set `{id}` is in use on patch `{}`; activate another one first", patch.name());
-            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
+            return Err(ErrorReason::ModelSetInUse.because(why));
         }
         let in_use = |set: &KnownSet| {
             let active = self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id);
@@ -341,13 +327,10 @@ impl Engine {
         let comes_of_it = |set: &KnownSet| set.origins.iter().any(|origin| origin == id);
         if let Some(set) = self.model_sets.iter().find(|set| in_use(set) && comes_of_it(set)) {
             let why = format!("`{}`, which is in use, was made of model set `{id}` by known loads", set.id);
-            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
+            return Err(ErrorReason::ModelSetInUse.because(why));
         }
         if self.pending.activates_set(id) {
-            return Err(Rejection::FailedPrecondition(
-                ErrorReason::ModelSetInUse,
-                format!("model set `{id}` is being activated"),
-            ));
+            return Err(ErrorReason::ModelSetInUse.because(format!("model set `{id}` is being activated")));
         }
         Ok(())
     }

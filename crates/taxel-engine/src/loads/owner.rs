@@ -62,7 +62,7 @@ impl Loads {
         }
         if self.watch.is_some() {
             let why = "another load of this patch is being read: wait a second".to_owned();
-            return Err(Rejection::FailedPrecondition(ErrorReason::LoadBeingRead, why));
+            return Err(ErrorReason::LoadBeingRead.because(why));
         }
         self.watch = Some(LoadWatch::new(now, request, load, force.0));
         Ok(())

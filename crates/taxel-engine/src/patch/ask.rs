@@ -44,12 +44,7 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if something moved the zero meanwhile.
     pub fn adopt_zero(&mut self, now: Now, request: RequestId) -> Result<TareView, Rejection> {
-        let lost = |why| {
-            Rejection::FailedPrecondition(
-                ErrorReason::ZeroLost,
-                format!("the zero was lost while it was written down: {why}"),
-            )
-        };
+        let lost = |why| ErrorReason::ZeroLost.because(format!("the zero was lost while it was written down: {why}"));
         let view = self.zero.adopt(now, request).map_err(lost)?;
         self.use_zero();
         self.dirty = true;
@@ -70,7 +65,7 @@ impl Patch {
             return Ok(());
         }
         let why = format!("{BEING_CONFIGURED}: ask again when they are verified");
-        Err(Rejection::FailedPrecondition(ErrorReason::BoardsNotConfigured, why))
+        Err(ErrorReason::BoardsNotConfigured.because(why))
     }
 
     /// Refuses to configure boards while a load is felt: they would take it for nothing, and nobody could tell later.
@@ -84,7 +79,7 @@ impl Patch {
             "{taxels} taxels of patch `{name}` read {newton:.2} N, and boards that are configured take what lies on \
              them for nothing: unload the skin first"
         );
-        Err(Rejection::FailedPrecondition(ErrorReason::SkinLoaded, why))
+        Err(ErrorReason::SkinLoaded.because(why))
     }
 
     /// Refuses what needs an unloaded skin while the bag presses on it, or while the gauge reads what a vented bag cannot
@@ -112,13 +107,13 @@ impl Patch {
             let why = format!(
                 "the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first; if it is vented, {wrong}"
             );
-            Rejection::FailedPrecondition(ErrorReason::BagPresses, why)
+            ErrorReason::BagPresses.because(why)
         } else {
             let why = format!(
                 "the gauge reads {kpa:.2} kPa, and a vented bag has no less than {least:.2} kPa: set the gauge's zero, \
                  or state its uncertainty in `gauge.offset_uncertainty_kpa`"
             );
-            Rejection::FailedPrecondition(ErrorReason::GaugeOffset, why)
+            ErrorReason::GaugeOffset.because(why)
         })
     }
 
@@ -141,7 +136,7 @@ impl Patch {
             "the gauge is silent: {what}. Is it on, and is its CAN identifier the one in [patch.gauge]? `taxeld health` shows \
              its readings as they come"
         );
-        Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why))
+        Err(ErrorReason::NoPressureSensor.because(why))
     }
 
     /// Refuses the zero of a ramp while the gauge is not heard or moves: what it reads then is its own zero, which is taken off
@@ -175,7 +170,7 @@ impl Patch {
                 },
             ),
         };
-        Err(Rejection::FailedPrecondition(reason, why))
+        Err(reason.because(why))
     }
 
     /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.
@@ -202,6 +197,14 @@ impl Patch {
         let mut events = Vec::new();
         self.calibration.command(now, command, self.intake.gauge(), &mut events)?;
         self.on_calibration_events(now, events, effects);
+        self.held_session()
+    }
+
+    /// The session that the patch holds.
+    ///
+    /// # Errors
+    /// [`Rejection`] if it holds none.
+    pub fn held_session(&self) -> Result<Arc<SessionView>, Rejection> {
         let view = self.calibration.session().cloned();
         view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
     }
@@ -219,9 +222,7 @@ impl Patch {
         let mut events = Vec::new();
         let taken = self.calibration.take_plateau(now, kpa, self.intake.gauge(), &mut events);
         self.on_calibration_events(now, events, effects);
-        taken?;
-        let view = self.calibration.session().cloned();
-        view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
+        taken.and_then(|()| self.held_session())
     }
 
     /// Another model set is in use from now on.
@@ -249,12 +250,11 @@ impl Patch {
     pub fn begin_load(&mut self, now: Now, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
         self.calibration.refuse_if_open("finish or abort it first")?;
         self.check_vented(now)?;
-        let refuse = |reason, why: String| Err(Rejection::FailedPrecondition(reason, why));
         if self.force.models().is_none() {
-            return refuse(ErrorReason::NoModelSet, "no model set is active: there is no force to compare".to_owned());
+            return Err(ErrorReason::NoModelSet.because("no model set is active: there is no force to compare"));
         }
         if !self.force.is_ready() {
-            return refuse(ErrorReason::ZeroLost, format!("there is no valid zero: {}", self.zero.view().reason));
+            return Err(ErrorReason::ZeroLost.because(format!("there is no valid zero: {}", self.zero.view().reason)));
         }
         self.loads.begin(now.time, request, load)
     }
@@ -265,7 +265,7 @@ impl Patch {
     /// [`Rejection`] if it could not be read.
     pub fn complete_load(&self, now: Now, number: u64, read: LoadRead) -> Result<Arc<Load>, Rejection> {
         let set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
-        let reading = read.outcome.map_err(|(reason, why)| Rejection::FailedPrecondition(reason, why))?;
+        let reading = read.outcome.map_err(|(reason, why)| reason.because(why))?;
         self.loads.complete(now, number, &set, reading).map(Arc::new)
     }
 

@@ -12,7 +12,7 @@ use crate::intake::boards::BoardNews;
 use crate::intake::receive::Intake;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
-use crate::request::{ErrorReason, Rejection};
+use crate::request::ErrorReason;
 use crate::zero::events::ZeroEvent;
 use crate::zero::holder::Zero;
 use crate::zero::watch::Purpose;
@@ -79,7 +79,7 @@ impl Patch {
                 }
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
                     let why = format!("tare refused: {why}{}", remedy(reason));
-                    effects.out.push(Output::Reply(request, Err(Rejection::FailedPrecondition(reason, why))));
+                    effects.out.push(Output::Reply(request, Err(reason.because(why))));
                 }
                 ZeroEvent::Refused(Purpose::Session { .. }, _, why) => {
                     self.calibration.on_zero_refused(now, &why, gauge, &mut follows);

@@ -1,7 +1,5 @@
 //! The engine as a daemon drives it: stalls, restarts, a store that takes its time, fits that come back later.
 
-use std::collections::hash_map::DefaultHasher;
-use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -15,11 +13,10 @@ use taxel_skin::Time;
 use taxel_wire::{Frame, TimedFrame};
 
 use crate::dice::Dice;
+use crate::disk::{EPOCH_NS, id_of};
 use crate::rig::BUS;
 use crate::store::Store;
 
-/// Wall time at the origin of the run's clock: a label.
-const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 /// Frames that one read of the socket gives.
 const BATCH_FRAMES: usize = 64;
 
@@ -87,7 +84,7 @@ impl Daemon {
     /// Starts from what the store has.
     pub fn start(&mut self) {
         self.store.failed = false;
-        self.engine = Some(Engine::new(Arc::clone(&self.plan), self.store.restored()));
+        self.engine = Some(Engine::new(Arc::clone(&self.plan), self.store.disk.found()));
         self.step(self.now, Input::Tick);
     }
 
@@ -114,7 +111,7 @@ impl Daemon {
 
     /// A model set that was written down.
     pub fn set_of(&self, id: &str) -> Arc<ModelSet> {
-        self.store.set_of(id).expect("it is on disk")
+        self.store.disk.set_of(id).expect("it is on disk")
     }
 
     pub fn is_running(&self) -> bool {
@@ -179,16 +176,16 @@ impl Daemon {
         }
         while let Some(place) = self.loads.iter().position(|(due, ..)| *due <= now) {
             let (_, ticket, session) = self.loads.remove(place);
-            let result = self.store.samples_of(session);
+            let result = self.store.disk.samples_of(session);
             self.step(now, Input::Loaded { ticket, result });
         }
         for (ticket, id) in std::mem::take(&mut self.set_loads) {
-            let result = self.store.set_of(&id);
+            let result = self.store.disk.set_of(&id);
             self.step(now, Input::SetLoaded { ticket, result });
         }
         while let Some(place) = self.fits.iter().position(|(due, _)| *due <= now) {
             let (_, job) = self.fits.remove(place);
-            let outcome = job.run(|set| format!("m-{:016x}", digest(&format!("{:?}", set.taxels))));
+            let outcome = job.run(id_of);
             self.step(now, Input::Fitted(outcome));
         }
         self.step(now, Input::Tick);
@@ -246,10 +243,4 @@ fn in_words(reply: &Reply) -> String {
         Ok(Done::Deleted) => "deleted".to_owned(),
         Err(rejection) => format!("refused: {rejection}"),
     }
-}
-
-fn digest(text: &str) -> u64 {
-    let mut hasher = DefaultHasher::new();
-    text.hash(&mut hasher);
-    hasher.finish()
 }

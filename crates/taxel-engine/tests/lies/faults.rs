@@ -164,26 +164,3 @@ fn of_the_rest(kind: Kind, dice: &mut Dice) -> (Vec<Fault>, Duration) {
     };
     (vec![fault], lasts)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::house::{Patches, Setting, house};
-
-    #[test]
-    fn every_kind_of_trouble_can_befall_a_skin_and_end() {
-        let mut world = house(Setting::minutes(Patches::One), 0).world.clone();
-        let mut dice = Dice::new(1);
-        for &kind in Kind::faults() {
-            for _ in 0..20 {
-                let trouble = trouble(kind, world.skin(), &mut dice);
-                assert_eq!(trouble.kind, kind);
-                assert!(trouble.lasts > Duration::ZERO);
-                let befalls_the_daemon = matches!(kind, Kind::Stall | Kind::BusOff | Kind::StoreFails);
-                assert_eq!(trouble.faults.is_empty(), befalls_the_daemon, "{kind:?}");
-                trouble.faults.iter().for_each(|fault| world.inject(*fault).unwrap());
-                trouble.faults.iter().for_each(|fault| world.repair(*fault).unwrap());
-            }
-        }
-    }
-}

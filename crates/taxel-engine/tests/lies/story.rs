@@ -10,6 +10,7 @@ use taxel_skin::Time;
 use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, ON_UNREAD, UNPLACED, is_allowed};
 use crate::daemon::Daemon;
 use crate::dice::Dice;
+use crate::disk::Disk;
 use crate::figures::{Judged, STEADY};
 use crate::hands::Hands;
 use crate::house::{Course, SLOT, Setting, house};
@@ -120,7 +121,8 @@ impl Story {
         let scene = format!("fill: {}, positions: {}", scene.outputs.fill, scene.geometry.is_some());
         let begins_loaded = dice.chance(0.12) && setting.course == Course::Minutes;
         let now = world.now();
-        let store = Store::with(house.parts.iter().map(|part| Arc::clone(&part.set)).collect(), &plan.patches);
+        let sets = house.parts.iter().map(|part| Arc::clone(&part.set)).collect();
+        let store = Store::with(Disk::with(sets, &plan.patches));
         let daemon = Daemon::new(plan, store, root.of(2), now);
         let mut stage = Stage::new(house, (watched, has_positions), world, daemon, cleared);
         stage.tell(format!(

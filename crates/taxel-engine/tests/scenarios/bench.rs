@@ -1,24 +1,25 @@
 //! A simulated skin on a simulated bus, and the engine that listens to it, in virtual time.
 
 use std::cell::Cell;
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::calibration::fit::Branch;
-use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection, Reply};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::Plan;
-use taxel_engine::record::Record;
+use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::ForceState;
 use taxel_engine::{BusNotice, Restored};
 use taxel_sim::{Fault, Mass, PumpCommand, World};
 use taxel_skin::{Kilopascal, Newton, TaxelIndex, Time};
 use taxel_wire::{CanId, Frame, TimedFrame};
 
+use crate::disk::Disk;
 use crate::host::{Host, SLOT};
+use crate::rig::{patch_plan, plan, small_skin, small_world};
 use crate::say;
 use crate::truth::Truth;
 
@@ -57,9 +58,14 @@ impl Bench {
 
     /// An engine that starts on what another one left on disk; the boards are as they are in `world`.
     pub fn after(world: World, plan: Arc<Plan>, disk: Disk) -> Self {
-        let mut bench = Self::new(world, plan, disk.restored);
-        bench.host.stored = disk.samples;
+        let mut bench = Self::new(world, plan, disk.found());
+        bench.host.disk.samples = disk.samples;
         bench
+    }
+
+    /// The daemon starts anew at once, on what is on its disk.
+    pub fn again(self, plan: Arc<Plan>) -> Self {
+        Self::after(self.world, plan, self.host.disk)
     }
 
     pub fn now(&self) -> Time {
@@ -185,8 +191,7 @@ impl Bench {
         let mut world = self.world.clone();
         world.pump(PumpCommand::Vent);
         world.advance(self.now() + Duration::from_secs(20), &mut Vec::new());
-        let mut disk = Disk::after_a_crash(&self.host);
-        disk.restored.model_sets = self.host.catalogue.model_sets.clone();
+        let mut disk = self.host.disk.clone();
         change(&mut disk);
         let mut bench = Self::after(world, plan, disk);
         bench.brought_up();
@@ -221,12 +226,6 @@ impl Bench {
 
     pub fn tare(&mut self, confirmed_by: Option<&str>) -> Reply {
         self.ask(Command::Tare { patch: String::new(), confirmed_by: confirmed_by.map(str::to_owned) })
-    }
-
-    /// Asks for a session and for a tare, whatever the answers.
-    pub fn meddle(&mut self) {
-        self.host.command(say::start());
-        self.host.command(Command::Tare { patch: String::new(), confirmed_by: Some("Ada".to_owned()) });
     }
 
     /// Lets the tails of a module report so many lost acknowledgements as are set, though nothing is wrong with its counts.
@@ -286,38 +285,16 @@ pub fn session_of(reply: Reply) -> Arc<SessionView> {
     }
 }
 
-/// What a run leaves on disk.
-pub struct Disk {
-    pub restored: Restored,
-    pub samples: HashMap<u64, SessionSamples>,
+/// The boards of the small skin are brought up, and nothing was calibrated yet.
+pub fn fresh() -> Bench {
+    fresh_with(|_| ())
 }
 
-impl Disk {
-    /// What a store makes of the records of a run that ended here.
-    pub fn after_a_crash(host: &Host) -> Self {
-        let mut restored = Restored { zeros: host.zeros.clone(), ..Restored::default() };
-        let mut sessions = BTreeMap::new();
-        for record in &host.records {
-            match record {
-                Record::Session(view) => {
-                    sessions.insert(view.number, SessionView::clone(view));
-                    restored.next_session = restored.next_session.max(view.number + 1);
-                }
-                Record::SessionDeleted { session, .. } => drop(sessions.remove(session)),
-                Record::Zero { patch, zero, .. } => {
-                    restored.zeros.retain(|(known, _)| known != patch);
-                    restored.zeros.push((patch.clone(), zero.clone()));
-                }
-                _ => {}
-            }
-        }
-        let samples = sessions.keys().filter_map(|number| Some((*number, host.on_disk(*number)?))).collect();
-        for mut view in sessions.into_values() {
-            if view.state.is_open() {
-                view.state = SessionState::Interrupted;
-            }
-            restored.sessions.push(Arc::new(view));
-        }
-        Self { restored, samples }
-    }
+/// The same with a plan of its own.
+pub fn fresh_with(change: impl FnOnce(&mut PatchPlan)) -> Bench {
+    let mut patch = patch_plan(&small_skin());
+    change(&mut patch);
+    let mut bench = Bench::new(small_world(), plan(patch), Restored::default());
+    bench.brought_up();
+    bench
 }

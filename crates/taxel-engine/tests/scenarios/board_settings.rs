@@ -5,7 +5,6 @@ use taxel_engine::record::KeptZero;
 use taxel_engine::snapshot::ReasonCode;
 
 use crate::prelude::*;
-use crate::shared::configured;
 
 /// The small skin, its boards set in another way than usual.
 fn with_boards(change: impl FnOnce(&mut Vec<BoardSetup>)) -> Arc<Plan> {
@@ -126,9 +125,7 @@ fn a_set_whose_session_was_laid_aside_while_it_did_not_fit_is_not_used_once_it_f
     let mut bench = at_shift_1().restarted(with_shift(2));
     let (session, id) = (at_shift_1().session.number, at_shift_1().set.id.as_str());
     bench.ask(Command::DiscardSession { session }).unwrap();
-    let mut restored = Disk::after_a_crash(&bench.host).restored;
-    restored.model_sets = vec![Arc::clone(&at_shift_1().set).into()];
-    restored.active = vec![(at_shift_1().set.patch.clone(), id.to_owned())];
+    let restored = bench.host.disk.found();
     assert_eq!(restored.sessions[0].state, SessionState::Discarded);
     let mut bench = Bench::new(bench.world, with_shift(1), restored);
     let why = unused(&mut bench);
@@ -168,18 +165,6 @@ fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     later.import(other("m-other", |_| {}));
     later.activate("m-other").unwrap();
     weighs(&mut later, "a set of boards with the same settings");
-}
-
-#[test]
-fn a_set_that_is_read_from_the_disk_first_is_refused_all_the_same() {
-    let stored = other("m-stored", |_| {});
-    let model_sets = vec![KnownSet::stored(SetSummary::of(&stored))];
-    let restored = Restored { model_sets, ..Restored::default() };
-    let mut bench = Bench::new(at_shift_1().world.clone(), with_shift(0), restored);
-    bench.host.shelf.push(stored);
-    let why = bench.refused(say::activate("m-stored"));
-    assert!(why.contains("shift 1 on module 0 of board 13, where the configuration has shift 0"), "{why}");
-    assert_eq!(bench.host.catalogue.active[0].1, None);
 }
 
 #[test]

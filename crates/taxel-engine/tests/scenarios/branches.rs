@@ -100,7 +100,7 @@ fn a_session_killed_on_its_falling_branch_gives_the_same_models_as_one_that_was_
     let (mut bench, session) = risen(STRONG);
     bench.ramp(0.0, 4.0);
     bench.seconds(10.0);
-    let disk = Disk::after_a_crash(&bench.host);
+    let disk = bench.host.disk.clone();
     assert_eq!(disk.restored.sessions[0].direction, Direction::Falling, "the turn is on disk");
     bench.finish(session);
     let uninterrupted = bench.host.set(0);
@@ -123,7 +123,7 @@ fn a_session_of_the_papers_estimator_is_its_equation_over_the_rise_and_gives_a_f
     let samples = bench.host.samples(session);
     let (rising, falling) = branches_are_in_order(&samples, 0.3);
     assert!(falling > 250, "{falling}");
-    let kpa = &bench.host.on_disk(session).unwrap().pressures_kpa()[..rising];
+    let kpa = &bench.host.disk.samples[&session].clone().pressures_kpa()[..rising];
     for (taxel, model) in set.taxels.iter().enumerate() {
         let counts: Vec<f64> = samples[..rising].iter().map(|s| s.counts.counts().units(taxel).unwrap()).collect();
         let options = FitOptions { estimator: Estimator::Paper, ..bench.host.plan.patches[0].fit };

@@ -1,6 +1,8 @@
 //! Boards are configured, proven by their frames, and not touched where the scene only listens.
 
-use taxel_engine::ErrorReason;
+use taxel_model::GaugeUncertainty;
+use taxel_sim::GaugeConfig;
+use taxel_skin::Kilopascal;
 use taxel_wire::icub;
 
 use crate::prelude::*;
@@ -126,8 +128,7 @@ fn a_restart_under_a_load_goes_on_with_the_zero_of_before_within_two_seconds() {
         bench.seconds(2.0);
         let before = bench.weigh(20);
         assert!((before - weight).abs() < 0.2 * weight, "{before} N of {weight} N");
-        let zeros = Disk::after_a_crash(&bench.host).restored.zeros;
-        let mut bench = Bench::new(bench.world, patch(), Restored { zeros, ..small().restored() });
+        let mut bench = bench.again(patch());
         bench.until_force(2.0, ForceState::Ok);
         assert_eq!(bench.host.sent, [], "boards that stream are left alone");
         let after = bench.weigh(20);
@@ -143,9 +144,8 @@ fn a_restart_under_a_load_goes_on_with_the_zero_of_before_within_two_seconds() {
 fn a_board_that_is_silent_at_the_start_is_configured_alone_and_the_zero_is_proven_anew() {
     let mut bench = small().started();
     bench.until_force(5.0, ForceState::Ok);
-    let zeros = Disk::after_a_crash(&bench.host).restored.zeros;
     bench.inject(Fault::PowerCycle { board: board(12), off: std::time::Duration::from_millis(10) });
-    let mut bench = Bench::new(bench.world, plan(patch_plan(&small().skin)), Restored { zeros, ..small().restored() });
+    let mut bench = bench.again(plan(patch_plan(&small().skin)));
     bench.seconds(1.0);
     let to: std::collections::BTreeSet<u8> =
         bench.host.sent.iter().map(|(_, frame)| icub::Command::decode(frame).unwrap().0.get()).collect();
@@ -163,6 +163,38 @@ fn a_set_that_comes_after_the_boards_were_configured_unseen_takes_no_zero_unless
     configured_unseen(&[Some("Ada"), None], false);
     // A session takes its zero there nevertheless, but not for these models.
     configured_unseen(&[], true);
+}
+
+/// A load that the boards hide lies there from before they were configured, while a session takes it for rest and after a restart.
+#[test]
+fn what_was_held_against_the_boards_is_after_a_restart_for_all_sets_but_that_of_the_session() {
+    let mut earlier = small().started();
+    earlier.brought_up();
+    earlier.lay(0.5, 33);
+    let plan = || plan(patch_plan(&small().skin));
+    let mut bench = Bench::new(earlier.world, plan(), Restored::default());
+    bench.brought_up();
+    bench.start_session(Some(20.0)); // a first one, which needs nobody's word
+    bench.ramp(25.0, 4.0);
+    bench.until_state(15.0, SessionState::Review);
+    let own = bench.host.session().model_set.clone().unwrap();
+    bench.vent(20.0);
+    bench.activate(&own).unwrap();
+    bench.until_force(2.0, ForceState::Ok);
+    for story in ["before a restart", "with it in use"] {
+        let mark = bench.mark();
+        bench.import(Arc::clone(&small().set));
+        bench.activate(&small().set.id).unwrap();
+        bench.seconds(3.0);
+        bench.is_truthful_since(mark, story);
+        assert_eq!(bench.host.state(), ForceState::TareInvalid, "{story}: {}", bench.host.reasons());
+        assert!(bench.tare(None).is_err(), "{story}: it was configured unseen");
+        bench.activate(&own).unwrap();
+        bench.until_force(2.0, ForceState::Ok);
+        bench = bench.again(plan());
+        bench.brought_up();
+        bench.until_force(5.0, ForceState::Ok);
+    }
 }
 
 fn configured_unseen(again: &[Option<&str>], session: bool) {
@@ -187,8 +219,7 @@ fn configured_unseen(again: &[Option<&str>], session: bool) {
     let refused = bench.tare(None);
     let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
     assert!(why.contains("were configured while there was no force") && why.contains("--confirmed-by"), "{why}");
-    let restored = Restored { zeros: Disk::after_a_crash(&bench.host).restored.zeros, ..small().restored() };
-    let mut bench = Bench::new(bench.world, plan(patch_plan(&small().skin)), restored);
+    let mut bench = bench.again(plan(patch_plan(&small().skin)));
     bench.seconds(5.0);
     assert_ne!(bench.host.state(), ForceState::Ok, "a restart knows it, too");
     bench.world.clear();
@@ -203,62 +234,33 @@ fn begun_and_aborted(bench: &mut Bench) {
     bench.ask(Command::AbortSession { session }).unwrap();
 }
 
-/// No models were there to judge it: those of another day do, as they judge any other.
+/// A vented bag is at 10 kPa at most, and at no less than 0.3 kPa and three standard deviations of the gauge below none.
 #[test]
-fn a_zero_of_a_session_without_models_does_not_hold_for_a_set_from_elsewhere() {
-    for loaded in [true, false] {
-        let mut earlier = small().started();
-        earlier.brought_up();
-        let listens = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-        let mut bench = Bench::new(earlier.world, plan(listens), Restored::default());
-        bench.seconds(1.0);
-        if loaded {
-            bench.lay(0.5, 33);
+fn what_a_bag_may_be_at_when_boards_are_configured() {
+    for (kpa, later_ms, refused) in [
+        (-1.79, 100, None),
+        (-1.81, 100, Some((ErrorReason::GaugeOffset, "no less than -1.80 kPa: set the gauge's zero"))),
+        (10.0, 100, None),
+        (10.01, 100, Some((ErrorReason::BagPresses, "vent it below 10.0 kPa first"))),
+        (10.01, 500, Some((ErrorReason::BagPresses, "presses on the skin"))),
+        // A reading that is older says nothing any more.
+        (10.01, 501, None),
+        (-1.81, 501, None),
+    ] {
+        let mut patch = patch_plan(&small().skin);
+        patch.fit.gauge = GaugeUncertainty { gain_rel: 0.5, offset_kpa: 0.3, noise_kpa: 0.4 };
+        let mut host = Host::new(plan(patch), Restored::default(), Time::default());
+        let time = Time::from_seconds(1.0);
+        let frame = GaugeConfig::default().signal.encode(Kilopascal(kpa)).unwrap();
+        host.frames(&[TimedFrame { time, frame }]);
+        host.now = time + Duration::from_millis(later_ms);
+        let request = host.command(bring_up(Some("Ada")));
+        match (host.reply(request).unwrap(), refused) {
+            (Ok(Done::BringUpStarted), None) => {}
+            (Err(Rejection::FailedPrecondition(is, why)), Some((reason, words))) => {
+                assert!(is == reason && why.contains(words), "{kpa} kPa: {why}");
+            }
+            (reply, _) => panic!("{kpa} kPa, {later_ms} ms later: {reply:?}"),
         }
-        begun_and_aborted(&mut bench);
-        let mark = bench.mark();
-        bench.import(Arc::clone(&small().set));
-        bench.activate(&small().set.id).unwrap();
-        bench.seconds(3.0);
-        bench.is_truthful_since(mark, "a load that a session took into its zero");
-        assert_eq!(bench.host.state(), ForceState::TareInvalid);
-        assert!(bench.host.reasons().contains("without models to judge it by"), "{}", bench.host.reasons());
-        assert_eq!(bench.tare(None).is_ok(), !loaded);
-        bench.seconds(1.0);
-        assert_eq!(bench.host.state(), if loaded { ForceState::TareInvalid } else { ForceState::Ok });
-    }
-}
-
-/// A load that the boards hide lies there from before they were configured, while a session takes it for rest and after a restart.
-#[test]
-fn what_was_held_against_the_boards_is_after_a_restart_for_all_sets_but_that_of_the_session() {
-    let mut earlier = small().started();
-    earlier.brought_up();
-    earlier.lay(0.5, 33);
-    let mut bench = Bench::new(earlier.world, plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
-    bench.start_session(Some(20.0)); // a first one, which needs nobody's word
-    bench.ramp(25.0, 4.0);
-    bench.until(15.0, "a model set", |host| host.session().model_set.is_some());
-    let own = bench.host.session().model_set.clone().unwrap();
-    bench.vent(20.0);
-    bench.activate(&own).unwrap();
-    bench.until_force(2.0, ForceState::Ok);
-    for story in ["before a restart", "with it in use", "once more"] {
-        let mark = bench.mark();
-        bench.import(Arc::clone(&small().set));
-        bench.activate(&small().set.id).unwrap();
-        bench.seconds(3.0);
-        bench.is_truthful_since(mark, story);
-        assert_eq!(bench.host.state(), ForceState::TareInvalid, "{story}: {}", bench.host.reasons());
-        assert!(bench.tare(None).is_err(), "{story}: it was configured unseen");
-        bench.activate(&own).unwrap();
-        bench.until_force(2.0, ForceState::Ok);
-        let mut disk = Disk::after_a_crash(&bench.host);
-        disk.restored.model_sets = bench.host.catalogue.model_sets.clone();
-        disk.restored.active = vec![("small".to_owned(), own.to_string())];
-        bench = Bench::after(bench.world, plan(patch_plan(&small().skin)), disk);
-        bench.brought_up();
-        bench.until_force(5.0, ForceState::Ok);
     }
 }

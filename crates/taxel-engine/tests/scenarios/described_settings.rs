@@ -2,9 +2,9 @@
 
 use taxel_engine::plan::DevicePlan;
 
+use crate::array::Scene as _;
 use crate::described::{Scene, patch_plan, plan};
 use crate::prelude::*;
-use crate::shared::configured;
 
 /// The same set with these words for the commands; with none it is one of an earlier version, which did not tell them.
 fn told(set: &ModelSet, commands: &str) -> Arc<ModelSet> {
@@ -17,19 +17,13 @@ fn told(set: &ModelSet, commands: &str) -> Arc<ModelSet> {
 /// What lies on a device that streams with other commands, or none, is not known while it is configured.
 #[test]
 fn a_described_device_gets_its_commands_at_a_start_unless_it_streams_with_them() {
-    let set = told(&Scene::in_use().newest_set(), "");
+    let set = told(&Scene::in_use().host.newest_set(), "");
     let start = Frame::of(CanId::Extended(0x18FD_0001), [1]);
     let mut plan = plan();
     plan.patches[0].devices[0].commands = vec![(Duration::from_millis(50), start)];
     for known in [false, true] {
-        let zero = configured(&plan.patches[0]);
-        let restored = Restored {
-            active: vec![("array".to_owned(), set.id.clone())],
-            model_sets: vec![set.clone().into()],
-            zeros: Some(("array".to_owned(), zero)).filter(|_| known).into_iter().collect(),
-            ..Restored::default()
-        };
-        let mut scene = Scene::new(plan.clone(), restored);
+        let disk = Disk::with(vec![set.clone()], if known { &plan.patches } else { &[] });
+        let mut scene = Scene::new(plan.clone(), disk.found());
         scene.seconds(6.0);
         let sent = scene.host.sent.iter().any(|(_, frame)| *frame == start);
         let state = if known { ForceState::Ok } else { ForceState::TareInvalid };
@@ -41,58 +35,26 @@ fn a_described_device_gets_its_commands_at_a_start_unless_it_streams_with_them()
 fn with(set: &ModelSet, change: impl FnOnce(&mut DevicePlan)) -> (ForceState, String) {
     let mut plan = plan();
     change(&mut plan.patches[0].devices[0]);
-    let restored = Restored {
-        active: vec![("array".to_owned(), set.id.clone())],
-        model_sets: vec![Arc::new(set.clone()).into()],
-        zeros: vec![("array".to_owned(), configured(&plan.patches[0]))],
-        ..Restored::default()
-    };
-    let mut scene = Scene::new(plan, restored);
+    let disk = Disk::with(vec![Arc::new(set.clone())], &plan.patches);
+    let mut scene = Scene::new(plan, disk.found());
     scene.seconds(6.0);
     (scene.host.state(), scene.host.reasons())
 }
 
-/// Nothing at rest would tell: each of two models used for the other's taxel, another gain by a command, numbers of sixteen bits
-/// that begin elsewhere or are cut otherwise.
+/// Nothing at rest would tell. What counts as another device is told in `board_settings/tests.rs`.
 #[test]
 fn a_device_that_is_read_or_sent_otherwise_than_at_the_calibration_has_no_force() {
-    let set = Scene::in_use().newest_set();
-    let command = |bytes: [u8; 2]| {
-        move |device: &mut DevicePlan| device.commands = vec![(Duration::ZERO, Frame::of(CanId::Standard(5), bytes))]
+    let set = Scene::in_use().host.newest_set();
+    assert_eq!(with(&set, |_| ()), (ForceState::Ok, String::new()));
+    let command =
+        |device: &mut DevicePlan| device.commands = vec![(Duration::ZERO, Frame::of(CanId::Standard(5), [1]))];
+    let swapped = |device: &mut DevicePlan| {
+        let counts = &mut device.frames[0].counts;
+        (counts[0].1, counts[1].1) = (counts[1].1, counts[0].1);
     };
-    let numbers = |low: i64, shift: u8| {
-        move |device: &mut DevicePlan| {
-            let fields = device.frames.iter_mut().flat_map(|spec| &mut spec.counts);
-            fields.for_each(|(_, field)| (field.low, field.shift) = (low, shift));
-        }
-    };
-    let ok = (ForceState::Ok, String::new());
-    let told = told(&set, "; commands 0101");
-    assert_eq!(with(&told, command([1, 1])), ok);
-    assert_eq!(with(&set, |_| ()), ok);
-    assert_eq!(with(&set, numbers(0, 0)), ok);
     for ((state, why), said) in [
-        (
-            with(&told, command([1, 2])),
-            "gathered with commands 0101 on device 1, where the configuration has commands 0102",
-        ),
-        (with(&told, |_| ()), "gathered with commands 0101 on device 1, where the configuration has no commands"),
-        (
-            with(&set, command([1, 1])),
-            "gathered with no commands on device 1, where the configuration has commands 0101",
-        ),
-        (
-            with(&set, numbers(0, 1)),
-            "numbers from 0, lowest 0 bits left out on device 1, where the configuration has numbers from 0, lowest 1 bits",
-        ),
-        (with(&set, numbers(-100, 0)), "where the configuration has numbers from -100, lowest 0 bits left out"),
-        (
-            with(&set, |device| {
-                let counts = &mut device.frames[0].counts;
-                (counts[0].1, counts[1].1) = (counts[1].1, counts[0].1);
-            }),
-            "as its taxels on device 1",
-        ),
+        (with(&set, command), "with no commands on device 1, where the configuration has commands 01"),
+        (with(&set, swapped), "as its taxels on device 1"),
     ] {
         assert_eq!(state, ForceState::Uncalibrated);
         assert!(why.contains(said), "{why}");
@@ -103,12 +65,11 @@ fn a_device_that_is_read_or_sent_otherwise_than_at_the_calibration_has_no_force(
 #[test]
 fn a_device_is_configured_by_one_of_its_patches_and_both_lose_their_zero() {
     let scene = Scene::in_use();
-    let set = told(&scene.newest_set(), "");
+    let set = told(&scene.host.newest_set(), "");
     let mut half = patch_plan("half", 0x18FE_0000);
     half.devices[0].commands = vec![(Duration::ZERO, Frame::data(CanId::Extended(0x18FD_0001), &[1]).unwrap())];
     let plan = Plan { buses: 1, patches: vec![patch_plan("array", 0x18FE_0000), half] };
-    let active = vec![("array".to_owned(), set.id.clone())];
-    let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
+    let mut scene = Scene::new(plan, Disk::with(vec![set], &[]).found());
     scene.seconds(5.0);
     assert_eq!(scene.host.sent.len(), 1, "one of them sends it");
     assert_eq!(scene.host.state(), ForceState::TareInvalid, "nobody saw what lay on it");

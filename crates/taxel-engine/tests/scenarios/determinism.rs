@@ -1,7 +1,6 @@
 //! Invariant: time comes in as data, so a replay of one log gives bit-identical results every time, however the frames
 //! were read within a slot.
 
-use crate::host::EPOCH_NS;
 use crate::prelude::*;
 
 /// Everything that a run put out. Debug text tells two floats apart exactly if their bits differ (but for NaN, which

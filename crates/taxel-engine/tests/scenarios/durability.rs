@@ -25,37 +25,31 @@ fn is_refused_and_has_no_effect(bench: &mut Bench, request: RequestId, before: &
 }
 
 #[test]
-fn an_activation_that_the_disk_refuses_has_no_effect() {
-    let mut bench = small().in_use();
-    bench.import(other("m-other"));
-    bench.host.disk_is_slow = true;
-    let before = seen(&bench);
-    let request = bench.host.command(activate("m-other"));
-    bench.seconds(1.0);
-    let why = bench.refused(activate(&small().set.id));
-    assert!(why.contains("is being activated"), "{why}");
-    is_refused_and_has_no_effect(&mut bench, request, &before, "an activation");
-    bench.host.disk_is_slow = false;
-    assert!(matches!(bench.ask(activate("m-other")), Ok(Done::Activated { .. })), "and can be asked for again");
-}
-
-/// The one before has judged it.
-#[test]
-fn a_tare_beside_which_another_set_comes_into_use_is_not_taken() {
-    let mut bench = small().in_use();
-    bench.import(other("m-other"));
-    bench.until_force(10.0, ForceState::Ok);
-    bench.host.disk_is_slow = true;
-    let activation = bench.host.command(activate("m-other"));
-    let tare = bench.host.command(tare());
-    bench.seconds(3.0);
-    assert_eq!(bench.host.commits.len(), 2, "both wait for the disk");
-    bench.host.disk_is_slow = false;
-    bench.host.commit(Ok(()));
-    assert!(matches!(bench.host.reply(activation), Some(Ok(Done::Activated { .. }))));
-    let reply = bench.host.reply(tare);
-    let Some(Err(Rejection::FailedPrecondition(_, why))) = reply else { panic!("{reply:?}") };
-    assert!(why.ends_with("another model set came into use: tare again"), "{why}");
+fn what_the_disk_refuses_has_no_effect() {
+    let (weight, note, by) = (Weight::Kilogram(0.5), String::new(), "Ada".to_owned());
+    let load = KnownLoad { weight, relative_sigma: 0.005, note, by, replaces: None };
+    for (what, command, kilogram) in [
+        ("an activation", activate("m-other"), 0.0),
+        ("a tare", tare(), 0.0),
+        ("a load", Command::RecordLoad { patch: String::new(), load }, 0.5),
+    ] {
+        let mut bench = small().in_use();
+        bench.import(other("m-other"));
+        bench.lay(kilogram, 33);
+        bench.seconds(1.5);
+        bench.host.disk_is_slow = true;
+        let before = seen(&bench);
+        let request = bench.host.command(command.clone());
+        bench.seconds(3.0);
+        assert_eq!(bench.host.commits.len(), 1);
+        if what == "an activation" {
+            let why = bench.refused(activate(&small().set.id));
+            assert!(why.contains("is being activated"), "{why}");
+        }
+        is_refused_and_has_no_effect(&mut bench, request, &before, what);
+        bench.host.disk_is_slow = false;
+        bench.ask(command).expect("and can be asked for again");
+    }
 }
 
 /// Before there is any zero one is taken by itself, but none beside one that waits for the disk.
@@ -73,22 +67,11 @@ fn a_tare_that_the_disk_refuses_does_not_keep_the_first_zero_away() {
     bench.until_force(3.0, ForceState::Ok);
 }
 
-#[test]
-fn a_tare_that_the_disk_refuses_has_no_effect() {
-    let mut bench = small().in_use();
-    bench.host.disk_is_slow = true;
-    let before = seen(&bench);
-    let request = bench.host.command(tare());
-    bench.seconds(2.0);
-    assert_eq!(bench.host.commits.len(), 1);
-    is_refused_and_has_no_effect(&mut bench, request, &before, "a tare");
-}
-
 /// Its patch holds the one session; of the other it knows what is on disk.
 #[test]
 fn a_discard_that_the_disk_refuses_has_no_effect() {
     let (mut held, session) = in_review(30.0);
-    let mut unheld = Bench::after(held.world.clone(), held.host.plan.clone(), Disk::after_a_crash(&held.host));
+    let mut unheld = Bench::after(held.world.clone(), held.host.plan.clone(), held.host.disk.clone());
     let set = held.host.session().model_set.clone().unwrap();
     for (bench, is_held) in [(&mut held, true), (&mut unheld, false)] {
         let discard = || Command::DiscardSession { session };
@@ -111,19 +94,23 @@ fn a_discard_that_the_disk_refuses_has_no_effect() {
     }
 }
 
+/// The one before has judged it.
 #[test]
-fn a_load_that_the_disk_refuses_has_no_effect() {
+fn a_tare_beside_which_another_set_comes_into_use_is_not_taken() {
     let mut bench = small().in_use();
-    bench.lay(0.5, 33);
-    bench.seconds(1.5);
+    bench.import(other("m-other"));
+    bench.until_force(10.0, ForceState::Ok);
     bench.host.disk_is_slow = true;
-    let before = seen(&bench);
-    let weight = Weight::Kilogram(0.5);
-    let load = KnownLoad { weight, relative_sigma: 0.005, note: String::new(), by: "Ada".to_owned(), replaces: None };
-    let request = bench.host.command(Command::RecordLoad { patch: String::new(), load });
+    let activation = bench.host.command(activate("m-other"));
+    let tare = bench.host.command(tare());
     bench.seconds(3.0);
-    assert_eq!(bench.host.commits.len(), 1);
-    is_refused_and_has_no_effect(&mut bench, request, &before, "a load");
+    assert_eq!(bench.host.commits.len(), 2, "both wait for the disk");
+    bench.host.disk_is_slow = false;
+    bench.host.commit(Ok(()));
+    assert!(matches!(bench.host.reply(activation), Some(Ok(Done::Activated { .. }))));
+    let reply = bench.host.reply(tare);
+    let Some(Err(Rejection::FailedPrecondition(_, why))) = reply else { panic!("{reply:?}") };
+    assert!(why.ends_with("another model set came into use: tare again"), "{why}");
 }
 
 #[test]

@@ -2,7 +2,6 @@
 
 use taxel_engine::events::EventKind;
 
-use crate::host::EPOCH_NS;
 use crate::prelude::*;
 
 fn kinds(bench: &Bench) -> Vec<EventKind> {

@@ -178,55 +178,24 @@ fn is_of_a_module(frame: &Frame) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
 
-    #[test]
-    fn frames_that_are_not_skin_data_are_counted_and_change_no_force(strangers in strangers()) {
-        let strangers: Vec<_> = strangers.into_iter().filter(|(_, frame)| !is_skin_data(frame)).collect();
-        let still = still();
-        let host = play(still, &mixed(still, &strangers));
-        prop_assert_eq!(&forces(&host), &still.forces);
-        let bus = &host.health().buses[0];
-        let all = (still.log.len() + strangers.len()) as u64;
-        prop_assert_eq!(bus.frames + bus.foreign + bus.malformed, all, "every frame is counted: {:?}", bus);
-        let malformed = strangers.iter().filter(|(_, frame)| is_of_a_module(frame)).count() as u64;
-        prop_assert!(bus.malformed >= malformed, "{} of at least {malformed} malformed frames: {:?}", bus.malformed, bus);
-        prop_assert_eq!(bus.malformed == 0, bus.last_malformed.is_empty());
-    }
-
-    /// Frames that look like skin cannot be told from it: what comes of them is wrong, but never nonsense
+    /// Those that look like skin cannot be told from it: what comes of them is wrong, but never nonsense
     /// ([`crate::watch::check`] looks at every snapshot).
     #[test]
-    fn no_frame_at_all_can_break_the_engine(strangers in strangers()) {
+    fn any_frame_is_counted_and_one_that_is_no_skin_data_changes_no_force(all in strangers()) {
         let still = still();
-        let host = play(still, &mixed(still, &strangers));
-        let bus = &host.health().buses[0];
-        let all = (still.log.len() + strangers.len()) as u64;
-        prop_assert_eq!(bus.frames + bus.foreign + bus.malformed, all, "every frame is counted: {:?}", bus);
+        let others: Vec<_> = all.iter().filter(|(_, frame)| !is_skin_data(frame)).copied().collect();
+        for strangers in [&all, &others] {
+            let host = play(still, &mixed(still, strangers));
+            let bus = &host.health().buses[0];
+            let sent = (still.log.len() + strangers.len()) as u64;
+            prop_assert_eq!(bus.frames + bus.foreign + bus.malformed, sent, "every frame is counted: {:?}", bus);
+            prop_assert_eq!(bus.malformed == 0, bus.last_malformed.is_empty());
+            if strangers.len() == others.len() {
+                prop_assert_eq!(&forces(&host), &still.forces);
+                let malformed = strangers.iter().filter(|(_, frame)| is_of_a_module(frame)).count() as u64;
+                prop_assert!(bus.malformed >= malformed, "{} of at least {malformed}: {:?}", bus.malformed, bus);
+            }
+        }
     }
-}
 
-#[test]
-fn numbers_stay_finite_when_everything_goes_wrong() {
-    let mut bench = small().in_use();
-    let faults = [
-        Fault::FramesLost { probability: 0.3 },
-        Fault::ModuleUnplugged(board(13), module(0)),
-        Fault::ModuleNoAck(board(13), module(1)),
-        Fault::ModuleSilent(board(13), module(2)),
-        Fault::GaugeStuck,
-        Fault::BoardSilent(board(12)),
-    ];
-    bench.lay(50.0, 33);
-    for fault in faults {
-        bench.inject(fault);
-        bench.seconds(1.0);
-    }
-    bench.meddle();
-    bench.ramp(74.0, 9.0);
-    bench.seconds(3.0);
-    for fault in faults {
-        bench.repair(fault);
-        bench.meddle();
-        bench.seconds(1.0);
-    }
-    assert!(bench.host.snapshots.len() > 100); // each was looked at as it came
 }

@@ -1,29 +1,18 @@
 //! A gauge that is wrong for a while in a ramp: nothing of that while enters the models.
 
-use std::sync::Arc;
-use std::time::Duration;
-
-use taxel_engine::Restored;
-use taxel_engine::calibration::{Refit, RefitOptions, SampleRefusal, SessionState, StoredSession};
-use taxel_engine::command::Command;
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{Gauge, PatchPlan};
-use taxel_sim::{Fault, GaugeConfig, PumpCommand};
+use taxel_engine::calibration::{Refit, RefitOptions, StoredSession};
+use taxel_engine::plan::Gauge;
+use taxel_sim::GaugeConfig;
 use taxel_wire::signal::{PressureMeaning, SignalSpec};
 
-use crate::bench::{Bench, Disk};
-use crate::host::Host;
-use crate::rig::{BUS, patch_plan, plan, small_world};
-use crate::sessions::in_review;
-use crate::shared::small;
+use crate::prelude::*;
 
 #[test]
 fn what_a_gauge_says_while_it_stands_still_in_a_fast_ramp_never_enters() {
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
+    let mut bench = fresh();
     let session = bench.start_session(None);
     bench.ramp(74.0, 4.0);
-    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 20.0));
+    bench.until_pressure(20.0);
     bench.inject(Fault::GaugeStuck);
     bench.seconds(1.0);
     bench.repair(Fault::GaugeStuck);
@@ -39,11 +28,10 @@ fn what_a_gauge_says_while_it_stands_still_in_a_fast_ramp_never_enters() {
 #[test]
 fn a_gauge_that_jumps_and_stays_ends_the_ramp_by_name() {
     for kpa in [3.0, -3.0] {
-        let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-        bench.brought_up();
+        let mut bench = fresh();
         let session = bench.start_session(None);
         bench.ramp(74.0, 4.0);
-        bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 20.0));
+        bench.until_pressure(20.0);
         let before = bench.world.true_pressure().0;
         bench.inject(Fault::GaugeOffset { kpa });
         bench.until_state(10.0, SessionState::Discarded);
@@ -66,7 +54,7 @@ fn a_further_ramp_in_which_the_gauge_jumped_stays_out_of_every_fit() {
     bench.ask(Command::StartRamp { session }).unwrap();
     bench.until_state(30.0, SessionState::Ramping);
     bench.ramp(74.0, 4.0);
-    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 20.0));
+    bench.until_pressure(20.0);
     bench.inject(Fault::GaugeOffset { kpa: 3.0 });
     bench.until_state(10.0, SessionState::Failed);
     let view = bench.host.session().clone();
@@ -86,15 +74,15 @@ fn a_further_ramp_in_which_the_gauge_jumped_stays_out_of_every_fit() {
         assert!(why.contains(&said), "{when}, refit: {why}");
     };
     bench.repair(Fault::GaugeOffset { kpa: 3.0 });
-    bench.world.pump(PumpCommand::Vent);
-    bench.seconds(20.0);
+    bench.vent(20.0);
     stays_out(&mut bench, "once the bag is vented", &[&finish, &ramp]);
     let other = bench.start_session(Some(20.0));
     bench.ask(Command::AbortSession { session: other }).unwrap();
     stays_out(&mut bench, "with another session on the patch", &[&finish, &ramp]);
-    let mut disk = Disk::after_a_crash(&bench.host);
-    disk.restored.model_sets = bench.host.catalogue.model_sets.clone();
-    let mut bench = Bench::after(bench.world, Arc::clone(&bench.host.plan), disk);
+    let mut bench = {
+        let plan = Arc::clone(&bench.host.plan);
+        bench.again(plan)
+    };
     bench.brought_up();
     stays_out(&mut bench, "after a restart", &[&finish, &ramp]);
     bench.activate(view.model_set.as_deref().unwrap()).unwrap();
@@ -103,11 +91,10 @@ fn a_further_ramp_in_which_the_gauge_jumped_stays_out_of_every_fit() {
 
 #[test]
 fn a_gauge_that_is_back_within_a_second_costs_the_ramp_only_what_it_said_meanwhile() {
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
+    let mut bench = fresh();
     let session = bench.start_session(None);
     bench.ramp(74.0, 4.0);
-    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 20.0));
+    bench.until_pressure(20.0);
     bench.inject(Fault::GaugeOffset { kpa: 3.0 });
     bench.seconds(0.6);
     bench.repair(Fault::GaugeOffset { kpa: 3.0 });
@@ -120,14 +107,8 @@ fn a_gauge_that_is_back_within_a_second_costs_the_ramp_only_what_it_said_meanwhi
     assert_eq!(falls, 0, "a sample of an offset that ended would be above those after it");
 }
 
-/// The set of a session, before which something was done.
-fn set_after(before: impl FnOnce(&mut Bench)) -> Arc<ModelSet> {
-    calibrated_after(before).host.set(0)
-}
-
 fn calibrated_after(before: impl FnOnce(&mut Bench)) -> Bench {
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
+    let mut bench = fresh();
     before(&mut bench);
     bench.seconds(1.5);
     bench.start_session(None);
@@ -136,13 +117,12 @@ fn calibrated_after(before: impl FnOnce(&mut Bench)) -> Bench {
     bench
 }
 
-fn off_by(kpa: f64) -> impl FnOnce(&mut Bench) {
-    move |bench| bench.inject(Fault::GaugeOffset { kpa })
-}
-
 #[test]
 fn a_gauge_that_is_off_since_before_the_ramp_is_taken_from_what_it_read_at_rest_and_that_stays_in_doubt() {
-    let [right, off] = [0.0, 9.0].map(|kpa| set_after(off_by(kpa)));
+    let benches = [0.0, 9.0].map(|kpa| calibrated_after(|bench| bench.inject(Fault::GaugeOffset { kpa })));
+    let counted_from = benches[1].host.session().gauge_zero_kpa;
+    assert!((8.9..9.1).contains(&counted_from), "a session shows it: {counted_from}");
+    let [right, off] = benches.map(|bench| bench.host.set(0));
     assert!(right.gauge_offset_kpa < 0.1 && !right.method.contains("at rest"), "{}", right.method);
     assert!((5.1..5.3).contains(&off.gauge_offset_kpa), "{}: 9 kPa over the root of 3", off.gauge_offset_kpa);
     assert!(off.method.ends_with(", less 9.0 kPa that the gauge read at rest"), "{}", off.method);
@@ -163,53 +143,12 @@ fn a_gauge_that_is_off_since_before_the_ramp_is_taken_from_what_it_read_at_rest_
 }
 
 #[test]
-fn a_session_shows_what_its_pressures_are_counted_from() {
-    let mut bench = calibrated_after(off_by(6.0));
-    bench.seconds(1.0);
-    let view = bench.host.session();
-    assert!((5.9..6.1).contains(&view.gauge_zero_kpa), "{}", view.gauge_zero_kpa);
-}
-
-/// The daemon cannot tell it from a gauge that is off, and takes the pressures from there, where the skin has its zero.
-#[test]
-fn a_bag_that_still_stands_at_a_pressure_makes_no_taxel_wrong_by_more_than_what_is_in_doubt() {
-    let right = set_after(|_| {});
-    let held = set_after(|bench| {
-        bench.ramp(9.0, 3.0);
-        bench.seconds(6.0);
-        assert!((bench.world.true_pressure().0 - 9.0).abs() < 0.2, "{:?}", bench.world.true_pressure());
-    });
-    assert!((5.0..5.4).contains(&held.gauge_offset_kpa), "{}", held.gauge_offset_kpa);
-    let mut worst: f64 = 0.0;
-    for (taxel, (is, was)) in held.taxels.iter().zip(&right.taxels).enumerate() {
-        if !(is.is_usable() && was.is_usable()) {
-            continue;
-        }
-        let (curve, moved) = (was.curve.as_ref().unwrap(), held.baseline[taxel].mean - right.baseline[taxel].mean);
-        for part in [-0.8, -0.5, 0.0, 0.5, 0.8] {
-            // As a tare of the vented skin would give it.
-            let count = curve.centre + part * curve.half_width;
-            let (is, was) = (is.evaluate(count + moved).unwrap(), was.evaluate(count).unwrap());
-            let apart = is.kpa - was.kpa;
-            worst = worst.max(apart.abs());
-            let own = 3.0 * is.sigma_kpa.hypot(was.sigma_kpa);
-            assert!(apart.abs() < 3.0 * held.gauge_offset_kpa + own, "taxel {taxel} at {count}: {apart} kPa");
-        }
-    }
-    assert!(worst > 3.0, "{worst}: a doubt of nothing would do");
-}
-
-#[test]
 fn a_gauge_that_moves_while_the_zero_is_taken_has_no_zero_until_it_stands_still() {
     let start = || {
-        let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-        bench.brought_up();
+        let mut bench = fresh();
         bench.inject(Fault::GaugeOffset { kpa: 5.8 });
         bench.seconds(1.5);
-        let (patch, leave_out) = (String::new(), Vec::new());
-        bench
-            .ask(Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out })
-            .unwrap();
+        bench.ask(say::start()).unwrap();
         bench
     };
     let ramping = |host: &Host| host.session().state == SessionState::Ramping;
@@ -232,7 +171,7 @@ fn a_gauge_that_moves_while_the_zero_is_taken_has_no_zero_until_it_stands_still(
         bench.until(10.0, "the ramp", |host| host.session().state != SessionState::Taring);
         bench.ramp(74.0, 2.0);
         bench.until(60.0, "the end of the ramp", |host| !ramping(host));
-        let samples = bench.host.on_disk(bench.host.session().number).unwrap();
+        let samples = bench.host.disk.samples[&bench.host.session().number].clone();
         let zero_kpa = samples.ramps[0].gauge_kpa.unwrap();
         if bench.host.session().state == SessionState::Failed {
             assert!(from_s < 0.2, "{what}: only a jump at the very end may void the ramp");
@@ -246,12 +185,10 @@ fn a_gauge_that_moves_while_the_zero_is_taken_has_no_zero_until_it_stands_still(
 
 #[test]
 fn no_ramp_begins_before_the_gauge_is_heard() {
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
+    let mut bench = fresh();
     bench.inject(Fault::GaugeSilent);
     bench.seconds(1.0);
-    let (patch, leave_out) = (String::new(), Vec::new());
-    bench.ask(Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out }).unwrap();
+    bench.ask(say::start()).unwrap();
     bench.seconds(8.0);
     let session = bench.host.session();
     assert_eq!((session.state, session.ramps), (SessionState::Taring, 0));
@@ -264,40 +201,26 @@ fn no_ramp_begins_before_the_gauge_is_heard() {
     let young = "waiting for an unloaded skin: the gauge has been heard for less than a second, or not twice in each half of it";
     bench.until(3.0, young, |host| host.session().reason == young);
     bench.until_state(10.0, SessionState::Ramping);
-    let samples = bench.host.on_disk(bench.host.session().number).unwrap();
+    let samples = bench.host.disk.samples[&bench.host.session().number].clone();
     assert!(samples.ramps[0].gauge_kpa.unwrap().abs() < 0.1, "{:?}", samples.ramps[0].gauge_kpa);
 }
 
-/// Boards brought up, a session that is not patient on its way up.
-fn rising(change: impl FnOnce(&mut Bench)) -> Bench {
-    let mut patch = patch_plan(&small().skin);
-    patch.session.patience = Duration::from_secs(3);
-    let mut bench = Bench::new(small_world(), plan(patch), Restored::default());
-    bench.brought_up();
-    bench.start_session(None);
-    change(&mut bench);
-    bench
-}
-
 #[test]
-fn a_leak_is_named_when_it_ends_a_session() {
-    let mut bench = rising(|bench| bench.ramp(74.0, 4.0));
-    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 30.0));
-    bench.inject(Fault::BagLeak { leak_s: 0.5 });
-    bench.until_state(30.0, SessionState::Failed);
-    let reason = &bench.host.session().reason;
-    assert!(reason.contains("the bag leaks, or the pump has stopped"), "{reason}");
-}
-
-#[test]
-fn a_gauge_that_stands_still_while_the_skin_is_pressed_is_named_when_it_ends_a_session() {
-    let mut bench = rising(|bench| {
-        bench.inject(Fault::GaugeStuck);
+fn a_bag_that_leaks_and_a_gauge_that_stands_still_are_named_when_they_end_a_session() {
+    let (leak, stuck) = (Fault::BagLeak { leak_s: 0.5 }, Fault::GaugeStuck);
+    for (fault, kpa, why) in
+        [(leak, 30.0, "the bag leaks, or the pump has stopped"), (stuck, -1.0, "taxels have moved, and the gauge only")]
+    {
+        let mut bench = fresh_with(|plan| plan.session.patience = Duration::from_secs(3));
+        bench.start_session(None);
+        bench.ramp(if kpa < 0.0 { 0.0 } else { 74.0 }, 4.0);
+        bench.until_pressure(kpa);
+        bench.inject(fault);
         bench.ramp(74.0, 4.0);
-    });
-    bench.until_state(30.0, SessionState::Failed);
-    let reason = &bench.host.session().reason;
-    assert!(reason.contains("taxels have moved, and the gauge only"), "{reason}");
+        bench.until_state(30.0, SessionState::Failed);
+        let reason = &bench.host.session().reason;
+        assert!(reason.contains(why), "{reason}");
+    }
 }
 
 /// On a hill the air has 97 kPa, and the configuration has what it has at sea level.
@@ -325,7 +248,7 @@ fn an_absolute_gauge_takes_the_ambient_pressure_from_the_vented_bag() {
     let zero_kpa = bench.host.session().gauge_zero_kpa;
     assert!(zero_kpa.abs() < 0.2, "the air is no error of the gauge: {zero_kpa}");
     bench.ramp(20.0, 2.0);
-    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 15.0));
+    bench.until_pressure(15.0);
     let (read, truth) = (bench.host.session().pressure_kpa.unwrap(), bench.world.true_pressure().0);
     assert!((read - truth).abs() < 0.6, "{read} of {truth} kPa");
     let mut known = bench_of(false, 97.0);
@@ -333,13 +256,6 @@ fn an_absolute_gauge_takes_the_ambient_pressure_from_the_vented_bag() {
     assert!(known.host.session().gauge_zero_kpa > 4.0, "a stated ambient pressure is believed");
     // What no weather makes is a bag that is not vented.
     let mut pressed = bench_of(true, 88.0);
-    let start = Command::StartSession {
-        patch: String::new(),
-        target: None,
-        branches: None,
-        confirmed_by: None,
-        leave_out: Vec::new(),
-    };
-    let why = pressed.refused(start);
+    let why = pressed.refused(say::start());
     assert!(why.contains("set `gauge.ambient_kpa`"), "{why}");
 }

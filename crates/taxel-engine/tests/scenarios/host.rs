@@ -1,29 +1,26 @@
 //! The engine, driven as the daemon drives it, and all that came out of it.
 
 use std::collections::{BTreeMap, HashMap};
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::calibration::{FitJob, NotLoaded, SessionSamples, SessionView};
+use taxel_engine::calibration::{FitJob, SessionView};
 use taxel_engine::catalogue::StoreDamage;
 use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::events::{Event, EventWatch};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
-use taxel_engine::record::{KeptZero, Record, Sample};
+use taxel_engine::record::{Record, Sample};
 use taxel_engine::snapshot::{Catalogue, ForceState, Health, PatchSnapshot};
 use taxel_engine::{BusNotice, Engine, Input, Now, Output, Restored};
 use taxel_skin::Time;
 use taxel_wire::{Frame, TimedFrame};
 
+use crate::disk::{Disk, EPOCH_NS, id_of};
 use crate::rig::BUS;
 use crate::watch::check;
 
 pub const SLOT: Duration = Duration::from_millis(10);
-
-/// Wall time at the origin of the run's clock: a label that nothing may depend on.
-pub const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 
 /// One engine and everything that it put out, oldest first.
 pub struct Host {
@@ -43,25 +40,19 @@ pub struct Host {
     pub sent: Vec<(Time, Frame)>,
     pub records: Vec<Record>,
     pub fits: Vec<FitJob>,
-    /// What an earlier run left on disk of its sessions.
-    pub stored: HashMap<u64, SessionSamples>,
-    /// And of its zeros, which are written down again only if they change.
-    pub zeros: Vec<(String, KeptZero)>,
+    /// What this run and earlier ones wrote down.
+    pub disk: Disk,
     /// Tickets and sessions whose samples are to be read, as soon as the disk is not slow.
     pub loads: Vec<(u64, u64)>,
-    /// Model sets that an earlier run wrote down.
-    pub shelf: Vec<Arc<ModelSet>>,
     /// Model sets that were asked for, by ticket.
     pub set_loads: Vec<(u64, String)>,
     /// Patches whose session was deleted.
     pub sessions_gone: Vec<usize>,
     /// Commits that wait for the disk, and whether it takes them by itself.
-    pub commits: Vec<u64>,
+    pub commits: Vec<(u64, Vec<Record>)>,
     pub disk_is_slow: bool,
     /// Whether every fit ends in a panic.
     pub fits_panic: bool,
-    /// How far the wall clock was set since the start.
-    pub wall_offset_ns: i64,
     /// What an operator may ask for later.
     pub events: Vec<Event>,
     event_watch: EventWatch,
@@ -74,9 +65,8 @@ pub struct Host {
 impl Host {
     pub fn new(plan: Arc<Plan>, restored: Restored, now: Time) -> Self {
         let names = plan.patches.iter().map(|plan| plan.patch.name());
-        let shelf = restored.model_sets.iter().filter_map(|known| known.at_hand.clone()).collect();
         let mut host = Self {
-            zeros: restored.zeros.clone(),
+            disk: Disk { restored: restored.clone(), samples: BTreeMap::new() },
             events: Vec::new(),
             event_watch: EventWatch::new(names, &restored.active),
             engine: Engine::new(Arc::clone(&plan), restored),
@@ -92,15 +82,12 @@ impl Host {
             sent: Vec::new(),
             records: Vec::new(),
             fits: Vec::new(),
-            stored: HashMap::new(),
             loads: Vec::new(),
             set_loads: Vec::new(),
-            shelf,
             sessions_gone: Vec::new(),
             commits: Vec::new(),
             disk_is_slow: false,
             fits_panic: false,
-            wall_offset_ns: 0,
             fitted: 0,
             overdue: 0,
             replies: HashMap::new(),
@@ -130,7 +117,7 @@ impl Host {
             let panics = self.fits_panic;
             let outcome = self.fits[self.fitted].run(|set| {
                 assert!(!panics, "this fit was to panic");
-                format!("m-{:016x}", digest(&format!("{:?}", set.taxels)))
+                id_of(set)
             });
             self.fitted += 1;
             self.step(Input::Fitted(outcome));
@@ -161,10 +148,6 @@ impl Host {
 
     pub fn notice(&mut self, notice: BusNotice) {
         self.step(Input::Bus(BUS, notice));
-    }
-
-    pub fn store_failed(&mut self, why: &str) {
-        self.step(Input::StoreFailed(why.to_owned()));
     }
 
     pub fn store_damaged(&mut self, damage: StoreDamage) {
@@ -220,17 +203,13 @@ impl Host {
         format!("force {force:?}, session {:?}, health {:?}", self.sessions.last(), self.healths.last())
     }
 
-    /// The samples that were recorded of a session.
+    /// The samples of a session on disk.
     pub fn samples(&self, number: u64) -> Vec<Sample> {
-        let of_session = |record: &Record| match record {
-            Record::Sample { session, sample, .. } if *session == number => Some(sample.clone()),
-            _ => None,
-        };
-        self.records.iter().filter_map(of_session).collect()
+        self.disk.samples[&number].samples.clone()
     }
 
     fn step(&mut self, input: Input<'_>) {
-        let now = Now { time: self.now, wall_ns: EPOCH_NS + self.now.as_nanos() + self.wall_offset_ns };
+        let now = Now { time: self.now, wall_ns: EPOCH_NS + self.now.as_nanos() };
         // Whoever runs the engine may not have done everything of the step before: outputs are appended to that.
         let mut out = vec![Output::SessionGone(usize::MAX), Output::SessionGone(usize::MAX)];
         self.engine.step(now, input, &mut out);
@@ -248,8 +227,7 @@ impl Host {
     /// The disk gives the samples that were asked for.
     pub fn load(&mut self) {
         for (ticket, session) in std::mem::take(&mut self.loads) {
-            let samples = self.on_disk(session);
-            let result = samples.ok_or_else(|| NotLoaded::Damaged("they are not there".to_owned()));
+            let result = self.disk.samples_of(session);
             self.step(Input::Loaded { ticket, result });
         }
     }
@@ -257,26 +235,14 @@ impl Host {
     /// The disk gives the model sets that were asked for.
     pub fn load_sets(&mut self) {
         for (ticket, id) in std::mem::take(&mut self.set_loads) {
-            let made = self.records.iter().filter_map(|record| match record {
-                Record::ModelSet(set) => Some(set),
-                _ => None,
-            });
-            let found = self.shelf.iter().chain(made).find(|set| set.id == id).cloned();
-            let result = found.ok_or_else(|| NotLoaded::Damaged("its hash is not that of its content".to_owned()));
+            let result = self.disk.set_of(&id);
             self.step(Input::SetLoaded { ticket, result });
         }
     }
 
-    /// A model set of the catalogue that is in memory.
+    /// A model set of the catalogue.
     pub fn set(&self, position: usize) -> Arc<ModelSet> {
-        let id = &self.catalogue.model_sets[position].id;
-        let written = self.records.iter().filter_map(|record| match record {
-            Record::ModelSet(set) => Some(set),
-            _ => None,
-        });
-        let in_use = self.catalogue.model_sets.iter().filter_map(|known| known.at_hand.as_ref());
-        let mut all = written.chain(&self.shelf).chain(in_use);
-        Arc::clone(all.find(|set| set.id == *id).expect("it was written down"))
+        self.disk.set_of(&self.catalogue.model_sets[position].id).expect("it was written down")
     }
 
     /// The newest model set of the catalogue.
@@ -284,27 +250,10 @@ impl Host {
         self.set(self.catalogue.model_sets.len() - 1)
     }
 
-    /// What this run and an earlier one wrote down of a session.
-    pub fn on_disk(&self, number: u64) -> Option<SessionSamples> {
-        let mut found = self.stored.get(&number).cloned();
-        for record in &self.records {
-            match record {
-                Record::Ramp { session, ramp } if *session == number => {
-                    found.get_or_insert_default().ramps.push(ramp.clone());
-                }
-                Record::Sample { session, sample, .. } if *session == number => {
-                    found.get_or_insert_default().samples.push(sample.clone());
-                }
-                Record::SessionDeleted { session, .. } if *session == number => found = None,
-                _ => {}
-            }
-        }
-        found
-    }
-
     /// The disk takes, or refuses, everything that waits for it.
     pub fn commit(&mut self, result: Result<(), String>) {
-        for ticket in std::mem::take(&mut self.commits) {
+        for (ticket, records) in std::mem::take(&mut self.commits) {
+            records.into_iter().filter(|_| result.is_ok()).for_each(|record| self.disk.write(record));
             self.step(Input::Committed { ticket, result: result.clone() });
         }
     }
@@ -330,14 +279,17 @@ impl Host {
             Output::Health(health) => self.healths.push(health),
             Output::Catalogue(catalogue) => self.catalogue = catalogue,
             Output::Send(_, frame) => self.sent.push((self.now, frame)),
-            Output::Record(record) => self.records.push(record),
+            Output::Record(record) => {
+                self.disk.write(record.clone());
+                self.records.push(record);
+            }
             Output::Reply(request, reply) => {
                 let earlier = self.replies.insert(request, reply);
                 assert!(earlier.is_none(), "request {request:?} was answered twice");
             }
             Output::Commit { ticket, records } => {
-                self.records.extend(records);
-                self.commits.push(ticket);
+                self.records.extend_from_slice(&records);
+                self.commits.push((ticket, records));
             }
             Output::Fit(job) => self.fits.push(job),
             Output::Load { ticket, session } => self.loads.push((ticket, session)),
@@ -345,10 +297,4 @@ impl Host {
             Output::SessionGone(patch) => self.sessions_gone.push(patch),
         }
     }
-}
-
-fn digest(text: &str) -> u64 {
-    let mut hasher = DefaultHasher::new();
-    text.hash(&mut hasher);
-    hasher.finish()
 }

@@ -4,9 +4,17 @@
 //! everything that the engine puts out: numbers are finite, a stale taxel has no reading, a force has its state.
 #![allow(missing_docs, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod array;
 mod bench;
+#[path = "../common/disk.rs"]
+#[allow(dead_code)]
+mod disk;
 mod host;
+#[path = "../common/judge.rs"]
+#[allow(dead_code)]
+mod judge;
 mod prelude;
+#[path = "../common/rig.rs"]
 mod rig;
 mod say;
 mod shared;
@@ -49,7 +57,6 @@ mod tare_under_load;
 mod typed;
 mod unseen_force;
 mod validation;
-mod whole_robot;
 mod zero;
 mod zero_lost;
 mod zero_under_load;

@@ -23,32 +23,6 @@ fn replayed(log: &[TimedFrame], begin: Time, factor: f64) -> Vec<TimedFrame> {
     log.iter().map(|frame| TimedFrame { time: at(frame), ..*frame }).collect()
 }
 
-#[test]
-fn old_scans_that_come_all_at_once_are_not_believed() {
-    for skin in [small(), ordinary()] {
-        for silent in [false, true] {
-            let mut bench = skin.in_use();
-            bench.lay(1.0, 33);
-            bench.seconds(1.0);
-            let log = recorded(&mut bench, 10.0, &[12, 13]);
-            bench.world.clear();
-            bench.seconds(3.0);
-            let mark = bench.mark();
-            bench.foreign = replayed(&log, bench.now() + Duration::from_millis(1), 0.0251).into();
-            if silent {
-                bench.passes = Box::new(|frame| !is_skin(frame, &[12, 13])); // the queue held back what came meanwhile
-            }
-            bench.seconds(0.3);
-            bench.passes = Box::new(|_| true);
-            bench.seconds(3.0);
-            bench.is_truthful_since(mark, &format!("200 old scans in 251 ms, silent meanwhile: {silent}"));
-            let warnings = bench.host.health().boards[0].warnings.join("; ");
-            assert!(warnings.contains("scans arrived too fast and were ignored (last within a minute)"), "{warnings}");
-            bench.until(3.0, "a force again", |host| host.snapshot().force.total.is_some());
-        }
-    }
-}
-
 /// Scans of a second node with the identifiers of board 13, which sends what the skin read at rest.
 fn second_node(skin: &Calibrated, phase_ms: u64) {
     let mut bench = skin.in_use();

@@ -2,19 +2,9 @@
 
 use taxel_model::{Status, TaxelModel};
 use taxel_sim::Skin;
-use taxel_skin::Kilopascal;
 
 use crate::prelude::*;
 use crate::say::{self, start};
-
-/// Boards brought up, no session yet.
-fn fresh(change: impl FnOnce(&mut PatchPlan)) -> Bench {
-    let mut patch = patch_plan(&small().skin);
-    change(&mut patch);
-    let mut bench = Bench::new(small_world(), plan(patch), Restored::default());
-    bench.brought_up();
-    bench
-}
 
 fn refused(bench: &Bench, reason: SampleRefusal) -> u64 {
     bench.host.session().refused.get(reason)
@@ -41,7 +31,7 @@ fn samples_rise(bench: &Bench, session: u64) {
 
 #[test]
 fn a_session_is_refused_at_once_while_the_gauge_is_silent_and_so_is_a_ramp() {
-    let mut bench = fresh(|_| {});
+    let mut bench = fresh();
     let number = bench.start_session(None);
     bench.ask(Command::AbortSession { session: number }).unwrap();
     bench.inject(Fault::GaugeSilent);
@@ -59,7 +49,7 @@ fn a_session_is_refused_at_once_while_the_gauge_is_silent_and_so_is_a_ramp() {
 /// A bag that leaks as much as the pump takes out, or ends at the ambient pressure.
 #[test]
 fn a_rise_that_cannot_get_further_says_so_and_ends_with_what_it_has() {
-    let mut bench = fresh(|_| {});
+    let mut bench = fresh();
     let number = bench.start_session(None);
     bench.ramp(40.0, 2.0);
     let offer = format!("taxeld sessions end {number} --fit");
@@ -81,27 +71,16 @@ fn a_rise_that_cannot_get_further_says_so_and_ends_with_what_it_has() {
 }
 
 #[test]
-fn a_target_that_no_bag_reaches_is_refused_unless_the_skin_lies_in_a_chamber() {
-    let (patch, target, leave_out) = (String::new(), Some(Kilopascal(700.0)), Vec::new());
-    let far = Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out };
-    let refused = format!("{:?}", fresh(|_| {}).ask(far.clone()));
-    assert!(refused.contains("at most 95") && refused.contains("pressurised_chamber = true"), "{refused}");
-    fresh(|plan| plan.session.pressurised_chamber = true).ask(far).unwrap();
-}
-
-#[test]
-fn a_session_that_failed_keeps_its_samples_and_can_be_fitted() {
-    let mut bench = fresh(|plan| plan.session.patience = Duration::from_secs(3));
-    let number = bench.start_session(None);
-    bench.ramp(74.0, 4.0);
-    bench.seconds(8.0);
-    bench.inject(Fault::GaugeSilent);
-    bench.until_state(6.0, SessionState::Failed);
-    let accepted = bench.host.session().accepted;
-    assert!(accepted > 100, "{:?}", bench.host.session());
-    samples_rise(&bench, number);
-    bench.finish(number);
-    assert_eq!(bench.host.fits[0].samples.samples, bench.host.samples(number));
+fn a_target_is_above_zero_and_at_most_what_a_bag_reaches_unless_the_skin_lies_in_a_chamber() {
+    let mut bench = fresh();
+    for target in [0.0, -5.0, f64::NAN, f64::INFINITY, 95.1, 700.0] {
+        let why = bench.ask(say::start_on("", Some(target), &[])).unwrap_err().to_string();
+        let said = why.starts_with("target_kpa: ") && why.contains("at most 95: ");
+        assert!(said && why.contains("pressurised_chamber = true"), "{target}: {why}");
+    }
+    assert_eq!(session_of(bench.ask(say::start_on("", Some(95.0), &[]))).target_kpa.to_bits(), 95.0_f64.to_bits());
+    let chamber = |plan: &mut PatchPlan| plan.session.pressurised_chamber = true;
+    fresh_with(chamber).ask(say::start_on("", Some(700.0), &[])).unwrap();
 }
 
 /// Nor what waited for its second when that began.
@@ -172,7 +151,7 @@ fn a_second_ramp_at_another_zero_is_added_and_all_is_fitted_again() {
 /// taken.
 #[test]
 fn no_session_begins_with_a_gauge_that_reads_more_than_a_vented_bag_may_keep() {
-    let mut bench = fresh(|_| {});
+    let mut bench = fresh();
     let off = Fault::GaugeOffset { kpa: 12.5 };
     bench.inject(off);
     bench.seconds(1.0);
@@ -184,17 +163,6 @@ fn no_session_begins_with_a_gauge_that_reads_more_than_a_vented_bag_may_keep() {
     bench.inject(off);
     bench.until(10.0, "a refusal", |host| host.session().reason.contains("the gauge's scale or offset is wrong"));
     assert_eq!(bench.host.session().accepted, 0);
-}
-
-#[test]
-fn a_store_that_fails_ends_the_session_and_takes_no_new_one() {
-    let (mut bench, number) = ramping(10.0);
-    bench.host.store_failed("the disk is full");
-    let session = bench.host.session();
-    assert_eq!((session.state, session.reason.as_str()), (SessionState::Failed, "the store failed: the disk is full"));
-    for command in [start(), Command::FinishRamp { session: number }] {
-        assert!(matches!(bench.ask(command), Err(Rejection::Unavailable(_, why)) if why.contains("the disk is full")));
-    }
 }
 
 /// The median over its calibrated counts of how far two models of one taxel lie apart, kPa.
@@ -211,7 +179,7 @@ fn apart_kpa(a: &TaxelModel, b: &TaxelModel) -> f64 {
 #[test]
 fn a_fault_during_a_ramp_does_not_spoil_the_fit() {
     let calibrated = |fault_s: f64| {
-        let mut bench = fresh(|_| {});
+        let mut bench = fresh();
         let session = bench.start_session(None);
         bench.ramp(74.0, 2.0);
         bench.seconds(10.0);

@@ -61,6 +61,14 @@ fn named(proposal: &Proposal, id: &str) -> Arc<ModelSet> {
     Arc::new(ModelSet { id: id.to_owned(), ..proposal.set.clone().unwrap() })
 }
 
+/// A skin that was weighed, and what that made of its set.
+fn corrected() -> (Bench, Arc<ModelSet>) {
+    let mut bench = small().in_use_with(too_small);
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
+    (bench, set)
+}
+
 fn keep(set: &Arc<ModelSet>) -> Command {
     Command::KeepRecalibration { model_set: Arc::clone(set) }
 }
@@ -150,9 +158,7 @@ fn a_mass_that_was_noted_wrong_is_named_makes_no_set_and_can_be_left_out() {
 
 #[test]
 fn the_set_that_a_correction_came_from_stays_while_the_corrected_one_is_in_use() {
-    let mut bench = small().in_use_with(too_small);
-    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
-    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
+    let (mut bench, set) = corrected();
     assert_eq!((set.derived_from(), set.session), (Some(small().set.id.as_str()), None));
     bench.ask(keep(&set)).unwrap();
     let Ok(Done::RefitKept { known: true, .. }) = bench.ask(keep(&set)) else { panic!("twice is once") };
@@ -166,9 +172,7 @@ fn the_set_that_a_correction_came_from_stays_while_the_corrected_one_is_in_use()
 /// Whether the calibration that it came from was laid aside counts, not another one.
 #[test]
 fn a_correction_of_a_discarded_calibration_is_not_used() {
-    let mut bench = small().in_use_with(too_small);
-    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
-    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
+    let (_, set) = corrected();
     let own = small().set.id.as_str();
     for (discarded, sets) in [(false, [own, "m-laid-aside"]), (true, ["m-other", own])] {
         let known = |(number, state, set): (u64, SessionState, &str)| {
@@ -188,9 +192,7 @@ fn a_correction_of_a_discarded_calibration_is_not_used() {
 
 #[test]
 fn a_correction_says_nothing_of_other_areas_than_its_loads_were_read_with() {
-    let mut bench = small().in_use_with(too_small);
-    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
-    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
+    let (_, set) = corrected();
     for (active, areas_as_they_were) in [(true, true), (true, false), (false, true), (false, false)] {
         let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
         if areas_as_they_were {
@@ -239,10 +241,8 @@ fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
 /// What lacks where nothing is filled goes into the gain, and would count twice once it is filled.
 #[test]
 fn loads_and_their_correction_say_nothing_of_a_sum_that_is_made_in_another_way() {
-    let mut bench = small().in_use_with(too_small);
-    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let (bench, set) = corrected();
     let view = validation(&bench);
-    let set = proposal(&bench, &small().set, &Chosen::default()).set.unwrap();
     let area_mm2 = view.loads[0].load.mean_area_mm2;
     assert_eq!(set.unfit_for_sum(area_mm2, true), None);
     let why = set.unfit_for_sum(area_mm2, false).unwrap();

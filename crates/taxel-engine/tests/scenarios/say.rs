@@ -4,16 +4,17 @@ use std::sync::Arc;
 
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
+use taxel_skin::Kilopascal;
 
 use crate::shared::small;
 
 pub fn start() -> Command {
-    start_without(&[])
+    start_on("", None, &[])
 }
 
-pub fn start_without(modules: &[(u8, u8)]) -> Command {
-    let (patch, leave_out) = (String::new(), modules.to_vec());
-    Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out }
+pub fn start_on(patch: &str, target_kpa: Option<f64>, leave_out: &[(u8, u8)]) -> Command {
+    let (patch, target, leave_out) = (patch.to_owned(), target_kpa.map(Kilopascal), leave_out.to_vec());
+    Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out }
 }
 
 pub fn tare() -> Command {

@@ -60,11 +60,10 @@ fn a_session_takes_no_ramp_of_boards_that_are_set_in_another_way() {
     is_refused(&mut first.restarted(with_shift(2), |_| ()), RAMP);
     first.vent(20.0);
     first.activate(&set).unwrap();
-    let active = |disk: &mut Disk| disk.restored.active = vec![("small".to_owned(), set.clone())];
-    let mut bench = first.restarted(with_shift(2), active);
+    let mut bench = first.restarted(with_shift(2), |_| ());
     is_refused(&mut bench, RAMP);
     assert_eq!(bench.host.catalogue.sessions.len(), 1, "no session succeeds it");
-    let view = session_of(first.restarted(with_shift(1), active).ask(RAMP));
+    let view = session_of(first.restarted(with_shift(1), |_| ()).ask(RAMP));
     assert_eq!((view.number, view.predecessor), (2, Some(1)));
     assert_eq!(view.board_settings, first.host.catalogue.sessions[0].board_settings);
 }
@@ -78,7 +77,6 @@ fn a_session_of_another_layout_is_succeeded_by_none() {
     first.activate(&set).unwrap();
     for (left_out, is_known) in [(7, true), (8, false)] {
         let mut bench = first.restarted(with_shift(1), |disk| {
-            disk.restored.active = vec![("small".to_owned(), set.clone())];
             let [session] = &mut disk.restored.sessions[..] else { panic!("one session") };
             Arc::make_mut(session).left_out = vec![left_out];
         });

@@ -4,8 +4,7 @@ use crate::prelude::*;
 
 /// A session that ramps.
 pub fn ramping(kpa: f64) -> (Bench, u64) {
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
+    let mut bench = fresh();
     let number = bench.start_session(None);
     bench.ramp(74.0, 4.0);
     bench.until_pressure(kpa);
@@ -34,11 +33,10 @@ fn what_does_not_exist_is_not_found_by_its_name() {
         assert_eq!(bench.ask(command).unwrap_err(), unknown);
     }
     let elbow = || "elbow".to_owned();
-    let (target, branches, confirmed_by, leave_out) = (None, None, None, Vec::new());
     for command in [
         Command::Tare { patch: elbow(), confirmed_by: None },
         Command::BringUp { patch: elbow(), confirmed_by: None },
-        Command::StartSession { patch: elbow(), target, branches, confirmed_by, leave_out },
+        say::start_on("elbow", None, &[]),
         Command::Activate { patch: elbow(), model_set: small().set.id.clone(), expected: None },
     ] {
         let Err(Rejection::NotFound(_, what)) = bench.ask(command) else { panic!("there is no elbow") };
@@ -72,7 +70,7 @@ pub fn content(set: &ModelSet) -> String {
 #[test]
 fn an_interrupted_session_gives_the_same_models_as_an_uninterrupted_one() {
     let (mut bench, session) = ramping(40.0);
-    let disk = Disk::after_a_crash(&bench.host);
+    let disk = bench.host.disk.clone();
     let id = bench.finish(session);
     let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
     resumed.seconds(0.5);
@@ -86,17 +84,17 @@ fn an_interrupted_session_gives_the_same_models_as_an_uninterrupted_one() {
 #[test]
 fn a_session_whose_samples_are_damaged_or_of_another_layout_cannot_go_on_and_is_aborted_without_them() {
     let (bench, session) = ramping(30.0);
-    let mut disk = Disk::after_a_crash(&bench.host);
+    let mut disk = bench.host.disk.clone();
     let mut narrow = disk.samples.remove(&session).unwrap();
     let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
     let why = resumed.refused(Command::FinishRamp { session });
     assert_eq!(why, "session 1 cannot go on, its samples are damaged on disk: they are not there; start a new one");
     narrow.samples.iter_mut().for_each(|sample| sample.counts = sample.counts.counts().slice(0..70).into());
-    resumed.host.stored.insert(session, narrow);
+    resumed.host.disk.samples.insert(session, narrow);
     let why = resumed.refused(Command::FinishRamp { session });
     assert!(why.contains("session 1 is of another layout of patch `small`"), "{why}");
     assert!(resumed.host.sessions.is_empty(), "the patch holds no session");
-    resumed.host.stored.clear();
+    resumed.host.disk.samples.clear();
     let view = session_of(resumed.ask(Command::AbortSession { session }));
     assert_eq!((view.state, view.reason.as_str()), (SessionState::Aborted, "an operator aborted it"));
     assert_eq!(resumed.host.catalogue.sessions[0].state, SessionState::Aborted);
@@ -151,38 +149,22 @@ fn a_fit_that_panics_ends_its_session_and_keeps_the_samples() {
     assert_eq!(bench.host.session().accepted, failed.accepted);
 }
 
-/// A session that never finds rest, with a patience of ten seconds; how long it waits when the wall clock is set.
-fn waits_when_the_wall_clock_is_set_by(hours: i64) -> Duration {
-    let mut patch = patch_plan(&small().skin);
-    patch.session.patience = Duration::from_secs(10);
-    let mut bench = Bench::new(small_world(), plan(patch), Restored::default());
-    bench.brought_up();
-    bench.inject(Fault::ModuleSilent(board(13), module(3)));
-    bench.seconds(0.5);
-    let begun = bench.now();
-    bench.ask(say::start()).unwrap();
-    bench.seconds(2.0);
-    bench.host.wall_offset_ns = hours * 3_600_000_000_000;
-    bench.until_state(30.0, SessionState::Failed);
-    let why = &bench.host.session().reason;
-    assert!(why.starts_with("rest was never proven") && why.contains("board 13 module 3"), "{why}");
-    bench.now().since(begun)
-}
-
-#[test]
-fn the_patience_of_a_session_does_not_hang_on_the_wall_clock() {
-    let [earlier, same, later] = [-48, 0, 48].map(waits_when_the_wall_clock_is_set_by);
-    assert!(same >= Duration::from_secs(10) && same <= Duration::from_secs(14), "{same:?}");
-    assert_eq!((earlier, later), (same, same));
-}
-
 #[test]
 fn a_module_that_is_silent_all_the_time_can_be_left_out() {
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-    bench.brought_up();
+    let mut bench = fresh();
     bench.inject(Fault::ModuleSilent(board(13), module(3)));
     bench.seconds(0.5);
-    let session = session_of(bench.ask(say::start_without(&[(13, 3)]))).number;
+    let all = [(13, 0..6), (12, 0..2)].map(|(board, modules)| modules.map(move |module| (board, module)));
+    let all: Vec<(u8, u8)> = all.into_iter().flatten().collect();
+    for (names, what) in [
+        ([(13, 6)].as_slice(), "has no module 6 on board 13"),
+        (&[(11, 0)], "has no module 0 on board 11"),
+        (&all, "every module is left out"),
+    ] {
+        let why = bench.ask(say::start_on("", None, names)).unwrap_err().to_string();
+        assert!(why.starts_with("leave_out: ") && why.contains(what), "{why}");
+    }
+    let session = session_of(bench.ask(say::start_on("", None, &[(13, 3), (13, 3)]))).number;
     bench.until_state(10.0, SessionState::Ramping);
     assert_eq!(bench.host.session().left_out, [3]);
     bench.ramp(42.0, 4.0);

@@ -96,9 +96,7 @@ fn both() -> Bench {
 }
 
 fn start_lower(bench: &mut Bench) {
-    let patch = "lower".to_owned();
-    let leave_out = Vec::new();
-    bench.ask(Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out }).unwrap();
+    bench.ask(say::start_on("lower", None, &[])).unwrap();
 }
 
 #[test]
@@ -124,4 +122,22 @@ fn a_gauge_frame_that_one_patch_refuses_still_reaches_the_next() {
     assert!(bench.host.session().accepted > 20, "{:?}", bench.host.session());
     let bus = &bench.host.health().buses[0];
     assert!(bus.malformed > 0 && !bus.last_malformed.is_empty(), "the refusal is counted: {bus:?}");
+}
+
+#[test]
+fn a_patch_is_named_where_there_are_several_and_sessions_have_numbers_of_their_own() {
+    let mut bench = both();
+    let tare = |patch: &str| Command::Tare { patch: patch.to_owned(), confirmed_by: None };
+    let refused = bench.ask(tare("")).unwrap_err().to_string();
+    assert_eq!(refused, "patch: must name one of the patches: upper, lower");
+    let unknown = bench.ask(tare("elbow")).unwrap_err().to_string();
+    assert!(unknown.contains("`elbow`; this daemon has upper, lower"), "{unknown}");
+    for (number, name) in [(1, "lower"), (2, "upper")] {
+        let view = session_of(bench.ask(say::start_on(name, None, &[])));
+        assert_eq!((view.number, view.patch.as_str()), (number, name));
+    }
+    let view = session_of(bench.ask(Command::AbortSession { session: 1 }));
+    assert_eq!((view.patch.as_str(), view.reason.as_str()), ("lower", "an operator aborted it"));
+    let view = session_of(bench.ask(Command::DiscardSession { session: 1 }));
+    assert_eq!(view.reason, "an operator laid it aside");
 }

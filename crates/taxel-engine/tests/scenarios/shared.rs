@@ -7,12 +7,12 @@ use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::record::KeptZero;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Config, PumpCommand, Skin, World};
 use taxel_wire::TimedFrame;
 
 use crate::bench::Bench;
+use crate::disk::Disk;
 use crate::rig::{patch_plan, plan, small_skin, small_world};
 
 /// A skin after its calibration, vented and settled, its boards streaming.
@@ -60,21 +60,10 @@ fn calibrate(world: World, kpa_per_s: f64) -> Calibrated {
     Calibrated { skin, world: bench.world, session, set, log }
 }
 
-/// What a store has of boards that were configured so and of no zero.
-pub fn configured(plan: &PatchPlan) -> KeptZero {
-    KeptZero { configured: Some(plan.settings_sum()), ..KeptZero::default() }
-}
-
 impl Calibrated {
     /// What a store gives back after a restart with this calibration in use.
     pub fn restored(&self) -> Restored {
-        Restored {
-            model_sets: vec![Arc::clone(&self.set).into()],
-            active: vec![(self.set.patch.clone(), self.set.id.clone())],
-            next_session: 2,
-            zeros: vec![(self.set.patch.clone(), configured(&patch_plan(&self.skin)))],
-            ..Restored::default()
-        }
+        Disk::with(vec![Arc::clone(&self.set)], &[patch_plan(&self.skin)]).found()
     }
 
     /// A daemon that starts beside the streaming boards and configures them if need be.

@@ -38,10 +38,8 @@ fn lower_in_use() -> Bench {
 }
 
 fn calibrate(bench: &mut Bench, name: &str) {
-    let (patch, target) = (name.to_owned(), Some(taxel_skin::Kilopascal(20.0)));
-    let start = Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out: Vec::new() };
-    bench.ask(start).unwrap();
-    bench.until_state(10.0, taxel_engine::calibration::SessionState::Ramping);
+    bench.ask(say::start_on(name, Some(20.0), &[])).unwrap();
+    bench.until_state(10.0, SessionState::Ramping);
     bench.ramp(25.0, 4.0);
     let made = |host: &Host| host.sessions.iter().rev().find(|view| view.patch == name)?.model_set.clone();
     bench.until(20.0, "a model set", |host| made(host).is_some());
@@ -55,13 +53,7 @@ fn calibrate(bench: &mut Bench, name: &str) {
 fn restarted_with_both_in_use() -> Bench {
     let mut before = lower_in_use();
     calibrate(&mut before, "upper");
-    let model_sets = before.host.catalogue.model_sets.clone();
-    let active = before.host.catalogue.active.iter().filter_map(|(patch, set)| Some((patch.clone(), set.clone()?)));
-    let active: Vec<_> = active.collect();
-    assert_eq!(active.len(), 2);
-    let zeros = Disk::after_a_crash(&before.host).restored.zeros;
-    let restored = Restored { active, model_sets, next_session: 3, zeros, ..Restored::default() };
-    Bench::new(before.world, Arc::new(plan_of(halves().into())), restored)
+    before.again(Arc::new(plan_of(halves().into())))
 }
 
 fn both_have_a_force(host: &Host) -> bool {

@@ -32,26 +32,6 @@ fn a_retare_under_a_load_tells_no_lie() {
     }
 }
 
-/// Each board is out for so many tenths of a second under half a kilogram. Of the twenty taxels of one eighteen are under the load:
-/// with small residues, what the counts before and after the silence show has to do.
-#[test]
-fn an_outage_that_ends_in_a_new_zero_tells_no_lie() {
-    for (skin, first_tenth) in [(ordinary(), 1), (small(), 2)] {
-        for (tenths, (address, centre)) in (first_tenth..=9).flat_map(|tenths| BOARDS.map(|board| (tenths, board))) {
-            let mut bench = loaded(skin, 0.5, centre);
-            let mark = bench.mark();
-            bench.inject(Fault::BoardSilent(board(address)));
-            bench.seconds(0.1 * f64::from(tenths));
-            bench.inject(Fault::SilentRetare(board(address)));
-            bench.repair(Fault::BoardSilent(board(address)));
-            bench.seconds(4.0);
-            bench.is_truthful_since(mark, &format!("board {address} was out for 0.{tenths} s and has a new zero"));
-            let found = bench.host.reasons().contains("lost its load while it was silent");
-            assert!(found || first_tenth == 1, "{}", bench.host.reasons());
-        }
-    }
-}
-
 /// A board that may have taken a new zero and falls silent then has no part in the force: its doubt waits until it is
 /// heard, and the other board's force comes meanwhile.
 #[test]
@@ -70,25 +50,6 @@ fn the_doubt_of_a_silent_board_leaves_the_other_boards_their_force() {
     bench.until(1.0, "the doubt again", |host| host.snapshot().force.total.is_none());
     bench.until(2.0, "its end", |host| host.snapshot().force.total.is_some());
     bench.is_truthful_since(mark, "a silent board in doubt");
-}
-
-/// Whatever is asked of a board whose load vanishes at once: loads that are taken away cost nothing.
-#[test]
-fn loads_that_are_laid_and_lifted_many_times_cost_no_force() {
-    for skin in [small(), ordinary()] {
-        let mut bench = skin.in_use();
-        let mark = bench.mark();
-        for (n, kilogram) in [0.2, 0.5, 1.0, 1.5].into_iter().cycle().take(40).enumerate() {
-            bench.lay(kilogram, [70, 33, 65, 14][n % 3]);
-            bench.seconds(1.0 + 0.017 * n as f64);
-            bench.world.clear();
-            bench.seconds(1.5);
-        }
-        bench.is_truthful_since(mark, "loads that come and go");
-        let without = bench.host.snapshots[mark..].iter().filter(|s| s.force.total.is_none()).count();
-        let all = bench.mark() - mark;
-        assert!(without * 100 <= all, "{without} of {all} without a force: {}", bench.host.reasons());
-    }
 }
 
 #[test]

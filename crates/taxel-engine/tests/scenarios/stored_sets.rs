@@ -20,7 +20,7 @@ fn with_another_stored(id: &str) -> (Bench, Arc<ModelSet>) {
 fn a_set_that_is_not_in_memory_is_read_and_comes_into_use_when_that_is_on_disk() {
     let (mut bench, other) = with_another_stored("m-other");
     let first = small().set.id.as_str();
-    bench.host.shelf.push(other);
+    bench.host.disk.write(Record::ModelSet(other));
     bench.host.disk_is_slow = true;
     let request = bench.host.command(activate("m-other"));
     assert_eq!(bench.host.set_loads.len(), 1);
@@ -42,7 +42,7 @@ fn a_set_that_is_not_in_memory_is_read_and_comes_into_use_when_that_is_on_disk()
 #[test]
 fn what_changes_while_a_set_is_read_counts() {
     let (mut bench, other) = with_another_stored("m-other");
-    bench.host.shelf.push(other);
+    bench.host.disk.write(Record::ModelSet(other));
     bench.host.disk_is_slow = true;
     let request = bench.host.command(activate("m-other"));
     let deletion = bench.host.command(delete_set("m-other"));
@@ -55,10 +55,15 @@ fn what_changes_while_a_set_is_read_counts() {
 }
 
 #[test]
-fn a_set_that_is_damaged_on_disk_does_not_come_into_use() {
+fn a_set_that_is_damaged_on_disk_or_was_gathered_with_other_modules_does_not_come_into_use() {
     let (mut bench, _) = with_another_stored("m-other");
     let why = bench.refused(activate("m-other"));
     assert!(why.contains("m-other") && why.contains("damaged on disk") && why.contains("import it again"), "{why}");
+    let unfit =
+        |set: &mut ModelSet| set.board_settings[0] = set.board_settings[0].replace("modules 0-5", "modules 0-4");
+    bench.host.disk.write(Record::ModelSet(say::other_with("m-other", unfit)));
+    let why = bench.refused(activate("m-other"));
+    assert!(why.contains("modules 0-4 on board 13"), "{why}");
     assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some(small().set.id.as_str()));
 }
 

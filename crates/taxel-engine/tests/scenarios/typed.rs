@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use taxel_engine::Restored;
+use taxel_engine::calibration::fit::Branch;
 use taxel_engine::calibration::{PLATEAUS_MIN, SessionState};
 use taxel_engine::command::{Command, Rejection, Reply};
 use taxel_engine::plan::{PatchPlan, SessionLimits};
@@ -13,7 +14,6 @@ use taxel_skin::{Kilopascal, Newton, TaxelIndex};
 
 use crate::bench::Bench;
 use crate::rig::{patch_plan, plan, small_world};
-use crate::say::start;
 use crate::sessions::ramping;
 
 /// To so many kPa the dial is read.
@@ -116,9 +116,8 @@ fn nothing_is_typed_where_a_gauge_says_the_pressure_or_while_it_falls() {
     let why = bench.refused(Command::Plateau { session, kpa: Kilopascal(5.0) });
     assert!(why.contains("a gauge says the pressure of this patch"), "{why}");
     let mut bench = bench_of(small_world());
-    let Command::StartSession { patch, target, confirmed_by, leave_out, .. } = start() else { unreachable!() };
-    let branches = Some(taxel_engine::calibration::fit::Branch::Both);
-    let both = Command::StartSession { patch, target, branches, confirmed_by, leave_out };
+    let (patch, branches, leave_out) = (String::new(), Some(Branch::Both), Vec::new());
+    let both = Command::StartSession { patch, target: None, branches, confirmed_by: None, leave_out };
     let refused = bench.ask(both);
     assert!(matches!(refused, Err(Rejection::InvalidArgument { field: "branches", .. })), "{refused:?}");
 }
@@ -180,19 +179,4 @@ fn twelve_typed_plateaus_are_as_good_as_a_ramp_to_one_point() {
     let ((ramp, _), (typed, held)) = (weighed(7, None), weighed(7, Some(12)));
     assert!(typed <= ramp + 1.0, "{typed:.2} % by 12 plateaus, {ramp:.2} % by the ramp");
     assert!(held >= 0.9, "the stated interval held {held:.2} of the weights");
-}
-
-/// The figures: `cargo test -p taxel-engine --test scenarios typed::figures -- --ignored --nocapture`.
-#[test]
-#[ignore = "takes minutes and prints figures: cargo test -p taxel-engine --test scenarios -- --ignored --nocapture typed::figures"]
-fn figures() {
-    for (what, plateaus) in [("ramp", None), ("8", Some(8)), ("12", Some(12)), ("20", Some(20))] {
-        let (errors, held): (Vec<f64>, Vec<f64>) = (1..=5).map(|seed| weighed(seed, plateaus)).unzip();
-        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-        let held = 100.0 * held.iter().sum::<f64>() / held.len() as f64;
-        println!(
-            "{what}: {mean:.2} %, {held:.0} % held ({})",
-            errors.iter().map(|e| format!("{e:.2}")).collect::<Vec<_>>().join(", ")
-        );
-    }
 }

@@ -27,33 +27,6 @@ fn is_never_certain(bench: &Bench, mark: usize) {
     }
 }
 
-#[test]
-fn an_unloaded_skin_has_an_uncertainty_and_an_undetected_force() {
-    for skin in [small(), ordinary()] {
-        let mut bench = skin.in_use();
-        let mark = bench.mark();
-        bench.seconds(5.0);
-        is_never_certain(&bench, mark);
-        bench.is_truthful_since(mark, "an unloaded skin");
-    }
-}
-
-#[test]
-fn a_load_about_the_activation_threshold_is_within_the_interval() {
-    for skin in [small(), ordinary()] {
-        for gram in [5.0, 10.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0] {
-            let mut bench = skin.in_use();
-            let mark = bench.mark();
-            for centre in [14, 35, 70] {
-                bench.world.lay(Mass::on_disc(gram / 1_000.0, TaxelIndex(centre), 600.0)).unwrap();
-                bench.seconds(2.0);
-            }
-            is_never_certain(&bench, mark);
-            bench.is_truthful_since(mark, &format!("{gram} g"));
-        }
-    }
-}
-
 /// The whole load lies on a module that the models do not cover.
 fn carries_the_load(bench: &mut Bench, what: &str) {
     let mark = bench.mark();
@@ -94,15 +67,4 @@ fn a_skin_of_which_nothing_is_usable_has_no_force() {
     bench.lay(1.0, 35);
     bench.seconds(3.0);
     assert!(!bench.has_force_since(mark), "{:?}", bench.host.snapshot().force);
-}
-
-#[test]
-fn a_single_excluded_taxel_under_a_load_is_within_the_interval() {
-    for taxel in [33, 35, 39] {
-        let mut bench = without(small(), taxel..taxel + 1);
-        let mark = bench.mark();
-        bench.lay(0.5, 35);
-        bench.seconds(3.0);
-        bench.is_truthful_since(mark, &format!("taxel {taxel} excluded"));
-    }
 }

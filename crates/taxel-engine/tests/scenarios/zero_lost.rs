@@ -88,13 +88,8 @@ fn whatever_loses_a_zero_ends_the_watch_of_a_tare() {
 /// With models and without them: its ramp begins after a second of rest that came later.
 #[test]
 fn a_session_watches_a_whole_second_after_its_zero_was_lost() {
-    let first = || {
-        let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
-        bench.brought_up();
-        bench
-    };
     for (what, begins, after_s, happens) in EVENTS {
-        for mut bench in [small().in_charge(), first()] {
+        for mut bench in [small().in_charge(), fresh()] {
             begins(&mut bench);
             bench.ask(say::start()).unwrap();
             bench.seconds(after_s);

@@ -1,58 +1,12 @@
 //! What commands say beside their names: targets, modules that are left out, and the set that is expected to be active.
 
-use taxel_engine::calibration::SessionState;
-use taxel_engine::command::{Command, Done, Rejection, Reply};
-use taxel_skin::Kilopascal;
+use taxel_engine::command::{Command, Done};
 
 use crate::daemon::{Daemon, id_of};
-use crate::model::Passing::{Hold, ModuleSilent, Rise};
+use crate::disk::EPOCH_NS;
+use crate::model::Passing::{Hold, Rise};
 use crate::model::Set;
 use crate::model::Step::{self, FitEnds, Import, Pass};
-use crate::world::EPOCH_NS;
-
-fn start(daemon: &mut Daemon, target: Option<f64>, leave_out: &[(u8, u8)]) -> Reply {
-    daemon.ask(Command::StartSession {
-        patch: String::new(),
-        target: target.map(Kilopascal),
-        branches: None,
-        confirmed_by: None,
-        leave_out: leave_out.to_vec(),
-    })
-}
-
-#[test]
-fn a_target_is_above_zero_and_at_most_what_a_bag_reaches() {
-    for target in [0.0, -5.0, f64::NAN, f64::INFINITY, 95.1] {
-        let reply = start(&mut Daemon::new(), Some(target), &[]);
-        assert!(matches!(reply, Err(Rejection::InvalidArgument { field: "target_kpa", .. })), "{target}: {reply:?}");
-    }
-    for (target, is) in [(None, 40.0), (Some(0.1), 0.1), (Some(95.0), 95.0)] {
-        let reply = start(&mut Daemon::new(), target, &[]);
-        assert!(matches!(&reply, Ok(Done::Session(view)) if view.target_kpa == is), "{target:?}: {reply:?}");
-    }
-}
-
-#[test]
-fn a_session_does_without_the_modules_that_are_left_out() {
-    let mut daemon = Daemon::new();
-    for (names, what) in [
-        ([(13, 2)].as_slice(), "has no module 2 on board 13"),
-        (&[(12, 0)], "has no module 0 on board 12"),
-        (&[(13, 1), (13, 0), (13, 1)], "every module is left out"),
-    ] {
-        let why = start(&mut daemon, None, names).unwrap_err().to_string();
-        assert!(why.starts_with("leave_out: ") && why.contains(what), "{why}");
-    }
-    start(&mut daemon, None, &[(13, 1), (13, 1)]).unwrap();
-    (0..2).for_each(|_| daemon.apply(Pass(ModuleSilent)));
-    let view = daemon.session.clone().unwrap();
-    assert_eq!((view.state, view.left_out.as_slice()), (SessionState::Ramping, [1].as_slice()), "{view:?}");
-    for _ in 0..3 {
-        daemon.apply(Pass(Rise));
-    }
-    assert_eq!(daemon.fits[0].left_out, [1]);
-    assert!(daemon.fits[0].samples.samples.len() > 50);
-}
 
 #[test]
 fn a_session_says_when_it_began_and_who_vouches_for_its_rest() {

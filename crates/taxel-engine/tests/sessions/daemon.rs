@@ -11,9 +11,10 @@ use taxel_engine::record::Record;
 use taxel_engine::snapshot::Catalogue;
 use taxel_engine::{BusNotice, Engine, Input, Now, Output, Restored};
 
+use crate::disk::EPOCH_NS;
 use crate::model::{Disk, Passing, Set, Step};
 use crate::store::Store;
-use crate::world::{BUS, EPOCH_NS, World, plan};
+use crate::world::{BUS, World, plan};
 
 /// An answer, and how many records must be on disk before it goes out.
 #[derive(Debug)]
@@ -130,11 +131,11 @@ impl Daemon {
             self.answers.entry(request).or_default().push(Answered { reply, after_records });
         }
         for (ticket, session) in loads {
-            let result = self.store.samples_of(session);
+            let result = self.store.all().samples_of(session);
             self.put(Input::Loaded { ticket, result });
         }
         for (ticket, id) in set_loads {
-            let result = self.store.set_of(&id);
+            let result = self.store.all().set_of(&id);
             self.put(Input::SetLoaded { ticket, result });
         }
     }

@@ -4,10 +4,10 @@ use taxel_engine::record::Record;
 
 use crate::check::{Seen, check};
 use crate::daemon::Daemon;
+use crate::disk::EPOCH_NS;
 use crate::model::Passing::{Hold, Rise, Vent};
 use crate::model::Step::{self, *};
 use crate::model::{Model, Set};
-use crate::world::EPOCH_NS;
 
 /// Walks these steps, and checks everything after each.
 fn walk(steps: &[Step]) {

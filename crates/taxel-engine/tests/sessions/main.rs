@@ -8,9 +8,11 @@
 mod arguments;
 mod check;
 mod daemon;
+#[path = "../common/disk.rs"]
+#[allow(dead_code)]
+mod disk;
 mod found;
 mod model;
-mod patches;
 mod store;
 mod walk;
 mod world;

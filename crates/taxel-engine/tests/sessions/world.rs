@@ -17,8 +17,6 @@ pub const PATCH: &str = "palm";
 pub const BUS: BusIndex = BusIndex(0);
 /// The boards' period; everything happens in slots of this length.
 const PERIOD: Duration = Duration::from_millis(100);
-/// Wall time at the origin of the run's clock.
-pub const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 /// A vent takes so long.
 const VENT_S: f64 = 1.0;
 

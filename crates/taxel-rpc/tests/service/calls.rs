@@ -260,7 +260,7 @@ async fn tare_and_bring_up_reach_the_engine() {
 }
 
 #[tokio::test]
-async fn model_sets_are_shown_activated_exported_and_imported() {
+async fn model_sets_are_shown_activated_exported_imported_and_deleted() {
     let mut daemon = start().await;
     let active = vec![(FOREARM.to_owned(), Some("m-b".to_owned()))];
     let model_sets = ["m-a", "m-b"].map(|id| model_set(id, FOREARM).into()).to_vec();
@@ -307,4 +307,11 @@ async fn model_sets_are_shown_activated_exported_and_imported() {
         })
     );
     assert_eq!(activated.unwrap().into_inner().previous, "m-b");
+
+    let request = v1::DeleteModelSetRequest { model_set: "m-a".to_owned() };
+    let named = |command| assert!(matches!(command, Command::DeleteModelSet { model_set } if model_set == "m-a"));
+    let (deleted, ()) = tokio::join!(client.delete_model_set(request), daemon.answer(Ok(Done::Deleted), named));
+    deleted.unwrap();
+    let status = client.delete_model_set(v1::DeleteModelSetRequest::default()).await.unwrap_err();
+    assert_eq!(status.code(), tonic::Code::InvalidArgument);
 }

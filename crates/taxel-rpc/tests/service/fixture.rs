@@ -277,8 +277,6 @@ pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
         gauge_gain_rel: 0.01,
         gauge_offset_kpa: 0.1,
         taxels,
-        recorded: None,
-        recalibrated: None,
-        maker: taxel_engine::model_set::Maker::default(),
+        ..ModelSet::default()
     })
 }

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
-use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel, ZeroReturn};
 use taxel_engine::snapshot::Catalogue;
@@ -34,13 +33,11 @@ fn over_both_branches(id: &str) -> ModelSet {
     taxels[0] = Some(taxel);
     let recorded = Recorded {
         smooth_s: 0.5,
-        plays_mean_s: 0.0,
-        module_size: 10,
         lag_s: -0.1,
         zero_return: Some(ZeroReturn { rms: 0.4, common: 0.4 }),
-        clock: None,
         plays_error_ratio: Some(0.6),
         taxels,
+        ..Recorded::default()
     };
     ModelSet { recorded: Some(recorded), ..set }
 }
@@ -67,26 +64,6 @@ async fn hysteresis_and_quality_in_use_are_shown() {
 
     let rising = v1::GetModelSetRequest { model_set: "m-rising".to_owned(), ..Default::default() };
     assert_eq!(client.get_model_set(rising).await.unwrap().into_inner().in_use, BTreeMap::new());
-}
-
-#[tokio::test]
-async fn a_deletion_reaches_the_engine_and_a_refusal_comes_back_with_its_words() {
-    let mut daemon = start().await;
-    let mut client = ModelServiceClient::new(daemon.connect().await);
-    let request = || v1::DeleteModelSetRequest { model_set: "m-1".to_owned() };
-    let named = |command| {
-        let Command::DeleteModelSet { model_set } = command else { panic!("{command:?}") };
-        assert_eq!(model_set, "m-1");
-    };
-    let (answer, ()) = tokio::join!(client.delete_model_set(request()), daemon.answer(Ok(Done::Deleted), named));
-    answer.unwrap();
-    let refusal =
-        Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, "model set `m-1` is in use".to_owned()));
-    let (answer, ()) = tokio::join!(client.delete_model_set(request()), daemon.answer(refusal, named));
-    let status = answer.unwrap_err();
-    assert_eq!((status.code(), status.message()), (Code::FailedPrecondition, "model set `m-1` is in use"));
-    let status = client.delete_model_set(v1::DeleteModelSetRequest::default()).await.unwrap_err();
-    assert_eq!(status.code(), Code::InvalidArgument);
 }
 
 /// Of three listed sets one is in memory; of the others the store has one, and the other is damaged there.

@@ -5,7 +5,6 @@ use std::collections::HashMap;
 use taxel_engine::command::{ErrorReason as Engine, Rejection};
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
-use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tonic::{Code, Status};
@@ -52,36 +51,56 @@ fn about(status: &Status) -> (ErrorReason, Vec<(String, String)>) {
     (reason(status), metadata)
 }
 
-fn pairs<const N: usize>(pairs: [(&str, &str); N]) -> Vec<(String, String)> {
-    pairs.map(|(what, which)| (what.to_owned(), which.to_owned())).into()
-}
-
 #[tokio::test]
-async fn the_engines_reason_comes_with_what_the_command_was_about() {
+async fn the_engines_refusal_keeps_its_words_and_its_reason_says_what_the_command_was_about() {
     let mut daemon = start().await;
     let mut client = SkinServiceClient::new(daemon.connect().await);
-    let refused = || {
-        Err(Rejection::FailedPrecondition(Engine::TareLoaded, "tare refused: something presses on the skin".to_owned()))
-    };
-    let (answer, ()) = tokio::join!(client.tare(v1::TareRequest::default()), daemon.answer(refused(), |_| {}));
-    let status = answer.unwrap_err();
-    assert_eq!(about(&status), (ErrorReason::SkinLoaded, pairs([("patch", FOREARM)])), "the only patch, by its name");
-    let failure = status.get_details_precondition_failure().unwrap();
-    assert_eq!(failure.violations[0].subject, format!("patches/{FOREARM}"));
-
-    let mut sessions = CalibrationServiceClient::new(daemon.connect().await);
-    let unknown = || Err(Rejection::NotFound(Engine::SessionUnknown, "session 4".to_owned()));
-    let request =
-        v1::AdvanceSessionRequest { session: 4, action: v1::SessionAction::StartRamp.into(), typed_kpa: None };
-    let (answer, ()) = tokio::join!(sessions.advance_session(request), daemon.answer(unknown(), |_| {}));
-    assert_eq!(about(&answer.unwrap_err()).0, ErrorReason::SessionUnknown);
-
+    let (loaded, problem) = ("tare refused: something presses on the skin".to_owned(), "-1 is no name".to_owned());
+    for (refused, code, why, words) in [
+        (
+            Rejection::FailedPrecondition(Engine::TareLoaded, loaded),
+            Code::FailedPrecondition,
+            ErrorReason::SkinLoaded,
+            "something presses on the skin",
+        ),
+        (
+            Rejection::InvalidArgument { field: "confirmed_by", problem },
+            Code::InvalidArgument,
+            ErrorReason::FieldInvalid,
+            "confirmed_by: -1 is no name",
+        ),
+        (
+            Rejection::NotFound(Engine::SessionUnknown, "session 4".into()),
+            Code::NotFound,
+            ErrorReason::SessionUnknown,
+            "there is no session 4",
+        ),
+        (
+            Rejection::Unavailable(Engine::StoreUnavailable, "the disk is full".into()),
+            Code::Unavailable,
+            ErrorReason::StoreUnavailable,
+            "the disk is full",
+        ),
+    ] {
+        let (answer, ()) = tokio::join!(client.tare(v1::TareRequest::default()), daemon.answer(Err(refused), |_| {}));
+        let status = answer.unwrap_err();
+        assert!(status.code() == code && status.message().contains(words), "{status:?}");
+        let (reason, metadata) = about(&status);
+        assert_eq!(reason, why, "{status:?}");
+        assert!(
+            metadata.contains(&("patch".to_owned(), FOREARM.to_owned())),
+            "the only patch, by its name: {status:?}"
+        );
+        if let Some(failure) = status.get_details_precondition_failure() {
+            assert_eq!(failure.violations[0].subject, format!("patches/{FOREARM}"));
+        }
+    }
     let mut models = ModelServiceClient::new(daemon.connect().await);
-    let full = || Err(Rejection::Unavailable(Engine::StoreUnavailable, "the disk is full".to_owned()));
+    let full = Err(Rejection::Unavailable(Engine::StoreUnavailable, "the disk is full".to_owned()));
     let request = v1::ActivateModelSetRequest { model_set: "m-1".to_owned(), ..Default::default() };
-    let (answer, ()) = tokio::join!(models.activate_model_set(request), daemon.answer(full(), |_| {}));
-    let expected = pairs([("model_set", "m-1"), ("patch", FOREARM)]);
-    assert_eq!(about(&answer.unwrap_err()), (ErrorReason::StoreUnavailable, expected));
+    let (answer, ()) = tokio::join!(models.activate_model_set(request), daemon.answer(full, |_| {}));
+    let expected = [("model_set", "m-1"), ("patch", FOREARM)].map(|(what, which)| (what.to_owned(), which.to_owned()));
+    assert_eq!(about(&answer.unwrap_err()).1, expected);
 }
 
 #[tokio::test]

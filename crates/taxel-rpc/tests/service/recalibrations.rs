@@ -97,22 +97,6 @@ async fn what_is_accepted_is_what_was_proposed_and_reaches_the_engine_once() {
 }
 
 #[tokio::test]
-async fn a_load_that_contradicts_is_named_and_nothing_can_be_accepted() {
-    let mut loads = sound();
-    loads[3] = load(4, 2.0);
-    let (mut daemon, mut client) = daemon(loads).await;
-    let got = client.recalibrate(dry_run()).await.unwrap().into_inner();
-    assert_eq!((got.contradicts, got.model_set.as_str()), (4, ""));
-    assert!(got.refused_because[0].contains("point 4 contradicts the others"), "{got:?}");
-    let refused = client.recalibrate(accept("m-any")).await.unwrap_err();
-    assert!(refused.code() == Code::FailedPrecondition && refused.message().contains("point 4"), "{refused}");
-    let without = v1::RecalibrateRequest { leave_out: vec![4], ..dry_run() };
-    let got = client.recalibrate(without).await.unwrap().into_inner();
-    assert!(got.refused_because.is_empty() && got.points.len() == 5, "{got:?}");
-    assert!(daemon.requests.try_recv().is_err());
-}
-
-#[tokio::test]
 async fn what_cannot_be_proposed_is_refused_with_the_reason() {
     let (daemon, mut client) = daemon(sound()).await;
     let request = |change: fn(&mut v1::RecalibrateRequest)| {
@@ -133,6 +117,13 @@ async fn what_cannot_be_proposed_is_refused_with_the_reason() {
     }
     let refused = client.recalibrate(accept("")).await.unwrap_err();
     assert!(refused.code() == Code::InvalidArgument && refused.message().contains("model_set"), "{refused}");
+    let contradicts = (1..=6).map(|number| load(number, if number == 4 { 2.0 } else { 1.0 }));
+    publish(&daemon, contradicts.collect());
+    let got = client.recalibrate(dry_run()).await.unwrap().into_inner();
+    assert_eq!((got.contradicts, got.model_set.as_str()), (4, ""));
+    assert!(got.refused_because[0].contains("point 4 contradicts the others"), "{got:?}");
+    let refused = client.recalibrate(accept("m-any")).await.unwrap_err();
+    assert!(refused.code() == Code::FailedPrecondition && refused.message().contains("point 4"), "{refused}");
     daemon.engine().catalogue(Arc::default());
     let refused = client.recalibrate(dry_run()).await.unwrap_err();
     assert!(refused.code() == Code::FailedPrecondition && refused.message().contains("is active"), "{refused}");

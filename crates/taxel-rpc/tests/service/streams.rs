@@ -104,32 +104,27 @@ async fn a_fixed_rate_holds_the_value_with_its_true_age() {
 }
 
 #[tokio::test]
-async fn every_stream_ends_with_the_reason_when_the_daemon_stops() {
-    let daemon = start().await;
-    let (mut each, mut held) = (subscribe(&daemon, None).await, subscribe(&daemon, Some(1.0)).await);
-    next(&mut each).await;
-    next(&mut held).await;
-    daemon.shutdown.cancel();
-    for stream in [&mut each, &mut held] {
-        let status = stream.message().await.unwrap_err();
-        assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
-    }
-    daemon.server.await.unwrap().unwrap(); // within the drain, which is an hour here
-}
-
-#[tokio::test]
-async fn every_stream_ends_with_the_reason_when_the_engine_stops() {
-    let mut daemon = start().await;
-    let (mut each, mut held) = (subscribe(&daemon, None).await, subscribe(&daemon, Some(500.0)).await);
-    next(&mut each).await;
-    next(&mut held).await;
-    daemon.publisher = None;
-    for stream in [&mut each, &mut held] {
-        let status = loop {
-            if let Err(status) = stream.message().await {
-                break status;
-            }
-        };
-        assert_eq!((status.code(), status.message()), (Code::Unavailable, "the engine has stopped"));
+async fn every_stream_ends_with_the_reason_when_the_daemon_or_the_engine_stops() {
+    for (stops, why) in [(true, "the daemon is shutting down"), (false, "the engine has stopped")] {
+        let mut daemon = start().await;
+        let (mut each, mut held) = (subscribe(&daemon, None).await, subscribe(&daemon, Some(500.0)).await);
+        next(&mut each).await;
+        next(&mut held).await;
+        if stops {
+            daemon.shutdown.cancel();
+        } else {
+            daemon.publisher = None;
+        }
+        for stream in [&mut each, &mut held] {
+            let status = loop {
+                if let Err(status) = stream.message().await {
+                    break status;
+                }
+            };
+            assert_eq!((status.code(), status.message()), (Code::Unavailable, why));
+        }
+        if stops {
+            daemon.server.await.unwrap().unwrap(); // within the drain, which is an hour here
+        }
     }
 }

@@ -95,8 +95,7 @@ fn all_that_waits_for_a_slow_disk_goes_with_one_flush() {
 
 #[test]
 fn a_batch_is_there_whole_or_not_at_all() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (_dir, path) = place();
     let (store, ..) = open(&path);
     let set = model_set(1);
     let unknown = Record::Activated { patch: PATCH.to_owned(), model_set: "m-0".to_owned(), wall_ns: 0 };
@@ -131,8 +130,7 @@ fn records_that_do_not_follow_are_refused_with_the_reason() {
 /// A fault of this programme on the writer's thread.
 #[test]
 fn when_the_writers_thread_panics_everyone_who_waits_is_told_and_nothing_more_is_stored() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (_dir, path) = place();
     let (store, _, _, events) = open(&path);
     let (release, hold) = channel::<()>();
     let (tell, told) = channel();

@@ -1,6 +1,6 @@
 //! Small sessions and model sets, each a function of a few numbers.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, LazyLock};
 
@@ -12,6 +12,7 @@ use taxel_engine::loads::{Load, Reading};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::{KeptZero, RampBaseline, Record, Sample};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
+use tempfile::TempDir;
 
 use crate::{Batch, Durability, Quarantined, Store, StoreError, StoreEvent, models_json};
 
@@ -38,7 +39,6 @@ static TAXELS: LazyLock<Vec<TaxelModel>> = LazyLock::new(|| {
 /// A set that differs from others by its time, and by a line that has it too: the time alone makes no other id.
 pub fn model_set(created_wall_ns: i64) -> ModelSet {
     with_id(ModelSet {
-        id: String::new(),
         patch: PATCH.to_owned(),
         created_wall_ns,
         session: Some(1),
@@ -53,9 +53,7 @@ pub fn model_set(created_wall_ns: i64) -> ModelSet {
         gauge_gain_rel: 0.005,
         gauge_offset_kpa: 0.1,
         taxels: TAXELS.clone(),
-        recorded: None,
-        recalibrated: None,
-        maker: taxel_engine::model_set::Maker::default(),
+        ..ModelSet::default()
     })
 }
 
@@ -187,6 +185,13 @@ pub fn open(path: &Path) -> (Store, Restored, Vec<Quarantined>, Receiver<StoreEv
     let notify = Box::new(move |event| drop(tell.send(event)));
     let (store, restored, quarantined) = Store::open(path, notify).unwrap();
     (store, restored, quarantined, told)
+}
+
+/// A new folder, and where a store goes in it.
+pub fn place() -> (TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    (dir, path)
 }
 
 /// A closed store with two model sets, the second active, an ended session and one under way with 40 samples.

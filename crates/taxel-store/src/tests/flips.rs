@@ -64,8 +64,7 @@ fn check(path: &Path, sets: &[ModelSet; 2], what: &str) -> bool {
 }
 
 fn flipped(suffix: &str) {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (dir, path) = place();
     let sets = filled(&path);
     // As a kill leaves it: session 3 with a sample in each of ten commits.
     let (store, ..) = open(&path);

@@ -29,8 +29,7 @@ enum From {
 
 /// A store whose second set is in use; session 2 has 40 samples that the copy lacks. Closed, or as a kill leaves it.
 fn scene(closed: bool) -> (TempDir, PathBuf, String) {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (dir, path) = place();
     let [_, second] = filled(&path);
     if closed {
         return (dir, path, second.id);
@@ -146,8 +145,7 @@ fn a_lost_or_torn_log_is_told_by_the_number_of_commits_in_the_copy() {
 /// What `cp` makes of a running store if the log is forgotten. Found by attack: it started without a word.
 #[test]
 fn the_main_file_of_a_running_store_copied_alone_says_that_its_log_is_missing() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (_dir, path) = place();
     let (store, ..) = open(&path);
     let set = Arc::new(model_set(1));
     write(&store, vec![Record::ModelSet(Arc::clone(&set)), zeros(None), session(1, SessionState::Review)]).unwrap();
@@ -260,8 +258,7 @@ fn without_a_copy_a_damaged_store_starts_empty_and_says_so() {
 #[test]
 fn what_was_never_a_store_is_refused_and_left_as_it_is() {
     for (content, says) in [(None, "application id"), (Some("a letter"), "no SQLite file")] {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("store.db");
+        let (_dir, path) = place();
         match content {
             Some(text) => fs::write(&path, text).unwrap(),
             None => change_rows(&path, "CREATE TABLE other (a)"),

@@ -143,8 +143,7 @@ fn what_was_acknowledged_survives_fifty_kills() {
     let kills = std::env::var("TAXEL_STORE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(KILLS);
     let mut acknowledged = 0;
     for kill in 0..kills {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("store.db");
+        let (_dir, path) = place();
         // Not the same place twice: how many lines are read before the kill wanders.
         let said = said_until_killed(&path, &format!("{kill} 60"), 8 + kill * 37 % 150);
         let last = |word: &str| said.iter().filter_map(|line| line.strip_prefix(word)?.trim().parse().ok()).max();
@@ -160,8 +159,7 @@ fn what_was_acknowledged_survives_fifty_kills() {
 #[test]
 fn what_a_store_holds_after_all_of_a_plan_is_what_the_plan_says() {
     for seed in 1..=4 {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("store.db");
+        let (_dir, path) = place();
         let plan = Plan::new(seed, 60);
         follow(&plan, &path, |_| (), |_| ());
         assert_eq!(check(&path, &plan, 60, 60), Ok(60), "seed {seed}");
@@ -174,8 +172,7 @@ fn what_a_store_holds_after_all_of_a_plan_is_what_the_plan_says() {
 /// A store that lacks the last thing acknowledged, or has a copy that is none, is not taken for sound.
 #[test]
 fn a_store_that_lacks_what_was_acknowledged_is_told() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (dir, path) = place();
     let plan = Plan::new(1, 60);
     let earlier = Plan::new(1, 59);
     follow(&earlier, &path, |_| (), |_| ());

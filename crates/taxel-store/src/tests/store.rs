@@ -15,8 +15,7 @@ use crate::{Durability, Store, StoreError, StoreEvent, check};
 
 #[test]
 fn a_restart_finds_everything_again() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (_dir, path) = place();
     let sets = filled(&path);
     let (store, restored, quarantined, _events) = open(&path);
     assert_eq!(quarantined, []);
@@ -43,8 +42,7 @@ fn a_restart_finds_everything_again() {
 
 #[test]
 fn loads_zeros_and_the_audit_log_come_back_and_numbers_go_on() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (_dir, path) = place();
     let zero = TakenZero {
         mean: vec![0.1, f64::NAN],
         noise: vec![0.5, f64::NAN],
@@ -86,8 +84,7 @@ fn loads_zeros_and_the_audit_log_come_back_and_numbers_go_on() {
 /// Over the service the audit log takes a role.
 #[test]
 fn every_file_of_a_store_is_its_owners_alone_whatever_its_mode_was() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (dir, path) = place();
     filled(&path);
     for entry in fs::read_dir(dir.path()).unwrap() {
         fs::set_permissions(entry.unwrap().path(), fs::Permissions::from_mode(0o644)).unwrap();
@@ -109,8 +106,7 @@ fn every_file_of_a_store_is_its_owners_alone_whatever_its_mode_was() {
 
 #[test]
 fn counts_of_every_width_come_back_as_they_were() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (_dir, path) = place();
     filled(&path);
     let (store, ..) = open(&path);
     let range = CountRange::to(4095).unwrap();
@@ -152,8 +148,7 @@ fn samples_that_nobody_waits_for_become_durable_and_are_counted() {
 /// Nor in its log or its copy.
 #[test]
 fn what_was_deleted_is_in_no_file_and_its_number_is_not_used_again() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (dir, path) = place();
     let [first, _] = filled(&path);
     let counts = b"these are the counts of a session".to_vec();
     let (store, ..) = open(&path);
@@ -177,8 +172,7 @@ fn what_was_deleted_is_in_no_file_and_its_number_is_not_used_again() {
 
 #[test]
 fn a_set_in_use_that_is_deleted_is_not_in_use_after_a_restart_also_if_it_is_imported_again() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (_dir, path) = place();
     let [_, second] = filled(&path);
     let (store, ..) = open(&path);
     write(&store, vec![Record::ModelSetDeleted { model_set: second.id.clone(), wall_ns: 0 }]).unwrap();
@@ -190,8 +184,7 @@ fn a_set_in_use_that_is_deleted_is_not_in_use_after_a_restart_also_if_it_is_impo
 
 #[test]
 fn a_second_process_is_refused_and_told_which_has_the_store() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (_dir, path) = place();
     let (_store, ..) = open(&path);
     let second = Store::open(&path, Box::new(|_| ())).unwrap_err();
     assert_eq!(second, StoreError::InUse(Some(std::process::id())));
@@ -202,8 +195,7 @@ fn a_second_process_is_refused_and_told_which_has_the_store() {
 
 #[test]
 fn the_log_stays_short() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (dir, path) = place();
     let (store, ..) = open(&path);
     write(&store, vec![session(1, SessionState::Taring)]).unwrap();
     let rest = model_set(0).baseline[0];
@@ -227,8 +219,7 @@ fn a_store_in_memory_does_the_same_and_says_so() {
 
 #[test]
 fn a_store_that_nobody_has_open_is_checked_where_it_lies() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
+    let (dir, path) = place();
     filled(&path);
     let (store, ..) = open(&path);
     write(&store, vec![sample_record(2, 40), asked(1)]).unwrap();

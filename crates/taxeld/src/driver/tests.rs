@@ -144,20 +144,15 @@ impl Bench {
 /// A model set of the demo's forearm that differs from others by its time and method: an id follows from the content.
 pub(crate) fn model_set(created_wall_ns: i64) -> Arc<ModelSet> {
     let mut set = ModelSet {
-        id: String::new(),
         patch: "left_forearm".to_owned(),
         created_wall_ns,
-        session: None,
         method: format!("none {created_wall_ns}"),
-        board_settings: Vec::new(),
         baseline: vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; 230],
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.01,
         gauge_offset_kpa: 0.1,
         taxels: vec![Accumulator::new().fit(&FitOptions::default()); 230],
-        recorded: None,
-        recalibrated: None,
-        maker: taxel_engine::model_set::Maker::default(),
+        ..ModelSet::default()
     };
     set.id = models_json::content_id(&set);
     Arc::new(set)

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 /// Two triangles on a bus that is only listened to, and a gauge.
 pub const CONFIG: &str = r#"
@@ -90,6 +91,53 @@ pub fn log(frames: &[(u64, String)], begin_s: impl Fn(usize) -> u64) -> String {
 /// Runs a command to its end; its standard input is empty.
 pub fn taxeld(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).stdin(Stdio::piped()).output().unwrap()
+}
+
+/// How long a busy machine may take for anything.
+pub const PATIENCE: Duration = Duration::from_secs(180);
+
+/// Runs a command in a folder, against the daemon whose socket is there.
+pub fn taxeld_in(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    let server = format!("unix:{}", folder.join("s").display());
+    command.args(arguments).env("TAXELD_SERVER", server).current_dir(folder).stdin(Stdio::null());
+    command.output().unwrap()
+}
+
+/// Runs such a command until it is done; what it prints then.
+pub fn until(folder: &Path, arguments: &[&str], done: impl Fn(&Output) -> bool) -> String {
+    let begun = Instant::now();
+    loop {
+        let output = taxeld_in(folder, arguments);
+        if done(&output) {
+            return text(&output.stdout);
+        }
+        assert!(begun.elapsed() < PATIENCE, "{arguments:?}: {output:?}");
+        std::thread::yield_now();
+    }
+}
+
+/// A daemon of this configuration, which has its socket in the folder and answers.
+pub fn run_in(folder: &Path, config: &str) -> Ended {
+    std::fs::write(folder.join("taxeld.toml"), config).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    command.args(["run", "--config", "taxeld.toml"]).current_dir(folder).stderr(Stdio::null());
+    let daemon = Ended(command.spawn().unwrap());
+    until(folder, &["sessions", "list"], |output| output.status.success());
+    daemon
+}
+
+/// Waits until the log in the folder says so: a thread of its own writes it, some time after what it tells of. Its whole lines.
+pub fn until_logged(folder: &Path, text: &str) -> String {
+    let begun = Instant::now();
+    loop {
+        let log = std::fs::read_to_string(folder.join("log")).unwrap();
+        match log.rsplit_once('\n') {
+            Some((lines, _)) if lines.contains(text) => return lines.to_owned(),
+            _ => assert!(begun.elapsed() < PATIENCE, "no `{text}` in {log}"),
+        }
+        std::thread::yield_now();
+    }
 }
 
 /// What a process wrote.

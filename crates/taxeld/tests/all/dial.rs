@@ -3,13 +3,13 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Output;
+use std::time::Duration;
 
 use nix::fcntl::OFlag;
 use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
 
-use crate::common::text;
+use crate::common::{Ended, run_in, taxeld_in, text, until};
 
 const CONFIG: &str = r#"
 listen = ["unix:s"]
@@ -25,42 +25,8 @@ listen_only = true
 boards = [{ address = 12, modules = "0-6" }]
 "#;
 
-struct Daemon(Child);
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn taxeld(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-    let server = format!("unix:{}", folder.join("s").display());
-    command.args(arguments).env("TAXELD_SERVER", server).current_dir(folder).stdin(Stdio::null());
-    command.output().unwrap()
-}
-
-/// Asks until this is answered.
-fn until(folder: &Path, arguments: &[&str], done: impl Fn(&str) -> bool) -> String {
-    let limit = Instant::now() + Duration::from_secs(120);
-    loop {
-        let said = text(&taxeld(folder, arguments).stdout);
-        if done(&said) {
-            return said;
-        }
-        assert!(Instant::now() < limit, "{arguments:?}: {said}");
-        std::thread::yield_now();
-    }
-}
-
-fn start(folder: &Path, gauge: &str) -> Daemon {
-    std::fs::write(folder.join("taxeld.toml"), format!("{CONFIG}gauge = {{ {gauge} }}\n")).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-    command.args(["run", "--config", "taxeld.toml"]).current_dir(folder).stderr(Stdio::null());
-    let daemon = Daemon(command.spawn().unwrap());
-    until(folder, &["sessions", "list", "--json"], |_| taxeld(folder, &["sessions", "list"]).status.success());
-    daemon
+fn start(folder: &Path, gauge: &str) -> Ended {
+    run_in(folder, &format!("{CONFIG}gauge = {{ {gauge} }}\n"))
 }
 
 #[test]
@@ -69,13 +35,13 @@ fn a_script_types_what_a_dial_shows_and_the_models_are_in_use() {
     let _daemon = start(folder.path(), "typed = true, resolution_kpa = 0.2");
     let dial = "0,2,4,6,8,10,12,14,16";
     let options = ["calibrate", "--target", "16", "--confirmed-by", "test", "--yes", "--typed", dial];
-    let said = taxeld(folder.path(), &options);
+    let said = taxeld_in(folder.path(), &options);
     let (out, wrong) = (text(&said.stdout), text(&said.stderr));
     assert!(said.status.success(), "{out}\n{wrong}");
     assert!(out.contains("7 of 8 plateaus: pump to about 16 kPa and hold") && out.contains("vent the bag"), "{out}");
     assert!(out.contains("is in use"), "{out}");
     let below = ["calibrate", "--new", "--target", "16", "--confirmed-by", "test", "--yes", "--typed", "0,2,1"];
-    let said = taxeld(folder.path(), &below);
+    let said = taxeld_in(folder.path(), &below);
     let why = text(&said.stderr);
     assert!(!said.status.success() && why.contains("1 kPa is not above the 2 kPa of the plateau before"), "{why}");
 }
@@ -97,8 +63,9 @@ fn a_gauge_that_prints_text_is_read_and_what_is_wrong_with_it_is_in_the_health()
         gauge
     });
     let wrong = format!("{at}: line \"ERR 7\" is not as the template says");
-    until(folder.path(), &["health"], |said| said.contains("gauge: 12.50 kPa") && said.contains(&wrong));
+    let says = |output: &Output, words: &str| text(&output.stdout).contains(words);
+    until(folder.path(), &["health"], |output| says(output, "gauge: 12.50 kPa") && says(output, &wrong));
     drop(end);
     drop(printed.join()); // the terminal is gone
-    until(folder.path(), &["health"], |said| said.contains("DOWN"));
+    until(folder.path(), &["health"], |output| says(output, "DOWN"));
 }

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::{Maker, ModelSet};
+use taxel_engine::model_set::ModelSet;
 use taxel_model::{Accumulator, FitOptions};
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
@@ -18,13 +18,10 @@ use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_store::models_json;
 use tonic::transport::Channel;
 
-use crate::common::{Ended, free_address, simulated};
+use crate::common::{Ended, PATIENCE, free_address, simulated};
 
 /// Kills unless the environment says otherwise.
 const KILLS: u64 = 12;
-
-/// Nothing that is waited for takes longer, on the slowest machine.
-const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Taxels of the 16 modules of the simulated patch.
 const TAXELS: usize = 160;
@@ -65,20 +62,15 @@ impl Daemon {
 /// A set that differs from others by its number.
 fn model_set(number: u64) -> (String, String) {
     let mut set = ModelSet {
-        id: String::new(),
         patch: "forearm".to_owned(),
         created_wall_ns: 1,
-        session: None,
         method: format!("none {number}"),
-        board_settings: Vec::new(),
         baseline: vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS],
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.01,
         gauge_offset_kpa: 0.1,
         taxels: vec![Accumulator::new().fit(&FitOptions::default()); TAXELS],
-        recorded: None,
-        recalibrated: None,
-        maker: Maker::default(),
+        ..ModelSet::default()
     };
     set.id = models_json::content_id(&set);
     let text = models_json::to_json(&set).unwrap();

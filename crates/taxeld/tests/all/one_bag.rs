@@ -1,10 +1,9 @@
 //! Two patches in one bag: a command, a session and a model set for each, and one ramp.
 
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Output;
 
-use crate::common::{Ended, text};
+use crate::common::{run_in, taxeld_in, text};
 
 /// The simulated forearm as two patches, a board each, and one gauge.
 const CONFIG: &str = r#"
@@ -30,29 +29,9 @@ boards = [{ address = 12, modules = "0-6" }]
 gauge = { id = 0x3A1, signal = "0|32@1-", unit = "Pa" }
 "#;
 
-fn taxeld(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-    let server = format!("unix:{}", folder.join("s").display());
-    command.args(arguments).env("TAXELD_SERVER", server).current_dir(folder).stdin(Stdio::null());
-    command.output().unwrap()
-}
-
-fn start(folder: &Path, config: &str) -> Ended {
-    std::fs::write(folder.join("taxeld.toml"), config).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-    command.args(["run", "--config", "taxeld.toml"]).current_dir(folder).stderr(Stdio::null());
-    let daemon = Ended(command.spawn().unwrap());
-    let limit = Instant::now() + Duration::from_secs(120);
-    while !taxeld(folder, &["sessions", "list"]).status.success() {
-        assert!(Instant::now() < limit, "the daemon does not answer");
-        std::thread::yield_now();
-    }
-    daemon
-}
-
 /// Patch and state of each session.
 fn sessions(folder: &Path) -> Vec<String> {
-    let listed = text(&taxeld(folder, &["sessions", "list", "--json"]).stdout);
+    let listed = text(&taxeld_in(folder, &["sessions", "list", "--json"]).stdout);
     let sessions = listed.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
     let mut found: Vec<String> =
         sessions.map(|s| format!("{} {}", s["patch"].as_str().unwrap(), s["state"].as_str().unwrap())).collect();
@@ -65,7 +44,7 @@ fn calibrate(folder: &Path) -> [Output; 2] {
     let options = ["--target", "15", "--confirmed-by", "test", "--yes"];
     std::thread::scope(|scope| {
         let of =
-            |patch| scope.spawn(move || taxeld(folder, &[&["calibrate", "--patch", patch][..], &options].concat()));
+            |patch| scope.spawn(move || taxeld_in(folder, &[&["calibrate", "--patch", patch][..], &options].concat()));
         ["upper", "lower"].map(of).map(|command| command.join().unwrap())
     })
 }
@@ -73,7 +52,7 @@ fn calibrate(folder: &Path) -> [Output; 2] {
 #[test]
 fn two_patches_in_one_bag_are_calibrated_by_one_ramp_and_one_that_fails_ends_no_other() {
     let folder = tempfile::tempdir().unwrap();
-    let daemon = start(folder.path(), CONFIG);
+    let daemon = run_in(folder.path(), CONFIG);
     for done in calibrate(folder.path()) {
         assert!(done.status.success(), "{}{}", text(&done.stdout), text(&done.stderr));
     }
@@ -81,7 +60,7 @@ fn two_patches_in_one_bag_are_calibrated_by_one_ramp_and_one_that_fails_ends_no_
     drop(daemon);
 
     let folder = tempfile::tempdir().unwrap();
-    let _daemon = start(folder.path(), &format!("{CONFIG}[patch.session]\nrise_max_kpa_per_s = 0.1\n"));
+    let _daemon = run_in(folder.path(), &format!("{CONFIG}[patch.session]\nrise_max_kpa_per_s = 0.1\n"));
     let [upper, lower] = calibrate(folder.path());
     assert!(upper.status.success(), "{}{}", text(&upper.stdout), text(&upper.stderr));
     let errors = text(&lower.stderr);

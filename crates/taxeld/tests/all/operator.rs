@@ -3,7 +3,6 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -44,7 +43,7 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
         );
     }
     stored_samples_are_fitted_once_more(&demo, number, id);
-    no_file_makes_a_set_one_of_a_session(&demo, folder.path());
+    no_file_makes_a_set_one_of_a_session(&demo);
 
     let events = demo.json(&["events", "--json"]);
     let of = |kind: &str| events.iter().filter(|event| event["kind"] == kind).count();
@@ -77,14 +76,8 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
 #[test]
 fn a_set_without_a_zero_says_so_and_has_a_force_after_a_confirmed_tare() {
     let demo = Demo::start(&[]);
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("models.json");
-    let file = file.to_str().unwrap();
-    let mut set: serde_json::Value = serde_json::from_str(&demo.succeeds(&["models", "export"])).unwrap();
-    set.as_object_mut().unwrap().remove("id");
-    set["baseline"].as_array_mut().unwrap().fill(serde_json::Value::Null);
-    std::fs::write(file, set.to_string()).unwrap();
-    assert!(demo.succeeds(&["models", "import", file]).contains("taxeld tare --confirmed-by NAME"));
+    let said = import_changed(&demo, |set| set["baseline"].as_array_mut().unwrap().fill(serde_json::Value::Null));
+    assert!(said.contains("taxeld tare --confirmed-by NAME"));
     assert!(demo.succeeds(&["models", "use", "newest"]).contains("taxeld tare --confirmed-by NAME"));
     let wanted = "NO FORCE: the model set has no zero of its own";
     let health = || demo.command(&["health"]);
@@ -100,17 +93,12 @@ fn a_set_without_a_zero_says_so_and_has_a_force_after_a_confirmed_tare() {
 #[test]
 fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_terminal() {
     let demo = Demo::start(&[]);
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("models.json");
-    let file = file.to_str().unwrap();
-    let mut set: serde_json::Value = serde_json::from_str(&demo.succeeds(&["models", "export"])).unwrap();
-    set.as_object_mut().unwrap().remove("id");
-    for taxel in set["taxels"].as_array_mut().unwrap().iter_mut().skip(30) {
-        taxel.as_object_mut().unwrap().remove("figures");
-        taxel["status"] = "no_data".into();
-    }
-    std::fs::write(file, set.to_string()).unwrap();
-    demo.succeeds(&["models", "import", file]);
+    import_changed(&demo, |set| {
+        for taxel in set["taxels"].as_array_mut().unwrap().iter_mut().skip(30) {
+            taxel.as_object_mut().unwrap().remove("figures");
+            taxel["status"] = "no_data".into();
+        }
+    });
     let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
     let refused = demo.refused(&["models", "use", &id]);
     assert!(refused.contains("Not good: too few taxels, far fewer taxels than the set in use. 27 of 230"), "{refused}");
@@ -132,16 +120,24 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     assert!(demo.refused(&["sessions", "delete", "1"]).contains("no session 1"));
 }
 
-/// A set of a session that was exported, changed and imported is not that session's any more.
-fn no_file_makes_a_set_one_of_a_session(demo: &Demo, folder: &Path) {
-    let file = folder.join("changed.json");
-    demo.succeeds(&["models", "export", "--out", file.to_str().unwrap()]);
+/// Exports the set in use and imports it with a change; what is said of it.
+fn import_changed(demo: &Demo, change: impl FnOnce(&mut serde_json::Value)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("models.json").to_str().unwrap().to_owned();
+    demo.succeeds(&["models", "export", "--out", &file]);
     let mut set: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
-    assert!(set["session"].is_u64(), "{}", set["session"]);
     set.as_object_mut().unwrap().remove("id");
-    set["method"] = "changed".into();
+    change(&mut set);
     std::fs::write(&file, set.to_string()).unwrap();
-    let said = demo.succeeds(&["models", "import", file.to_str().unwrap()]);
+    demo.succeeds(&["models", "import", &file])
+}
+
+/// A set of a session that was exported, changed and imported is not that session's any more.
+fn no_file_makes_a_set_one_of_a_session(demo: &Demo) {
+    let said = import_changed(demo, |set| {
+        assert!(set["session"].is_u64(), "{}", set["session"]);
+        set["method"] = "changed".into();
+    });
     let id = said.split_whitespace().find(|word| word.starts_with("m-")).unwrap();
     let sets = demo.json(&["models", "list", "--json"]);
     let imported = sets.iter().find(|set| set["modelSet"] == id).unwrap();
@@ -278,10 +274,13 @@ fn a_force_that_is_long_on_its_way_is_told_as_old_as_it_is() {
 }
 
 #[test]
-fn a_daemon_that_is_not_there_is_no_refusal() {
+fn a_daemon_that_is_not_there_is_no_refusal_and_the_command_that_helps_is_named() {
     let output = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["tare", "--server", "127.0.0.1:1"]).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("no daemon answers at http://127.0.0.1:1"), "{}", text(&output.stderr));
+    let said = text(&output.stderr);
+    let mut lines = said.lines();
+    assert!(lines.next().unwrap().starts_with("taxeld: no daemon answers at http://127.0.0.1:1"), "{said}");
+    assert!(lines.next().unwrap().starts_with("help: taxeld run --config FILE"), "{said}");
     let wrong = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["tare", "--server", "robot"]).output().unwrap();
     assert_eq!(wrong.status.code(), Some(2));
 }

@@ -8,7 +8,7 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -16,10 +16,7 @@ use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tempfile::TempDir;
 use tonic::{Code, Status, Streaming};
 
-use crate::common::{Ended, free_address, simulated};
-
-/// Nothing that is waited for takes longer, on the slowest machine.
-const PATIENCE: Duration = Duration::from_secs(120);
+use crate::common::{Ended, PATIENCE, free_address, simulated, until_logged};
 
 struct Daemon {
     child: Ended,
@@ -57,15 +54,6 @@ impl Daemon {
 
     fn log(&self) -> String {
         std::fs::read_to_string(self.folder.path().join("log")).unwrap()
-    }
-
-    /// Waits until the log says so: a thread of its own writes it, some time after what it tells of.
-    fn until_logged(&self, text: &str) {
-        let begun = Instant::now();
-        while !self.log().contains(text) {
-            assert!(begun.elapsed() < PATIENCE, "no `{text}` in {}", self.log());
-            std::thread::yield_now();
-        }
     }
 
     async fn stream(&self) -> Streaming<v1::ForceSample> {
@@ -247,7 +235,7 @@ async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
         let said =
             |problem: &&String| problem.starts_with("no force of forearm in shared memory: ") && problem.contains(why);
         assert_eq!(problems.iter().filter(said).count(), 1, "{why}: {problems:?}");
-        daemon.until_logged(why);
+        until_logged(daemon.folder.path(), why);
     }
 }
 
@@ -255,7 +243,7 @@ async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
 async fn a_variable_that_is_no_filter_is_told() {
     for (variable, told) in [("", false), ("wran", true)] {
         let daemon = Daemon::start(|command, _| _ = command.env("RUST_LOG", variable));
-        daemon.until_logged("taxeld is up");
+        until_logged(daemon.folder.path(), "taxeld is up");
         let said = daemon.log().contains(&format!("RUST_LOG = \"{variable}\" is not used"));
         assert_eq!(said, told, "{}", daemon.log());
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use taxel_proto::v1;
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
@@ -10,10 +10,7 @@ use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 use tonic::{Code, Request, Status};
 
-use crate::common::{Ended, free_address};
-
-/// A daemon that does not come up by then has failed.
-const PATIENCE: Duration = Duration::from_secs(30);
+use crate::common::{Ended, PATIENCE, free_address};
 
 /// The lines of deploy/security.md that make authority, certificates and a token.
 fn documented_lines() -> &'static str {

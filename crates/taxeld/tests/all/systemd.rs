@@ -6,17 +6,14 @@ use std::net::SocketAddr;
 use std::os::unix::net::UnixDatagram;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use tempfile::TempDir;
 use tonic::Streaming;
 
-use crate::common::{Ended, free_address, simulated};
-
-/// Nothing that is waited for takes longer, on the slowest machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+use crate::common::{Ended, PATIENCE, free_address, simulated, until_logged};
 
 struct Service {
     child: Ended,
@@ -52,17 +49,8 @@ impl Service {
         std::fs::read_to_string(self.path("log")).unwrap()
     }
 
-    /// Waits until the log says so: a thread of its own writes it, some time after what it tells of. Gives its whole lines.
     fn until_logged(&self, text: &str) -> String {
-        let begun = Instant::now();
-        loop {
-            let log = self.log();
-            match log.rsplit_once('\n') {
-                Some((lines, _)) if lines.contains(text) => return lines.to_owned(),
-                _ => assert!(begun.elapsed() < PATIENCE, "no `{text}` in {log}"),
-            }
-            std::thread::yield_now();
-        }
+        until_logged(self.folder.path(), text)
     }
 
     /// What the manager is told next.

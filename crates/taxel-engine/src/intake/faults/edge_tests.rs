@@ -1,5 +1,6 @@
-//! Where each limit of the detector lies: a little less is sound, a little more is a fault.
+//! Where each limit of the detector lies: a little less is sound, a little more is a fault. And every fault ends.
 
+use proptest::prelude::*;
 use std::time::Duration;
 use taxel_skin::{ModuleKind, Time};
 
@@ -375,4 +376,44 @@ fn a_module_that_is_known_to_be_noisy_has_to_jump_further_and_a_scan_without_val
     let none = f32::NAN;
     assert_eq!(jumps(0.5, &[none, 240.0, none, 230.0, 220.0, none, 210.0, 200.0]), 0.0, "it is pressed");
     assert_eq!(jumps(0.5, &[none, 240.0, 236.0, none, 240.0, none, 236.0, 240.0]), 4.0);
+}
+
+/// Half a minute of scans every 20 ms, in which each taxel goes between two counts at half the pace of the bus.
+fn sound_scans(detector: &mut FaultDetector, from: Time) {
+    for scan in 0..1_500_u32 {
+        let count = |taxel: u32| if (scan / 2 + taxel) % 3 == 0 { 234 } else { 235 };
+        let counts: Vec<u8> = (0..10).map(count).collect();
+        for module in 0..4 {
+            detector.push_module(from + Duration::from_millis(20) * scan, module, &counts, 0);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    /// Whatever comes, nothing panics, and 30 s of sound scans later nothing is left.
+    #[test]
+    fn every_fault_ends(
+        garbage in prop::collection::vec((0usize..6, prop::collection::vec(any::<u8>(), 0..14), any::<u16>(), 0i64..3000), 0..60),
+    ) {
+        let (mut detector, mut now) = (detector(), at(0.0));
+        for (module, counts, status, millis) in garbage {
+            now = now + Duration::from_millis(millis as u64);
+            detector.push_module(now, module, &counts, status);
+            detector.tick(now);
+        }
+        sound_scans(&mut detector, now + Duration::from_millis(20));
+        prop_assert!((0..40).all(|taxel| detector.faults(taxel).is_empty()));
+        prop_assert_eq!(detector.lively, 40);
+    }
+}
+
+#[test]
+fn missing_values_are_ignored() {
+    let mut detector = detector();
+    sound_scans(&mut detector, at(0.0));
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        detector.push_reals(at(31.0), 0, &[bad; 10], 0);
+    }
+    assert!((0..40).all(|taxel| detector.faults(taxel).is_empty()));
 }

@@ -7,5 +7,3 @@ pub(crate) mod fault;
 mod jumps;
 pub(crate) mod limits;
 mod taxel;
-#[cfg(test)]
-mod tests;
