@@ -31,7 +31,7 @@ pub struct ModelSet {
     pub created_wall_ns: i64,
     /// Number of the session it came from; `None` if it was fitted from a file or imported.
     pub session: Option<u64>,
-    /// `order 5, pressure-binned` and the like: how it was fitted.
+    /// `monotone, order 3 in pressure` and the like: how it was fitted.
     pub method: String,
     /// Board settings that the counts depend on, and the modules of the patch, in words: one line a board.
     pub board_settings: Vec<String>,

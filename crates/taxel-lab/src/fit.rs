@@ -7,9 +7,9 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail, ensure};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Workers, fit as fit_skin, fit_any};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Workers, fit as fit_skin};
 use taxel_engine::model_set::ModelSet;
-use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays};
+use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order};
 use taxel_store::models_json;
 
 mod summary;
@@ -34,17 +34,14 @@ pub struct FitArgs {
     /// Where the models go; `-` is the standard output.
     #[arg(long, value_name = "MODELS.json")]
     out: PathBuf,
-    /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error [default: 5, and 3 for the curve
-    /// that plays bend]. Of other recordings than those of 8-bit skin it is that of the coefficients alone.
+    /// Order of the polynomial whose coefficients each model tells, 1 to 10, or `auto`: per taxel by leave-one-out error
+    /// [default: 5]. Counts are read by it with --paper alone.
     #[arg(long, value_parser = parse_order)]
     order: Option<Order>,
     /// The paper's method and nothing else: its equation over all samples of rising pressure, every fault and outlier
     /// included, the curve as it comes out, monotone or not. Only --min-swing excludes a taxel.
-    #[arg(long, conflicts_with_all = ["estimator", "branch", "plays", "smooth"])]
+    #[arg(long, conflicts_with_all = ["branch", "plays", "smooth"])]
     paper: bool,
-    /// Least-squares problem [default: pressure-binned].
-    #[arg(long, value_parser = one_of(["per-sample", "pressure-binned"], [Estimator::PerSample, Estimator::PressureBinned]))]
-    estimator: Option<Estimator>,
     /// Which part of a recording is fitted [default: both, and of a session what it gathered].
     #[arg(long, value_parser = one_of(["both", "rising"], [Branch::Both, Branch::Rising]))]
     branch: Option<Branch>,
@@ -62,9 +59,6 @@ pub struct FitArgs {
     /// where it wins on a stretch that it was not found on; 0 is not at all [default: 8].
     #[arg(long, value_name = "S", value_parser = parse_number)]
     max_clock: Option<f64>,
-    /// What the gauge reads in the first two seconds is its own error where nothing moves then: take it off, up to 10 kPa.
-    #[arg(long)]
-    gauge_zero: bool,
     /// Exclude taxels that move by less than this many counts, as the paper does; 0 is off.
     #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_number)]
     min_swing: f64,
@@ -134,11 +128,9 @@ impl FitArgs {
         let notes = if is_session { Vec::new() } else { check(recording, Purpose::Fit)? };
         let is_skin = !is_session && recording.as_scans().is_recording();
         let of_skin = [
-            (self.gauge_zero, "--gauge-zero"),
             (self.max_clock.is_some(), "--max-clock"),
             (self.module_size.is_some(), "--module-size"),
             (self.plays == Some(PlaysChoice::On) && !is_session, "--plays on"),
-            (self.estimator.is_some() && !is_session, "--estimator"),
         ];
         if let Some((_, option)) = of_skin.iter().find(|(asked, _)| *asked && !is_skin) {
             bail!(
@@ -148,12 +140,9 @@ impl FitArgs {
         }
         let set = if is_session {
             let plays = self.plays.unwrap_or(PlaysChoice::Off);
-            let recipe = FitRecipe { curve: Branch::Rising, plays, ..self.recipe() };
-            session::fit(recording, recipe, self.branch)?
-        } else if is_skin || self.paper {
-            fit_skin(&recording.as_scans(), &self.recipe(), &AllCores)?
+            session::fit(recording, FitRecipe { plays, ..self.recipe() }, self.branch)?
         } else {
-            fit_any(&recording.as_scans(), &self.recipe(), &AllCores)?
+            fit_skin(&recording.as_scans(), &self.recipe(), &AllCores)?
         };
         Ok((set, notes))
     }
@@ -163,11 +152,9 @@ impl FitArgs {
             options: self.options(),
             branch: self.branch.unwrap_or(Branch::Both),
             plays: self.plays.unwrap_or_default(),
-            plays_order: self.order.unwrap_or(Plays::DEFAULT_ORDER),
             module_size: usize::from(self.module_size.unwrap_or(10)),
             smooth_s: self.smooth,
             max_clock_s: self.max_clock.unwrap_or(8.0),
-            gauge_zero: self.gauge_zero,
             ..FitRecipe::default()
         }
     }
@@ -175,7 +162,7 @@ impl FitArgs {
     fn options(&self) -> FitOptions {
         let mut options = FitOptions {
             order: self.order.unwrap_or_default(),
-            estimator: if self.paper { Estimator::Paper } else { self.estimator.unwrap_or_default() },
+            estimator: if self.paper { Estimator::Paper } else { Estimator::default() },
             ..FitOptions::default()
         };
         options.exclusion.min_swing_counts = self.min_swing;

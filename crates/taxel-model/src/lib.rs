@@ -76,7 +76,7 @@ pub use options::{
     Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape, TERMS_MAX,
 };
 pub use order::OrderScore;
-pub use plays::{PLAYS, PlayState, Plays, RADII_OF_SWING};
+pub use plays::{PLAYS, PlayState, Plays};
 pub use points::{Points, Served};
 pub use pressure::FixedPressure;
 pub use samples::{MAX_MAGNITUDE, Samples, fit};

@@ -91,8 +91,8 @@ pub struct Quality {
     /// Lack-of-fit F: scatter of the count means about the curve over pure error. A diagnostic: samples of one ramp
     /// are correlated.
     pub lack_of_fit_f: Option<f64>,
-    /// Standard deviation between ramps of the mean residual, or of a skin fit what the taxels' left-out readings of light
-    /// loads have in common; kPa.
+    /// Standard deviation between ramps of the mean residual, or of a skin fit what the taxels' readings of light loads and of
+    /// other legs have in common; kPa.
     pub repeatability_kpa: Option<f64>,
     /// Half-width of the 95 % prediction interval in the median over the samples, kPa.
     pub interval_kpa: Option<f64>,

@@ -14,30 +14,10 @@
 
 use crate::curve::Curve;
 use crate::model::{RangeState, Sign};
-use crate::nnls::nnls;
-use crate::options::{Estimator, FitOptions, MAX_ORDER, Order, Rails, Shape};
-use crate::orthogonal::Basis;
-use crate::samples::{Samples, fit};
 use serde::{Deserialize, Serialize};
 
 /// How many plays a model has at most; the others have a radius of 0, and add nothing.
 pub const PLAYS: usize = 4;
-
-/// Radii as shares of the taxel's swing of plays about a mid curve. One leaves a quarter of the gain, four add nothing on a
-/// branch that was not fitted.
-pub const RADII_OF_SWING: [f64; PLAYS] = [0.08, 0.20, 0.0, 0.0];
-
-/// Order of the mid curve unless another is asked for: with the plays to bend it, a higher one gains nothing.
-const ORDER: u8 = 3;
-
-/// Ridge on the weights, per sample: it decides between radii that the recording cannot tell apart.
-const RIDGE: f64 = 1e-3;
-
-/// About so many samples are used of a recording: neighbours in time say the same.
-const SAMPLES: usize = 2100;
-
-/// Share of the counts that lie beyond the range in which the plays are thought to have moved, at each end.
-const RANGE_TRIM: f64 = 0.002;
 
 /// A curve with the plays about it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -103,60 +83,6 @@ impl Frame {
 }
 
 impl Plays {
-    /// The order of the mid curve that [`Plays::identify`] takes.
-    pub const DEFAULT_ORDER: Order = Order::Fixed(ORDER);
-
-    /// As [`Plays::identify_of_order`], with a mid curve of order 3.
-    #[must_use]
-    pub fn identify(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS]) -> Option<Self> {
-        Self::identify_of_order(counts, kpa, radii_counts, Self::DEFAULT_ORDER)
-    }
-
-    /// Identifies curve and weights from a recording: least squares in all of them at once, weights not negative. With
-    /// [`Order::Auto`] the weights are those about order 3, and the curve's order is chosen thereafter.
-    ///
-    /// `counts` in the order of time, freed of noise as far as they will be in use (a play takes noise for motion);
-    /// NaN where there is none. `kpa` is NaN where a sample must not be fitted; the plays follow its count still.
-    /// `radii_counts` of zero give the curve alone. `None` if the samples do not carry a monotone curve.
-    #[must_use]
-    pub fn identify_of_order(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS], order: Order) -> Option<Self> {
-        let sign = direction(counts, kpa)?;
-        let range = range(counts)?;
-        let frame = Frame { radii: radii_counts, range, sign };
-        let (mut x, mut y) = (Vec::new(), Vec::new());
-        let mut lags: [Vec<f64>; PLAYS] = Default::default();
-        let fitted = counts.iter().zip(kpa).filter(|(c, p)| c.is_finite() && p.is_finite()).count();
-        let (stride, mut state, mut seen) = (fitted.div_ceil(SAMPLES).max(1), PlayState::default(), 0_usize);
-        for (&count, &kpa) in counts.iter().zip(kpa).filter(|(c, _)| c.is_finite()) {
-            let z = state.follow(count, &frame);
-            if !kpa.is_finite() {
-                continue;
-            }
-            seen += 1;
-            if seen % stride != 1 % stride {
-                continue;
-            }
-            x.push(count);
-            y.push(kpa);
-            lags.iter_mut().zip(z).for_each(|(lag, z)| lag.push(z - count));
-        }
-        let weights_kpa = weights(&x, &y, &lags, sign, order);
-        for (lag, w) in lags.iter().zip(weights_kpa) {
-            y.iter_mut().zip(lag).for_each(|(y, lag)| *y += sign.as_f64() * w * lag);
-        }
-        let options = FitOptions {
-            order,
-            estimator: Estimator::PerSample,
-            shape: Shape::Repair,
-            rails: Rails::None,
-            ..FitOptions::default()
-        };
-        let mid = fit(&Samples::new(&x, &y), &options);
-        let sound = mid.is_usable() && mid.sign == sign;
-        let (curve, range) = (mid.curve.filter(|_| sound)?, mid.range?);
-        Some(Self { curve: Some(curve), range, sign, radii_counts, weights_kpa })
-    }
-
     /// The pressure at `count`, clamped to the calibrated range, after all that `state` has seen; kPa. About the model's curve
     /// where there is no mid curve.
     ///
@@ -214,62 +140,6 @@ impl Plays {
     }
 }
 
-/// The sign of the slope of pressure over count, over pairs of finite numbers; `None` without one.
-fn direction(x: &[f64], y: &[f64]) -> Option<Sign> {
-    let pairs = || x.iter().zip(y).filter(|(x, y)| x.is_finite() && y.is_finite());
-    let n = pairs().count() as f64;
-    let (mx, my) = (pairs().map(|(x, _)| x).sum::<f64>() / n, pairs().map(|(_, y)| y).sum::<f64>() / n);
-    let cross: f64 = pairs().map(|(x, y)| (x - mx) * (y - my)).sum();
-    if cross > 0.0 {
-        Some(Sign::Rising)
-    } else if cross < 0.0 {
-        Some(Sign::Falling)
-    } else {
-        None
-    }
-}
-
-/// Least and greatest of the finite counts but for a few in a thousand at each end, which may be noise.
-fn range(counts: &[f64]) -> Option<[f64; 2]> {
-    let stride = counts.len().div_ceil(SAMPLES).max(1);
-    let mut some: Vec<f64> = counts.iter().step_by(stride).copied().filter(|c| c.is_finite()).collect();
-    some.sort_unstable_by(f64::total_cmp);
-    let beyond = (RANGE_TRIM * some.len() as f64) as usize;
-    Some([*some.get(beyond)?, *some.get(some.len().checked_sub(beyond + 1)?)?])
-}
-
-/// The best weights: what the polynomial explains is projected out of both sides, the rest is a problem in the weights
-/// alone.
-fn weights(x: &[f64], y: &[f64], lags: &[Vec<f64>; PLAYS], sign: Sign, order: Order) -> [f64; PLAYS] {
-    let order = match order {
-        Order::Fixed(order) => order.clamp(1, MAX_ORDER),
-        Order::Auto => ORDER,
-    };
-    let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
-    let (centre, half) = Curve::frame(low, high);
-    let t: Vec<f64> = x.iter().map(|x| (x - centre) / half).collect();
-    let basis = Basis::new(&t, &vec![1.0; t.len()], usize::from(order));
-    let rest = |values: Vec<f64>| {
-        let mut rest = values;
-        for (d, q) in basis.project(&rest).iter().zip(&basis.vectors) {
-            rest.iter_mut().zip(q).for_each(|(r, q)| *r -= d * q);
-        }
-        rest
-    };
-    let ridge = (RIDGE * x.len() as f64).sqrt();
-    let column = |(k, lag): (usize, &Vec<f64>)| {
-        let mut column = rest(lag.iter().map(|lag| -sign.as_f64() * lag).collect());
-        column.extend((0..PLAYS).map(|j| if j == k { ridge } else { 0.0 }));
-        column
-    };
-    let columns: Vec<Vec<f64>> = lags.iter().enumerate().map(column).collect();
-    let mut target = rest(y.to_vec());
-    target.extend([0.0; PLAYS]);
-    let mut weights = [0.0; PLAYS];
-    weights.iter_mut().zip(nnls(&columns, &target)).for_each(|(w, x)| *w = x);
-    weights
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,33 +186,6 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_found_again_in_a_recording_that_has_them() {
-        for sign in [Sign::Falling, Sign::Rising] {
-            let truth = plays(sign);
-            let path: Vec<f64> = (0..9000).map(|k| 200.0 + 25.0 * (f64::from(k) / 700.0).sin()).collect();
-            let found = Plays::identify(&path, &run(&truth, &path), RADII).unwrap();
-            assert_eq!(found.sign, sign);
-            for (got, want) in found.weights_kpa.iter().zip(truth.weights_kpa) {
-                assert!((got - want).abs() < 0.02 * want + 0.01, "{sign:?}: {got} {want}");
-            }
-            assert_eq!(Plays::identify(&path, &run(&truth, &path), [0.0; PLAYS]).unwrap().weights_kpa, [0.0; PLAYS]);
-        }
-    }
-
-    #[test]
-    fn the_mid_curve_has_the_order_that_is_asked_for() {
-        let truth = plays(Sign::Falling);
-        let path: Vec<f64> = (0..9000).map(|k| 200.0 + 25.0 * (f64::from(k) / 700.0).sin()).collect();
-        let kpa = run(&truth, &path);
-        for order in [1, 3, 5, 7] {
-            let found = Plays::identify_of_order(&path, &kpa, RADII, Order::Fixed(order)).unwrap();
-            assert_eq!(found.curve.unwrap().order(), usize::from(order));
-        }
-        let chosen = Plays::identify_of_order(&path, &kpa, RADII, Order::Auto).unwrap();
-        assert!(chosen.curve.as_ref().unwrap().order() >= 2, "the truth is of order 2: {:?}", chosen.curve);
-    }
-
-    #[test]
     fn about_a_first_loading_a_load_that_is_put_on_from_rest_is_not_bent() {
         for sign in [Sign::Falling, Sign::Rising] {
             let plays = Plays { curve: None, ..plays(sign) };
@@ -356,13 +199,6 @@ mod tests {
             assert!((back + 0.8 * 8.0 + 0.4 * 12.0).abs() < 1e-9, "{back}");
             assert!(plays.bend_kpa(&mut state, load(0.0)).abs() < 1e-9, "at rest nothing is left");
         }
-    }
-
-    #[test]
-    fn samples_that_say_nothing_give_none() {
-        assert_eq!(Plays::identify(&[], &[], RADII), None);
-        assert_eq!(Plays::identify(&[f64::NAN; 400], &[1.0; 400], RADII), None);
-        assert_eq!(Plays::identify(&[200.0; 400], &[1.0; 400], RADII), None);
     }
 
     proptest! {
@@ -395,16 +231,6 @@ mod tests {
             let (coarse, dense) = (run(&plays, &turns), run(&plays, &dense));
             prop_assert!((coarse[coarse.len() - 1] - dense[dense.len() - 1]).abs() < 1e-9);
             prop_assert!(dense.iter().all(|p| p.is_finite()));
-        }
-
-        #[test]
-        fn identification_never_panics_and_its_weights_are_not_negative(
-            samples in proptest::collection::vec((prop_oneof![8 => 150.0..250.0_f64, 1 => Just(f64::NAN)], 0.0..300.0_f64), 0..300),
-        ) {
-            let (counts, kpa): (Vec<f64>, Vec<f64>) = samples.into_iter().unzip();
-            if let Some(plays) = Plays::identify(&counts, &kpa, RADII) {
-                prop_assert!(plays.weights_kpa.iter().all(|w| *w >= 0.0 && w.is_finite()));
-            }
         }
     }
 }

@@ -37,7 +37,6 @@ impl CalibrationPlan {
         FitRecipe {
             options: self.fit,
             branch,
-            curve: Branch::Rising,
             plays: self.session.plays,
             faults: self.faults,
             // What a table of counts is cut into when this set is applied to one; live, each module has its own.

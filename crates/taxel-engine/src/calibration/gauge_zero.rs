@@ -96,7 +96,7 @@ impl GaugeZero {
 /// By how much a doubt about the zero is to be raised for what it makes of the upper end of the range: (s - 1) / sqrt(3), s being
 /// how many times as many counts a kPa moves at rest as at the upper end, over secants of a fifth of the range. Nine taxels of ten
 /// have no more; at least 1.
-pub(super) fn steeper_at_rest(models: &[TaxelModel], rest: &[TaxelBaseline]) -> f64 {
+pub(crate) fn steeper_at_rest(models: &[TaxelModel], rest: &[TaxelBaseline]) -> f64 {
     let of = |(model, rest): (&TaxelModel, &TaxelBaseline)| {
         let [low, high] = model.range.filter(|_| model.is_usable())?;
         let (from, to) = if (rest.mean - low).abs() < (rest.mean - high).abs() { (low, high) } else { (high, low) };

@@ -6,18 +6,17 @@ use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use taxel_model::{GaugeUncertainty, OneByOne};
+use taxel_model::{OneByOne, TaxelModel};
 
-use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
 use crate::calibration::fit::course::{Course, session_clock};
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
-use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
-use crate::calibration::fit::{lag, zero};
+use crate::calibration::fit::skin_fit::SkinScans;
+use crate::calibration::fit::{lag, paper};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
-use crate::calibration::method::{method, plays_in_words};
+use crate::calibration::method::method;
 use crate::calibration::plateau::scatter_kpa;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::model_set::{Maker, ModelSet, Recorded, ZeroReturn};
@@ -99,14 +98,13 @@ impl FitJob {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
         let kpa = self.samples.pressures_kpa();
-        let (course, recipe) = (Course::of_session(samples, self.recipe.branch), self.recipe.settled());
+        let (course, recipe) = (Course::of_session(samples, self.recipe.branch), &self.recipe);
         refuse_gaps(&kpa)?;
         refuse_rise_alone(recipe.branch, &course)?;
         let taxels = first.counts.counts().len();
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
-        let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
+        let time_s = session_clock(samples, f64::from(recipe.faults.stale_after_s));
         let raw = scans(&time_s, &columns);
-        let gauge_zero = GaugeZero::of(&self.samples.ramps);
         let masks = if recipe.is_paper() {
             Masks::missing(&raw)
         } else {
@@ -114,56 +112,60 @@ impl FitJob {
         };
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
         let scans = scans(&time_s, &columns);
-        let fit = SkinFit::new(&scans, masks, kpa, course, &recipe);
-        let mut fitted = fit.run(&OneByOne);
-        if fitted.usable().is_empty() {
-            let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
+        let (mut models, method, recorded) = if recipe.is_paper() {
+            let models = paper::models(&scans, &kpa, &course, recipe, &OneByOne);
+            (models, method(&recipe.options), None)
+        } else {
+            let zeros = Some(ramp.taxels.as_slice());
+            let fitted = SkinScans { scans: &scans, masks: &masks, kpa: &kpa, zeros, smooth_s: 0.0 }
+                .fit(recipe, &OneByOne)
+                .map_err(|why| why.to_string())?;
+            let recorded = (recipe.branch == Branch::Both).then(|| Recorded {
+                smooth_s: 0.0,
+                plays_mean_s: fitted.plays_mean_s,
+                module_size: recipe.module_size,
+                lag_s: lag::estimate(&scans, &kpa, &masks, course.stretches(), LAG_MAX_S),
+                zero_return: self.zero_between_ramps(&fitted.models),
+                clock: None,
+                plays_error_ratio: fitted.plays_error_ratio,
+                taxels: fitted.in_use,
+            });
+            let falls = if recorded.is_some() { ", hysteresis from falling" } else { "" };
+            (fitted.models, format!("{}{falls}", fitted.method), recorded)
+        };
+        if !models.iter().any(TaxelModel::is_usable) {
+            let why = models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
             let samples = samples.len();
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
-        let doubt_kpa = gauge_zero.doubt_kpa(samples) * steeper_at_rest(&fitted.models, &ramp.taxels);
+        let gauge_zero = GaugeZero::of(&self.samples.ramps);
+        let doubt_kpa = gauge_zero.doubt_kpa(samples) * steeper_at_rest(&models, &ramp.taxels);
         // All taxels share what was typed wrong, as they share the gauge.
         let offset_kpa = doubt_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(scatter_kpa(&self.samples));
-        fitted.models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
-        let (gauge, branch) = (GaugeUncertainty { offset_kpa, ..recipe.options.gauge }, recipe.branch);
+        models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
         Ok(ModelSet {
             id: String::new(),
             patch: self.patch.clone(),
             created_wall_ns: self.wall_ns,
             session: Some(self.session),
-            method: self.method(fitted.plays_on) + &gauge_zero.told(),
+            method: format!("{method}{}{}", self.together_in_words(), gauge_zero.told()),
             board_settings: self.board_settings.clone(),
             baseline: ramp.taxels.clone(),
-            pressure_max_kpa: fit.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            gauge_gain_rel: gauge.gain_rel,
-            gauge_offset_kpa: gauge.offset_kpa,
-            recorded: (branch == Branch::Both).then(|| self.recorded(&fit, &fitted, &ramp.taxels)),
-            taxels: fitted.models,
+            pressure_max_kpa: kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            gauge_gain_rel: recipe.options.gauge.gain_rel,
+            gauge_offset_kpa: offset_kpa,
+            recorded,
+            taxels: models,
             recalibrated: None,
             maker: Maker::this(self.simulated),
         })
     }
 
-    /// What both branches tell of the skin in use.
-    fn recorded(&self, fit: &SkinFit<'_>, fitted: &FittedSkin, rest: &[TaxelBaseline]) -> Recorded {
-        let usable = fitted.usable();
-        let at_the_end = || zero::zero_return(fit.scans, &fit.masks, &fit.kpa, rest, &usable);
-        Recorded {
-            smooth_s: self.recipe.smooth_s,
-            plays_mean_s: 0.0,
-            module_size: self.recipe.module_size,
-            lag_s: lag::estimate(fit.scans, &fit.kpa, &fit.masks, fit.course.stretches(), LAG_MAX_S),
-            zero_return: self.zero_between_ramps(&usable).or_else(at_the_end),
-            clock: None,
-            plays_error_ratio: fitted.plays_error_ratio,
-            taxels: fitted.in_use.clone(),
-        }
-    }
-
-    /// How far the `taxels` rest from where they rested a ramp before, root mean square over all ramps.
-    fn zero_between_ramps(&self, taxels: &[usize]) -> Option<ZeroReturn> {
+    /// How far usable taxels rest from where they rested a ramp before, root mean square over all ramps.
+    fn zero_between_ramps(&self, models: &[TaxelModel]) -> Option<ZeroReturn> {
         let pair = |pair: &[RampBaseline]| {
-            let moved = taxels.iter().filter_map(|&t| Some(pair[1].taxels.get(t)?.mean - pair[0].taxels.get(t)?.mean));
+            let usable = (0..models.len()).filter(|&t| models[t].is_usable());
+            let moved = usable.filter_map(|t| Some(pair[1].taxels.get(t)?.mean - pair[0].taxels.get(t)?.mean));
             ZeroReturn::of(&moved.collect::<Vec<f64>>()).filter(|moved| moved.rms <= RETURN_MAX_COUNTS)
         };
         let pairs: Vec<ZeroReturn> = self.samples.ramps.windows(2).filter_map(pair).collect();
@@ -198,16 +200,9 @@ impl FitJob {
         first - self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, rest)
     }
 
-    fn method(&self, plays_on: bool) -> String {
-        let branches = match self.recipe.settled().branch {
-            Branch::Rising => "",
-            Branch::Both => ", rising, hysteresis from falling",
-        };
-        let plays = if plays_on { plays_in_words(self.recipe.plays_order) } else { String::new() };
+    fn together_in_words(&self) -> String {
         let numbers: Vec<String> = self.together.iter().map(u64::to_string).collect();
-        let together =
-            if numbers.is_empty() { String::new() } else { format!(", of sessions {} together", numbers.join(", ")) };
-        format!("{}{branches}{plays}{together}", method(&self.recipe.options))
+        if numbers.is_empty() { String::new() } else { format!(", of sessions {} together", numbers.join(", ")) }
     }
 }
 

@@ -7,12 +7,7 @@ use taxel_model::{FitOptions, Order};
 pub fn method(options: &FitOptions) -> String {
     let order = order_in_words(options.order);
     let estimator = options.estimator.name();
-    format!("{order}, {estimator}{}", if options.exact { ", exact" } else { "" })
-}
-
-/// What follows where hysteresis is compensated about a curve of this order.
-pub(crate) fn plays_in_words(order: Order) -> String {
-    format!(", two plays about {} in use", order_in_words(order))
+    format!("{order}, {estimator}")
 }
 
 fn order_in_words(order: Order) -> String {

@@ -5,11 +5,11 @@
 
 use std::sync::Arc;
 
-use taxel_model::{Estimator, MAX_ORDER, Order};
+use taxel_model::{MAX_ORDER, Order};
 use taxel_skin::CountRange;
 
 use crate::board_settings::differ_in;
-use crate::calibration::branch::{Branch, PlaysChoice};
+use crate::calibration::branch::Branch;
 use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::calibration::fit::course::Course;
 use crate::calibration::fit::recipe_options::FitRecipe;
@@ -21,28 +21,13 @@ use crate::request::{ErrorReason, Rejection};
 /// Most sessions that are fitted together: their numbers are kept with the model set.
 pub const TOGETHER_MAX: usize = 32;
 
-/// Longest time over which counts are averaged, seconds.
-const SMOOTH_MAX_S: f64 = 60.0;
-
 /// What is to differ from the patch's own recipe; absent is as configured.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RefitOptions {
-    /// Order of the static curve.
+    /// Order of the polynomial whose coefficients each model tells.
     pub order: Option<Order>,
-    /// Least-squares problem.
-    pub estimator: Option<Estimator>,
-    /// Whether the solution is refined in double-double until nothing changes.
-    pub exact: Option<bool>,
-    /// Width of a pressure bin in kPa.
-    pub bin_width_kpa: Option<f64>,
     /// Which branches are fitted; absent, those that the sessions gathered.
     pub branch: Option<Branch>,
-    /// Whether hysteresis is compensated.
-    pub plays: Option<PlaysChoice>,
-    /// Seconds over which counts are averaged in use.
-    pub smooth_s: Option<f64>,
-    /// Taxels whose counts move less are excluded; 0 is off.
-    pub min_swing_counts: Option<f64>,
 }
 
 /// A session whose samples are fitted once more.
@@ -261,43 +246,14 @@ fn branch(sessions: &[StoredSession], options: &RefitOptions) -> Result<Branch, 
 
 /// The patch's recipe with what is asked for.
 fn recipe(plan: &CalibrationPlan, branch: Branch, options: &RefitOptions) -> Result<FitRecipe, Rejection> {
-    check_options(options)?;
     let mut recipe = plan.recipe(branch);
-    let fit = &mut recipe.options;
-    fit.order = options.order.unwrap_or(fit.order);
-    fit.estimator = options.estimator.unwrap_or(fit.estimator);
-    fit.exact = options.exact.unwrap_or(fit.exact);
-    fit.bin_width_kpa = options.bin_width_kpa.or(fit.bin_width_kpa);
-    fit.exclusion.min_swing_counts = options.min_swing_counts.unwrap_or(fit.exclusion.min_swing_counts);
-    recipe.plays = options.plays.unwrap_or(recipe.plays);
-    recipe.smooth_s = options.smooth_s.unwrap_or(recipe.smooth_s);
-    Ok(recipe)
-}
-
-fn check_options(options: &RefitOptions) -> Result<(), Rejection> {
-    if let Some(Order::Fixed(order)) =
-        options.order.filter(|o| matches!(o, Order::Fixed(n) if !(1..=MAX_ORDER).contains(n)))
-    {
-        return invalid("order", format!("{order} is not in 1 to {MAX_ORDER}"));
-    }
-    let ranges = [
-        ("bin_width_kpa", options.bin_width_kpa, f64::MIN_POSITIVE, "a finite number above 0", f64::MAX),
-        ("smooth_s", options.smooth_s, 0.0, "0 to 60 s", SMOOTH_MAX_S),
-        ("min_swing_counts", options.min_swing_counts, 0.0, "a finite number of 0 or more", f64::MAX),
-    ];
-    for (field, value, least, expected, most) in ranges {
-        if let Some(value) = value.filter(|value| !(least..=most).contains(value)) {
-            return invalid(field, format!("{value} is not in range, expected {expected}"));
+    match options.order {
+        Some(Order::Fixed(order)) if !(1..=MAX_ORDER).contains(&order) => {
+            return invalid("order", format!("{order} is not in 1 to {MAX_ORDER}"));
         }
+        order => recipe.options.order = order.unwrap_or(recipe.options.order),
     }
-    let choices =
-        [options.branch == Some(Branch::Both), options.plays == Some(PlaysChoice::On), options.smooth_s.is_some()];
-    if options.estimator == Some(Estimator::Paper) && choices.contains(&true) {
-        let problem = "the paper's equation is solved over rising pressure as it stands: no branch, no compensation \
-                       and no averaging can be asked for with it";
-        return invalid("estimator", problem.to_owned());
-    }
-    Ok(())
+    Ok(recipe)
 }
 
 impl SessionSamples {

@@ -147,7 +147,8 @@ impl<'a> Source<'a> {
             let inside = |[low, high]: [f64; 2]| count.max(low).min(high);
             let slope = self.model.served().zip(self.model.range).map(|(curve, range)| curve.slope(inside(range)));
             let rounding_kpa = slope.map_or(0.0, |slope| slope.abs() / (12.0_f64.sqrt() * counts.per_unit()));
-            self.model.evaluate(count).map_or(f64::INFINITY, |reading| reading.sigma_kpa.max(rounding_kpa))
+            let sigma_kpa = self.model.evaluate(count).map_or(f64::INFINITY, |reading| reading.sigma_kpa);
+            sigma_kpa.max(rounding_kpa).hypot(self.single_kpa())
         });
         // Noise must not decide whether a reading near the end of the range says that it is beyond.
         let margin = RANGE_MARGIN_SIGMAS * self.place.now.noise.max(NOISE_FLOOR_COUNTS);
@@ -157,7 +158,10 @@ impl<'a> Source<'a> {
             _ => self.range_at(units),
         };
         let (before, after) = ((units - 1.0).max(0.0), (units + 1.0).min(top));
-        let sigma_kpa = (sigma_kpa as f32).hypot(self.doubt_kpa(units) as f32);
+        // Left-out readings of a skin fit show what the calibration leaves open, too.
+        let doubt_kpa = self.doubt_kpa(units) as f32;
+        let in_sigma = self.model.points.is_some();
+        let sigma_kpa = if in_sigma { doubt_kpa.max(sigma_kpa as f32) } else { doubt_kpa.hypot(sigma_kpa as f32) };
         let beyond = self.beyond(units);
         Meaning {
             units,
@@ -292,6 +296,13 @@ impl<'a> Source<'a> {
     /// Counts from rest towards pressure.
     fn pressed(&self, units: f64) -> f64 {
         self.sign().as_f64() * (units - self.place.now.mean)
+    }
+
+    /// What the noise of a single count adds to an error that was taken of averaged ones, kPa.
+    fn single_kpa(&self) -> f64 {
+        let averaged = self.set.recorded.as_ref().is_some_and(|recorded| recorded.smooth_s > 0.0);
+        let noise = if averaged { self.place.now.noise.max(NOISE_FLOOR_COUNTS) } else { 0.0 };
+        self.in_use.map_or(0.0, |in_use| noise / in_use.sensitivity)
     }
 
     /// The error of a reading as a recording of both branches has shown it, and what is not in there: the noise of a

@@ -42,8 +42,7 @@ fn a_set_without_a_zero_takes_it_from_the_next_confirmed_tare() {
 #[test]
 fn a_set_that_cannot_be_of_the_patch_is_refused_and_one_whose_uncertainty_is_no_number_has_no_force() {
     let scaled = |set: &mut ModelSet| {
-        let curves = set.taxels.iter_mut().flat_map(|model| &mut model.curve);
-        curves.flat_map(|curve| &mut curve.chebyshev).for_each(|c| *c *= 1000.0);
+        set.taxels.iter_mut().for_each(|model| model.points = model.scaled(1000.0, 0.0).points);
     };
     let cases: [Case; 3] = [
         (scaled, "its curve gives"),

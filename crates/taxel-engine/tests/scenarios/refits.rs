@@ -1,8 +1,7 @@
 //! Stored samples fitted once more: the same as the session's own fit, or otherwise, alone or together.
 
-use taxel_engine::calibration::fit::PlaysChoice;
 use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, StoredSession};
-use taxel_model::{Estimator, Order};
+use taxel_model::Order;
 
 use crate::prelude::*;
 use crate::say::start;
@@ -83,24 +82,15 @@ fn a_refit_without_options_is_the_sessions_own_fit() {
 
 #[test]
 fn a_refit_is_as_its_options_say() {
-    let options =
-        RefitOptions { order: Some(Order::Fixed(3)), estimator: Some(Estimator::PerSample), ..Default::default() };
-    let set = shelf().fit(&[1], &options);
-    assert_eq!(set.method, "order 3, per-sample");
+    let set = shelf().fit(&[1], &RefitOptions { order: Some(Order::Fixed(3)), ..Default::default() });
     assert!(set.taxels.iter().filter(|m| m.is_usable()).all(|model| model.order <= 3));
-    let paper = shelf().fit(&[1], &RefitOptions { estimator: Some(Estimator::Paper), ..Default::default() });
-    assert_eq!(paper.method, "order 5, paper");
-    let options = RefitOptions { min_swing_counts: Some(1e6), ..Default::default() };
-    let refit = shelf().plan(vec![shelf().sessions[1].clone()], &options).unwrap();
-    let none = refit.job(vec![shelf().samples[1].clone()], 1).unwrap().run(|_| String::new());
-    assert!(none.result.unwrap_err().starts_with("none of the 80 taxels gives a usable model"));
 }
 
 #[test]
 fn two_sessions_together_give_one_set_in_whatever_order_they_are_named() {
     let both = shelf().fit(&[0, 1], &RefitOptions::default());
     assert_eq!(content(&both), content(&shelf().fit(&[1, 0], &RefitOptions::default())));
-    assert_eq!((both.method.as_str(), both.session), ("order 5, pressure-binned, of sessions 1, 2 together", Some(2)));
+    assert!(both.method.ends_with(", of sessions 1, 2 together") && both.session == Some(2), "{}", both.method);
     assert_eq!(both.pressure_max_kpa.to_bits(), shelf().own[1].pressure_max_kpa.to_bits());
     assert_eq!(both.baseline, shelf().own[0].baseline, "the zero of the first ramp");
     let samples = |set: &ModelSet| set.taxels.iter().map(|model| model.quality.samples).max().unwrap();
@@ -165,16 +155,6 @@ fn options_out_of_range_and_branches_that_were_not_gathered_are_refused_by_name(
         |options: RefitOptions| shelf().plan(vec![shelf().sessions[0].clone()], &options).unwrap_err().to_string();
     let of = RefitOptions::default();
     assert_eq!(refused(RefitOptions { order: Some(Order::Fixed(11)), ..of }), "order: 11 is not in 1 to 10");
-    for (options, field) in [
-        (RefitOptions { bin_width_kpa: Some(0.0), ..of }, "bin_width_kpa: 0"),
-        (RefitOptions { smooth_s: Some(f64::NAN), ..of }, "smooth_s: NaN"),
-        (RefitOptions { smooth_s: Some(60.5), ..of }, "smooth_s: 60.5"),
-        (RefitOptions { min_swing_counts: Some(-1.0), ..of }, "min_swing_counts: -1"),
-    ] {
-        assert!(refused(options).starts_with(field), "{field}");
-    }
-    let paper = RefitOptions { estimator: Some(Estimator::Paper), plays: Some(PlaysChoice::On), ..of };
-    assert!(refused(paper).starts_with("estimator: the paper's equation"));
     let why = refused(RefitOptions { branch: Some(Branch::Both), ..of });
     assert_eq!(why, "session 1 gathered rising pressure alone: it cannot be fitted over both branches");
 }

@@ -101,7 +101,7 @@ fn simulate(seed: u64, min_swing_counts: f64) -> anyhow::Result<Data> {
     };
     let loads = vec![
         read("the paper's recipe: its models, equal areas, active taxels only", Estimator::Paper)?,
-        read("the shipped default: binned models, excluded taxels filled", Estimator::PressureBinned)?,
+        read("the shipped default, excluded taxels filled", Estimator::default())?,
     ];
     let source = format!("a simulated forearm, seed {seed}: {RUNS} runs to {TARGET_KPA} kPa");
     let kpa = tried.calibration.pressure_kpa.unwrap_or_default();

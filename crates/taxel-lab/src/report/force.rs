@@ -10,7 +10,7 @@ use serde_json::Value;
 use taxel_engine::calibration::fit::{ApplyRecipe, Branch, FitRecipe, OneByOne, PlaysChoice, apply, fit, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_model::{Estimator, FitOptions, Order};
+use taxel_model::{Estimator, FitOptions};
 use taxel_sim::Effect;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
@@ -58,19 +58,14 @@ struct Source {
 }
 
 fn recipes() -> Vec<Recipe> {
-    let of = |name, estimator, order, branch| {
-        let options = FitOptions { estimator, order, ..FitOptions::default() };
-        Recipe { name, fit: FitRecipe { options, branch, plays: PlaysChoice::Off, ..FitRecipe::default() } }
-    };
-    let (binned, five) = (Estimator::PressureBinned, Order::Fixed(5));
-    let plays = FitRecipe { plays: PlaysChoice::On, ..FitRecipe::default() };
+    let shipped = FitRecipe::default;
+    let paper = FitOptions { estimator: Estimator::Paper, ..FitOptions::default() };
+    let rising = FitRecipe { branch: Branch::Rising, ..shipped() };
     vec![
-        Recipe { name: "plays where they win (shipped default, recordings)", fit: FitRecipe::default() },
-        of("rising branch (shipped default, sessions)", binned, five, Branch::Rising),
-        of("the paper's equation, rising branch", Estimator::Paper, five, Branch::Rising),
-        of("both branches", binned, five, Branch::Both),
-        of("both branches, order chosen", binned, Order::Auto, Branch::Both),
-        Recipe { name: "plays always", fit: plays },
+        Recipe { name: "both branches (shipped default, recordings)", fit: shipped() },
+        Recipe { name: "rising branch (shipped default, sessions)", fit: rising.clone() },
+        Recipe { name: "the paper's equation, rising branch", fit: FitRecipe { options: paper, ..rising } },
+        Recipe { name: "both branches, no plays", fit: FitRecipe { plays: PlaysChoice::Off, ..shipped() } },
     ]
 }
 

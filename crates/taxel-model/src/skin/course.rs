@@ -65,9 +65,9 @@ pub(super) struct Course {
 }
 
 impl Course {
-    /// The course of `kpa` over `time_s`; rows without a finite pressure are left out. `Err` has the number of distinct
-    /// pressures where they are fewer than three.
-    pub fn new(time_s: &[f64], kpa: &[f64]) -> Result<Self, usize> {
+    /// The course of `kpa` over `time_s`; rows without a finite pressure are left out. Where the `zeros_known` are those of no
+    /// pressure, nothing of it is rest. `Err` has the number of distinct pressures where they are fewer than three.
+    pub fn new(time_s: &[f64], kpa: &[f64], zeros_known: bool) -> Result<Self, usize> {
         let known = time_s.iter().zip(kpa).enumerate().filter(|(_, (t, p))| t.is_finite() && p.is_finite());
         let mut order: Vec<usize> = known.map(|(row, _)| row).collect();
         order.sort_by(|a, b| time_s[*a].total_cmp(&time_s[*b]));
@@ -94,12 +94,14 @@ impl Course {
         let legs = legs(&kpa);
         let (least, range) = extent(&kpa);
         let curve = curve_leg(&kpa, &legs, least);
-        let rest: Vec<usize> = if plateaus {
+        let rest: Vec<usize> = if zeros_known {
+            Vec::new()
+        } else if plateaus {
             (0..kpa.len()).take_while(|scan| kpa[*scan] == least).collect()
         } else {
             rest_scans(&time, &kpa, &curve, range)
         };
-        let rest_kpa = rest.iter().map(|scan| kpa[*scan]).sum::<f64>() / rest.len() as f64;
+        let rest_kpa = if zeros_known { 0.0 } else { mean(rest.iter().map(|scan| kpa[*scan])) };
         let groups = if plateaus { plateau_groups(&kpa) } else { bin_groups(&kpa, &legs, &curve, &rest) };
         Ok(Self { order, kpa, plateaus, rest, rest_kpa, groups })
     }
@@ -112,32 +114,17 @@ impl Course {
 
     /// The values of a column in the order of the scans, gaps filled between their neighbours; `Err` has the share of the
     /// scans that are missing where it is more than `missing_max`.
-    pub fn column(&self, counts: &[f64], missing_max: f64) -> Result<Vec<f64>, f64> {
+    pub fn column(&self, counts: &[f64], missing_max: f64) -> Result<Column, f64> {
         let good = |count: f64| count.abs() <= crate::samples::MAX_MAGNITUDE;
         let read = |row: &usize| counts.get(*row).copied().filter(|count| good(*count)).unwrap_or(f64::NAN);
-        let mut column: Vec<f64> = self.order.iter().map(read).collect();
-        let missing = column.iter().filter(|count| count.is_nan()).count() as f64 / column.len() as f64;
+        let mut filled: Vec<f64> = self.order.iter().map(read).collect();
+        let gaps: Vec<usize> = (0..filled.len()).filter(|scan| filled[*scan].is_nan()).collect();
+        let missing = gaps.len() as f64 / filled.len() as f64;
         if missing > missing_max {
             return Err(missing);
         }
-        let mut last: Option<usize> = None;
-        for next in 0..column.len() {
-            if column[next].is_nan() {
-                continue;
-            }
-            let from = last.map_or(0, |last| last + 1);
-            let before = last.map_or(column[next], |last| column[last]);
-            let steps = (next + 1 - from) as f64;
-            for (step, scan) in (from..next).enumerate() {
-                column[scan] = before + (column[next] - before) * (step as f64 + 1.0) / steps;
-            }
-            last = Some(next);
-        }
-        if let Some(last) = last {
-            let held = column[last];
-            column[last + 1..].fill(held);
-        }
-        Ok(column)
+        fill(&mut filled);
+        Ok(Column { filled, gaps })
     }
 
     /// Of `values`, one a group, those of the groups that the curve is fitted to.
@@ -145,9 +132,41 @@ impl Course {
         self.groups.iter().zip(values).filter(|(group, _)| group.on_curve).map(|(_, value)| *value).collect()
     }
 
-    /// Mean of `values`, one a scan, over each group.
-    pub fn means(&self, values: &[f64]) -> Vec<f64> {
-        self.groups.iter().map(|group| mean(group.scans.iter().map(|scan| values[*scan]))).collect()
+    /// Mean of `values`, one a scan, over each group, but for those of the `gaps`, ascending; NaN of a group that has no others.
+    pub fn means(&self, values: &[f64], gaps: &[usize]) -> Vec<f64> {
+        let known = |scan: &&usize| gaps.is_empty() || gaps.binary_search(scan).is_err();
+        let of = |group: &Group| mean(group.scans.iter().filter(known).map(|scan| values[*scan]));
+        self.groups.iter().map(of).collect()
+    }
+}
+
+/// A column of counts in the order of the course.
+#[derive(Debug)]
+pub(super) struct Column {
+    /// Counts, those that are missing by their neighbours.
+    pub filled: Vec<f64>,
+    /// Scans of those, ascending.
+    pub gaps: Vec<usize>,
+}
+
+/// Puts on straight lines between their neighbours, by number, what is NaN; at the ends the nearest is held.
+pub(super) fn fill(values: &mut [f64]) {
+    let mut last: Option<usize> = None;
+    for next in 0..values.len() {
+        if values[next].is_nan() {
+            continue;
+        }
+        let from = last.map_or(0, |last| last + 1);
+        let before = last.map_or(values[next], |last| values[last]);
+        let steps = (next + 1 - from) as f64;
+        for (step, value) in (from..next).enumerate() {
+            values[value] = before + (values[next] - before) * (step as f64 + 1.0) / steps;
+        }
+        last = Some(next);
+    }
+    if let Some(last) = last {
+        let held = values[last];
+        values[last + 1..].fill(held);
     }
 }
 

@@ -1,5 +1,7 @@
 //! A taxel's curve of counts on pressure, and its inverse: by points, or as the mean of all pressures that explain a count.
 
+use std::borrow::Cow;
+
 use super::course::Course;
 use super::form::{Form, dot, moments};
 use super::least_squares::{Normal, Row};
@@ -78,12 +80,20 @@ impl Problem {
         })
     }
 
-    /// The curve of a taxel whose groups have these mean load counts, with the dead zone of least misfit.
+    /// The curve of a taxel whose groups have these mean load counts, NaN where it has none, with the dead zone of least misfit.
     pub fn fit(&self, counts: &[f64]) -> LoadCurve {
+        let lacks = self.groups.iter().any(|(g, _)| counts[*g].is_nan());
         let mut best: Option<(f64, &Zone, Row)> = None;
         for zone in &self.zones {
-            let terms = || zone.rows.iter().zip(&self.groups).map(|(row, (g, weight))| (row, *weight, counts[*g]));
-            let coefficients = zone.normal.solve(&moments(terms()), self.form.free());
+            let all = zone.rows.iter().zip(&self.groups).map(|(row, (g, weight))| (row, *weight, counts[*g]));
+            let terms = || all.clone().filter(|(_, _, count)| !count.is_nan());
+            let mut normal = Cow::Borrowed(&zone.normal);
+            if lacks {
+                let mut own = Normal::default();
+                terms().for_each(|(row, weight, _)| own.add(row, weight));
+                normal = Cow::Owned(own);
+            }
+            let coefficients = normal.solve(&moments(terms()), self.form.free());
             let misfit = terms().map(|(row, weight, u)| weight * (dot(row, &coefficients) - u).powi(2)).sum::<f64>();
             if best.as_ref().is_none_or(|(least, ..)| misfit < *least) {
                 best = Some((misfit, zone, coefficients));

@@ -1,6 +1,6 @@
 //! The fit from end to end: what all taxels share, then taxel by taxel.
 
-use super::course::{Course, Group, READING_FOLDS};
+use super::course::{Course, Group, READING_FOLDS, fill};
 use super::curve::{LoadCurve, Problem};
 use super::fitted::{FittedTaxel, LOADED, SkinFit};
 use super::form::{self, Folds, Form, pilots};
@@ -74,7 +74,9 @@ struct Seen {
     zero_counts: f64,
     noise_counts: f64,
     swing: f64,
-    /// Mean load counts, one a group.
+    /// Scans without a count, ascending.
+    gaps: Vec<usize>,
+    /// Mean load counts, one a group; NaN of a group that has none.
     groups: Vec<f64>,
 }
 
@@ -89,21 +91,31 @@ struct Curved {
     is_noise: bool,
 }
 
-/// Fits a skin: `time_s` and `pressure_kpa` have an entry a scan, `counts` a column a taxel. What is missing is NaN. Hysteresis
-/// is compensated where that is asked for, shows, and wins.
+/// What was gathered of a skin: an entry a scan, a column a taxel. What is missing is NaN.
+#[derive(Clone, Copy, Debug)]
+pub struct Gathered<'a> {
+    /// Time, seconds.
+    pub time_s: &'a [f64],
+    /// Pressure, kPa.
+    pub pressure_kpa: &'a [f64],
+    /// Counts.
+    pub counts: &'a [&'a [f64]],
+    /// Mean and noise of each taxel's count at no pressure, NaN where they are not known. `None`: what the scans before the
+    /// pressure rises show.
+    pub zeros: Option<&'a [(f64, f64)]>,
+}
+
+/// Fits a skin. Hysteresis is compensated where that is asked for, shows, and wins.
 ///
 /// # Errors
 /// [`SkinError`]. A taxel that cannot be fitted is no error: its status says why.
-pub fn fit(
-    time_s: &[f64],
-    pressure_kpa: &[f64],
-    counts: &[&[f64]],
-    hysteresis: bool,
-    workers: &dyn Workers,
-) -> Result<SkinFit, SkinError> {
-    let course = Course::new(time_s, pressure_kpa).map_err(|distinct| SkinError::TooFewPressures { distinct })?;
-    let seen = map(workers, counts.len(), |taxel| see(&course, counts[taxel]));
-    let range_kpa = course.kpa.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)]);
+pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result<SkinFit, SkinError> {
+    let course = Course::new(of.time_s, of.pressure_kpa, of.zeros.is_some())
+        .map_err(|distinct| SkinError::TooFewPressures { distinct })?;
+    let counts = of.counts;
+    let zero = |taxel: usize| of.zeros.map(|zeros| zeros.get(taxel).copied().unwrap_or((f64::NAN, f64::NAN)));
+    let seen = map(workers, counts.len(), |taxel| see(&course, counts[taxel], zero(taxel)));
+    let range_kpa = course.kpa.iter().fold([course.rest_kpa, f64::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)]);
     let swings = seen.iter().flatten().map(|seen| seen.swing).filter(|swing| *swing > 0.0);
     let swing_min = SWING_MIN * median(swings.collect());
     let moves = |taxel: &usize| seen[*taxel].as_ref().is_ok_and(|s| s.swing > 0.0 && s.swing >= swing_min);
@@ -111,10 +123,14 @@ pub fn fit(
     if moving.is_empty() {
         return Err(SkinError::NothingMoves { from_kpa: range_kpa[0], to_kpa: range_kpa[1] });
     }
-    let zero_known = course.rest.len() >= REST_SCANS_MIN;
+    let zero_known = of.zeros.is_some() || course.rest.len() >= REST_SCANS_MIN;
     let pilots = pilots(&moving);
-    let groups: Vec<&[f64]> =
-        pilots.iter().filter_map(|taxel| Some(seen[*taxel].as_ref().ok()?.groups.as_slice())).collect();
+    let groups = |taxel: &usize| {
+        let mut groups = course.of_curve(&seen[*taxel].as_ref().ok()?.groups);
+        fill(&mut groups);
+        Some(groups)
+    };
+    let groups: Vec<Vec<f64>> = pilots.iter().filter_map(groups).collect();
     let form = form::choose(&course, &groups, !zero_known, zero_known && !course.plateaus);
     let Some(whole) = Problem::new(form, &course, |_| true) else {
         return Err(SkinError::NoRise { rest_kpa: course.rest_kpa });
@@ -136,21 +152,26 @@ pub fn fit(
     Ok(fit.run(&moving, &pilots, workers))
 }
 
-/// What is seen of a column.
-fn see(course: &Course, counts: &[f64]) -> Result<Seen, Status> {
+/// What is seen of a column, whose `zero` (mean and noise) may be known.
+fn see(course: &Course, counts: &[f64], zero: Option<(f64, f64)>) -> Result<Seen, Status> {
     let column = course.column(counts, MISSING_MAX).map_err(|share| match share {
         share if share < 1.0 => Status::Missing { share },
         _ => Status::NoData,
     })?;
-    let (mean_kpa, mean_count) = (mean(course.kpa.iter().copied()), mean(column.iter().copied()));
-    let cross: f64 = course.kpa.iter().zip(&column).map(|(p, c)| (p - mean_kpa) * (c - mean_count)).sum();
+    let (mean_kpa, mean_count) = (mean(course.kpa.iter().copied()), mean(column.filled.iter().copied()));
+    let cross: f64 = course.kpa.iter().zip(&column.filled).map(|(p, c)| (p - mean_kpa) * (c - mean_count)).sum();
     let sign = if cross < 0.0 { -1.0 } else { 1.0 };
-    let at_rest = || course.rest.iter().map(|scan| column[*scan]);
-    let zero_counts = mean(at_rest());
-    let noise_counts = mean(at_rest().map(|count| (count - zero_counts).powi(2))).sqrt();
-    let load: Vec<f64> = column.iter().map(|count| sign * (count - zero_counts)).collect();
-    let groups = course.means(&load);
-    Ok(Seen { sign, zero_counts, noise_counts, swing: quantile(load, 0.998).max(0.0), groups })
+    let at_rest = || course.rest.iter().map(|scan| column.filled[*scan]);
+    let (zero_counts, noise_counts) = zero.unwrap_or_else(|| {
+        let zero = mean(at_rest());
+        (zero, mean(at_rest().map(|count| (count - zero).powi(2))).sqrt())
+    });
+    if !zero_counts.is_finite() {
+        return Err(Status::NoData);
+    }
+    let load: Vec<f64> = column.filled.iter().map(|count| sign * (count - zero_counts)).collect();
+    let groups = course.means(&load, &column.gaps);
+    Ok(Seen { sign, zero_counts, noise_counts, swing: quantile(load, 0.998).max(0.0), gaps: column.gaps, groups })
 }
 
 /// How the counts of a skin are read.
@@ -197,6 +218,7 @@ impl Fit<'_> {
             form: self.form,
             range_kpa: self.range_kpa,
             shared_kpa: None,
+            apart_kpa: None,
             zero_known: self.zero_known,
             plays_error_ratio: reading.plays_error_ratio,
             taxels: Vec::new(),
@@ -211,12 +233,13 @@ impl Fit<'_> {
             })
             .collect();
         fit.shared_kpa = shared_kpa(&fit.course, &self.without, &used);
+        fit.apart_kpa = apart_kpa(&fit.taxels);
         fit
     }
 
     /// A taxel's load counts, in the order of the course.
     fn load(&self, taxel: usize, seen: &Seen) -> Vec<f64> {
-        let column = self.course.column(self.counts[taxel], MISSING_MAX).unwrap_or_default();
+        let column = self.course.column(self.counts[taxel], MISSING_MAX).map_or_else(|_| Vec::new(), |c| c.filled);
         column.iter().map(|count| seen.sign * (count - seen.zero_counts)).collect()
     }
 
@@ -224,15 +247,17 @@ impl Fit<'_> {
     fn curve(&self, taxel: usize) -> Option<Curved> {
         let seen = self.seen[taxel].as_ref().ok().filter(|seen| seen.swing > 0.0)?;
         let curve = self.whole.fit(&seen.groups);
-        let on_curve = || self.course.groups.iter().filter(|group| group.on_curve);
+        let groups = || self.course.groups.iter().zip(&seen.groups).filter(|(g, count)| g.on_curve && !count.is_nan());
+        let on_curve = || groups().map(|(group, _)| group);
         let row = |kpa: f64| self.whole.row(kpa, curve.zone_kpa);
         let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), self.form.free());
-        let left = folds.residuals(&self.course.of_curve(&seen.groups));
+        let left = folds.residuals(&groups().map(|(_, count)| *count).collect::<Vec<f64>>());
         let span = curve.span().max(SPAN_MIN * seen.swing);
         let at = |kpa: f64| curve.counts_at(kpa);
         let of_groups = Moments::of(left.iter().zip(on_curve()).map(|(r, g)| (*r, at(g.kpa))), span);
         let load = self.load(taxel, seen);
-        let scans = on_curve().flat_map(|group| &group.scans);
+        let known = |scan: &&usize| seen.gaps.binary_search(scan).is_err();
+        let scans = on_curve().flat_map(|group| &group.scans).filter(known);
         let residual = |scan: &usize| {
             let u = at(self.course.kpa[*scan]);
             (load[*scan] - u, u)
@@ -268,7 +293,8 @@ impl Fit<'_> {
 
     /// The weights of the plays about a curve, from the falling groups that are chosen.
     fn plays(&self, curve: &LoadCurve, seen: &Seen, lags: &[Lag], chosen: impl Fn(usize) -> bool) -> [f64; 4] {
-        let falling = self.course.groups.iter().enumerate().filter(|(g, group)| !group.rising && chosen(*g));
+        let falls = |g: usize, group: &Group| !group.rising && chosen(g) && !seen.groups[g].is_nan();
+        let falling = self.course.groups.iter().enumerate().filter(|(g, group)| falls(*g, group));
         lag::weights(
             falling.map(|(g, group)| {
                 (group.weight, lag::mean(lags, &group.scans), curve.inverse(seen.groups[g]) - group.kpa)
@@ -293,7 +319,32 @@ impl Fit<'_> {
                 }
             }
         }
+        seen.gaps.iter().for_each(|scan| readings[*scan] = f64::NAN);
         readings
+    }
+
+    /// Greatest pressure of a group that tells of the curve, kPa.
+    fn top_kpa(&self, seen: &Seen) -> f64 {
+        let groups = self.course.groups.iter().zip(&seen.groups).filter(|(g, count)| g.on_curve && !count.is_nan());
+        groups.map(|(group, _)| group.kpa).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// By how much a curve reads each group too high that it is not fitted to, kPa.
+    fn others_kpa(
+        &self,
+        curve: &LoadCurve,
+        seen: &Seen,
+        lags: Option<&[Lag]>,
+        plays_kpa: Option<[f64; 4]>,
+    ) -> Vec<f64> {
+        let others = self.course.groups.iter().zip(&seen.groups).filter(|(group, _)| !group.on_curve);
+        let off_kpa = |(group, load): (&Group, &f64)| {
+            let taken = lags.zip(plays_kpa).map_or(0.0, |(lags, weights)| {
+                lag::mean(lags, &group.scans).iter().zip(weights).map(|(lag, weight)| lag * weight).sum::<f64>()
+            });
+            if load.is_nan() { f64::NAN } else { curve.read(*load) - taken - group.kpa }
+        };
+        others.map(off_kpa).collect()
     }
 
     fn taxel(
@@ -312,6 +363,7 @@ impl Fit<'_> {
         let squares = pairs().filter(|(r, _)| r.is_finite()).map(|(r, p)| (r - p).powi(2));
         let curve = &curved.curve;
         let noise = Noise::new(curved.span, (&curved.of_scans, shapes[0]), (&curved.of_groups, shapes[1]));
+        let plays_kpa = lags.as_ref().map(|lags| self.plays(curve, seen, lags, |_| true));
         let prior_scans = PRIOR_GROUPS * load.len() as f64 / self.course.groups.len() as f64;
         FittedTaxel {
             status: Status::Ok,
@@ -320,9 +372,11 @@ impl Fit<'_> {
             noise_counts: if self.zero_known { seen.noise_counts } else { curved.rms_counts },
             swing_counts: seen.swing,
             soft: soft.map(|sigma| curve.soft(sigma)),
-            plays_kpa: lags.map(|lags| self.plays(curve, seen, &lags, |_| true)),
+            others_kpa: self.others_kpa(curve, seen, lags.as_deref(), plays_kpa),
+            plays_kpa,
             sigma: SigmaByReading::new(curve, &noise, self.range_kpa, pairs(), prior_scans),
             error_kpa: mean(squares).sqrt(),
+            top_kpa: self.top_kpa(seen),
             curve: curve.clone(),
         }
     }
@@ -372,6 +426,17 @@ fn shared_kpa(course: &Course, without: &[Option<Problem>; READING_FOLDS], taxel
     }
     let means: Vec<f64> = sums.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| (sum / n).powi(2)).collect();
     (!means.is_empty()).then(|| mean(means.into_iter()).sqrt())
+}
+
+/// Root mean square of what the taxels have in common by which they read legs wrong that the curve is not fitted to: how far ramps
+/// that should be alike lie apart, and what is left of the hysteresis. `None` of a single rise.
+fn apart_kpa(taxels: &[Result<FittedTaxel, Status>]) -> Option<f64> {
+    let used: Vec<&[f64]> =
+        taxels.iter().flatten().filter(|taxel| taxel.status.is_ok()).map(|taxel| taxel.others_kpa.as_slice()).collect();
+    let common = |group: usize| mean(used.iter().map(|off_kpa| off_kpa[group]).filter(|off_kpa| off_kpa.is_finite()));
+    let groups = used.first().map_or(0, |off_kpa| off_kpa.len());
+    let squares: Vec<f64> = (0..groups).map(common).filter(|kpa| kpa.is_finite()).map(|kpa| kpa * kpa).collect();
+    (!squares.is_empty()).then(|| mean(squares.into_iter()).sqrt())
 }
 
 #[cfg(test)]

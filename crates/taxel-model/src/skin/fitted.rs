@@ -32,6 +32,8 @@ pub struct SkinFit {
     pub range_kpa: [f64; 2],
     /// What the readings of light loads have in common by which they are off, kPa; `None` where nothing tells.
     pub shared_kpa: Option<f64>,
+    /// The same of legs that the curves are not fitted to: other ramps, and what is left of the hysteresis.
+    pub apart_kpa: Option<f64>,
     /// Whether the unloaded skin was seen, so that its zeros are known.
     pub zero_known: bool,
     /// Left-out error with plays over that without; `None` without a fall.
@@ -52,8 +54,12 @@ pub(super) struct FittedTaxel {
     pub(super) curve: LoadCurve,
     pub(super) soft: Option<Soft>,
     pub(super) plays_kpa: Option<[f64; 4]>,
+    /// By how much it reads groups too high that its curve is not fitted to, kPa.
+    pub(super) others_kpa: Vec<f64>,
     pub(super) sigma: SigmaByReading,
     pub(super) error_kpa: f64,
+    /// Greatest pressure that tells of the curve, kPa.
+    pub(super) top_kpa: f64,
 }
 
 impl SkinFit {
@@ -131,10 +137,10 @@ impl SkinFit {
             status => status,
         };
         let quality = Quality {
-            samples: self.course.kpa.len() as u64,
+            samples: (self.course.kpa.len() - missing) as u64,
             swing_counts,
             rmse_kpa: fitted.error_kpa,
-            repeatability_kpa: self.shared_kpa,
+            repeatability_kpa: self.shared_kpa.map(|kpa| kpa.hypot(self.apart_kpa.unwrap_or(0.0))).or(self.apart_kpa),
             interval_kpa: Some(interval_kpa),
             interval_share: Some(interval_kpa / (self.range_kpa[1] - self.range_kpa[0])),
             ..polynomial.quality
@@ -177,6 +183,8 @@ impl FittedTaxel {
         let (load, kpa) = self.soft.as_ref().map_or((&self.curve.counts, &self.curve.kpa), |s| (&s.counts, &s.kpa));
         let mut points: Vec<(f64, f64)> =
             load.iter().map(|load| self.zero_counts + self.sign * load).zip(kpa.iter().copied()).collect();
+        // Rounding must not take the last point away.
+        points.retain(|(_, kpa)| *kpa <= self.top_kpa + 1e-9 * self.top_kpa.abs());
         if self.sign < 0.0 {
             points.reverse();
         }

@@ -188,13 +188,12 @@ pub(super) fn pilots(all: &[usize]) -> Vec<usize> {
     chosen
 }
 
-/// Warp, order and dead zone for the skin: the least median left-out error of `pilots`, the simplest within 2 %. `groups`
-/// are the counts of each pilot, one a group.
-pub(super) fn choose(course: &Course, pilots: &[&[f64]], free_zero: bool, allow_zone: bool) -> Form {
+/// Warp, order and dead zone for the skin: the least median left-out error of `pilots`, the simplest within 2 %. `pilots`
+/// have the counts of each, one a group of the curve.
+pub(super) fn choose(course: &Course, pilots: &[Vec<f64>], free_zero: bool, allow_zone: bool) -> Form {
     let on_curve = || course.groups.iter().filter(|group| group.on_curve);
     let top = on_curve().map(|group| group.kpa - course.rest_kpa).fold(0.0, f64::max);
-    let counts: Vec<Vec<f64>> = pilots.iter().map(|counts| course.of_curve(counts)).collect();
-    let spread: Vec<f64> = counts.iter().map(|counts| spread(counts).powi(2)).collect();
+    let spread: Vec<f64> = pilots.iter().map(|counts| spread(counts).powi(2)).collect();
     let mut distinct: Vec<f64> = on_curve().map(|group| group.kpa).collect();
     distinct.sort_unstable_by(f64::total_cmp);
     distinct.dedup();
@@ -207,7 +206,7 @@ pub(super) fn choose(course: &Course, pilots: &[&[f64]], free_zero: bool, allow_
                 let form = Form { warp, order, dead_zone: k > 0, free_zero };
                 let row = |kpa: f64| form.row_at(kpa - course.rest_kpa, zone * top, top);
                 let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), form.free());
-                let errors = counts.iter().zip(&spread).map(|(counts, spread)| folds.error(counts) / spread);
+                let errors = pilots.iter().zip(&spread).map(|(counts, spread)| folds.error(counts) / spread);
                 let error = median(errors.collect());
                 match tried.iter_mut().find(|(other, _)| *other == form) {
                     Some((_, least)) => *least = least.min(error),

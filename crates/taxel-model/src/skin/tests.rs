@@ -32,7 +32,8 @@ fn made_up() -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
 }
 
 fn fit_columns(time: &[f64], kpa: &[f64], columns: &[Vec<f64>]) -> Result<SkinFit, SkinError> {
-    fit(time, kpa, &columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), true, &OneByOne)
+    let counts: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    fit(&Gathered { time_s: time, pressure_kpa: kpa, counts: &counts, zeros: None }, true, &OneByOne)
 }
 
 /// To what the reference prints with twelve digits.

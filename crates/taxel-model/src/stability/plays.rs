@@ -41,13 +41,6 @@ pub(super) fn cases() -> Vec<Case> {
             huge_radius,
         ),
         Case::of("7.11", "the same walk twice", same, 0.0, replay),
-        Case::of(
-            "7.12",
-            "identification from nothing, NaN, a constant, infinities and noise",
-            "weights below 0 or not finite",
-            0.0,
-            identification,
-        ),
     ]
 }
 
@@ -237,21 +230,4 @@ fn replay() -> Outcome {
     let path = walk(83, 10_000);
     let plays = plays(Sign::Rising);
     largest(run(&plays, &path).iter().zip(run(&plays, &path)).map(|(one, two)| one - two))
-}
-
-fn identification() -> Outcome {
-    let radii = [8.0, 20.0, 0.0, 0.0];
-    let (path, noise) = (walk(84, 5000), walk(85, 5000));
-    let stuck = [200.0; 400];
-    let with_infinity: Vec<f64> =
-        path.iter().enumerate().map(|(k, c)| if k % 9 == 0 { f64::INFINITY } else { *c }).collect();
-    let mut outcome = Outcome::of_figure(0.0);
-    for (counts, kpa) in [(&[][..], &[][..]), (&[f64::NAN; 400], &stuck), (&stuck, &noise[..400])] {
-        let found = Plays::identify(counts, kpa, radii);
-        outcome.require(found.is_none(), || format!("{} samples that say nothing gave {found:?}", counts.len()));
-    }
-    let found = [Plays::identify(&path, &noise, radii), Plays::identify(&with_infinity, &noise, radii)];
-    let weights = found.into_iter().flatten().flat_map(|plays| plays.weights_kpa);
-    outcome.figure = weights.filter(|w| w.is_nan() || w.is_infinite() || *w < 0.0).count() as f64;
-    outcome
 }

@@ -188,8 +188,8 @@ impl AreaSums {
     }
 }
 
-/// The uncertainty of a taxel's readings in the calibrated range, own and shared, without what grows with the pressure.
-struct Base {
+/// A standard uncertainty, what of it is a taxel's own and what it shares with all others.
+struct Doubt {
     own_kpa: f64,
     shared_kpa: f64,
 }
@@ -219,25 +219,24 @@ impl Reader<'_> {
         zero.moved(taxel).ok_or(if known { Unread::NoZero } else { Unread::NoBaseline })
     }
 
-    /// What is known of a taxel's error in use; `None` if nothing but its curve's own scatter is.
-    fn base(&self, taxel: usize) -> Option<Base> {
-        // A skin fit has the error by the reading.
-        self.set.taxels.get(taxel).filter(|model| model.points.is_none())?;
-        let (recorded, in_use) = (self.set.recorded.as_ref()?, self.set.in_use(taxel)?);
-        let day = if self.tared { 0.0 } else { DAY_COUNTS };
-        let zero_counts = recorded.zero_return_counts().hypot(day);
+    /// What a reading of a taxel is uncertain by because of its zero.
+    fn zero_doubt(&self, taxel: usize) -> Doubt {
+        let Some((recorded, in_use)) = self.set.recorded.as_ref().zip(self.set.in_use(taxel)) else {
+            return Doubt { own_kpa: 0.0, shared_kpa: 0.0 };
+        };
         // What nobody told may all be common, and the zero of another day mostly is.
-        let common = recorded.zero_return_common_counts().hypot(day);
-        let all_kpa = in_use.sigma_kpa(zero_counts);
-        let hysteresis_kpa = in_use.shared_kpa(self.set.plays_error_ratio());
-        let shared_kpa = hysteresis_kpa.hypot(common / in_use.sensitivity).min(all_kpa);
-        Some(Base { own_kpa: (all_kpa.powi(2) - shared_kpa.powi(2)).max(0.0).sqrt(), shared_kpa })
+        let day = if self.tared || !self.skin { 0.0 } else { DAY_COUNTS };
+        // A tare finds the skin anywhere between its zero and where the last load has left it: a rectangle.
+        let [all, common] = [recorded.zero_return_counts(), recorded.zero_return_common_counts()]
+            .map(|returned| returned / 3.0_f64.sqrt());
+        let own = (all * all - common * common).max(0.0).sqrt();
+        Doubt { own_kpa: own / in_use.sensitivity, shared_kpa: common.hypot(day) / in_use.sensitivity }
     }
 
     /// Pressures of a taxel with their uncertainty.
     fn column(&self, taxel: usize, counts: &[f64], masked: &[bool], moved: f64) -> Column {
         let (model, plays) = (&self.set.taxels[taxel], self.set.plays(taxel));
-        let (base, extension) = (self.base(taxel), self.extensions[taxel]);
+        let (zero, extension) = (self.zero_doubt(taxel), self.extensions[taxel]);
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let rail = if sign == Sign::Falling { 0.0 } else { 255.0 };
         // What corrected a set by known loads is in these, too.
@@ -250,7 +249,7 @@ impl Reader<'_> {
         let smoothed = smooth(counts, masked, self.half);
         let felt = self.set.recorded.as_ref().filter(|recorded| recorded.plays_mean_s > 0.0 && plays.is_some());
         let felt = felt.map_or(Cow::Borrowed(&smoothed), |recorded| {
-            Cow::Owned(recent_means(counts, masked, (recorded.plays_mean_s / self.period_s).round() as usize))
+            Cow::Owned(recent_means(&smoothed, masked, (recorded.plays_mean_s / self.period_s).round() as usize))
         });
         let mut state = PlayState::default();
         let nothing = || vec![f64::NAN; counts.len()];
@@ -264,7 +263,10 @@ impl Reader<'_> {
                 plays.mid_kpa(count).unwrap_or(reading.kpa) + plays.bend_kpa(&mut state, felt[i] - moved)
             };
             let kpa = plays.map_or(reading.kpa, bend) + beyond.kpa;
-            let (own, shared) = base.as_ref().map_or((reading.sigma_kpa, 0.0), |base| (base.own_kpa, base.shared_kpa));
+            // Left-out readings of a skin fit show what the calibration leaves open, too.
+            let in_sigma = if model.points.is_some() { self.doubts_kpa[taxel].min(reading.sigma_kpa) } else { 0.0 };
+            let own = (reading.sigma_kpa.powi(2) - in_sigma.powi(2)).sqrt().hypot(zero.own_kpa);
+            let shared = zero.shared_kpa;
             let range = plays.map_or(reading.range, |plays| plays.range_state(count)).in_pressure(sign);
             // Nothing tells how much more than at the range's end it is.
             let is_open = self.skin && counts[i] == rail || extension.is_none() && range == RangeState::Above;

@@ -31,26 +31,21 @@ fn reader(set: &ModelSet, skin: bool, tared: bool) -> Reader<'_> {
 }
 
 #[test]
-fn a_taxel_has_in_common_with_others_its_hysteresis_and_what_of_the_zero_is_common() {
+fn a_zero_is_in_doubt_by_what_is_common_and_by_the_day_unless_it_was_tared() {
     let set = recorded();
-    for (tared, day) in [(true, 0.0_f64), (false, 3.0)] {
-        let base = reader(&set, true, tared).base(0).unwrap();
-        let all = 0.5_f64.hypot(1.2_f64.hypot(day) / 2.0);
-        let shared = (1.2 / 12.0_f64.sqrt()).hypot(0.9_f64.hypot(day) / 2.0);
-        near(base.shared_kpa, shared.min(all));
-        near(base.own_kpa, (all * all - base.shared_kpa * base.shared_kpa).sqrt());
-        assert!(!tared || base.own_kpa > 0.1, "{tared}: {}", base.own_kpa);
+    for (skin, tared, day) in [(true, true, 0.0), (true, false, 3.0), (false, false, 0.0)] {
+        let zero = reader(&set, skin, tared).zero_doubt(0);
+        near(zero.shared_kpa, (0.9 / 3.0_f64.sqrt()).hypot(day) / 2.0);
+        near(zero.own_kpa, ((1.2_f64.powi(2) - 0.9_f64.powi(2)) / 3.0).sqrt() / 2.0);
     }
-    assert!(reader(&set, true, true).base(2).is_none(), "of no such taxel");
+    let nothing = |set: &ModelSet, taxel: usize| {
+        let zero = reader(set, true, true).zero_doubt(taxel);
+        assert_eq!([zero.own_kpa, zero.shared_kpa], [0.0; 2]);
+    };
+    nothing(&set, 2);
     let mut unmeasured = set;
     unmeasured.recorded.as_mut().unwrap().zero_return = None;
-    let base = reader(&unmeasured, true, true).base(0).unwrap();
-    near(base.shared_kpa, 1.2 / 12.0_f64.sqrt()); // the hysteresis alone
-    assert!(reader(&set_without_recording(), true, true).base(0).is_none());
-}
-
-fn set_without_recording() -> ModelSet {
-    ModelSet { recorded: None, ..recorded() }
+    nothing(&unmeasured, 0);
 }
 
 #[test]
@@ -60,7 +55,7 @@ fn the_gain_of_the_day_grows_with_the_pressure_and_is_a_skins_alone() {
     let counts = [rest - 10.0, rest - 60.0, f64::NAN];
     let masked = [false, false, true];
     let read = |set: &ModelSet, skin: bool| reader(set, skin, true).column(0, &counts, &masked, 0.0);
-    let shared = reader(&set, true, true).base(0).unwrap().shared_kpa;
+    let shared = reader(&set, true, true).zero_doubt(0).shared_kpa;
     let skin = read(&set, true);
     for (i, kpa) in [10.0, 60.0].into_iter().enumerate() {
         assert!((skin.kpa[i] - kpa).abs() < 0.2, "{}", skin.kpa[i]);

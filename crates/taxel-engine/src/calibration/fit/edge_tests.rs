@@ -2,7 +2,6 @@
 
 use super::course::{Course, session_clock};
 use super::dropouts::dropouts;
-use super::hysteresis::{error_on, range, swing, width_kpa};
 use super::lag::{estimate, mean_counts, shifted};
 use super::legs::{legs, rising};
 use super::scans::modules;
@@ -73,42 +72,6 @@ fn a_score_is_what_its_words_say() {
     assert_eq!((score.coverage_beyond_percent, score.beyond_percent), (None, 0.0));
 }
 
-#[test]
-fn the_width_of_a_loop_is_taken_between_its_ends_and_of_enough_scans() {
-    // From 20 to 120 kPa and back: what is read is 3 kPa too high on the way down, 1 kPa too low on the way up, and quite
-    // wrong at the ends.
-    let width = |scans: usize, ends: usize| {
-        let middle = |i: usize| 30.0 + 75.0 * i as f64 / (scans - 1) as f64;
-        let branch = (0..scans).map(middle).chain((0..ends).flat_map(|_| [20.0, 29.9, 105.1, 120.0]));
-        let kpa: Vec<f64> = branch.clone().chain(branch).chain([20.0, 120.0]).collect();
-        let falling: Vec<bool> = (0..kpa.len()).map(|i| i >= scans + 4 * ends).collect();
-        let off = |(p, falls): (&f64, &bool)| {
-            if (30.0..=105.0).contains(p) {
-                p + if *falls { 3.0 } else { -1.0 }
-            } else {
-                p + if *falls { 40.0 } else { 0.0 }
-            }
-        };
-        let read: Vec<f64> = kpa.iter().zip(&falling).map(off).collect();
-        width_kpa(&read, &kpa, &falling)
-    };
-    assert!((width(20, 5).unwrap() - 4.0).abs() < 1e-9, "{:?}", width(20, 5));
-    assert_eq!(width(19, 5), None, "19 scans of a branch say nothing");
-}
-
-#[test]
-fn the_swing_of_a_count_leaves_its_outermost_scans_out_and_is_of_scans_with_a_pressure() {
-    let mut counts: Vec<f64> = (0..=1_000).map(|i| 100.0 + 0.1 * f64::from(i)).collect();
-    let mut kpa = vec![1.0; counts.len()];
-    assert!((swing(&counts, &kpa).unwrap() - 99.6).abs() < 1e-9, "{:?}", swing(&counts, &kpa));
-    counts.extend([0.0; 50]);
-    kpa.extend([f64::NAN; 50]);
-    assert!((swing(&counts, &kpa).unwrap() - 99.6).abs() < 1e-9);
-    assert_eq!(swing(&[7.0; 30], &[1.0; 30]), None, "what never moved has none");
-    assert_eq!(range(&[3.0, f64::NAN, -2.0]), [-2.0, 3.0]);
-    assert!((error_on(&[1.0, 5.0, 8.0], &[1.0, 2.0, 4.0], &(1..3)) - 12.5_f64.sqrt()).abs() < 1e-12);
-}
-
 /// Gauge and counts have one course; the gauge's times are late.
 #[test]
 fn a_lag_is_told_to_a_fortieth_of_its_limit_and_judged_by_the_same_scans() {
@@ -176,7 +139,7 @@ fn a_recording_tells_its_pace_by_its_middle_step() {
 #[test]
 fn the_rig_is_at_rest_before_its_top_within_two_hundredths_of_the_range() {
     // From 10 to 110 kPa these are 2 kPa.
-    assert_eq!(rest_scans(&[10.0, 11.99, 12.1, 110.0, 10.0], 3), [true, true, false, false, false]);
+    assert_eq!(rest_scans(&[10.0, 11.99, 12.1, 110.0, 10.0]), [true, true, false, false, false]);
     let counts: Vec<f64> = (0..24).map(|i| if i % 2 == 0 { 100.0 } else { 102.0 }).collect();
     let all = [true; 24];
     let of = |masked: &[bool], rest: &[bool]| baseline(&counts, masked, rest);

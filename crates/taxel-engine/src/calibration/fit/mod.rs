@@ -8,7 +8,6 @@
 //! taxels and flickering modules left in make the error of the force 43 %, a moved zero 5 to 20 %, a tare under load
 //! 80 %; plays halve the error on a branch that was not fitted; the order of the polynomial changes 2 %.
 
-pub mod any_skin;
 pub mod apply;
 mod clock;
 pub(crate) mod course;
@@ -16,11 +15,11 @@ mod dropouts;
 #[cfg(test)]
 mod edge_tests;
 mod gauge_zero;
-mod hysteresis;
 pub mod judge;
 pub(crate) mod lag;
 pub mod legs;
 pub mod masks;
+pub(crate) mod paper;
 #[cfg(test)]
 mod plays_tests;
 pub mod recipe;
@@ -33,7 +32,6 @@ mod tests;
 pub mod zero;
 
 pub use crate::calibration::branch::{Branch, PlaysChoice};
-pub use any_skin::fit_any;
 pub use apply::{Applied, ApplyRecipe, Unread, apply};
 pub use judge::{Score, judge};
 pub use masks::Masks;

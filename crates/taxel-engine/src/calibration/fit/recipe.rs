@@ -9,104 +9,114 @@ use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::fit::clock;
 use crate::calibration::fit::course::Course;
 use crate::calibration::fit::gauge_zero;
-use crate::calibration::fit::lag;
-use crate::calibration::fit::legs::GAUGE_MEDIAN_SCANS;
+use crate::calibration::fit::legs::{self, GAUGE_MEDIAN_SCANS};
 use crate::calibration::fit::masks::Masks;
+use crate::calibration::fit::paper;
 use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::{Scans, modules};
-use crate::calibration::fit::skin_fit::{MASKED_MAX, SkinFit};
+use crate::calibration::fit::skin_fit::SkinScans;
 use crate::calibration::fit::smooth::running_median;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
-use crate::calibration::method::{method as method_of, plays_in_words};
-use crate::model_set::{Maker, ModelSet, Recorded};
+use crate::calibration::gauge_zero::steeper_at_rest;
+use crate::model_set::{GaugeClock, Maker, ModelSet, Recorded, RecordedTaxel};
 
 /// Fits a recording. The set comes without id, patch and time of making.
 ///
+/// Of 8-bit skin over time what is faulty is left out, and the gauge is set right. Of anything else (counts of other widths
+/// or reals, plateaus, typed pressures, few rows) nothing is known of faults, of the clock of its gauge, or of how fast its
+/// counts follow.
+///
 /// # Errors
-/// [`RecordingError::NoPressure`]. A taxel that cannot be fitted is no error: its status says why.
+/// [`RecordingError`] where nothing can be fitted. A taxel that cannot be is no error: its status says why.
 pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Result<ModelSet, RecordingError> {
     let gauge = scans.pressure_kpa.ok_or(RecordingError::NoPressure)?;
-    let recipe = &recipe.settled();
-    let (masks, faults) = masks(scans, recipe, workers);
-    let kpa = if recipe.is_paper() { gauge.to_vec() } else { running_median(gauge, GAUGE_MEDIAN_SCANS) };
-    let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
-    let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };
-    let mut kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
-    // Without plays the loop of hysteresis would be taken for a lag.
-    let looks_for_clock = recipe.max_clock_s > 0.0 && recipe.plays != PlaysChoice::Off && !recipe.is_paper();
-    let max_clock_s = looks_for_clock.then_some(recipe.max_clock_s);
-    let course = Course::of_recording(&kpa);
-    let clock = max_clock_s.and_then(|max_s| clock::find(scans, &kpa, &masks, &course, max_s));
-    if let Some(clock) = clock.filter(|clock| clock.wins) {
-        kpa = clock::set_right(scans.time_s, &kpa, &clock);
+    if recipe.is_paper() {
+        return paper::fit(scans, gauge, recipe, workers);
     }
-    let top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
-    let gauge_zero_kpa = if recipe.gauge_zero { gauge_zero::find(scans, &kpa, &masks) } else { 0.0 };
-    kpa.iter_mut().for_each(|p| *p -= gauge_zero_kpa);
-    let course = if recipe.is_paper() { Course::of_rises(&kpa) } else { Course::of_recording(&kpa) };
-    let fit = SkinFit::new(scans, masks, kpa, course, recipe);
-    let fitted = fit.run(workers);
-    let (usable, rest) = (fitted.usable(), rest_scans(&fit.kpa, top));
-    let of = |t: usize| baseline(scans.counts[t], fit.masks.of(t), &rest);
-    let baseline: Vec<TaxelBaseline> = (0..scans.counts.len()).map(of).collect();
-    // The paper fits broken taxels, too. How far the others come back is not theirs to say.
-    let faults = faults.as_ref().unwrap_or(&fit.masks);
-    let sound: Vec<usize> = usable.into_iter().filter(|&t| faults.share(t) <= MASKED_MAX).collect();
-    let zero_return = zero_return(scans, faults, &fit.kpa, &baseline, &sound);
+    let is_skin = scans.is_recording();
+    let Prepared { masks, mut kpa, clock, gauge_zero_kpa } =
+        if is_skin { Prepared::of_skin(scans, gauge, recipe, workers) } else { Prepared::of_table(scans, gauge) };
+    let rises_alone = recipe.branch == Branch::Rising;
+    if rises_alone {
+        let rising = legs::rising(&kpa, &legs::legs(&kpa));
+        kpa.iter_mut().zip(rising).filter(|(_, rising)| !rising).for_each(|(p, _)| *p = f64::NAN);
+    }
+    let smooth_s = if is_skin { recipe.smooth_s } else { 0.0 };
+    let mut fitted = SkinScans { scans, masks: &masks, kpa: &kpa, zeros: None, smooth_s }.fit(recipe, workers)?;
+    if smooth_s > 0.0 {
+        // A zero of another day is judged by single scans.
+        let rest = rest_scans(&kpa);
+        for (taxel, zero) in fitted.zeros.iter_mut().enumerate() {
+            let single = baseline(scans.counts[taxel], masks.of(taxel), &rest);
+            let both = zero.mean.is_finite() && single.mean.is_finite();
+            *zero = if both { TaxelBaseline { noise: single.noise, ..*zero } } else { single };
+        }
+    }
+    let usable: Vec<usize> = (0..fitted.models.len()).filter(|&taxel| fitted.models[taxel].is_usable()).collect();
+    let tells = |taxel: &RecordedTaxel| is_skin || taxel.plays.is_some();
+    let recorded = fitted.in_use.iter().flatten().any(tells).then(|| Recorded {
+        smooth_s,
+        plays_mean_s: fitted.plays_mean_s,
+        module_size: recipe.module_size,
+        lag_s: 0.0,
+        clock,
+        zero_return: if is_skin { zero_return(scans, &masks, &kpa, &fitted.zeros, &usable) } else { None },
+        plays_error_ratio: fitted.plays_error_ratio,
+        taxels: fitted.in_use,
+    });
+    // As of a session: a gauge that is off and a chamber that was not vented look the same.
+    let doubt_kpa = gauge_zero_kpa.abs() / 3.0_f64.sqrt() * steeper_at_rest(&fitted.models, &fitted.zeros);
+    let offset_kpa = recipe.options.gauge.offset_kpa.hypot(doubt_kpa);
+    fitted.models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
+    let branch = if rises_alone { ", rising" } else { "" };
+    let gauge_zero = match gauge_zero_kpa {
+        0.0 => String::new(),
+        zero_kpa => format!(", less {zero_kpa:.2} kPa that the gauge reads at rest"),
+    };
     Ok(ModelSet {
         id: String::new(),
         patch: String::new(),
         created_wall_ns: 0,
         session: None,
-        method: method(recipe, fitted.plays_on, gauge_zero_kpa),
+        method: format!("{}{branch}{gauge_zero}", fitted.method),
         board_settings: Vec::new(),
-        pressure_max_kpa: fit.kpa[top],
+        baseline: fitted.zeros,
+        pressure_max_kpa: fitted.pressure_max_kpa,
         gauge_gain_rel: recipe.options.gauge.gain_rel,
-        gauge_offset_kpa: recipe.options.gauge.offset_kpa,
-        recorded: (scans.is_recording() || !recipe.is_paper()).then(|| Recorded {
-            smooth_s: recipe.smooth_s,
-            plays_mean_s: 0.0,
-            module_size: recipe.module_size,
-            lag_s,
-            zero_return,
-            clock: clock.as_ref().map(clock::told),
-            plays_error_ratio: fitted.plays_error_ratio,
-            taxels: fitted.in_use,
-        }),
-        baseline,
+        gauge_offset_kpa: offset_kpa,
         taxels: fitted.models,
+        recorded,
         recalibrated: None,
         maker: Maker::this(false),
     })
 }
 
-/// What of the scans must not be believed, and the faults of the skin where that is something else: of the paper's scans
-/// only what was never read is left out.
-fn masks(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> (Masks, Option<Masks>) {
-    if recipe.is_paper() && !scans.is_recording() {
-        return (Masks::missing(scans), None);
+/// What a recording is before it is fitted.
+struct Prepared {
+    masks: Masks,
+    kpa: Vec<f64>,
+    clock: Option<GaugeClock>,
+    gauge_zero_kpa: f64,
+}
+
+impl Prepared {
+    fn of_table(scans: &Scans<'_>, gauge: &[f64]) -> Self {
+        Self { masks: Masks::missing(scans), kpa: gauge.to_vec(), clock: None, gauge_zero_kpa: 0.0 }
     }
-    let modules = modules(scans.counts.len(), recipe.module_size);
-    let faults = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans, workers);
-    if recipe.is_paper() { (Masks::missing(scans), Some(faults)) } else { (faults, None) }
-}
 
-/// The scan of the highest pressure; `None` without a pressure.
-fn top_of(kpa: &[f64]) -> Option<usize> {
-    let known = kpa.iter().enumerate().filter(|(_, p)| p.is_finite());
-    Some(known.max_by(|a, b| a.1.total_cmp(b.1))?.0)
-}
-
-/// How a set was fitted, in words.
-fn method(recipe: &FitRecipe, plays_on: bool, gauge_zero_kpa: f64) -> String {
-    let branch = match recipe.branch {
-        Branch::Both => "rising and falling",
-        Branch::Rising => "rising",
-    };
-    let plays = if plays_on { plays_in_words(recipe.plays_order) } else { String::new() };
-    let zero = match gauge_zero_kpa {
-        0.0 => String::new(),
-        zero_kpa => format!(", less {zero_kpa:.2} kPa that the gauge reads at rest"),
-    };
-    format!("{}, {branch}{plays}{zero}", method_of(&recipe.options))
+    fn of_skin(scans: &Scans<'_>, gauge: &[f64], recipe: &FitRecipe, workers: &dyn Workers) -> Self {
+        let modules: Vec<Range<usize>> = modules(scans.counts.len(), recipe.module_size);
+        let masks = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans, workers);
+        let mut kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
+        // Without plays the loop of hysteresis would be taken for a lag.
+        let looks_for_clock = recipe.max_clock_s > 0.0 && recipe.plays != PlaysChoice::Off;
+        let course = Course::of_recording(&kpa);
+        let clock = if looks_for_clock { clock::find(scans, &kpa, &masks, &course, recipe.max_clock_s) } else { None };
+        if let Some(clock) = clock.filter(|clock| clock.wins) {
+            kpa = clock::set_right(scans.time_s, &kpa, &clock);
+        }
+        let gauge_zero_kpa = gauge_zero::find(scans, &kpa, &masks);
+        kpa.iter_mut().for_each(|p| *p -= gauge_zero_kpa);
+        Self { masks, kpa, clock: clock.as_ref().map(clock::told), gauge_zero_kpa }
+    }
 }

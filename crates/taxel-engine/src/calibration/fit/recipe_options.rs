@@ -1,7 +1,7 @@
 //! How a recording is fitted, and why it cannot be.
 
 use taxel_model::skin::SkinError;
-use taxel_model::{Estimator, FitOptions, Order, Plays};
+use taxel_model::{Estimator, FitOptions};
 use thiserror::Error;
 
 use crate::calibration::branch::{Branch, PlaysChoice};
@@ -14,24 +14,15 @@ pub struct FitRecipe {
     pub options: FitOptions,
     /// Which part is fitted.
     pub branch: Branch,
-    /// Which part of that the static curves go through. With [`Branch::Rising`] they are those of a load that comes on a skin
-    /// at rest, as in a session, and the falling legs tell the hysteresis alone.
-    pub curve: Branch,
     /// Whether hysteresis is compensated.
     pub plays: PlaysChoice,
-    /// Order of the curve that the plays bend; `options` has that of the static one.
-    pub plays_order: Order,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
     /// Counts are averaged over so many seconds for the plays and in use; 0 is not at all.
     pub smooth_s: f64,
-    /// A lag of at most so many seconds between gauge and counts is looked for; 0 is none.
-    pub max_lag_s: f64,
     /// A clock of the gauge's own is looked for within so many seconds, and used where it wins on a stretch that it was
     /// not found on; 0 is not at all.
     pub max_clock_s: f64,
-    /// Whether what the gauge says while nothing presses is its own error, to be taken off.
-    pub gauge_zero: bool,
     /// Limits of the faults.
     pub faults: FaultLimits,
 }
@@ -41,14 +32,10 @@ impl Default for FitRecipe {
         Self {
             options: FitOptions::default(),
             branch: Branch::Both,
-            curve: Branch::Both,
             plays: PlaysChoice::default(),
-            plays_order: Plays::DEFAULT_ORDER,
             module_size: 10,
             smooth_s: 0.5,
-            max_lag_s: 0.0,
             max_clock_s: 8.0,
-            gauge_zero: false,
             faults: FaultLimits::default(),
         }
     }
@@ -60,16 +47,6 @@ impl FitRecipe {
     #[must_use]
     pub fn is_paper(&self) -> bool {
         self.options.estimator == Estimator::Paper
-    }
-
-    /// The recipe with everything that its estimator leaves no choice in.
-    #[must_use]
-    pub fn settled(&self) -> Self {
-        if !self.is_paper() {
-            return self.clone();
-        }
-        let (branch, plays) = (Branch::Rising, PlaysChoice::Off);
-        Self { branch, plays, smooth_s: 0.0, max_lag_s: 0.0, gauge_zero: false, ..self.clone() }
     }
 }
 

@@ -1,107 +1,86 @@
-//! Which taxels may be used, and what is judged with plays, on numbers that can be worked out by hand.
-
-use std::sync::Mutex;
+//! Which taxels may be used, and for what they are excluded, on tables of any skin.
 
 use super::*;
-use crate::calibration::fit::course::Course;
-use crate::force::tests::model;
+use crate::calibration::fit::recipe::fit;
+use crate::calibration::fit::recipe_options::RecordingError;
+use crate::model_set::ModelSet;
 use taxel_model::OneByOne;
 
-/// A taxel whose curve leaves this error and whose loop has this width.
-fn taxel(status: Status, rmse_kpa: f64, hysteresis_kpa: f64) -> FittedTaxel {
-    let model = TaxelModel { status, ..model() };
-    FittedTaxel { model, rmse_kpa, hysteresis_kpa: Some(hysteresis_kpa), sensitivity: Some(1.0) }
+/// Columns over 0 to 60 kPa in 12 plateaus of 30 scans, and their set.
+fn plateaus(
+    columns: &[fn(f64, usize) -> f64],
+    change: impl Fn(&mut Vec<f64>, &mut Vec<Vec<f64>>),
+) -> Result<ModelSet, RecordingError> {
+    let mut kpa: Vec<f64> = (0..360).map(|scan| f64::from(scan / 30) * 60.0 / 11.0).collect();
+    let time: Vec<f64> = (0..360).map(|scan| f64::from(scan) * 0.05).collect();
+    let mut counts: Vec<Vec<f64>> =
+        columns.iter().map(|count| kpa.iter().enumerate().map(|(scan, p)| count(*p, scan)).collect()).collect();
+    change(&mut kpa, &mut counts);
+    let scans = Scans { time_s: &time, pressure_kpa: Some(&kpa), counts: counts.iter().map(Vec::as_slice).collect() };
+    fit(&scans, &FitRecipe::default(), &OneByOne)
 }
 
-const WIDE: Status = Status::IntervalTooWide { share: 0.10, limit: 0.08 };
+fn noise(scan: usize) -> f64 {
+    ((scan * 7919) % 17) as f64 - 8.0
+}
 
-#[test]
-fn a_loop_is_wide_that_plays_can_win_by_taking_out() {
-    // Half of the width is to be more than sqrt(1 - 0.9^2) of the error.
-    let least = 2.0 * 0.19_f64.sqrt();
-    assert!(is_wide_loop(1.01 * least, 1.0) && !is_wide_loop(0.99 * least, 1.0) && !is_wide_loop(least, 1.02));
-    let skin = |widths: [f64; 3], errors: [f64; 3]| {
-        let fitted: Vec<FittedTaxel> = widths.into_iter().zip(errors).map(|(w, e)| taxel(Status::Ok, e, w)).collect();
-        has_wide_loops(&fitted)
-    };
-    assert!(skin([0.0, 1.0, 9.0], [1.0, 1.0, 5.0]), "in the median");
-    assert!(!skin([0.0, 0.8, 9.0], [0.2, 1.0, 5.0]));
-    assert!(!has_wide_loops(&[]));
+fn sound(kpa: f64, scan: usize) -> f64 {
+    4000.0 - 3000.0 * kpa / (kpa + 40.0) + noise(scan)
 }
 
 #[test]
-fn a_curve_with_a_wide_interval_may_be_used_if_its_loop_is_what_makes_it_wide() {
-    for (status, width, may, wide) in [
-        (Status::Ok, 0.0, true, false),
-        (WIDE, 2.0, true, true),
-        (WIDE, 0.5, false, true),
-        (Status::NoData, 2.0, false, false),
-    ] {
-        let taxel = taxel(status, 1.0, width);
-        assert_eq!((taxel.may_be_used(), taxel.has_wide_interval()), (may, wide), "{status:?} {width}");
+fn a_skin_of_twelve_bits_is_fitted_with_its_zero() {
+    let set = plateaus(&[sound, sound], |_, _| {}).unwrap();
+    assert!(set.taxels.iter().all(TaxelModel::is_usable), "{:?}", set.taxels[0].status);
+    let read = set.taxels[0].evaluate(sound(30.0, 2)).unwrap();
+    assert!((read.kpa - 30.0).abs() < 2.0 * read.sigma_kpa && read.sigma_kpa < 1.0, "{read:?}");
+    assert!((set.baseline[0].mean - 4000.0).abs() < 2.0 && set.baseline[0].noise > 1.0, "{:?}", set.baseline);
+    assert!(set.taxels[0].validate().is_ok() && set.taxels[0].order == 5, "{:?}", set.method);
+}
+
+#[test]
+fn taxels_are_excluded_for_what_they_are() {
+    let wild: fn(f64, usize) -> f64 = |_, scan| ((scan * 104_729) % 3001) as f64;
+    let weak: fn(f64, usize) -> f64 = |kpa, scan| 4000.0 - 5.0 * kpa + noise(scan);
+    let set = plateaus(&[sound, sound, sound, |_, _| 17.0, wild, weak], |_, counts| {
+        counts[2].iter_mut().step_by(2).for_each(|count| *count = f64::NAN);
+    })
+    .unwrap();
+    let codes: Vec<&str> = set.taxels.iter().map(|model| model.status.code()).collect();
+    assert_eq!(codes, ["ok", "ok", "missing", "dead", "poor_fit", "insufficient_swing"]);
+    assert!(matches!(set.taxels[2].status, Status::Missing { share } if (share - 0.5).abs() < 0.01));
+}
+
+#[test]
+fn recordings_that_say_nothing_are_refused_in_words() {
+    let same = plateaus(&[sound], |kpa, _| kpa.fill(20.0)).unwrap_err().to_string();
+    assert!(same.contains("1 distinct pressures in `pressure_kpa`"), "{same}");
+    let two = plateaus(&[sound], |kpa, _| kpa.iter_mut().for_each(|p| *p = if *p > 30.0 { 60.0 } else { 0.0 }));
+    assert!(two.unwrap_err().to_string().contains("2 distinct pressures"));
+    let none = plateaus(&[sound], |kpa, _| kpa.fill(f64::NAN)).unwrap_err().to_string();
+    assert!(none.contains("0 distinct pressures"), "{none}");
+    let still = plateaus(&[|_, _| 17.0], |_, _| {}).unwrap_err().to_string();
+    assert!(still.contains("no taxel moves"), "{still}");
+}
+
+#[test]
+fn every_scale_of_counts_and_every_order_of_pressures_gives_finite_models() {
+    let order: Vec<usize> = (0..360).map(|k| k * 7 % 360).collect();
+    for (name, scale, base) in [("1e-9", 1e-9, 0.0), ("1e9", 1e9, 0.0), ("1e9 and little more", 1.0, 1e9)] {
+        let change = |kpa: &mut Vec<f64>, counts: &mut Vec<Vec<f64>>| {
+            counts.iter_mut().flatten().for_each(|count| *count = base + scale * *count);
+            counts[1][7] = f64::NAN;
+            let mixed = |column: &Vec<f64>| order.iter().map(|k| column[*k]).collect::<Vec<f64>>();
+            *kpa = mixed(kpa);
+            counts.iter_mut().for_each(|column| *column = mixed(column));
+        };
+        let set = plateaus(&[sound, sound], change).unwrap();
+        for model in &set.taxels {
+            let sigma = model.sigma.as_ref().unwrap();
+            assert!(sigma.sigma_kpa.iter().all(|s| s.is_finite() && *s > 0.0), "{name}: {sigma:?}");
+            assert!(model.is_usable() && model.validate().is_ok(), "{name}: {:?}", model.status);
+        }
     }
-    let mut without = taxel(WIDE, 1.0, 2.0);
-    without.model.curve = None;
-    assert!(!without.may_be_used() && !without.has_wide_interval());
-}
-
-#[test]
-fn with_plays_the_interval_is_judged_by_what_they_leave() {
-    let plays = |rmse_kpa: f64| RecordedTaxel {
-        rmse_kpa,
-        sensitivity: 1.0,
-        hysteresis_kpa: Some(2.0),
-        plays: Some(hysteresis::identify(&loop_of_counts(), &loop_of_kpa(), taxel_model::Order::Fixed(5)).unwrap()),
-    };
-    let judged_at = |width: f64, limit: f64, left: f64, in_use: Option<RecordedTaxel>| {
-        let mut taxel = taxel(Status::IntervalTooWide { share: 0.10, limit }, 2.0, 2.0);
-        let quality = &mut taxel.model.quality;
-        (quality.dof, quality.interval_kpa, quality.interval_share) = (30.0, Some(width), Some(0.10));
-        let in_use = in_use.map(|in_use| RecordedTaxel { rmse_kpa: left, ..in_use });
-        taxel.judge_in_use(in_use.as_ref());
-        (taxel.model.status, taxel.rmse_kpa)
-    };
-    let judged = |limit, left, in_use| judged_at(5.0, limit, left, in_use);
-    // 97.5 % of Student's distribution with 30 degrees of freedom: 2.0423.
-    let share = 0.10 * (25.0 - 2.0423_f64.powi(2) * 3.0).sqrt() / 5.0;
-    assert_eq!(judged(share + 0.001, 1.0, Some(plays(1.0))), (Status::Ok, 1.0));
-    let (status, _) = judged(share - 0.001, 1.0, Some(plays(1.0)));
-    let Status::IntervalTooWide { share: told, .. } = status else { panic!("{status:?}") };
-    assert!((told - share).abs() < 1e-5, "{told} is not {share}");
-    // No interval is narrower than what the plays themselves leave.
-    let (status, _) = judged_at(3.0, 0.01, 0.8, Some(plays(0.8)));
-    let Status::IntervalTooWide { share: told, .. } = status else { panic!("{status:?}") };
-    assert!((told - 0.10 * 2.0423 * 0.8 / 3.0).abs() < 1e-5, "{told}");
-    let (status, rmse) = judged(0.08, 0.1, Some(RecordedTaxel { plays: None, ..plays(0.1) }));
-    assert_eq!((status, rmse), (Status::IntervalTooWide { share: 0.10, limit: 0.08 }, 2.0), "without plays");
-    assert_eq!(judged(0.08, 0.1, None).1, 2.0);
-}
-
-/// Up to 40 kPa and back.
-fn loop_of_kpa() -> Vec<f64> {
-    (0..400).chain((0..400).rev()).map(|k| 0.1 * f64::from(k)).collect()
-}
-
-/// Two counts a kPa, two counts lower on the way back.
-fn loop_of_counts() -> Vec<f64> {
-    counts_with_loop(2.0)
-}
-
-fn counts_with_loop(width: f64) -> Vec<f64> {
-    let back = |i: usize| if i < 400 { 0.0 } else { width };
-    loop_of_kpa().iter().enumerate().map(|(i, kpa)| 200.0 - 2.0 * kpa - back(i)).collect()
-}
-
-#[test]
-fn a_fit_far_worse_than_the_others_is_left_out() {
-    let mut fitted: Vec<FittedTaxel> =
-        [1.0, 1.0, 1.0, 2.5, 2.51].into_iter().map(|rmse| taxel(Status::Ok, rmse, 0.0)).collect();
-    fitted.push(taxel(WIDE, 9.0, 0.0));
-    exclude_poor_fits(&mut fitted);
-    let statuses: Vec<Status> = fitted.into_iter().map(|taxel| taxel.model.status).collect();
-    let poor = Status::PoorFit { rmse_kpa: 2.51, limit_kpa: 2.5 };
-    assert_eq!(statuses, [Status::Ok, Status::Ok, Status::Ok, Status::Ok, poor, WIDE]);
-    exclude_poor_fits(&mut []);
 }
 
 #[test]
@@ -113,77 +92,4 @@ fn a_fault_is_told_as_a_status() {
     assert_eq!(told(Some(Fault::Frozen), Some(7.0)), Status::Frozen { share: 0.5 });
     assert_eq!(told(Some(Fault::ModuleFlicker), None), Status::ModuleFlicker { share: 0.5 });
     assert_eq!((told(None, None), told(None, Some(1.0))), (Status::NoData, Status::Missing { share: 0.5 }));
-}
-
-/// Remembers what it was told of the progress.
-#[derive(Default)]
-struct Watched(Mutex<Vec<f64>>);
-
-impl Workers for Watched {
-    fn each(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
-        (0..jobs).for_each(job);
-    }
-
-    fn progress(&self, share: f64) {
-        self.0.lock().unwrap().push(share);
-    }
-}
-
-#[test]
-fn the_static_curves_are_half_of_the_progress_and_what_is_in_use_the_other() {
-    let (kpa, counts) = (loop_of_kpa(), loop_of_counts());
-    let time_s: Vec<f64> = (0..kpa.len()).map(|i| 0.05 * i as f64).collect();
-    let scans = Scans { time_s: &time_s, pressure_kpa: None, counts: vec![&counts, &counts] };
-    let recipe = FitRecipe::default();
-    let course = Course::of_recording(&kpa);
-    let watched = Watched::default();
-    let fitted = SkinFit::new(&scans, Masks::missing(&scans), kpa.clone(), course, &recipe).run(&watched);
-    assert_eq!(fitted.usable(), [0, 1]);
-    assert_eq!(*watched.0.lock().unwrap(), [0.25, 0.5, 0.75, 1.0]);
-}
-
-fn fitted(kpa: &[f64], counts: &[f64], recipe: &FitRecipe) -> FittedSkin {
-    let time_s: Vec<f64> = (0..kpa.len()).map(|i| 0.05 * i as f64).collect();
-    let scans = Scans { time_s: &time_s, pressure_kpa: None, counts: vec![counts; 2] };
-    let course = Course::of_recording(kpa);
-    SkinFit::new(&scans, Masks::missing(&scans), kpa.to_vec(), course, recipe).run(&OneByOne)
-}
-
-#[test]
-fn plays_are_used_where_they_are_asked_for_and_there_is_a_falling_branch() {
-    use PlaysChoice::{Auto, Off, On};
-    let (kpa, counts) = (loop_of_kpa(), loop_of_counts());
-    let of = |plays, branch, scans: usize| {
-        let fitted = fitted(&kpa[..scans], &counts[..scans], &FitRecipe { plays, branch, ..FitRecipe::default() });
-        (fitted.plays_on, fitted.plays_error_ratio.is_some())
-    };
-    assert_eq!(of(On, Branch::Both, 800), (true, true));
-    assert_eq!(of(Auto, Branch::Both, 800), (true, true), "they take the loop out");
-    assert_eq!(of(Off, Branch::Both, 800), (false, false));
-    assert_eq!(of(On, Branch::Rising, 800), (false, false));
-    assert_eq!([of(On, Branch::Both, 400), of(Auto, Branch::Both, 400)], [(true, false), (false, false)]);
-}
-
-#[test]
-fn what_a_taxel_is_in_use_follows_from_its_loop() {
-    let (kpa, counts) = (loop_of_kpa().iter().map(|p| p + 20.0).collect::<Vec<f64>>(), loop_of_counts());
-    let recipe = FitRecipe { plays: PlaysChoice::Off, smooth_s: 0.0, ..FitRecipe::default() };
-    let fitted = fitted(&kpa, &counts, &recipe);
-    assert!(fitted.models[0].flags.iter().all(|flag| !matches!(flag, Flag::Dropouts { .. })));
-    let in_use = fitted.in_use[0].as_ref().unwrap();
-    // Two counts of two a kPa: the branches lie a kilopascal apart, and a curve goes between them.
-    assert!((in_use.rmse_kpa - 0.5).abs() < 0.05, "{}", in_use.rmse_kpa);
-    assert!((in_use.hysteresis_kpa.unwrap().abs() - 1.0).abs() < 0.05, "{:?}", in_use.hysteresis_kpa);
-    // 82 counts but for the outermost, of 39.9 kPa.
-    assert!((in_use.sensitivity - 2.04).abs() < 0.04, "{}", in_use.sensitivity);
-}
-
-/// A loop of 9 kPa makes the interval of a static curve wider than is allowed; plays take it out.
-#[test]
-fn a_taxel_with_a_wide_loop_is_usable_with_plays_alone() {
-    let (kpa, counts) = (loop_of_kpa(), counts_with_loop(18.0));
-    let of = |plays| fitted(&kpa, &counts, &FitRecipe { plays, smooth_s: 0.0, ..FitRecipe::default() });
-    let (with, without) = (of(PlaysChoice::On), of(PlaysChoice::Off));
-    assert!(matches!(without.models[0].status, Status::IntervalTooWide { .. }), "{:?}", without.models[0].status);
-    assert_eq!((with.usable(), without.usable()), (vec![0, 1], Vec::new()), "{:?}", with.models[0].status);
 }

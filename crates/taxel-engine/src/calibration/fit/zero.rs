@@ -30,7 +30,9 @@ const WINDOW_S: f64 = 2.0;
 const SOUND_SHARE: f64 = 0.9;
 
 /// Scans of the calibration, up to its highest pressure, in which the rig was at rest.
-pub(super) fn rest_scans(kpa: &[f64], top: usize) -> Vec<bool> {
+pub(super) fn rest_scans(kpa: &[f64]) -> Vec<bool> {
+    let known = (0..kpa.len()).filter(|&scan| kpa[scan].is_finite());
+    let top = known.max_by(|&a, &b| kpa[a].total_cmp(&kpa[b])).unwrap_or(0);
     let low = kpa.iter().copied().fold(f64::INFINITY, f64::min);
     let limit = low + REST_BAND * (kpa.get(top).copied().unwrap_or(low) - low);
     kpa.iter().enumerate().map(|(i, p)| i <= top && *p <= limit).collect()

@@ -5,7 +5,7 @@ use super::*;
 fn paper() -> FitRecipe {
     // What the paper has no word of is not done, whatever else is asked for.
     let options = FitOptions { estimator: Estimator::Paper, ..FitOptions::default() };
-    FitRecipe { options, branch: Branch::Both, plays: PlaysChoice::On, max_lag_s: 2.0, ..FitRecipe::default() }
+    FitRecipe { options, branch: Branch::Both, plays: PlaysChoice::On, ..FitRecipe::default() }
 }
 
 #[test]
@@ -19,8 +19,6 @@ fn the_papers_recipe_is_its_equation_over_every_rising_sample() {
     skin.kpa[900] += 14.0; // a reading of the gauge that is off
     let set = fitted(&skin, &paper());
     assert_eq!(set.method, "order 5, paper, rising");
-    let zero_return = set.recorded.as_ref().unwrap().zero_return.unwrap().rms;
-    assert!(zero_return < 2.0, "a broken taxel has no say in where the others come back to: {zero_return}");
     let top = (0..skin.kpa.len()).fold(0, |top, i| if skin.kpa[i] > skin.kpa[top] { i } else { top });
     assert_eq!(top, 1900);
     for (taxel, model) in set.taxels.iter().enumerate() {
