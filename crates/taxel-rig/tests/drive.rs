@@ -266,7 +266,8 @@ fn run(seed: u64, programme: Programme, both: bool, fault: Option<(Fault, Durati
         if rig.fault(now) == Some(Fault::Asked) {
             drive.stop(now, "somebody");
         }
-        let seen = Seen { now, gauge: Some(gauge), answer_age: now - answered, phase, target_kpa: TARGET_KPA };
+        let seen =
+            Seen { now, gauge: Some(gauge), own: None, answer_age: now - answered, phase, target_kpa: TARGET_KPA };
         let (order, ask) = drive.step(&seen);
         if rig.hear(now, order) {
             answered = now;
