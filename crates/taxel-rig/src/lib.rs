@@ -1,9 +1,9 @@
-//! What gauges of a vacuum rig say that are on no bus of the robot: pure, without I/O and total over all bytes.
+//! What gauges and drives of a vacuum rig say that are on no bus of the robot: pure, without I/O and total over all bytes.
 //!
 //! - [`Talk`]: what is asked of one, and what its bytes say.
 //! - [`Template`]: where in a line of text the pressure is, and in which unit; [`Lines`]: from bytes to lines.
-//! - [`modbus`]: a register.
-//! - [`drive`]: the procedure of a pump that calibrates by itself; [`profile`]: what such a drive is told in lines of text.
+//! - [`modbus`]: registers, over TCP or a serial line.
+//! - [`drive`]: the procedure of a pump that calibrates by itself; [`profile`]: what such a drive is told, in text or registers.
 
 pub mod drive;
 mod lines;
@@ -14,4 +14,4 @@ mod template;
 
 pub use lines::{LINE_BYTES_MAX, Lines};
 pub use talk::{Speech, Talk};
-pub use template::{Template, TemplateFault, Unread, numbers_of};
+pub use template::{Template, numbers_of};

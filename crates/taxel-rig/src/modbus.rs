@@ -1,4 +1,5 @@
-//! One register of a gauge that speaks Modbus, over TCP or as RTU on a serial line: function 3 or 4, and nothing that writes.
+//! Registers of a gauge or a drive that speaks Modbus, over TCP or as RTU on a serial line: functions 3 and 4 read one number,
+//! functions 6 and 16 write what a drive is told.
 
 /// How frames are wrapped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,13 +23,17 @@ pub enum Number {
     I32,
     /// a floating-point number of 32 bits,
     F32,
-    /// with the lower half first.
+    /// with the lower half first;
     F32Swapped,
+    /// the higher byte of a register,
+    High,
+    /// the lower one.
+    Low,
 }
 
 impl Number {
     /// The names of all.
-    pub const NAMES: &str = "u16, i16, u32, i32, f32, f32-swapped";
+    pub const NAMES: &str = "u16, i16, u32, i32, f32, f32-swapped, high, low";
 
     /// The one of this name.
     #[must_use]
@@ -40,13 +45,15 @@ impl Number {
             "i32" => Self::I32,
             "f32" => Self::F32,
             "f32-swapped" => Self::F32Swapped,
+            "high" => Self::High,
+            "low" => Self::Low,
             _ => return None,
         })
     }
 
     const fn registers(self) -> u8 {
         match self {
-            Self::U16 | Self::I16 => 1,
+            Self::U16 | Self::I16 | Self::High | Self::Low => 1,
             Self::U32 | Self::I32 | Self::F32 | Self::F32Swapped => 2,
         }
     }
@@ -62,6 +69,8 @@ impl Number {
             Self::I32 => f64::from(long()?.cast_signed()),
             Self::F32 => f64::from(f32::from_bits(long()?)),
             Self::F32Swapped => f64::from(f32::from_bits(long()?.rotate_left(16))),
+            Self::High => f64::from(short()? >> 8),
+            Self::Low => f64::from(short()? & 0xFF),
         };
         Some(number).filter(|number| number.is_finite())
     }
@@ -116,26 +125,106 @@ impl Register {
     const fn function(&self) -> u8 {
         if self.input { 4 } else { 3 }
     }
+}
 
-    /// The question for its value; `transaction` ties an answer over TCP to it.
+/// What is asked of a device.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// What a register holds.
+    Read(Register),
+    /// To write registers: one by function 6, whose answer repeats the value, or several by function 16.
+    Write {
+        /// The device.
+        slave: u8,
+        /// Address of the first register, from 0.
+        address: u16,
+        /// What goes into it and those after it.
+        values: Vec<u16>,
+    },
+}
+
+impl Request {
+    /// The device, and the address of its first register.
     #[must_use]
-    pub fn question(&self, framing: Framing, transaction: u16) -> Vec<u8> {
-        let [high, low] = self.address.to_be_bytes();
-        let frame = [self.slave, self.function(), high, low, 0, self.number.registers()];
-        match framing {
-            Framing::Tcp => {
-                let [high, low] = transaction.to_be_bytes();
-                [&[high, low, 0, 0, 0, frame.len() as u8], frame.as_slice()].concat()
-            }
-            Framing::Rtu => [frame.as_slice(), &crc(&frame).to_le_bytes()].concat(),
+    pub const fn of(&self) -> (u8, u16) {
+        match self {
+            Self::Read(register) => (register.slave, register.address),
+            Self::Write { slave, address, .. } => (*slave, *address),
         }
     }
 
-    /// The value in the answer to the question with this number, taken out of `bytes`; `None` while it has not come whole. What
-    /// answers an older question is left out.
-    pub fn answer(&self, framing: Framing, transaction: u16, bytes: &mut Vec<u8>) -> Option<Result<f64, String>> {
-        let frame = match framing {
-            Framing::Tcp => loop {
+    fn frame(&self) -> Vec<u8> {
+        let (slave, address) = self.of();
+        let [high, low] = address.to_be_bytes();
+        match self {
+            Self::Read(register) => vec![slave, register.function(), high, low, 0, register.number.registers()],
+            Self::Write { values, .. } => {
+                let count = values.len() as u8;
+                let several = [slave, 16, high, low, 0, count, 2 * count];
+                let head = if count == 1 { &[slave, 6, high, low] } else { several.as_slice() };
+                head.iter().copied().chain(values.iter().flat_map(|value| value.to_be_bytes())).collect()
+            }
+        }
+    }
+
+    /// The bytes that ask; `transaction` ties an answer over TCP to them.
+    #[must_use]
+    pub fn question(&self, framing: Framing, transaction: u16) -> Vec<u8> {
+        framing.wrap(&self.frame(), transaction)
+    }
+
+    /// The answer to the question with this number, taken out of `bytes`: the value that was read, or nothing but that it was
+    /// written. `None` while it has not come whole. What answers an older question is left out.
+    pub fn answer(
+        &self,
+        framing: Framing,
+        transaction: u16,
+        bytes: &mut Vec<u8>,
+    ) -> Option<Result<Option<f64>, String>> {
+        let length = match self {
+            Self::Read(register) => 3 + 2 * usize::from(register.number.registers()),
+            Self::Write { .. } => 6,
+        };
+        let frame = framing.frame_in(transaction, length, bytes)?;
+        Some(frame.and_then(|frame| self.accepted(&frame)))
+    }
+
+    fn accepted(&self, answer: &[u8]) -> Result<Option<f64>, String> {
+        let (asked, (_, address)) = (self.frame(), self.of());
+        match (self, answer) {
+            (_, [_, found, code]) if *found == asked[1] | 0x80 => {
+                Err(format!("the device refuses register {address}: {}", exception(*code)))
+            }
+            (_, answer) if answer.get(..2) != Some(&asked[..2]) => Err(STRANGE.to_owned()),
+            (Self::Read(register), [_, _, count, bytes @ ..]) if usize::from(*count) == bytes.len() => {
+                let number = register.number.read(bytes).ok_or("the register holds no number of this type")?;
+                Ok(Some(number * register.scale))
+            }
+            (Self::Read(_), _) => Err(STRANGE.to_owned()),
+            (Self::Write { .. }, answer) if *answer == asked[..6] => Ok(None),
+            (Self::Write { .. }, _) => Err(format!("register {address} took another value than it was given")),
+        }
+    }
+}
+
+/// An answer that is to no question of ours.
+const STRANGE: &str = "an answer came that is not to the question: does something else use the line?";
+
+impl Framing {
+    fn wrap(self, frame: &[u8], transaction: u16) -> Vec<u8> {
+        match self {
+            Self::Tcp => {
+                let [high, low] = transaction.to_be_bytes();
+                [&[high, low, 0, 0, 0, frame.len() as u8], frame].concat()
+            }
+            Self::Rtu => [frame, &crc(frame).to_le_bytes()].concat(),
+        }
+    }
+
+    /// The frame that answers, of so many bytes unless it is a refusal, taken out of what came; `None` while it is not whole.
+    fn frame_in(self, transaction: u16, length: usize, bytes: &mut Vec<u8>) -> Option<Result<Vec<u8>, String>> {
+        match self {
+            Self::Tcp => loop {
                 let length = usize::from(u16::from_be_bytes([*bytes.get(4)?, *bytes.get(5)?]));
                 if bytes[2..4] != [0, 0] || !(3..=256).contains(&length) {
                     return Some(Err("no frame of Modbus came: is the port right?".to_owned()));
@@ -145,43 +234,24 @@ impl Register {
                 }
                 let whole: Vec<u8> = bytes.drain(..6 + length).collect();
                 if whole[..2] == transaction.to_be_bytes() {
-                    break whole[6..].to_vec();
+                    return Some(Ok(whole[6..].to_vec()));
                 }
             },
-            Framing::Rtu => {
-                let failed = bytes.get(1)? & 0x80 != 0;
-                let length = if failed { 5 } else { 5 + 2 * usize::from(self.number.registers()) };
+            Self::Rtu => {
+                let length = 2 + if bytes.get(1)? & 0x80 != 0 { 3 } else { length };
                 if bytes.len() < length {
                     return None;
                 }
                 let mut whole: Vec<u8> = bytes.drain(..length).collect();
-                let sum = [whole[length - 2], whole[length - 1]];
-                whole.truncate(length - 2);
-                if crc(&whole).to_le_bytes() != sum {
+                let sum = whole.split_off(length - 2);
+                if crc(&whole).to_le_bytes() != sum[..] {
                     bytes.clear();
                     return Some(Err(
                         "the check sum of an answer is wrong: noise on the line, or another baud".to_owned()
                     ));
                 }
-                whole
+                Some(Ok(whole))
             }
-        };
-        Some(self.value(&frame))
-    }
-
-    fn value(&self, frame: &[u8]) -> Result<f64, String> {
-        let function = self.function();
-        match *frame {
-            [_, found, code] if found == function | 0x80 => {
-                Err(format!("the gauge refuses register {}: {}", self.address, exception(code)))
-            }
-            [slave, found, count, ref bytes @ ..]
-                if (slave, found) == (self.slave, function) && usize::from(count) == bytes.len() =>
-            {
-                let number = self.number.read(bytes).ok_or("the register holds no number of this type")?;
-                Ok(number * self.scale)
-            }
-            _ => Err("an answer came that is not to the question: does something else use the line?".to_owned()),
         }
     }
 }
@@ -211,6 +281,10 @@ mod tests {
         Register { slave: 1, input: false, address: 18, number, scale: 0.1 }
     }
 
+    fn asked(number: Number) -> Request {
+        Request::Read(register(number))
+    }
+
     fn rtu(frame: &[u8]) -> Vec<u8> {
         [frame, &crc(frame).to_le_bytes()].concat()
     }
@@ -219,10 +293,25 @@ mod tests {
     #[test]
     fn questions_are_as_the_specification_has_them() {
         assert_eq!(crc(&[1, 3, 0, 0, 0, 10]).to_le_bytes(), [0xC5, 0xCD]);
-        let question = Register { input: true, ..register(Number::I16) }.question(Framing::Rtu, 0);
+        let question = Request::Read(Register { input: true, ..register(Number::I16) }).question(Framing::Rtu, 0);
         assert_eq!(question[..6], [1, 4, 0, 18, 0, 1]);
-        let question = register(Number::F32).question(Framing::Tcp, 0x1234);
+        let question = Request::Read(register(Number::F32)).question(Framing::Tcp, 0x1234);
         assert_eq!(question, [0x12, 0x34, 0, 0, 0, 6, 1, 3, 0, 18, 0, 2]);
+    }
+
+    /// Both frames are examples of the specification (V1.1b3, 6.6 and 6.12), for slave 17.
+    #[test]
+    fn one_register_is_written_by_function_6_and_several_by_16() {
+        let one = Request::Write { slave: 17, address: 1, values: vec![3] };
+        assert_eq!(one.question(Framing::Rtu, 0)[..6], [17, 6, 0, 1, 0, 3]);
+        let answers = |frame: &[u8]| one.answer(Framing::Rtu, 0, &mut rtu(frame)).unwrap();
+        assert_eq!(answers(&[17, 6, 0, 1, 0, 3]), Ok(None));
+        assert!(answers(&[17, 6, 0, 1, 0, 2]).unwrap_err().contains("register 1 took another value"));
+        assert!(answers(&[17, 0x86, 4]).unwrap_err().contains("refuses register 1: exception 4"));
+        let two = Request::Write { slave: 17, address: 1, values: vec![10, 258] };
+        assert_eq!(two.question(Framing::Tcp, 1)[6..], [17, 16, 0, 1, 0, 2, 4, 0, 10, 1, 2]);
+        assert_eq!(two.answer(Framing::Rtu, 0, &mut rtu(&[17, 16, 0, 1, 0, 2])), Some(Ok(None)));
+        assert_eq!(two.answer(Framing::Rtu, 0, &mut vec![17, 16, 0]), None);
     }
 
     #[test]
@@ -240,36 +329,35 @@ mod tests {
     fn an_answer_is_read_once_it_is_whole_and_with_its_type() {
         let whole = rtu(&[1, 3, 2, 0xFF, 0x38]);
         for cut in 0..whole.len() {
-            assert_eq!(register(Number::I16).answer(Framing::Rtu, 0, &mut whole[..cut].to_vec()), None);
+            assert_eq!(asked(Number::I16).answer(Framing::Rtu, 0, &mut whole[..cut].to_vec()), None);
         }
         let read = |number: Number, bytes: &[u8]| {
             let mut tcp = [&[0, 7, 0, 0, 0, 3 + bytes.len() as u8, 1, 3, bytes.len() as u8], bytes].concat();
-            register(number).answer(Framing::Tcp, 7, &mut tcp).unwrap()
+            asked(number).answer(Framing::Tcp, 7, &mut tcp).unwrap()
         };
-        let close = |read: Result<f64, String>, value: f64| assert!((read.unwrap() - value).abs() < 1e-6, "{value}");
-        close(register(Number::I16).answer(Framing::Rtu, 0, &mut whole.clone()).unwrap(), -20.0);
+        let close = |read: Result<Option<f64>, String>, value: f64| {
+            assert!((read.unwrap().unwrap() - value).abs() < 1e-6, "{value}");
+        };
+        close(asked(Number::I16).answer(Framing::Rtu, 0, &mut whole.clone()).unwrap(), -20.0);
         close(read(Number::U16, &[0xFF, 0x38]), 6_533.6);
         close(read(Number::I32, &[0xFF, 0xFF, 0xFF, 0x38]), -20.0);
         close(read(Number::F32, &305.0_f32.to_be_bytes()), 30.5);
         let [a, b, c, d] = 305.0_f32.to_be_bytes();
         close(read(Number::F32Swapped, &[c, d, a, b]), 30.5);
+        close(read(Number::High, &[9, 88]), 0.9);
+        close(read(Number::Low, &[9, 88]), 8.8);
         assert!(read(Number::F32, &f32::NAN.to_be_bytes()).unwrap_err().contains("no number"));
     }
 
     #[test]
     fn what_is_no_answer_is_told() {
-        let of =
-            |bytes: &[u8]| register(Number::I16).answer(Framing::Rtu, 0, &mut bytes.to_vec()).unwrap().unwrap_err();
+        let of = |bytes: &[u8]| asked(Number::I16).answer(Framing::Rtu, 0, &mut bytes.to_vec()).unwrap().unwrap_err();
         assert!(of(&rtu(&[1, 0x83, 2])).contains("refuses register 18: exception 2"), "{}", of(&rtu(&[1, 0x83, 2])));
         assert!(of(&[1, 3, 2, 0, 1, 0, 0]).contains("check sum"));
         assert!(of(&rtu(&[9, 3, 2, 0, 1])).contains("not to the question"));
         let mut http = b"HTTP/1.1 400".to_vec();
         assert!(
-            register(Number::I16)
-                .answer(Framing::Tcp, 0, &mut http)
-                .unwrap()
-                .unwrap_err()
-                .contains("is the port right")
+            asked(Number::I16).answer(Framing::Tcp, 0, &mut http).unwrap().unwrap_err().contains("is the port right")
         );
     }
 
@@ -277,7 +365,7 @@ mod tests {
     fn a_late_answer_over_tcp_is_left_out() {
         let answer = |transaction: u8, value: u8| [0, transaction, 0, 0, 0, 5, 1, 3, 2, 0, value];
         let mut bytes = [answer(6, 99), answer(7, 50)].concat();
-        let read = register(Number::I16).answer(Framing::Tcp, 7, &mut bytes).unwrap().unwrap();
+        let read = asked(Number::I16).answer(Framing::Tcp, 7, &mut bytes).unwrap().unwrap().unwrap();
         assert!((read - 5.0).abs() < 1e-9 && bytes.is_empty(), "{read}");
     }
 
@@ -286,7 +374,7 @@ mod tests {
         fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..40), number in 0..2_usize, tcp: bool) {
             let framing = if tcp { Framing::Tcp } else { Framing::Rtu };
             let mut bytes = bytes;
-            let _ = register([Number::I16, Number::F32][number]).answer(framing, 1, &mut bytes);
+            let _ = asked([Number::I16, Number::F32][number]).answer(framing, 1, &mut bytes);
         }
     }
 }

@@ -1,27 +1,26 @@
-//! What is asked of a gauge, and what it says, on one way to it.
+//! What is asked of a gauge or a drive, and what it says, on one way to it.
 
 use crate::lines::Lines;
-use crate::modbus::{Framing, Register};
+use crate::modbus::{Framing, Request};
 use crate::template::Template;
 
-/// How a gauge talks.
+/// A question, and what its answer looks like.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Speech {
     /// Text.
     Text {
-        /// The question that it answers with a line; empty where it prints by itself.
+        /// What it answers with a line; empty where it prints by itself.
         poll: String,
         /// What a line looks like.
         template: Template,
     },
     /// Modbus.
-    Modbus(Register, Framing),
+    Modbus(Request, Framing),
 }
 
-/// A talk, from when the way to the gauge was opened.
+/// A talk, from when the way was opened.
 #[derive(Debug)]
 pub struct Talk {
-    speech: Speech,
     lines: Lines,
     /// What came of an answer that is not whole.
     came: Vec<u8>,
@@ -29,35 +28,35 @@ pub struct Talk {
 }
 
 impl Talk {
-    /// Nothing was said.
+    /// Nothing was said. Who says nothing unasked begins with a whole line.
     #[must_use]
-    pub fn begin(speech: Speech) -> Self {
-        let lines = if speech.is_asked() { Lines::from_the_first() } else { Lines::default() };
-        Self { speech, lines, came: Vec::new(), transaction: 0 }
+    pub fn begin(is_asked: bool) -> Self {
+        let lines = if is_asked { Lines::from_the_first() } else { Lines::default() };
+        Self { lines, came: Vec::new(), transaction: 0 }
     }
 
-    /// The next question. What was not answered until then is not waited for any more.
+    /// The bytes of a question. What was not answered until then is not waited for any more.
     #[must_use]
-    pub fn question(&mut self) -> Vec<u8> {
+    pub fn question(&mut self, speech: &Speech) -> Vec<u8> {
         self.came.clear();
         self.transaction = self.transaction.wrapping_add(1);
-        match &self.speech {
+        match speech {
             Speech::Text { poll, .. } => poll.clone().into_bytes(),
-            Speech::Modbus(register, framing) => register.question(*framing, self.transaction),
+            Speech::Modbus(request, framing) => request.question(*framing, self.transaction),
         }
     }
 
-    /// Takes what was read: the readings in it, each in the gauge's unit, or why it is none.
-    pub fn take(&mut self, bytes: &[u8]) -> Vec<Result<f64, String>> {
-        match &self.speech {
+    /// Takes what was read: the answers in it, each with its number in the device's unit, or why it is none.
+    pub fn take(&mut self, speech: &Speech, bytes: &[u8]) -> Vec<Result<Option<f64>, String>> {
+        self.came.extend_from_slice(bytes);
+        match speech {
             Speech::Text { poll, template } => {
-                let mut lines = self.lines.take(bytes);
+                let mut lines = self.lines.take(&std::mem::take(&mut self.came));
                 lines.retain(|line| line != poll.trim()); // an echo of the question
-                lines.iter().map(|line| template.read(line).map_err(|why| why.to_string())).collect()
+                lines.iter().map(|line| template.read(line)).collect()
             }
-            Speech::Modbus(register, framing) => {
-                self.came.extend_from_slice(bytes);
-                register.answer(*framing, self.transaction, &mut self.came).into_iter().collect()
+            Speech::Modbus(request, framing) => {
+                request.answer(*framing, self.transaction, &mut self.came).into_iter().collect()
             }
         }
     }

@@ -4,8 +4,6 @@
 //! as there are. All else must be in the line as it is in the template, up to the end of the line: so a line of another kind, or
 //! one that was cut off or garbled, is refused and not read as a wrong pressure.
 
-use std::fmt;
-
 use taxel_wire::signal::PressureUnit;
 
 use crate::lines::LINE_BYTES_MAX;
@@ -18,7 +16,7 @@ const SHOWN_CHARS: usize = 40;
 pub struct Template {
     /// What stands between the places of any text, in order; the number is in one of them.
     segments: Vec<Vec<Part>>,
-    unit: PressureUnit,
+    unit: Option<PressureUnit>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -28,59 +26,23 @@ enum Part {
     Number,
 }
 
-/// What is wrong with a template.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum TemplateFault {
-    /// It has no place of a number, or several.
-    Numbers(usize),
-    /// A brace without its other half.
-    Brace,
-    /// What stands in braces is no unit.
-    Unit(String),
-    /// It has an end of a line in it, or is longer than a line.
-    Line,
-}
-
-impl fmt::Display for TemplateFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Numbers(0) => {
-                f.write_str("it has no number: write the unit in braces where it is, as in \"P={kPa}\"")
-            }
-            Self::Numbers(count) => write!(f, "it has {count} numbers: leave one, and write {{*}} for the others"),
-            Self::Brace => {
-                f.write_str("a brace has no other half: expected {kPa} or another unit, and {*} for any text")
-            }
-            Self::Unit(found) => {
-                write!(f, "{{{found}}} is no unit: expected {{*}}, or in braces one of {}", PressureUnit::NAMES)
-            }
-            Self::Line => write!(f, "it has an end of a line in it, or is longer than {LINE_BYTES_MAX} bytes"),
-        }
-    }
-}
-
-/// Why a line has no pressure.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unread {
-    line: String,
-}
-
-impl fmt::Display for Unread {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let shown: String = self.line.chars().take(SHOWN_CHARS).flat_map(char::escape_debug).collect();
-        let more = if self.line.chars().count() > SHOWN_CHARS { "..." } else { "" };
-        write!(f, "line \"{shown}{more}\" is not as the template says")
-    }
-}
-
 impl Template {
-    /// Reads a template.
+    /// Reads a template of a number.
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn new(text: &str) -> Result<Self, TemplateFault> {
+    pub fn new(text: &str) -> Result<Self, String> {
+        let none = "it has no number: write the unit in braces where it is, as in \"P={kPa}\"";
+        Self::pattern(text).and_then(|read| if read.unit.is_some() { Ok(read) } else { Err(none.to_owned()) })
+    }
+
+    /// Reads a template that may do without a number.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn pattern(text: &str) -> Result<Self, String> {
         if text.len() > LINE_BYTES_MAX || text.contains(char::is_control) {
-            return Err(TemplateFault::Line);
+            return Err(format!("it has an end of a line in it, or is longer than {LINE_BYTES_MAX} bytes"));
         }
         let (mut segments, mut parts, mut units) = (Vec::new(), Vec::new(), Vec::new());
         let mut rest = text.trim();
@@ -94,11 +56,14 @@ impl Template {
                 rest = rest.trim_start();
                 continue;
             }
-            let (inside, after) = rest.strip_prefix('{').and_then(|r| r.split_once('}')).ok_or(TemplateFault::Brace)?;
+            let brace = "a brace has no other half: expected {kPa} or another unit, and {*} for any text";
+            let (inside, after) = rest.strip_prefix('{').and_then(|rest| rest.split_once('}')).ok_or(brace)?;
             if inside == "*" {
                 segments.push(std::mem::take(&mut parts));
             } else {
-                units.push(PressureUnit::named(inside).ok_or_else(|| TemplateFault::Unit(inside.to_owned()))?);
+                units.push(PressureUnit::named(inside).ok_or_else(|| {
+                    format!("{{{inside}}} is no unit: expected {{*}}, or in braces one of {}", PressureUnit::NAMES)
+                })?);
                 parts.push(Part::Number);
             }
             rest = after;
@@ -108,41 +73,45 @@ impl Template {
         }
         segments.push(parts);
         match units[..] {
-            [unit] => Ok(Self { segments, unit }),
-            _ => Err(TemplateFault::Numbers(units.len())),
+            [] | [_] => Ok(Self { segments, unit: units.first().copied() }),
+            _ => Err(format!("it has {} numbers: leave one, and write {{*}} for the others", units.len())),
         }
     }
 
-    /// The unit of its number.
+    /// The unit of its number, if it has one.
     #[must_use]
-    pub const fn unit(&self) -> PressureUnit {
+    pub const fn unit(&self) -> Option<PressureUnit> {
         self.unit
     }
 
-    /// The number in a line, in the template's unit.
+    /// The number in a line, if the template has one, in its unit.
     ///
     /// # Errors
     /// The line, if it is not as the template says.
-    pub fn read(&self, line: &str) -> Result<f64, Unread> {
+    pub fn read(&self, line: &str) -> Result<Option<f64>, String> {
         let line = line.trim();
-        self.number_in(line).ok_or_else(|| Unread { line: line.chars().take(LINE_BYTES_MAX).collect() })
+        self.matched(line).ok_or_else(|| {
+            let shown: String = line.chars().take(SHOWN_CHARS).flat_map(char::escape_debug).collect();
+            let more = if line.chars().count() > SHOWN_CHARS { "..." } else { "" };
+            format!("line \"{shown}{more}\" is not as the template says")
+        })
     }
 
-    fn number_in(&self, line: &str) -> Option<f64> {
+    fn matched(&self, line: &str) -> Option<Option<f64>> {
         let (first, others) = self.segments.split_first()?;
         let (mut rest, mut found) = segment(first, line)?;
         for (position, parts) in others.iter().enumerate() {
             // The leftmost place leaves most to what follows; the last one has to end with the line.
             let is_last = position + 1 == others.len();
             if is_last && parts.is_empty() {
-                return found;
+                return Some(found);
             }
             let starts = rest.char_indices().map(|(at, _)| at);
             let fits = |at: usize| segment(parts, &rest[at..]).filter(|(after, _)| !is_last || after.is_empty());
             let (after, number) = starts.filter_map(fits).next()?;
             (rest, found) = (after, found.or(number));
         }
-        found.filter(|_| rest.is_empty())
+        rest.is_empty().then_some(found)
     }
 }
 
@@ -214,7 +183,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn read(template: &str, line: &str) -> Option<f64> {
-        Template::new(template).unwrap().read(line).ok()
+        Template::new(template).unwrap().read(line).ok().flatten()
     }
 
     #[test]
@@ -254,7 +223,19 @@ mod tests {
             says("{ksi}")
         );
         assert!(says("{kPa}\r\n").starts_with("it has an end of a line"));
-        assert_eq!(Template::new("{psi}").unwrap().unit(), PressureUnit::Psi);
+        assert_eq!(Template::new("{psi}").unwrap().unit(), Some(PressureUnit::Psi));
+    }
+
+    #[test]
+    fn a_pattern_without_a_number_is_matched_to_the_end_of_the_line() {
+        for (pattern, line, is_like) in [
+            ("ok vent", "ok vent", true),
+            ("ok vent", "ok vent 3", false),
+            ("A {*}", "A +1 2", true),
+            ("A {*}", "A", false),
+        ] {
+            assert_eq!(Template::pattern(pattern).unwrap().read(line).is_ok(), is_like, "{pattern} of {line:?}");
+        }
     }
 
     #[test]

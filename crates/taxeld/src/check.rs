@@ -146,8 +146,8 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
             let how = match &line.speech {
                 Speech::Text { poll, .. } if poll.is_empty() => "prints by itself".to_owned(),
                 Speech::Text { poll, .. } => format!("is asked {poll:?} every {} ms", ASK_EVERY.as_millis()),
-                Speech::Modbus(register, _) => {
-                    let (slave, address) = (register.slave, register.address);
+                Speech::Modbus(request, _) => {
+                    let (slave, address) = request.of();
                     format!("register {address} of slave {slave} is read every {} ms", ASK_EVERY.as_millis())
                 }
             };

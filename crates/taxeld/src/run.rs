@@ -175,7 +175,7 @@ impl Daemon {
         &mut self,
         bus: BusIndex,
         seed: u64,
-        pump: Option<std::sync::mpsc::Receiver<taxel_sim::PumpCommand>>,
+        pump: Option<crate::sim_drive::Pump>,
     ) -> anyhow::Result<()> {
         let source = crate::sim_bus::SimBus::new(seed, (&self.plan, bus), self.handle.clone(), pump)?;
         self.add_bus(bus, source);

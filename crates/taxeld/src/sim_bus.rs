@@ -23,6 +23,7 @@ use taxel_wire::{Frame, TimedFrame};
 use tokio::sync::mpsc;
 
 use crate::runtime;
+use crate::sim_drive::Pump;
 
 /// The world is computed so far ahead; a command takes effect at most so much later.
 const AHEAD: Duration = Duration::from_millis(5);
@@ -63,12 +64,7 @@ impl SimBus {
     ///
     /// # Errors
     /// If the simulator's own defaults contradict each other, or there is no thread to be had.
-    pub fn new(
-        seed: u64,
-        (plan, bus): (&Plan, BusIndex),
-        handle: Handle,
-        pump: Option<Receiver<PumpCommand>>,
-    ) -> anyhow::Result<Self> {
+    pub fn new(seed: u64, (plan, bus): (&Plan, BusIndex), handle: Handle, pump: Option<Pump>) -> anyhow::Result<Self> {
         let begun = ClockReading::now().time;
         // A robot's boards stream already when a daemon comes that only listens.
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
@@ -125,8 +121,8 @@ struct Simulation {
     handle: Handle,
     received: Receiver<Frame>,
     to_bus: mpsc::Sender<TimedFrame>,
-    /// What the pump is told by somebody else.
-    pump: Option<Receiver<PumpCommand>>,
+    /// Who else tells the pump.
+    pump: Option<Pump>,
     /// What the pump does.
     pumping: Option<PumpCommand>,
     places: [TaxelIndex; UNDER_THE_MASS.len()],
@@ -174,7 +170,8 @@ impl Simulation {
         let session = session.as_deref();
         let wanted = session.filter(|one| one.state == SessionState::Ramping).map_or(PumpCommand::Vent, pump_of);
         if let Some(pump) = &self.pump {
-            pump.try_iter().for_each(|command| self.world.pump(command));
+            pump.commands.try_iter().for_each(|command| self.world.pump(command));
+            pump.gauge.set(self.world.true_pressure());
         } else if self.pumping.replace(wanted) != Some(wanted) {
             self.world.pump(wanted);
         }

@@ -5,6 +5,8 @@
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -18,68 +20,102 @@ const KPA_PER_S: f64 = 15.0;
 /// How often it looks whether its time is over.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Listens on a free port of this machine, a connection after the other; what the pump is told comes out.
+/// The pump's end of the board.
+pub struct Pump {
+    /// What it is told.
+    pub commands: Receiver<PumpCommand>,
+    /// What the board's own gauge reads, kPa below ambient.
+    pub gauge: Gauge,
+}
+
+/// A pressure that one thread knows and another reads.
+#[derive(Clone, Default)]
+pub struct Gauge(Arc<AtomicU64>);
+
+impl Gauge {
+    /// It reads this now.
+    pub fn set(&self, kpa: Kilopascal) {
+        self.0.store(kpa.0.to_bits(), Ordering::Relaxed);
+    }
+
+    fn kpa(&self) -> f64 {
+        f64::from_bits(self.0.load(Ordering::Relaxed))
+    }
+}
+
+/// Listens on a free port of this machine, a connection after the other.
 ///
 /// # Errors
 /// If there is no port or no thread.
-pub fn start() -> anyhow::Result<(SocketAddr, Receiver<PumpCommand>)> {
+pub fn start() -> anyhow::Result<(SocketAddr, Pump)> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     let address = listener.local_addr()?;
     let (to, commands) = channel();
+    let gauge = Gauge::default();
+    let board = Board { to, gauge: gauge.clone() };
     runtime::start("sim-drive", move || {
         for stream in listener.incoming().flatten() {
             // The program is gone, and so is what held the pressure.
-            if serve(stream, &to).is_err() && to.send(PumpCommand::Vent).is_err() {
+            if board.serve(stream).is_err() && board.to.send(PumpCommand::Vent).is_err() {
                 return;
             }
         }
     })?;
-    Ok((address, commands))
+    Ok((address, Pump { commands, gauge }))
 }
 
-fn serve(stream: TcpStream, to: &Sender<PumpCommand>) -> io::Result<()> {
-    stream.set_read_timeout(Some(LOOK_EVERY))?;
-    let (mut lines, mut answers) = (BufReader::new(stream.try_clone()?), stream);
-    let (mut line, mut until) = (String::new(), None);
-    loop {
-        match lines.read_line(&mut line) {
-            Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
-            Ok(_) => {
-                let (answer, command, limit) = understood(line.trim());
-                line.clear();
-                if let Some(command) = command {
-                    to.send(command).map_err(io::Error::other)?;
-                    until = limit.map(|limit| Instant::now() + limit);
+struct Board {
+    to: Sender<PumpCommand>,
+    gauge: Gauge,
+}
+
+impl Board {
+    fn serve(&self, stream: TcpStream) -> io::Result<()> {
+        stream.set_read_timeout(Some(LOOK_EVERY))?;
+        let (mut lines, mut answers) = (BufReader::new(stream.try_clone()?), stream);
+        let (mut line, mut until) = (String::new(), None);
+        let tell = |command| self.to.send(command).map_err(io::Error::other);
+        loop {
+            match lines.read_line(&mut line) {
+                Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
+                Ok(_) => {
+                    let (answer, told) = self.understood(line.trim());
+                    line.clear();
+                    if let Some((command, limit)) = told {
+                        tell(command)?;
+                        until = limit.map(|limit| Instant::now() + limit);
+                    }
+                    writeln!(answers, "{answer}")?;
                 }
-                writeln!(answers, "{answer}")?;
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                Err(error) => return Err(error),
             }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-            Err(error) => return Err(error),
-        }
-        if until.take_if(|until| Instant::now() > *until).is_some() {
-            to.send(PumpCommand::Vent).map_err(io::Error::other)?;
+            if until.take_if(|until| Instant::now() > *until).is_some() {
+                tell(PumpCommand::Vent)?;
+            }
         }
     }
-}
 
-/// The answer to a line, what the pump does, and for how long at most.
-fn understood(line: &str) -> (String, Option<PumpCommand>, Option<Duration>) {
-    let words: Vec<_> = line.split_whitespace().collect();
-    let limit = |ms: &str| ms.parse().ok().map(Duration::from_millis);
-    match words[..] {
-        ["set", kpa, ms] => match (kpa.parse::<f64>(), limit(ms)) {
-            (Ok(target), Some(limit)) if (0.0..=90.0).contains(&target) => {
-                let ramp = PumpCommand::Ramp { target: Kilopascal(target), kpa_per_s: KPA_PER_S };
-                (format!("ok set {kpa}"), Some(ramp), Some(limit))
-            }
-            _ => ("error: set KPA MS".to_owned(), None, None),
-        },
-        ["hold", ms] => match limit(ms) {
-            Some(limit) => ("ok hold".to_owned(), Some(PumpCommand::Off), Some(limit)),
-            None => ("error: hold MS".to_owned(), None, None),
-        },
-        ["vent"] => ("ok vent".to_owned(), Some(PumpCommand::Vent), None),
-        _ => ("error: set, hold, vent".to_owned(), None, None),
+    /// The answer to a line, what the pump does, and for how long at most.
+    fn understood(&self, line: &str) -> (String, Option<(PumpCommand, Option<Duration>)>) {
+        let words: Vec<_> = line.split_whitespace().collect();
+        let limit = |ms: &str| ms.parse().ok().map(Duration::from_millis);
+        let told = match words[..] {
+            ["set", kpa, ms] => limit(ms)
+                .zip(kpa.parse().ok())
+                .filter(|(_, kpa)| (0.0..=90.0).contains(kpa))
+                .map(|(limit, kpa)| (PumpCommand::Ramp { target: Kilopascal(kpa), kpa_per_s: KPA_PER_S }, Some(limit))),
+            ["hold", ms] => limit(ms).map(|limit| (PumpCommand::Off, Some(limit))),
+            ["vent"] => Some((PumpCommand::Vent, None)),
+            ["get"] => return (format!("p {:.2}", self.gauge.kpa()), None),
+            _ => None,
+        };
+        let answer = match (told, &words[..]) {
+            (Some(_), [word, kpa, _]) => format!("ok {word} {kpa}"),
+            (Some(_), [word, ..]) => format!("ok {word}"),
+            _ => "error: set KPA MS, hold MS, vent, get".to_owned(),
+        };
+        (answer, told)
     }
 }
 
@@ -89,7 +125,8 @@ mod tests {
 
     #[test]
     fn a_set_point_that_nobody_repeats_is_vented() {
-        let (address, commands) = start().unwrap();
+        let (address, Pump { commands, gauge }) = start().unwrap();
+        gauge.set(Kilopascal(1.25));
         let mut line = TcpStream::connect(address).unwrap();
         let mut answers = BufReader::new(line.try_clone().unwrap()).lines();
         let mut tell = |text: &str| {
@@ -102,6 +139,7 @@ mod tests {
         assert_eq!(tell("hold 60000"), "ok hold");
         assert_eq!(commands.recv().unwrap(), PumpCommand::Off);
         assert!(tell("set 200 100").starts_with("error"));
+        assert_eq!(tell("get"), "p 1.25");
         drop((line, answers));
         assert_eq!(commands.recv().unwrap(), PumpCommand::Vent, "nobody is there any more");
     }

@@ -130,11 +130,31 @@ fn a_session_that_nobody_types_in_ends() {
     assert!(bench.host.session().reason.contains("nothing was typed for 15 minutes"));
 }
 
-/// Of masses on the forearm, with models by a ramp, or by so many typed plateaus: the mean absolute error in percent, and the share
-/// whose 95 % interval holds the weight.
-fn weighed(seed: u64, plateaus: Option<usize>) -> (f64, f64) {
+/// How the pressure comes to its target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Course {
+    /// A pump that keeps its rate.
+    Ramp,
+    /// A hand pump: strokes of 0.2 to 0.8 s at 0 to 6 kPa/s, every fourth a pause of the hand, in which the valve lets 0.5 kPa/s in.
+    Hand,
+    /// So many plateaus, typed.
+    Plateaus(usize),
+}
+
+/// One stroke of a hand pump, other ones for other seeds.
+fn stroke(bench: &mut Bench, seed: u64, stroke: u64) {
+    // Two fractions of 0 to 1 by the golden and the silver ratio: spread evenly, without a pattern that a stroke could follow.
+    let [long, fast] = [0.618_034, 0.414_214].map(|ratio| ((stroke + 1_000 * seed) as f64 * ratio).fract());
+    let (target_kpa, kpa_per_s) = if stroke % 4 == 3 { (0.0, 0.5) } else { (TARGET_KPA + 4.0, 6.0 * fast) };
+    bench.ramp(target_kpa, kpa_per_s);
+    bench.seconds(0.2 + 0.6 * long);
+}
+
+/// Of masses on the forearm, with models by such a course: the mean absolute error in percent, and the share whose 95 % interval holds
+/// the weight.
+fn weighed(seed: u64, course: Course) -> (f64, f64) {
     let world = World::new(Skin::forearm().unwrap(), Config::seeded(seed));
-    let mut bench = if plateaus.is_some() {
+    let mut bench = if matches!(course, Course::Plateaus(_)) {
         bench_of(world)
     } else {
         let mut bench = Bench::new(world.clone(), plan(patch_plan(world.skin())), Restored::default());
@@ -142,14 +162,20 @@ fn weighed(seed: u64, plateaus: Option<usize>) -> (f64, f64) {
         bench
     };
     let session = bench.start_session(Some(TARGET_KPA));
-    match plateaus {
-        Some(plateaus) => climb(&mut bench, session, plateaus),
-        None => {
-            bench.ramp(74.0, 2.0);
-            bench.until_state(100.0, SessionState::Review);
-            bench.world.pump(PumpCommand::Vent);
-            bench.seconds(20.0);
+    match course {
+        Course::Plateaus(plateaus) => climb(&mut bench, session, plateaus),
+        Course::Ramp => bench.ramp(74.0, 2.0),
+        Course::Hand => {
+            let mut strokes = 0..1_000;
+            while bench.host.session().state == SessionState::Ramping {
+                stroke(&mut bench, seed, strokes.next().unwrap());
+            }
         }
+    }
+    if !matches!(course, Course::Plateaus(_)) {
+        bench.until_state(100.0, SessionState::Review);
+        bench.world.pump(PumpCommand::Vent);
+        bench.seconds(20.0);
     }
     let set = bench.host.newest_set().id.clone();
     bench.activate(&set).unwrap();
@@ -176,7 +202,23 @@ fn weighed(seed: u64, plateaus: Option<usize>) -> (f64, f64) {
 
 #[test]
 fn twelve_typed_plateaus_are_as_good_as_a_ramp_to_one_point() {
-    let ((ramp, _), (typed, held)) = (weighed(7, None), weighed(7, Some(12)));
+    let ((ramp, _), (typed, held)) = (weighed(7, Course::Ramp), weighed(7, Course::Plateaus(12)));
     assert!(typed <= ramp + 1.0, "{typed:.2} % by 12 plateaus, {ramp:.2} % by the ramp");
     assert!(held >= 0.9, "the stated interval held {held:.2} of the weights");
+}
+
+/// The figures: `cargo test -p taxel-engine --test scenarios typed::figures -- --ignored --nocapture`.
+#[test]
+#[ignore = "takes minutes and prints figures: cargo test -p taxel-engine --test scenarios -- --ignored --nocapture typed::figures"]
+fn figures() {
+    let plateaus = [8, 12, 20].map(Course::Plateaus);
+    for course in [Course::Ramp, Course::Hand].into_iter().chain(plateaus) {
+        let (errors, held): (Vec<f64>, Vec<f64>) = (1..=5).map(|seed| weighed(seed, course)).unzip();
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        let held = 100.0 * held.iter().sum::<f64>() / held.len() as f64;
+        println!(
+            "{course:?}: {mean:.2} %, {held:.0} % held ({})",
+            errors.iter().map(|e| format!("{e:.2}")).collect::<Vec<_>>().join(", ")
+        );
+    }
 }

@@ -55,6 +55,8 @@ pub struct Seen {
     pub now: Duration,
     /// What the bag's gauge read last, kPa below ambient, and how long ago.
     pub gauge: Option<(f64, Duration)>,
+    /// The same of the drive's own gauge, if it has one.
+    pub own: Option<(f64, Duration)>,
     /// How long ago the drive answered as it should, with the set point that it was given.
     pub answer_age: Duration,
     /// What the session is at.

@@ -18,9 +18,15 @@ pub use given::{Abilities, Ask, Limits, Order, Phase, Programme, Seen};
 pub use stop::Stop;
 
 use control::Control;
-use stop::{AT_REST_MAX_KPA, LEAK_KPA, LEAK_MAX_KPA_PER_MIN, TEST_KPA};
-use watch::Watch;
+use watch::{GAUGE_AGE_MAX, Watch};
 
+/// No gauge of a vented bag reads more at the beginning, kPa.
+const AT_REST_MAX_KPA: f64 = 2.0;
+/// The self-test rises to this, kPa.
+const TEST_KPA: f64 = 5.0;
+/// The leak is read at this pressure, kPa; a bag may lose so much (kPa/min).
+const LEAK_KPA: f64 = 20.0;
+const LEAK_MAX_KPA_PER_MIN: f64 = 3.4;
 /// Before anything is pumped, gauge and drive are waited for so long: a micro board that was just plugged in begins anew.
 const HEARD_WITHIN: Duration = Duration::from_secs(5);
 /// Readings that what the gauge reads at rest is the mean of: a second of them.
@@ -36,9 +42,9 @@ const TEST_WITHIN: Duration = Duration::from_secs(15);
 const TEST_OVER_KPA: f64 = 3.0;
 /// A drive's own limit has ended what it held so long after the last command, beyond the limit itself.
 const OWN_LIMIT_SLACK: Duration = Duration::from_secs(4);
-/// The leak is read after so long, over so long.
+/// The leak is read after so long, from the first to the last of so many seconds.
 const LEAK_SETTLE: Duration = Duration::from_secs(3);
-const LEAK_OVER: Duration = Duration::from_secs(6);
+const LEAK_OVER_S: f64 = 6.0;
 /// The session has taken its zero within so long.
 const TARE_WITHIN: Duration = Duration::from_secs(120);
 /// A ramp that gets no further for so long does not.
@@ -74,12 +80,12 @@ pub enum State {
 /// What a state remembers.
 #[derive(Clone, Debug)]
 enum Now {
-    Armed { sum_kpa: f64, readings: u32 },
+    Armed { gauge: Mean, own: Mean },
     Rise,
     Silence { last_order: Duration },
     TestVent,
     LeakRise(Control),
-    Leak(Slope),
+    Leak([Mean; 2]),
     LeakVent,
     Tare { asked: bool },
     Ramp(Control),
@@ -90,25 +96,20 @@ enum Now {
     SafeVent { why: Stop, vented: bool, aborted: bool },
 }
 
-/// The slope of a straight line through readings, by least squares.
+/// The mean of readings.
 #[derive(Clone, Copy, Debug, Default)]
-struct Slope {
-    count: f64,
-    sums: [f64; 4],
+struct Mean {
+    sum_kpa: f64,
+    readings: u32,
 }
 
-impl Slope {
-    fn push(&mut self, s: f64, kpa: f64) {
-        self.count += 1.0;
-        for (sum, value) in self.sums.iter_mut().zip([s, kpa, s * s, s * kpa]) {
-            *sum += value;
-        }
+impl Mean {
+    fn push(&mut self, kpa: f64) {
+        (self.sum_kpa, self.readings) = (self.sum_kpa + kpa, self.readings + 1);
     }
 
-    /// Per second.
-    fn per_s(&self) -> f64 {
-        let [s, kpa, squares, products] = self.sums.map(|sum| sum / self.count);
-        (products - s * kpa) / (squares - s * s)
+    fn kpa(self) -> f64 {
+        self.sum_kpa / f64::from(self.readings.max(1))
     }
 }
 
@@ -121,11 +122,15 @@ pub struct Drive {
     now: Now,
     since: Duration,
     watch: Watch,
-    /// What the gauge reads of a vented bag, kPa.
+    /// What the gauge reads of a vented bag, and the drive's own, kPa.
     rest_kpa: f64,
+    own_rest_kpa: f64,
     ramps_left: u32,
     leak_kpa_per_min: Option<f64>,
+    gauges_differ: Option<(f64, f64)>,
 }
+
+type Step = Result<(Order, Option<Ask>), Stop>;
 
 impl Drive {
     /// A procedure that begins now, with a bag that should be vented. A process that was killed may have left it otherwise: so the
@@ -136,12 +141,14 @@ impl Drive {
             limits,
             abilities,
             programme,
-            now: Now::Armed { sum_kpa: 0.0, readings: 0 },
+            now: Now::Armed { gauge: Mean::default(), own: Mean::default() },
             since: now,
             watch: Watch::new(now),
             rest_kpa: 0.0,
+            own_rest_kpa: 0.0,
             ramps_left: programme.ramps,
             leak_kpa_per_min: None,
+            gauges_differ: None,
         }
     }
 
@@ -177,10 +184,16 @@ impl Drive {
         self.leak_kpa_per_min
     }
 
+    /// By how much the drive's own gauge has read more than the bag's at most, and at which of the bag's, kPa; venting does not count.
+    #[must_use]
+    pub const fn gauges_differ(&self) -> Option<(f64, f64)> {
+        self.gauges_differ
+    }
+
     /// Ends it: somebody asked for that, or the line is broken.
     pub fn stop(&mut self, now: Duration, by: impl Into<String>) {
         if !matches!(self.now, Now::Done | Now::SafeVent { .. }) {
-            self.safe_vent(now, Stop::Asked(by.into()));
+            self.safe_vent(now, Stop(format!("{} ended it", by.into())));
         }
     }
 
@@ -202,49 +215,78 @@ impl Drive {
         (Order::Vent, aborts.then_some(Ask::Abort))
     }
 
-    fn go_on(&mut self, seen: &Seen) -> Result<(Order, Option<Ask>), Stop> {
+    fn go_on(&mut self, seen: &Seen) -> Step {
         // While the drive is not spoken to, it answers nothing.
         let is_silent = matches!(self.now, Now::Silence { .. });
         let spoken_to = if is_silent { Duration::ZERO } else { seen.now.saturating_sub(self.since) };
         let answer_age = seen.answer_age.min(spoken_to);
         let gauge = seen.gauge.map(|(kpa, age)| (kpa - self.rest_kpa, age));
-        let looked = self.watch.look(&Seen { gauge, answer_age, ..*seen }, &self.limits, self.programme.kpa_per_s);
         let is_waiting = self.state() == State::Armed && seen.now.saturating_sub(self.since) < HEARD_WITHIN;
-        if is_waiting && matches!(looked, Err(Stop::GaugeSilent(_) | Stop::DriveSilent(_))) {
-            return Ok((Order::Vent, None));
-        }
-        let kpa = looked?;
+        self.watch.runs(seen.now)?;
+        let kpa = match Watch::hear(&Seen { gauge, answer_age, ..*seen }) {
+            Ok(kpa) => kpa,
+            Err(_) if is_waiting => return Ok((Order::Vent, None)),
+            Err(why) => return Err(why),
+        };
+        self.watch.look(seen.now, kpa, &self.limits, self.programme.kpa_per_s)?;
+        let own = seen.own.filter(|(_, age)| *age <= GAUGE_AGE_MAX).map(|(kpa, _)| kpa - self.own_rest_kpa);
         if seen.phase == Phase::Failed {
-            return Err(Stop::Session);
+            return Err(Stop("the session has ended by itself".to_owned()));
+        }
+        if let Some(own_kpa) = own.filter(|_| self.state() != State::Armed) {
+            self.compare_gauges(seen.now, kpa, own_kpa)?;
         }
         match self.state() {
-            State::Armed => self.armed(seen.now, kpa),
+            State::Armed => self.armed(seen.now, kpa, own),
             State::SelfTest => self.self_test(seen.now, kpa),
             State::LeakTest => self.leak_test(seen.now, kpa),
             _ => self.session(seen, kpa),
         }
     }
 
-    fn armed(&mut self, now: Duration, kpa: f64) -> Result<(Order, Option<Ask>), Stop> {
+    fn compare_gauges(&mut self, now: Duration, kpa: f64, own_kpa: f64) -> Result<(), Stop> {
+        let (is_told, more_kpa) = (matches!(self.state(), State::Ramp | State::Hold | State::Fall), own_kpa - kpa);
+        if is_told && self.gauges_differ.is_none_or(|(most_kpa, _)| more_kpa.abs() > most_kpa.abs()) {
+            self.gauges_differ = Some((more_kpa, kpa));
+        }
+        self.watch.compare_gauges(now, kpa, own_kpa)
+    }
+
+    fn armed(&mut self, now: Duration, kpa: f64, own_kpa: Option<f64>) -> Step {
         let waited = now.saturating_sub(self.since);
-        if let Now::Armed { sum_kpa, readings } = &mut self.now {
+        if let Now::Armed { gauge, own } = &mut self.now {
             if kpa.abs() <= AT_REST_MAX_KPA {
-                (*sum_kpa, *readings) = (*sum_kpa + kpa, *readings + 1);
+                gauge.push(kpa);
+                own_kpa.into_iter().for_each(|kpa| own.push(kpa));
             } else if waited > VENT_WITHIN {
-                return Err(Stop::NotAtRest(kpa));
+                return Err(Stop(format!(
+                    "the bag is not vented: its gauge reads {kpa:.1} kPa, limit {AT_REST_MAX_KPA}; open the valve, then begin anew"
+                )));
             }
-            if *readings >= AT_REST_READINGS {
-                self.rest_kpa = *sum_kpa / f64::from(*readings);
+            if gauge.readings >= AT_REST_READINGS {
+                (self.rest_kpa, self.own_rest_kpa) = (gauge.kpa(), own.kpa());
                 self.enter(now, Now::Rise);
             }
         }
         Ok((Order::Vent, None))
     }
 
-    fn self_test(&mut self, now: Duration, kpa: f64) -> Result<(Order, Option<Ask>), Stop> {
+    /// Vents until the gauge says so, then goes on.
+    fn vent(&mut self, now: Duration, kpa: f64, next: Now) -> Step {
+        if kpa < VENTED_KPA {
+            self.enter(now, next);
+        } else if now.saturating_sub(self.since) > VENT_WITHIN {
+            return Err(Stop(format!(
+                "the bag does not vent: its gauge reads {kpa:.1} kPa; open the valve by hand and switch the pump off"
+            )));
+        }
+        Ok((Order::Vent, None))
+    }
+
+    fn self_test(&mut self, now: Duration, kpa: f64) -> Step {
         let waited = now.saturating_sub(self.since);
         if kpa > TEST_KPA + TEST_OVER_KPA {
-            return Err(Stop::TooHigh { kpa, highest_kpa: TEST_KPA + TEST_OVER_KPA });
+            return Err(Stop(format!("self-test: the bag is at {kpa:.1} kPa where {TEST_KPA} were asked for")));
         }
         match (&self.now, self.abilities.own_limit) {
             (Now::Rise, own_limit) => {
@@ -252,7 +294,7 @@ impl Drive {
                     let next = if own_limit.is_some() { Now::Silence { last_order: now } } else { Now::TestVent };
                     self.enter(now, next);
                 } else if waited > TEST_WITHIN {
-                    return Err(Stop::NoRise(kpa));
+                    return Err(no_rise(kpa, TEST_KPA));
                 }
                 Ok((Order::Set(TEST_KPA), None))
             }
@@ -260,63 +302,58 @@ impl Drive {
                 if kpa < 0.5 * TEST_SHARE * TEST_KPA {
                     self.enter(now, Now::TestVent);
                 } else if now.saturating_sub(*last_order) > limit + OWN_LIMIT_SLACK {
-                    return Err(Stop::NoOwnLimit(limit));
+                    return Err(Stop(format!(
+                        "self-test: the drive holds the pressure although it was told nothing for {:.1} s; it has no time limit of its own: name another fail_safe",
+                        limit.as_secs_f64()
+                    )));
                 }
                 Ok((Order::Silence, None))
             }
             _ => {
-                if kpa < VENTED_KPA {
-                    let rise = Control::new(now, kpa, LEAK_KPA, LEAK_KPA / 5.0);
-                    let reaches = self.limits.highest_kpa >= LEAK_KPA;
-                    let leaks = self.abilities.holds && reaches;
-                    self.enter(now, if leaks { Now::LeakRise(rise) } else { Now::Tare { asked: false } });
-                } else if waited > VENT_WITHIN {
-                    return Err(Stop::NoVent(kpa));
-                }
-                Ok((Order::Vent, None))
+                let rise = Control::new(now, kpa, LEAK_KPA, LEAK_KPA / 5.0);
+                let leaks = self.abilities.holds && self.limits.highest_kpa >= LEAK_KPA;
+                self.vent(now, kpa, if leaks { Now::LeakRise(rise) } else { Now::Tare { asked: false } })
             }
         }
     }
 
-    fn leak_test(&mut self, now: Duration, kpa: f64) -> Result<(Order, Option<Ask>), Stop> {
+    fn leak_test(&mut self, now: Duration, kpa: f64) -> Step {
         let waited = now.saturating_sub(self.since);
         match &mut self.now {
             Now::LeakRise(rise) => {
                 let set_kpa = rise.set_kpa(now, kpa, self.limits.highest_kpa);
                 self.watch.compare(now, kpa, set_kpa)?;
                 if rise.is_at_end() && kpa > TEST_SHARE * LEAK_KPA {
-                    self.enter(now, Now::Leak(Slope::default()));
+                    self.enter(now, Now::Leak([Mean::default(); 2]));
                 } else if waited > TEST_WITHIN {
-                    return Err(Stop::NoRise(kpa));
+                    return Err(no_rise(kpa, LEAK_KPA));
                 }
                 Ok((Order::Set(set_kpa), None))
             }
-            Now::Leak(slope) => {
-                if waited >= LEAK_SETTLE {
-                    slope.push(waited.as_secs_f64(), kpa);
+            Now::Leak([first, last]) => {
+                let over_s = waited.saturating_sub(LEAK_SETTLE).as_secs_f64();
+                if waited >= LEAK_SETTLE && over_s < 1.0 {
+                    first.push(kpa);
+                } else if over_s >= LEAK_OVER_S - 1.0 {
+                    last.push(kpa);
                 }
-                if waited >= LEAK_SETTLE + LEAK_OVER {
-                    let kpa_per_min = -60.0 * slope.per_s();
+                if over_s >= LEAK_OVER_S {
+                    let kpa_per_min = 60.0 * (first.kpa() - last.kpa()) / (LEAK_OVER_S - 1.0);
                     self.leak_kpa_per_min = Some(kpa_per_min);
                     if kpa_per_min > LEAK_MAX_KPA_PER_MIN {
-                        return Err(Stop::Leak(kpa_per_min));
+                        return Err(Stop(format!(
+                            "the bag loses {kpa_per_min:.1} kPa/min at {LEAK_KPA} kPa, limit {LEAK_MAX_KPA_PER_MIN}; seal it"
+                        )));
                     }
                     self.enter(now, Now::LeakVent);
                 }
                 Ok((Order::Hold, None))
             }
-            _ => {
-                if kpa < VENTED_KPA {
-                    self.enter(now, Now::Tare { asked: false });
-                } else if waited > VENT_WITHIN {
-                    return Err(Stop::NoVent(kpa));
-                }
-                Ok((Order::Vent, None))
-            }
+            _ => self.vent(now, kpa, Now::Tare { asked: false }),
         }
     }
 
-    fn session(&mut self, seen: &Seen, kpa: f64) -> Result<(Order, Option<Ask>), Stop> {
+    fn session(&mut self, seen: &Seen, kpa: f64) -> Step {
         let (now, phase) = (seen.now, seen.phase);
         let waited = now.saturating_sub(self.since);
         let (highest_kpa, target_kpa) = (self.limits.highest_kpa, seen.target_kpa);
@@ -326,12 +363,17 @@ impl Drive {
                 let ask = ask.map(|_| if phase == Phase::None { Ask::Begin } else { Ask::Ramp });
                 if phase == Phase::Rising {
                     if target_kpa > highest_kpa {
-                        return Err(Stop::Target { target_kpa, highest_kpa });
+                        return Err(Stop(format!(
+                            "the session's target is {target_kpa:.0} kPa, and highest_kpa of the drive is {highest_kpa:.0}; begin anew with --target {:.0}",
+                            highest_kpa - 1.0
+                        )));
                     }
                     let end_kpa = (target_kpa + BEYOND_TARGET_KPA).min(highest_kpa);
+                    self.ramps_left = self.ramps_left.saturating_sub(1);
                     self.enter(now, Now::Ramp(Control::new(now, kpa, end_kpa, self.programme.kpa_per_s)));
                 } else if waited > TARE_WITHIN {
-                    return Err(Stop::NoZero);
+                    let words = "the session has not taken its zero; does something press on the skin?";
+                    return Err(Stop(words.to_owned()));
                 }
                 return Ok((Order::Vent, ask));
             }
@@ -339,7 +381,7 @@ impl Drive {
                 let set_kpa = control.set_kpa(now, kpa, highest_kpa);
                 let is_at_end = control.is_at_end();
                 if control.stands_for(now) > STANDS_MAX {
-                    return Err(Stop::Apart { gauge_kpa: kpa, set_kpa });
+                    return Err(Watch::does_not_follow(kpa, set_kpa));
                 }
                 self.watch.compare(now, kpa, set_kpa)?;
                 self.follow(now, phase, kpa, is_at_end.then_some(set_kpa));
@@ -349,20 +391,16 @@ impl Drive {
                 let set_kpa = *set_kpa;
                 self.watch.compare(now, kpa, set_kpa)?;
                 if waited > self.limits.hold {
-                    return Err(Stop::NoTarget(kpa));
+                    return Err(Stop(format!(
+                        "the session does not see its target reached: the bag stays at {kpa:.1} kPa; is the pump at its end?"
+                    )));
                 }
                 self.follow(now, phase, kpa, None);
                 return Ok((Order::Set(set_kpa), None));
             }
             _ => {}
         }
-        if kpa < VENTED_KPA {
-            self.ramps_left = self.ramps_left.saturating_sub(1);
-            self.enter(now, if self.ramps_left > 0 { Now::Tare { asked: false } } else { Now::Done });
-        } else if waited > VENT_WITHIN {
-            return Err(Stop::NoVent(kpa));
-        }
-        Ok((Order::Vent, None))
+        self.vent(now, kpa, if self.ramps_left > 0 { Now::Tare { asked: false } } else { Now::Done })
     }
 
     /// Goes where the session is: it sees its target reached, not the drive.
@@ -388,4 +426,10 @@ impl Drive {
         (self.now, self.since) = (next, now);
         self.watch.forget();
     }
+}
+
+fn no_rise(kpa: f64, asked_kpa: f64) -> Stop {
+    Stop(format!(
+        "self-test: the gauge reads {kpa:.1} kPa where {asked_kpa} were asked for; is the pump on, the bag closed, the gauge this bag's?"
+    ))
 }

@@ -2,7 +2,7 @@
 
 use taxel_dbc::DbcFile;
 use taxel_engine::plan::Gauge;
-use taxel_rig::modbus::{Framing, Register};
+use taxel_rig::modbus::{Framing, Register, Request};
 use taxel_rig::{Speech, Template};
 use taxel_skin::BusIndex;
 use taxel_wire::reading;
@@ -223,7 +223,7 @@ fn refers_to(gauge: &GaugeSection, faults: &mut Faults) -> (PressureMeaning, f64
 /// The unit of what such a gauge says.
 fn unit(gauge: &GaugeSection, speech: &Speech, faults: &mut Faults) -> Option<PressureUnit> {
     if let Speech::Text { template, .. } = speech {
-        return Some(template.unit());
+        return template.unit();
     }
     let named = gauge.unit.as_deref().and_then(PressureUnit::named);
     let words = || format!("gauge.unit: expected the unit of the register's steps, one of {}", PressureUnit::NAMES);
@@ -247,7 +247,7 @@ fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<
         (None, Some(register)) => {
             let read = Register::new(register).map_err(|why| format!("gauge.register = \"{register}\": {why}"));
             let framing = if at.is_serial() { Framing::Rtu } else { Framing::Tcp };
-            Speech::Modbus(faults.take("gauge.register", read)?, framing)
+            Speech::Modbus(Request::Read(faults.take("gauge.register", read)?), framing)
         }
         _ => {
             let words = "gauge: expected one of template, what a line of its text looks like, as in \"P={kPa}\", and register, as in \

@@ -62,7 +62,7 @@ impl LineBus {
         sleep(self.pause).await;
         self.pause = (2 * self.pause).clamp(PAUSES[0], PAUSES[1]);
         let link = self.line.at.open().await?;
-        let (talk, now) = (Talk::begin(self.line.speech.clone()), Instant::now());
+        let (talk, now) = (Talk::begin(self.line.speech.is_asked()), Instant::now());
         Ok(Open { link, talk, heard: now, asked: now, ask_at: now })
     }
 
@@ -83,7 +83,7 @@ impl LineBus {
         let (mut unread, mut newest) = (None, None);
         for said in heard {
             match said {
-                Ok(value) => newest = Some(value),
+                Ok(value) => newest = value.or(newest),
                 Err(why) => unread = Some((unread.map_or(0, |(lines, _)| lines) + 1, why)),
             }
         }
@@ -101,19 +101,19 @@ impl LineBus {
 
 impl Open {
     /// What it says next, at least one reading or what is none; asks for it where that is needed.
-    async fn next(&mut self, line: &Line) -> Result<Vec<Result<f64, String>>, String> {
+    async fn next(&mut self, line: &Line) -> Result<Vec<Result<Option<f64>, String>>, String> {
         let mut buffer = [0; 1024];
         loop {
             tokio::select! {
                 count = self.link.read(&mut buffer) => {
-                    let said = self.talk.take(&buffer[..count.map_err(|error| error.to_string())?]);
+                    let said = self.talk.take(&line.speech, &buffer[..count.map_err(|error| error.to_string())?]);
                     if !said.is_empty() {
                         (self.heard, self.ask_at) = (Instant::now(), self.asked + ASK_EVERY);
                         return Ok(said);
                     }
                 }
                 () = sleep_until(self.ask_at), if line.speech.is_asked() => {
-                    let question = self.talk.question();
+                    let question = self.talk.question(&line.speech);
                     self.link.write(&question).await.map_err(|error| error.to_string())?;
                     self.asked = Instant::now();
                     self.ask_at = self.asked + ANSWER_WITHIN;

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nix::fcntl::OFlag;
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
 use taxel_rig::Template;
-use taxel_rig::modbus::{Framing, Number, Register};
+use taxel_rig::modbus::{Framing, Number, Register, Request};
 use taxel_wire::signal::{PressureMeaning, PressureUnit};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
@@ -214,10 +214,10 @@ async fn a_gauge_that_hangs_up_at_once_is_tried_with_growing_pauses() {
 /// A register of slave 1 that counts the questions, over TCP and as RTU over a pseudo terminal.
 #[tokio::test]
 async fn a_register_is_asked_again_and_again() {
-    let register = Register { slave: 1, input: true, address: 18, number: Number::I16, scale: 0.5 };
+    let register = Request::Read(Register { slave: 1, input: true, address: 18, number: Number::I16, scale: 0.5 });
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let at = At::new(&format!("tcp:{}", listener.local_addr().unwrap())).unwrap();
-    let mut bus = of(at, Speech::Modbus(register, Framing::Tcp));
+    let mut bus = of(at, Speech::Modbus(register.clone(), Framing::Tcp));
     let serve = async {
         let (mut gauge, _) = listener.accept().await.unwrap();
         let mut question = [0; 12];

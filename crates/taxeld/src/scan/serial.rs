@@ -93,9 +93,9 @@ async fn listen(at: &At, asked: &Asked<'_>) -> anyhow::Result<Heard> {
 
 /// What a template reads of the lines.
 fn readings(template: &Template, heard: &Heard) -> Vec<String> {
-    let unit = template.unit();
-    let read: Vec<f64> =
-        heard.lines.iter().filter_map(|line| template.read(line).ok()).map(|value| unit.to_kilopascal(value)).collect();
+    let unit = template.unit().unwrap_or_default();
+    let read = heard.lines.iter().filter_map(|line| template.read(line).ok().flatten());
+    let read: Vec<f64> = read.map(|value| unit.to_kilopascal(value)).collect();
     let (least, most) = read.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), kpa| (a.min(*kpa), b.max(*kpa)));
     let mut lines = vec![format!("the template reads {} of {} lines", read.len(), heard.lines.len())];
     if let Some(last) = read.last() {

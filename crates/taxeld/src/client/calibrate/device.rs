@@ -5,15 +5,18 @@
 //! drive is told. Whatever ends this program vents the bag first: an error, Ctrl-C, a signal, a session that somebody aborted. Where
 //! it cannot do that any more, because it was killed or the machine hangs, the drive's fail-safe has to.
 
+use std::future::poll_fn;
+use std::task::Poll;
 use std::time::Duration;
 
 use anyhow::Context;
 use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState, StartSessionRequest};
-use taxel_rig::Lines;
 use taxel_rig::drive::{Ask, Drive, Order, Phase, Programme, Seen, State};
-use taxel_rig::profile::{FailSafe, Profile};
-use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
+use taxel_rig::modbus::Framing;
+use taxel_rig::profile::{FailSafe, Profile, Question};
+use taxel_rig::{Speech, Talk};
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout, timeout_at};
 use tonic::Streaming;
 
 use super::screen::Screen;
@@ -27,6 +30,8 @@ use crate::rig::{At, Link};
 const TICK: Duration = Duration::from_millis(50);
 /// A drive answers within this, or has not.
 const ANSWER_WITHIN: Duration = Duration::from_millis(300);
+/// Between an answer and the next frame of RTU: three and a half characters at 9600 baud.
+const RTU_GAP: Duration = Duration::from_millis(5);
 /// The daemon answers what the gauge reads within this, or nothing is known of it.
 const GAUGE_WITHIN: Duration = Duration::from_millis(150);
 /// A session begins and ends within this. Its first answer is on disk.
@@ -34,9 +39,12 @@ const SESSION_WITHIN: Duration = Duration::from_secs(10);
 /// What vents is waited for so long.
 const VENT_WITHIN: Duration = Duration::from_secs(15);
 /// Profiles that come with the program, by name.
-const PROFILES: [(&str, &str); 2] = [
+const PROFILES: [(&str, &str); 5] = [
     ("micro", include_str!("../../../../../deploy/rigs/micro.toml")),
     ("alicat", include_str!("../../../../../deploy/rigs/alicat.toml")),
+    ("epick", include_str!("../../../../../deploy/rigs/epick.toml")),
+    ("vg10", include_str!("../../../../../deploy/rigs/vg10.toml")),
+    ("analogue", include_str!("../../../../../deploy/rigs/analogue.toml")),
 ];
 /// A bag above this is told of before it is vented, kPa.
 const FOUND_KPA: f64 = 2.0;
@@ -46,10 +54,12 @@ pub struct Pump {
     profile: Profile,
     at: At,
     link: Link,
-    lines: Lines,
+    talk: Talk,
     begun: Instant,
     answered: Instant,
-    /// What it said last that was no answer.
+    /// What its own gauge read last, kPa below ambient.
+    own: Option<(f64, Instant)>,
+    /// Why what it said last was no answer.
     said: String,
 }
 
@@ -64,12 +74,12 @@ impl Pump {
             None => std::fs::read_to_string(file)
                 .with_context(|| format!("{file}: a file, or one of {}", PROFILES.map(|(name, _)| name).join(", ")))?,
         };
-        let profile = Profile::new(&text).map_err(|fault| Failure::refused(format!("{file}: {fault}")))?;
-        let text = at.unwrap_or(profile.at());
+        let profile = Profile::new(&text, at).map_err(|fault| Failure::refused(format!("{file}: {fault}")))?;
+        let text = profile.at();
         let at = At::new(text).map_err(|expected| Failure::refused(format!("{file}: at = {text:?}: {expected}")))?;
         let link = at.open().await.map_err(Failure::refused)?;
-        let (begun, lines) = (Instant::now(), Lines::from_the_first());
-        Ok(Self { profile, at, link, lines, begun, answered: begun, said: String::new() })
+        let (begun, talk) = (Instant::now(), Talk::begin(true));
+        Ok(Self { profile, at, link, talk, begun, answered: begun, own: None, said: String::new() })
     }
 
     /// Asks the person who has to stand beside it.
@@ -95,23 +105,41 @@ impl Pump {
         self.begun.elapsed()
     }
 
-    /// Tells the drive, and waits for its answer.
+    /// Tells the drive, and waits for its answers.
     async fn tell(&mut self, order: Order) -> std::io::Result<()> {
-        let Some(line) = self.profile.line(order) else { return Ok(()) };
-        self.link.write(line.as_bytes()).await?;
+        let questions = self.profile.questions(order);
+        for question in &questions {
+            if !self.ask(question).await? {
+                return Ok(());
+            }
+        }
+        if !questions.is_empty() {
+            self.answered = Instant::now();
+        }
+        Ok(())
+    }
+
+    /// Whether the answer is as it should be.
+    async fn ask(&mut self, question: &Question) -> std::io::Result<bool> {
+        if matches!(question.speech, Speech::Modbus(_, Framing::Rtu)) {
+            sleep(RTU_GAP).await;
+        }
+        let asked = self.talk.question(&question.speech);
+        self.link.write(&asked).await?;
         let (end, mut buffer) = (Instant::now() + ANSWER_WITHIN, [0; 256]);
         while let Ok(count) = timeout_at(end, self.link.read(&mut buffer)).await {
-            for said in self.lines.take(&buffer[..count?]) {
-                if self.profile.is_answer(order, &said) {
-                    self.answered = Instant::now();
-                    return Ok(());
-                }
-                if said != line.trim() {
-                    self.said = said; // no echo
+            for said in self.talk.take(&question.speech, &buffer[..count?]) {
+                match said.and_then(|number| question.judge(number)) {
+                    Ok(own_kpa) => {
+                        self.own = own_kpa.map(|kpa| (kpa, Instant::now())).or(self.own);
+                        self.said.clear();
+                        return Ok(true);
+                    }
+                    Err(why) => self.said = why,
                 }
             }
         }
-        Ok(())
+        Ok(false)
     }
 
     /// Opens the valve, whatever has happened.
@@ -121,7 +149,7 @@ impl Pump {
             if self.tell(Order::Vent).await.is_err()
                 && let Ok(link) = self.at.open().await
             {
-                self.link = link;
+                (self.link, self.talk) = (link, Talk::begin(true));
             }
         }
     }
@@ -188,11 +216,15 @@ impl ByDevice<'_> {
         let (mut followed, mut told) = (Followed::default(), None);
         let mut tick = interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut signals = Signals::new()?;
+        let kinds = [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()];
+        let mut signals = kinds.into_iter().map(signal).collect::<std::io::Result<Vec<_>>>()?;
         let mut stopped_at = None;
         loop {
             tokio::select! {
-                () = signals.any() => drive.stop(pump.now(), "a signal"),
+                () = poll_fn(|context| match signals.iter_mut().any(|one| one.poll_recv(context).is_ready()) {
+                    true => Poll::Ready(()),
+                    false => Poll::Pending,
+                }) => drive.stop(pump.now(), "a signal"),
                 session = followed.next() => match session {
                     Some(session) => {
                         self.screen.show(&session)?;
@@ -208,8 +240,7 @@ impl ByDevice<'_> {
             if let Some((why, vented)) = drive.stopped() {
                 let since = *stopped_at.get_or_insert_with(Instant::now);
                 if vented || since.elapsed() > VENT_WITHIN {
-                    let said =
-                        if pump.said.is_empty() { String::new() } else { format!("; it said last {:?}", pump.said) };
+                    let said = if pump.said.is_empty() { String::new() } else { format!("; {}", pump.said) };
                     let end = if vented {
                         "the bag is vented"
                     } else {
@@ -235,7 +266,8 @@ impl ByDevice<'_> {
         let gauge = self.gauge().await;
         let target_kpa = followed.session.as_ref().map_or(0.0, |session| session.target_kpa);
         let answer_age = pump.answered.elapsed();
-        let seen = Seen { now: pump.now(), gauge, answer_age, phase: followed.phase(), target_kpa };
+        let own = pump.own.map(|(kpa, at)| (kpa, at.elapsed()));
+        let seen = Seen { now: pump.now(), gauge, own, answer_age, phase: followed.phase(), target_kpa };
         let (order, ask) = drive.step(&seen);
         if let Err(error) = pump.tell(order).await {
             drive.stop(pump.now(), format!("the drive's line ({error})"));
@@ -285,6 +317,9 @@ impl ByDevice<'_> {
             return;
         }
         let leak = drive.leak_kpa_per_min().map_or_else(String::new, |leak| format!("leak {leak:.1} kPa/min; "));
+        let differ = drive.gauges_differ().map_or_else(String::new, |(more_kpa, kpa)| {
+            format!("; its own gauge read up to {more_kpa:+.1} kPa against the bag's, at {kpa:.0} kPa")
+        });
         let words = match state {
             State::Armed => "drive: the valve is open; hands off",
             State::SelfTest => "drive: self-test, 5 kPa and a vent",
@@ -294,7 +329,7 @@ impl ByDevice<'_> {
             State::Hold => "drive: holding",
             State::Fall => "drive: falling",
             State::Vent => "drive: venting",
-            State::Done => "drive: the bag is vented",
+            State::Done => &format!("drive: the bag is vented{differ}"),
             State::SafeVent => "drive: STOPPED, venting",
         };
         self.screen.tell(words);
@@ -304,24 +339,6 @@ impl ByDevice<'_> {
     async fn look_first(&self) {
         if let Some((kpa, _)) = self.gauge().await.filter(|(kpa, _)| *kpa > FOUND_KPA) {
             self.screen.tell(&format!("the bag is still at {kpa:.1} kPa: venting it first"));
-        }
-    }
-}
-
-/// What ends programs.
-struct Signals([Signal; 3]);
-
-impl Signals {
-    fn new() -> std::io::Result<Self> {
-        Ok(Self([signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?]))
-    }
-
-    async fn any(&mut self) {
-        let [interrupt, terminate, hangup] = &mut self.0;
-        tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
-            _ = hangup.recv() => {}
         }
     }
 }

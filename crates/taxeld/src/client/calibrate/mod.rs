@@ -58,8 +58,8 @@ pub struct CalibrateArgs {
     /// Begin a new session although an earlier one could be taken up.
     #[arg(long)]
     new: bool,
-    /// A drive moves the pressure: its profile, a file as in deploy/rigs, or `micro` or `alicat`. Ctrl-C, or an abort from anywhere,
-    /// vents.
+    /// A drive moves the pressure: its profile, a file as in deploy/rigs, or `micro`, `alicat`, `epick`, `vg10` or `analogue`. Ctrl-C,
+    /// or an abort from anywhere, vents.
     #[arg(long, value_name = "FILE", conflicts_with = "session")]
     device: Option<String>,
     /// Where the drive is, if not where its profile says: a serial device, or tcp:HOST:PORT.

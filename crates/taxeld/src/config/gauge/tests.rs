@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use taxel_engine::plan::PatchPlan;
-use taxel_rig::modbus::Number;
+use taxel_rig::modbus::{Number, Request};
 use taxel_wire::signal::PressureMeaning;
 
 use super::super::examine_text;
@@ -81,7 +81,10 @@ fn a_register_is_read_as_rtu_on_a_device_and_over_tcp_on_a_host() {
         let gauge = format!("line = \"{at}\", register = \"input 18 u16 x0.1\", unit = \"kPa\"");
         let (config, _) = examine_text(Path::new("t.toml"), &with(&gauge)).unwrap();
         let register = Register { slave: 1, input: true, address: 18, number: Number::U16, scale: 0.1 };
-        assert_eq!(line_of(&config, config.bus.last().unwrap()).unwrap().speech, Speech::Modbus(register, framing));
+        assert_eq!(
+            line_of(&config, config.bus.last().unwrap()).unwrap().speech,
+            Speech::Modbus(Request::Read(register), framing)
+        );
     }
 }
 
