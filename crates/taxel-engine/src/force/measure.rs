@@ -72,6 +72,8 @@ pub struct Touch {
 pub struct Present<'a> {
     /// Standard uncertainty of the zero that all taxels share, counts.
     pub zero_sigma_counts: f64,
+    /// The same that each taxel has of its own.
+    pub missed_counts: f64,
     /// Standard uncertainty because noise decides which taxels are summed, N.
     pub choice_n: f64,
     /// By how many counts the taxels of each module jump together.
@@ -89,6 +91,8 @@ struct Sums {
     history_n: f64,
     /// Change of the force if all counts change by one.
     per_count_n: f64,
+    /// Sum of the squares of that of each taxel, N squared per count squared.
+    per_count_n2: f64,
     /// N per kPa.
     area: f64,
     /// Taxels beyond the calibrated range.
@@ -186,11 +190,13 @@ impl ForceModel {
         // What all touched taxels share those have, too, that are filled from them.
         let scale = if read_n > 0.0 { total_n / read_n } else { 1.0 };
         let (tables, set) = (evaluator.tables(), evaluator.tables().set());
+        let zero_n = scale * (present.zero_sigma_counts * sums.per_count_n);
+        let missed_n = scale * present.missed_counts * sums.per_count_n2.sqrt();
         let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
         let budget = Budget::default()
             .with(Term::Readings, sums.own_n2.sqrt())
             .with(Term::Choice, present.choice_n)
-            .with(Term::Zero, scale * present.zero_sigma_counts * sums.per_count_n)
+            .with(Term::Zero, zero_n.hypot(missed_n))
             .with(Term::Residue, scale * tables.residue_sigma_counts() * sums.per_count_n)
             .with(Term::Hysteresis, scale * sums.hysteresis_n.hypot(sums.history_n))
             .with(Term::Curve, scale * sums.curve_n)
@@ -245,6 +251,7 @@ impl ForceModel {
             let Some(share) = counts.raw(taxel).and_then(|count| tables.share(taxel, count)) else { continue };
             sums.own_n2 += f64::from(share.own_n2);
             sums.per_count_n += f64::from(share.per_count_n);
+            sums.per_count_n2 += f64::from(share.per_count_n).powi(2);
             sums.above += u32::from(share.above > 0.0);
             sums.hysteresis_n += f64::from(share.hysteresis_n);
             sums.curve_n += f64::from(share.curve_n);
