@@ -8,6 +8,7 @@ use crate::force::budget::{Budget, Term};
 use crate::force::contacts::{Placed, clusters, together};
 use crate::force::coverage::{self, Unread};
 use crate::force::evaluator::Evaluator;
+use crate::force::fill::{Discs, near, of_unread};
 use crate::force::neighbours::Neighbours;
 use crate::force::offsets::Offsets;
 use crate::force::sample::ForceSample;
@@ -49,6 +50,8 @@ pub struct Layout {
 pub struct ForceModel {
     layout: Layout,
     neighbours: Option<Neighbours>,
+    /// Where unread taxels are filled.
+    discs: Option<Discs>,
 }
 
 /// What a scan touches. Its owner keeps it from scan to scan, so that a scan seldom has to ask for memory.
@@ -109,7 +112,8 @@ impl ForceModel {
         layout.outputs.moment &= directed;
         layout.outputs.contacts &= neighbours.is_some();
         layout.outputs.fill &= neighbours.is_some();
-        Self { layout, neighbours }
+        let discs = layout.outputs.fill.then(Discs::new);
+        Self { layout, neighbours, discs }
     }
 
     /// How the patch is laid out.
@@ -132,6 +136,9 @@ impl ForceModel {
         let Touch { active, labels, ring, .. } = touch;
         let contacts = self.neighbours.as_ref().map_or(0, |all| all.grow(active, labels, ring, low));
         self.find_unread(evaluator.selection(), low, touch);
+        if let (Some(discs), false) = (&self.discs, touch.unread.is_empty()) {
+            self.fill(discs, evaluator.selection(), low, touch);
+        }
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
             let contact = touch.labels.get(taxel).filter(|_| contacts > 0).map_or(0, |&label| usize::from(label));
@@ -163,6 +170,36 @@ impl ForceModel {
         }
     }
 
+    /// What lies on the unread taxels of each contact, by made-up ones that fit it; `low` is what a read one bears, N.
+    fn fill(&self, discs: &Discs, selected: &[bool], low: impl Fn(usize) -> f64, touch: &mut Touch) {
+        let (Some(neighbours), Some(geometry)) = (&self.neighbours, &self.layout.geometry) else { return };
+        let Touch { active, unread, labels, .. } = touch;
+        let kpa = |taxel: usize| low(taxel) / self.newton_per_kpa(taxel);
+        let beside = |taxel: usize| neighbours.of(taxel).filter(move |&other| selected[other]);
+        let contact_of = |one: &Unread| {
+            let most = beside(one.taxel).max_by(|a, b| kpa(*a).total_cmp(&kpa(*b)));
+            most.map_or(0, |other| labels[other])
+        };
+        let contacts: Vec<u16> = unread.iter().map(contact_of).collect();
+        for (place, &contact) in contacts.iter().enumerate() {
+            if contacts[..place].contains(&contact) {
+                continue; // it was its turn
+            }
+            let pressed = active.iter().filter(|(taxel, _)| labels[*taxel] == contact);
+            let pressed = pressed.map(|&(taxel, newton)| (taxel, newton / self.newton_per_kpa(taxel)));
+            let is_of_another = |taxel: usize| ![0, contact, Neighbours::BESIDE].contains(&labels[taxel]);
+            let read = |taxel: usize| selected[taxel].then(|| kpa(taxel));
+            let Some((taxels, near)) = near(geometry, pressed, is_of_another, read) else { continue };
+            let fit = discs.fit(&near);
+            let at = |taxel: usize| taxels.binary_search(&taxel).ok();
+            for (one, _) in unread.iter_mut().zip(&contacts).filter(|(_, of)| **of == contact) {
+                let Some(own) = at(one.taxel) else { continue };
+                let beside = beside(one.taxel).filter_map(|other| Some([kpa(other), fit[at(other)?][0]]));
+                (one.kpa, one.sigma_kpa) = of_unread(fit[own], beside);
+            }
+        }
+    }
+
     /// The force of one scan, which is `touch`, without its state, its reasons and what may be there undetected.
     pub fn measure(
         &self,
@@ -180,7 +217,7 @@ impl ForceModel {
             |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
         // Filled taxels err independently; what is left out is too little of all of them.
         let (filled_n, missing_n) = if self.layout.outputs.fill {
-            let squares: f64 = unread_n(Unread::sigma_kpa).map(|newton| newton * newton).sum();
+            let squares: f64 = unread_n(|one| one.sigma_kpa).map(|newton| newton * newton).sum();
             (unread_n(|one| one.kpa).sum(), squares.sqrt())
         } else {
             (0.0, unread_n(Unread::missing_kpa).fold(0.0, |sum, newton| sum + newton))
