@@ -32,7 +32,8 @@ pub enum Term {
     Sampling,
     /// A pad at the rim of the skin feels less. Type A, from the same simulation. Common to the taxels at the rim.
     Rim,
-    /// Taxels under a contact that cannot be read. Type B (`coverage.rs`): half of the most that may lie there.
+    /// Taxels under a contact that cannot be read. Type B (`coverage.rs`): half of the most that may lie there,
+    /// or the spread of the contacts that fit (`fill.rs`).
     Unread,
     /// All taxels of a module jump together. Type A, from the watch of the module. Common within a module.
     Flicker,

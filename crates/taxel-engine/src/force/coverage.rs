@@ -2,7 +2,8 @@
 //!
 //! An *unread* taxel bears the mean of the read ones beside it, and at most that and two standard deviations of theirs: three times as
 //! much at the rim of the skin, where they lie on one side of it. Without positions those of its module count as beside it. Of
-//! fewer than two nothing follows: such a taxel is *blind*. A contact that lies on one taxel alone, or in a gap of several, is not
+//! fewer than two nothing follows: such a taxel is *blind*. Where unread taxels are filled, contacts that fit those beside them say
+//! what they bear (`fill.rs`). A contact that lies on one taxel alone, or in a gap of several, is not
 //! held by this rule; nothing in the counts shows it.
 
 use std::ops::Range;
@@ -30,8 +31,10 @@ const LOADED_COUNTS: f64 = 16.0;
 pub struct Unread {
     /// Which.
     pub taxel: usize,
-    /// Mean of those beside it, kPa.
+    /// What it bears, kPa: the mean of those beside it, or what made-up contacts that fit them say.
     pub kpa: f64,
+    /// Standard uncertainty of that, kPa.
+    pub sigma_kpa: f64,
     /// What it bears at most, kPa.
     pub at_most_kpa: f64,
 }
@@ -46,15 +49,10 @@ impl Unread {
         let mean = sum / count as f64;
         let variance = kpa().map(|kpa| (kpa - mean).powi(2)).sum::<f64>() / (count - 1) as f64;
         let at_most_kpa = (mean + SIGMAS * variance.sqrt()) * if at_rim { AT_RIM } else { 1.0 };
-        Some(Self { taxel, kpa: mean, at_most_kpa })
+        Some(Self { taxel, kpa: mean, sigma_kpa: (at_most_kpa - mean) / SIGMAS, at_most_kpa })
     }
 
-    /// Standard uncertainty of what it bears, kPa, where the mean is taken for it.
-    pub fn sigma_kpa(&self) -> f64 {
-        (self.at_most_kpa - self.kpa) / SIGMAS
-    }
-
-    /// The same where it is taken to bear nothing.
+    /// Standard uncertainty where it is taken to bear nothing, kPa.
     pub fn missing_kpa(&self) -> f64 {
         self.at_most_kpa / SIGMAS
     }
@@ -150,8 +148,8 @@ mod tests {
     #[test]
     fn what_an_unread_taxel_bears_is_the_mean_beside_it_and_at_most_two_deviations_more() {
         let of = |at_rim| Unread::by(7, at_rim, || [8.0, 12.0, 10.0].into_iter()).unwrap();
-        assert_eq!(of(false), Unread { taxel: 7, kpa: 10.0, at_most_kpa: 14.0 });
-        assert_eq!((of(false).sigma_kpa(), of(false).missing_kpa()), (2.0, 7.0));
+        assert_eq!(of(false), Unread { taxel: 7, kpa: 10.0, sigma_kpa: 2.0, at_most_kpa: 14.0 });
+        assert_eq!(of(false).missing_kpa(), 7.0);
         assert_eq!(of(true).at_most_kpa, 42.0);
         assert_eq!(Unread::by(7, false, || [8.0].into_iter()), None);
     }

@@ -8,6 +8,7 @@ use crate::force::budget::{Budget, Term};
 use crate::force::contacts::{Placed, clusters, together};
 use crate::force::coverage::{self, Unread};
 use crate::force::evaluator::Evaluator;
+use crate::force::fill::{Discs, near, of_unread};
 use crate::force::neighbours::Neighbours;
 use crate::force::offsets::Offsets;
 use crate::force::sample::ForceSample;
@@ -49,6 +50,8 @@ pub struct Layout {
 pub struct ForceModel {
     layout: Layout,
     neighbours: Option<Neighbours>,
+    /// Where unread taxels are filled.
+    discs: Option<Discs>,
 }
 
 /// What a scan touches. Its owner keeps it from scan to scan, so that a scan seldom has to ask for memory.
@@ -72,6 +75,8 @@ pub struct Touch {
 pub struct Present<'a> {
     /// Standard uncertainty of the zero that all taxels share, counts.
     pub zero_sigma_counts: f64,
+    /// The same that each taxel has of its own.
+    pub missed_counts: f64,
     /// Standard uncertainty because noise decides which taxels are summed, N.
     pub choice_n: f64,
     /// By how many counts the taxels of each module jump together.
@@ -89,6 +94,8 @@ struct Sums {
     history_n: f64,
     /// Change of the force if all counts change by one.
     per_count_n: f64,
+    /// Sum of the squares of that of each taxel, N squared per count squared.
+    per_count_n2: f64,
     /// N per kPa.
     area: f64,
     /// Taxels beyond the calibrated range.
@@ -105,7 +112,8 @@ impl ForceModel {
         layout.outputs.moment &= directed;
         layout.outputs.contacts &= neighbours.is_some();
         layout.outputs.fill &= neighbours.is_some();
-        Self { layout, neighbours }
+        let discs = layout.outputs.fill.then(Discs::new);
+        Self { layout, neighbours, discs }
     }
 
     /// How the patch is laid out.
@@ -128,6 +136,9 @@ impl ForceModel {
         let Touch { active, labels, ring, .. } = touch;
         let contacts = self.neighbours.as_ref().map_or(0, |all| all.grow(active, labels, ring, low));
         self.find_unread(evaluator.selection(), low, touch);
+        if let (Some(discs), false) = (&self.discs, touch.unread.is_empty()) {
+            self.fill(discs, evaluator.selection(), low, touch);
+        }
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
             let contact = touch.labels.get(taxel).filter(|_| contacts > 0).map_or(0, |&label| usize::from(label));
@@ -159,6 +170,36 @@ impl ForceModel {
         }
     }
 
+    /// What lies on the unread taxels of each contact, by made-up ones that fit it; `low` is what a read one bears, N.
+    fn fill(&self, discs: &Discs, selected: &[bool], low: impl Fn(usize) -> f64, touch: &mut Touch) {
+        let (Some(neighbours), Some(geometry)) = (&self.neighbours, &self.layout.geometry) else { return };
+        let Touch { active, unread, labels, .. } = touch;
+        let kpa = |taxel: usize| low(taxel) / self.newton_per_kpa(taxel);
+        let beside = |taxel: usize| neighbours.of(taxel).filter(move |&other| selected[other]);
+        let contact_of = |one: &Unread| {
+            let most = beside(one.taxel).max_by(|a, b| kpa(*a).total_cmp(&kpa(*b)));
+            most.map_or(0, |other| labels[other])
+        };
+        let contacts: Vec<u16> = unread.iter().map(contact_of).collect();
+        for (place, &contact) in contacts.iter().enumerate() {
+            if contacts[..place].contains(&contact) {
+                continue; // it was its turn
+            }
+            let pressed = active.iter().filter(|(taxel, _)| labels[*taxel] == contact);
+            let pressed = pressed.map(|&(taxel, newton)| (taxel, newton / self.newton_per_kpa(taxel)));
+            let is_of_another = |taxel: usize| ![0, contact, Neighbours::BESIDE].contains(&labels[taxel]);
+            let read = |taxel: usize| selected[taxel].then(|| kpa(taxel));
+            let Some((taxels, near)) = near(geometry, pressed, is_of_another, read) else { continue };
+            let fit = discs.fit(&near);
+            let at = |taxel: usize| taxels.binary_search(&taxel).ok();
+            for (one, _) in unread.iter_mut().zip(&contacts).filter(|(_, of)| **of == contact) {
+                let Some(own) = at(one.taxel) else { continue };
+                let beside = beside(one.taxel).filter_map(|other| Some([kpa(other), fit[at(other)?][0]]));
+                (one.kpa, one.sigma_kpa) = of_unread(fit[own], beside);
+            }
+        }
+    }
+
     /// The force of one scan, which is `touch`, without its state, its reasons and what may be there undetected.
     pub fn measure(
         &self,
@@ -176,7 +217,7 @@ impl ForceModel {
             |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
         // Filled taxels err independently; what is left out is too little of all of them.
         let (filled_n, missing_n) = if self.layout.outputs.fill {
-            let squares: f64 = unread_n(Unread::sigma_kpa).map(|newton| newton * newton).sum();
+            let squares: f64 = unread_n(|one| one.sigma_kpa).map(|newton| newton * newton).sum();
             (unread_n(|one| one.kpa).sum(), squares.sqrt())
         } else {
             (0.0, unread_n(Unread::missing_kpa).fold(0.0, |sum, newton| sum + newton))
@@ -186,11 +227,13 @@ impl ForceModel {
         // What all touched taxels share those have, too, that are filled from them.
         let scale = if read_n > 0.0 { total_n / read_n } else { 1.0 };
         let (tables, set) = (evaluator.tables(), evaluator.tables().set());
+        let zero_n = scale * (present.zero_sigma_counts * sums.per_count_n);
+        let missed_n = scale * present.missed_counts * sums.per_count_n2.sqrt();
         let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
         let budget = Budget::default()
             .with(Term::Readings, sums.own_n2.sqrt())
             .with(Term::Choice, present.choice_n)
-            .with(Term::Zero, scale * present.zero_sigma_counts * sums.per_count_n)
+            .with(Term::Zero, zero_n.hypot(missed_n))
             .with(Term::Residue, scale * tables.residue_sigma_counts() * sums.per_count_n)
             .with(Term::Hysteresis, scale * sums.hysteresis_n.hypot(sums.history_n))
             .with(Term::Curve, scale * sums.curve_n)
@@ -245,6 +288,7 @@ impl ForceModel {
             let Some(share) = counts.raw(taxel).and_then(|count| tables.share(taxel, count)) else { continue };
             sums.own_n2 += f64::from(share.own_n2);
             sums.per_count_n += f64::from(share.per_count_n);
+            sums.per_count_n2 += f64::from(share.per_count_n).powi(2);
             sums.above += u32::from(share.above > 0.0);
             sums.hysteresis_n += f64::from(share.hysteresis_n);
             sums.curve_n += f64::from(share.curve_n);

@@ -4,6 +4,7 @@ pub(crate) mod budget;
 pub(crate) mod contacts;
 mod coverage;
 pub(crate) mod evaluator;
+mod fill;
 #[cfg(test)]
 mod history_tests;
 pub(crate) mod hysteresis;

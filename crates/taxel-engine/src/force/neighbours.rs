@@ -29,6 +29,9 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
+    /// The label of a taxel beside touched ones that is not touched itself.
+    pub const BESIDE: u16 = u16::MAX;
+
     /// Taxels without a position have no neighbours.
     pub fn new(geometry: &Geometry) -> Self {
         let place = |taxel: usize| geometry.poses[taxel].map(|pose| pose.position);
@@ -56,7 +59,7 @@ impl Neighbours {
 
     /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero, and
     /// numbers the contacts: in `labels`, by taxel, from 1. Returns how many there are. What was in `labels` does not
-    /// matter; taxels that are not active end at 0, those beside active ones at [`u16::MAX`], and in `ring`.
+    /// matter; taxels that are not active end at 0, those beside active ones at [`Neighbours::BESIDE`], and in `ring`.
     pub fn grow(
         &self,
         active: &mut Vec<(usize, f64)>,
@@ -65,7 +68,6 @@ impl Neighbours {
         low: impl Fn(usize) -> f64,
     ) -> usize {
         const TOUCHED: u16 = u16::MAX - 1;
-        const NOT: u16 = u16::MAX;
         labels.clear();
         labels.resize(self.of.len(), 0);
         for &(taxel, _) in active.iter() {
@@ -92,7 +94,7 @@ impl Neighbours {
                         labels[other] = contacts;
                         frontier.push(other);
                     } else if labels[other] == 0 {
-                        labels[other] = NOT;
+                        labels[other] = Self::BESIDE;
                         ring.push(other);
                     }
                 }

@@ -49,8 +49,12 @@ pub struct ZeroState {
     pub lacks: Option<Reason>,
     /// Standard uncertainty that all taxels share, counts.
     pub sigma_counts: f64,
-    /// How much of a load that lies on everything it may have taken in since it was taken.
-    pub absorbed: Newton,
+    /// The same that each taxel has of its own, counts.
+    pub missed_counts: f64,
+    /// What both weigh on the whole skin.
+    pub sigma: Newton,
+    /// How much of a load that lies on everything it may hide since it was taken.
+    pub hides: Newton,
     /// What keeps a force at it from being a good one.
     pub shortcoming: Option<Reason>,
     /// That a load has just vanished from a whole board at once, if one has.
@@ -285,13 +289,14 @@ impl Force {
         let mut touch = std::mem::take(&mut self.touch);
         self.model.touch(evaluator, scan.counts, &mut touch);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
-        let unseen = self.remainder.unseen(scan.counts, active, &touch.ring, zero.sigma_counts);
-        let Unseen { zero_sigma_counts, choice_n, .. } = unseen;
-        let present = Present { zero_sigma_counts, choice_n, jumps: scan.jumps };
+        let unseen = self.remainder.unseen(scan.counts, active, &touch.ring, [zero.hides.0, zero.sigma.0]);
+        let Unseen { off_counts, choice_n, .. } = unseen;
+        let zero_sigma_counts = zero.sigma_counts.hypot(off_counts);
+        let present = Present { zero_sigma_counts, missed_counts: zero.missed_counts, choice_n, jumps: scan.jumps };
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);
         self.contact_ids.give(&mut sample.contacts);
-        sample.undetected = Some(Undetected { newton: unseen.newton + zero.absorbed.0, sigma_n: unseen.sigma_n });
+        sample.undetected = Some(Undetected { newton: unseen.newton, sigma_n: unseen.sigma_n });
         sample.model_set = self.id.clone();
         let (stale, excluded) = (silent as u32, (taxels - self.usable).saturating_sub(silent) as u32);
         (sample.stale, sample.excluded) = (stale, excluded);

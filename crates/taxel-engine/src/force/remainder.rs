@@ -2,14 +2,14 @@
 //!
 //! The counts of all taxels that are not active still say how much may lie there. With `w` the force per count of a taxel
 //! (area times threshold pressure, or its uncertainty if that is more, over threshold distance) and `c` its counts from
-//! the zero towards pressure, the remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`, and what all
-//! taxels share, the zero's: `(z sum w)^2`.
+//! the zero towards pressure, the remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`,
+//! and what the zero's uncertainty weighs on the whole skin.
 //!
 //! A zero is taken where nothing seems to lie on the skin, so what the zero itself may hide counts, too: `H`, with an
 //! uncertainty of its own (`hidden.rs`).
 //!
 //! What the zero has followed of the temperature since it was taken is no part of `H`: what a load may have had in that
-//! is known to the zero, and the caller adds it.
+//! is known to the zero, and comes on top.
 //!
 //! What is undetected is `max(R, 0) + max(H, 0)` with the uncertainties of both, to which comes what all forces have: that of the
 //! areas and of the gauge's gain, relative to the sum of the two.
@@ -57,6 +57,9 @@ pub struct Remainder {
 /// So many taxels that no contact is near tell how far all of them lie from their zero.
 const FAR_TAXELS_MIN: usize = 20;
 
+/// Taxels of a module share some of their noise: on real skin a sum of ten has so many times the variance of independent ones.
+const SHARED_NOISE: f64 = 2.0;
+
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Unseen {
@@ -66,9 +69,8 @@ pub struct Unseen {
     pub newton: f64,
     /// Its standard uncertainty, N.
     pub sigma_n: f64,
-    /// Standard uncertainty of the zero under touched taxels, counts: that of the zero, and how far those lie from theirs that no
-    /// contact is near.
-    pub zero_sigma_counts: f64,
+    /// How far the taxels lie from their zero that no contact is near, counts; 0 where they are too few to tell.
+    pub off_counts: f64,
 }
 
 impl Remainder {
@@ -113,13 +115,14 @@ impl Remainder {
         }
     }
 
-    /// What may press beside the `active` taxels, at a zero that all taxels share an uncertainty of.
+    /// What may press beside the `active` taxels, where the zero hides a load of `hides_n` on the whole skin, and its uncertainty
+    /// weighs `zero_n`, N.
     pub fn unseen<'a>(
         &self,
         counts: impl Into<Counts<'a>>,
         active: impl Iterator<Item = usize>,
         ring: &[usize],
-        zero_sigma_counts: f64,
+        [hides_n, zero_n]: [f64; 2],
     ) -> Unseen {
         let counts = counts.into();
         let (mut rest_n, mut noise_n2, mut per_count_n) =
@@ -137,15 +140,15 @@ impl Remainder {
             untouched -= 1;
         }
         let off_counts = self.off_counts(counts, (rest_n, per_count_n, untouched), ring);
-        let newton = rest_n.max(0.0) + self.hidden.newton;
+        let newton = rest_n.max(0.0) + hides_n + self.hidden.newton;
         let shared_n = self.relative_sigma * newton;
-        let zero_n = zero_sigma_counts * per_count_n;
-        let sigma_n2 = noise_n2.max(0.0) + zero_n.powi(2) + self.hidden.sigma_n.powi(2) + shared_n.powi(2);
+        let sigma_n2 =
+            SHARED_NOISE * noise_n2.max(0.0) + zero_n.powi(2) + self.hidden.sigma_n.powi(2) + shared_n.powi(2);
         Unseen {
             choice_n: (chosen_n.powi(2) + self.contact_noise_n2).sqrt(),
             newton,
             sigma_n: sigma_n2.sqrt(),
-            zero_sigma_counts: zero_sigma_counts.hypot(off_counts),
+            off_counts,
         }
     }
 
@@ -206,25 +209,25 @@ mod tests {
         proptest::collection::vec((counts, prop::bool::weighted(0.9), prop::bool::weighted(0.2)), TAXELS)
     }
 
-    fn unseen(tables: &Tables, taxels: &[(u8, bool, bool)], zero_sigma: f64) -> Unseen {
-        unseen_of(tables, taxels, zero_sigma, 0.0)
+    fn unseen(tables: &Tables, taxels: &[(u8, bool, bool)], zero_n: f64) -> Unseen {
+        unseen_of(tables, taxels, zero_n, 0.0)
     }
 
-    fn unseen_of(tables: &Tables, taxels: &[(u8, bool, bool)], zero_sigma: f64, relative_sigma: f64) -> Unseen {
+    fn unseen_of(tables: &Tables, taxels: &[(u8, bool, bool)], zero_n: f64, relative_sigma: f64) -> Unseen {
         let counts: Vec<u8> = taxels.iter().map(|t| t.0).collect();
         let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
         let zero = rest(TAXELS);
         let rest = Rest { zero: &zero, taken: &zero, vouched: &[] };
         let remainder = Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES, relative_sigma);
-        remainder.unseen(&counts, active, &[], zero_sigma)
+        remainder.unseen(&counts, active, &[], [0.0, zero_n])
     }
 
     proptest! {
         #[test]
         fn it_is_what_a_plain_loop_over_the_taxels_gives(
             taxels in prop_oneof![taxels(0..=255), taxels(REST - 6..=REST + 2), taxels(REST - 2..=REST + 6)],
-            zero_sigma in 0.0..0.5_f64,
+            zero_n in 0.0..0.5_f64,
             relative_sigma in 0.0..0.2_f64,
         ) {
             let tables = tables();
@@ -245,7 +248,7 @@ mod tests {
                     per_count += newton_per_count;
                 }
             }
-            let found = unseen_of(&tables, &taxels, zero_sigma, relative_sigma);
+            let found = unseen_of(&tables, &taxels, zero_n, relative_sigma);
             of_modules.sort_by(f64::total_cmp);
             let choice = of_modules[1..].iter().sum::<f64>().sqrt().hypot(chosen);
             prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
@@ -254,24 +257,23 @@ mod tests {
             let slack = 1e-3;
             let untouched = taxels.iter().filter(|&&(_, selected, active)| selected && !active).count();
             let off = if untouched < FAR_TAXELS_MIN { 0.0 } else { offset };
-            let sigma_counts = zero_sigma.hypot(off);
-            prop_assert!((found.zero_sigma_counts - sigma_counts).abs() * per_count < slack, "{found:?} {sigma_counts}");
+            prop_assert!((found.off_counts - off).abs() * per_count < slack, "{found:?} {off}");
             let pressing = remainder.max(0.0);
-            let sigma = (noise + (zero_sigma * per_count).powi(2)).sqrt().hypot(relative_sigma * pressing);
+            let sigma = (SHARED_NOISE * noise + zero_n * zero_n).sqrt().hypot(relative_sigma * pressing);
             let is_near = |is: f64, expected: f64| (is - expected).abs() < 2.0 * slack;
             prop_assert!(is_near(found.newton, pressing) && is_near(found.sigma_n, sigma), "{found:?} {pressing} {sigma}");
         }
 
         /// Whatever lies on taxels below their thresholds, as their own curves tell it, is less than the floor.
         #[test]
-        fn the_floor_holds_what_presses_below_the_thresholds(taxels in taxels(REST - 2..=REST), zero_sigma in 0.0..0.5_f64) {
+        fn the_floor_holds_what_presses_below_the_thresholds(taxels in taxels(REST - 2..=REST), zero_n in 0.0..0.5_f64) {
             let tables = tables();
             let below = |(taxel, &(count, selected, active)): (usize, &(u8, bool, bool))| {
                 let kpa = tables.reading(taxel, count, 0.0).map_or(0.0, |reading| f64::from(reading.pressure_kpa));
                 if selected && !active { kpa * AREA.0 * 1e-3 } else { 0.0 }
             };
             let pressing: f64 = taxels.iter().enumerate().map(below).sum();
-            let found = unseen(&tables, &taxels, zero_sigma);
+            let found = unseen(&tables, &taxels, zero_n);
             prop_assert!(found.newton + 2.0 * found.sigma_n >= pressing - 1e-4, "{found:?} {pressing}");
         }
     }
@@ -284,7 +286,7 @@ mod tests {
         let found = |relative_sigma: f64| {
             let rest = Rest { zero: &zero, taken: &zero, vouched: &[] };
             let remainder = Remainder::new(&tables(), rest, ACTIVATION, &[true; TAXELS], &MODULES, relative_sigma);
-            remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), &[], 0.0)
+            remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), &[], [0.0; 2])
         };
         let (alone, shared) = (found(0.0), found(0.2));
         assert!(alone.newton > 1.0 && shared.newton == alone.newton, "{alone:?}");
@@ -300,8 +302,8 @@ mod tests {
         let remainder = Remainder::new(&tables(), held, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);
         let active = || [3, 7].into_iter();
         let (narrow, wide) = (
-            remainder.unseen(&bytes, active(), &[], 0.1),
-            remainder.unseen(Counts::Words(&words, range), active(), &[], 0.1),
+            remainder.unseen(&bytes, active(), &[], [0.0, 0.1]),
+            remainder.unseen(Counts::Words(&words, range), active(), &[], [0.0, 0.1]),
         );
         assert!(narrow.newton > 0.1, "{narrow:?}");
         for (narrow, wide) in [(narrow.newton, wide.newton), (narrow.sigma_n, wide.sigma_n)] {
@@ -320,7 +322,7 @@ mod tests {
             let unseen = |selected: &[bool; TAXELS]| {
                 let rest = Rest { zero: &unknown, taken: &unknown, vouched: &[] };
                 let remainder = Remainder::new(&tables, rest, ACTIVATION, selected, &MODULES, 0.1);
-                remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), &[], 0.1)
+                remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), &[], [0.0, 0.1])
             };
             let found = unseen(&[true; TAXELS]);
             assert!(found.newton > 0.1 && found.choice_n > 0.0, "{found:?}");

@@ -119,7 +119,8 @@ impl Skin {
             counts: vec![REST; TAXELS],
             sound: vec![true; TAXELS],
             silent: vec![false; TAXELS / 10],
-            zero: ZeroState { sigma_counts: 0.1, ..ZeroState::default() },
+            // A tenth of a count on all of the skin, of which a taxel weighs 0.1 N a count.
+            zero: ZeroState { sigma_counts: 0.1, sigma: Newton(0.01 * TAXELS as f64), ..ZeroState::default() },
             soundness: 0,
             jumps: vec![0.0; TAXELS / 10],
             time: Time::default(),

@@ -97,6 +97,7 @@ impl Patch {
                 }
                 ZeroEvent::Moved | ZeroEvent::Cleared => {
                     self.force.move_zero(self.zero.in_force(), self.zero.as_taken());
+                    self.zero.weigh(&self.force.newton_per_count());
                 }
             }
             self.on_calibration_events(now, follows, effects);

@@ -48,7 +48,9 @@ impl Patch {
         ZeroState {
             lacks: self.zero.lacks(),
             sigma_counts: self.zero.sigma_counts(),
-            absorbed: self.zero.absorbed(),
+            missed_counts: self.zero.missed_counts(),
+            sigma: self.zero.sigma(),
+            hides: self.zero.hides(),
             shortcoming: self.zero.shortcoming(),
             load_vanished: self.zero.load_vanished(),
         }

@@ -20,8 +20,9 @@
 //! vanish at all.
 //!
 //! What it cannot see: a board with fewer than `WITNESSES_MIN` sound inputs; a new zero whose residues differ from the old
-//! ones by less than about a count (root mean square, of twenty taxels), pads included. What such a shift does to a force is
-//! in the uncertainty: [`UNSEEN_COUNTS`].
+//! ones by less than [`Evidence::missed_counts`], about half a count on a board of twenty taxels. What such a zero does to a force
+//! is in the uncertainty. Its remnants are those of single conversions, so that they add up as noise does, over taxels and boards.
+//! A load that a board takes into its new zero is no part of that: it vanishes, or a taken zero hides it (`force/remainder/hidden.rs`).
 
 use std::ops::Range;
 use taxel_skin::ModuleKind;
@@ -31,9 +32,6 @@ use crate::scan::Scan;
 use crate::zero::bag::Bag;
 use crate::zero::ground::Ground;
 
-/// Standard uncertainty, in counts, of a common shift of a board that the test would miss.
-pub const UNSEEN_COUNTS: f64 = 0.25;
-
 /// The account from which on a board is suspect, below which it is clear again, and from which on its zero is lost.
 const SUSPECT: f32 = 12.0;
 const CLEAR: f32 = 8.0;
@@ -41,6 +39,8 @@ const LOST: f32 = 25.0;
 /// Normalised evidence that is chance, and of a board that is suspect already; the most that an account falls by in a scan.
 const CHANCE: [f32; 2] = [4.0, 2.5];
 const FALL: [f32; 2] = [2.0, 0.5];
+/// The same of what a load that vanished left unclear: it lasts for ten scans, in which the means come to show two thirds of a new zero.
+const UNCLEAR_FALL: f32 = 1.25;
 /// Weight of a scan in the mean of a taxel or pad, and in the slow mean that a pad is compared with and that of a taxel.
 const SHARE: f32 = 1.0 / 8.0;
 const PAD_SLOW_SHARE: f32 = 1.0 / 100.0;
@@ -159,6 +159,11 @@ struct Board {
     name: String,
     taxels: Range<usize>,
     modules: Range<usize>,
+    /// Sum over its taxels of what their variances weigh, per counts squared, how many these are, and the squares of what a count
+    /// of each weighs, N squared.
+    per_variance: f32,
+    witnesses: f32,
+    newton2: f64,
     account: f32,
     /// Why it is suspect.
     suspect: Option<String>,
@@ -225,6 +230,22 @@ impl Board {
         lost
     }
 
+    /// What it has more evidence than by chance, as learned in its first scans.
+    fn expected(&self) -> f32 {
+        let (learned, scans) = self.learned;
+        if scans < LEARNING_SCANS { 0.0 } else { (learned / scans as f32).clamp(0.0, CHANCE[1]) }
+    }
+
+    /// Variance of the remnants of a new zero, counts squared, that pay in just enough to lose it within the scans from which the
+    /// expectation is learned: they add half of that over the taxels' variances to T. Pads would only show it sooner.
+    fn missed_counts2(&self) -> f64 {
+        if self.per_variance <= 0.0 {
+            return 0.0;
+        }
+        let enough = CHANCE[0] + self.expected() + LOST / LEARNING_SCANS as f32;
+        f64::from(2.0 * enough * (1.25 * self.witnesses).sqrt() / self.per_variance)
+    }
+
     /// Pays in what a scan shows: evidence of so many taxels and pads, and whether the load vanished with it.
     fn pay(&mut self, evidence: f32, [taxels, pads]: [f32; 2], vanishes: bool) -> Option<Finding> {
         self.vanished_lately = self.vanished_lately.saturating_sub(1);
@@ -240,17 +261,16 @@ impl Board {
         }
         self.blind = 0;
         let (by_chance, sd) = (0.5 * taxels + pads, (1.25 * taxels + 2.0 * pads).sqrt());
-        let more = (evidence - by_chance) / sd;
+        let (more, expected) = ((evidence - by_chance) / sd, self.expected());
         let (learned, scans) = self.learned;
         if scans < LEARNING_SCANS && self.account == 0.0 {
             self.learned = (learned + more, scans + 1);
         }
-        let expected = if scans < LEARNING_SCANS { 0.0 } else { (learned / scans as f32).clamp(0.0, CHANCE[1]) };
         let (chance, fall) = if self.suspect.is_some() { (CHANCE[1], FALL[1]) } else { (CHANCE[0], FALL[0]) };
         self.account = (self.account + (more - expected - chance).max(-fall)).max(0.0);
         if self.unclear > 0.0 {
             let lasts = self.vanished_lately > VANISHED_LATELY_SCANS - UNCLEAR_SCANS;
-            let left = (self.unclear + (more - expected - CHANCE[1]).max(-FALL[0])).max(0.0);
+            let left = (self.unclear + (more - expected - CHANCE[1]).max(-UNCLEAR_FALL)).max(0.0);
             self.unclear = if lasts { left } else { 0.0 };
         }
         if self.account >= LOST {
@@ -330,6 +350,31 @@ impl Evidence {
             taxel.per_variance = (1.0 / (noise * noise * MEAN_VARIANCE + SLOW_COUNTS * SLOW_COUNTS)) as f32;
             taxel.touched = ground.touched_counts(number) as f32;
         }
+        for board in &mut self.boards {
+            let taxels = || self.taxels[board.taxels.clone()].iter().filter(|taxel| taxel.sign != 0.0);
+            board.per_variance = taxels().map(|taxel| taxel.per_variance).sum();
+            board.witnesses = taxels().count() as f32;
+        }
+    }
+
+    /// How much a count more of each taxel weighs, N; empty while nobody knows.
+    pub fn weigh(&mut self, newton_per_count: &[f64]) {
+        for board in &mut self.boards {
+            let taxels = newton_per_count.get(board.taxels.clone()).unwrap_or_default();
+            board.newton2 = taxels.iter().map(|newton| newton * newton).sum();
+        }
+    }
+
+    /// Remnants of a new zero on each taxel that the accounts would miss, root mean square, counts: of the board that would miss most.
+    #[must_use]
+    pub fn missed_counts(&self) -> f64 {
+        self.boards.iter().map(Board::missed_counts2).fold(0.0, f64::max).sqrt()
+    }
+
+    /// What the remnants that the accounts would miss weigh on the whole skin, N, standard uncertainty.
+    #[must_use]
+    pub fn missed_n(&self) -> f64 {
+        self.boards.iter().map(|board| board.missed_counts2() * board.newton2).sum::<f64>().sqrt()
     }
 
     /// Something else says that the zero of a board may be another: the next scans have to show that it is not.

@@ -99,6 +99,23 @@ fn a_new_zero_shows_on_what_nothing_touches_within_two_seconds_and_a_light_load_
     }
 }
 
+/// What is said to be missed, and half and twice of it. A count of each taxel weighs 0.1 N.
+#[test]
+fn remnants_that_are_said_to_be_missed_are_about_the_least_that_are_found() {
+    let missed = Watched::new().evidence.missed_counts();
+    assert!((0.3..0.6).contains(&missed), "{missed}");
+    for (times, is_found) in [(0.5, false), (2.0, true)] {
+        let mut watched = Watched::new();
+        watched.scan(200, |_| 0.0);
+        let why = watched.lost(LEARNING_SCANS as usize, |taxel| times * missed * residue(taxel));
+        assert_eq!(why.is_some(), is_found, "{times} times {missed} counts: {why:?}");
+    }
+    let mut watched = Watched::new();
+    watched.evidence.weigh(&[0.1; 10 * MODULES]);
+    let newton = 0.1 * missed * (10.0 * MODULES as f64).sqrt();
+    assert!((watched.evidence.missed_n() - newton).abs() < 1e-9, "{}", watched.evidence.missed_n());
+}
+
 #[test]
 fn a_skin_that_creeps_or_warms_slowly_keeps_its_zero() {
     for counts_per_minute in [-1.0, 1.0] {

@@ -16,7 +16,7 @@ use crate::regions::Regions;
 use crate::request::ErrorReason;
 use crate::scan::Scan;
 use crate::zero::events::{Surroundings, ZeroEvent};
-use crate::zero::evidence::{Evidence, Finding, UNSEEN_COUNTS};
+use crate::zero::evidence::{Evidence, Finding};
 use crate::zero::ground::Ground;
 use crate::zero::kept::{TakenZero, Unjudged};
 use crate::zero::offset::Offset;
@@ -166,7 +166,17 @@ impl Zero {
 
     /// Standard uncertainty, in counts, of the zero that all taxels share.
     pub fn sigma_counts(&self) -> f64 {
-        self.offset.sigma_counts().hypot(UNSEEN_COUNTS)
+        self.offset.sigma_counts()
+    }
+
+    /// The same that each taxel has of its own: remnants of a new zero of its board that no account would show.
+    pub fn missed_counts(&self) -> f64 {
+        self.evidence.missed_counts()
+    }
+
+    /// What the uncertainty of the zero weighs on the whole skin.
+    pub fn sigma(&self) -> Newton {
+        Newton(self.offset.sigma().0.hypot(self.evidence.missed_n()))
     }
 
     /// How far the zero lies towards load from that of the models, as far as that may be what the skin remembers of earlier
@@ -175,10 +185,9 @@ impl Zero {
         self.ground.residue_counts(self.offset.followed_counts())
     }
 
-    /// How much of a load that lies on the whole patch may have gone into the zero since it was taken: what was taken of a
-    /// heavier skin for an offset.
-    pub const fn absorbed(&self) -> Newton {
-        self.offset.view().absorbed
+    /// How much of a load that lies on the whole patch the zero may hide since it was taken.
+    pub const fn hides(&self) -> Newton {
+        self.offset.hides()
     }
 
     /// What keeps a force at this zero from being a good one.
@@ -203,6 +212,7 @@ impl Zero {
     /// How much a count more of each taxel weighs, N, negative where counts fall with load; empty while nobody knows.
     pub fn weigh(&mut self, newton_per_count: &[f64]) {
         self.offset.weigh(newton_per_count);
+        self.evidence.weigh(newton_per_count);
     }
 
     /// Begins to watch the skin. An earlier watch is given up, and whoever wanted it told.

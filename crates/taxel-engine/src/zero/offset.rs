@@ -80,6 +80,8 @@ pub struct Offset {
     window_s: f64,
     tables_s: f64,
     view: DriftView,
+    hides: Newton,
+    sigma: Newton,
 }
 
 /// What a scan says of the offset.
@@ -108,6 +110,8 @@ impl Offset {
             window_s: 0.0,
             tables_s: 0.0,
             view: DriftView::default(),
+            hides: Newton(0.0),
+            sigma: Newton(0.0),
         }
     }
 
@@ -147,6 +151,7 @@ impl Offset {
     pub fn weigh(&mut self, newton_per_count: &[f64]) {
         let of = |taxels: &Range<usize>| Some(newton_per_count.get(taxels.clone())?.iter().sum::<f64>().abs());
         self.newton_per_count = self.taxels.iter().filter_map(of).collect();
+        self.describe();
     }
 
     /// Takes a scan, `ground` being what it is compared with and `taken` the zero as it was taken. While its counts do not
@@ -247,8 +252,22 @@ impl Offset {
     }
 
     fn absorbed(&self) -> Newton {
-        let of = |(module, weighs): (&ModuleOffset, &f64)| module.unexplained(module.offset()) * weighs;
-        Newton(self.modules.iter().zip(&self.newton_per_count).map(of).sum())
+        Newton(self.weighed(|module| module.unexplained(module.offset())))
+    }
+
+    /// How much of a load on everything does not show: what may have been absorbed, and by how much the tables lag behind a
+    /// skin that has become lighter.
+    pub const fn hides(&self) -> Newton {
+        self.hides
+    }
+
+    /// Standard uncertainty of what the offsets weigh on the whole skin. Modules have it in common, as warmth is.
+    pub const fn sigma(&self) -> Newton {
+        self.sigma
+    }
+
+    fn weighed(&self, of: impl Fn(&ModuleOffset) -> f64) -> f64 {
+        self.modules.iter().zip(&self.newton_per_count).map(|(module, newton)| of(module) * newton).sum()
     }
 
     /// Whether the tables have to move.
@@ -318,10 +337,13 @@ impl Offset {
     }
 
     fn describe(&mut self) {
+        self.hides = Newton(self.weighed(|module| (module.followed - module.offset()).max(0.0)));
+        self.sigma = Newton(self.weighed(|module| module.variance().sqrt()));
         if !self.plan.follow {
             return;
         }
         self.view.absorbed = self.absorbed();
+        self.hides.0 += self.view.absorbed.0;
         for module in &mut self.modules {
             // A little below its bound it is free again, so that noise does not make it come and go.
             let at = if module.is_bounded { 0.9 } else { 1.0 };

@@ -122,6 +122,21 @@ fn the_tables_follow_what_no_load_can_be_and_the_rest_where_it_is_asked_for() {
     }
 }
 
+/// Of 0.1 N a count of each taxel, modules are off together, and a skin that is lighter by less than a step of the tables hides
+/// as much of a load.
+#[test]
+fn what_the_zero_hides_and_its_uncertainty_are_told_as_forces() {
+    let mut watched = Watched::new(false, false);
+    near(watched.offset.sigma().0, MODULES as f64 * ZERO_SIGMA, 1e-9);
+    near(watched.offset.hides().0, 0.0, 1e-9);
+    watched.seconds(8.0, |_| -0.1);
+    near(watched.offset.hides().0, 0.1 * MODULES as f64, 0.4);
+    assert!(watched.offset.sigma().0 < 0.8, "{:?}", watched.offset.sigma());
+    watched.pads += 4.0;
+    watched.seconds(4.0, |_| 10.0);
+    assert!(watched.offset.sigma().0 > 1.0, "what pads predict is common: {:?}", watched.offset.sigma());
+}
+
 #[test]
 fn after_a_restart_the_first_scan_tells_what_the_pads_say_of_the_time_between() {
     let mut watched = Watched::new(false, false);

@@ -4,7 +4,7 @@
 //! they return from day to day. So what the zero itself may hide counts, too: with `h = sum w (zero - zero of the models)`
 //! over a module (beyond the threshold what the taxel's curve says instead), `H` is the sum of all `h`, a load on
 //! everything, or that of the three greatest, a contact, whichever is more. A skin that lies away from load as a whole, as a
-//! colder one does, hides a contact by as much, so a contact is told from the median taxel then. Boards that took a zero
+//! colder one does, hides a contact by as much, so a contact is told from the median taxel then, and has its error. Boards that took a zero
 //! of their own since the models were gathered leave a residue on every taxel, which may hide a load as well: how far the
 //! taxels lie apart is how large these are, `H` has the standard uncertainty `sqrt(sum (w d)^2)` of its taxels, `d` from the
 //! median deviation. Where somebody has confirmed a zero since, the same is told from that zero, and what is more counts.
@@ -14,7 +14,7 @@ use std::ops::Range;
 use super::share::{CONTACT_MODULES, FLOOR_SIGMAS, Share};
 use crate::baseline::TaxelBaseline;
 use crate::force::tables::Tables;
-use crate::statistics::{MEDIAN_DEVIATIONS, median};
+use crate::statistics::{MEDIAN_DEVIATIONS, median, median_error};
 
 /// The zero that holds, and what it took for rest.
 #[derive(Clone, Copy, Debug)]
@@ -69,22 +69,26 @@ impl Hidden {
             let curve = || tables.threshold_n(taxel, moved).unwrap_or(linear).max(linear);
             if linear > f64::from(share.threshold_n) { curve() } else { linear }
         };
-        // Of each module its force, that beside what moved the whole skin away from load, and its squared uncertainty.
+        // A contact on a skin that lies away from load is told from the median taxel, whose error its taxels have in common.
+        let median_off = if middle < 0.0 { median_error(apart, all.iter().flatten().count()) } else { 0.0 };
+        // Of each module its force, that beside what moved the whole skin away from load, its squared uncertainty, and N per count.
         let of_module = |range: &Range<usize>| {
             let moved = range.clone().filter_map(|taxel| Some((taxel, all.get(taxel).copied()??)));
-            moved.fold([0.0; 3], |[force, contact, squared], (taxel, moved)| {
-                let sigma = f64::from(shares[taxel].newton_per_count) * apart;
+            moved.fold([0.0; 4], |[force, contact, squared, per_count], (taxel, moved)| {
+                let weight = f64::from(shares[taxel].newton_per_count).abs();
+                let sigma = weight * apart;
                 let beside = newton(taxel, moved - middle.min(0.0));
-                [force + newton(taxel, moved), contact + beside, squared + sigma * sigma]
+                [force + newton(taxel, moved), contact + beside, squared + sigma * sigma, per_count + weight]
             })
         };
-        let mut by_module: Vec<[f64; 3]> = modules.iter().map(of_module).collect();
-        let sum = |modules: &[[f64; 3]], of: usize| modules.iter().map(|module| module[of].max(0.0)).sum::<f64>();
+        let mut by_module: Vec<[f64; 4]> = modules.iter().map(of_module).collect();
+        let sum = |modules: &[[f64; 4]], of: usize| modules.iter().map(|module| module[of].max(0.0)).sum::<f64>();
         let everything: f64 = by_module.iter().map(|module| module[0]).sum();
         let everything = Self { newton: everything.max(0.0), sigma_n: sum(&by_module, 2).sqrt() };
         by_module.sort_by(|a, b| b[1].total_cmp(&a[1]));
         by_module.truncate(CONTACT_MODULES);
-        let contact = Self { newton: sum(&by_module, 1), sigma_n: sum(&by_module, 2).sqrt() };
+        let sigma_n = sum(&by_module, 2).sqrt().hypot(median_off * sum(&by_module, 3));
+        let contact = Self { newton: sum(&by_module, 1), sigma_n };
         if everything.upper_n() > contact.upper_n() { everything } else { contact }
     }
 
@@ -149,12 +153,12 @@ mod tests {
             ("a colder skin, of which one module is not", |t| if t / 10 == 4 { 0.0 } else { -1.0 }, 10.0, 0.0),
             ("a warmer one, of which one is not", |t| if t / 10 == 4 { 0.0 } else { 1.0 }, 40.0, 0.0),
             ("residues", |t| if t % 2 == 0 { 1.0 } else { -1.0 }, 0.0, all),
-            // A contact may hide 4.8 counts, and 30 taxels of residues: more, but less with two uncertainties.
+            // A contact may hide 4.8 counts, and 30 taxels of residues; the median of 50 that it is told from is off by 1.25 / sqrt(50).
             (
                 "residues, and one module that is lighter",
                 |t| [0.12, 0.12, 0.12, 0.0, -0.2][t / 10] + if t % 2 == 0 { 1.0 } else { -1.0 },
-                1.6,
-                all,
+                4.8,
+                30.0_f64.sqrt().hypot(30.0 * 1.2533 / all),
             ),
             ("residues under a load", |t| if t % 2 == 0 { 2.0 } else { 0.0 }, 50.0, all),
         ];
