@@ -229,15 +229,6 @@ impl RecordedTaxel {
     pub fn sigma_kpa(&self, zero_counts: f64) -> f64 {
         self.rmse_kpa.hypot(zero_counts / self.sensitivity)
     }
-
-    /// What of that every taxel has in common: the branches lie apart by the hysteresis, and the pressure is on one of
-    /// them or between, so its standard uncertainty is that of a rectangle, width / sqrt(12). Plays leave their share
-    /// of it (`plays_error_ratio`, 0 to 1).
-    #[must_use]
-    pub fn shared_kpa(&self, plays_error_ratio: f64) -> f64 {
-        let left = if self.plays.is_some() { plays_error_ratio } else { 1.0 };
-        (left * self.hysteresis_kpa.unwrap_or(0.0).abs() / 12.0_f64.sqrt()).min(self.rmse_kpa)
-    }
 }
 
 /// What a fit to rising and falling pressure, of a recording or a session, knows of the skin in use.
@@ -319,7 +310,8 @@ pub struct RecordedTaxel {
     pub rmse_kpa: f64,
     /// Swing of the count over that of the pressure, counts per kPa; positive.
     pub sensitivity: f64,
-    /// How much lower the gauge is at equal counts while the pressure falls, kPa; `None` without both branches.
+    /// By how much all taxels alike read wrong while the pressure falls, less what plays take off, root mean square, kPa; `None`
+    /// without both branches.
     pub hysteresis_kpa: Option<f64>,
     /// The hysteresis as plays; `None` where they are off.
     pub plays: Option<Plays>,

@@ -16,7 +16,7 @@ pub enum Term {
     Zero,
     /// The skin has not returned from an earlier load. Type B: between nothing and all that the zero moved. Common to all.
     Residue,
-    /// The branch of the hysteresis is not known. Type A, from rising and falling pressure. A contact has one history.
+    /// A load decreases (`unloading.rs`), or its history is not known. Type A, from falling pressure. A contact has one history.
     Hysteresis,
     /// What the calibration leaves open of the curve. Type B. Neighbouring taxels are made alike.
     Curve,

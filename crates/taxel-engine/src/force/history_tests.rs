@@ -43,7 +43,7 @@ fn with_plays() -> Arc<ModelSet> {
 
 fn averaged_over(smooth_s: f64) -> Arc<ModelSet> {
     let mut models = ModelSet::clone(&set(TAXELS));
-    let taxel = RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays: Some(plays()) };
+    let taxel = RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: None, plays: Some(plays()) };
     models.recorded = Some(Recorded {
         smooth_s,
         plays_mean_s: 0.0,

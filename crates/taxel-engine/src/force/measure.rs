@@ -81,6 +81,8 @@ pub struct Present<'a> {
     pub choice_n: f64,
     /// By how many counts the taxels of each module jump together.
     pub jumps: &'a [f32],
+    /// Whether the load decreases.
+    pub unloads: bool,
 }
 
 /// Sums over the touched taxels that the uncertainty follows from, N unless they say otherwise.
@@ -229,13 +231,14 @@ impl ForceModel {
         let (tables, set) = (evaluator.tables(), evaluator.tables().set());
         let zero_n = scale * (present.zero_sigma_counts * sums.per_count_n);
         let missed_n = scale * present.missed_counts * sums.per_count_n2.sqrt();
+        let hysteresis_n = if present.unloads { sums.hysteresis_n } else { 0.0 };
         let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
         let budget = Budget::default()
             .with(Term::Readings, sums.own_n2.sqrt())
             .with(Term::Choice, present.choice_n)
             .with(Term::Zero, zero_n.hypot(missed_n))
             .with(Term::Residue, scale * tables.residue_sigma_counts() * sums.per_count_n)
-            .with(Term::Hysteresis, scale * sums.hysteresis_n.hypot(sums.history_n))
+            .with(Term::Hysteresis, scale * hysteresis_n.hypot(sums.history_n))
             .with(Term::Curve, scale * sums.curve_n)
             .with(Term::BeyondRange, scale * sums.beyond_n)
             .with(Term::Gauge, (set.gauge_gain_rel * total_n).hypot(scale * set.gauge_offset_kpa * sums.area))

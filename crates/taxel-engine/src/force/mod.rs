@@ -22,6 +22,7 @@ pub(crate) mod tables;
 pub(crate) mod taxels;
 #[cfg(test)]
 pub(crate) mod tests;
+mod unloading;
 
 pub use crate::baseline::Activation;
 pub use evaluator::Evaluator;

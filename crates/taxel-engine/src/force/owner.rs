@@ -19,6 +19,7 @@ use crate::force::reason::{Reason, ReasonCode};
 use crate::force::remainder::{Remainder, Rest, Unseen, newton_per_count};
 use crate::force::sample::{ForceSample, ForceState, Undetected};
 use crate::force::tables::Tables;
+use crate::force::unloading::Unloading;
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
 
@@ -112,6 +113,7 @@ pub struct Force {
     step: Option<Newton>,
     /// The next total is the first at another zero or model set.
     changed: bool,
+    unloading: Unloading,
     touch: Touch,
     contact_ids: ContactIds,
 }
@@ -143,6 +145,7 @@ impl Force {
             last: None,
             step: None,
             changed: false,
+            unloading: Unloading::UNKNOWN,
             touch: Touch::default(),
             contact_ids: ContactIds::default(),
         }
@@ -164,6 +167,7 @@ impl Force {
         self.residue_counts = residue_counts;
         self.id = Some(Arc::from(set.id.as_str()));
         self.set = Some(set);
+        self.unloading = Unloading::UNKNOWN;
         self.begin(Hysteresis::unknown);
     }
 
@@ -176,6 +180,7 @@ impl Force {
     pub fn set_zero(&mut self, zero: Option<&[TaxelBaseline]>, residue_counts: f64) {
         (self.zero, self.residue_counts) = (zero.map(<[TaxelBaseline]>::to_vec), residue_counts);
         self.taken = self.zero.clone().unwrap_or_default();
+        self.unloading = Unloading::default();
         self.begin(Hysteresis::new);
     }
 
@@ -292,9 +297,11 @@ impl Force {
         let unseen = self.remainder.unseen(scan.counts, active, &touch.ring, [zero.hides.0, zero.sigma.0]);
         let Unseen { off_counts, choice_n, .. } = unseen;
         let zero_sigma_counts = zero.sigma_counts.hypot(off_counts);
-        let present = Present { zero_sigma_counts, missed_counts: zero.missed_counts, choice_n, jumps: scan.jumps };
+        let (jumps, unloads) = (scan.jumps, self.unloading.is_under_way());
+        let present = Present { zero_sigma_counts, missed_counts: zero.missed_counts, choice_n, jumps, unloads };
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);
+        self.unloading.follow(sample.total);
         self.contact_ids.give(&mut sample.contacts);
         sample.undetected = Some(Undetected { newton: unseen.newton, sigma_n: unseen.sigma_n });
         sample.model_set = self.id.clone();

@@ -63,9 +63,9 @@ pub(crate) struct Share {
 }
 
 impl Share {
-    /// Of a taxel's standard uncertainty, kPa, and what of it others share: hysteresis, curve, range.
+    /// Of a taxel's standard uncertainty, kPa, and what others share: hysteresis, which is no part of it, curve, range.
     fn of_sigmas(newton_per_kpa: f64, sigma_kpa: f64, shared_kpa: [f64; 3]) -> Self {
-        let shared_kpa2: f64 = shared_kpa.iter().map(|kpa| kpa * kpa).sum();
+        let shared_kpa2: f64 = shared_kpa[1..].iter().map(|kpa| kpa * kpa).sum();
         let [hysteresis_n, curve_n, beyond_n] = shared_kpa.map(|kpa| (newton_per_kpa * kpa) as f32);
         let own_n2 = (newton_per_kpa.powi(2) * (sigma_kpa * sigma_kpa - shared_kpa2).max(0.0)) as f32;
         Self { own_n2, hysteresis_n, curve_n, beyond_n, ..Self::default() }
@@ -225,13 +225,11 @@ impl<'a> Source<'a> {
         beyond.shared_kpa.max(UNVOUCHED_SHARE * beyond.kpa)
     }
 
-    /// What of the uncertainty of a reading all taxels have in common, and both branches of pressure have shown, kPa.
+    /// What of the uncertainty of a reading all taxels have in common while a load decreases, as both branches of pressure have
+    /// shown, kPa. How far the zero stays away from where it was does not average out either.
     fn hysteresis_kpa(&self) -> f64 {
         let (Some(in_use), Some(recorded)) = (self.in_use, self.set.recorded.as_ref()) else { return 0.0 };
-        // How far the zero stays away from where it was does not average out either.
-        let common = recorded.zero_return_common_counts();
-        let shared_kpa = in_use.shared_kpa(self.set.plays_error_ratio()).hypot(common / in_use.sensitivity);
-        shared_kpa.min(in_use.sigma_kpa(recorded.zero_return_counts()))
+        in_use.hysteresis_kpa.unwrap_or(0.0).hypot(recorded.zero_return_common_counts() / in_use.sensitivity)
     }
 
     /// What a count contributes to a force and to its uncertainty; `newton` is its force without a threshold.

@@ -35,6 +35,13 @@ const LIGHT: [f64; 2] = [0.015, 0.15];
 /// The soft inverse is taken where it lowers the left-out error to this share.
 const SOFT_GAIN: f64 = 0.95;
 
+/// Plays are taken where they lower it to this share.
+const PLAYS_GAIN: f64 = 0.95;
+
+/// A loop closes that is narrower than this share of its greatest width for light loads: of loops in proportion to the pressure it is
+/// 0.4, of plays 0.8 to 1.
+const CLOSED: f64 = 0.45;
+
 /// A curve that spans less than this share of its taxel's swing goes through noise: the others' noise is told without it.
 const SPAN_MIN: f64 = 0.25;
 
@@ -219,6 +226,7 @@ impl Fit<'_> {
             range_kpa: self.range_kpa,
             shared_kpa: None,
             apart_kpa: None,
+            fall_kpa: None,
             zero_known: self.zero_known,
             plays_error_ratio: reading.plays_error_ratio,
             taxels: Vec::new(),
@@ -233,7 +241,9 @@ impl Fit<'_> {
             })
             .collect();
         fit.shared_kpa = shared_kpa(&fit.course, &self.without, &used);
-        fit.apart_kpa = apart_kpa(&fit.taxels);
+        let others = || fit.course.groups.iter().filter(|group| !group.on_curve);
+        fit.apart_kpa = common_kpa(&fit.taxels, &others().map(|group| group.rising).collect::<Vec<bool>>());
+        fit.fall_kpa = common_kpa(&fit.taxels, &others().map(|group| !group.rising).collect::<Vec<bool>>());
         fit
     }
 
@@ -285,10 +295,28 @@ impl Fit<'_> {
         };
         let alone = error(false, false);
         let with_plays = self.falls.then(|| error(true, false));
-        let plays = with_plays.is_some_and(|with| with < alone);
+        let plays = with_plays.is_some_and(|with| with < PLAYS_GAIN * alone) && !self.closes(pilots, curved);
         let plain = if plays { with_plays.unwrap_or(alone) } else { alone };
         let plays_error_ratio = with_plays.map(|with| with / alone).filter(|ratio| ratio.is_finite());
         ReadingChoice { plays, soft: error(plays, true) < SOFT_GAIN * plain, plays_error_ratio }
+    }
+
+    /// Whether the loop closes towards light loads: its width there is in proportion to the load, which is none of plays. These would
+    /// take too much from every light touch.
+    fn closes(&self, pilots: &[usize], curved: &[Option<Curved>]) -> bool {
+        let width_kpa = |(g, group): (usize, &Group)| {
+            let of = |taxel: &usize| {
+                let (seen, curved) = (self.seen[*taxel].as_ref().ok()?, curved[*taxel].as_ref()?);
+                Some(curved.curve.inverse(seen.groups[g]) - group.kpa).filter(|kpa| kpa.is_finite())
+            };
+            (group.kpa, mean(pilots.iter().filter_map(of)))
+        };
+        let falling = self.course.groups.iter().enumerate().filter(|(_, group)| !group.rising);
+        let widths: Vec<(f64, f64)> = falling.map(width_kpa).filter(|(_, width)| width.is_finite()).collect();
+        let [from, to] = LIGHT.map(|share| self.range_kpa[0] + share * (self.range_kpa[1] - self.range_kpa[0]));
+        let light = mean(widths.iter().filter(|(kpa, _)| (from..to).contains(kpa)).map(|(_, width)| *width));
+        let widest = widths.iter().fold(0.0, |widest: f64, (_, width)| widest.max(*width));
+        light < CLOSED * widest
     }
 
     /// The weights of the plays about a curve, from the falling groups that are chosen.
@@ -428,14 +456,14 @@ fn shared_kpa(course: &Course, without: &[Option<Problem>; READING_FOLDS], taxel
     (!means.is_empty()).then(|| mean(means.into_iter()).sqrt())
 }
 
-/// Root mean square of what the taxels have in common by which they read legs wrong that the curve is not fitted to: how far ramps
-/// that should be alike lie apart, and what is left of the hysteresis. `None` of a single rise.
-fn apart_kpa(taxels: &[Result<FittedTaxel, Status>]) -> Option<f64> {
+/// Root mean square of what the taxels have in common by which they read the `chosen` of the groups wrong that the curve is not
+/// fitted to, kPa. `None` without any.
+fn common_kpa(taxels: &[Result<FittedTaxel, Status>], chosen: &[bool]) -> Option<f64> {
     let used: Vec<&[f64]> =
         taxels.iter().flatten().filter(|taxel| taxel.status.is_ok()).map(|taxel| taxel.others_kpa.as_slice()).collect();
     let common = |group: usize| mean(used.iter().map(|off_kpa| off_kpa[group]).filter(|off_kpa| off_kpa.is_finite()));
-    let groups = used.first().map_or(0, |off_kpa| off_kpa.len());
-    let squares: Vec<f64> = (0..groups).map(common).filter(|kpa| kpa.is_finite()).map(|kpa| kpa * kpa).collect();
+    let groups = (0..chosen.len()).filter(|group| chosen[*group] && !used.is_empty());
+    let squares: Vec<f64> = groups.map(common).filter(|kpa| kpa.is_finite()).map(|kpa| kpa * kpa).collect();
     (!squares.is_empty()).then(|| mean(squares.into_iter()).sqrt())
 }
 

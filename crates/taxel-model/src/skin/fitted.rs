@@ -32,8 +32,10 @@ pub struct SkinFit {
     pub range_kpa: [f64; 2],
     /// What the readings of light loads have in common by which they are off, kPa; `None` where nothing tells.
     pub shared_kpa: Option<f64>,
-    /// The same of legs that the curves are not fitted to: other ramps, and what is left of the hysteresis.
+    /// The same of other ramps than that which the curves are fitted to.
     pub apart_kpa: Option<f64>,
+    /// The same while the pressure falls: what is left of the hysteresis. `None` without a fall.
+    pub fall_kpa: Option<f64>,
     /// Whether the unloaded skin was seen, so that its zeros are known.
     pub zero_known: bool,
     /// Left-out error with plays over that without; `None` without a fall.

@@ -105,7 +105,7 @@ impl SkinScans<'_> {
 fn in_use(skin: &SkinFit, taxel: usize, model: &TaxelModel) -> Option<RecordedTaxel> {
     let sensitivity = skin.sensitivity(taxel).filter(|_| model.is_usable())?;
     let (rmse_kpa, plays) = (model.quality.rmse_kpa, skin.plays(taxel));
-    Some(RecordedTaxel { rmse_kpa, sensitivity, hysteresis_kpa: None, plays })
+    Some(RecordedTaxel { rmse_kpa, sensitivity, hysteresis_kpa: skin.fall_kpa, plays })
 }
 
 /// How the curves were fitted, in words.
