@@ -39,8 +39,8 @@ const LOST: f32 = 25.0;
 /// Normalised evidence that is chance, and of a board that is suspect already; the most that an account falls by in a scan.
 const CHANCE: [f32; 2] = [4.0, 2.5];
 const FALL: [f32; 2] = [2.0, 0.5];
-/// The same of what a load that vanished left unclear: it lasts for ten scans, in which the means come to show two thirds of a new zero.
-const UNCLEAR_FALL: f32 = 1.25;
+/// The same of what a load that vanished left unclear: it lasts for eight scans, in which the means come to show most of a new zero.
+const UNCLEAR_FALL: f32 = 1.5;
 /// Weight of a scan in the mean of a taxel or pad, and in the slow mean that a pad is compared with and that of a taxel.
 const SHARE: f32 = 1.0 / 8.0;
 const PAD_SLOW_SHARE: f32 = 1.0 / 100.0;

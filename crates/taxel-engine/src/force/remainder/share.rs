@@ -34,12 +34,14 @@ impl Share {
     }
 }
 
-/// Force at the activation threshold of a taxel with the zero `rest`, and per count on the way there, N. `None` without a
-/// usable model.
+/// Force at the activation threshold of a taxel with the zero `rest`, and per count on the way there, N: the more of all of it and
+/// of its first half, since a taxel with a dead zone shows the less of a load the lighter that is. `None` without a usable model.
 fn at_threshold(tables: &Tables, rest: TaxelBaseline, activation: Activation, taxel: usize) -> Option<(f64, f64)> {
     let distance = activation.distance_counts(rest.noise);
     let newton = tables.threshold_n(taxel, distance)?;
-    Some((newton, newton / distance))
+    let half = 0.5 * distance;
+    let half_n = tables.threshold_n(taxel, half)?;
+    Some((newton, (newton / distance).max(half_n / half)))
 }
 
 /// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; 0 where nothing

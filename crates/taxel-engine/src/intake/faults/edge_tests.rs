@@ -381,7 +381,7 @@ fn a_module_that_is_known_to_be_noisy_has_to_jump_further_and_a_scan_without_val
 /// Half a minute of scans every 20 ms, in which each taxel goes between two counts at half the pace of the bus.
 fn sound_scans(detector: &mut FaultDetector, from: Time) {
     for scan in 0..1_500_u32 {
-        let count = |taxel: u32| if (scan / 2 + taxel) % 3 == 0 { 234 } else { 235 };
+        let count = |taxel: u32| if (scan / 2 + taxel).is_multiple_of(3) { 234 } else { 235 };
         let counts: Vec<u8> = (0..10).map(count).collect();
         for module in 0..4 {
             detector.push_module(from + Duration::from_millis(20) * scan, module, &counts, 0);
