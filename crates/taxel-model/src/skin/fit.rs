@@ -35,12 +35,11 @@ const LIGHT: [f64; 2] = [0.015, 0.15];
 /// The soft inverse is taken where it lowers the left-out error to this share.
 const SOFT_GAIN: f64 = 0.95;
 
+/// Errors of plays count relative to the load and this share of the range.
+const LIGHT_SHARE: f64 = 0.1;
+
 /// Plays are taken where they lower it to this share.
 const PLAYS_GAIN: f64 = 0.95;
-
-/// A loop closes that is narrower than this share of its greatest width for light loads: of loops in proportion to the pressure it is
-/// 0.4, of plays 0.8 to 1.
-const CLOSED: f64 = 0.45;
 
 /// A curve that spans less than this share of its taxel's swing goes through noise: the others' noise is told without it.
 const SPAN_MIN: f64 = 0.25;
@@ -295,39 +294,22 @@ impl Fit<'_> {
         };
         let alone = error(false, false);
         let with_plays = self.falls.then(|| error(true, false));
-        let plays = with_plays.is_some_and(|with| with < PLAYS_GAIN * alone) && !self.closes(pilots, curved);
+        let plays = with_plays.is_some_and(|with| with < PLAYS_GAIN * alone);
         let plain = if plays { with_plays.unwrap_or(alone) } else { alone };
         let plays_error_ratio = with_plays.map(|with| with / alone).filter(|ratio| ratio.is_finite());
         ReadingChoice { plays, soft: error(plays, true) < SOFT_GAIN * plain, plays_error_ratio }
     }
 
-    /// Whether the loop closes towards light loads: its width there is in proportion to the load, which is none of plays. These would
-    /// take too much from every light touch.
-    fn closes(&self, pilots: &[usize], curved: &[Option<Curved>]) -> bool {
-        let width_kpa = |(g, group): (usize, &Group)| {
-            let of = |taxel: &usize| {
-                let (seen, curved) = (self.seen[*taxel].as_ref().ok()?, curved[*taxel].as_ref()?);
-                Some(curved.curve.inverse(seen.groups[g]) - group.kpa).filter(|kpa| kpa.is_finite())
-            };
-            (group.kpa, mean(pilots.iter().filter_map(of)))
-        };
-        let falling = self.course.groups.iter().enumerate().filter(|(_, group)| !group.rising);
-        let widths: Vec<(f64, f64)> = falling.map(width_kpa).filter(|(_, width)| width.is_finite()).collect();
-        let [from, to] = LIGHT.map(|share| self.range_kpa[0] + share * (self.range_kpa[1] - self.range_kpa[0]));
-        let light = mean(widths.iter().filter(|(kpa, _)| (from..to).contains(kpa)).map(|(_, width)| *width));
-        let widest = widths.iter().fold(0.0, |widest: f64, (_, width)| widest.max(*width));
-        light < CLOSED * widest
-    }
-
-    /// The weights of the plays about a curve, from the falling groups that are chosen.
+    /// The weights of the plays about a curve, from the falling groups that are chosen. What is left counts relative to the load:
+    /// else the wide end of a loop that closes takes too much from every light touch.
     fn plays(&self, curve: &LoadCurve, seen: &Seen, lags: &[Lag], chosen: impl Fn(usize) -> bool) -> [f64; 4] {
+        let light_kpa = LIGHT_SHARE * (self.range_kpa[1] - self.range_kpa[0]);
         let falls = |g: usize, group: &Group| !group.rising && chosen(g) && !seen.groups[g].is_nan();
         let falling = self.course.groups.iter().enumerate().filter(|(g, group)| falls(*g, group));
-        lag::weights(
-            falling.map(|(g, group)| {
-                (group.weight, lag::mean(lags, &group.scans), curve.inverse(seen.groups[g]) - group.kpa)
-            }),
-        )
+        lag::weights(falling.map(|(g, group)| {
+            let weight = group.weight / (group.kpa - self.range_kpa[0] + light_kpa).powi(2);
+            (weight, lag::mean(lags, &group.scans), curve.inverse(seen.groups[g]) - group.kpa)
+        }))
     }
 
     /// Each scan read by a fit without its fold of groups, kPa; NaN for scans of no group.
