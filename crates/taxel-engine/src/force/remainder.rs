@@ -235,7 +235,8 @@ mod tests {
             let mut of_modules = [0.0; 4];
             for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
                 let distance = ACTIVATION.distance_counts(0.5);
-                let newton_per_count = tables.threshold_n(taxel, distance).unwrap() / distance;
+                let at = |distance: f64| tables.threshold_n(taxel, distance).unwrap() / distance;
+                let newton_per_count = at(distance).max(at(0.5 * distance));
                 if selected {
                     of_modules[taxel / 10] += (newton_per_count * 0.5).powi(2);
                 }

@@ -151,12 +151,12 @@ fn stored_samples_are_fitted_once_more(demo: &Demo, session: &str, own: &str) {
     let other = &demo.json(&["sessions", "refit", session, "--order", "3", "--json"])[0];
     let id = other["modelSet"]["modelSet"].as_str().unwrap();
     assert_eq!((&other["known"], &other["modelSet"]["active"]), (&false.into(), &false.into()), "{other}");
-    assert!(id != own && other["modelSet"]["method"].as_str().unwrap().starts_with("order 3"), "{other}");
+    assert!(id != own, "its polynomials are others: {other}");
     assert!(demo.refused(&["sessions", "refit", session, session]).contains("is named twice"));
     assert!(demo.refused(&["sessions", "refit", "99"]).contains("no session 99"));
 
     let printed = demo.succeeds(&["sessions", "refit", session, "--order", "3"]);
-    assert!(printed.contains("was there already") && printed.contains("order 3"), "{printed}");
+    assert!(printed.contains("was there already") && printed.contains(id), "{printed}");
     demo.succeeds(&["models", "use", id]);
     let back = demo.succeeds(&["models", "use", own]);
     assert!(back.contains(&format!("before it: {id}")), "{back}");
