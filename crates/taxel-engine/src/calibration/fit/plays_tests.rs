@@ -107,10 +107,9 @@ fn plays_make_neither_light_touches_nor_minor_loops_nor_the_time_after_an_overlo
             let error = |plays| error_kpa(&calibration, plays, &judged, over);
             let ((auto, on), (off, _)) = (error(PlaysChoice::Auto), error(PlaysChoice::Off));
             assert!(auto <= 1.02 * off, "{truth:?}, {name}: {auto} kPa with plays {on}, {off} kPa without");
-            // Radii are shares of the whole swing: coarse for a load of a tenth of it.
             let pure = matches!(truth, Truth::Plays | Truth::Virgin);
             assert!(
-                !pure || (on && auto < if *name == "light touches" { 0.85 } else { 0.75 } * off),
+                !pure || (on && auto < 0.75 * off),
                 "{truth:?}, {name}: {auto} kPa with plays {on}, {off} kPa without"
             );
         }

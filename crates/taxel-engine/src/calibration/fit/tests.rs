@@ -187,6 +187,7 @@ fn plays_take_the_loop_out_of_what_was_not_fitted() {
     assert!(recorded.taxels.iter().flatten().all(|taxel| taxel.plays.is_some()));
     let without = fitted(&Skin::cycle(0.0), &FitRecipe::default()).recorded.unwrap();
     assert!(without.plays_error_ratio.unwrap() > 0.9, "{:?}", without.plays_error_ratio);
+    assert!(without.taxels.iter().flatten().all(|taxel| taxel.plays.is_none()));
     let rising = FitRecipe { branch: Branch::Rising, ..FitRecipe::default() };
     assert_eq!(fitted(&Skin::cycle(8.0), &rising).recorded.unwrap().plays_error_ratio, None);
 }
