@@ -57,6 +57,7 @@ mod tare_under_load;
 mod typed;
 mod unseen_force;
 mod validation;
+mod whole_robot;
 mod zero;
 mod zero_lost;
 mod zero_under_load;

@@ -68,3 +68,14 @@ fn a_skin_of_which_nothing_is_usable_has_no_force() {
     bench.seconds(3.0);
     assert!(!bench.has_force_since(mark), "{:?}", bench.host.snapshot().force);
 }
+
+#[test]
+fn a_single_excluded_taxel_under_a_load_is_within_the_interval() {
+    for taxel in [33, 35, 39] {
+        let mut bench = without(small(), taxel..taxel + 1);
+        let mark = bench.mark();
+        bench.lay(0.5, 35);
+        bench.seconds(3.0);
+        bench.is_truthful_since(mark, &format!("taxel {taxel} excluded"));
+    }
+}

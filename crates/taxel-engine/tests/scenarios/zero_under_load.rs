@@ -1,6 +1,7 @@
 //! What lies on the skin is no zero, however few taxels it lies on, and whatever its boards do meanwhile.
 
 use taxel_sim::Footprint;
+use taxel_skin::Kilopascal;
 
 use crate::prelude::*;
 use crate::say::tare;
@@ -108,5 +109,94 @@ fn after_lost_acknowledgements_under_a_load_a_tare_needs_somebody_who_vouches() 
         bench.refused(tare());
         bench.seconds(2.0);
         bench.is_truthful_since(mark, "a tare after lost acknowledgements under a load");
+    }
+}
+
+/// One taxel that is far from where it was may be a broken one, and no reason to refuse. What may press on it is in the
+/// interval.
+#[test]
+fn a_load_on_a_single_taxel_that_is_taken_for_rest_is_within_the_interval() {
+    for kilogram in [0.05, 0.1, 0.2, 0.3] {
+        let mut bench = small().in_use();
+        bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(33), 50.0)).unwrap();
+        bench.seconds(2.0);
+        bench.tare(None).unwrap();
+        let mark = bench.mark();
+        bench.seconds(2.0);
+        bench.is_truthful_since(mark, &format!("{kilogram} kg on a single taxel"));
+    }
+}
+
+/// Nor does it cost anything where loads are lifted while there is no zero.
+#[test]
+fn a_load_that_is_lifted_without_a_zero_leaves_a_skin_at_rest() {
+    for skin in [small(), ordinary()] {
+        let mut bench = skin.in_use();
+        for (kilogram, centre) in [(0.5, 33), (1.0, 70), (2.0, 14)] {
+            bench.bus_off();
+            bench.lay(kilogram, centre);
+            bench.seconds(2.0);
+            bench.world.clear();
+            bench.seconds(1.5);
+            bench.tare(None).unwrap();
+        }
+    }
+}
+
+/// A zero that somebody vouched for shows what the boards hide, and the next one, which nobody did, may hide it once more.
+#[test]
+fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interval() {
+    for skin in [small(), ordinary()] {
+        let mut bench = skin.started();
+        let mass = Mass::on_disc(0.3, TaxelIndex(33), 3000.0);
+        bench.world.lay(mass).unwrap();
+        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
+        bench.world.clear();
+        bench.seconds(1.0);
+        bench.tare(Some("Ada")).unwrap();
+        bench.world.lay(mass).unwrap();
+        bench.seconds(1.0);
+        let mark = bench.mark();
+        if bench.tare(None).is_ok() {
+            bench.until(3.0, "a force", |host| host.snapshot().force.total.is_some());
+        }
+        bench.seconds(1.0);
+        bench.is_truthful_since(mark, "0.3 kg that came back after a vouched zero");
+    }
+}
+
+/// A skin that became colder lies away from load everywhere, and so hides a light load.
+#[test]
+fn a_light_load_on_a_colder_skin_that_is_taken_for_rest_is_within_the_interval() {
+    for kelvin in [-2.0, -4.0, -6.0] {
+        let mut forces = 0;
+        for (kilogram, centre) in [(0.1, 33), (0.2, 70), (0.3, 14), (0.4, 45)] {
+            let mut world = small().world.clone();
+            world.inject(Fault::Warming { kelvin, over: Duration::from_secs(1) }).unwrap();
+            world.advance(world.now() + Duration::from_secs(10), &mut Vec::new());
+            let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+            let mut bench = Bench::new(world, plan(patch), small().restored());
+            bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(centre), 2500.0)).unwrap();
+            bench.seconds(4.0);
+            forces += usize::from(bench.has_force_since(0));
+            bench.is_truthful_since(0, &format!("{kilogram} kg at {kelvin} K"));
+        }
+        assert!(forces >= 1, "a light load passes for another day");
+    }
+}
+
+/// Warmth that comes within a second or two while something lies on all of the skin shows on the pads alone.
+#[test]
+fn a_skin_that_warms_at_once_while_all_of_it_is_touched_is_within_the_interval() {
+    for (kelvin, kpa_per_s) in [(6.0, 2.0), (6.0, 4.0), (8.0, 2.0), (8.0, 4.0), (-8.0, 2.0)] {
+        let mut bench = small().in_use();
+        bench.ask(tare()).unwrap();
+        let mark = bench.mark();
+        bench.world.pump(PumpCommand::Ramp { target: Kilopascal(40.0), kpa_per_s });
+        bench.seconds(0.3);
+        bench.inject(Fault::Warming { kelvin, over: Duration::from_millis(900) });
+        bench.seconds(3.0);
+        assert!(bench.has_force_since(mark));
+        bench.is_truthful_since(mark, &format!("{kelvin} K while a bag presses by {kpa_per_s} kPa more each second"));
     }
 }
