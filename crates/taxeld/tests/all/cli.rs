@@ -296,3 +296,45 @@ fn demo_summary(printed: &str, contact: &str) -> (f64, f64) {
     let number = |at: usize| words.get(at).and_then(|word| word.parse().ok()).expect("a number");
     (number(5), number(words.len() - 1))
 }
+
+/// Fingertips and palm of a hand are two patches of one board; each may have its own area, bag and session.
+#[test]
+fn a_board_may_serve_patches_of_several_kinds_and_contradictions_name_the_line() {
+    let second = "[[patch]]\nname = \"tips\"\nbus = \"skin\"\nlisten_only = true\n\
+                  boards = [{ address = 13, modules = \"2-4 fingertip, 8-11 palm\" }]\n";
+    let both = format!("{CONFIG}{second}");
+    let folder = scratch(&[("t.toml", &both)]);
+    let config = path(folder.path(), "t.toml");
+    let printed = succeeds(&["check", "--config", &config]);
+    assert!(printed.contains("patch tips: 80 taxels on 7 modules"), "{printed}");
+    assert!(printed.contains("board 13 of bus skin: modules 2-4 fingertip, 8-11 palm"), "{printed}");
+    for (wrong, says) in [
+        (both.replace("2-4 fingertip", "1-4 fingertip"), "module 1 of board 13 is in patch `palm` and in patch `tips`"),
+        (
+            both.replace("name = \"tips\"", "name = \"tips\"\nperiod_ms = 100"),
+            "board 13 is configured by patch `palm` and by patch `tips` with other settings",
+        ),
+    ] {
+        std::fs::write(&config, &wrong).unwrap();
+        let said = fails(&["check", "--config", &config]);
+        assert!(said.contains(says), "{said}");
+        let line = 1 + wrong.lines().collect::<Vec<_>>().iter().rposition(|line| *line == "[[patch]]").unwrap();
+        assert!(said.contains(&format!("t.toml:{line}: ")), "{said}");
+    }
+}
+
+#[test]
+fn a_configuration_that_cannot_be_is_refused_with_its_place() {
+    for (broken, says) in [
+        (CONFIG.replace("modules", "moduls"), "t.toml:11: unknown key `moduls`; did you mean `modules`?"),
+        (CONFIG.replace("address = 13", "address = 31"), "board address 31 is not in 1..=15"),
+        (CONFIG.replace("\"0-1\"", "\"3-1\""), "modules = \"3-1\": expected ascending"),
+        (CONFIG.replace("bus = \"skin\"", "bus = \"leg\""), "bus `leg` is not among the buses: skin"),
+        (CONFIG.replace("0|32@1-", "0|65@1-"), "length is 65 bits"),
+        (format!("listen = [\"tcp:0.0.0.0:1\"]\n{CONFIG}"), "only loopback"),
+    ] {
+        let folder = scratch(&[("t.toml", &broken)]);
+        let said = fails(&["check", "--config", &path(folder.path(), "t.toml")]);
+        assert!(said.contains(says), "expected `{says}` in: {said}");
+    }
+}
