@@ -119,3 +119,22 @@ fn a_zero_that_somebody_vouched_for_under_pressure_leaves_the_next_session_alone
     let vouched = [Tare { confirmed: true }, Pass(Hold), Pass(Rise), Pass(Vent)];
     walk(&[&first[..], &second, &vouched, &[StartSession, Pass(Vent)]].concat());
 }
+
+/// Models of a session from before the boards lost their zero are none of the boards as they are.
+#[test]
+fn a_set_of_a_session_before_a_bus_off_proves_no_rest_after_it() {
+    let first = [StartSession, Pass(Vent), FinishRamp(1), FitEnds { fit: 0, well: true }, Pass(Hold), BusOff];
+    walk(
+        &[&first[..], &[StartSession, Pass(Hold), Abort(2), Activate(Set::Fit(0)), StartSession, Pass(Hold)]].concat(),
+    );
+}
+
+/// A session that follows one in use, and whose own ramp never begins, has models of that one's zero.
+#[test]
+fn a_set_of_a_session_without_a_ramp_of_its_own_is_of_the_boards_as_the_one_before_it_saw_them() {
+    let first = [StartSession, Pass(Hold), Pass(Rise), Pass(Rise), Pass(Rise), Pass(Vent)];
+    let used = [FitEnds { fit: 0, well: true }, Import(Set::Foreign(1)), Activate(Set::Fit(0)), StartRamp(1)];
+    let failed = [Activate(Set::Foreign(1)), Pass(Hold), Pass(Hold), Pass(Rise), FinishRamp(2)];
+    let again = [FitEnds { fit: 1, well: true }, Activate(Set::Fit(1)), Pass(Hold), Pass(Vent)];
+    walk(&[&first[..], &used, &failed, &again, &[StartSession, Pass(Hold)]].concat());
+}

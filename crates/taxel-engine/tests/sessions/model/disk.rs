@@ -105,7 +105,7 @@ impl Model {
         self.settled.clear();
         // The boards stream as they were configured, and the store of these tests keeps no doubts.
         (self.gauge_fresh, self.boards_ready, self.heard, self.unseen) = (false, false, false, false);
-        (self.unjudged, self.whole) = (None, false);
+        (self.unjudged, self.whole, self.falsely_vouched) = (None, false, false);
         self.begun.clear();
     }
 }

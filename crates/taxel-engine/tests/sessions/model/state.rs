@@ -76,6 +76,8 @@ pub struct Model {
     /// whether models are in use since, these or others.
     pub(super) unjudged: Option<Since>,
     pub(super) begun: BTreeSet<u64>,
+    /// Somebody vouched for a zero while the bag pressed: boards that are configured after that contradict it.
+    pub(super) falsely_vouched: bool,
     /// Whether all modules were heard together since the boards were configured.
     pub(super) whole: bool,
     /// What was held against the boards is no longer, since the last time that passed: a watch that goes on may end at once.
@@ -116,6 +118,7 @@ impl Model {
             unseen: true,
             unjudged: None,
             begun: BTreeSet::new(),
+            falsely_vouched: false,
             whole: true,
             just_trusted: false,
             tare: None,

@@ -64,6 +64,7 @@ impl Model {
             // Of a module that was silent while its board took a zero, what it read before is of another one.
             Step::BusOff => self.whole,
             // Whether a load is felt depends on the zero, which is not in the table.
+            Step::BringUp if self.falsely_vouched => false,
             Step::BringUp => self.kpa == 0 || self.presses() || self.open().is_some(),
             _ => true,
         }
@@ -94,6 +95,7 @@ impl Model {
             let proven = self.live.active.is_some() && self.kpa == 0 && !self.unseen;
             if still && (confirmed || proven) && self.disk != Disk::Failed {
                 self.void_zeros();
+                self.falsely_vouched |= confirmed && self.kpa > 0;
                 self.pending.push(Pending::Zero { request, good: true, vouched: confirmed });
             } else {
                 self.settle(request, false);
@@ -112,8 +114,9 @@ impl Model {
         let provable = !self.unseen || self.live.active.is_none();
         if provable && self.kpa == 0 && !matches!(how, Passing::ModuleSilent | Passing::GaugeSilent) {
             self.void_zeros();
-            if self.unseen {
-                self.unjudged = Some(Since::Nothing);
+            // Sessions from before the boards lost their zero say nothing of the one they have now.
+            if self.unseen && self.unjudged.replace(Since::Nothing).is_none() {
+                self.begun.clear();
             }
             self.unseen = false;
             self.begun.insert(number);
