@@ -235,6 +235,9 @@ impl SessionRun {
             self.view.refused.add(SampleRefusal::StaleModule);
             return;
         };
+        if self.pending.back().is_some_and(|newest| newest.time == scan.time) {
+            return; // the same scan once more has nothing to say
+        }
         self.rise.on_scan(&scan.counts);
         if self.pending.len() >= PENDING_MAX {
             self.pending.pop_front();
