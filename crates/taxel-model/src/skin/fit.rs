@@ -38,8 +38,8 @@ const SOFT_GAIN: f64 = 0.95;
 /// Errors of plays count relative to the load and this share of the range.
 const LIGHT_SHARE: f64 = 0.1;
 
-/// Plays are taken where they lower it to this share.
-const PLAYS_GAIN: f64 = 0.95;
+/// Plays are taken where they lower it to this share: by more than chance does.
+const PLAYS_GAIN: f64 = 0.98;
 
 /// A curve that spans less than this share of its taxel's swing goes through noise: the others' noise is told without it.
 const SPAN_MIN: f64 = 0.25;
