@@ -13,7 +13,7 @@ use std::time::Instant;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::force::{Activation, Evaluator};
 use taxel_engine::model_set::ModelSet;
-use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
+use taxel_model::{FitOptions, Samples, TaxelModel, fit};
 use taxel_skin::SquareMillimetre;
 
 const TAXELS: usize = 5_000;
@@ -34,13 +34,9 @@ impl Bits {
 
 /// A model of a skin that gives `gain` counts at most and half of them at 40 kPa.
 fn model(gain: f64) -> TaxelModel {
-    let mut sums = Accumulator::new();
-    for step in 0..700_u32 {
-        let kpa = f64::from(step) / 10.0;
-        let count = REST - gain * kpa / (kpa + 40.0);
-        sums.add(count.round() as u8, FixedPressure::from_kpa(kpa), 0);
-    }
-    sums.fit(&FitOptions::default())
+    let kpa: Vec<f64> = (0..700).map(|step| f64::from(step) / 10.0).collect();
+    let counts: Vec<f64> = kpa.iter().map(|kpa| (REST - gain * kpa / (kpa + 40.0)).round()).collect();
+    fit(&Samples::new(&counts, &kpa), &FitOptions::default())
 }
 
 fn model_set() -> ModelSet {

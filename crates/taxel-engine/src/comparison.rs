@@ -92,17 +92,14 @@ fn compare(earlier: &ModelSet, later: &ModelSet, taxel: usize) -> TaxelCompariso
 mod tests {
     use super::*;
     use crate::baseline::TaxelBaseline;
-    use taxel_model::{Estimator, FitOptions, Order, Samples, TaxelModel};
+    use taxel_model::{FitOptions, Samples, TaxelModel};
 
     /// A taxel that loses counts evenly with pressure.
     fn model(rest: f64, kpa_per_count: f64, to_kpa: f64) -> TaxelModel {
         let pressure: Vec<f64> = (0..=400).map(|i| to_kpa * f64::from(i) / 400.0).collect();
         let noise = |i: usize| 0.2 * ((i * 7 % 11) as f64 - 5.0) / 5.0;
         let counts: Vec<f64> = pressure.iter().enumerate().map(|(i, p)| rest - p / kpa_per_count + noise(i)).collect();
-        let options = FitOptions { order: Order::Fixed(1), estimator: Estimator::PerSample, ..FitOptions::default() };
-        let samples =
-            Samples { counts: &counts, counts_low: None, pressure_kpa: &pressure, pressure_low: None, ramp: None };
-        taxel_model::fit(&samples, &options)
+        taxel_model::fit(&Samples::new(&counts, &pressure), &FitOptions { order: 1, ..FitOptions::default() })
     }
 
     fn set(id: &str, rest: f64, to_kpa: f64, taxels: Vec<TaxelModel>) -> ModelSet {

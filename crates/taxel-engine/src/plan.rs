@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use taxel_model::{FitOptions, Rails};
+use taxel_model::FitOptions;
 use taxel_skin::{CountRange, Geometry, Patch, SquareMillimetre};
 
 pub use crate::calibration::limits::SessionLimits;
@@ -167,17 +167,6 @@ impl PatchPlan {
         FaultLimits { rail_high: counts.units(counts.top()) as f32, ..limits }
     }
 
-    /// Counts of more than eight bits are reals in units, whose rails a fit cannot guess.
-    fn fit_options(&self) -> FitOptions {
-        let counts = self.patch.counts();
-        match self.fit.rails {
-            Rails::Auto if counts != CountRange::BYTE => {
-                FitOptions { rails: Rails::At { low: 0.0, high: counts.units(counts.top()) }, ..self.fit }
-            }
-            _ => self.fit,
-        }
-    }
-
     /// What of it the zero needs.
     #[must_use]
     pub fn zero(&self) -> ZeroPlan {
@@ -218,7 +207,7 @@ impl PatchPlan {
             modules: Regions::new(&self.patch).modules().to_vec(),
             taxels: self.patch.taxels().len(),
             session: self.session,
-            fit: self.fit_options(),
+            fit: self.fit,
             faults: self.fault_limits(),
             board_settings: self.board_settings(),
             simulated: self.simulated,

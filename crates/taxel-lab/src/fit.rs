@@ -7,9 +7,9 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail, ensure};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Workers, fit as fit_skin};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, RECORDING_SCANS_MIN, Workers, fit as fit_skin};
 use taxel_engine::model_set::ModelSet;
-use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order};
+use taxel_model::{FitOptions, MAX_ORDER};
 use taxel_store::models_json;
 
 mod summary;
@@ -22,7 +22,7 @@ use crate::soundness::{Purpose, check};
 /// Fits models to DATA.csv and writes MODELS.json.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxel-lab fit ramp.csv.gz --out models.json\n  taxel-lab fit ramp.csv --order auto --branch rising --out models.json\n  taxeld sessions export 3 | taxel-lab fit - --order 3 --out models.json"
+    after_help = "Examples:\n  taxel-lab fit ramp.csv.gz --out models.json\n  taxel-lab fit ramp.csv --order 3 --branch rising --out models.json\n  taxeld sessions export 3 | taxel-lab fit - --out models.json"
 )]
 pub struct FitArgs {
     /// Recording: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or .gz; `-` is the standard input.
@@ -34,10 +34,10 @@ pub struct FitArgs {
     /// Where the models go; `-` is the standard output.
     #[arg(long, value_name = "MODELS.json")]
     out: PathBuf,
-    /// Order of the polynomial whose coefficients each model tells, 1 to 10, or `auto`: per taxel by leave-one-out error
-    /// [default: 5]. Counts are read by it with --paper alone.
-    #[arg(long, value_parser = parse_order)]
-    order: Option<Order>,
+    /// Order of the polynomial whose coefficients each model tells, 1 to 10 [default: 5]. Counts are read by it with --paper
+    /// alone.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=i64::from(MAX_ORDER)))]
+    order: Option<u8>,
     /// The paper's method and nothing else: its equation over all samples of rising pressure, every fault and outlier
     /// included, the curve as it comes out, monotone or not. Only --min-swing excludes a taxel.
     #[arg(long, conflicts_with_all = ["branch", "plays", "smooth"])]
@@ -76,14 +76,6 @@ fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
         let at = words.iter().position(|word| *word == chosen).ok_or("no such value")?;
         Ok::<T, &str>(values[at])
     })
-}
-
-fn parse_order(text: &str) -> Result<Order, String> {
-    if text == "auto" {
-        return Ok(Order::Auto);
-    }
-    let order = text.parse::<u8>().ok().filter(|order| (1..=MAX_ORDER).contains(order));
-    order.map(Order::Fixed).ok_or_else(|| format!("expected 1 to {MAX_ORDER} or `auto`"))
 }
 
 /// A finite number of 0 or more.
@@ -134,7 +126,7 @@ impl FitArgs {
         ];
         if let Some((_, option)) = of_skin.iter().find(|(asked, _)| *asked && !is_skin) {
             bail!(
-                "{option} needs a recording of a skin, {MIN_BINNED_SAMPLES} rows and more of 8-bit counts in two columns \
+                "{option} needs a recording of a skin, {RECORDING_SCANS_MIN} rows and more of 8-bit counts in two columns \
                  and more; this is an export of a session or another recording: leave {option} out"
             );
         }
@@ -160,13 +152,9 @@ impl FitArgs {
     }
 
     fn options(&self) -> FitOptions {
-        let mut options = FitOptions {
-            order: self.order.unwrap_or_default(),
-            estimator: if self.paper { Estimator::Paper } else { Estimator::default() },
-            ..FitOptions::default()
-        };
-        options.exclusion.min_swing_counts = self.min_swing;
-        options
+        let default = FitOptions::default();
+        let order = self.order.unwrap_or(default.order);
+        FitOptions { order, paper: self.paper, min_swing_counts: self.min_swing, ..default }
     }
 }
 

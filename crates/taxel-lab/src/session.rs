@@ -9,7 +9,7 @@ use taxel_engine::calibration::fit::{Branch, FitRecipe};
 use taxel_engine::calibration::{FitJob, RampBaseline, Sample, SessionSamples};
 use taxel_engine::counts::{Counts, SharedCounts};
 use taxel_engine::model_set::ModelSet;
-use taxel_model::{GaugeUncertainty, Rails};
+use taxel_model::GaugeUncertainty;
 use taxel_skin::CountRange;
 
 use crate::recording::{Figure, Recording};
@@ -37,7 +37,6 @@ pub fn fit(recording: &Recording, mut recipe: FitRecipe, branch: Option<Branch>)
     recipe.options.gauge = gauge(recording);
     if counts != CountRange::BYTE {
         let high = counts.units(counts.top());
-        recipe.options.rails = Rails::At { low: 0.0, high };
         recipe.faults.rail_high = high as f32;
     }
     let gathered = gathered(recording);

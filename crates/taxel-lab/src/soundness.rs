@@ -4,9 +4,8 @@
 //! harm is left out, counted and named.
 
 use anyhow::{bail, ensure};
-use taxel_engine::calibration::fit::scans::is_byte;
+use taxel_engine::calibration::fit::scans::{RECORDING_SCANS_MIN, is_byte};
 use taxel_engine::statistics::spread;
-use taxel_model::MIN_BINNED_SAMPLES;
 
 use crate::numbers::median;
 use crate::recording::Recording;
@@ -44,8 +43,8 @@ pub enum Purpose {
 /// What is wrong, in which line, with which value, and what was expected instead.
 pub fn check(recording: &mut Recording, purpose: Purpose) -> anyhow::Result<Vec<String>> {
     let mut notes = Vec::new();
-    let rows_min = if purpose == Purpose::Fit { MIN_BINNED_SAMPLES } else { 0 };
-    if recording.scans() as u64 >= rows_min && recording.counts.len() > 1 {
+    let rows_min = if purpose == Purpose::Fit { RECORDING_SCANS_MIN } else { 0 };
+    if recording.scans() >= rows_min && recording.counts.len() > 1 {
         check_time(recording, purpose, &mut notes)?;
         if purpose != Purpose::Apply {
             check_pressure(recording)?;
@@ -58,9 +57,9 @@ pub fn check(recording: &mut Recording, purpose: Purpose) -> anyhow::Result<Vec<
 }
 
 /// Why this is no recording of an 8-bit skin over time; `None` if it is one.
-fn why_no_bytes(recording: &Recording, rows_min: u64) -> Option<String> {
+fn why_no_bytes(recording: &Recording, rows_min: usize) -> Option<String> {
     let rows = recording.scans();
-    if (rows as u64) < rows_min {
+    if rows < rows_min {
         return Some(format!("it has {rows} rows and a recording of a skin has {rows_min} and more"));
     }
     if recording.counts.len() < 2 {

@@ -60,14 +60,6 @@ impl Dd {
         Self { hi, lo }
     }
 
-    /// An integer, exact.
-    #[must_use]
-    pub fn from_i64(n: i64) -> Self {
-        // Both halves are exact f64.
-        let low = n & 0xffff_ffff;
-        Self::sum((n - low) as f64, low as f64)
-    }
-
     /// An integer; exact up to 106 bits.
     #[must_use]
     pub fn from_i128(n: i128) -> Self {
@@ -235,9 +227,9 @@ mod tests {
 
     #[test]
     fn integers_at_the_ends_of_their_type_are_exact() {
-        for n in [0, 1, -1, i64::MAX, i64::MIN, i64::MAX - 1, (1 << 53) + 1, -(1 << 62) - 1] {
-            let d = Dd::from_i64(n);
-            assert_eq!(d.hi as i128 + d.lo as i128, i128::from(n), "{n}");
+        for n in [0, 1, -1, i64::MAX.into(), i64::MIN.into(), (1_i128 << 53) + 1, -(1 << 62) - 1] {
+            let d = Dd::from_i128(n);
+            assert_eq!(d.hi as i128 + d.lo as i128, n, "{n}");
             assert_eq!(d.hi, n as f64, "{n}");
         }
     }

@@ -1,9 +1,7 @@
 //! What a fit gives: a curve with its range, its error and what is known of its quality.
 
-use crate::bounded;
 use crate::curve::Curve;
-use crate::options::{Estimator, GaugeUncertainty, TERMS_MAX};
-use crate::order::OrderScore;
+use crate::options::GaugeUncertainty;
 use crate::points::{Points, Served};
 use crate::status::{Flag, Status};
 use crate::uncertainty::SigmaProfile;
@@ -79,20 +77,9 @@ pub struct Quality {
     pub dof: f64,
     /// Root mean square of P - P(C) over all samples, kPa.
     pub rmse_kpa: f64,
-    /// Scatter of the pressure at equal counts, kPa: what no curve can remove.
-    pub pure_error_kpa: Option<f64>,
-    /// Leave-one-out error of the order fitted, kPa.
-    pub press_kpa: Option<f64>,
-    /// Leave-one-out error of every order tried.
-    #[serde(deserialize_with = "bounded::list::<_, _, TERMS_MAX>")]
-    pub press_by_order: Vec<OrderScore>,
     /// Largest leverage of a single sample, 0..1.
     pub max_leverage: f64,
-    /// Lack-of-fit F: scatter of the count means about the curve over pure error. A diagnostic: samples of one ramp
-    /// are correlated.
-    pub lack_of_fit_f: Option<f64>,
-    /// Standard deviation between ramps of the mean residual, or of a skin fit what the taxels' readings of light loads and of
-    /// other legs have in common; kPa.
+    /// What the taxels' readings of light loads and of other legs have in common, kPa; of a skin fit.
     pub repeatability_kpa: Option<f64>,
     /// Half-width of the 95 % prediction interval in the median over the samples, kPa.
     pub interval_kpa: Option<f64>,
@@ -107,8 +94,6 @@ pub struct TaxelModel {
     pub status: Status,
     /// What else there is to know.
     pub flags: Vec<Flag>,
-    /// The estimator that was used, which for few samples is not the one asked for.
-    pub estimator: Estimator,
     /// Order of the curve; 0 for a constant or none.
     pub order: u8,
     /// Which way the counts answer.
@@ -129,8 +114,6 @@ pub struct TaxelModel {
     pub gauge: GaugeUncertainty,
     /// Figures.
     pub quality: Quality,
-    /// The curve is the best monotone one because the least-squares one was not monotone.
-    pub repaired: bool,
 }
 
 impl TaxelModel {
@@ -140,7 +123,6 @@ impl TaxelModel {
         Self {
             status,
             flags: Vec::new(),
-            estimator: Estimator::PerSample,
             order: 0,
             sign: Sign::Falling,
             range: None,
@@ -150,7 +132,6 @@ impl TaxelModel {
             sigma: None,
             gauge,
             quality: Quality::default(),
-            repaired: false,
         }
     }
 

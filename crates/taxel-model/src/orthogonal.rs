@@ -1,7 +1,7 @@
 //! Polynomials that are orthonormal over the rows of a problem: the sound basis for least squares.
 //!
 //! Weighted Stieltjes/Arnoldi process (Brubeck, Nakatsukasa, Trefethen 2021, "Vandermonde with Arnoldi"): multiply the
-//! last vector by the abscissa, orthogonalise against all earlier ones, twice. Leverages, PRESS and the fits of all
+//! last vector by the abscissa, orthogonalise against all earlier ones, twice. Leverages and the fits of all
 //! lower orders fall out of the vectors; no matrix is inverted.
 
 /// A basis vector whose length falls below this part of what it was before orthogonalisation holds only rounding:

@@ -15,11 +15,8 @@ use crate::reduce::Row;
 /// Most passes; each gains about 14 digits, fewer only on nearly dependent abscissae.
 const MAX_PASSES: usize = 8;
 
-/// A last correction below this part of the solution leaves less than 1e-24 of it.
+/// A last correction below this part of the solution leaves less than 1e-24 of it: nothing that can be seen in f64.
 const SETTLED: f64 = 1e-12;
-
-/// A last correction below this part of the solution is rounding in double-double.
-const CONVERGED: f64 = 1e-29;
 
 /// Rows that are worked on together: enough to fill the processor's vectors, few enough to stay in its first cache.
 const LANES: usize = 16;
@@ -40,9 +37,7 @@ pub(crate) struct Solution {
 }
 
 /// Solves for `order` at abscissae `t`, of which the basis knows the rounded values, from the f64 solution `start`.
-///
-/// `exact` asks for passes until nothing changes; otherwise they end as soon as what is left cannot be seen in f64.
-pub(crate) fn solve(basis: &Basis, rows: &[Row], t: &[Dd], start: &[f64], order: usize, exact: bool) -> Solution {
+pub(crate) fn solve(basis: &Basis, rows: &[Row], t: &[Dd], start: &[f64], order: usize) -> Solution {
     let earlier = std::iter::once(0.0).chain(basis.beta.iter().copied());
     let recurrence =
         Recurrence { alpha: basis.alpha[..order].to_vec(), gamma: earlier.take(order).map(|b| b * b).collect() };
@@ -64,7 +59,7 @@ pub(crate) fn solve(basis: &Basis, rows: &[Row], t: &[Dd], start: &[f64], order:
         last = size;
         d.iter_mut().zip(&step).zip(&norm).for_each(|((d, g), norm)| *d = *d + g.scale(*norm));
         let scale = d.iter().zip(&norm).map(|(d, norm)| (d.hi / norm).abs()).fold(0.0, f64::max);
-        if size <= scale * if exact { CONVERGED } else { SETTLED } {
+        if size <= scale * SETTLED {
             break;
         }
     }

@@ -55,13 +55,8 @@ impl TaxelModel {
 
 fn quality(quality: &Quality, gain: f64) -> Quality {
     let times = |kpa: Option<f64>| kpa.map(|kpa| gain * kpa);
-    let mut scores = quality.press_by_order.clone();
-    scores.iter_mut().for_each(|score| score.press_kpa = times(score.press_kpa));
     Quality {
         rmse_kpa: gain * quality.rmse_kpa,
-        pure_error_kpa: times(quality.pure_error_kpa),
-        press_kpa: times(quality.press_kpa),
-        press_by_order: scores,
         repeatability_kpa: times(quality.repeatability_kpa),
         interval_kpa: times(quality.interval_kpa),
         ..quality.clone()
@@ -80,16 +75,13 @@ mod tests {
     use crate::model::Sign;
     use crate::options::FitOptions;
     use crate::plays::PlayState;
-    use crate::{Accumulator, FixedPressure};
+    use crate::{Samples, fit};
     use proptest::prelude::*;
 
     fn model() -> TaxelModel {
-        let mut sums = Accumulator::new();
-        for k in 0..700_u32 {
-            let kpa = f64::from(k) / 10.0;
-            sums.add((240.0 - 80.0 * kpa / (kpa + 40.0)).round() as u8, FixedPressure::from_kpa(kpa), 0);
-        }
-        sums.fit(&FitOptions::default())
+        let kpa: Vec<f64> = (0..700).map(|k| f64::from(k) / 10.0).collect();
+        let counts: Vec<f64> = kpa.iter().map(|kpa| (240.0 - 80.0 * kpa / (kpa + 40.0)).round()).collect();
+        fit(&Samples::new(&counts, &kpa), &FitOptions::default())
     }
 
     proptest! {

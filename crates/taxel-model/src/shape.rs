@@ -1,15 +1,10 @@
-//! Proof that a curve is monotone on its range, and the best monotone curve where it is not.
+//! Proof that a curve is monotone on its range.
 
 use crate::dd::Dd;
-use crate::nnls::nnls;
-use crate::orthogonal::Basis;
-use crate::series::{Chebyshev, bernstein_of, chebyshev_of_powers, powers_of, powers_of_bernstein};
+use crate::series::{Chebyshev, bernstein_of, powers_of};
 
 /// Halvings of the interval before the proof is given up; the part left is 1e-6 of the range.
 const MAX_DEPTH: u32 = 20;
-
-/// The slope of a repaired curve never falls below this share of its mean slope, so that rounding cannot turn it.
-const MIN_SLOPE_SHARE: f64 = 1e-6;
 
 /// Looks for a place between `from` and `to` (in s) where the slope has not the sign `sign`; `None` is a proof that
 /// there is none, for every real s and so also between the counts.
@@ -51,100 +46,10 @@ fn negative_at(bernstein: &[f64], tolerance: f64, from: f64, to: f64, depth: u32
         .or_else(|| negative_at(&right, tolerance, middle, to, depth - 1))
 }
 
-/// The least-squares problem that a repair starts from, all in the variable s.
-pub(crate) struct Problem<'a> {
-    /// The basis over the rows.
-    pub basis: &'a Basis,
-    /// Abscissae of the rows.
-    pub s: &'a [f64],
-    /// Roots of the weights of the rows.
-    pub root_n: &'a [f64],
-    /// Unconstrained solution in the basis, at least `order + 1` long.
-    pub d: &'a [f64],
-    /// Order of the curve.
-    pub order: usize,
-    /// 1 for rising, -1 for falling.
-    pub sign: f64,
-}
-
-/// The monotone polynomial that fits best, as a Chebyshev series in s.
-///
-/// With J_i the sum of the Bernstein polynomials i..p, P = b_0 + sign sum s_i J_i is monotone if all s_i >= 0. The
-/// basis turns the rows into p equations, so the constrained problem is p by p however many rows there are.
-pub(crate) fn repair(problem: &Problem<'_>, from: Dd, to: Dd, y_range: f64) -> Chebyshev {
-    let p = problem.order;
-    // Beyond the hull of the rows and the range J_i would not be monotone: take both.
-    let hull = problem.s.iter().fold((from.hi, to.hi), |(lo, hi), s| (lo.min(*s), hi.max(*s)));
-    let from = if hull.0 < from.hi { Dd::from(hull.0) } else { from };
-    let to = if hull.1 > to.hi { Dd::from(hull.1) } else { to };
-    let rows: Vec<Vec<f64>> = problem.s.iter().map(|s| cumulative((s - from.hi) / (to.hi - from.hi), p)).collect();
-    // Each J_i in the orthonormal basis.
-    let columns: Vec<Vec<f64>> = (0..p)
-        .map(|i| {
-            let weighted = rows.iter().zip(problem.root_n).map(|(row, root)| problem.sign * root * row[i]);
-            let weighted: Vec<f64> = weighted.collect();
-            problem.basis.project(&weighted)[..=p].to_vec()
-        })
-        .collect();
-    let least = MIN_SLOPE_SHARE * y_range / p as f64;
-    let target: Vec<f64> =
-        (1..=p).map(|k| problem.d[k] - columns.iter().map(|column| least * column[k]).sum::<f64>()).collect();
-    let inner: Vec<Vec<f64>> = columns.iter().map(|column| column[1..].to_vec()).collect();
-    let steps: Vec<f64> = nnls(&inner, &target).iter().map(|s| s + least).collect();
-    let constant = problem.d[0] - columns.iter().zip(&steps).map(|(column, s)| column[0] * s).sum::<f64>();
-    let mut bernstein = vec![Dd::from(constant / problem.basis.weight.sqrt())];
-    for step in &steps {
-        let last = bernstein[bernstein.len() - 1];
-        bernstein.push(last + Dd::from(problem.sign * step));
-    }
-    chebyshev_of_powers(&powers_of_bernstein(&bernstein, from, to))
-}
-
-/// The least sum of squares about any monotone function of the count, polynomial or not, by pooling adjacent
-/// violators. `groups` are (samples, mean), ascending in count; what scatters within a group is not in the sum.
-pub(crate) fn isotonic_squares(groups: impl Iterator<Item = (f64, f64)>, sign: f64) -> f64 {
-    let mut pools: Vec<(f64, f64)> = Vec::new();
-    let mut squares = 0.0;
-    for (n, mean) in groups {
-        let mut pool = (n, sign * mean);
-        while let Some(&last) = pools.last().filter(|last| last.1 > pool.1) {
-            pools.pop();
-            let n = last.0 + pool.0;
-            squares += last.0 * pool.0 / n * (last.1 - pool.1).powi(2);
-            pool = (n, (last.0 * last.1 + pool.0 * pool.1) / n);
-        }
-        pools.push(pool);
-    }
-    squares
-}
-
-/// J_1(x) .. J_p(x), where J_i is the sum of the Bernstein polynomials i..p of order p.
-fn cumulative(x: f64, p: usize) -> Vec<f64> {
-    let mut bernstein = vec![1.0];
-    for _ in 0..p {
-        let mut next = vec![0.0; bernstein.len() + 1];
-        for (j, b) in bernstein.iter().enumerate() {
-            next[j] += (1.0 - x) * b;
-            next[j + 1] += x * b;
-        }
-        bernstein = next;
-    }
-    let mut sum = 0.0;
-    let mut sums: Vec<f64> = bernstein[1..]
-        .iter()
-        .rev()
-        .map(|b| {
-            sum += b;
-            sum
-        })
-        .collect();
-    sums.reverse();
-    sums
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::series::chebyshev_of_powers;
     use proptest::prelude::*;
 
     fn series(powers: &[f64]) -> Chebyshev {
@@ -158,14 +63,6 @@ mod tests {
         let dent = wrong_slope(&series(&[0.0, -0.01, 0.0, 1.0]), from, to, 1.0).unwrap();
         assert!(dent.abs() < 0.06, "{dent}");
         assert!(wrong_slope(&series(&[0.0, 0.01, 0.0, 1.0]), from, to, -1.0).is_some());
-    }
-
-    #[test]
-    fn pooling_finds_the_least_squares() {
-        // 3, 1 pool to 2 (2 squares); falling data pool to their mean.
-        assert_eq!(isotonic_squares([(1.0, 3.0), (1.0, 1.0), (1.0, 5.0)].into_iter(), 1.0), 2.0);
-        assert_eq!(isotonic_squares([(1.0, 3.0), (1.0, 2.0), (1.0, 1.0)].into_iter(), 1.0), 2.0);
-        assert_eq!(isotonic_squares([(1.0, 3.0), (1.0, 2.0), (1.0, 1.0)].into_iter(), -1.0), 0.0);
     }
 
     proptest! {

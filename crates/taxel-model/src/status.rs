@@ -21,8 +21,6 @@ pub enum Status {
         /// The one count seen.
         count: f64,
     },
-    /// No pressure has enough readings off the ends of the converter.
-    Clipped,
     /// The counts move less than the threshold asks for.
     InsufficientSwing {
         /// C_max - C_min, counts.
@@ -34,18 +32,6 @@ pub enum Status {
     Unproven {
         /// Valid samples.
         samples: u64,
-    },
-    /// The samples contradict a monotone curve: a count would mean two pressures.
-    NotMonotone {
-        /// RMSE of the best monotone function of any form over RMSE of the unconstrained curve.
-        rmse_ratio: f64,
-    },
-    /// The median 95 % prediction interval is too wide.
-    IntervalTooWide {
-        /// Its half-width over full scale.
-        share: f64,
-        /// The limit.
-        limit: f64,
     },
     /// The residuals are far larger than those of the other taxels in the same recording.
     PoorFit {
@@ -88,7 +74,7 @@ impl Status {
         matches!(self, Self::Ok)
     }
 
-    /// A short stable word for files and interfaces, for example `ok` or `interval_too_wide`.
+    /// A short stable word for files and interfaces, for example `ok` or `poor_fit`.
     #[must_use]
     pub const fn code(&self) -> &'static str {
         match self {
@@ -96,11 +82,8 @@ impl Status {
             Self::NoData => "no_data",
             Self::NoExcitation { .. } => "no_excitation",
             Self::Dead { .. } => "dead",
-            Self::Clipped => "clipped",
             Self::InsufficientSwing { .. } => "insufficient_swing",
             Self::Unproven { .. } => "unproven",
-            Self::NotMonotone { .. } => "not_monotone",
-            Self::IntervalTooWide { .. } => "interval_too_wide",
             Self::PoorFit { .. } => "poor_fit",
             Self::Railed { .. } => "railed",
             Self::Frozen { .. } => "frozen",
@@ -120,20 +103,10 @@ impl fmt::Display for Status {
                 write!(f, "the pressure did not vary (standard deviation {pressure_sd_kpa:.3} kPa)")
             }
             Self::Dead { count } => write!(f, "the count stayed at {count}"),
-            Self::Clipped => write!(f, "the counts are clipped at every pressure"),
             Self::InsufficientSwing { swing_counts, needed_counts } => {
                 write!(f, "the counts moved by {swing_counts:.1}, at least {needed_counts:.1} are needed")
             }
             Self::Unproven { samples } => write!(f, "{samples} samples leave nothing to tell the error of the curve"),
-            Self::NotMonotone { rmse_ratio } => {
-                write!(f, "the samples contradict a monotone curve (RMSE grows {rmse_ratio:.2}-fold)")
-            }
-            Self::IntervalTooWide { share, limit } => write!(
-                f,
-                "half-width of the 95 % interval is {:.1} % of full scale, the limit is {:.1} %",
-                100.0 * share,
-                100.0 * limit
-            ),
             Self::PoorFit { rmse_kpa, limit_kpa } => {
                 write!(f, "the RMSE of the fit is {rmse_kpa:.1} kPa, the limit is {limit_kpa:.1} kPa")
             }
@@ -172,13 +145,6 @@ pub enum Flag {
         /// Leverage of one sample there, 0..1.
         leverage: f64,
     },
-    /// Clipped readings were left out of the fit.
-    RailDropped {
-        /// The rail, counts.
-        count: f64,
-        /// Share of the samples, 0..1.
-        share: f64,
-    },
     /// Single readings that stood alone were left out of the fit.
     Dropouts {
         /// How many.
@@ -191,20 +157,10 @@ pub enum Flag {
         /// First count after it.
         to: f64,
     },
-    /// The least-squares curve was not monotone; the curve served is the best monotone one.
-    Repaired {
-        /// RMSE after over RMSE before.
-        rmse_ratio: f64,
-    },
-    /// The curve served is not monotone on its range, as the caller wished.
+    /// The polynomial is not monotone on its range.
     NotMonotone {
         /// A count where the slope has the wrong sign.
         count: f64,
-    },
-    /// Too few samples to bin: fitted per sample.
-    NotBinned {
-        /// Valid samples.
-        samples: u64,
     },
     /// Samples that were not finite or out of range were left out.
     Rejected {
@@ -223,14 +179,9 @@ impl fmt::Display for Flag {
             Self::HighLeverage { count, leverage } => {
                 write!(f, "one sample at count {count} decides the curve there (leverage {leverage:.2})")
             }
-            Self::RailDropped { count, share } => {
-                write!(f, "clipped readings at count {count} left out ({:.1} % of the samples)", 100.0 * share)
-            }
             Self::Dropouts { samples } => write!(f, "{samples} single readings that stood alone were left out"),
             Self::Gap { from, to } => write!(f, "no sample between counts {from} and {to}"),
-            Self::Repaired { rmse_ratio } => write!(f, "repaired to be monotone (RMSE x {rmse_ratio:.4})"),
             Self::NotMonotone { count } => write!(f, "not monotone near count {count:.1}"),
-            Self::NotBinned { samples } => write!(f, "{samples} samples are too few to bin, fitted per sample"),
             Self::Rejected { samples } => write!(f, "{samples} samples were not finite or out of range"),
         }
     }

@@ -1,11 +1,11 @@
-//! The 95 % interval holds 95 % of what the fit has not seen, and the shape holds for every taxel.
+//! The 95 % interval of the polynomial holds 95 % of what the fit has not seen.
 
 #![allow(clippy::unwrap_used)] // Tests; the exemption knows only functions marked as such.
 
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use taxel_model::{Estimator, FitOptions, Order, RangeState, Samples, Status, TaxelModel, fit, student_975};
+use taxel_model::{FitOptions, Flag, RangeState, Samples, Status, TaxelModel, fit, student_975};
 
 const FULL_SCALE_KPA: f64 = 70.0;
 
@@ -43,82 +43,36 @@ impl Tally {
 
 #[test]
 fn intervals_hold_on_held_out_ramps() {
-    for estimator in [Estimator::PerSample, Estimator::PressureBinned] {
-        for samples in [400, 3000] {
-            let mut random = ChaCha8Rng::seed_from_u64(7);
-            let (mut all, mut top, mut worst) = (Tally::default(), Tally::default(), 1.0_f64);
-            for _ in 0..60 {
-                let (gain, half) = (random.random_range(40.0..180.0), random.random_range(15.0..65.0));
-                let (c, p) = ramp(gain, half, samples, &mut random);
-                let model = fit(&Samples::new(&c, &p), &FitOptions { estimator, ..FitOptions::default() });
-                assert_eq!(model.status, Status::Ok);
-                let (c, p) = ramp(gain, half, 1500, &mut random);
-                let mut taxel = Tally::default();
-                for (c, p) in c.iter().zip(&p) {
-                    let reading = model.evaluate(*c).unwrap();
-                    let held = (p - reading.kpa).abs() <= student_975(model.quality.dof) * reading.sigma_kpa;
-                    taxel.add(held);
-                    all.add(held);
-                    if *p > 60.0 {
-                        top.add(held);
-                    }
-                }
-                worst = worst.min(taxel.share());
-            }
-            eprintln!(
-                "{estimator:?}, {samples} samples: {:.3} of all, {:.3} above 60 kPa, {worst:.3} for the worst taxel",
-                all.share(),
-                top.share()
-            );
-            assert!((0.93..=0.97).contains(&all.share()), "{estimator:?} {samples}: {}", all.share());
-            assert!(top.share() > 0.90, "{estimator:?} {samples}: {} above 60 kPa", top.share());
-            assert!(worst > 0.90, "{estimator:?} {samples}: worst taxel {worst}");
-        }
-    }
-}
-
-#[test]
-fn binning_removes_most_of_the_bias_of_the_papers_estimator() {
-    // Mean pressure error at 5 kPa over 60 taxels of a swing of about 10 counts.
-    let mut bias = [0.0; 2];
-    for (k, estimator) in [Estimator::PerSample, Estimator::PressureBinned].into_iter().enumerate() {
-        let mut random = ChaCha8Rng::seed_from_u64(5);
+    for samples in [400, 3000] {
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let (mut all, mut top, mut worst) = (Tally::default(), Tally::default(), 1.0_f64);
         for _ in 0..60 {
-            let half = random.random_range(15.0..65.0);
-            let gain = 10.0 * (FULL_SCALE_KPA + half) / FULL_SCALE_KPA;
-            let (c, p) = ramp(gain, half, 6000, &mut random);
-            let model = fit(&Samples::new(&c, &p), &FitOptions { estimator, ..FitOptions::default() });
-            let load = 5.0;
-            let mean = (0..200)
-                .map(|_| {
-                    let count = (240.0 - gain * load / (load + half) + 0.7 * normal(&mut random)).round();
-                    model.evaluate(count).unwrap().kpa
-                })
-                .sum::<f64>()
-                / 200.0;
-            bias[k] += (mean / load - 1.0) / 60.0;
+            let (gain, half) = (random.random_range(40.0..180.0), random.random_range(15.0..65.0));
+            let (c, p) = ramp(gain, half, samples, &mut random);
+            let model = fit(&Samples::new(&c, &p), &FitOptions::default());
+            assert_eq!(model.status, Status::Ok);
+            let (c, p) = ramp(gain, half, 1500, &mut random);
+            let mut taxel = Tally::default();
+            for (c, p) in c.iter().zip(&p) {
+                let reading = model.evaluate(*c).unwrap();
+                let held = (p - reading.kpa).abs() <= student_975(model.quality.dof) * reading.sigma_kpa;
+                taxel.add(held);
+                all.add(held);
+                if *p > 60.0 {
+                    top.add(held);
+                }
+            }
+            worst = worst.min(taxel.share());
         }
+        eprintln!(
+            "{samples} samples: {:.3} of all, {:.3} above 60 kPa, {worst:.3} for the worst taxel",
+            all.share(),
+            top.share()
+        );
+        assert!((0.93..=0.97).contains(&all.share()), "{samples}: {}", all.share());
+        assert!(top.share() > 0.90, "{samples}: {} above 60 kPa", top.share());
+        assert!(worst > 0.90, "{samples}: worst taxel {worst}");
     }
-    eprintln!("bias at 5 kPa: per sample {:+.1} %, binned {:+.1} %", 100.0 * bias[0], 100.0 * bias[1]);
-    assert!(bias[1].abs() < 0.6 * bias[0].abs(), "{bias:?}");
-}
-
-#[test]
-fn ramps_that_differ_show_in_the_repeatability() {
-    let mut random = ChaCha8Rng::seed_from_u64(3);
-    let (mut c, mut p) = ramp(110.0, 40.0, 2000, &mut random);
-    let again = ramp(110.0, 40.0, 2000, &mut random);
-    c.extend(&again.0);
-    p.extend(again.1.iter().map(|p| p + 1.0));
-    let number: Vec<u16> = (0..4000).map(|k| k / 2000).collect();
-    let samples = Samples { ramp: Some(&number), ..Samples::new(&c, &p) };
-    for estimator in [Estimator::PerSample, Estimator::PressureBinned] {
-        let model = fit(&samples, &FitOptions { estimator, ..FitOptions::default() });
-        let repeatability = model.quality.repeatability_kpa.unwrap();
-        // Two means that differ by 1 kPa have a standard deviation of 1 / sqrt 2.
-        assert!((repeatability - 0.5_f64.sqrt()).abs() < 0.1, "{estimator:?}: {repeatability}");
-    }
-    assert_eq!(fit(&Samples::new(&c, &p), &FitOptions::default()).quality.repeatability_kpa, None);
 }
 
 fn assert_served_soundly(model: &TaxelModel) {
@@ -132,7 +86,8 @@ fn assert_served_soundly(model: &TaxelModel) {
             let inside = (low..=high).contains(&(f64::from(raw) + shift));
             assert!(!table.usable || inside == (table.range_state(raw) == RangeState::InRange), "raw {raw}");
         }
-        if model.is_usable() {
+        let turns = model.flags.iter().any(|flag| matches!(flag, Flag::NotMonotone { .. }));
+        if model.is_usable() && !turns {
             assert!(table.pressure_kpa.windows(2).all(|pair| f64::from(pair[1] - pair[0]) * sign >= 0.0));
         }
     }
@@ -141,11 +96,11 @@ fn assert_served_soundly(model: &TaxelModel) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Any counts and pressures at all: no panic, no NaN, monotone where served.
+    /// Any counts and pressures at all: no panic, no NaN, monotone or flagged.
     #[test]
     fn whatever_comes_is_served_soundly_or_not_at_all(
         seed: u64, gain in -200.0..200.0_f64, half in 5.0..80.0_f64, samples in 1_usize..900, order in 1_u8..11,
-        auto: bool, binned: bool, integer: bool, noise in 0.0..20.0_f64,
+        integer: bool, noise in 0.0..20.0_f64,
     ) {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let (c, p): (Vec<f64>, Vec<f64>) = (0..samples)
@@ -156,17 +111,14 @@ proptest! {
             })
             .unzip();
         let options = FitOptions {
-            order: if auto { Order::Auto } else { Order::Fixed(order) },
-            estimator: if binned { Estimator::PressureBinned } else { Estimator::PerSample },
+            order,
             ..FitOptions::default()
         };
         let model = fit(&Samples::new(&c, &p), &options);
         prop_assert!(model.raw_coefficients.iter().all(|c| c.is_finite()));
         prop_assert!(model.quality.rmse_kpa.is_finite());
         prop_assert_eq!(model.raw_coefficients.len(), model.curve.as_ref().map_or(0, |curve| curve.chebyshev.len()));
-        if integer || samples >= 280 {
-            assert_served_soundly(&model);
-        }
+        assert_served_soundly(&model);
     }
 }
 
@@ -174,7 +126,7 @@ proptest! {
 fn a_model_survives_json() {
     let mut random = ChaCha8Rng::seed_from_u64(9);
     let (c, p) = ramp(110.0, 40.0, 2000, &mut random);
-    let model = fit(&Samples::new(&c, &p), &FitOptions { order: Order::Auto, ..FitOptions::default() });
+    let model = fit(&Samples::new(&c, &p), &FitOptions::default());
     let text = serde_json::to_string(&model).unwrap();
     assert!(!text.contains("null,\"status\""), "{text}");
     let back: TaxelModel = serde_json::from_str(&text).unwrap();

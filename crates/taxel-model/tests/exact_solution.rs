@@ -13,8 +13,8 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
-use taxel_model::reference::{Reference, to_f64};
-use taxel_model::{Estimator, FitOptions, Order, Samples, Shape, TaxelModel, fit};
+use taxel_model::stability::reference::{Reference, to_f64};
+use taxel_model::{FitOptions, Samples, TaxelModel, fit};
 
 /// The unit roundoff of f64, 2^-53.
 const ROUNDOFF: f64 = f64::EPSILON / 2.0;
@@ -59,12 +59,7 @@ impl Design {
     }
 
     fn model(&self) -> TaxelModel {
-        let options = FitOptions {
-            order: Order::Fixed(self.order),
-            estimator: Estimator::PerSample,
-            shape: Shape::Report,
-            ..FitOptions::default()
-        };
+        let options = FitOptions { order: self.order, ..FitOptions::default() };
         fit(&Samples::new(&self.counts, &self.kpa), &options)
     }
 
@@ -189,7 +184,7 @@ proptest! {
     }
 }
 
-/// Readings of a whole ramp and more of an 8-bit taxel: enough that every other estimator bins, trims and repairs.
+/// Readings of a whole ramp and more of an 8-bit taxel.
 fn ramp_readings() -> impl Strategy<Value = Vec<(f64, f64)>> {
     proptest::collection::vec((0.0..70.0_f64, -3.0..3.0_f64), 280..600)
 }
@@ -197,18 +192,17 @@ fn ramp_readings() -> impl Strategy<Value = Vec<(f64, f64)>> {
 proptest! {
     #![proptest_config(cases(60))]
 
-    /// The paper's estimator at its order 5: every count that was seen is in the range, rails too, and in the fit.
+    /// At the paper's order 5: every count that was seen is in the range, rails too, and in the fit.
     #[test]
-    fn the_papers_estimator_is_the_exact_least_squares_of_all_samples(
+    fn the_papers_polynomial_is_the_exact_least_squares_of_all_samples(
         swing in 0.02..1.0_f64, half in 5.0..80.0_f64, noise in 0.0..0.2_f64,
         readings in prop_oneof![any_readings(), ramp_readings()],
     ) {
         let design = Design::new(8, swing, half, noise, &readings, 5);
         let order = design.order();
         prop_assume!(order > 0);
-        let options = FitOptions { estimator: Estimator::Paper, ..FitOptions::default() };
-        let model = fit(&Samples::new(&design.counts, &design.kpa), &options);
-        prop_assert_eq!((model.estimator, usize::from(model.order)), (Estimator::Paper, order));
+        let model = design.model();
+        prop_assert_eq!(usize::from(model.order), order);
         let exact = design.exact(order);
         let curve = Curve::of(&model, &design, &exact, order);
         let error = design.error(&exact, &curve, |count| model.evaluate(count).unwrap().kpa);

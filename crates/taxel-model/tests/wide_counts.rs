@@ -1,7 +1,7 @@
-//! Counts of 8 to 24 bits: a fit is as good as the noise allows, however rarely a count repeats.
+//! Counts of 8 to 24 bits: the polynomial is as good as the noise allows, however rarely a count repeats.
 
 use proptest::prelude::*;
-use taxel_model::{Estimator, FitOptions, Flag, Samples, TaxelModel, fit};
+use taxel_model::{FitOptions, Samples, TaxelModel, fit};
 
 const TOP_KPA: f64 = 70.0;
 
@@ -36,9 +36,9 @@ impl Linear {
         (counts.collect(), kpa)
     }
 
-    fn fit(&self, estimator: Estimator) -> TaxelModel {
+    fn fit(&self) -> TaxelModel {
         let (counts, kpa) = self.samples();
-        fit(&Samples::new(&counts, &kpa), &FitOptions { estimator, ..FitOptions::default() })
+        fit(&Samples::new(&counts, &kpa), &FitOptions::default())
     }
 
     /// What noise and rounding of the counts leave, kPa.
@@ -56,7 +56,6 @@ fn assert_good(truth: &Linear, model: &TaxelModel) {
     let context = || format!("{truth:?}: {:?} {:?} {:?}", model.status, model.range, model.flags);
     assert!(model.is_usable(), "{}", context());
     let allowed = truth.allowed_kpa();
-    // A bin of pressure is half a kilopascal wide, and the outer half of the first and the last is clamped.
     let rmse = model.quality.rmse_kpa;
     assert!(rmse <= 1.15 * allowed + 0.04, "RMSE {rmse} kPa, noise allows {allowed}; {}", context());
     let covered = model.quality.swing_counts / truth.swing();
@@ -74,32 +73,7 @@ fn sixteen_bits_with_noise_of_twenty_counts_are_as_good_as_the_noise_allows() {
         let noise_counts = if f64::abs(slope) > 100.0 { 20.0 } else { 0.7 };
         for rest_scans in [0, 100, 300] {
             let truth = Linear { rest_count: 40_000.0, slope, noise_counts, rest_scans, ramp_scans: 600, seed: 3 };
-            for estimator in [Estimator::PerSample, Estimator::PressureBinned] {
-                assert_good(&truth, &truth.fit(estimator));
-            }
-        }
-    }
-}
-
-#[test]
-fn the_ends_of_a_wide_converter_are_rails_as_those_of_a_narrow_one_are() {
-    for bits in [8, 10, 12, 16, 24] {
-        let top = f64::from((1_u32 << bits) - 1);
-        // The converter clips from 60 kPa on, and one reading drops out to 0.
-        let (mut counts, mut kpa) = (Vec::new(), Vec::new());
-        for k in 0..2100 {
-            let p = f64::from(k) / 30.0;
-            kpa.push(p);
-            counts.push((top * (0.4 + 0.01 * p)).round().min(top));
-        }
-        counts[900] = 0.0;
-        for estimator in [Estimator::PerSample, Estimator::PressureBinned] {
-            let model = fit(&Samples::new(&counts, &kpa), &FitOptions { estimator, ..FitOptions::default() });
-            let dropped =
-                |at: f64| model.flags.iter().any(|f| matches!(f, Flag::RailDropped { count, .. } if *count == at));
-            assert!(dropped(top) && dropped(0.0), "{bits} bits: {:?}", model.flags);
-            let read = model.evaluate((top * 0.8).round()).unwrap().kpa;
-            assert!((read - 40.0).abs() < 0.3, "{bits} bits, {estimator:?}: {read} kPa at 40 kPa");
+            assert_good(&truth, &truth.fit());
         }
     }
 }
@@ -111,7 +85,7 @@ proptest! {
     #[test]
     fn counts_of_any_width_are_fitted_as_well_as_their_noise_allows(
         bits in 8_u32..=24, swing_share in 0.15..0.9_f64, noise_share in 0.0..0.012_f64, falling: bool,
-        rest_scans in 0_usize..400, ramp_scans in 400_usize..3000, binned: bool, seed: u64,
+        rest_scans in 0_usize..400, ramp_scans in 400_usize..3000, seed: u64,
     ) {
         let full = f64::from((1_u32 << bits) - 1);
         let swing = swing_share * full;
@@ -119,7 +93,6 @@ proptest! {
         let rest_count = (0.5 * full - sign * 0.5 * swing).round();
         let noise_counts = (noise_share * swing).max(0.5).min(0.012 * full);
         let truth = Linear { rest_count, slope: sign * swing / TOP_KPA, noise_counts, rest_scans, ramp_scans, seed };
-        let estimator = if binned { Estimator::PressureBinned } else { Estimator::PerSample };
-        assert_good(&truth, &truth.fit(estimator));
+        assert_good(&truth, &truth.fit());
     }
 }

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use taxel_engine::calibration::{Refit, RefitOptions, SessionState, SessionView, StoredSession, TOGETHER_MAX};
 use taxel_engine::command::{Command, Done};
-use taxel_model::Order;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
@@ -80,13 +79,8 @@ impl Service {
 
 /// As configured, but for the order.
 fn asked_options(order: Option<u32>) -> Result<RefitOptions, Status> {
-    let order = match order {
-        None => None,
-        Some(0) => Some(Order::Auto),
-        Some(order) => {
-            let fixed = u8::try_from(order).map(Order::Fixed);
-            Some(fixed.map_err(|_| invalid("order", format_args!("{order} is not in 0 to 10")))?)
-        }
-    };
+    let whole =
+        |order: u32| u8::try_from(order).map_err(|_| invalid("order", format_args!("{order} is not in 1 to 10")));
+    let order = order.map(whole).transpose()?;
     Ok(RefitOptions { order, ..RefitOptions::default() })
 }

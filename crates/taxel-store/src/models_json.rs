@@ -18,8 +18,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::{EARLIER_MAX, Maker, ModelSet, Recalibrated, Recorded};
 use taxel_engine::recalibration::{LoadPoint, POINTS_MAX};
 use taxel_model::{
-    Curve, Estimator, Flag, GaugeUncertainty, Points, Quality, SigmaProfile, Sign, Status, TERMS_MAX, TaxelModel,
-    figure,
+    Curve, Flag, GaugeUncertainty, Points, Quality, SigmaProfile, Sign, Status, TERMS_MAX, TaxelModel, figure,
 };
 use thiserror::Error;
 
@@ -89,8 +88,6 @@ struct Entry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     points: Option<Points>,
     sigma: Option<SigmaProfile>,
-    estimator: Estimator,
-    repaired: bool,
     gauge: GaugeUncertainty,
     quality: Quality,
     flags: Vec<Flag>,
@@ -245,8 +242,6 @@ impl Entry {
             curve: model.curve.clone(),
             points: model.points.clone(),
             sigma: model.sigma.clone(),
-            estimator: model.estimator,
-            repaired: model.repaired,
             gauge: model.gauge,
             quality: model.quality.clone(),
             flags: model.flags.clone(),
@@ -258,7 +253,6 @@ impl Entry {
         TaxelModel {
             status: self.status,
             flags: self.flags,
-            estimator: self.estimator,
             order: self.order,
             sign: self.sign,
             range: self.range,
@@ -268,7 +262,6 @@ impl Entry {
             sigma: self.sigma,
             gauge: self.gauge,
             quality: self.quality,
-            repaired: self.repaired,
         }
     }
 }

@@ -1,16 +1,6 @@
 //! Values of the command line, and what several commands say of many values.
 
 use taxel_engine::calibration::{SampleRefusal, SessionView};
-use taxel_model::{MAX_ORDER, Order};
-
-/// `auto`, or an order that is fitted.
-pub fn parse_order(text: &str) -> Result<Order, String> {
-    if text == "auto" {
-        return Ok(Order::Auto);
-    }
-    let order = text.parse::<u8>().ok().filter(|order| (1..=MAX_ORDER).contains(order));
-    order.map(Order::Fixed).ok_or_else(|| format!("expected 1 to {MAX_ORDER} or `auto`"))
-}
 
 /// A finite number of 0 or more.
 pub fn parse_seconds(text: &str) -> Result<f64, String> {

@@ -16,7 +16,6 @@ use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::SkinScans;
 use crate::calibration::fit::{lag, paper};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
-use crate::calibration::method::method;
 use crate::calibration::plateau::scatter_kpa;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::model_set::{Maker, ModelSet, Recorded, ZeroReturn};
@@ -114,7 +113,7 @@ impl FitJob {
         let scans = scans(&time_s, &columns);
         let (mut models, method, recorded) = if recipe.is_paper() {
             let models = paper::models(&scans, &kpa, &course, recipe, &OneByOne);
-            (models, method(&recipe.options), None)
+            (models, paper::method(&recipe.options), None)
         } else {
             let zeros = Some(ramp.taxels.as_slice());
             let fitted = SkinScans { scans: &scans, masks: &masks, kpa: &kpa, zeros, smooth_s: 0.0 }

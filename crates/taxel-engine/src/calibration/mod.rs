@@ -12,7 +12,6 @@ pub mod job;
 #[cfg(test)]
 mod job_tests;
 pub mod limits;
-pub mod method;
 pub mod plateau;
 pub mod ramp;
 pub mod refit;
@@ -29,7 +28,6 @@ pub use calibrate::{Calibration, CalibrationEvent};
 pub use calibration_plan::CalibrationPlan;
 pub use job::{FitJob, FitOutcome};
 pub use limits::SessionLimits;
-pub use method::method;
 pub use plateau::{PLATEAUS_MIN, PlateauView};
 pub use refit::{Refit, RefitOptions, StoredSession, TOGETHER_MAX};
 pub use samples::{NotLoaded, RampBaseline, Sample, SessionSamples};

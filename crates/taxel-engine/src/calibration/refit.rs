@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use taxel_model::{MAX_ORDER, Order};
+use taxel_model::MAX_ORDER;
 use taxel_skin::CountRange;
 
 use crate::board_settings::differ_in;
@@ -25,7 +25,7 @@ pub const TOGETHER_MAX: usize = 32;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RefitOptions {
     /// Order of the polynomial whose coefficients each model tells.
-    pub order: Option<Order>,
+    pub order: Option<u8>,
     /// Which branches are fitted; absent, those that the sessions gathered.
     pub branch: Option<Branch>,
 }
@@ -248,7 +248,7 @@ fn branch(sessions: &[StoredSession], options: &RefitOptions) -> Result<Branch, 
 fn recipe(plan: &CalibrationPlan, branch: Branch, options: &RefitOptions) -> Result<FitRecipe, Rejection> {
     let mut recipe = plan.recipe(branch);
     match options.order {
-        Some(Order::Fixed(order)) if !(1..=MAX_ORDER).contains(&order) => {
+        Some(order) if !(1..=MAX_ORDER).contains(&order) => {
             return invalid("order", format!("{order} is not in 1 to {MAX_ORDER}"));
         }
         order => recipe.options.order = order.unwrap_or(recipe.options.order),

@@ -6,11 +6,11 @@ mod typed;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
-use taxel_model::MIN_BINNED_SAMPLES;
 use taxel_skin::{Kilopascal, Time};
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, Direction};
+use crate::calibration::fit::scans::RECORDING_SCANS_MIN;
 use crate::calibration::job::refuse_gaps;
 use crate::calibration::limits::{PROBATION, SessionLimits};
 use crate::calibration::plateau::Plateaus;
@@ -376,7 +376,7 @@ impl SessionRun {
     /// Whether a fit can come of what was gathered.
     fn has_enough(&self) -> bool {
         self.check_plateaus().is_ok()
-            && self.samples.samples.len() as u64 >= MIN_BINNED_SAMPLES
+            && self.samples.samples.len() >= RECORDING_SCANS_MIN
             && refuse_gaps(&self.samples.pressures_kpa()).is_ok()
     }
 

@@ -244,7 +244,7 @@ mod tests {
         let noise = "taxel 0: its `baseline` has a noise of 16 counts, expected 0 to 15.9375";
         is(with(&|set| set.baseline[0].noise = 16.0), noise);
         let left_out = |set: &mut ModelSet| {
-            set.taxels.push(TaxelModel::without_curve(Status::Clipped, GaugeUncertainty::default()));
+            set.taxels.push(TaxelModel::without_curve(Status::NoData, GaugeUncertainty::default()));
             set.baseline.push(TaxelBaseline { mean: 200.0, noise: 60.0 });
         };
         assert_eq!(with(&left_out), None, "a taxel that is left out for its noise");

@@ -256,7 +256,7 @@ mod tests {
     use super::*;
     use crate::model_set::{Recorded, RecordedTaxel};
     use proptest::prelude::*;
-    use taxel_model::{Accumulator, FitOptions, FixedPressure, Plays};
+    use taxel_model::{FitOptions, Plays, Samples, fit};
 
     const RADII: [f64; 4] = [4.0, 10.0, 0.0, 0.0];
     /// Sum of weight x radius: the offset can be no greater.
@@ -264,11 +264,9 @@ mod tests {
 
     /// Two taxels whose counts fall from 240 by one a kilopascal; the first one's hysteresis is compensated.
     fn set(smooth_s: f64) -> Arc<ModelSet> {
-        let mut sums = Accumulator::new();
-        (0..700_u32).for_each(|k| {
-            sums.add((240.0 - f64::from(k) / 10.0).round() as u8, FixedPressure::from_kpa(f64::from(k) / 10.0), 0);
-        });
-        let model = sums.fit(&FitOptions::default());
+        let kpa: Vec<f64> = (0..700).map(|k| f64::from(k) / 10.0).collect();
+        let counts: Vec<f64> = kpa.iter().map(|kpa| (240.0 - kpa).round()).collect();
+        let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
         let (curve, range) = (model.curve.clone(), model.range.unwrap());
         let plays = Plays { curve, range, sign: model.sign, radii_counts: RADII, weights_kpa: [0.8, 0.4, 0.0, 0.0] };
         let taxel = |plays| RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays };

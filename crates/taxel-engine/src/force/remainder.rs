@@ -132,7 +132,7 @@ impl Remainder {
             let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { continue };
             let pressed_n = f64::from(share.newton_per_count) * (count - f64::from(share.zero));
             rest_n -= pressed_n;
-            if pressed_n < f64::from(share.threshold_n) {
+            if pressed_n < f64::from(share.newton_per_count.abs()) * f64::from(share.threshold) {
                 chosen_n += f64::from(share.noise_n);
             }
             noise_n2 -= f64::from(share.noise_n).powi(2);

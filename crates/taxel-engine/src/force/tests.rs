@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
-use taxel_model::{Accumulator, Estimator, FitOptions, FixedPressure, Flag, TaxelModel};
+use taxel_model::{FitOptions, Flag, GaugeUncertainty, Samples, Status, TaxelModel, fit};
 use taxel_skin::{CountRange, Geometry, Newton, SquareMillimetre, TaxelPose, Time};
 
 use crate::baseline::{Activation, TaxelBaseline};
@@ -34,12 +34,9 @@ pub fn rest(taxels: usize) -> Vec<TaxelBaseline> {
 
 /// A model of 0 to 70 kPa.
 pub fn model() -> TaxelModel {
-    let mut sums = Accumulator::new();
-    for k in 0..700_u32 {
-        let kpa = f64::from(k) / 10.0;
-        sums.add((f64::from(REST) - kpa).round() as u8, FixedPressure::from_kpa(kpa), 0);
-    }
-    sums.fit(&FitOptions::default())
+    let kpa: Vec<f64> = (0..700).map(|k| f64::from(k) / 10.0).collect();
+    let counts: Vec<f64> = kpa.iter().map(|kpa| (f64::from(REST) - kpa).round()).collect();
+    fit(&Samples::new(&counts, &kpa), &FitOptions::default())
 }
 
 /// The same model for so many taxels.
@@ -264,7 +261,7 @@ fn a_fault_away_from_the_contact_degrades_nothing_and_one_beside_it_does() {
 #[test]
 fn what_may_lie_on_a_taxel_without_a_model_is_in_the_interval() {
     let mut models = ModelSet::clone(&set(TAXELS));
-    models.taxels[22] = Accumulator::new().fit(&FitOptions::default());
+    models.taxels[22] = TaxelModel::without_curve(Status::NoData, GaugeUncertainty::default());
     let mut skin = Skin::with_models(Some(row(TAXELS)), Arc::new(models)).press(24..30, 6).press(23..24, 20);
     let sample = skin.measured().sample;
     let newton = |value: Option<Newton>| value.unwrap().0;
@@ -306,13 +303,12 @@ fn what_the_zero_says_of_itself_degrades_the_force() {
     assert_eq!(sample.reasons, [Reason::new(ReasonCode::ZeroLost, "power cycle")]);
 }
 
-/// A model as the paper's estimator may give it: between rest and threshold, and again further on, it turns.
+/// A model as the paper's equation may give it: between rest and threshold, and again further on, it turns.
 fn paper_set() -> Arc<ModelSet> {
     let mut models = ModelSet::clone(&set(TAXELS));
     for model in &mut models.taxels {
         let curve = model.curve.as_mut().unwrap();
         curve.chebyshev[5] += 6.0;
-        model.estimator = Estimator::Paper;
         model.flags.push(Flag::NotMonotone { count: 200.0 });
         assert_eq!(model.validate(), Ok(()));
     }

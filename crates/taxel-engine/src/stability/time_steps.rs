@@ -8,7 +8,7 @@ use std::sync::Arc;
 use taxel_model::stability::case::greatest;
 use taxel_model::stability::case::{Case, Outcome};
 use taxel_model::stability::taxels::random;
-use taxel_model::{Accumulator, FitOptions, FixedPressure, Plays};
+use taxel_model::{FitOptions, Plays, Samples, fit};
 use taxel_skin::Time;
 
 const REST: TaxelBaseline = TaxelBaseline { mean: 240.0, noise: 0.9 };
@@ -49,12 +49,9 @@ fn steps(seed: u64, n: u32) -> impl Iterator<Item = (i64, u8)> {
 
 /// One taxel whose counts fall by one a kilopascal, with its hysteresis compensated over half a second.
 fn hysteresis() -> Option<Hysteresis> {
-    let mut sums = Accumulator::new();
-    (0..700_u32).for_each(|k| {
-        let kpa = f64::from(k) / 10.0;
-        sums.add((REST.mean - kpa).round() as u8, FixedPressure::from_kpa(kpa), 0);
-    });
-    let model = sums.fit(&FitOptions::default());
+    let kpa: Vec<f64> = (0..700).map(|k| f64::from(k) / 10.0).collect();
+    let counts: Vec<f64> = kpa.iter().map(|kpa| (REST.mean - kpa).round()).collect();
+    let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
     let (curve, range) = (model.curve.clone(), model.range?);
     let plays = Plays {
         curve,

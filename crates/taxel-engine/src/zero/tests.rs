@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_model::{Estimator, FitOptions, Order, Samples, TaxelModel};
+use taxel_model::{FitOptions, Samples, TaxelModel};
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, Time};
 
 use crate::baseline::{Activation, TaxelBaseline};
@@ -184,10 +184,8 @@ impl Skin {
 fn models(rest: f64) -> ModelSet {
     let pressure: Vec<f64> = (0..=400).map(|i| 70.0 * f64::from(i) / 400.0).collect();
     let counts: Vec<f64> = (0..).zip(&pressure).map(|(i, p)| rest - p + 0.1 * f64::from(i * 7 % 11) - 0.5).collect();
-    let options = FitOptions { order: Order::Fixed(1), estimator: Estimator::PerSample, ..FitOptions::default() };
-    let samples =
-        Samples { counts: &counts, counts_low: None, pressure_kpa: &pressure, pressure_low: None, ramp: None };
-    let model: TaxelModel = taxel_model::fit(&samples, &options);
+    let options = FitOptions { order: 1, ..FitOptions::default() };
+    let model: TaxelModel = taxel_model::fit(&Samples::new(&counts, &pressure), &options);
     ModelSet {
         id: "m-1".to_owned(),
         patch: "p".to_owned(),

@@ -2,7 +2,7 @@
 
 use taxel_engine::calibration::Direction;
 use taxel_engine::record::Sample;
-use taxel_model::{Estimator, FitOptions, Samples};
+use taxel_model::Samples;
 
 use crate::prelude::*;
 use crate::sessions::content;
@@ -114,8 +114,8 @@ fn a_session_killed_on_its_falling_branch_gives_the_same_models_as_one_that_was_
 
 /// The falling branch is gathered as asked, but has no say, and the set is served like any other.
 #[test]
-fn a_session_of_the_papers_estimator_is_its_equation_over_the_rise_and_gives_a_force() {
-    let (mut bench, session) = risen_with(STRONG, |plan| plan.fit.estimator = Estimator::Paper);
+fn a_session_of_the_papers_equation_is_fitted_over_the_rise_and_gives_a_force() {
+    let (mut bench, session) = risen_with(STRONG, |plan| plan.fit.paper = true);
     let set = fallen(&mut bench);
     assert_eq!((set.method.as_str(), set.recorded.is_none()), ("order 5, paper", true));
     let samples = bench.host.samples(session);
@@ -124,9 +124,8 @@ fn a_session_of_the_papers_estimator_is_its_equation_over_the_rise_and_gives_a_f
     let kpa = &bench.host.disk.samples[&session].clone().pressures_kpa()[..rising];
     for (taxel, model) in set.taxels.iter().enumerate() {
         let counts: Vec<f64> = samples[..rising].iter().map(|s| s.counts.counts().units(taxel).unwrap()).collect();
-        let options = FitOptions { estimator: Estimator::Paper, ..bench.host.plan.patches[0].fit };
-        let alone = taxel_model::fit(&Samples::new(&counts, kpa), &options);
-        assert_eq!((model.estimator, &model.curve), (Estimator::Paper, &alone.curve), "taxel {taxel}");
+        let alone = taxel_model::fit(&Samples::new(&counts, kpa), &bench.host.plan.patches[0].fit);
+        assert_eq!((&model.points, &model.curve), (&None, &alone.curve), "taxel {taxel}");
     }
     bench.vent(20.0);
     bench.activate(&set.id).unwrap();

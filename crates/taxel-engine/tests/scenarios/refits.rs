@@ -1,7 +1,6 @@
 //! Stored samples fitted once more: the same as the session's own fit, or otherwise, alone or together.
 
 use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, StoredSession};
-use taxel_model::Order;
 
 use crate::prelude::*;
 use crate::say::start;
@@ -82,7 +81,7 @@ fn a_refit_without_options_is_the_sessions_own_fit() {
 
 #[test]
 fn a_refit_is_as_its_options_say() {
-    let set = shelf().fit(&[1], &RefitOptions { order: Some(Order::Fixed(3)), ..Default::default() });
+    let set = shelf().fit(&[1], &RefitOptions { order: Some(3), ..Default::default() });
     assert!(set.taxels.iter().filter(|m| m.is_usable()).all(|model| model.order <= 3));
 }
 
@@ -154,7 +153,7 @@ fn options_out_of_range_and_branches_that_were_not_gathered_are_refused_by_name(
     let refused =
         |options: RefitOptions| shelf().plan(vec![shelf().sessions[0].clone()], &options).unwrap_err().to_string();
     let of = RefitOptions::default();
-    assert_eq!(refused(RefitOptions { order: Some(Order::Fixed(11)), ..of }), "order: 11 is not in 1 to 10");
+    assert_eq!(refused(RefitOptions { order: Some(11), ..of }), "order: 11 is not in 1 to 10");
     let why = refused(RefitOptions { branch: Some(Branch::Both), ..of });
     assert_eq!(why, "session 1 gathered rising pressure alone: it cannot be fitted over both branches");
 }

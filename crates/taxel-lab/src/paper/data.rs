@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use taxel_engine::calibration::fit::legs::{Leg, legs, rising};
-use taxel_model::{Estimator, Exclusion, FitOptions, Order, Samples, TaxelModel, fit};
+use taxel_model::{FitOptions, Samples, TaxelModel, fit};
 
 use crate::numbers::mean;
 
@@ -132,12 +132,7 @@ impl Data {
 
     /// The paper's models: its equation of order 5 over the rising samples, excluded by swing.
     pub fn models(&self, min_swing_counts: f64) -> Vec<TaxelModel> {
-        let options = FitOptions {
-            estimator: Estimator::Paper,
-            order: Order::Fixed(5),
-            exclusion: Exclusion { min_swing_counts, ..Exclusion::default() },
-            ..FitOptions::default()
-        };
+        let options = FitOptions { paper: true, min_swing_counts, ..FitOptions::default() };
         let model = |taxel: usize| {
             let (kpa, counts): (Vec<f64>, Vec<f64>) = self.risen(taxel).unzip();
             fit(&Samples::new(&counts, &kpa), &options)

@@ -12,7 +12,6 @@ use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use taxel_engine::calibration::fit::{Branch, FitRecipe, OneByOne, PlaysChoice, fit};
-use taxel_model::Estimator;
 
 use self::data::{Data, Weighing, Weighings};
 use self::figures::RUNS;
@@ -87,10 +86,10 @@ fn section(data: &Data, min_swing: f64) -> Section {
 /// A simulation that cannot be set up, which it can.
 fn simulate(seed: u64, min_swing_counts: f64) -> anyhow::Result<Data> {
     let tried = Tried::new(&[], seed, RUNS, 0)?;
-    let read = |by: &str, estimator| -> anyhow::Result<Weighings> {
+    let read = |by: &str, paper| -> anyhow::Result<Weighings> {
         let mut recipe = FitRecipe { branch: Branch::Rising, plays: PlaysChoice::Off, ..FitRecipe::default() };
-        recipe.options.estimator = estimator;
-        recipe.options.exclusion.min_swing_counts = min_swing_counts;
+        recipe.options.paper = paper;
+        recipe.options.min_swing_counts = min_swing_counts;
         let set = fit(&tried.calibration.as_scans(), &recipe, &OneByOne)?;
         let (forces, _) = tried.forces(Arc::new(set), &recipe);
         let weighing = |(measured_n, one): (f64, &Weighed)| {
@@ -100,8 +99,8 @@ fn simulate(seed: u64, min_swing_counts: f64) -> anyhow::Result<Data> {
         Ok(Weighings { by: by.to_owned(), all: forces.into_iter().zip(&tried.weighings).map(weighing).collect() })
     };
     let loads = vec![
-        read("the paper's recipe: its models, equal areas, active taxels only", Estimator::Paper)?,
-        read("the shipped default, excluded taxels filled", Estimator::default())?,
+        read("the paper's recipe: its models, equal areas, active taxels only", true)?,
+        read("the shipped default, excluded taxels filled", false)?,
     ];
     let source = format!("a simulated forearm, seed {seed}: {RUNS} runs to {TARGET_KPA} kPa");
     let kpa = tried.calibration.pressure_kpa.unwrap_or_default();

@@ -10,7 +10,7 @@ use serde_json::Value;
 use taxel_engine::calibration::fit::{ApplyRecipe, Branch, FitRecipe, OneByOne, PlaysChoice, apply, fit, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_model::{Estimator, FitOptions};
+use taxel_model::FitOptions;
 use taxel_sim::Effect;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
@@ -59,7 +59,7 @@ struct Source {
 
 fn recipes() -> Vec<Recipe> {
     let shipped = FitRecipe::default;
-    let paper = FitOptions { estimator: Estimator::Paper, ..FitOptions::default() };
+    let paper = FitOptions { paper: true, ..FitOptions::default() };
     let rising = FitRecipe { branch: Branch::Rising, ..shipped() };
     vec![
         Recipe { name: "both branches (shipped default, recordings)", fit: shipped() },
@@ -79,8 +79,8 @@ pub(super) fn section(args: &ReportArgs) -> anyhow::Result<Section> {
     let mut text = vec![
         "How far is the force off on data that no fit saw, and what does computing it cost? Each line is one way to \
          calibrate: its left end is the time from the counts of a scan to the force of the whole skin, its right end the \
-         time of a fit of the whole skin, its height the error of the force. Lower and further left is better. All but the \
-         paper's average the counts in bins of pressure first. All run in one thread of the engine's own code."
+         time of a fit of the whole skin, its height the error of the force. Lower and further left is better. All run \
+         in one thread of the engine's own code."
             .to_owned(),
     ];
     match folder {

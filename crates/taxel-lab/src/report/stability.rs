@@ -65,7 +65,7 @@ fn section_of(cases: Vec<Case>) -> Section {
             0 => format!("All {} cases hold.", rows.len()),
             some => format!("{some} of {} cases do not hold: {}.", rows.len(), failed.join(", ")),
         },
-        format!("Others took part in {contested} cases. What our own fit takes: `cargo run --release -p taxel-model --example fit_time`."),
+        format!("Others took part in {contested} cases."),
     ];
     let what = "hard cases, stiff, extreme or broken, that do not come out as they must";
     let aims = vec![Aim::at_most(what, failed.len() as f64, 0.0)];
@@ -90,9 +90,9 @@ fn others(rows: Vec<Vec<Value>>) -> Table {
 
 /// The figure of a peer.
 fn figure_of(contest: &Contest, peer: &Peer, times_us: &mut Vec<f64>) -> Option<f64> {
-    let curve = |Problem { recording, weights, order }: &Problem| {
+    let curve = |Problem { recording, order }: &Problem| {
         let begun = Instant::now();
-        let curve = peer.fit(&Samples { x: &recording.counts, y: &recording.kpa, w: weights.as_deref() }, *order);
+        let curve = peer.fit(&Samples { x: &recording.counts, y: &recording.kpa, w: None }, *order);
         times_us.push(1e6 * begun.elapsed().as_secs_f64());
         curve
     };

@@ -7,7 +7,7 @@ use super::lag::{RADII, SCANS};
 use super::numbers::mean;
 use super::sigma::SigmaByReading;
 use crate::model::{Quality, Sign, TaxelModel};
-use crate::options::{Estimator, FitOptions, Shape};
+use crate::options::FitOptions;
 use crate::plays::Plays;
 use crate::points::Points;
 use crate::samples::{Samples, fit as fit_polynomial};
@@ -133,7 +133,7 @@ impl SkinFit {
         let sigma_kpa = (0..=SIGMA_STEPS).map(sigma).collect();
         let interval_kpa = WITHIN_95 * fitted.sigma.median_kpa();
         let swing_counts = fitted.swing_counts;
-        let needed_counts = options.exclusion.min_swing_counts;
+        let needed_counts = options.min_swing_counts;
         let status = match fitted.status {
             Status::Ok if swing_counts < needed_counts => Status::InsufficientSwing { swing_counts, needed_counts },
             status => status,
@@ -150,14 +150,12 @@ impl SkinFit {
         TaxelModel {
             status,
             flags: if missing > 0 { vec![Flag::Rejected { samples: missing as u64 }] } else { Vec::new() },
-            estimator: Estimator::PressureBinned,
             sign: fitted.sign(),
             range: Some(range),
             points: Some(points),
             sigma: Some(SigmaProfile { first_count: range[0], step_counts, sigma_kpa }),
             gauge: options.gauge,
             quality,
-            repaired: false,
             ..polynomial
         }
     }
@@ -170,8 +168,7 @@ impl SkinFit {
         };
         let groups = self.course.groups.iter().filter(|group| group.on_curve);
         let (counts, kpa): (Vec<f64>, Vec<f64>) = groups.map(|group| (of_group(&group.scans), group.kpa)).unzip();
-        let options = FitOptions { estimator: Estimator::PerSample, shape: Shape::Report, ..*options };
-        fit_polynomial(&Samples::new(&counts, &kpa), &options)
+        fit_polynomial(&Samples::new(&counts, &kpa), options)
     }
 }
 

@@ -53,8 +53,6 @@ pub struct Outcome {
 pub struct Problem {
     /// All samples, gated or not.
     pub recording: Recording,
-    /// One a sample; without weights all are 1.
-    pub weights: Option<Vec<f64>>,
     /// Of the polynomial.
     pub order: usize,
 }
@@ -79,7 +77,7 @@ impl Contest {
     /// The greatest difference over `counts` between a method's curves of order 5 of two recordings.
     #[must_use]
     pub fn between(one: &Recording, other: &Recording, counts: Vec<f64>) -> Self {
-        let problem = |recording: &Recording| Problem { recording: recording.clone(), weights: None, order: 5 };
+        let problem = |recording: &Recording| Problem { recording: recording.clone(), order: 5 };
         let figure = move |curves: &[&dyn Fn(f64) -> f64]| {
             greatest(counts.iter().map(|count| (curves[0](*count) - curves[1](*count)).abs()))
         };

@@ -1,7 +1,8 @@
 //! The polynomial sets of NIST's Statistical Reference Datasets, as decimals, with their exact solutions.
 
-use crate::reference::{decimal, least_squares};
-use crate::{Dd, parse_decimal};
+use super::parse_decimal;
+use super::reference::{decimal, least_squares};
+use crate::Dd;
 use num_rational::BigRational;
 
 /// A regression set and its exact solution.
@@ -79,8 +80,8 @@ impl Set {
 
 #[cfg(test)]
 mod tests {
+    use super::super::reference::{integer, to_f64};
     use super::*;
-    use crate::reference::{integer, to_f64};
 
     #[test]
     fn wamplers_sets_have_their_certified_coefficients() {

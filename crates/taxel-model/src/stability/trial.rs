@@ -1,18 +1,13 @@
 //! One fit of one recording: judged against exact least squares, and by what every fit must keep.
 
-use crate::reference::Reference;
 use crate::stability::case::{Outcome, Problem, greatest};
+use crate::stability::reference::Reference;
 use crate::stability::taxels::Recording;
-use crate::{Estimator, FitOptions, Flag, MAX_MAGNITUDE, Order, Samples, Shape, TaxelModel, fit};
+use crate::{FitOptions, Flag, MAX_MAGNITUDE, Samples, TaxelModel, fit};
 
-/// The paper's estimator, its curve left as it is: the problem that the peers solve.
-pub(super) fn per_sample(order: u8) -> FitOptions {
-    FitOptions {
-        order: Order::Fixed(order),
-        estimator: Estimator::PerSample,
-        shape: Shape::Report,
-        ..FitOptions::default()
-    }
+/// The options of a polynomial of this order.
+pub(super) fn of_order(order: u8) -> FitOptions {
+    FitOptions { order, ..FitOptions::default() }
 }
 
 /// The fit of a whole recording.
@@ -20,24 +15,24 @@ pub(super) fn fit_of(recording: &Recording, options: &FitOptions) -> TaxelModel 
     fit(&Samples::new(&recording.counts, &recording.kpa), options)
 }
 
-/// Fits per sample and compares with exact least squares at all counts in range; the same for the peers.
+/// Fits and compares with exact least squares at all counts; the same for the peers.
 pub(super) fn against_exact(recording: &Recording, order: u8) -> (TaxelModel, Outcome) {
-    let model = fit_of(recording, &per_sample(order));
-    let mut outcome = sound(recording, &per_sample(order), &model);
+    let model = fit_of(recording, &of_order(order));
+    let mut outcome = sound(recording, &of_order(order), &model);
     let valid = valid(recording);
     let used = usize::from(model.order);
     let (Some(curve), Some(reference)) = (&model.curve, Reference::fit(&valid.counts, &valid.kpa, None, used)) else {
         outcome.figure = f64::NAN;
         return (model, outcome);
     };
-    let counts = counts_in_range(&valid, &model);
+    let counts = distinct(&valid);
     let scale = valid.kpa.iter().fold(0.0, |scale: f64, p| scale.max(p.abs()));
     let wanted: Vec<f64> = counts.iter().map(|count| reference.evaluate(*count)).collect();
     let error = move |evaluate: &dyn Fn(f64) -> f64| {
         let errors = counts.iter().zip(&wanted).map(|(count, wanted)| (evaluate(*count) - wanted).abs() / scale);
         greatest(errors)
     };
-    let problem = Problem { recording: valid, weights: None, order: order.into() };
+    let problem = Problem { recording: valid, order: order.into() };
     outcome.contest(&|count| curve.evaluate(count), problem, error);
     (model, outcome)
 }
@@ -71,12 +66,9 @@ pub fn flag_words(model: &TaxelModel) -> Vec<&'static str> {
         Flag::RankReduced { .. } => "rank_reduced",
         Flag::FewDistinctCounts { .. } => "few_distinct_counts",
         Flag::HighLeverage { .. } => "high_leverage",
-        Flag::RailDropped { .. } => "rail_dropped",
         Flag::Dropouts { .. } => "dropouts",
         Flag::Gap { .. } => "gap",
-        Flag::Repaired { .. } => "repaired",
         Flag::NotMonotone { .. } => "not_monotone",
-        Flag::NotBinned { .. } => "not_binned",
         Flag::Rejected { .. } => "rejected",
     };
     model.flags.iter().map(word).collect()
@@ -94,10 +86,9 @@ fn valid(recording: &Recording) -> Recording {
     Recording::new(recording.pairs().filter(|(count, kpa)| good(*count) && good(*kpa)))
 }
 
-/// Distinct counts within the calibrated range, ascending.
-pub(super) fn counts_in_range(recording: &Recording, model: &TaxelModel) -> Vec<f64> {
-    let [low, high] = model.range.unwrap_or([f64::NAN; 2]);
-    let mut counts: Vec<f64> = recording.counts.iter().copied().filter(|c| (low..=high).contains(c)).collect();
+/// Distinct counts, ascending.
+fn distinct(recording: &Recording) -> Vec<f64> {
+    let mut counts = recording.counts.clone();
     counts.sort_by(f64::total_cmp);
     counts.dedup();
     counts

@@ -11,7 +11,7 @@ use taxel_engine::command::{Command, Reply};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{DevicePlan, Gauge, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
 use taxel_engine::snapshot::{BusHealth, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
-use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
+use taxel_model::{FitOptions, GaugeUncertainty, Samples, Status as ModelStatus, TaxelModel, fit};
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use taxel_rpc::handle::channel;
@@ -257,20 +257,17 @@ pub fn with_a_bus(up: bool) -> Health {
 
 /// A set of one true model and otherwise excluded taxels.
 pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
-    let mut sums = Accumulator::new();
-    for k in 0..700_u32 {
-        let kpa = f64::from(k) / 10.0;
-        sums.add((240.0 - 80.0 * kpa / (kpa + 40.0)).round() as u8, FixedPressure::from_kpa(kpa), 0);
-    }
+    let kpa: Vec<f64> = (0..700).map(|k| f64::from(k) / 10.0).collect();
+    let counts: Vec<f64> = kpa.iter().map(|kpa| (240.0 - 80.0 * kpa / (kpa + 40.0)).round()).collect();
     let dead = TaxelModel::without_curve(ModelStatus::Dead { count: 7.0 }, GaugeUncertainty::default());
     let mut taxels = vec![dead; TAXELS];
-    taxels[0] = sums.fit(&FitOptions::default());
+    taxels[0] = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
     Arc::new(ModelSet {
         id: id.to_owned(),
         patch: patch.to_owned(),
         created_wall_ns: 1_700_000_000_000_000_000,
         session: Some(7),
-        method: "order 5, pressure-binned".to_owned(),
+        method: "order 5, paper".to_owned(),
         board_settings: vec!["board 13".to_owned()],
         baseline: vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS],
         pressure_max_kpa: 70.0,

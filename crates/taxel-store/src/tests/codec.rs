@@ -6,8 +6,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::{GaugeClock, Maker, ModelSet, Recalibrated, Recorded, RecordedTaxel, ZeroReturn};
 use taxel_engine::recalibration::LoadPoint;
 use taxel_model::{
-    Curve, Estimator, FitOptions, Flag, GaugeUncertainty, Order, PLAYS, Plays, Quality, Samples, SigmaProfile, Sign,
-    Status, TaxelModel,
+    Curve, FitOptions, Flag, GaugeUncertainty, PLAYS, Plays, Quality, Samples, SigmaProfile, Sign, Status, TaxelModel,
 };
 
 use super::fixture::{model_set, with_id};
@@ -88,10 +87,9 @@ fn the_file_looks_as_documented() {
          taxels{{hysteresis_kpa plays{{{curve} radii_counts range sign weights_kpa}} rmse_kpa sensitivity}} \
          zero_return{{common rms}}}}"
     );
-    let quality = "quality{distinct_counts dof interval_kpa interval_share lack_of_fit_f max_leverage press_by_order{order press_kpa} press_kpa \
-                   pure_error_kpa rank repeatability_kpa rmse_kpa samples swing_counts}";
+    let quality = "quality{distinct_counts dof interval_kpa interval_share max_leverage rank repeatability_kpa rmse_kpa samples swing_counts}";
     let taxels = format!(
-        "taxels{{coefficients {curve} estimator flags gauge{{gain_rel noise_kpa offset_kpa}} order {quality} range repaired \
+        "taxels{{coefficients {curve} flags gauge{{gain_rel noise_kpa offset_kpa}} order {quality} range \
          sigma{{first_count sigma_kpa step_counts}} sign status taxel}}"
     );
     let recalibrated = "recalibrated{area_mm2 derived_from earlier filled gain gain_in_all gain_sigma \
@@ -268,7 +266,7 @@ fn a_number_that_is_not_finite_is_not_written() {
     type Change = fn(&mut TaxelModel);
     let cases: [(Change, &str); 5] = [
         (|m| m.quality.rmse_kpa = f64::NAN, "`taxels[1].quality.rmse_kpa`"),
-        (|m| m.flags = vec![Flag::Repaired { rmse_ratio: f64::NAN }], "`taxels[1].flags[0]"),
+        (|m| m.flags = vec![Flag::NotMonotone { count: f64::NAN }], "`taxels[1].flags[0]"),
         (|m| m.status = Status::Dead { count: f64::NAN }, "`taxels[1]`"),
         (|m| m.curve.as_mut().unwrap().chebyshev[2] = f64::NAN, "`taxels[1].curve.chebyshev"),
         (|m| m.sigma.as_mut().unwrap().sigma_kpa[0] = f64::INFINITY, "`taxels[1].sigma.sigma_kpa"),
@@ -299,8 +297,7 @@ fn any_status() -> impl Strategy<Value = Status> {
         (finite(), finite())
             .prop_map(|(swing_counts, needed_counts)| Status::InsufficientSwing { swing_counts, needed_counts }),
         (0..1_u64 << 53).prop_map(|samples| Status::Unproven { samples }),
-        finite().prop_map(|rmse_ratio| Status::NotMonotone { rmse_ratio }),
-        (finite(), finite()).prop_map(|(share, limit)| Status::IntervalTooWide { share, limit }),
+        (finite(), finite()).prop_map(|(rmse_kpa, limit_kpa)| Status::PoorFit { rmse_kpa, limit_kpa }),
         Just(Status::Ok),
     ]
 }
@@ -310,12 +307,9 @@ fn any_flag() -> impl Strategy<Value = Flag> {
         any::<(u8, u8)>().prop_map(|(asked, used)| Flag::RankReduced { asked, used }),
         any::<(u32, u32)>().prop_map(|(distinct, wanted)| Flag::FewDistinctCounts { distinct, wanted }),
         (finite(), finite()).prop_map(|(count, leverage)| Flag::HighLeverage { count, leverage }),
-        (finite(), finite()).prop_map(|(count, share)| Flag::RailDropped { count, share }),
         any::<u64>().prop_map(|samples| Flag::Dropouts { samples }),
         (finite(), finite()).prop_map(|(from, to)| Flag::Gap { from, to }),
-        finite().prop_map(|rmse_ratio| Flag::Repaired { rmse_ratio }),
         finite().prop_map(|count| Flag::NotMonotone { count }),
-        any::<u64>().prop_map(|samples| Flag::NotBinned { samples }),
         any::<u64>().prop_map(|samples| Flag::Rejected { samples }),
     ]
 }
@@ -323,12 +317,11 @@ fn any_flag() -> impl Strategy<Value = Flag> {
 prop_compose! {
     fn any_quality()(
         samples: u64, distinct_counts: u32, rank: u8, n in proptest::array::uniform4(finite()),
-        o in proptest::array::uniform6(proptest::option::of(finite())),
+        o in proptest::array::uniform3(proptest::option::of(finite())),
     ) -> Quality {
         Quality {
             samples, distinct_counts, rank, swing_counts: n[0], dof: n[1], rmse_kpa: n[2], max_leverage: n[3],
-            pure_error_kpa: o[0], press_kpa: o[1], lack_of_fit_f: o[2], repeatability_kpa: o[3], interval_kpa: o[4],
-            interval_share: o[5], press_by_order: Vec::new(),
+            repeatability_kpa: o[0], interval_kpa: o[1], interval_share: o[2],
         }
     }
 }
@@ -338,11 +331,10 @@ prop_compose! {
     fn any_model()(
         status in any_status(), flags in proptest::collection::vec(any_flag(), 0..4), value in finite(),
         range in (-1e9..1e9_f64, 0.0..1e9_f64), sigma in proptest::collection::vec(positive(), 1..20), first in finite(),
-        gauge in (finite(), finite(), finite()), quality in any_quality(), repaired: bool,
-        estimator in proptest::sample::select(Estimator::ALL.to_vec()),
+        gauge in (finite(), finite(), finite()), quality in any_quality(),
     ) -> TaxelModel {
         TaxelModel {
-            status, flags, quality, repaired, estimator,
+            status, flags, quality,
             range: Some([range.0, range.0 + range.1]),
             curve: Some(Curve { centre: range.0, half_width: range.1 + 1.0, chebyshev: vec![value] }),
             raw_coefficients: vec![value],
@@ -383,11 +375,10 @@ proptest! {
     #[test]
     fn every_fit_that_is_finite_can_be_written_and_read(
         samples in proptest::collection::vec((prop_oneof![0.0..255.0_f64, (0_u8..=255).prop_map(f64::from)], -5.0..200.0_f64), 0..60),
-        order in 1_u8..=10, auto: bool, whole: bool, scale in prop_oneof![Just(1.0), Just(1e-9), Just(1e9)],
+        order in 1_u8..=10, whole: bool, scale in prop_oneof![Just(1.0), Just(1e-9), Just(1e9)],
     ) {
         let counts: Vec<f64> = samples.iter().map(|s| if whole { s.0.round() } else { s.0 * scale }).collect();
         let pressure: Vec<f64> = samples.iter().map(|s| s.1).collect();
-        let order = if auto { Order::Auto } else { Order::Fixed(order) };
         let model = taxel_model::fit(&Samples::new(&counts, &pressure), &FitOptions { order, ..FitOptions::default() });
         let mut set = model_set(1);
         set.taxels[0] = model;

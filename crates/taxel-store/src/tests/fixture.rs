@@ -11,7 +11,7 @@ use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
 use taxel_engine::loads::{Load, Reading};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::{KeptZero, RampBaseline, Record, Sample};
-use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
+use taxel_model::{FitOptions, Samples, TaxelModel};
 use tempfile::TempDir;
 
 use crate::{Batch, Durability, Quarantined, Store, StoreError, StoreEvent, models_json};
@@ -21,12 +21,9 @@ pub const PATCH: &str = "left_forearm";
 /// One taxel of each sort: good and falling, good and rising, dead, without data.
 static TAXELS: LazyLock<Vec<TaxelModel>> = LazyLock::new(|| {
     let fit = |count: fn(f64) -> f64, samples: u32| {
-        let mut sums = Accumulator::new();
-        for k in 0..samples {
-            let kpa = f64::from(k) / 10.0;
-            sums.add(count(kpa).round() as u8, FixedPressure::from_kpa(kpa), 0);
-        }
-        sums.fit(&FitOptions::default())
+        let kpa: Vec<f64> = (0..samples).map(|k| f64::from(k) / 10.0).collect();
+        let counts: Vec<f64> = kpa.iter().map(|kpa| count(*kpa).round()).collect();
+        taxel_model::fit(&Samples::new(&counts, &kpa), &FitOptions::default())
     };
     vec![
         fit(|kpa| 240.0 - 80.0 * kpa / (kpa + 40.0), 700),
@@ -42,7 +39,7 @@ pub fn model_set(created_wall_ns: i64) -> ModelSet {
         patch: PATCH.to_owned(),
         created_wall_ns,
         session: Some(1),
-        method: "order 5, pressure-binned".to_owned(),
+        method: "order 5, paper".to_owned(),
         board_settings: vec![format!("board 13: period 50 ms, set {created_wall_ns}")],
         baseline: TAXELS
             .iter()

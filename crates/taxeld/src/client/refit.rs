@@ -1,14 +1,13 @@
 //! `taxeld sessions refit`: stored samples fitted once more.
 
 use taxel_client::Server;
-use taxel_model::Order;
+use taxel_model::MAX_ORDER;
 use taxel_proto::v1::{GetModelSetRequest, RefitSessionsRequest};
 
 use super::connect::Daemon;
 use super::failure::Outcome;
 use super::json;
 use super::model_set::print_set;
-use crate::values::parse_order;
 
 /// What it takes beside the sessions. `taxel-lab fit` has more options.
 #[derive(Debug, clap::Args)]
@@ -18,9 +17,9 @@ pub struct RefitArgs {
     /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
-    /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error [default: as configured].
-    #[arg(long, value_parser = parse_order)]
-    order: Option<Order>,
+    /// Order of the polynomial, 1 to 10 [default: as configured].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_ORDER)))]
+    order: Option<u32>,
 }
 
 /// Fits one session once more, or several together.
@@ -29,11 +28,7 @@ pub struct RefitArgs {
 /// Refused with the daemon's reason, or no daemon.
 pub async fn refit(args: &RefitArgs, sessions: Vec<u64>) -> Outcome {
     let daemon = Daemon::at(&args.server).await?;
-    let order = args.order.map(|order| match order {
-        Order::Fixed(order) => u32::from(order),
-        Order::Auto => 0,
-    });
-    let request = RefitSessionsRequest { sessions, order };
+    let request = RefitSessionsRequest { sessions, order: args.order };
     let answer = daemon.calibration().refit_sessions(request).await?.into_inner();
     if args.json {
         return json::print("Refit", &answer);

@@ -55,7 +55,7 @@ enum SessionsCommand {
     },
     /// Fits the stored samples of a session, or of several of one patch together, once more: a model set that is not in use.
     #[command(
-        after_help = "The fit is as configured now; `taxel-lab fit` of an exported session has more options. The same fit has the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 4 7 && taxel-lab compare active newest"
+        after_help = "The fit is as configured now; `taxel-lab fit` of an exported session has more options. The same fit has the same id.\n\nExamples:\n  taxeld sessions refit 3 --order 4\n  taxeld sessions refit 3 4 7 && taxel-lab compare active newest"
     )]
     Refit {
         #[command(flatten)]
@@ -66,7 +66,7 @@ enum SessionsCommand {
     },
     /// Writes the samples of a session as a table that `taxel-lab fit` reads.
     #[command(
-        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 | taxel-lab fit - --order auto --patch left_forearm --out models.json"
+        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 | taxel-lab fit - --patch left_forearm --out models.json"
     )]
     Export(ExportArgs),
 }

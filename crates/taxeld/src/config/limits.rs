@@ -5,12 +5,11 @@ use std::time::Duration;
 use taxel_engine::SCANS_MIN;
 use taxel_engine::calibration::fit::{Branch, PlaysChoice};
 use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
-use taxel_model::{FitOptions, GaugeUncertainty, Order};
+use taxel_model::{FitOptions, GaugeUncertainty, MAX_ORDER};
 use taxel_skin::Kilopascal;
 
 use super::patch_section::{BranchesWord, FitSection, GaugeSection, PatchSection, PlaysWord, SessionSection};
 use super::problem::Faults;
-use crate::values::parse_order;
 
 /// When a taxel counts as touched or stale.
 pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> LiveLimits {
@@ -72,12 +71,12 @@ pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) 
 
 /// How models are fitted.
 pub fn fit_options(section: &FitSection, gauge: GaugeUncertainty, faults: &mut Faults) -> FitOptions {
-    let order = section.order.as_ref().map(|value| {
-        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        parse_order(&text).map_err(|why| format!("fit.order = {value}: {why}"))
-    });
-    let order = order.and_then(|order| faults.take("fit.order", order));
-    FitOptions { order: order.unwrap_or(Order::Fixed(5)), gauge, ..FitOptions::default() }
+    let default = FitOptions::default();
+    let order = section.order.unwrap_or(default.order);
+    if !(1..=MAX_ORDER).contains(&order) {
+        faults.note("fit.order", format!("fit.order = {order}: expected 1 to {MAX_ORDER}"));
+    }
+    FitOptions { order, gauge, ..default }
 }
 
 /// What is stated of what measures the pressure.

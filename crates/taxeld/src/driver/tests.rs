@@ -9,7 +9,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
-use taxel_model::{Accumulator, FitOptions};
+use taxel_model::{GaugeUncertainty, Status, TaxelModel};
 use taxel_rpc::handle::channel;
 use taxel_rpc::{Handle, STALLED_AFTER};
 use taxel_sim::{BoardsConfig, Config, Skin, World};
@@ -151,7 +151,7 @@ pub(crate) fn model_set(created_wall_ns: i64) -> Arc<ModelSet> {
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.01,
         gauge_offset_kpa: 0.1,
-        taxels: vec![Accumulator::new().fit(&FitOptions::default()); 230],
+        taxels: vec![TaxelModel::without_curve(Status::NoData, GaugeUncertainty::default()); 230],
         ..ModelSet::default()
     };
     set.id = models_json::content_id(&set);

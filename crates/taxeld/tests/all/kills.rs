@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::ModelSet;
-use taxel_model::{Accumulator, FitOptions};
+use taxel_model::{GaugeUncertainty, Status, TaxelModel};
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -69,7 +69,7 @@ fn model_set(number: u64) -> (String, String) {
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.01,
         gauge_offset_kpa: 0.1,
-        taxels: vec![Accumulator::new().fit(&FitOptions::default()); TAXELS],
+        taxels: vec![TaxelModel::without_curve(Status::NoData, GaugeUncertainty::default()); TAXELS],
         ..ModelSet::default()
     };
     set.id = models_json::content_id(&set);

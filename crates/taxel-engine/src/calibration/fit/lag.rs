@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use taxel_model::{Estimator, FitOptions, Samples, fit};
+use taxel_model::{FitOptions, Samples, fit};
 
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::scans::Scans;
@@ -25,14 +25,13 @@ const MASKED_MAX: f64 = 0.01;
 /// only what goes beyond that is a lag of the clocks.
 pub(crate) fn estimate(scans: &Scans<'_>, kpa: &[f64], masks: &Masks, stretches: &[Range<usize>], max_s: f64) -> f64 {
     let counts = mean_counts(scans, masks);
-    let options = FitOptions { estimator: Estimator::PerSample, ..FitOptions::default() };
     // Every lag is judged by the same scans: those that have a pressure at the ends of the search.
     let ends = [max_s, -max_s].map(|lag_s| shifted(scans.time_s, kpa, lag_s, stretches));
     let judged = |i: usize| ends.iter().all(|kpa| kpa[i].is_finite());
     let error = |lag_s: f64| {
         let mut kpa = shifted(scans.time_s, kpa, lag_s, stretches);
         kpa.iter_mut().enumerate().filter(|(i, _)| !judged(*i)).for_each(|(_, p)| *p = f64::NAN);
-        let model = fit(&Samples::new(&counts, &kpa), &options);
+        let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
         if model.curve.is_some() { model.quality.rmse_kpa } else { f64::INFINITY }
     };
     let coarse = best((-COARSE..=COARSE).map(|step| max_s * f64::from(step) / f64::from(COARSE)), &error);

@@ -37,7 +37,7 @@ pub use judge::{Score, judge};
 pub use masks::Masks;
 pub use recipe::fit;
 pub use recipe_options::{FitRecipe, RecordingError};
-pub use scans::Scans;
+pub use scans::{RECORDING_SCANS_MIN, Scans};
 pub use smooth::{running_median, smooth};
 pub use taxel_model::{OneByOne, Workers};
 pub use zero::{Tare, Zero};

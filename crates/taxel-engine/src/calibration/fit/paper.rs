@@ -1,7 +1,7 @@
 //! The paper's fit: its equation over all samples of rising pressure, as they are. No fault is looked for, nothing is averaged,
 //! shifted in time or compensated.
 
-use taxel_model::{Samples, TaxelModel, Workers, map};
+use taxel_model::{FitOptions, Samples, TaxelModel, Workers, map};
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::fit::course::Course;
@@ -9,7 +9,6 @@ use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::zero::{baseline, rest_scans};
-use crate::calibration::method::method;
 use crate::model_set::{Maker, ModelSet};
 
 /// Fits a recording. The set comes without id, patch and time of making.
@@ -42,6 +41,11 @@ pub(super) fn fit(
     })
 }
 
+/// How it fits, in words.
+pub(crate) fn method(options: &FitOptions) -> String {
+    format!("order {}, paper", options.order)
+}
+
 /// One model per taxel, of the scans of `course` in which the pressure does not fall.
 pub(crate) fn models(
     scans: &Scans<'_>,
@@ -50,13 +54,11 @@ pub(crate) fn models(
     recipe: &FitRecipe,
     workers: &dyn Workers,
 ) -> Vec<TaxelModel> {
-    let ramp_of: Vec<u16> = course.ramps().flat_map(|(ramp, scans)| scans.map(move |_| ramp)).collect();
     map(workers, scans.counts.len(), |taxel| {
         let known =
             |scan: &usize| kpa[*scan].is_finite() && scans.counts[taxel][*scan].is_finite() && !course.falling()[*scan];
         let rows: Vec<usize> = (0..kpa.len()).filter(known).collect();
         let (counts, kpa): (Vec<f64>, Vec<f64>) = rows.iter().map(|row| (scans.counts[taxel][*row], kpa[*row])).unzip();
-        let ramps: Vec<u16> = rows.iter().map(|row| ramp_of[*row]).collect();
-        taxel_model::fit(&Samples { ramp: Some(&ramps), ..Samples::new(&counts, &kpa) }, &recipe.options)
+        taxel_model::fit(&Samples::new(&counts, &kpa), &recipe.options)
     })
 }

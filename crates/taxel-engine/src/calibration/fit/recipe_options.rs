@@ -1,7 +1,7 @@
 //! How a recording is fitted, and why it cannot be.
 
+use taxel_model::FitOptions;
 use taxel_model::skin::SkinError;
-use taxel_model::{Estimator, FitOptions};
 use thiserror::Error;
 
 use crate::calibration::branch::{Branch, PlaysChoice};
@@ -10,7 +10,7 @@ use crate::intake::faults::limits::FaultLimits;
 /// How a recording is fitted.
 #[derive(Clone, Debug)]
 pub struct FitRecipe {
-    /// How each taxel's static curve is fitted.
+    /// How each taxel is fitted.
     pub options: FitOptions,
     /// Which part is fitted.
     pub branch: Branch,
@@ -46,7 +46,7 @@ impl FitRecipe {
     /// shifted in time or compensated, and only rising pressure has a say.
     #[must_use]
     pub fn is_paper(&self) -> bool {
-        self.options.estimator == Estimator::Paper
+        self.options.paper
     }
 }
 

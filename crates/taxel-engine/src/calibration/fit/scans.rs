@@ -1,12 +1,12 @@
 //! A recording, column by column.
 
 use std::ops::Range;
-use taxel_model::MIN_BINNED_SAMPLES;
 
 use crate::statistics::quantile;
 
-/// A table of counts with so many scans and more, of integers within 0..=255, is a recording of 8-bit taxels.
-const SCANS_MIN: u64 = MIN_BINNED_SAMPLES;
+/// A table of counts with so many scans and more, of integers within 0..=255, is a recording of 8-bit taxels; a session with fewer
+/// is not fitted.
+pub const RECORDING_SCANS_MIN: usize = 280;
 
 /// A recording, column by column; a value that is missing is NaN. All columns are as long as `time_s`.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ impl Scans<'_> {
     /// Whether these are 8-bit taxels over time, and not a table of some other two quantities.
     #[must_use]
     pub fn is_recording(&self) -> bool {
-        self.len() as u64 >= SCANS_MIN && self.counts.len() > 1 && self.has_bytes()
+        self.len() >= RECORDING_SCANS_MIN && self.counts.len() > 1 && self.has_bytes()
     }
 
     pub(crate) fn has_bytes(&self) -> bool {

@@ -4,7 +4,7 @@ mod paper;
 mod zero;
 
 use proptest::prelude::*;
-use taxel_model::{Estimator, FitOptions, Flag, PLAYS, Samples, Status};
+use taxel_model::{FitOptions, Flag, PLAYS, Samples, Status};
 
 use super::scans::modules;
 use super::*;

@@ -67,7 +67,7 @@ impl Hidden {
             let linear = f64::from(share.newton_per_count).abs() * moved;
             // Beyond the threshold skin becomes stiffer: the curve says more than its beginning.
             let curve = || tables.threshold_n(taxel, moved).unwrap_or(linear).max(linear);
-            if linear > f64::from(share.threshold_n) { curve() } else { linear }
+            if moved > f64::from(share.threshold) { curve() } else { linear }
         };
         // A contact on a skin that lies away from load is told from the median taxel, whose error its taxels have in common.
         let median_off = if middle < 0.0 { median_error(apart, all.iter().flatten().count()) } else { 0.0 };

@@ -4,13 +4,9 @@
 //! elimination without fractions (Bareiss 1968, "Sylvester's identity and multistep integer-preserving Gaussian
 //! elimination") gives the coefficients as quotients of integers. Conditioning plays no part.
 
-use crate::Dd;
 use num_bigint::{BigInt, Sign};
 use num_rational::BigRational;
 use std::collections::BTreeMap;
-
-/// Bits behind the point that a mean count has in [`Reference::of_sums`].
-const MEAN_BITS: u32 = 64;
 
 /// The least-squares polynomial, exactly: `sum over k of numerators[k] / denominator * 2^y_exponent * s^k`, with
 /// s = x / 2^x_exponent - origin.
@@ -19,20 +15,8 @@ pub struct Reference {
     numerators: Vec<BigInt>,
     denominator: BigInt,
     origin: BigInt,
-    /// No s of the data is longer.
-    span_bits: u64,
     x_exponent: i32,
     y_exponent: i32,
-}
-
-/// The same polynomial for many evaluations, to about 28 digits: `sum over k of coefficients[k] t^k`, with
-/// t = (x - origin) / scale.
-#[derive(Clone, Debug)]
-pub struct QuickReference {
-    origin: Dd,
-    /// A power of two.
-    scale: f64,
-    coefficients: Vec<Dd>,
 }
 
 /// Sums over all samples of one abscissa: of the weights, and of weight times value.
@@ -65,16 +49,6 @@ impl Reference {
         Self::orders(rows, (x_exponent, y_exponent), order).into_iter().nth(order)
     }
 
-    /// The polynomials of orders 0 to `order` through rows of means: of each row the number of samples, above 0, the sum
-    /// of their abscissae and the sum of their values in units of 2^`y_exponent`. Orders that the rows do not carry are
-    /// left out at the end. Mean abscissae are exact to 2^-64.
-    #[must_use]
-    pub fn of_sums(rows: &[(i64, i64, i64)], y_exponent: i32, order: usize) -> Vec<Self> {
-        let row =
-            |&(n, x, y): &(i64, i64, i64)| ((BigInt::from(x) << MEAN_BITS) / n, (BigInt::from(y), BigInt::from(n)));
-        Self::orders(rows.iter().map(row), (-(MEAN_BITS as i32), y_exponent), order)
-    }
-
     /// From rows of abscissa, weight times value, and weight, in units of two to the exponents of x and y.
     fn orders(
         rows: impl Iterator<Item = (BigInt, (BigInt, BigInt))>,
@@ -93,13 +67,11 @@ impl Reference {
         // About the middle, and without zeros that all have at their end, so that the powers stay short.
         let zeros = groups.keys().filter_map(BigInt::trailing_zeros).min().unwrap_or(0);
         let origin = (first + last) >> (zeros + 1);
-        let span_bits = ((last >> zeros) - &origin).bits().max((&origin - (first >> zeros)).bits());
         let rows = groups.iter().map(|(x, group)| ((x >> zeros) - &origin, group));
         let solution = |(numerators, denominator)| Self {
             numerators,
             denominator,
             origin: origin.clone(),
-            span_bits,
             x_exponent: exponents.0 + zeros as i32,
             y_exponent: exponents.1,
         };
@@ -122,19 +94,6 @@ impl Reference {
         round(&sum, &self.denominator, i64::from(self.y_exponent) - (below * order as u64) as i64)
     }
 
-    /// The same in double-double arithmetic, for counts of at most some 60 bits.
-    #[must_use]
-    pub fn quick(&self) -> QuickReference {
-        let coefficient = |(k, numerator): (usize, &BigInt)| {
-            double(numerator, &self.denominator, i64::from(self.y_exponent) + k as i64 * self.span_bits as i64)
-        };
-        QuickReference {
-            origin: double(&self.origin, &BigInt::from(1), i64::from(self.x_exponent)),
-            scale: power_of_two_times(1.0, self.span_bits as i64 + i64::from(self.x_exponent)),
-            coefficients: self.numerators.iter().enumerate().map(coefficient).collect(),
-        }
-    }
-
     /// Coefficients in ascending powers of the raw abscissa, exactly.
     #[must_use]
     pub fn coefficients(&self) -> Vec<BigRational> {
@@ -151,15 +110,6 @@ impl Reference {
         let two = integer(2);
         let scale = |(k, c): (usize, BigRational)| c * two.pow(self.y_exponent - k as i32 * self.x_exponent);
         coefficients.into_iter().enumerate().map(scale).collect()
-    }
-}
-
-impl QuickReference {
-    /// The value at `x`.
-    #[must_use]
-    pub fn evaluate(&self, x: f64) -> Dd {
-        let t = (Dd::from(x) - self.origin).scale_exact(1.0 / self.scale);
-        self.coefficients.iter().rev().fold(Dd::ZERO, |sum, c| sum * t + *c)
     }
 }
 
@@ -299,16 +249,6 @@ fn solve(mut a: Vec<Vec<BigInt>>) -> Vec<(Vec<BigInt>, BigInt)> {
     solutions
 }
 
-/// numerator / denominator * 2^exponent to 106 bits or so.
-fn double(numerator: &BigInt, denominator: &BigInt, exponent: i64) -> Dd {
-    let hi = round(numerator, denominator, exponent);
-    let Some((mantissa, at)) = dyadic(hi).filter(|(mantissa, _)| *mantissa != 0) else { return Dd::from(hi) };
-    // What is left, in units of the lower of both exponents.
-    let (unit, taken) = (exponent.min(at.into()), BigInt::from(mantissa) * denominator);
-    let left = (numerator << (exponent - unit) as u64) - (taken << (i64::from(at) - unit) as u64);
-    Dd { hi, lo: round(&left, denominator, unit) }
-}
-
 /// numerator / denominator * 2^exponent as the nearest f64, ties to even; infinite beyond the range of f64.
 fn round(numerator: &BigInt, denominator: &BigInt, exponent: i64) -> f64 {
     if numerator.sign() == Sign::NoSign {
@@ -393,34 +333,6 @@ mod tests {
             let fit = Reference::fit(&[1.0, 2.0, 3.0, 4.0], &y, None, 1).unwrap();
             assert_eq!((fit.evaluate(3.0), fit.evaluate(1.0)), (6.0 * scale, 0.0));
         }
-    }
-
-    fn row(k: i64) -> (i64, i64, i64) {
-        let n = 1 + k % 4;
-        (n, n * (240 - 2 * k) + k % n, n * (k * k * 30 + (k * 7919) % 50))
-    }
-
-    #[test]
-    fn rows_of_means_have_the_polynomial_of_their_means_at_every_order() {
-        // Weights that are powers of two, so that the means are f64 without rounding.
-        let rows: Vec<_> = (0..50).map(row).filter(|row| row.0 != 3).collect();
-        let mean = |sum: fn(&(i64, i64, i64)) -> i64| rows.iter().map(|row| sum(row) as f64 / row.0 as f64).collect();
-        let (x, y): (Vec<f64>, Vec<f64>) = (mean(|row| row.1), mean(|row| row.2));
-        let n: Vec<f64> = rows.iter().map(|row| row.0 as f64).collect();
-        let all = Reference::of_sums(&rows, -10, 9);
-        assert_eq!(all.len(), 10);
-        for (order, one) in all.iter().enumerate() {
-            let alone = Reference::fit(&x, &y, Some(&n), order).unwrap();
-            for x in &x {
-                let (got, quick, want) = (one.evaluate(*x), one.quick().evaluate(*x), alone.evaluate(*x) / 1024.0);
-                assert_eq!(got, want, "order {order} at {x}");
-                assert!((quick.hi - want).abs() <= 1e-16 * want.abs(), "order {order} at {x}: {quick:?} {want}");
-                // What is left of it is smaller than half of its last bit.
-                assert!(quick.lo.abs() <= 0.51 * f64::EPSILON * want.abs(), "order {order} at {x}: {quick:?}");
-            }
-        }
-        assert_eq!(Reference::of_sums(&rows[..3], -10, 9).len(), 3, "orders that the rows do not carry are left out");
-        assert!(Reference::of_sums(&[], -10, 9).is_empty());
     }
 
     #[test]
