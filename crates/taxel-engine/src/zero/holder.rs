@@ -119,9 +119,10 @@ impl Zero {
         self.held().map(|held| held.baseline.as_slice())
     }
 
-    /// The same if it holds: what a load of that time would still hide in.
+    /// The same without what has left the skin since, if it holds: what a load of that time would still hide in.
     pub fn as_taken(&self) -> Option<Vec<TaxelBaseline>> {
-        self.baseline().filter(|_| self.holds()).map(<[_]>::to_vec)
+        let taken = self.baseline().filter(|_| self.holds())?;
+        Some(self.offset.what_stays_of(taken, self.ground.signs()))
     }
 
     /// The zero with its drift, one per taxel, if it holds.

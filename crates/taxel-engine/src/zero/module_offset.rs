@@ -109,6 +109,13 @@ impl ModuleOffset {
         (offset - (cold * self.warmed).max(warm * self.warmed)).max(0.0)
     }
 
+    /// How far what the tables follow lies away from load beyond what any cold explains, counts of 0 and less: what has left the
+    /// skin since its zero was taken, be it a load or what the fabric crept back.
+    pub(super) fn left(&self) -> f64 {
+        let [cold, warm] = EXPLAINED;
+        (self.followed - (cold * self.warmed).min(warm * self.warmed)).min(0.0)
+    }
+
     /// Nothing touches it, and its taxels read `seen`, give or take `sigma`. Lighter is taken always, heavier where `heavier_may`
     /// and within three standard deviations. Returns whether it was.
     pub(super) fn read(&mut self, seen: f64, sigma: f64, heavier_may: bool) -> bool {

@@ -295,11 +295,20 @@ impl Offset {
 
     /// The zero as it was taken, moved by what is followed; `signs` say which way pressure moves the counts.
     pub fn applied_to(&self, zero: &[TaxelBaseline], signs: &[i8]) -> Vec<TaxelBaseline> {
+        self.moved(zero, signs, |module| module.followed)
+    }
+
+    /// The zero as it was taken, without what has left the skin since.
+    pub fn what_stays_of(&self, zero: &[TaxelBaseline], signs: &[i8]) -> Vec<TaxelBaseline> {
+        self.moved(zero, signs, ModuleOffset::left)
+    }
+
+    fn moved(&self, zero: &[TaxelBaseline], signs: &[i8], by: impl Fn(&ModuleOffset) -> f64) -> Vec<TaxelBaseline> {
         let mut zero = zero.to_vec();
         for (taxels, module) in self.taxels.iter().zip(&self.modules) {
             let signs = signs.get(taxels.clone()).unwrap_or_default();
             for (taxel, sign) in zero.get_mut(taxels.clone()).unwrap_or_default().iter_mut().zip(signs) {
-                taxel.mean += f64::from(*sign) * module.followed;
+                taxel.mean += f64::from(*sign) * by(module);
             }
         }
         zero

@@ -21,7 +21,7 @@ use crate::statistics::{MEDIAN_DEVIATIONS, median, median_error};
 pub struct Rest<'a> {
     /// One per taxel.
     pub zero: &'a [TaxelBaseline],
-    /// The same without what it has followed of the temperature since it was taken.
+    /// As it was taken, without what has left the skin since: not moved by what follows the temperature.
     pub taken: &'a [TaxelBaseline],
     /// The zero that somebody confirmed since the boards took theirs, one per taxel; empty without one.
     pub vouched: &'a [TaxelBaseline],
