@@ -117,8 +117,8 @@ impl CalibrationService for Service {
 
     async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Reply<v1::Refit> {
         let caller = caller(&request)?;
-        let v1::RefitSessionsRequest { sessions, order } = request.into_inner();
-        self.refit(&caller, &sessions, order).await.map(Response::new)
+        let sessions = request.into_inner().sessions;
+        self.refit(&caller, &sessions).await.map(Response::new)
     }
 
     type WatchSessionStream = MessageStream<v1::Session>;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use taxel_engine::calibration::{Refit, RefitOptions, SessionState, SessionView, StoredSession, TOGETHER_MAX};
+use taxel_engine::calibration::{Refit, SessionState, SessionView, StoredSession, TOGETHER_MAX};
 use taxel_engine::command::{Command, Done};
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
@@ -17,13 +17,7 @@ use crate::status::{invalid, of_rejection};
 
 impl Service {
     /// Fits what these sessions gathered, and has the set kept.
-    pub(crate) async fn refit(
-        &self,
-        caller: &Caller,
-        numbers: &[u64],
-        order: Option<u32>,
-    ) -> Result<v1::Refit, Status> {
-        let options = asked_options(order)?;
+    pub(crate) async fn refit(&self, caller: &Caller, numbers: &[u64]) -> Result<v1::Refit, Status> {
         // Before anything is looked up: a request has room for tens of thousands of numbers.
         if numbers.len() > TOGETHER_MAX {
             return Err(invalid("sessions", format_args!("{} are named, expected 1 to {TOGETHER_MAX}", numbers.len())));
@@ -34,7 +28,7 @@ impl Service {
             let words = format!("session {} {discarded}", view.number);
             return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, words).into());
         }
-        let refit = self.plan_refit(views, &options).await?;
+        let refit = self.plan_refit(views).await?;
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
         let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
             let why = "another fit is under way, which ends within seconds: try again then";
@@ -60,7 +54,7 @@ impl Service {
     }
 
     /// What is to be fitted. The settings of the boards are those that each session's own model set tells.
-    async fn plan_refit(&self, views: Vec<Arc<SessionView>>, options: &RefitOptions) -> Result<Refit, Status> {
+    async fn plan_refit(&self, views: Vec<Arc<SessionView>>) -> Result<Refit, Status> {
         let first = views.first().ok_or_else(|| invalid("sessions", "none is named"))?;
         let plan = self.plan(self.patch(&first.patch)?);
         let mut sessions = Vec::with_capacity(views.len());
@@ -72,15 +66,7 @@ impl Service {
             };
             sessions.push(StoredSession { board_settings, view });
         }
-        let planned = Refit::plan(plan.calibration(), plan.patch.counts(), sessions, options);
+        let planned = Refit::plan(plan.calibration(), plan.patch.counts(), sessions);
         Ok(planned.map_err(|why| of_rejection(&why).about("patch", plan.patch.name()))?)
     }
-}
-
-/// As configured, but for the order.
-fn asked_options(order: Option<u32>) -> Result<RefitOptions, Status> {
-    let whole =
-        |order: u32| u8::try_from(order).map_err(|_| invalid("order", format_args!("{order} is not in 1 to 10")));
-    let order = order.map(whole).transpose()?;
-    Ok(RefitOptions { order, ..RefitOptions::default() })
 }

@@ -29,6 +29,6 @@ pub use calibration_plan::CalibrationPlan;
 pub use job::{FitJob, FitOutcome};
 pub use limits::SessionLimits;
 pub use plateau::{PLATEAUS_MIN, PlateauView};
-pub use refit::{Refit, RefitOptions, StoredSession, TOGETHER_MAX};
+pub use refit::{Refit, StoredSession, TOGETHER_MAX};
 pub use samples::{NotLoaded, RampBaseline, Sample, SessionSamples};
 pub use view::{RefusalCounts, SampleRefusal, SessionState, SessionView};

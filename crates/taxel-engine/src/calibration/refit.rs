@@ -1,11 +1,10 @@
-//! The fit of stored samples once more: of one session, or of several together, as configured or otherwise.
+//! The fit of stored samples once more, as configured: of one session, or of several together.
 //!
 //! Order of calls: [`Refit::plan`] says from what is known of the sessions whether it can be, [`Refit::job`] takes what
-//! they gathered. Without options the fit of one session is the one that the session itself had, with the same result.
+//! they gathered. As long as the configuration is the same the fit of one session is the one that it had itself.
 
 use std::sync::Arc;
 
-use taxel_model::MAX_ORDER;
 use taxel_skin::CountRange;
 
 use crate::board_settings::differ_in;
@@ -20,15 +19,6 @@ use crate::request::{ErrorReason, Rejection};
 
 /// Most sessions that are fitted together: their numbers are kept with the model set.
 pub const TOGETHER_MAX: usize = 32;
-
-/// What is to differ from the patch's own recipe; absent is as configured.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RefitOptions {
-    /// Order of the polynomial whose coefficients each model tells.
-    pub order: Option<u8>,
-    /// Which branches are fitted; absent, those that the sessions gathered.
-    pub branch: Option<Branch>,
-}
 
 /// A session whose samples are fitted once more.
 #[derive(Clone, Debug)]
@@ -61,13 +51,12 @@ impl Refit {
     /// What is to be fitted, and how. `counts` is the range of the patch's converters.
     ///
     /// # Errors
-    /// [`Rejection`] if an option is not in its range, no session or one twice is named, one is under way or has no
+    /// [`Rejection`] if no session or one twice is named, one is under way or has no
     /// samples, or the sessions do not go together; it says which of them.
     pub fn plan(
         plan: CalibrationPlan,
         counts: CountRange,
         mut sessions: Vec<StoredSession>,
-        options: &RefitOptions,
     ) -> Result<Self, Rejection> {
         sessions.sort_by_key(|session| session.view.number);
         check_names(&sessions)?;
@@ -75,7 +64,7 @@ impl Refit {
         let gathered = sessions.iter().map(|session| session.view.accepted).sum();
         check_size(&plan, gathered)?;
         let board_settings = board_settings(&plan, &sessions)?;
-        let recipe = recipe(&plan, branch(&sessions, options)?, options)?;
+        let recipe = plan.recipe(branch(&sessions));
         Ok(Self { plan, counts, recipe, board_settings, sessions })
     }
 
@@ -212,48 +201,10 @@ fn board_settings(plan: &CalibrationPlan, sessions: &[StoredSession]) -> Result<
     Ok(tells_most.map_or_else(|| plan.board_settings.clone(), |(_, settings)| settings.to_vec()))
 }
 
-/// The branches that are fitted: those asked for, else those that were gathered.
-fn branch(sessions: &[StoredSession], options: &RefitOptions) -> Result<Branch, Rejection> {
-    let of = |branch: Branch| -> Vec<String> {
-        let those = sessions.iter().filter(|session| session.view.branches == branch);
-        those.map(|session| session.view.number.to_string()).collect()
-    };
-    let (rising, both) = (of(Branch::Rising), of(Branch::Both));
-    match options.branch {
-        Some(Branch::Rising) => Ok(Branch::Rising),
-        Some(Branch::Both) if !rising.is_empty() => {
-            let named = rising.join(", ");
-            refuse(
-                ErrorReason::SessionsDiffer,
-                format!("session {named} gathered rising pressure alone: it cannot be fitted over both branches"),
-            )
-        }
-        Some(Branch::Both) => Ok(Branch::Both),
-        None if both.is_empty() => Ok(Branch::Rising),
-        None if rising.is_empty() => Ok(Branch::Both),
-        None => {
-            let (rising, both) = (rising.join(", "), both.join(", "));
-            refuse(
-                ErrorReason::SessionsDiffer,
-                format!(
-                    "session {rising} gathered rising pressure alone and session {both} both branches: together they can \
-                 be fitted over the rising branch, if that is asked for"
-                ),
-            )
-        }
-    }
-}
-
-/// The patch's recipe with what is asked for.
-fn recipe(plan: &CalibrationPlan, branch: Branch, options: &RefitOptions) -> Result<FitRecipe, Rejection> {
-    let mut recipe = plan.recipe(branch);
-    match options.order {
-        Some(order) if !(1..=MAX_ORDER).contains(&order) => {
-            return invalid("order", format!("{order} is not in 1 to {MAX_ORDER}"));
-        }
-        order => recipe.options.order = order.unwrap_or(recipe.options.order),
-    }
-    Ok(recipe)
+/// The branches that are fitted: both where every session gathered both.
+fn branch(sessions: &[StoredSession]) -> Branch {
+    let both = sessions.iter().all(|session| session.view.branches == Branch::Both);
+    if both { Branch::Both } else { Branch::Rising }
 }
 
 impl SessionSamples {

@@ -1,6 +1,6 @@
-//! Stored samples fitted once more: the same as the session's own fit, or otherwise, alone or together.
+//! Stored samples fitted once more, alone or together.
 
-use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, StoredSession};
+use taxel_engine::calibration::{Refit, SessionSamples, StoredSession};
 
 use crate::prelude::*;
 use crate::say::start;
@@ -42,23 +42,23 @@ fn shelf() -> &'static Shelf {
 }
 
 impl Shelf {
-    fn plan(&self, sessions: Vec<StoredSession>, options: &RefitOptions) -> Result<Refit, Rejection> {
+    fn plan(&self, sessions: Vec<StoredSession>) -> Result<Refit, Rejection> {
         let plan = &self.plan.patches[0];
-        Refit::plan(plan.calibration(), plan.patch.counts(), sessions, options)
+        Refit::plan(plan.calibration(), plan.patch.counts(), sessions)
     }
 
     /// The sessions of these positions, in this order.
-    fn fit(&self, positions: &[usize], options: &RefitOptions) -> ModelSet {
-        let refit = self.plan(positions.iter().map(|k| self.sessions[*k].clone()).collect(), options).unwrap();
+    fn fit(&self, positions: &[usize]) -> ModelSet {
+        let refit = self.plan(positions.iter().map(|k| self.sessions[*k].clone()).collect()).unwrap();
         let samples = refit.numbers().into_iter().map(|number| self.samples[number as usize - 1].clone()).collect();
         ModelSet::clone(&refit.job(samples, 1).unwrap().run(|_| String::new()).result.unwrap())
     }
 
     /// Why the two cannot be fitted together after a change of the second.
-    fn refused(&self, options: &RefitOptions, change: impl FnOnce(&mut StoredSession)) -> String {
+    fn refused(&self, change: impl FnOnce(&mut StoredSession)) -> String {
         let mut sessions = self.sessions.clone();
         change(&mut sessions[1]);
-        self.plan(sessions, options).unwrap_err().to_string()
+        self.plan(sessions).unwrap_err().to_string()
     }
 }
 
@@ -72,23 +72,17 @@ fn with_view(session: &mut StoredSession, change: impl FnOnce(&mut SessionView))
 }
 
 #[test]
-fn a_refit_without_options_is_the_sessions_own_fit() {
+fn a_refit_is_the_sessions_own_fit() {
     for k in [0, 1] {
-        let set = shelf().fit(&[k], &RefitOptions::default());
+        let set = shelf().fit(&[k]);
         assert_eq!(content(&set), content(&shelf().own[k]));
     }
 }
 
 #[test]
-fn a_refit_is_as_its_options_say() {
-    let set = shelf().fit(&[1], &RefitOptions { order: Some(3), ..Default::default() });
-    assert!(set.taxels.iter().filter(|m| m.is_usable()).all(|model| model.order <= 3));
-}
-
-#[test]
 fn two_sessions_together_give_one_set_in_whatever_order_they_are_named() {
-    let both = shelf().fit(&[0, 1], &RefitOptions::default());
-    assert_eq!(content(&both), content(&shelf().fit(&[1, 0], &RefitOptions::default())));
+    let both = shelf().fit(&[0, 1]);
+    assert_eq!(content(&both), content(&shelf().fit(&[1, 0])));
     assert!(both.method.ends_with(", of sessions 1, 2 together") && both.session == Some(2), "{}", both.method);
     assert_eq!(both.pressure_max_kpa.to_bits(), shelf().own[1].pressure_max_kpa.to_bits());
     assert_eq!(both.baseline, shelf().own[0].baseline, "the zero of the first ramp");
@@ -102,36 +96,32 @@ fn two_sessions_together_give_one_set_in_whatever_order_they_are_named() {
 
 #[test]
 fn sessions_that_do_not_go_together_are_refused_and_named() {
-    let none = RefitOptions::default();
-    let why = shelf().refused(&none, |session| with_view(session, |view| view.patch = "other".to_owned()));
+    let why = shelf().refused(|session| with_view(session, |view| view.patch = "other".to_owned()));
     assert_eq!(why, "session 2 is of patch `other`, the others are of `small`");
-    let why = shelf().refused(&none, |session| with_view(session, |view| view.number = 1));
+    let why = shelf().refused(|session| with_view(session, |view| view.number = 1));
     assert_eq!(why, "sessions: session 1 is named twice");
-    let why = shelf().refused(&none, |session| with_view(session, |view| view.state = SessionState::Ramping));
+    let why = shelf().refused(|session| with_view(session, |view| view.state = SessionState::Ramping));
     assert_eq!(why, "session 2 is RAMPING; finish or abort it first");
-    let why = shelf().refused(&none, |session| with_view(session, |view| view.branches = Branch::Both));
-    assert!(why.starts_with("session 1 gathered rising pressure alone and session 2 both branches"), "{why}");
-    let why = shelf().refused(&none, |session| with_view(session, |view| view.accepted = 36_000));
+    let why = shelf().refused(|session| with_view(session, |view| view.accepted = 36_000));
     assert!(why.contains("36000 is the most that are fitted at once"), "{why}");
-    let why = shelf().refused(&none, |session| with_view(session, |view| view.left_out = vec![8]));
+    let why = shelf().refused(|session| with_view(session, |view| view.left_out = vec![8]));
     assert_eq!(why, "session 2 was without module 9 of patch `small`, which has 8 now");
-    let why =
-        shelf().refused(&none, |session| session.board_settings.as_mut().unwrap()[0] = "board 13: shift 3".into());
+    let why = shelf().refused(|session| session.board_settings.as_mut().unwrap()[0] = "board 13: shift 3".into());
     assert!(why.contains("session 1 (board 13: ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
     // The sets are deleted, and the sessions themselves know it.
     let mut alone = shelf().sessions.clone();
     alone.iter_mut().for_each(|session| session.board_settings = None);
     let other = vec!["board 13: shift 3".to_owned(), "board 12: shift 3".to_owned()];
     with_view(&mut alone[1], |view| view.board_settings = other.into());
-    let why = shelf().plan(alone, &none).unwrap_err().to_string();
+    let why = shelf().plan(alone).unwrap_err().to_string();
     assert!(why.contains("session 1 (board 13: type 0 ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
-    let why = shelf().plan(Vec::new(), &none).unwrap_err().to_string();
+    let why = shelf().plan(Vec::new()).unwrap_err().to_string();
     assert_eq!(why, "sessions: 0 are named, expected 1 to 32");
 }
 
 #[test]
 fn samples_of_another_layout_are_refused_and_named() {
-    let refit = shelf().plan(shelf().sessions.clone(), &RefitOptions::default()).unwrap();
+    let refit = shelf().plan(shelf().sessions.clone()).unwrap();
     let mut samples = shelf().samples.clone();
     samples[1].samples[7].counts = samples[1].samples[7].counts.counts().slice(0..70).into();
     let why = refit.job(samples, 1).unwrap_err().to_string();
@@ -142,20 +132,10 @@ fn samples_of_another_layout_are_refused_and_named() {
 fn a_module_that_one_session_was_without_gets_no_models_of_both() {
     let mut sessions = shelf().sessions.clone();
     with_view(&mut sessions[1], |view| view.left_out = vec![2]);
-    let job = shelf().plan(sessions, &RefitOptions::default()).unwrap().job(shelf().samples.clone(), 1).unwrap();
+    let job = shelf().plan(sessions).unwrap().job(shelf().samples.clone(), 1).unwrap();
     let set = job.run(|_| String::new()).result.unwrap();
     assert!(set.taxels[20..30].iter().all(|model| !model.is_usable()));
     assert!(set.taxels[..20].iter().filter(|model| model.is_usable()).count() > 15);
-}
-
-#[test]
-fn options_out_of_range_and_branches_that_were_not_gathered_are_refused_by_name() {
-    let refused =
-        |options: RefitOptions| shelf().plan(vec![shelf().sessions[0].clone()], &options).unwrap_err().to_string();
-    let of = RefitOptions::default();
-    assert_eq!(refused(RefitOptions { order: Some(11), ..of }), "order: 11 is not in 1 to 10");
-    let why = refused(RefitOptions { branch: Some(Branch::Both), ..of });
-    assert_eq!(why, "session 1 gathered rising pressure alone: it cannot be fitted over both branches");
 }
 
 fn keep(set: &Arc<ModelSet>, sessions: &[u64]) -> Command {

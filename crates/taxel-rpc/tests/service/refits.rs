@@ -56,12 +56,8 @@ async fn daemon() -> (Daemon, Client) {
     (daemon, client)
 }
 
-fn merge(sessions: &[u64]) -> v1::RefitSessionsRequest {
-    v1::RefitSessionsRequest { sessions: sessions.to_vec(), order: None }
-}
-
-fn refit(session: u64, order: Option<u32>) -> v1::RefitSessionsRequest {
-    v1::RefitSessionsRequest { sessions: vec![session], order }
+fn refit(sessions: &[u64]) -> v1::RefitSessionsRequest {
+    v1::RefitSessionsRequest { sessions: sessions.to_vec() }
 }
 
 /// Takes the next command, which must keep a set, and answers that this is done.
@@ -75,15 +71,15 @@ async fn kept(daemon: &mut Daemon, sessions: &[u64], known: bool) {
 }
 
 #[tokio::test]
-async fn a_refit_is_fitted_as_asked_kept_and_told() {
+async fn a_refit_is_fitted_kept_and_told() {
     let (mut daemon, mut client) = daemon().await;
-    let (answer, ()) = tokio::join!(client.refit_sessions(refit(1, Some(3))), kept(&mut daemon, &[1], false));
-    let refit = answer.unwrap().into_inner();
-    let set = refit.model_set.unwrap();
+    let (answer, ()) = tokio::join!(client.refit_sessions(refit(&[1])), kept(&mut daemon, &[1], false));
+    let once = answer.unwrap().into_inner();
+    let set = once.model_set.unwrap();
     assert!(set.method.starts_with("monotone, order ") && set.session == Some(1) && !set.active, "{set:?}");
     assert_eq!((set.taxels, set.calibrated), (TAXELS as u32, TAXELS as u32));
-    assert_eq!((refit.known, refit.scans), (false, 701));
-    let (answer, ()) = tokio::join!(client.refit_sessions(merge(&[2, 1])), kept(&mut daemon, &[1, 2], true));
+    assert_eq!((once.known, once.scans), (false, 701));
+    let (answer, ()) = tokio::join!(client.refit_sessions(refit(&[2, 1])), kept(&mut daemon, &[1, 2], true));
     let merged = answer.unwrap().into_inner();
     assert_eq!((merged.known, merged.scans), (true, 1402));
     let merged = merged.model_set.unwrap();
@@ -96,20 +92,17 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
     let says = |status: Status, code: Code, words: &str| {
         assert!(status.code() == code && status.message().contains(words), "{status}");
     };
-    says(client.refit_sessions(refit(0, None)).await.unwrap_err(), Code::InvalidArgument, "0 is not a session");
-    says(client.refit_sessions(refit(9, None)).await.unwrap_err(), Code::NotFound, "no session 9");
-    says(client.refit_sessions(refit(4, None)).await.unwrap_err(), Code::FailedPrecondition, "session 4 is RAMPING");
-    says(client.refit_sessions(refit(3, None)).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
-    let laid_aside = client.refit_sessions(merge(&[1, 5])).await.unwrap_err();
+    says(client.refit_sessions(refit(&[0])).await.unwrap_err(), Code::InvalidArgument, "0 is not a session");
+    says(client.refit_sessions(refit(&[9])).await.unwrap_err(), Code::NotFound, "no session 9");
+    says(client.refit_sessions(refit(&[4])).await.unwrap_err(), Code::FailedPrecondition, "session 4 is RAMPING");
+    says(client.refit_sessions(refit(&[3])).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
+    let laid_aside = client.refit_sessions(refit(&[1, 5])).await.unwrap_err();
     says(laid_aside, Code::FailedPrecondition, "session 5 was discarded");
-    says(client.refit_sessions(merge(&[])).await.unwrap_err(), Code::InvalidArgument, "sessions: none is named");
+    says(client.refit_sessions(refit(&[])).await.unwrap_err(), Code::InvalidArgument, "sessions: none is named");
     // As many as a request holds, and refused before one of them is looked up.
-    let many = merge(&[9; 60_000]);
+    let many = refit(&[9; 60_000]);
     says(client.refit_sessions(many).await.unwrap_err(), Code::InvalidArgument, "60000 are named, expected 1 to 32");
-    says(client.refit_sessions(merge(&[1, 1])).await.unwrap_err(), Code::InvalidArgument, "named twice");
-    for (order, words) in [(11, "order: 11 is not in 1 to 10"), (256, "order: 256")] {
-        says(client.refit_sessions(refit(1, Some(order))).await.unwrap_err(), Code::InvalidArgument, words);
-    }
+    says(client.refit_sessions(refit(&[1, 1])).await.unwrap_err(), Code::InvalidArgument, "named twice");
     assert!(daemon.requests.try_recv().is_err());
 }
 
@@ -117,12 +110,12 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
 async fn one_fit_runs_at_a_time_and_the_engine_has_the_last_word() {
     let (mut daemon, mut client) = daemon().await;
     let turn = daemon.engine().fits().try_acquire_owned().unwrap();
-    let status = client.refit_sessions(refit(1, None)).await.unwrap_err();
+    let status = client.refit_sessions(refit(&[1])).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
     drop(turn);
     let refused =
         Err(Rejection::FailedPrecondition(ErrorReason::BeingDeleted, "session 1 is being deleted".to_owned()));
-    let call = client.refit_sessions(refit(1, None));
+    let call = client.refit_sessions(refit(&[1]));
     let (answer, ()) = tokio::join!(call, daemon.answer(refused, |_| ()));
     assert_eq!(answer.unwrap_err().message(), "session 1 is being deleted");
 }
@@ -143,7 +136,7 @@ async fn calls_that_are_given_up_do_not_pile_up_in_the_store() {
     };
     let refused = client.export_samples(v1::SessionRequest { session: 1 }).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
-    let refused = client.refit_sessions(refit(1, None)).await.unwrap_err();
+    let refused = client.refit_sessions(refit(&[1])).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     // The store answers whom nobody waits for, and there is room again.
     told(Ok(SessionSamples::default()));

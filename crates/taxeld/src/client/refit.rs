@@ -1,7 +1,6 @@
 //! `taxeld sessions refit`: stored samples fitted once more.
 
 use taxel_client::Server;
-use taxel_model::MAX_ORDER;
 use taxel_proto::v1::{GetModelSetRequest, RefitSessionsRequest};
 
 use super::connect::Daemon;
@@ -17,9 +16,6 @@ pub struct RefitArgs {
     /// Print the answer as JSON.
     #[arg(long)]
     json: bool,
-    /// Order of the polynomial, 1 to 10 [default: as configured].
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_ORDER)))]
-    order: Option<u32>,
 }
 
 /// Fits one session once more, or several together.
@@ -28,7 +24,7 @@ pub struct RefitArgs {
 /// Refused with the daemon's reason, or no daemon.
 pub async fn refit(args: &RefitArgs, sessions: Vec<u64>) -> Outcome {
     let daemon = Daemon::at(&args.server).await?;
-    let request = RefitSessionsRequest { sessions, order: args.order };
+    let request = RefitSessionsRequest { sessions };
     let answer = daemon.calibration().refit_sessions(request).await?.into_inner();
     if args.json {
         return json::print("Refit", &answer);

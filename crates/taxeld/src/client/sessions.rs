@@ -55,7 +55,7 @@ enum SessionsCommand {
     },
     /// Fits the stored samples of a session, or of several of one patch together, once more: a model set that is not in use.
     #[command(
-        after_help = "The fit is as configured now; `taxel-lab fit` of an exported session has more options. The same fit has the same id.\n\nExamples:\n  taxeld sessions refit 3 --order 4\n  taxeld sessions refit 3 4 7 && taxel-lab compare active newest"
+        after_help = "The fit is as configured now; `taxel-lab fit` of an exported session has options. The same fit has the same id.\n\nExamples:\n  taxeld sessions refit 3\n  taxeld sessions refit 3 4 7 && taxel-lab compare active newest"
     )]
     Refit {
         #[command(flatten)]

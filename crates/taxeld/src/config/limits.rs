@@ -5,10 +5,10 @@ use std::time::Duration;
 use taxel_engine::SCANS_MIN;
 use taxel_engine::calibration::fit::{Branch, PlaysChoice};
 use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
-use taxel_model::{FitOptions, GaugeUncertainty, MAX_ORDER};
+use taxel_model::GaugeUncertainty;
 use taxel_skin::Kilopascal;
 
-use super::patch_section::{BranchesWord, FitSection, GaugeSection, PatchSection, PlaysWord, SessionSection};
+use super::patch_section::{BranchesWord, GaugeSection, PatchSection, PlaysWord, SessionSection};
 use super::problem::Faults;
 
 /// When a taxel counts as touched or stale.
@@ -67,16 +67,6 @@ pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) 
         },
         ..defaults
     }
-}
-
-/// How models are fitted.
-pub fn fit_options(section: &FitSection, gauge: GaugeUncertainty, faults: &mut Faults) -> FitOptions {
-    let default = FitOptions::default();
-    let order = section.order.unwrap_or(default.order);
-    if !(1..=MAX_ORDER).contains(&order) {
-        faults.note("fit.order", format!("fit.order = {order}: expected 1 to {MAX_ORDER}"));
-    }
-    FitOptions { order, gauge, ..default }
 }
 
 /// What is stated of what measures the pressure.

@@ -5,13 +5,14 @@ use std::time::Duration;
 
 use taxel_dbc::DbcFile;
 use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Outputs, PatchPlan, PushPlan, SessionLimits};
+use taxel_model::FitOptions;
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
 
 use super::array::{Described, describe, grid, pushed};
 use super::boards::{boards, bus_index};
 use super::file::{BusSource, Config, beside};
 use super::gauge::{comes_with_scans, gauge};
-use super::limits::{fit_options, gauge_uncertainty, live, session, tare};
+use super::limits::{gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaWord, ArraySection, OutputWord, PatchSection};
 use super::ports;
 use super::problem::{Faults, Said};
@@ -45,7 +46,7 @@ pub fn patch_plan(
     let typed = section.gauge.as_ref().is_some_and(|gauge| gauge.typed);
     let session = SessionLimits { typed, ..session(&section.session, section.fit.plays, faults) };
     let stated = section.gauge.as_ref().map(|gauge| gauge_uncertainty(gauge, faults)).unwrap_or_default();
-    let fit = fit_options(&section.fit, stated, faults);
+    let fit = FitOptions { gauge: stated, ..FitOptions::default() };
     let bus = bus_index(config, "bus", &section.bus, faults);
     let file = section.array.as_ref().and_then(|array| dbc_file(array, path, faults));
     let gauge = gauge(config, section, (file.as_ref(), bus), faults);

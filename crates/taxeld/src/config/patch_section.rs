@@ -247,8 +247,6 @@ pub enum BranchesWord {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FitSection {
-    /// Of the polynomial whose coefficients each model tells, 1 to 10.
-    pub order: Option<u8>,
     /// Whether the hysteresis that a session over both branches learns is compensated.
     pub plays: PlaysWord,
 }

@@ -102,8 +102,8 @@ fn limits_of_a_session_that_exclude_each_other_are_told() {
     assert_eq!(of("target_kpa = 1001\npressurised_chamber = true").len(), 1);
     assert_eq!(of("rise_max_kpa_per_s = nan"), ["patch[0].session.rise_max_kpa_per_s"]);
     let gauge = "gauge = { id = 1, signal = \"0|8@1+\", unit = \"Pa\", gain_uncertainty = 2.0, noise_kpa = -1.0 }";
-    let found = keys(&text("", &format!("{BOARD}\n{gauge}\nstale_periods = 1\nfit = {{ order = 11 }}"), ""));
-    let expected = ["gauge.gain_uncertainty", "gauge.noise_kpa", "stale_periods", "fit.order"];
+    let found = keys(&text("", &format!("{BOARD}\n{gauge}\nstale_periods = 1"), ""));
+    let expected = ["gauge.gain_uncertainty", "gauge.noise_kpa", "stale_periods"];
     assert_eq!(found, expected.map(|key| format!("patch[0].{key}")));
 }
 
