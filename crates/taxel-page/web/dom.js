@@ -22,9 +22,9 @@ export function put(node, ...children) {
   node.replaceChildren(...children.flat(9).filter((child) => child !== null && child !== undefined && child !== false));
 }
 
-/** A number with so many places behind the point; a dash if there is none. */
+/** A number with so many places behind the point, and no minus before a zero; a dash if there is none. */
 export function num(value, places = 2) {
-  return value === undefined || value === null || !Number.isFinite(Number(value)) ? "–" : Number(value).toFixed(places);
+  return value === undefined || value === null || !Number.isFinite(Number(value)) ? "–" : Number(value).toFixed(places).replace(/^-(?=[0.]+$)/, "");
 }
 
 /** A share as percent. */
