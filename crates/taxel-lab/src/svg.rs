@@ -68,10 +68,11 @@ impl Scale {
         } else {
             nice_step(self.to - self.from)
         };
-        let count = ((self.to - self.from) / step + 1e-6).clamp(0.0, 40.0) as i32; // rounded down
+        let first = (self.from / step - 1e-6).ceil();
+        let count = (self.to / step + 1e-6 - first).clamp(0.0, 40.0) as i32; // rounded down
         let places = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
         let tick = |k: i32| {
-            let at = self.from + f64::from(k) * step;
+            let at = (first + f64::from(k)) * step;
             let value = if self.log { 10.0_f64.powf(at) } else { at };
             let label = match () {
                 () if value != 0.0 && !(1e-3..1e6).contains(&value.abs()) => format!("{value:.0e}"),
@@ -183,7 +184,11 @@ fn stroke(path: &str, line: &Line, at: usize) -> Markup {
         Look::Discs(_) => (DISC_PX, "none"),
         Look::Crosses => ("2", "none"),
     };
-    let colour = if let Look::Discs(colour) = line.look { colour } else { colour(at) };
+    let colour = match line.look {
+        Look::Discs(colour) => colour,
+        Look::Crosses => "#b00020",
+        _ => colour(at),
+    };
     html! {
         path d=(path) stroke=(colour) stroke-width=(width) stroke-dasharray=(dash) stroke-linecap="round" fill="none" {}
     }
