@@ -21,7 +21,7 @@ import numpy as np
 LEVELS, SCANS_MIN, K = 10, 5, 2.0
 # What people entered, and what the store alone knows: nothing can be computed of these.
 ENTERED = re.compile(
-    r"stated\.|version$|session\.(number|target_kpa|counts_per_unit)$|expanded\.coverage_factor$"
+    r"stated\.|places_mm\.|version$|session\.(number|target_kpa|counts_per_unit)$|expanded\.coverage_factor$"
     r"|loads\.\d+\.(load|mass_kg|force_n|force_sigma_n|read_n|read_sigma_n|read_scatter_n|scans)$"
 )
 

@@ -6,6 +6,7 @@
 Needs chromium, chromedriver and the Python package selenium. Screenshots are left in SCRATCH.
 """
 
+import contextlib
 import csv
 import pathlib
 import re
@@ -111,7 +112,7 @@ class Page:
 
 
 def newtons(text):
-    found = re.search(r"([\d.]+) N ", text)
+    found = re.search(r"([\d.]+) N\s", text)
     return float(found.group(1)) if found else None
 
 
@@ -127,7 +128,7 @@ def calibrate(page):
     page.shot("pump")
     page.shot("pump-phone", 390, 844)
     page.until("the review", lambda: page.step() == "Review")
-    page.until("its figures", lambda: "residual" in page.text("main"))
+    page.until("its figures", lambda: "fit error, kPa" in page.text("main"))
     page.until("a verdict", lambda: page.text("#verdict-of-set").startswith("Good"))
     page.until("the bag is vented", lambda: not page.find("#vent").is_displayed())
     usable = int(re.search(r"usable taxels (\d+)", page.text("main")).group(1))
@@ -136,7 +137,7 @@ def calibrate(page):
     page.until("the curve", lambda: page.find("#taxel canvas").is_displayed())
     page.shot("review", height=1300)
     page.click("#activate")
-    page.until("the models are in use", lambda: "is in use" in page.text("main h2"))
+    page.until("the models are in use", lambda: "are in use" in page.text("main h2"))
     page.press_until("#tare", "zero taken")
     print(f"calibrated: {usable} usable taxels", flush=True)
 
@@ -174,6 +175,7 @@ def watch(page):
     keyboard(page)
     in_space(page)
     recorded(page)
+    remembered(page)
 
 
 def in_space(page):
@@ -213,6 +215,20 @@ def recorded(page):
                       if (page.scratch / "force-left_forearm.csv").exists() else None)
     assert len(rows) >= 20 and all(row["patch"] == "left_forearm" and row["state"] and float(row["age_s"]) < 5 for row in rows), rows[:3]
     assert page.text("#save-force") == "Record"
+
+
+def remembered(page):
+    """A page that is opened anew has the forces before it from the daemon, and those that were none as none."""
+    page.browser.refresh()
+    kept = page.until("the forces of before", lambda: page.browser.execute_script(
+        """return import('/store.js').then(({ state }) => state.course.filter(({ t }) => t < -3)
+            .map(({ n, low, word }) => [Number.isFinite(n) && Number.isFinite(low), n, word]))"""))
+    shown = {word: [is_shown for is_shown, _, of in kept if of == word] for _, _, word in kept}
+    assert len(kept) > 60 and any(n > 3 for is_shown, n, _ in kept if is_shown), kept
+    assert all(shown["OK"]) and not any(shown["UNCALIBRATED"]), shown
+    page.until("a force", lambda: page.text("#verdict") in ("OK", "DEGRADED"))
+    page.find("option[value='600']").click()
+    page.shot("remembered")
 
 
 def keyboard(page):
@@ -307,40 +323,44 @@ def judged(page):
     print("the page judges as the daemon does", flush=True)
 
 
-def main():
-    taxeld, scratch = sys.argv[1], pathlib.Path(sys.argv[2])
+@contextlib.contextmanager
+def demo(taxeld, scratch, bare=True):
+    """A demo that runs: the address of its page, and its process."""
     scratch.mkdir(parents=True, exist_ok=True)
     log = open(scratch / "demo.log", "w+")
-    daemon = subprocess.Popen([taxeld, "demo", "--bare"], stdout=log, stderr=subprocess.STDOUT)
-    page = None
+    daemon = subprocess.Popen([taxeld, "demo", *(["--bare"] if bare else [])], stdout=log, stderr=subprocess.STDOUT)
     try:
-        def address():
-            log.seek(0)
-            found = re.search(r"http://127\.0\.0\.1:\d+/", log.read())
-            assert daemon.poll() is None, "the demo ended"
-            return found and found.group(0)
-
         end = time.monotonic() + PATIENCE_S
-        while not address():
+        while not (found := re.search(r"http://127\.0\.0\.1:\d+/", (scratch / "demo.log").read_text())):
+            assert daemon.poll() is None, "the demo ended"
             assert time.monotonic() < end, "the demo printed no address"
             time.sleep(0.1)
-        page = Page(address(), scratch)
-        page.until("no force before a calibration", lambda: page.text("#verdict") == "UNCALIBRATED" and page.text("#force") == "no force")
-        page.shot("uncalibrated")
-        calibrate(page)
-        watch(page)
-        validate(page)
-        look_around(page)
-        freshness(page, daemon)
-        judged(page)
-        faults = page.faults()
-        assert not faults, faults
-        print("the page holds")
+        yield found.group(0), daemon
     finally:
-        if page:
-            page.browser.quit()
         daemon.terminate()
         daemon.wait(30)
+
+
+def main():
+    taxeld, scratch = sys.argv[1], pathlib.Path(sys.argv[2])
+    page = None
+    with demo(taxeld, scratch) as (address, daemon):
+        try:
+            page = Page(address, scratch)
+            page.until("no force before a calibration", lambda: page.text("#verdict") == "UNCALIBRATED" and page.text("#force") == "no force")
+            page.shot("uncalibrated")
+            calibrate(page)
+            watch(page)
+            validate(page)
+            look_around(page)
+            freshness(page, daemon)
+            judged(page)
+            faults = page.faults()
+            assert not faults, faults
+            print("the page holds")
+        finally:
+            if page:
+                page.browser.quit()
 
 
 if __name__ == "__main__":

@@ -106,7 +106,7 @@ const fn cause(status: &Status) -> Option<&'static str> {
     Some(match status {
         Status::Ok => return None,
         Status::Dead { .. } | Status::InsufficientSwing { .. } => "hardly moved: no contact with the bag, or broken",
-        Status::NoData | Status::Missing { .. } => "gave no values: a silent module",
+        Status::NoData | Status::Missing { .. } => "gave no usable values: silent, or saturated",
         Status::NoExcitation { .. } => "saw no change of the pressure",
         Status::Railed { .. } => "stayed at an end of the range: saturated, or broken",
         Status::Frozen { .. } | Status::Jumping { .. } | Status::ModuleFlicker { .. } => {

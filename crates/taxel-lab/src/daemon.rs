@@ -4,8 +4,9 @@ use anyhow::{Context, ensure};
 use taxel_client::{Line, Server};
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_proto::v1::{ExportModelSetRequest, ListRequest, Load, PatchRequest, Session, SessionRequest};
+use taxel_proto::v1::{ExportModelSetRequest, ListRequest, Load, PatchRequest, Session, SessionRequest, Skin};
 
 /// Largest answer: a model set as text, with the framing around it.
 const ANSWER_BYTES_MAX: usize = 17 << 20;
@@ -81,6 +82,15 @@ impl Daemon {
             table += &piece.text;
         }
         Ok(table)
+    }
+
+    /// The skin of a patch: where its taxels are.
+    ///
+    /// # Errors
+    /// No such patch, or no daemon any more.
+    pub async fn skin(&self, patch: &str) -> anyhow::Result<Skin> {
+        let request = PatchRequest { patch: patch.to_owned() };
+        Ok(SkinServiceClient::new(self.line.clone()).get_skin(request).await.map_err(refused)?.into_inner())
     }
 
     /// The known loads of a patch.

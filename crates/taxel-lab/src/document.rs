@@ -96,6 +96,10 @@ pub enum Look {
     Dots,
     /// From zero up, this wide in the unit of the horizontal axis.
     Bars(f64),
+    /// Discs of this colour on a map: both axes have one scale.
+    Discs(&'static str),
+    /// Crosses on a map.
+    Crosses,
 }
 
 /// A table.

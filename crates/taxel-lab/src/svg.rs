@@ -17,6 +17,9 @@ const COLOURS: [&str; 10] =
     ["#1f5fa8", "#d98200", "#00795f", "#7b3f9e", "#c0392b", "#6b4a1f", "#666666", "#c2488f", "#2a9fc4", "#7f8c1a"];
 const DASHES: [&str; 4] = ["none", "7 3", "2 3", "9 3 2 3"];
 
+/// A taxel on a map.
+const DISC_PX: &str = "13";
+
 /// More labels than this crowd an axis.
 const LABELS_MAX: i32 = 10;
 
@@ -48,6 +51,10 @@ impl Scale {
         Self { log: axis.log, from, to, from_px, to_px }
     }
 
+    fn per_px(&self) -> f64 {
+        (self.to - self.from) / (self.to_px - self.from_px).abs()
+    }
+
     /// Where a value is drawn; `None` if it has no place.
     fn px(&self, value: f64) -> Option<f64> {
         let share = (measure(self.log, value)? - self.from) / (self.to - self.from);
@@ -61,10 +68,11 @@ impl Scale {
         } else {
             nice_step(self.to - self.from)
         };
-        let count = ((self.to - self.from) / step).round().clamp(0.0, 40.0) as i32;
+        let first = (self.from / step - 1e-6).ceil();
+        let count = (self.to / step + 1e-6 - first).clamp(0.0, 40.0) as i32; // rounded down
         let places = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
         let tick = |k: i32| {
-            let at = self.from + f64::from(k) * step;
+            let at = (first + f64::from(k)) * step;
             let value = if self.log { 10.0_f64.powf(at) } else { at };
             let label = match () {
                 () if value != 0.0 && !(1e-3..1e6).contains(&value.abs()) => format!("{value:.0e}"),
@@ -84,7 +92,7 @@ fn measure(log: bool, value: f64) -> Option<f64> {
 }
 
 /// 1, 2 or 5 times a power of ten, four to ten of them in `span`.
-fn nice_step(span: f64) -> f64 {
+pub(crate) fn nice_step(span: f64) -> f64 {
     let rough = span / 8.0;
     let power = 10.0_f64.powf(rough.log10().floor());
     [1.0, 2.0, 5.0].into_iter().find(|factor| factor * power >= rough).unwrap_or(10.0) * power
@@ -102,10 +110,16 @@ pub fn svg(figure: &Figure) -> String {
         let half = if let Look::Bars(width) = look { 0.5 * width } else { 0.0 };
         [x - half, x + half]
     });
-    let x = Scale::new(figure.x, widths.chain(figure.levels.iter().map(|level| level.0)), [LEFT_PX, RIGHT_PX]);
+    let mut x = Scale::new(figure.x, widths.chain(figure.levels.iter().map(|level| level.0)), [LEFT_PX, RIGHT_PX]);
     let floor = figure.lines.iter().any(|line| matches!(line.look, Look::Bars(_))).then_some(0.0);
     let heights = points().map(|(_, (_, y))| y).chain(floor);
-    let y = Scale::new(figure.y, heights, [BOTTOM_PX, TOP_PX]);
+    let mut y = Scale::new(figure.y, heights, [BOTTOM_PX, TOP_PX]);
+    if figure.lines.iter().any(|line| matches!(line.look, Look::Discs(_))) {
+        let per_px = x.per_px().max(y.per_px());
+        [&mut x, &mut y]
+            .into_iter()
+            .for_each(|scale| scale.to = scale.from + per_px * (scale.to_px - scale.from_px).abs());
+    }
     let rows = figure.lines.len().div_ceil(2);
     let height = LEGEND_PX + rows as f64 * ROW_PX + 4.0;
     let lines = || figure.lines.iter().enumerate();
@@ -167,9 +181,16 @@ fn stroke(path: &str, line: &Line, at: usize) -> Markup {
         Look::Dashed => ("1.4", "6 4"),
         Look::Dots => ("3", "none"),
         Look::Bars(_) => ("12", "none"),
+        Look::Discs(_) => (DISC_PX, "none"),
+        Look::Crosses => ("2", "none"),
+    };
+    let colour = match line.look {
+        Look::Discs(colour) => colour,
+        Look::Crosses => "#b00020",
+        _ => colour(at),
     };
     html! {
-        path d=(path) stroke=(colour(at)) stroke-width=(width) stroke-dasharray=(dash) stroke-linecap="round" fill="none" {}
+        path d=(path) stroke=(colour) stroke-width=(width) stroke-dasharray=(dash) stroke-linecap="round" fill="none" {}
     }
 }
 
@@ -187,8 +208,8 @@ fn draw(line: &Line, at: usize, x: &Scale, y: &Scale) -> Markup {
     let (mut path, mut pen_down) = (String::new(), false);
     for at in line.points.iter().map(place) {
         if let Some((x, y)) = at {
-            let dots = line.look == Look::Dots;
-            let (command, end) = (if pen_down && !dots { "L" } else { "M" }, if dots { "h0" } else { "" });
+            let end = sign(line.look);
+            let command = if pen_down && end.is_empty() { "L" } else { "M" };
             path += &format!("{command}{x} {y}{end}");
         }
         pen_down = at.is_some();
@@ -202,10 +223,20 @@ fn draw(line: &Line, at: usize, x: &Scale, y: &Scale) -> Markup {
     }
 }
 
+/// What is drawn at each point that is not joined to the next.
+const fn sign(look: Look) -> &'static str {
+    match look {
+        Look::Dots | Look::Discs(_) => "h0",
+        Look::Crosses => "m-4 -4l8 8m0 -8l-8 8",
+        _ => "",
+    }
+}
+
 fn legend(line: &Line, at: usize, rows: usize) -> Markup {
     let (column, row) = (at / rows.max(1), at % rows.max(1));
     let (x, y) = (LEFT_PX + column as f64 * (WIDTH_PX - LEFT_PX) / 2.0, LEGEND_PX + row as f64 * ROW_PX);
-    let path = if line.look == Look::Dots { format!("M{} {y}h0", x + 15.0) } else { format!("M{x} {y}h30") };
+    let sign = sign(line.look);
+    let path = if sign.is_empty() { format!("M{x} {y}h30") } else { format!("M{} {y}{sign}", x + 15.0) };
     html! {
         (stroke(&path, line, at))
         text x=(x + 38.0) y=(y + 4.5) { (line.name) }

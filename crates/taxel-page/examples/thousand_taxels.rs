@@ -82,12 +82,13 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let taxels = plan.patches[0].patch.taxels().len();
     let shutdown = CancellationToken::new();
     let (handle, engine, _requests) = channel(plan, Arc::clone(&clock), shutdown.clone());
-    let server = Server::new(handle, Arc::new(NoStore), Access::new(Rules::open()), taxel_rpc::Limits::default())?;
+    let server =
+        Server::new(handle.clone(), Arc::new(NoStore), Access::new(Rules::open()), taxel_rpc::Limits::default())?;
     let services = server.shared();
     tokio::spawn(server.serve(Vec::new()));
     tokio::spawn(publish(engine, clock, taxels));
     let listener = bind(address)?;
-    let options = Options { services, shows: Shows::Page, names: Vec::new(), limits: Limits::default() };
+    let options = Options { services, handle, shows: Shows::Page, names: Vec::new(), limits: Limits::default() };
     println!("{taxels} taxels on http://{}/", listener.local_addr()?);
     Ok(serve(listener, options, shutdown).await?)
 }

@@ -6,34 +6,18 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const SVG: &str = "image/svg+xml";
 
 macro_rules! files {
-    ($($path:literal, $file:literal, $kind:expr;)*) => {
-        &[$(($path, $kind, include_bytes!(concat!("../web/", $file)))),*]
+    ($($kind:ident: $($file:literal)*;)*) => {
+        &[("/", HTML, include_bytes!("../web/index.html")),
+            $($((concat!("/", $file), $kind, include_bytes!(concat!("../web/", $file))),)*)*]
     };
 }
 
 /// Path, content type, content.
 pub(crate) const FILES: &[(&str, &str, &[u8])] = files! {
-    "/", "index.html", HTML;
-    "/page.css", "page.css", CSS;
-    "/icon.svg", "icon.svg", SVG;
-    "/main.js", "main.js", SCRIPT;
-    "/api.js", "api.js", SCRIPT;
-    "/dom.js", "dom.js", SCRIPT;
-    "/clock.js", "clock.js", SCRIPT;
-    "/judge.js", "judge.js", SCRIPT;
-    "/store.js", "store.js", SCRIPT;
-    "/unroll.js", "unroll.js", SCRIPT;
-    "/skin.js", "skin.js", SCRIPT;
-    "/solid.js", "solid.js", SCRIPT;
-    "/chart.js", "chart.js", SCRIPT;
-    "/ticks.js", "ticks.js", SCRIPT;
-    "/taxel.js", "taxel.js", SCRIPT;
-    "/live.js", "live.js", SCRIPT;
-    "/calibrate.js", "calibrate.js", SCRIPT;
-    "/validate.js", "validate.js", SCRIPT;
-    "/models.js", "models.js", SCRIPT;
-    "/sessions.js", "sessions.js", SCRIPT;
-    "/health.js", "health.js", SCRIPT;
+    CSS: "page.css";
+    SVG: "icon.svg";
+    SCRIPT: "main.js" "api.js" "dom.js" "clock.js" "judge.js" "store.js" "unroll.js" "skin.js" "solid.js" "chart.js" "ticks.js"
+        "taxel.js" "live.js" "calibrate.js" "validate.js" "models.js" "sessions.js" "health.js";
 };
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ mod answer;
 mod assets;
 mod call;
 mod events;
+mod history;
 mod limits;
 mod methods;
 mod metrics;

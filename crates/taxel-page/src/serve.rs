@@ -2,18 +2,20 @@
 
 use std::io;
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::{Extension, Router};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use taxel_rpc::{Connections, SharedServices};
+use taxel_rpc::{Connections, Handle, SharedServices};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::call::Client;
+use crate::history::History;
 use crate::limits::Limits;
 use crate::site::{Shows, Site, router};
 
@@ -34,6 +36,8 @@ const BUFFER_BYTES: usize = 16 << 10;
 pub struct Options {
     /// The daemon's services.
     pub services: SharedServices,
+    /// The engine, whose forces are kept for pages that open later.
+    pub handle: Handle,
     /// What is served.
     pub shows: Shows,
     /// Names beside localhost and loopback addresses by which the page may be asked for: those of a proxy before it.
@@ -60,9 +64,15 @@ pub fn bind(address: SocketAddr) -> io::Result<std::net::TcpListener> {
 /// If the listener cannot be used on this runtime, or the compiled descriptors cannot be read.
 pub async fn serve(listener: std::net::TcpListener, options: Options, shutdown: CancellationToken) -> io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
-    let Options { services, shows, names, limits } = options;
+    let Options { services, handle, shows, names, limits } = options;
     let connections = Connections::with_limits(limits.connections.clone());
-    let site = Site::new(services, names, limits.clone()).map_err(io::Error::other)?;
+    let history = Arc::new(History::new(handle.clone()));
+    let site = Site::new(services, Arc::clone(&history), names, limits.clone()).map_err(io::Error::other)?;
+    let mut kept = JoinSet::new(); // ends with this call
+    for patch in (0..handle.patches()).filter(|_| shows != Shows::Metrics) {
+        let history = Arc::clone(&history);
+        kept.spawn(async move { history.keep(patch).await });
+    }
     let mut server =
         Server { router: router(site, shows), connections: connections.clone(), limits, tasks: JoinSet::new() };
     let accept = async {

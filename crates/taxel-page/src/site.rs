@@ -14,7 +14,8 @@ use axum::routing::get;
 use http_body_util::{BodyExt, LengthLimitError, Limited};
 use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
-use taxel_proto::v1::ErrorReason;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::{ErrorReason, PatchRequest};
 use taxel_rpc::{Answer, SharedServices};
 use tokio::sync::Semaphore;
 use tonic::{Code, Status};
@@ -23,6 +24,7 @@ use crate::answer::{JSON, hardened, json_of, refusal, refusal_as, wrong_method};
 use crate::assets;
 use crate::call::{Caller, Client, streaming, unary};
 use crate::events::{Source, events};
+use crate::history::History;
 use crate::limits::Limits;
 use crate::methods::{Method, Methods};
 use crate::metrics::{Metrics, OPEN_METRICS};
@@ -51,6 +53,7 @@ pub enum Shows {
 /// One page, shared by all its connections.
 pub(crate) struct Site {
     services: SharedServices,
+    history: Arc<History>,
     metrics: Metrics,
     methods: Methods,
     /// Names beside localhost that it answers to.
@@ -72,7 +75,8 @@ pub(crate) fn router(site: Site, shows: Shows) -> Router {
         for &(path, kind, content) in assets::FILES {
             router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
         }
-        router = router.route("/methods", get(methods)).route("/streams", get(streams)).fallback(call);
+        router = router.route("/methods", get(methods)).route("/streams", get(streams)).route("/history", get(history));
+        router = router.fallback(call);
     }
     router.layer(from_fn_with_state(Arc::clone(&site), guard)).with_state(site)
 }
@@ -112,6 +116,11 @@ async fn streams(State(site): Shared, Extension(client): Extension<Client>, uri:
     answer.unwrap_or_else(|status| refusal(&status))
 }
 
+async fn history(State(site): Shared, Extension(client): Extension<Client>, uri: Uri, headers: HeaderMap) -> Response {
+    let caller = Caller::new(&client, &headers);
+    site.history(uri.query().unwrap_or_default(), &caller).await.unwrap_or_else(|status| refusal(&status))
+}
+
 /// A call by its path.
 async fn call(State(site): Shared, Extension(client): Extension<Client>, request: Request) -> Response {
     let caller = Caller::new(&client, request.headers());
@@ -122,12 +131,22 @@ impl Site {
     /// The site over these services.
     pub(crate) fn new(
         services: SharedServices,
+        history: Arc<History>,
         names: Vec<String>,
         limits: Limits,
     ) -> Result<Self, prost_reflect::DescriptorError> {
         let streams = Arc::new(Semaphore::new(limits.streams));
         let (metrics, methods) = (Metrics::new(), Methods::new()?);
-        Ok(Self { services, metrics, methods, names, limits, streams })
+        Ok(Self { services, history, metrics, methods, names, limits, streams })
+    }
+
+    /// The forces of the last ten minutes of `patch=P`. Who may read the force now may read those.
+    async fn history(&self, query: &str, caller: &Caller) -> Result<Response, Status> {
+        let patch = form_urlencoded::parse(query.as_bytes()).find(|(name, _)| name == "patch");
+        let request = PatchRequest { patch: patch.map(|(_, patch)| patch.into_owned()).unwrap_or_default() };
+        let mut force = ForceServiceClient::new(self.services.clone());
+        let patch = force.get_force(caller.request(request)).await?.into_inner().patch;
+        Ok(json_of(&self.history.of(&patch)))
     }
 
     async fn call(&self, request: Request, caller: &Caller) -> Result<Response, Status> {

@@ -18,6 +18,12 @@ const HEALTH_WITHIN_MS = 3000;
 /** The health of the daemon. */
 export const health = () => call("SkinService/GetHealth", {}, HEALTH_WITHIN_MS);
 
+/** The forces of the last ten minutes as the daemon kept them: seconds ago, state, total, low and high end. */
+export async function history(patch) {
+  const answer = await fetch(`/history?${new URLSearchParams({ patch })}`);
+  return answer.ok ? answer.json() : [];
+}
+
 /** Calls `Service/Method` of taxel.v1 and gives its answer, which has to come `within` so many ms. */
 export async function call(method, request = {}, within = undefined) {
   let answer;

@@ -64,7 +64,7 @@ function check(signal) {
       [patch?.hasGauge || null, patch?.hasGauge ? ["the gauge reads ", gauge(patch)] : "a pressure gauge is configured, or its dial is typed"],
       [(found.buses ?? []).every((bus) => bus.up), "every bus is up"],
       [!silent.length, silent.length ? `silent modules on board ${silent.map((b) => b.address).join(", ")}` : "every module sends"],
-      [faulty === 0 ? true : null, faulty ? `${faulty} taxels have a fault and will get no model` : "no taxel has a fault"],
+      [faulty === 0 ? true : null, faulty ? `${faulty} ${faulty === 1 ? "taxel has" : "taxels have"} a fault and will get no model` : "no taxel has a fault"],
       [!(found.problems ?? []).length, (found.problems ?? []).join("; ") || "nothing else is wrong"],
     ].map(([good, text]) => el("li", el("span", good ? "✓" : good === null ? "!" : "✗"), el("span", text))));
   };
@@ -119,7 +119,7 @@ function adviser() {
     const rate = s.rateKpaPerS;
     const falling = s.falling === true;
     const heed = (text, kind) => { heeded = { until: now + HEEDED_MS, advice: [text, kind] }; };
-    if (grew("too_fast")) heed("Slower: scans at this rate do not count", "bad");
+    if (grew("too_fast")) heed("Slower: scans at this rate are not used", "bad");
     else if (grew("gauge_spike") || grew("no_pressure")) heed("The gauge: its readings jump or do not come", "bad");
     else if (grew("stale_module")) heed("A module is silent", "bad");
     else if (grew("zero_in_doubt")) heed("The zero is in doubt: does something touch the skin?", "bad");
@@ -172,8 +172,8 @@ function ramping(signal) {
       ["time left", old || s.remainingS === undefined ? "–" : `${num(s.remainingS, 0)} s`],
       ...(s.typed ? [["plateaus", `${s.typed.taken ?? 0}, 8 make a calibration`]] : []),
       ["taxels that respond", `${s.taxelsResponding ?? 0} of ${s.taxels ?? 0}`],
-      ["scans that count", `${s.accepted ?? 0}, on disk ${s.durable ?? 0}`],
-      ["scans that do not", refusedText(s.refused)],
+      ["scans used", `${s.accepted ?? 0}, on disk ${s.durable ?? 0}`],
+      ["scans not used", refusedText(s.refused)],
     ]));
   };
   on("session", update, signal);
@@ -183,7 +183,7 @@ function ramping(signal) {
     el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, state.session.typed && dial(), el("div.bar", bar), numbers, found(), el("div.row", finish, abort())),
     el("div.stack",
       el("section.card", el("h2", "Pressure over time: no steeper than the dashed line"), charts[0].node),
-      el("section.card", el("h2", "Change of count over pressure, of a few taxels"), charts[1].node),
+      el("section.card", el("h2", "Change of count over pressure, of a few taxels; the one that you tap is blue"), charts[1].node),
       el("section.card", el("h2", "Which taxels respond: change of count"), skin.node)));
 }
 
@@ -228,12 +228,18 @@ function refusedText(refused = {}) {
   return all.map(([name, n]) => `${n} ${name.replaceAll("_", " ")}`).join(", ") || "none";
 }
 
+/** Why a taxel is excluded, in the words of the verdict. */
+const WHY = { dead: "hardly moved", insufficient_swing: "hardly moved", no_data: "no usable values", missing: "no usable values" };
+
 /** Taxels without a usable model, by reason; pointed at, they are marked on the skin. */
 export function excludedTable(set, skin) {
   const reasons = new Map();
-  for (const t of set.taxels ?? []) if (t.status !== "ok") reasons.set(t.status, [...(reasons.get(t.status) ?? []), t.taxel ?? 0]);
+  for (const { status, taxel = 0 } of set.taxels ?? []) {
+    const why = WHY[status] ?? status.replaceAll("_", " ");
+    if (status !== "ok") reasons.set(why, [...(reasons.get(why) ?? []), taxel]);
+  }
   const row = ([reason, list]) => el("tr", { "data-taxels": list.join(" "), onpointerenter: () => skin?.mark(list), onpointerleave: () => skin?.mark(null) },
-    el("td", reason.replaceAll("_", " ")), el("td.n", list.length), el("td.wrap", list.slice(0, 30).join(", ") + (list.length > 30 ? " ..." : "")));
+    el("td", reason), el("td.n", list.length), el("td.wrap", list.slice(0, 30).join(", ") + (list.length > 30 ? " ..." : "")));
   return table(["reason", "#taxels", "which"], [...reasons].map(row), "no taxel is excluded", false);
 }
 
@@ -242,7 +248,7 @@ export function figures(set) {
   const usable = (set?.taxels ?? []).filter((t) => t.status === "ok");
   const of = (name) => median(usable.map((t) => t.figures?.[name]));
   return {
-    usable: usable.length, taxels: set?.taxels?.length ?? 0, rmse: of("rmse_kpa"), swing: of("swing_counts"), order: median(usable.map((t) => t.order)),
+    usable: usable.length, taxels: set?.taxels?.length ?? 0, rmse: of("rmse_kpa"), swing: of("swing_counts"),
     hysteresis: of("hysteresis_kpa"), baseline: of("baseline_counts"), noise: of("noise_counts"), top: set?.summary?.pressureMaxKpa,
   };
 }
@@ -255,12 +261,11 @@ export function compared(one, other, names) {
     ["verdict", judged(one), judged(other)],
     ["usable taxels", a.usable, other ? b.usable : "–"],
     ["up to, kPa", num(a.top, 1), num(b.top, 1)],
-    ["residual, kPa (median)", num(a.rmse), num(b.rmse)],
+    ["fit error, kPa (median)", num(a.rmse), num(b.rmse)],
     ["hysteresis, kPa (median)", num(a.hysteresis), num(b.hysteresis)],
     ["swing, counts (median)", num(a.swing, 1), num(b.swing, 1)],
     ["unloaded count (median)", num(a.baseline, 1), num(b.baseline, 1)],
     ["noise, counts (median)", num(a.noise), num(b.noise)],
-    ["order (median)", num(a.order, 0), num(b.order, 0)],
   ];
   return table(["", `#${names[0]}`, `#${names[1]}`], rows, "", false);
 }
@@ -295,7 +300,7 @@ function review(signal) {
   }, { kind: "primary", id: "activate", done: "The models are in use, also after a restart." });
   const more = button("Add a ramp", async () => show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_START_RAMP" })), { id: "more", title: "After venting: its samples join those of this session" });
   const drop = button("Discard", async () => {
-    if (await sure("Lay this session aside? Its models cannot be used any more; its samples are kept.", "Discard it")) show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_DISCARD" }));
+    if (await sure("Discard this session? Its models cannot be used any more; its samples are kept.", "Discard it")) show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_DISCARD" }));
   }, { kind: "danger", id: "discard" });
   return el("div.live",
     el("section.card", el("h2", `Review of session ${s.session}`), vent, told, el("div.row", use, more, drop), el("h3", "Figures"), figuresAt,
@@ -305,8 +310,8 @@ function review(signal) {
 }
 
 function finished(anew) {
-  return el("section.card", el("h2", `Session ${state.session.session} is in use`),
-    el("p", `Model set ${state.session.modelSet}. When the bag is vented and off, take a new zero, then lay known masses on the skin.`),
+  return el("section.card", el("h2", `The models of session ${state.session.session} are in use`),
+    el("p", `Model set ${state.session.modelSet}. Vent the bag and take it off. Then tare, and weigh known masses.`),
     el("div.row",
       tareButton(),
       el("a.button", { href: "#validate" }, "Weigh masses"), button("Calibrate again", async () => anew(), { id: "again" })));
@@ -318,5 +323,5 @@ function ended(now) {
   const fit = ["INTERRUPTED", "FAILED"].includes(now)
     ? button("Fit what there is", async () => show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_FINISH_RAMP" }))) : null;
   return el("section.card", el("h2", `Session ${s.session} is ${word(s.state, "SESSION_STATE_")}`),
-    s.reason && el("p", s.reason), el("p.note", `${s.accepted ?? 0} scans count so far.`), el("div.row", again, fit));
+    s.reason && el("p", s.reason), el("p.note", `${s.accepted ?? 0} scans are used so far.`), el("div.row", again, fit));
 }

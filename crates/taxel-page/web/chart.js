@@ -135,6 +135,9 @@ export class Chart {
     g.setLineDash([]);
     g.textAlign = "left";
     g.textBaseline = "bottom";
+    g.lineWidth = 4;
+    g.strokeStyle = tint.card; // what lies behind must not hide the words
+    g.strokeText(text, 50, this.py(y) - 2);
     g.fillText(text, 50, this.py(y) - 2);
   }
 

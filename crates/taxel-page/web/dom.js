@@ -22,9 +22,9 @@ export function put(node, ...children) {
   node.replaceChildren(...children.flat(9).filter((child) => child !== null && child !== undefined && child !== false));
 }
 
-/** A number with so many places behind the point; a dash if there is none. */
+/** A number with so many places behind the point, and no minus before a zero; a dash if there is none. */
 export function num(value, places = 2) {
-  return value === undefined || value === null || !Number.isFinite(Number(value)) ? "–" : Number(value).toFixed(places);
+  return value === undefined || value === null || !Number.isFinite(Number(value)) ? "–" : Number(value).toFixed(places).replace(/^-(?=[0.]+$)/, "");
 }
 
 /** A share as percent. */
@@ -112,7 +112,7 @@ export const sure = async (question, yes) => Boolean(await dialogue(el("p", ques
 /** Asks who confirms that nothing touches the skin, after a refusal. Gives the name, or nothing. */
 export function whoConfirms(refused) {
   const name = el("input", { required: true, maxLength: 200, id: "confirmed-by" });
-  const content = [el("p", refused), el("p", "If nothing touches the skin, confirm it with your name. It is kept in the audit log."), el("label", "Your name", name)];
+  const content = [el("p", refused.replace(/ If it is unloaded: `taxeld .*$/, "")), el("p", "If nothing touches the skin, confirm it with your name. It is kept in the audit log."), el("label", "Your name", name)];
   return dialogue(content, "Confirm: nothing touches the skin", "primary", () => name.value);
 }
 

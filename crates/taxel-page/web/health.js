@@ -74,11 +74,11 @@ function patch(one) {
     facts([
       ["zero", el(`span.pill.${tare.valid ? "ok" : "bad"}`, tare.valid ? "valid" : "invalid")],
       ["taken", when(tare.time)],
-      ["because", tare.reason],
+      ["found", tare.reason],
       ["gauge", gauge(one)],
       ["unloaded count", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
       ["drift followed", `${num(tare.driftMedianCounts ?? 0)} counts`],
     ]),
     el("h3", "Faulty taxels"),
-    table(["#taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.join(", ")]), "none"));
+    table(["taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.map((fault) => (fault === "rail" ? "saturated" : fault)).join(", ")]), "none"));
 }

@@ -4,7 +4,7 @@ import { call } from "./api.js";
 import { Chart } from "./chart.js";
 import { button, download, el, facts, num, put, toast, whoConfirms } from "./dom.js";
 import { SkinView } from "./skin.js";
-import { COURSE_S, age, on, state, verdict } from "./store.js";
+import { COURSE_S, GAP_S, age, on, state, verdict } from "./store.js";
 import { taxelCard } from "./taxel.js";
 
 /** How often the force is judged and written anew, in ms: also when nothing comes, and no faster than it can be read. */
@@ -25,7 +25,7 @@ const TERMS = {
 
 /** The force, big, with what keeps it from being good. */
 export function forceCard(signal) {
-  const value = el("div.big", { id: "force", title: "95 % interval: tap to see what it is made of" }, "–");
+  const value = el("div.big", { id: "force", title: "Tap to see what the interval is made of" }, "–");
   const course = new Course(signal);
   const budget = budgetOf(signal, value);
   const begin = el("a.button.primary", { href: "#calibrate", id: "begin" }, "Calibrate this skin");
@@ -46,7 +46,7 @@ export function forceCard(signal) {
     state.shown = now.shown ? state.force : null;
     if (now.shown) {
       const high = force.highN === undefined ? "N or more" : `to ${num(force.highN)} N`;
-      put(value, `${num(force.totalN)} N `, el("small", `${num(force.lowN)} ${high}`));
+      put(value, `${num(force.totalN)} N `, el("small", `95 %: ${num(force.lowN)} ${high}`));
     } else {
       put(value, "no force");
     }
@@ -68,12 +68,13 @@ function budgetOf(signal, value) {
     const force = await call("ForceService/GetForce", { patch: state.patch }).catch(() => ({}));
     const terms = (force.budget ?? []).toSorted((a, b) => b.sigmaN - a.sigmaN);
     const most = terms[0]?.sigmaN || 1;
-    put(node, terms.length ? el("p.note", "Standard uncertainty of the force, by cause; the largest counts most.") : el("p.note", "There is no force now."),
+    put(node, el("p.note", terms.length ? "Standard uncertainty by cause. The low end of the interval is the force less twice the root of their summed squares." : "There is no force now."),
       el("div.budget", terms.map((t) => {
         const bar = el("i");
         bar.style.width = `${(100 * t.sigmaN) / most}%`;
         return [el("span", { title: t.term }, TERMS[t.term] ?? t.term), bar, el("span", `${num(t.sigmaN)} N`)];
-      })));
+      })),
+      force.undetectedN !== undefined && el("p.note", `The high end also holds the force that would not be detected: up to ${num(force.undetectedN)} N.`));
   };
   value.addEventListener("click", () => { node.hidden = !node.hidden; show(); });
   const timer = setInterval(show, BUDGET_EVERY_MS);
@@ -93,7 +94,7 @@ function details(force, now) {
   ]);
 }
 
-/** The force over time as this page saw it: a minute or ten, held still on demand, with its peak and the value under the pointer. */
+/** The force over time, also from before this page was opened: a minute or ten, held still on demand, with its peak and the value under the pointer. */
 class Course {
   constructor(signal) {
     this.seconds = 60;
@@ -105,7 +106,7 @@ class Course {
       this.held = this.held ? null : { now: performance.now() / 1000, course: state.course.map((point) => ({ ...point })) };
       hold.textContent = this.held ? "Go on" : "Pause";
     } }, "Pause");
-    this.node = el("div", this.chart.node, el("div.row", choose, hold, recordButton(signal)), el("p.note", "Kept by this page while it is open."));
+    this.node = el("div", this.chart.node, el("div.row", choose, hold, recordButton(signal)), el("p.note", "Hatched: no force that may be used."));
   }
 }
 
@@ -135,13 +136,16 @@ function overTime(all, now, seconds) {
   const course = all.filter((point) => at(point) >= -seconds);
   const peak = course.reduce((high, point) => (point.n > (high?.n ?? -1) ? point : high), null);
   const top = Math.max(1, ...course.map(({ n, high }) => high ?? n).filter(Number.isFinite)) * 1.08;
-  const spans = [];
-  for (const point of course) {
-    if (Number.isFinite(point.n)) continue;
-    const last = spans.at(-1);
-    if (last && at(point) - last[1] < 0.3) last[1] = at(point);
-    else spans.push([at(point) - 0.05, at(point)]);
-  }
+  const [spans, points] = [[], []];
+  course.forEach((point, i) => {
+    const [from, to] = [i ? at(course[i - 1]) : at(point) - 0.05, at(point)];
+    const isGap = to - from > GAP_S;
+    if (isGap) points.push({ t: point.t, n: NaN, low: NaN, high: NaN });
+    points.push(point);
+    if (Number.isFinite(point.n) && !isGap) return;
+    if (spans.at(-1)?.[1] === from) spans.at(-1)[1] = to;
+    else spans.push([from, to]);
+  });
   const end = course.at(-1);
   if (!end || at(end) < -0.5) spans.push([end ? at(end) : -seconds, 0]);
   const nearest = (x) => {
@@ -152,8 +156,8 @@ function overTime(all, now, seconds) {
     x: [-seconds, 0], y: [0, top], xLabel: "s", yLabel: "N", nearest,
     layers: [
       { kind: "gaps", spans },
-      { kind: "band", points: course.map((p) => [at(p), p.low, p.high ?? p.n]) },
-      { kind: "line", points: course.map((p) => [at(p), p.n]) },
+      { kind: "band", points: points.map((p) => [at(p), p.low, p.high ?? p.n]) },
+      { kind: "line", points: points.map((p) => [at(p), p.n]) },
       ...(peak ? [{ kind: "level", y: peak.n, text: `peak ${num(peak.n)} N`, colour: "soft" }] : []),
     ],
   };

@@ -1,6 +1,6 @@
 // What the page knows: newest values, when they came, and how old they are now by this browser's clock.
 
-import { call, health as askHealth, streams } from "./api.js";
+import { call, health as askHealth, history, streams } from "./api.js";
 import { delay, forget } from "./clock.js";
 import { judge } from "./judge.js";
 import { unroll } from "./unroll.js";
@@ -11,9 +11,12 @@ const SILENT_S = 0.5;
 /** Values a second that are asked for: what an eye and a screen can use. */
 const RATE_HZ = 30;
 
-/** How long this page keeps the course of the force, and how often at most, in s. */
+/** How much of the force over time is shown, and how often this page keeps a point at most, in s. */
 export const COURSE_S = 600;
 const COURSE_EVERY_S = 0.1;
+
+/** Between points that are farther apart nothing is known, in s: the daemon keeps two a second. */
+export const GAP_S = 1.2;
 
 /** Points that are kept of a ramp for each taxel. */
 const RAMP_POINTS = 3000;
@@ -138,11 +141,23 @@ export async function loadSkin() {
   emit("skin");
 }
 
+/** Fills what this page did not see with what the daemon kept. */
+async function recall() {
+  const { patch } = state;
+  const kept = await history(patch).catch(() => []);
+  if (patch !== state.patch) return;
+  const now = performance.now() / 1000;
+  const points = kept.map(([ago, word, n, low, high]) => ({ t: now - ago, n: n ?? NaN, low: low ?? NaN, high: n === null ? NaN : high ?? undefined, word }));
+  const isNew = ({ t }) => !state.course.some((own) => Math.abs(own.t - t) < GAP_S / 2);
+  state.course = [...state.course, ...points.filter(isNew)].sort((a, b) => a.t - b.t);
+}
+
 /** Opens the streams of the patch. */
 export function open() {
   close();
   forget();
   openedAt = performance.now();
+  recall();
   const fields = { patch: state.patch, rateHz: RATE_HZ };
   close = streams([
     { method: "ForceService/StreamForce", fields, message: takeForce },

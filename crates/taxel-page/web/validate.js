@@ -33,7 +33,7 @@ function form(update) {
   const unit = el("select", { id: "unit", "aria-label": "Unit" }, el("option", { value: "massKg" }, "kg"), el("option", { value: "forceN" }, "N"));
   const by = el("input", { maxLength: 200, name: "by", id: "by" });
   const note = el("input", { maxLength: 1000, name: "note", id: "note", placeholder: "which mass, where" });
-  const go = el("button.primary", { type: "submit", id: "record" }, "Record");
+  const go = el("button.primary", { type: "submit", id: "record" }, "Record this load");
   const work = async () => {
     const load = await call("ValidationService/RecordLoad", { patch: state.patch, [unit.value]: Number(amount.value), by: by.value, note: note.value });
     await update();

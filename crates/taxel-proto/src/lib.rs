@@ -15,6 +15,17 @@ pub mod v1 {
     tonic::include_proto!("taxel.v1");
 }
 
+impl v1::Skin {
+    /// Positions in m and outward normals of the taxels that have them.
+    #[must_use]
+    pub fn poses(&self) -> [Vec<[f64; 3]>; 2] {
+        let known = |of: fn(&v1::TaxelLayout) -> Option<v1::Vector3>| {
+            self.taxels.iter().filter_map(of).map(|v1::Vector3 { x, y, z }| [x, y, z]).collect()
+        };
+        [known(|taxel| taxel.position_m), known(|taxel| taxel.normal)]
+    }
+}
+
 /// The compiled `.proto` files with their comments, a serialised `google.protobuf.FileDescriptorSet`.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/taxel_descriptors.bin"));
 

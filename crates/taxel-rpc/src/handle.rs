@@ -199,6 +199,18 @@ impl Handle {
         Arc::clone(&self.catalogue.borrow())
     }
 
+    /// The run's clock.
+    #[must_use]
+    pub fn now(&self) -> Time {
+        (self.clock)()
+    }
+
+    /// Position of the patch of this name.
+    #[must_use]
+    pub fn position(&self, name: &str) -> Option<usize> {
+        self.plan.patches.iter().position(|plan| plan.patch.name() == name)
+    }
+
     /// How many patches there are.
     #[must_use]
     pub fn patches(&self) -> usize {
@@ -227,7 +239,7 @@ impl Handle {
     /// What sending this snapshot of the patch at this position of the plan now comes to, for a reader that did not get
     /// `skipped` values before it.
     pub(crate) fn sending(&self, patch: usize, snapshot: &PatchSnapshot, skipped: u64) -> Sending {
-        let (now, limit) = ((self.clock)(), self.plan.patches[patch].live.stale_after);
+        let (now, limit) = (self.now(), self.plan.patches[patch].live.stale_after);
         let newest = snapshot.seen.then_some(snapshot.time);
         Sending { now, freshness: Freshness::of(newest, limit, now, self.stalled_for()), skipped }
     }

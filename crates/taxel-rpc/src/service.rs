@@ -50,8 +50,7 @@ impl Service {
         if name.is_empty() {
             return Err(invalid("patch", format_args!("must name one of the patches: {}", names())));
         }
-        let found = patches.iter().position(|p| p.patch.name() == name);
-        Ok(found.ok_or_else(|| {
+        Ok(self.handle.position(name).ok_or_else(|| {
             let why = format!("there is no patch `{name}`; there are: {}", names());
             Refusal::not_found(ErrorReason::PatchUnknown, why).about("patch", name)
         })?)

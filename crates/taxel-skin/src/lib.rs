@@ -5,6 +5,8 @@
 pub mod area;
 mod count_range;
 mod drawing;
+#[cfg(feature = "flat")]
+mod flat;
 mod geometry;
 mod ids;
 mod layout;
@@ -17,6 +19,8 @@ mod words;
 
 pub use count_range::CountRange;
 pub use drawing::Drawing;
+#[cfg(feature = "flat")]
+pub use flat::flat;
 pub use geometry::{Geometry, NormalsVerdict};
 pub use ids::{BoardAddress, BusIndex, IdError, Module, TaxelIndex};
 pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, VALUES_PER_BOARD, VALUES_PER_MODULE};

@@ -5,7 +5,7 @@ use std::net::TcpListener;
 
 use anyhow::Context;
 use taxel_page::{Limits, Options, Shows, bind, serve};
-use taxel_rpc::Server;
+use taxel_rpc::{Handle, Server};
 
 use crate::config::Config;
 use crate::runtime::on_a_thread;
@@ -24,13 +24,14 @@ pub fn bind_some(usual: std::net::SocketAddr) -> std::io::Result<TcpListener> {
 ///
 /// # Errors
 /// If an address is taken, or there is no thread to be had.
-pub fn serve_pages(config: &Config, server: &Server, tasks: &mut Tasks) -> anyhow::Result<()> {
+pub fn serve_pages(config: &Config, server: &Server, handle: &Handle, tasks: &mut Tasks) -> anyhow::Result<()> {
     let own = config.metrics.as_ref().and_then(|metrics| metrics.listen);
     let hosts = config.page.as_ref().map(|page| page.hosts.clone()).unwrap_or_default();
     let mut start = |name: &'static str, listener: std::io::Result<TcpListener>, shows| -> anyhow::Result<()> {
         let listener = listener.with_context(|| format!("{name}.listen"))?;
         let (address, services, shutdown) = (listener.local_addr()?, server.shared(), tasks.cancel.clone());
-        let options = Options { services, shows, names: hosts.clone(), limits: Limits::default() };
+        let options =
+            Options { services, handle: handle.clone(), shows, names: hosts.clone(), limits: Limits::default() };
         let end = on_a_thread(name, serve(listener, options, shutdown.clone()))?;
         tracing::info!("the {name}: http://{address}/");
         tasks.parts.spawn(async move {

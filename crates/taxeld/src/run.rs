@@ -94,7 +94,7 @@ impl Daemon {
         let backend = DaemonBackend { store: reader, budget, push, recording, lacks };
         let terminate = signal(SignalKind::terminate())?;
         let server = Server::new(handle.clone(), Arc::new(backend), credentials.access(), Limits::default())?;
-        serve_pages(config, &server, tasks)?;
+        serve_pages(config, &server, &handle, tasks)?;
         let lives = handle.clone();
         let ended = on_a_thread("service", async move {
             tokio::select! {

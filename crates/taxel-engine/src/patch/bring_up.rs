@@ -10,7 +10,8 @@ use crate::now::Now;
 use crate::patch::owner::{BEING_CONFIGURED, Effects, Patch};
 
 /// What is held against the zeros of boards that were configured while nothing could show what lay on them.
-const CONFIGURED_UNSEEN: &str = "the boards were configured while there was no force that would show a load: what lay on them then reads as nothing";
+const CONFIGURED_UNSEEN: &str =
+    "the boards were configured while there was no force to show a load: one that lay there then reads as 0 N";
 
 impl Patch {
     /// Begins to listen.

@@ -30,7 +30,7 @@ const VANISHED: &str =
     "a load vanished from a whole board at once, and whether the board took a new zero is being looked at";
 
 /// What is said from when the boards are configured until rest is proven, or shown not to be.
-const CONFIGURED: &str = "the boards were configured, which took their zero anew, and no rest has been proven since: unload the skin and tare";
+const CONFIGURED: &str = "the boards were configured and took a new zero, but nothing has shown yet that the skin was unloaded: unload it and tare";
 
 /// What is said of a zero that the models in use have not judged.
 const UNJUDGED: &str =

@@ -63,6 +63,8 @@ impl Zero {
         let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
         let held = self.needs_confirmation().filter(|_| !first);
         if vouched.is_none() && (!rest || held.is_some()) {
+            // Who confirmed already is told what else keeps the zero away.
+            let held = held.filter(|_| purpose.confirmed_by().is_none());
             let refused = held.map(|why| (ErrorReason::TareUnproven, why.to_owned()));
             let (reason, why) = refused.unwrap_or((verdict.refusal(), told));
             events.push(ZeroEvent::Refused(purpose, reason, why));

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use taxel_engine::calibration::{Branch, SessionSamples};
 use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1;
+use taxel_skin::flat;
 use taxel_store::models_json;
 
 use crate::recording::Recording;
@@ -67,6 +68,8 @@ pub struct Evidence {
     pub(super) session: Option<v1::Session>,
     /// Known loads of the patch, also those of other sets.
     pub(super) loads: Vec<v1::Load>,
+    /// Where each taxel lies on the skin laid flat; `None` where nobody says.
+    pub(super) places_mm: Option<Vec<[f64; 2]>>,
     /// What people state.
     pub(super) stated: Stated,
 }
@@ -95,14 +98,19 @@ impl Evidence {
             samples_csv,
             session: None,
             loads: Vec::new(),
+            places_mm: None,
             stated,
         })
     }
 
-    /// With what the daemon says of the session and of known loads.
+    /// With what the daemon says of the session, of known loads and of the skin.
     #[must_use]
-    pub fn with(self, session: v1::Session, loads: Vec<v1::Load>) -> Self {
-        Self { session: Some(session), loads, ..self }
+    pub fn with(self, session: v1::Session, loads: Vec<v1::Load>, skin: &v1::Skin) -> Self {
+        let (taxels, [positions, normals]) = (skin.taxels.len(), skin.poses());
+        let tenths = |m: f64| (1e4 * m).round() / 10.0;
+        let places_mm = (taxels > 0 && positions.len() == taxels)
+            .then(|| flat(taxels, &positions, &normals).into_iter().map(|place| place.map(tenths)).collect());
+        Self { session: Some(session), loads, places_mm, ..self }
     }
 }
 

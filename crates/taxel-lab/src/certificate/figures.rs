@@ -1,19 +1,50 @@
-//! The figures of a certificate: its loads, and the curves of its best, middle and worst taxel.
+//! The figures of a certificate: its loads, the skin with the fit error of each taxel, and the curves of the best, middle and
+//! worst one.
 
 use serde_json::Value;
 use taxel_model::Curve;
 
 use crate::document::{Axis, Figure, Line, Look};
+use crate::numbers::digits;
+use crate::svg::nice_step;
 
 const CURVE_POINTS: u32 = 60;
 
-/// What is drawn of the rows of a field.
-pub(super) fn figures(field: &str, rows: &Value) -> Vec<Figure> {
-    match (field, rows.as_array().filter(|rows| !rows.is_empty())) {
+/// From little to much, also apart in grey.
+const COLOURS: [&str; 8] = ["#dcebc2", "#b4dcbb", "#82c8b4", "#4fb0b4", "#3592b1", "#2f70a6", "#2c4c90", "#2c1e5c"];
+
+/// What is drawn beside the rows of a field.
+pub(super) fn figures(field: &str, certificate: &Value) -> Vec<Figure> {
+    match (field, certificate[field].as_array().filter(|rows| !rows.is_empty())) {
         ("loads", Some(rows)) => vec![loads(rows)],
-        ("taxels", Some(rows)) => vec![curves(rows)],
+        ("taxels", Some(rows)) => map(rows, certificate).into_iter().chain([curves(rows)]).collect(),
         _ => Vec::new(),
     }
+}
+
+/// The skin laid flat: each taxel by its fit error, and those that are excluded. `None` where nobody says where they are.
+fn map(rows: &[Value], certificate: &Value) -> Option<Figure> {
+    let places: Vec<[f64; 2]> = serde_json::from_value(certificate["places_mm"].clone()).ok()?;
+    let [across, down] = [0, 1].map(|axis| {
+        let all = places.iter().map(move |place| place[axis]);
+        (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max))
+    });
+    // Turned by a quarter if it is higher than wide. What runs down there runs up here.
+    let is_high = down.1 - down.0 > across.1 - across.0;
+    let laid = |[x, y]: [f64; 2]| if is_high { (y - down.0, x - across.0) } else { (x - across.0, down.1 - y) };
+    let place = |row: &Value| Some(laid(*places.get(usize::try_from(row["taxel"].as_u64()?).ok()?)?));
+    let error = |row: &Value| row["rmse_kpa"].as_f64().unwrap_or(0.0);
+    let step = nice_step(rows.iter().map(error).fold(0.1, f64::max));
+    let class = |row: &Value| ((error(row) / step).ceil() as usize).clamp(1, COLOURS.len()) - 1;
+    let of_class = |(at, colour): (usize, &&'static str)| {
+        let name = format!("fit error {} to {} kPa", digits(at as f64 * step, 2), digits((at + 1) as f64 * step, 2));
+        Line::new(name, Look::Discs(colour), rows.iter().filter(|row| class(row) == at).filter_map(place))
+    };
+    let mut lines: Vec<Line> = COLOURS.iter().enumerate().map(of_class).collect();
+    lines.retain(|line| !line.points.is_empty());
+    let excluded = certificate["excluded"].as_array().into_iter().flatten();
+    lines.push(Line::new("excluded", Look::Crosses, excluded.filter_map(place)));
+    Some(figure("map", "The skin laid flat, seen from outside: fit error of each taxel", "mm", "mm", lines))
 }
 
 fn figure(id: &str, title: &str, x: &'static str, y: &'static str, lines: Vec<Line>) -> Figure {

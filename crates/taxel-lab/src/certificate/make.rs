@@ -78,6 +78,7 @@ impl Certificate {
             "loads": loads,
             "limits": limits(evidence, taxels.len()),
             "excluded": excluded(evidence),
+            "places_mm": evidence.places_mm,
             "taxels": taxels.into_iter().map(|taxel| taxel.part).collect::<Vec<_>>(),
             "hashes": { "samples_csv": sha256(&evidence.samples_csv), "models_json": sha256(&evidence.models_json) },
         }));

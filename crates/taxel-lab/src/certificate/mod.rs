@@ -87,6 +87,7 @@ fn of_daemon(args: &CertificateArgs, stated: Stated) -> anyhow::Result<Evidence>
         }
         let samples = daemon.samples(number).await?;
         let loads = daemon.loads(&set.patch).await?;
-        Ok(Evidence::of(models, samples, stated)?.with(session, loads))
+        let skin = daemon.skin(&set.patch).await?;
+        Ok(Evidence::of(models, samples, stated)?.with(session, loads, &skin))
     })
 }

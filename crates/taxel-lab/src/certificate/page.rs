@@ -81,7 +81,7 @@ fn section(Part { field, heading, shown, note }: Part, certificate: &Value) -> S
         _ => (Vec::new(), vec![vec!["None.".into()]]),
     };
     let tables = vec![Table::new(&field, "", columns, rows)];
-    let figures = figures(&field, &certificate[&field]);
+    let figures = figures(&field, certificate);
     Section { id: field, title: heading, text, tables, figures, ..Section::default() }
 }
 

@@ -8,7 +8,7 @@ use taxel_engine::calibration::{Branch, RampBaseline, Sample, SessionSamples};
 use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_lab::certificate::{Certificate, Evidence, Stated};
 use taxel_model::{Curve, GaugeUncertainty, SigmaProfile, Sign, Status, TaxelModel};
-use taxel_proto::v1::{Load, Session, SessionState};
+use taxel_proto::v1::{Load, Session, SessionState, Skin, TaxelLayout, Vector3};
 use taxel_store::models_json;
 
 /// Everything that evidence is made of.
@@ -89,7 +89,11 @@ fn certificate(case: &Case) -> anyhow::Result<Certificate> {
         session.model_set.clone_from(&set.id);
     }
     let evidence = Evidence::of(models_json::to_json(&set)?, table, case.stated.clone())?;
-    Certificate::of(&evidence.with(session, case.loads.clone()))
+    // Three taxels of a flat skin, 10 mm apart.
+    let vector = |x| Vector3 { x, ..Vector3::default() };
+    let taxel = |x| TaxelLayout { position_m: Some(vector(x)), ..TaxelLayout::default() };
+    let skin = Skin { taxels: [0.0, 0.01, 0.02].map(taxel).to_vec(), ..Skin::default() };
+    Certificate::of(&evidence.with(session, case.loads.clone(), &skin))
 }
 
 fn json(case: &Case) -> Value {
@@ -213,7 +217,13 @@ fn the_page_draws_loads_and_curves_and_links_to_no_file_beside_it() {
     let model_set = json(&case)["set"]["id"].as_str().unwrap().to_owned();
     case.loads = vec![Load { load: 1, model_set, force_n: 5.0, read_n: 5.5, scans: 4, ..Load::default() }];
     let html = certificate(&case).unwrap().to_html().unwrap();
-    assert_eq!(html.matches("<svg").count(), 2);
+    assert_eq!(html.matches("<svg").count(), 3);
+    // Two taxels with a fit error of 1.4 kPa, and a dead one at the end of the row.
+    let map = html.split("<svg").find(|svg| svg.contains("The skin laid flat")).unwrap();
+    let drawn = |of: &str| map.split("<path").filter(|path| path.contains(of)).collect::<Vec<_>>();
+    assert!(map.contains("fit error 1.4 to 1.6 kPa") && !map.contains("fit error 1 to"), "{map}");
+    assert_eq!(drawn("#2c1e5c")[0].matches("h0").count(), 2, "{map}");
+    assert_eq!(drawn("m-4 -4l8 8").len(), 2, "the taxel, and the legend: {map}");
     for part in ["Known loads as they were read", "read + 2 sigma", "taxel 0 (", "taxel 1 ("] {
         assert!(html.contains(part), "{part}: {html}");
     }

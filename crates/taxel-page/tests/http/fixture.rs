@@ -78,10 +78,11 @@ pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
     let shutdown = CancellationToken::new();
     let (handle, engine, requests) = channel(plan, clock, shutdown.clone());
     let service_limits = taxel_rpc::Limits { command: Duration::from_secs(3600), ..taxel_rpc::Limits::default() };
-    let server = Server::new(handle, Arc::new(NoStore), Access::new(rules), service_limits).unwrap();
+    let server = Server::new(handle.clone(), Arc::new(NoStore), Access::new(rules), service_limits).unwrap();
     let listener = bind("127.0.0.1:0".parse().unwrap()).unwrap();
     let address = listener.local_addr().unwrap();
-    let options = Options { services: server.shared(), shows: Shows::All, names: vec!["robot.lab".to_owned()], limits };
+    let (services, names) = (server.shared(), vec!["robot.lab".to_owned()]);
+    let options = Options { services, handle, shows: Shows::All, names, limits };
     tokio::spawn(server.serve(Vec::new()));
     tokio::spawn(serve(listener, options, shutdown.clone()));
     Daemon { engine, requests, shutdown, address, now_ms: now }

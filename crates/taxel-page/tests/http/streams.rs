@@ -1,9 +1,17 @@
 //! Streams as server-sent events.
 
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use serde_json::json;
+use taxel_engine::snapshot::PatchSnapshot;
 use taxel_page::Limits;
+use taxel_rpc::Rules;
+use taxel_skin::Time;
 use tokio::io::AsyncReadExt;
 
-use crate::fixture::{patient, snapshot, start, start_with};
+use crate::fixture::{patient, snapshot, start, start_as, start_with};
 
 const FORCE: &str = "taxel.v1.ForceService/StreamForce";
 const TAXELS: &str = "taxel.v1.SkinService/StreamTaxels";
@@ -127,4 +135,44 @@ async fn a_refused_stream_is_refused_before_it_begins() {
         assert_eq!(answer.status, status, "{path}: {answer:?}");
         assert!(answer.body.contains("\"message\""), "{answer:?}");
     }
+}
+
+#[tokio::test]
+async fn a_page_that_opens_later_gets_the_forces_of_the_last_ten_minutes() {
+    let daemon = start().await;
+    let force_at = |ms: i64, newton| {
+        daemon.now_ms.store(ms, Ordering::Relaxed);
+        daemon.engine.patch(
+            0,
+            Arc::new(PatchSnapshot { time: Time::from_nanos(1_000_000 * ms), ..(*snapshot(newton)).clone() }),
+        );
+    };
+    let until = async |want: serde_json::Value| loop {
+        let answer = daemon.get("/history?patch=left_forearm").await;
+        let kept: serde_json::Value = serde_json::from_str(&answer.body).unwrap();
+        let kept: Vec<_> = kept.as_array().unwrap().iter().map(|point| (point[1].clone(), point[2].clone())).collect();
+        if json!(kept) == want {
+            break answer.body;
+        }
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    };
+    force_at(0, 5);
+    until(json!([["OK", 5.0]])).await;
+    force_at(200, 3); // of half a second the greatest
+    force_at(600, 2);
+    until(json!([["OK", 5.0], ["OK", 2.0]])).await;
+    daemon.now_ms.store(2_000, Ordering::Relaxed); // no frame comes any more
+    until(json!([["OK", 5.0], ["OK", 2.0], ["STALE", null]])).await;
+    force_at(601_000, 4);
+    let body = until(json!([["STALE", null], ["OK", 4.0]])).await;
+    assert!(body.starts_with(r#"[[599.0,"STALE",null,null,null],[0.0,"OK",4.0,"#), "{body}");
+    assert_eq!(daemon.get("/history?patch=nose").await.status, 404);
+}
+
+#[tokio::test]
+async fn who_may_not_read_the_force_may_not_read_those_before_it() {
+    let daemon = start_as(patient(), Rules::default()).await;
+    daemon.engine.patch(0, snapshot(1));
+    let answer = daemon.get("/history").await;
+    assert_eq!((answer.status, answer.body.contains("needs the role")), (401, true), "{answer:?}");
 }

@@ -55,7 +55,8 @@ pub async fn yes(question: &str, enter: bool) -> Outcome<bool> {
 /// If standard input cannot be read.
 pub async fn yes_or_details(question: &str, enter: bool, details: impl Fn()) -> Outcome<bool> {
     loop {
-        let answer = ask(&format!("{question} {}", if enter { "[Y/n/d]" } else { "[y/N/d]" })).await?;
+        let answer =
+            ask(&format!("{question} {}", if enter { "[Y/n, d: details]" } else { "[y/N, d: details]" })).await?;
         match answer.as_str() {
             "d" | "details" => details(),
             "" => return Ok(enter),

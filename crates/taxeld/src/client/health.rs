@@ -136,7 +136,7 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     }
     for (fault, taxels) in by_fault {
         let (number, s) = (taxels.len(), if taxels.len() == 1 { "" } else { "s" });
-        lines.push(format!("  {number} taxel{s} {fault}: {}", places.name(taxels.iter().copied())));
+        lines.push(format!("  {number} taxel{s} faulty ({fault}): {}", places.name(taxels.iter().copied())));
     }
     lines
 }

@@ -60,6 +60,7 @@ pub enum ClientCommand {
     /// What known loads correct of the models in use, without the bag.
     Recalibrate(recalibrate::RecalibrateArgs),
     /// Buses, boards, zeros and taxels; exit code 3 if something is wrong.
+    #[command(alias = "status")]
     Health(health::HealthArgs),
     /// Model sets: list, show, use, export, import, delete.
     Models(models::ModelsArgs),

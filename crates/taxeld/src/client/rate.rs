@@ -110,13 +110,13 @@ impl Figures {
         let ms = |s: f64| format!("{:.0} ms", 1e3 * s);
         let ((_, interval, pause), (_, age, oldest)) = (self.intervals_s, self.ages_s);
         let skipped = if self.skipped > 0 {
-            format!("\n  {} samples skipped: this reader was too slow", self.skipped)
+            format!("\n  samples skipped, because this reader was too slow: {}", self.skipped)
         } else {
             String::new()
         };
         format!(
             "{patch}: {:.1} new values a second ({} counted)\n  every {} (median), longest pause {}\n  {} old on arrival \
-             (median), at most {}; no force is older than {}{skipped}",
+             (median), at most {}; rejected if older than {}{skipped}",
             self.per_s,
             self.new,
             ms(interval),
@@ -154,8 +154,8 @@ mod tests {
         assert_eq!(
             figures.text("palm", 0.12),
             "palm: 8.6 new values a second (4 counted)\n  every 50 ms (median), longest pause 250 ms\n  \
-             12 ms old on arrival (median), at most 20 ms; no force is older than 120 ms\n  \
-             4 samples skipped: this reader was too slow"
+             12 ms old on arrival (median), at most 20 ms; rejected if older than 120 ms\n  \
+             samples skipped, because this reader was too slow: 4"
         );
         let json: serde_json::Value = serde_json::from_str(&figures.json("palm", 0.12)).unwrap();
         assert_eq!((json["new"].as_u64(), json["longestPauseS"].as_f64()), (Some(4), Some(0.25)));

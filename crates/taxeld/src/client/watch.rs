@@ -109,13 +109,42 @@ async fn budget(daemon: &Daemon) -> Outcome {
     let request = PatchRequest { patch: daemon.patch() };
     let mut sample = daemon.force().get_force(request).await?.into_inner();
     sample.budget.sort_by(|a, b| b.sigma_n.total_cmp(&a.sigma_n));
-    let terms = std::mem::take(&mut sample.budget);
+    let (terms, undetected_n) = (std::mem::take(&mut sample.budget), sample.undetected_n);
     let judged = Judged::new(Received::now(sample), Moment::now());
     say!("{}", describe(&judged));
-    for term in &terms {
-        say!("  {:<16} {:.3} N", term.term, term.sigma_n);
+    if let Ok(force) = &judged.force {
+        say!(
+            "standard uncertainty by cause (the low end is {:.2} N less twice the root of their summed squares):",
+            force.total_n
+        );
+        for term in &terms {
+            say!("  {:.2} N  {}", term.sigma_n, in_words(&term.term));
+        }
+        if let Some(undetected_n) = undetected_n {
+            say!("force that would not be detected, which the high end also holds: up to {undetected_n:.2} N");
+        }
     }
     verdict(Some(judged))
+}
+
+/// A term of the budget for people; the page says the same.
+fn in_words(term: &str) -> &str {
+    match term {
+        "readings" => "noise of each taxel",
+        "choice" => "taxels near their threshold",
+        "zero" => "the zero may have moved",
+        "creep" => "creep after an earlier load",
+        "curve" => "fit of the curves",
+        "beyond range" => "beyond the calibrated range",
+        "gauge" => "the pressure gauge",
+        "gain of the day" => "the skin differs from day to day",
+        "area" => "area of a taxel",
+        "sampling" => "load between the taxels",
+        "rim" => "load at the rim of the skin",
+        "unread taxels" => "excluded and faulty taxels",
+        "flicker" => "a module that jumps",
+        other => other,
+    }
 }
 
 fn show(args: &WatchArgs, judged: &Judged) -> Outcome {

@@ -39,7 +39,10 @@ pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
 pub fn read_text(path: &Path) -> Result<String, Problems> {
     let text = match files::is_standard(path) {
         true => files::read_text(path).map_err(|error| error.root_cause().to_string()),
-        false => files::read_utf8(path).map_err(|error| error.to_string()),
+        false => files::read_utf8(path).map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => format!("{error}; `taxeld setup` writes one"),
+            _ => error.to_string(),
+        }),
     };
     let file = path.display().to_string();
     text.map_err(|message| Problems::new(vec![Problem { file, message, ..Problem::default() }]))

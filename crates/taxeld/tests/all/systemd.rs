@@ -186,7 +186,7 @@ fn why_a_daemon_does_not_start_is_a_line_of_its_log() {
         String::from_utf8(output.stderr).unwrap()
     };
     let run = ["run", "--config", "/nowhere/taxeld.toml"];
-    let why = "/nowhere/taxeld.toml: No such file or directory (os error 2)";
+    let why = "/nowhere/taxeld.toml: No such file or directory (os error 2); `taxeld setup` writes one";
     assert_eq!(fails(&run), format!("taxeld: {why}\n"));
     let line: serde_json::Value =
         serde_json::from_str(&fails(&[&run[..], &["--log-format", "json"]].concat())).unwrap();

@@ -124,8 +124,10 @@ impl RestVerdict {
         let place = |beyond: &Beyond| beyond.module.map_or_else(|| "most of the skin".to_owned(), &name);
         match self {
             Self::Rest { median, worst } => {
-                let worst = worst.map(|(module, moved)| format!(", largest {moved:.1} ({})", name(module)));
-                let recovers = "; the skin may still recover from a load: a later zero sees lighter ones";
+                // What a module moved beyond the others is said with what all moved: the largest is never less than the median.
+                let worst = worst
+                    .map(|(module, beyond)| format!(", largest {:.1} ({})", median.max(0.0) + beyond, name(module)));
+                let recovers = "; the skin may still recover from a load: a later zero detects lighter loads";
                 let recovers = if *median >= RECOVERING_COUNTS { recovers } else { "" };
                 format!("unloaded: median shift {median:.2} counts{}{recovers}", worst.unwrap_or_default())
             }
@@ -157,7 +159,7 @@ impl RestVerdict {
                 format!("the whole skin trembled ({ratio:.1} times its noise, limit {NOISE_RATIO_MAX})")
             }
             Self::Unproven { taxels, drift, noise } => format!(
-                "still, but no calibration to compare with ({taxels} taxels, drift {drift:+.2} counts, noise {noise:.2})"
+                "the counts stand still, but there is no calibration to compare with ({taxels} taxels, drift {drift:+.2} counts, noise {noise:.2})"
             ),
             Self::TooShort(scans) => format!("too little was seen ({scans} scans, at least {SCANS_MIN})"),
             Self::TooFew { sound, comparable } => {

@@ -80,9 +80,8 @@ impl Screen {
 
     /// The taxels that do not respond, by place, once the pressure is high enough to tell.
     fn silent(&self, session: &Session) -> String {
-        let high = session.pressure_kpa.is_some_and(|kpa| kpa > NAMED_FROM * session.target_kpa) || session.falling;
-        let told = high || session.state() == SessionState::Review;
-        if told { self.places.name(session.not_responding.iter().copied()) } else { String::new() }
+        let high = session.pressure_kpa.is_some_and(|kpa| kpa > NAMED_FROM * session.target_kpa);
+        if high || session.falling { self.places.name(session.not_responding.iter().copied()) } else { String::new() }
     }
 }
 
@@ -97,17 +96,16 @@ pub fn bell() {
 /// What is shown of a session.
 fn line(session: &Session, silent: &str) -> String {
     let state = session_word(session.state());
-    let not = if silent.is_empty() { String::new() } else { format!("; not: {silent}") };
-    let taxels = format!("{} of {} taxels respond{not}", session.taxels_responding, session.taxels);
     match session.state() {
         SessionState::Ramping => {
             let left = session.remaining_s.map_or_else(String::new, |left| format!(", {left:.0} s left"));
             let coverage = format!("coverage {:.0} %{left}", 100.0 * session.coverage);
+            let not = if silent.is_empty() { String::new() } else { format!("; not: {silent}") };
+            let taxels = format!("{} of {} taxels respond{not}", session.taxels_responding, session.taxels);
             format!("{state} {}; {coverage}; {taxels}; {}", pressure(session), advice(session))
         }
         SessionState::Review => {
-            let refused = refused(session);
-            format!("{state} {} scans entered, refused: {refused}; {taxels}", session.accepted)
+            format!("{state} {} scans used; not used: {}", session.accepted, refused(session))
         }
         _ => format!("{state} {}", advice(session)),
     }

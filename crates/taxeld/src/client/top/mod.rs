@@ -1,7 +1,6 @@
 //! `taxeld top`: the force, the skin, its boards and what happens, living in a terminal.
 
 mod draw;
-mod flat;
 mod state;
 mod terminal;
 

@@ -5,8 +5,7 @@ use std::time::Duration;
 
 use taxel_client::{Moment, Received};
 use taxel_proto::v1::{Event, Health, Skin, TaxelReading, TaxelSample};
-
-use super::flat::flat;
+use taxel_skin::flat;
 
 /// Of so long a time each bar of the course shows the greatest force.
 pub const BAR: Duration = Duration::from_millis(250);
@@ -50,7 +49,9 @@ impl Top {
     pub fn take(&mut self, news: News, now: Moment) {
         match news {
             News::Skin(skin) => {
-                (self.places, self.patch) = (flat(&skin), skin.patch);
+                let [positions, normals] = skin.poses();
+                self.places = flat(skin.taxels.len(), &positions, &normals);
+                self.patch = skin.patch;
                 self.events.clear(); // they come anew
                 self.said.clear();
             }

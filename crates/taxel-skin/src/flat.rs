@@ -1,9 +1,8 @@
-//! The skin laid flat as far as a terminal shows it: a limb is unrolled about its axis, any other skin is seen from its broad side.
+//! The skin laid flat, for pictures of it: a limb is unrolled about its axis, any other skin is seen from its broad side.
 
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector3};
-use taxel_proto::v1::{Skin, Vector3 as Told};
 
 type Vector = Vector3<f64>;
 
@@ -12,13 +11,14 @@ const FLAT: f64 = 0.93;
 /// Taxels in a row where there are no positions: of three modules of iCub.
 const ROW: usize = 30;
 
-/// Where each taxel lies, x to the right and y down, seen from outside.
-pub fn flat(skin: &Skin) -> Vec<[f64; 2]> {
-    let places: Vec<Vector> = skin.taxels.iter().filter_map(|taxel| taxel.position_m.as_ref()).map(vector).collect();
-    let normals: Vec<Vector> = skin.taxels.iter().filter_map(|taxel| taxel.normal.as_ref()).map(vector).collect();
-    if places.is_empty() || places.len() < skin.taxels.len() {
+/// Where each of so many taxels lies, x to the right and y down, seen from outside, in the unit of the positions. Positions and
+/// outward normals are those that are known.
+#[must_use]
+pub fn flat(taxels: usize, positions: &[[f64; 3]], normals: &[[f64; 3]]) -> Vec<[f64; 2]> {
+    let [places, normals] = [positions, normals].map(|all| all.iter().copied().map(Vector::from).collect::<Vec<_>>());
+    if places.is_empty() || places.len() < taxels {
         // Nobody says where they are: in rows, by their numbers.
-        return (0..skin.taxels.len()).map(|taxel| [(taxel % ROW) as f64, (taxel / ROW) as f64]).collect();
+        return (0..taxels).map(|taxel| [(taxel % ROW) as f64, (taxel / ROW) as f64]).collect();
     }
     let (middle, outward) = (mean(&places), mean(&normals));
     if normals.len() < places.len() || outward.norm() > FLAT {
@@ -38,10 +38,6 @@ pub fn flat(skin: &Skin) -> Vec<[f64; 2]> {
     let angle = |place: &Vector| (place - centre).dot(&around).atan2((place - centre).dot(&side));
     let cut = after_widest_gap(places.iter().map(angle).collect());
     places.iter().map(|place| [(place - centre).dot(&axis), radius * (angle(place) - cut).rem_euclid(TAU)]).collect()
-}
-
-fn vector(told: &Told) -> Vector {
-    Vector::new(told.x, told.y, told.z)
 }
 
 fn mean(all: &[Vector]) -> Vector {
@@ -67,19 +63,17 @@ fn after_widest_gap(mut angles: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_proto::v1::TaxelLayout;
 
     #[test]
     fn a_limb_is_unrolled_at_its_gap_and_neighbours_stay_neighbours() {
         // Three quarters of a tube of 50 mm radius about the z axis.
         let taxel = |(ring, step): (u32, u32)| {
             let (sin, cos) = (0.3 + f64::from(step) * 0.1).sin_cos();
-            let normal = Told { x: cos, y: sin, z: 0.0 };
-            let position = Told { x: 0.2 + 0.05 * cos, y: 0.05 * sin, z: 0.006 * f64::from(ring) };
-            TaxelLayout { position_m: Some(position), normal: Some(normal), ..TaxelLayout::default() }
+            ([0.2 + 0.05 * cos, 0.05 * sin, 0.006 * f64::from(ring)], [cos, sin, 0.0])
         };
         let all = (0..5).flat_map(|ring| (0..48).map(move |step| (ring, step)));
-        let places = flat(&Skin { taxels: all.map(taxel).collect(), ..Skin::default() });
+        let (positions, normals): (Vec<_>, Vec<_>) = all.map(taxel).unzip();
+        let places = flat(positions.len(), &positions, &normals);
         for pair in places.chunks(48).flat_map(|ring| ring.windows(2)) {
             let apart = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
             assert!((apart - 0.005).abs() < 1e-6, "{pair:?}");
