@@ -17,7 +17,7 @@ use super::failure::{Failure, Outcome};
 use super::json;
 use super::model_set::{Candidate, print_set};
 use super::places::Places;
-use super::sessions::{advance, session_word};
+use super::sessions::{abort, advance, session_word};
 use device::{ByDevice, Pump};
 use follow::Course;
 use screen::Screen;
@@ -147,7 +147,7 @@ async fn end_what_was_left(daemon: &Daemon, agreed: bool) -> Outcome {
     if let Some(session) = newest(daemon).await?.filter(is_open) {
         let number = session.session;
         ask::agree(agreed, &format!("session {number} is under way. Abort it?"), "taxeld calibrate --device").await?;
-        advance(daemon, number, SessionAction::Abort).await?;
+        abort(daemon, number, "the program of a drive began anew").await?;
     }
     Ok(())
 }
