@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::given::{Limits, Seen};
-use super::stop::Stop;
+use super::stop::{NOT_TAKEN, Stop};
 
 /// A gauge that says nothing new for so long is silent.
 pub(super) const GAUGE_AGE_MAX: Duration = Duration::from_millis(200);
@@ -69,7 +69,7 @@ impl Watch {
                 Err(Stop(format!("the bag's gauge has said nothing for {age:.1} s; check its line, then begin anew")))
             }
             Some((kpa, _)) if seen.answer_age <= ANSWER_AGE_MAX => Ok(kpa),
-            Some(_) => Err(Stop(format!("the drive has not taken a command for {answer_age:.1} s"))),
+            Some(_) => Err(Stop(format!("{NOT_TAKEN} for {answer_age:.1} s"))),
         }
     }
 
