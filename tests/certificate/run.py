@@ -48,12 +48,13 @@ class Daemon:
 
     def calibrate(self):
         """The daemon answers before its boards are configured."""
-        words = ("calibrate", "--both", "--ramps", "2", "--target", "20", "--confirmed-by", "test", "--yes")
+        words = ("calibrate", "--both", "--ramps", "2", "--target", "20", "--confirmed-by", "test")
         end = time.monotonic() + PATIENCE_S
         while (done := self.call(*words, allowed=(0, 3))).returncode != 0:
             if "not configured yet" not in done.stderr or time.monotonic() > end:
                 sys.exit(f"no calibration: {done.stderr}")
             time.sleep(0.5)
+        self.call("models", "use", "newest", "--yes")  # of so low a target it may be not good
 
     def lay(self, kilogram):
         """The simulated hand lays half a kilogram on for five seconds out of ten: what comes between is refused."""

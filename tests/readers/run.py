@@ -83,9 +83,10 @@ def notebook(taxeld, site, scratch, folder):
     """The notebook runs to its end against a daemon of its own: scans, curves and forces are in its figures."""
     demo = Demo(taxeld, folder)
     try:
-        for command in (["calibrate", "--target", "20", "--yes"], ["tare"]):  # a mass lies on the skin half of the time
-            words = [taxeld, *command, "--server", demo.address]
-            until(f"taxeld {command[0]}", lambda words=words: subprocess.run(words, capture_output=True).returncode == 0)
+        # A mass lies on the skin half of the time, and of so low a target a set may be not good.
+        for command in ("calibrate --target 20", "models use newest --yes", "tare"):
+            words = [taxeld, *command.split(), "--server", demo.address]
+            until(f"taxeld {command}", lambda words=words: subprocess.run(words, capture_output=True).returncode == 0)
         path = f"{pathlib.Path(taxeld).resolve().parent}:{os.environ['PATH']}"
         environment = {**os.environ, "PYTHONPATH": str(site), "PATH": path, "TAXELD_SERVER": demo.address}
         command = [sys.executable, "-c", CELLS, str(REPOSITORY / "deploy/python/examples/skin.ipynb")]

@@ -24,7 +24,7 @@ import time
 import tty
 import urllib.request
 
-from bench import OWN_LIMIT_S, PATIENCE_S, Bench, Calibration, ended_early, tried
+from bench import OWN_LIMIT_S, PATIENCE_S, Bench, Calibration, Works, ended_early, tried
 
 HELD_S = 3.0
 # The simulated bag vents by a time constant of 0.8 s: from 20 kPa to 1 kPa in 2.4 s, from 70 in 3.4.
@@ -138,6 +138,9 @@ def disturbed(bench, profiles, state, how, line):
         code = one.process.wait(PATIENCE_S)
         if how != "killed":
             assert code == 3 and "the bag is vented" in one.said(), (code, one.said())
+        if state in ("ramp", "hold", "fall") and how not in ("killed", "stopped", "unplugged"):
+            reason, expected = bench.sessions()[0]["reason"], "a signal ended it" if how == "ended" else "an operator aborted it"
+            assert expected in reason, reason
     finally:
         link.close()
     print(f"{how} in {state}: vented after {took:.1f} s; {(one.said().splitlines() or [''])[-1][:160]}", flush=True)
@@ -150,6 +153,67 @@ def abort_on_the_page(bench):
     body = json.dumps({"session": bench.sessions()[0]["session"], "action": "SESSION_ACTION_ABORT"}).encode()
     headers = {"content-type": "application/json", "origin": page}
     urllib.request.urlopen(urllib.request.Request(f"{page}/taxel.v1.CalibrationService/AdvanceSession", body, headers)).read()
+
+
+class Board:
+    """A board of text that is not as deploy/rigs has one: it answers `OK`, or nothing, to what it is told, and has to be asked for
+    its set point."""
+
+    PROFILE = """
+name = "a board of text"
+at = "/dev/ttyUSB0"
+fail_safe = "attended"
+kpa_per_s = 4.0
+[text]
+set = "SET {kPa}"
+set_answer = "OK"
+set_point = "SP?"
+set_point_answer = "SP={kPa}"
+vent = "VENT"
+vent_answer = "OK"
+pressure = "P?"
+pressure_answer = "p {kPa} kPa"
+"""
+
+    def __init__(self, works, is_silent):
+        self.works, self.is_silent = works, is_silent
+        self.master, self.slave = pty.openpty()
+        tty.setraw(self.slave)
+        self.at = os.ttyname(self.slave)
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self):
+        came = b""
+        while True:
+            *lines, came = (came + os.read(self.master, 256)).split(b"\n")
+            for line in lines:
+                if answer := self.answer(line.decode()):
+                    os.write(self.master, f"{answer}\r\n".encode())
+
+    def answer(self, line):
+        if line in ("SP?", "P?"):
+            return f"SP={self.works.set_kpa or 0:.2f}" if line == "SP?" else f"p {self.works.kpa:.2f} kPa"
+        self.works.set_kpa = float(line.split()[1]) if line.startswith("SET ") else None
+        return None if self.is_silent else "OK"
+
+
+def text_board(bench, scratch, is_silent):
+    works = Works(bench.drive_port)
+    board, file = Board(works, is_silent), scratch / "board.toml"
+    try:
+        file.write_text(Board.PROFILE.replace('"OK"', '"DONE"'))
+        refused = Calibration(bench, file, board.at, "--attended")
+        assert refused.process.wait(PATIENCE_S) == 3, refused.said()
+        expected = 'sent "VENT\\n", received ' + ('nothing, expected "DONE"' if is_silent else '"OK", expected "DONE"')
+        assert expected in refused.said() and "text.vent_answer" in refused.said(), refused.said()
+        file.write_text(re.sub(r'(?m)^\w+ = "OK"$', "", Board.PROFILE) if is_silent else Board.PROFILE)
+        one = Calibration(bench, file, board.at, "--attended")
+        if one.process.wait(PATIENCE_S):
+            ended_early(one.said())
+        assert "is in use" in one.said(), one.said()
+    finally:
+        works.close()
+    print(f"a board of text that answers {'nothing' if is_silent else 'OK'}: calibrated", flush=True)
 
 
 def undisturbed(bench, profile):
@@ -189,6 +253,8 @@ def main():
             slowest[how].append(tried(disturbed, bench, profiles, state, how, line))
         for how, times in slowest.items():
             print(f"{how}: {len(times)} times, vented after at most {max(times):.1f} s", flush=True)
+        for is_silent in (False, True):
+            tried(text_board, bench, args.scratch, is_silent)
         tried(undisturbed, bench, profiles["leak"])
     finally:
         bench.demo.terminate()

@@ -14,4 +14,4 @@ mod template;
 
 pub use lines::{LINE_BYTES_MAX, Lines};
 pub use talk::{Speech, Talk};
-pub use template::{Template, numbers_of};
+pub use template::{Found, Template, numbers_of};

@@ -14,6 +14,8 @@ const SHOWN_CHARS: usize = 40;
 /// A template that makes sense.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
+    /// As it is written.
+    text: String,
     /// What stands between the places of any text, in order; the number is in one of them.
     segments: Vec<Vec<Part>>,
     unit: Option<PressureUnit>,
@@ -24,6 +26,17 @@ enum Part {
     Text(String),
     Spaces,
     Number,
+}
+
+impl Part {
+    /// How it could be in a line.
+    fn sample(&self) -> &str {
+        match self {
+            Self::Text(text) => text,
+            Self::Spaces => " ",
+            Self::Number => "12.5",
+        }
+    }
 }
 
 impl Template {
@@ -39,9 +52,11 @@ impl Template {
     /// Reads a template that may do without a number.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// What is wrong with it, also that no line can ever be so.
     pub fn pattern(text: &str) -> Result<Self, String> {
-        if text.len() > LINE_BYTES_MAX || text.contains(char::is_control) {
+        // In single quotes of TOML an escape is two characters.
+        let has_end = text.contains(char::is_control) || text.contains("\\r") || text.contains("\\n");
+        if text.len() > LINE_BYTES_MAX || has_end {
             return Err(format!("it has an end of a line in it, or is longer than {LINE_BYTES_MAX} bytes"));
         }
         let (mut segments, mut parts, mut units) = (Vec::new(), Vec::new(), Vec::new());
@@ -72,9 +87,29 @@ impl Template {
             parts.push(Part::Text(rest.to_owned()));
         }
         segments.push(parts);
-        match units[..] {
-            [] | [_] => Ok(Self { segments, unit: units.first().copied() }),
-            _ => Err(format!("it has {} numbers: leave one, and write {{*}} for the others", units.len())),
+        if units.len() > 1 {
+            return Err(format!("it has {} numbers: leave one, and write {{*}} for the others", units.len()));
+        }
+        Self { text: text.trim().to_owned(), segments, unit: units.first().copied() }.makes_sense()
+    }
+
+    /// It, if a line can be so, and does not name another unit behind the number.
+    fn makes_sense(self) -> Result<Self, String> {
+        let sample = |parts: &Vec<Part>| parts.iter().map(Part::sample).collect::<String>();
+        let line = self.segments.iter().map(sample).collect::<Vec<_>>().join("x");
+        let Some(unit) = self.unit else { return Ok(self) };
+        if self.matched(&line) != Some(Some(12.5)) {
+            return Err("no line is ever so: the number takes what stands behind it as its own digits".to_owned());
+        }
+        let behind = self.segments.iter().find_map(|parts| {
+            let mut behind = parts.iter().skip_while(|part| **part != Part::Number).skip(1);
+            behind.find_map(|part| if let Part::Text(text) = part { Some(word(text)) } else { None })
+        });
+        match behind.and_then(|word| Some((word, PressureUnit::named(word)?))) {
+            Some((word, said)) if said.to_kilopascal(1.0) != unit.to_kilopascal(1.0) => {
+                Err(format!("the line says {word} behind the number: expected {{{word}}}"))
+            }
+            _ => Ok(self),
         }
     }
 
@@ -84,17 +119,19 @@ impl Template {
         self.unit
     }
 
+    /// As it is written.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// The number in a line, if the template has one, in its unit.
     ///
     /// # Errors
-    /// The line, if it is not as the template says.
+    /// The line beside the template, if it is not so.
     pub fn read(&self, line: &str) -> Result<Option<f64>, String> {
         let line = line.trim();
-        self.matched(line).ok_or_else(|| {
-            let shown: String = line.chars().take(SHOWN_CHARS).flat_map(char::escape_debug).collect();
-            let more = if line.chars().count() > SHOWN_CHARS { "..." } else { "" };
-            format!("line \"{shown}{more}\" is not as the template says")
-        })
+        self.matched(line).ok_or_else(|| format!("received {}, expected {}", quoted(line), quoted(&self.text)))
     }
 
     fn matched(&self, line: &str) -> Option<Option<f64>> {
@@ -113,6 +150,18 @@ impl Template {
         }
         rest.is_empty().then_some(found)
     }
+}
+
+/// A text for a message: cut, and without control characters.
+pub(crate) fn quoted(text: &str) -> String {
+    let shown: String = text.chars().take(SHOWN_CHARS).flat_map(char::escape_debug).collect();
+    let more = if text.chars().count() > SHOWN_CHARS { "..." } else { "" };
+    format!("\"{shown}{more}\"")
+}
+
+/// The word that a text begins with; a unit is one.
+fn word(text: &str) -> &str {
+    text.split(|c: char| !c.is_alphanumeric() && c != '/').next().unwrap_or_default()
 }
 
 /// What follows the parts in a text that begins with them, and the number among them.
@@ -155,23 +204,43 @@ fn number(text: &str) -> Option<(f64, &str)> {
     Some((number, &text[end..]))
 }
 
-/// Every number in a line, with a template that reads it where its unit is kPa: for whoever looks for the right one.
+/// A number in a line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// The number.
+    pub value: f64,
+    /// The unit that the line names behind it.
+    pub unit: Option<PressureUnit>,
+    /// A template that reads it, in that unit or in kPa.
+    pub template: String,
+}
+
+/// Every number in a line: for whoever looks for the right one.
 #[must_use]
-pub fn numbers_of(line: &str) -> Vec<(f64, String)> {
-    let (mut found, mut template, mut rest) = (Vec::new(), String::new(), line.trim());
+pub fn numbers_of(line: &str) -> Vec<Found> {
+    let (mut found, mut before, mut rest) = (Vec::new(), String::new(), line.trim());
     while let Some(next) = rest.chars().next() {
         // A digit within a name, as in `P1=`, begins none.
-        let begins = template.chars().next_back().is_none_or(|before| !before.is_alphanumeric() && before != '.');
-        match number(rest).filter(|_| begins) {
-            Some((value, after)) => {
-                found.push((value, format!("{template}{{kPa}}{}", if after.is_empty() { "" } else { "{*}" })));
-                template.push_str("{*}");
-                rest = after;
+        let begins = before.chars().next_back().is_none_or(|before| !before.is_alphanumeric() && before != '.');
+        if let Some((value, after)) = number(rest).filter(|_| begins) {
+            let name = word(after.trim_start());
+            let unit = PressureUnit::named(name);
+            let (inside, end) = match unit {
+                Some(_) => (name, after.len() - after.trim_start().len() + name.len()),
+                None => ("kPa", 0),
+            };
+            let (behind, more) = after.split_at(end);
+            let more = if more.is_empty() { "" } else { "{*}" };
+            found.push(Found { value, unit, template: format!("{before}{{{inside}}}{behind}{more}") });
+            before.push_str("{*}");
+            rest = after;
+        } else {
+            match next {
+                '{' | '}' => before.push_str("{*}"), // JSON
+                next if next.is_whitespace() => before.push(' '),
+                next => before.push(next),
             }
-            None => {
-                template.push(if next.is_whitespace() { ' ' } else { next });
-                rest = &rest[next.len_utf8()..];
-            }
+            rest = &rest[next.len_utf8()..];
         }
     }
     found
@@ -222,7 +291,10 @@ mod tests {
             "{}",
             says("{ksi}")
         );
-        assert!(says("{kPa}\r\n").starts_with("it has an end of a line"));
+        assert!([r"P={kPa}\r\n", "{kPa}\r\n"].iter().all(|text| says(text).starts_with("it has an end of a line")));
+        assert!(says("P={kPa}5").starts_with("no line is ever so"), "{}", says("P={kPa}5"));
+        assert_eq!(says("p {kPa} mbar;"), "the line says mbar behind the number: expected {mbar}");
+        assert!(["{hPa} mbar", "{kPa} abs", "{kPa}.0", "{*}{kPa}{*}5"].iter().all(|text| Template::new(text).is_ok()));
         assert_eq!(Template::new("{psi}").unwrap().unit(), Some(PressureUnit::Psi));
     }
 
@@ -243,19 +315,28 @@ mod tests {
         let unread = Template::new("P={kPa}").unwrap().read(&format!("\u{1b}[2J{}", "x".repeat(90))).unwrap_err();
         assert_eq!(
             unread.to_string(),
-            format!("line \"\\u{{1b}}[2J{}...\" is not as the template says", "x".repeat(36))
+            format!("received \"\\u{{1b}}[2J{}...\", expected \"P={{kPa}}\"", "x".repeat(36))
         );
     }
 
     #[test]
     fn every_number_of_a_line_has_a_template_that_reads_it() {
-        let line = "P1=12.5 T=20.1;3 ok";
-        let found = numbers_of(line);
-        assert_eq!(found.iter().map(|(value, _)| *value).collect::<Vec<_>>(), [12.5, 20.1, 3.0]);
-        assert_eq!(found[0].1, "P1={kPa}{*}");
-        for (value, template) in found.iter().chain(&numbers_of("42")) {
-            assert_eq!(read(template, if *value == 42.0 { "42" } else { line }), Some(*value), "{template}");
+        for (line, values) in [
+            ("P1=12.5 T=20.1;3 ok", [12.5, 20.1, 3.0].as_slice()),
+            ("42", &[42.0]),
+            ("{\"p\": -3.21, \"unit\": \"kPa\"}", &[-3.21]),
+            ("T 20 p  812.5  hPa 1", &[20.0, 812.5, 1.0]),
+        ] {
+            let found = numbers_of(line);
+            assert_eq!(found.iter().map(|one| one.value).collect::<Vec<_>>(), values);
+            for one in found {
+                assert_eq!(read(&one.template, line), Some(one.value), "{}", one.template);
+            }
         }
+        let found = numbers_of("T 20 p 812.5 hPa 1");
+        assert_eq!((found[0].unit, found[1].unit), (None, Some(PressureUnit::Hectopascal)));
+        assert_eq!((&*found[0].template, &*found[1].template), ("T {kPa}{*}", "T {*} p {hPa} hPa{*}"));
+        assert_eq!(numbers_of("P1=12.5 T=20.1")[0].template, "P1={kPa}{*}");
     }
 
     proptest! {

@@ -92,6 +92,10 @@ struct Rig {
     frozen_kpa: f64,
     lagging_kpa: f64,
     read_at: Duration,
+    /// From one reading to the next, with up to half of that more or less; at each look where it is zero.
+    every: Duration,
+    next_at: Duration,
+    last_kpa: f64,
     /// What the gauge read in the last second.
     late: VecDeque<f64>,
     /// A step of the drive's own gauge, kPa, if it has one.
@@ -121,6 +125,9 @@ impl Rig {
             frozen_kpa: 0.0,
             lagging_kpa: 0.0,
             read_at: Duration::ZERO,
+            every: Duration::ZERO,
+            next_at: Duration::ZERO,
+            last_kpa: 0.0,
             late: VecDeque::new(),
             own_step_kpa: random.random_bool(0.5).then(|| random.random_range(0.01..1.0)),
             own_frozen_kpa: 0.0,
@@ -212,9 +219,14 @@ impl Rig {
             self.frozen_kpa = read;
             self.lagging_kpa = self.kpa;
         }
-        if fault != Some(Fault::GaugeSilent) {
-            self.read_at = now;
+        if fault != Some(Fault::GaugeSilent) && self.every.is_zero() {
+            (self.read_at, self.last_kpa) = (now, read);
         }
+        while !self.every.is_zero() && now >= self.next_at {
+            (self.read_at, self.last_kpa) = (self.next_at, read);
+            self.next_at += self.every.mul_f64(random.random_range(0.5..1.5));
+        }
+        let read = if self.every.is_zero() { read } else { self.last_kpa };
         self.late.push_back(read);
         let late_kpa = if self.late.len() > 20 { self.late.pop_front() } else { None }.unwrap_or(read);
         let read = match fault {
@@ -305,7 +317,11 @@ struct Procedure {
 
 fn run(seed: u64, programme: Programme, both: bool, fault: Option<(Fault, Duration)>, until: Duration) -> Procedure {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut rig = Rig::new(&mut random, fault);
+    let rig = Rig::new(&mut random, fault);
+    run_rig(rig, random, programme, both, until)
+}
+
+fn run_rig(mut rig: Rig, mut random: ChaCha8Rng, programme: Programme, both: bool, until: Duration) -> Procedure {
     let abilities = Abilities { own_limit: rig.own_limit, holds: true };
     let mut drive = Drive::new(Duration::ZERO, LIMITS, abilities, programme);
     let (mut session, mut phase, mut answered) = (Session { both, ..Session::default() }, Phase::None, Duration::ZERO);
@@ -399,5 +415,22 @@ fn after_a_fault_the_bag_is_vented_and_no_limit_is_exceeded() {
         println!(
             "{fault:?}: {done} of 200 not ended; ended at most {slowest:?} after the fault, vented {venting:?} after that"
         );
+    }
+}
+
+/// Half of the interval more or less is jitter.
+#[test]
+fn a_gauge_that_is_too_slow_for_a_drive_is_refused_before_anything_is_pumped() {
+    for (per_s, is_enough) in [(4.0, false), (10.0, false), (16.0, true), (20.0, true), (50.0, true)] {
+        for seed in 0..100 {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let rig = Rig { every: Duration::from_secs_f64(1.0 / per_s), ..Rig::new(&mut random, None) };
+            let procedure = run_rig(rig, random, PROGRAMME, false, Duration::from_secs(590));
+            let why = procedure.drive.stopped().map(|(why, _)| why.to_string()).unwrap_or_default();
+            let context = format!("{per_s} a second, seed {seed}: {why}");
+            assert_eq!(procedure.drive.state() == State::Done, is_enough, "{context}");
+            let is_refused = why.contains("readings a second, and a drive needs 12.5") && procedure.highest_kpa == 0.0;
+            assert!(is_enough || is_refused, "{context}");
+        }
     }
 }

@@ -60,7 +60,7 @@ impl Service {
             Command::StartRamp { session }
             | Command::Plateau { session, .. }
             | Command::FinishRamp { session }
-            | Command::AbortSession { session }
+            | Command::AbortSession { session, .. }
             | Command::DiscardSession { session }
             | Command::DeleteSession { session } => {
                 let patch = self.session(*session).map(|view| view.patch.clone()).unwrap_or_default();

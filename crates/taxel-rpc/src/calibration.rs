@@ -18,12 +18,15 @@ use tonic::{Request, Response, Status};
 use crate::access::rules::Caller;
 use crate::backend::ask;
 use crate::convert::{known, same_names, timestamp};
-use crate::service::{Reply, Service, caller, check_session, confirmed_by, list, misfit, part};
+use crate::service::{Reply, Service, caller, check_session, confirmed_by, line, list, misfit, part};
 use crate::status::{SHUTTING_DOWN, STOPPED, invalid, unavailable};
 use crate::stream::MessageStream;
 
 /// A watched session is looked at this often.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// Longest reason that a session is aborted for, in bytes.
+const REASON_BYTES_MAX: usize = 2000;
 
 /// Scans of one piece: of 230 taxels 100 kB.
 const PIECE_SCANS: usize = 100;
@@ -55,13 +58,18 @@ impl CalibrationService for Service {
         if typed_kpa.is_some() != is_plateau || !typed_kpa.is_none_or(f64::is_finite) {
             return Err(invalid("typed_kpa", "expected a number of kPa with PLATEAU, and none with another action"));
         }
+        let reason = line("reason", &request.get_ref().reason, REASON_BYTES_MAX, "why it is aborted")?;
+        if !reason.is_empty() && action != i32::from(v1::SessionAction::Abort) {
+            return Err(invalid("reason", "expected with ABORT alone"));
+        }
+        let reason = (!reason.is_empty()).then(|| reason.to_owned());
         let command = match v1::SessionAction::try_from(action) {
             Ok(v1::SessionAction::Plateau) => {
                 Command::Plateau { session, kpa: Kilopascal(typed_kpa.unwrap_or_default()) }
             }
             Ok(v1::SessionAction::StartRamp) => Command::StartRamp { session },
             Ok(v1::SessionAction::FinishRamp) => Command::FinishRamp { session },
-            Ok(v1::SessionAction::Abort) => Command::AbortSession { session },
+            Ok(v1::SessionAction::Abort) => Command::AbortSession { session, reason },
             Ok(v1::SessionAction::Discard) => Command::DiscardSession { session },
             Ok(v1::SessionAction::Unspecified) | Err(_) => {
                 let problem = "expected START_RAMP, FINISH_RAMP, ABORT, DISCARD or PLATEAU";

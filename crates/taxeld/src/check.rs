@@ -42,6 +42,24 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Checks the profile of a drive, without the drive: prints what it says, or everything that is wrong with it.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn device(file: &str, json: bool) -> anyhow::Result<()> {
+    let examined = config::examine_profile(file, None);
+    if json {
+        let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
+        say!("{}", serde_json::json!({ "problems": problems }));
+    }
+    let (profile, _) = examined?;
+    if !json {
+        tell!("drive {} on {}", profile.name(), profile.at());
+        profile.lines().iter().for_each(|line| tell!("  {line}"));
+    }
+    Ok(())
+}
+
 /// Reads a configuration, and looks for all that would keep a daemon from starting with it here.
 ///
 /// # Errors

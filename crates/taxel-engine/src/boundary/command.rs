@@ -69,6 +69,8 @@ pub enum Command {
     AbortSession {
         /// Number of the session.
         session: u64,
+        /// Why; absent: an operator wants it.
+        reason: Option<String>,
     },
     /// Lay a session aside: its model set cannot be activated any more.
     DiscardSession {

@@ -144,14 +144,14 @@ impl Calibration {
         (self.session, self.dirty) = (None, false);
     }
 
-    /// What an operator asks of the session.
+    /// What an operator asks of the session, and why.
     ///
     /// # Errors
     /// [`Rejection`] if there is no session, or not in its present state.
     pub fn command(
         &mut self,
         now: Now,
-        command: Trigger,
+        (command, why): (Trigger, &str),
         gauge: &GaugeHistory,
         events: &mut Vec<CalibrationEvent>,
     ) -> Result<(), Rejection> {
@@ -173,7 +173,7 @@ impl Calibration {
             }
             Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),
             Trigger::FinishRamp => self.fit(now, gauge, events),
-            Trigger::Discard | Trigger::Abort => self.enter(now, next, command.reason(), gauge, events),
+            Trigger::Discard | Trigger::Abort => self.enter(now, next, why, gauge, events),
             _ => {
                 self.enter(now, next, "", gauge, events);
                 self.want_zero(events);

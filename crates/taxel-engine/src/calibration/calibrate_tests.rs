@@ -147,7 +147,7 @@ fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_wen
     let mut scene = Scene::ramping(Branch::Both);
     scene.go(0.0, 4.0, 5.0);
     let now = scene.now();
-    scene.calibration.command(now, Trigger::FinishRamp, &scene.gauge, &mut scene.events).unwrap();
+    scene.calibration.command(now, (Trigger::FinishRamp, ""), &scene.gauge, &mut scene.events).unwrap();
     assert_eq!(scene.calibration.session().unwrap().direction, Direction::Falling);
     scene.go(20.0, 0.0, 4.2);
     let view = scene.calibration.session().unwrap();
@@ -158,7 +158,7 @@ fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_wen
     scene.go(0.0, 0.0, 4.2);
     assert_eq!(scene.state(), SessionState::Failed);
     let now = scene.now();
-    scene.calibration.command(now, Trigger::FinishRamp, &scene.gauge, &mut scene.events).unwrap();
+    scene.calibration.command(now, (Trigger::FinishRamp, ""), &scene.gauge, &mut scene.events).unwrap();
     let view = scene.calibration.session().unwrap();
     assert_eq!((view.state, view.reason.as_str()), (SessionState::Fitting, ""));
 }
@@ -172,7 +172,7 @@ fn an_open_session_is_shown_five_times_a_second_and_one_that_is_over_when_someth
     assert!(scene.shown_after(199).is_none());
     assert!(scene.shown_after(1).is_some() && scene.shown_after(199).is_none() && scene.shown_after(1).is_some());
     let now = scene.now();
-    scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();
+    scene.calibration.command(now, (Trigger::Abort, ""), &scene.gauge, &mut scene.events).unwrap();
     assert_eq!(scene.calibration.deadline(), None, "nothing of it changes any more ...");
     scene.calibration.on_durable(4, 7);
     assert_eq!(scene.calibration.deadline(), None);

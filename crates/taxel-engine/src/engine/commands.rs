@@ -24,10 +24,17 @@ impl Engine {
                 let asked = SessionRequest { target, branches, confirmed_by, leave_out };
                 self.start_session(now, &patch, asked, out).map(Answer::Now)
             }
-            Command::StartRamp { session } => self.command_session(now, request, session, Trigger::StartRamp, out),
+            Command::StartRamp { session } => {
+                self.command_session(now, request, session, (Trigger::StartRamp, ""), out)
+            }
             Command::Plateau { session, kpa } => self.plateau(now, session, kpa.0, out).map(Answer::Now),
-            Command::FinishRamp { session } => self.command_session(now, request, session, Trigger::FinishRamp, out),
-            Command::AbortSession { session } => self.command_session(now, request, session, Trigger::Abort, out),
+            Command::FinishRamp { session } => {
+                self.command_session(now, request, session, (Trigger::FinishRamp, ""), out)
+            }
+            Command::AbortSession { session, reason } => {
+                let why = reason.as_deref().unwrap_or(Trigger::Abort.reason());
+                self.command_session(now, request, session, (Trigger::Abort, why), out)
+            }
             Command::DiscardSession { session } => self.discard(now, request, session, out),
             Command::DeleteSession { session } => self.delete_session(now, request, session, out),
             Command::DeleteModelSet { model_set } => self.delete_model_set(now, request, model_set, out),

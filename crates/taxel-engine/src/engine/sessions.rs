@@ -106,18 +106,18 @@ impl Engine {
         self.patches[index].held_session().map(Done::Session)
     }
 
-    /// What an operator asks of a session. The samples of one that no patch holds are read first.
+    /// What an operator asks of a session, and why. The samples of one that no patch holds are read first.
     pub(super) fn command_session(
         &mut self,
         now: Now,
         request: RequestId,
         number: u64,
-        command: Trigger,
+        (command, why): (Trigger, &str),
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
-        Ok(match self.go_on(now, number, command, None, out)? {
+        Ok(match self.go_on(now, number, (command, why), None, out)? {
             Some(done) => Answer::Now(done),
-            None if command == Trigger::Abort => return self.end_on_disk(now, request, number, command, out),
+            None if command == Trigger::Abort => return self.end_on_disk(now, request, number, (command, why), out),
             None => {
                 let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
                 out.push(Output::Load { ticket, session: number });
@@ -137,7 +137,7 @@ impl Engine {
         let Some((request, Effect::TakeUp(number, command))) = self.pending.take(ticket) else { return };
         let fault = "the samples were read, and are still missing, which is a fault of this program";
         let fault = || ErrorReason::ProgramFault.because(fault.to_owned());
-        let reply = self.go_on(now, number, command, Some(result), out).and_then(|done| done.ok_or_else(fault));
+        let reply = self.go_on(now, number, (command, ""), Some(result), out).and_then(|done| done.ok_or_else(fault));
         out.extend(request.map(|request| Output::Reply(request, reply)));
     }
 
@@ -147,7 +147,7 @@ impl Engine {
         &mut self,
         now: Now,
         number: u64,
-        command: Trigger,
+        (command, why): (Trigger, &str),
         read: Option<Result<SessionSamples, NotLoaded>>,
         out: &mut Vec<Output>,
     ) -> Result<Option<Done>, Rejection> {
@@ -165,7 +165,7 @@ impl Engine {
             return self.begin_successor(now, index, number, samples, out).map(Some);
         }
         if let Some(index) = self.held(number) {
-            return self.command_held(now, index, command, out).map(Some);
+            return self.command_held(now, index, (command, why), out).map(Some);
         }
         if command == Trigger::Abort {
             return Ok(None);
@@ -175,7 +175,7 @@ impl Engine {
         let samples = self.usable_samples(index, number, read)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.patches[index].calibration_mut().resume(now, SessionView::clone(view), samples);
-        self.command_held(now, index, command, out).map(Some)
+        self.command_held(now, index, (command, why), out).map(Some)
     }
 
     /// A session whose models are in use stays as it is. Another ramp begins a session of its own.
@@ -198,7 +198,7 @@ impl Engine {
         Err(ErrorReason::LayoutChanged.because(why))
     }
 
-    fn command_held(&mut self, now: Now, index: usize, command: Trigger, out: &mut Vec<Output>) -> Reply {
+    fn command_held(&mut self, now: Now, index: usize, command: (Trigger, &str), out: &mut Vec<Output>) -> Reply {
         let view = self.with_patch(now, index, out, |patch, effects| patch.command_session(now, command, effects))?;
         Ok(Done::Session(view))
     }
@@ -231,7 +231,7 @@ impl Engine {
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
         self.store_takes_records()?;
-        self.end_on_disk(now, request, number, Trigger::Discard, out)
+        self.end_on_disk(now, request, number, (Trigger::Discard, Trigger::Discard.reason()), out)
     }
 
     /// A session that gathers nothing ends once that is on disk.
@@ -240,7 +240,7 @@ impl Engine {
         now: Now,
         request: RequestId,
         number: u64,
-        command: Trigger,
+        (command, why): (Trigger, &str),
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         let held = self.held(number).and_then(|index| self.patches[index].calibration().session());
@@ -251,7 +251,7 @@ impl Engine {
             let why = format!("model set `{id}` of session {number} is being activated");
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
-        view.reason = command.reason().to_owned();
+        view.reason = why.to_owned();
         view.changed_wall_ns = now.wall_ns;
         let view = Arc::new(view);
         let record = Record::Session(Arc::clone(&view));
@@ -271,7 +271,7 @@ impl Engine {
             // Everybody sees the time that is on disk.
             let then = Now { wall_ns: view.changed_wall_ns, ..now };
             let mut follows = Vec::new();
-            self.command_held(then, index, command, &mut follows)?;
+            self.command_held(then, index, (command, &view.reason), &mut follows)?;
             let is_known = |output: &Output| matches!(output, Output::Record(Record::Session(known)) if known.number == view.number);
             out.extend(follows.into_iter().filter(|output| !is_known(output)));
         }

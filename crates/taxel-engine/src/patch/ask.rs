@@ -179,14 +179,14 @@ impl Patch {
         self.intake.look(now.time, (!session.typed).then_some(session.gauge_timeout), left_out)
     }
 
-    /// What an operator asks of the session that the patch holds.
+    /// What an operator asks of the session that the patch holds, and why.
     ///
     /// # Errors
     /// [`Rejection`] if it cannot be in the session's present state, or while the bag presses.
     pub fn command_session(
         &mut self,
         now: Now,
-        command: Trigger,
+        (command, why): (Trigger, &str),
         effects: &mut Effects<'_>,
     ) -> Result<Arc<SessionView>, Rejection> {
         self.calibration.refuse_unless_possible(command)?; // before what only matters in the right state
@@ -195,7 +195,7 @@ impl Patch {
             self.check_vented(now)?;
         }
         let mut events = Vec::new();
-        self.calibration.command(now, command, self.intake.gauge(), &mut events)?;
+        self.calibration.command(now, (command, why), self.intake.gauge(), &mut events)?;
         self.on_calibration_events(now, events, effects);
         self.held_session()
     }

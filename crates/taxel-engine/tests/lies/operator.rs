@@ -279,7 +279,7 @@ impl Operator {
                 if let Some((_, abort)) = cut {
                     calibration.cut_short = None;
                     let command = if abort {
-                        Command::AbortSession { session: number }
+                        Command::AbortSession { session: number, reason: None }
                     } else {
                         Command::FinishRamp { session: number }
                     };
@@ -305,7 +305,7 @@ impl Operator {
             return self.give_up(stage);
         }
         for session in failed.iter().filter(|session| session.state.is_open()) {
-            stage.give(Kind::Session, Command::AbortSession { session: session.number });
+            stage.give(Kind::Session, Command::AbortSession { session: session.number, reason: None });
         }
         if calibration.further_ramps > 0 {
             calibration.further_ramps -= 1;
@@ -335,7 +335,7 @@ impl Operator {
     fn give_up(&mut self, stage: &mut Stage) {
         let Some(calibration) = self.calibration.take() else { return };
         for session in calibration.sessions(stage).iter().filter(|session| session.state.is_open()) {
-            stage.give(Kind::Session, Command::AbortSession { session: session.number });
+            stage.give(Kind::Session, Command::AbortSession { session: session.number, reason: None });
         }
         stage.pump(PumpCommand::Vent);
         stage.suspects.end(Kind::Session, stage.now());

@@ -240,7 +240,7 @@ fn configured_unseen(again: &[Option<&str>], session: bool) {
 fn begun_and_aborted(bench: &mut Bench) {
     let session = bench.start_session(Some(20.0));
     bench.until_state(10.0, SessionState::Ramping);
-    bench.ask(Command::AbortSession { session }).unwrap();
+    bench.ask(Command::AbortSession { session, reason: None }).unwrap();
 }
 
 /// A vented bag is at 10 kPa at most, and at no less than 0.3 kPa and three standard deviations of the gauge below none.

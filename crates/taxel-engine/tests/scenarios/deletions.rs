@@ -106,7 +106,7 @@ fn what_is_being_activated_is_not_deleted_and_what_is_being_deleted_not_activate
 fn a_session_that_is_deleted_while_its_samples_are_read_does_not_go_on() {
     let (mut bench, session) = in_review(30.0);
     let newer = session_of(bench.ask(start())).number;
-    session_of(bench.ask(Command::AbortSession { session: newer }));
+    session_of(bench.ask(Command::AbortSession { session: newer, reason: None }));
     bench.host.disk_is_slow = true;
     for deleted in [false, true] {
         let ramp = bench.host.command(Command::StartRamp { session });

@@ -137,7 +137,7 @@ fn a_cold_while_a_session_is_open_is_in_the_uncertainty() {
             }
             bench.seconds(10.0);
             let session = bench.host.session().number;
-            bench.ask(Command::AbortSession { session }).unwrap();
+            bench.ask(Command::AbortSession { session, reason: None }).unwrap();
             bench.seconds(5.0);
             assert!(bench.has_force_since(mark));
             bench.is_truthful_since(mark, &format!("{kilogram} kg and {kelvin} K within {over_s} s of a session"));

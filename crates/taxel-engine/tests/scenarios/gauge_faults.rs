@@ -77,7 +77,7 @@ fn a_further_ramp_in_which_the_gauge_jumped_stays_out_of_every_fit() {
     bench.vent(20.0);
     stays_out(&mut bench, "once the bag is vented", &[&finish, &ramp]);
     let other = bench.start_session(Some(20.0));
-    bench.ask(Command::AbortSession { session: other }).unwrap();
+    bench.ask(Command::AbortSession { session: other, reason: None }).unwrap();
     stays_out(&mut bench, "with another session on the patch", &[&finish, &ramp]);
     let mut bench = {
         let plan = Arc::clone(&bench.host.plan);

@@ -33,7 +33,7 @@ fn samples_rise(bench: &Bench, session: u64) {
 fn a_session_is_refused_at_once_while_the_gauge_is_silent_and_so_is_a_ramp() {
     let mut bench = fresh();
     let number = bench.start_session(None);
-    bench.ask(Command::AbortSession { session: number }).unwrap();
+    bench.ask(Command::AbortSession { session: number, reason: None }).unwrap();
     bench.inject(Fault::GaugeSilent);
     bench.seconds(3.0);
     for command in [start(), Command::StartRamp { session: number }] {

@@ -25,7 +25,7 @@ fn what_does_not_exist_is_not_found_by_its_name() {
     for command in [
         Command::StartRamp { session },
         Command::FinishRamp { session },
-        Command::AbortSession { session },
+        Command::AbortSession { session, reason: None },
         Command::DiscardSession { session },
         Command::DeleteSession { session },
     ] {
@@ -95,7 +95,7 @@ fn a_session_whose_samples_are_damaged_or_of_another_layout_cannot_go_on_and_is_
     assert!(why.contains("session 1 is of another layout of patch `small`"), "{why}");
     assert!(resumed.host.sessions.is_empty(), "the patch holds no session");
     resumed.host.disk.samples.clear();
-    let view = session_of(resumed.ask(Command::AbortSession { session }));
+    let view = session_of(resumed.ask(Command::AbortSession { session, reason: None }));
     assert_eq!((view.state, view.reason.as_str()), (SessionState::Aborted, "an operator aborted it"));
     assert_eq!(resumed.host.catalogue.sessions[0].state, SessionState::Aborted);
 }
@@ -116,9 +116,10 @@ fn what_changed_while_samples_were_read_counts() {
         assert!(why.contains(expected), "{why}");
     };
     refused(resumed.host.reply(second), "session 1 is TARING");
-    session_of(resumed.ask(Command::AbortSession { session }));
+    let reason = Some("the gauge is silent".to_owned());
+    assert_eq!(session_of(resumed.ask(Command::AbortSession { session, reason })).reason, "the gauge is silent");
     let other = session_of(resumed.ask(say::start())).number;
-    session_of(resumed.ask(Command::AbortSession { session: other }));
+    session_of(resumed.ask(Command::AbortSession { session: other, reason: None }));
     let late = resumed.host.command(Command::StartRamp { session });
     session_of(resumed.ask(say::start()));
     resumed.host.load();

@@ -136,7 +136,7 @@ fn a_patch_is_named_where_there_are_several_and_sessions_have_numbers_of_their_o
         let view = session_of(bench.ask(say::start_on(name, None, &[])));
         assert_eq!((view.number, view.patch.as_str()), (number, name));
     }
-    let view = session_of(bench.ask(Command::AbortSession { session: 1 }));
+    let view = session_of(bench.ask(Command::AbortSession { session: 1, reason: None }));
     assert_eq!((view.patch.as_str(), view.reason.as_str()), ("lower", "an operator aborted it"));
     let view = session_of(bench.ask(Command::DiscardSession { session: 1 }));
     assert_eq!(view.reason, "an operator laid it aside");

@@ -75,7 +75,7 @@ fn a_successor_that_cannot_begin_leaves_nothing_behind() {
     bench.host.load();
     let Some(Err(Rejection::FailedPrecondition(_, why))) = bench.host.reply(late) else { panic!("not refused") };
     assert!(why.contains("session 2 is TARING; finish or abort it first"), "{why}");
-    session_of(bench.ask(Command::AbortSession { session: 2 }));
+    session_of(bench.ask(Command::AbortSession { session: 2, reason: None }));
     assert_eq!(bench.host.catalogue.sessions.len(), 2);
     assert_eq!(bench.host.catalogue.sessions[0], sessions[0]);
 }

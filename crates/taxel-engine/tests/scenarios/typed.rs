@@ -99,7 +99,7 @@ fn a_plateau_below_the_last_is_refused_and_too_few_are_not_fitted() {
     let why = bench.refused(Command::FinishRamp { session });
     assert!(why.contains("2 plateaus above the vented bag, and 8 make a calibration"), "{why}");
     // What was taken counts in another ramp.
-    bench.ask(Command::AbortSession { session }).unwrap();
+    bench.ask(Command::AbortSession { session, reason: None }).unwrap();
     bench.world.pump(PumpCommand::Vent);
     bench.seconds(20.0);
     bench.ask(Command::StartRamp { session }).unwrap();

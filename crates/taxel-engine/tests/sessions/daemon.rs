@@ -233,7 +233,7 @@ fn command_of(step: Step) -> Command {
         }
         Step::StartRamp(session) => Command::StartRamp { session },
         Step::FinishRamp(session) => Command::FinishRamp { session },
-        Step::Abort(session) => Command::AbortSession { session },
+        Step::Abort(session) => Command::AbortSession { session, reason: None },
         Step::Discard(session) => Command::DiscardSession { session },
         Step::Activate(set) => Command::Activate { patch, model_set: id_of(set), expected: None },
         Step::Import(set) => {

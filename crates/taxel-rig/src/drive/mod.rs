@@ -18,7 +18,7 @@ pub use given::{Abilities, Ask, Limits, Order, Phase, Programme, Seen};
 pub use stop::Stop;
 
 use control::Control;
-use watch::{GAUGE_AGE_MAX, Watch};
+use watch::{GAUGE_AGE_MAX, Pace, Watch};
 
 /// No gauge of a vented bag reads more at the beginning, kPa.
 const AT_REST_MAX_KPA: f64 = 2.0;
@@ -29,8 +29,8 @@ const LEAK_KPA: f64 = 20.0;
 const LEAK_MAX_KPA_PER_MIN: f64 = 3.4;
 /// Before anything is pumped, gauge and drive are waited for so long: a micro board that was just plugged in begins anew.
 const HEARD_WITHIN: Duration = Duration::from_secs(5);
-/// Readings that what the gauge reads at rest is the mean of: a second of them.
-const AT_REST_READINGS: u32 = 20;
+/// Looks at the gauge of the vented bag, two seconds of them: their mean is its zero, and how often it changes is its pace.
+const AT_REST_READINGS: u32 = 40;
 /// A bag is vented below this, kPa.
 const VENTED_KPA: f64 = 1.0;
 /// A bag that is not vented after so long does not vent.
@@ -80,7 +80,7 @@ pub enum State {
 /// What a state remembers.
 #[derive(Clone, Debug)]
 enum Now {
-    Armed { gauge: Mean, own: Mean },
+    Armed { gauge: Mean, own: Mean, pace: Pace },
     Rise,
     Silence { last_order: Duration },
     TestVent,
@@ -141,7 +141,7 @@ impl Drive {
             limits,
             abilities,
             programme,
-            now: Now::Armed { gauge: Mean::default(), own: Mean::default() },
+            now: Now::Armed { gauge: Mean::default(), own: Mean::default(), pace: Pace::default() },
             since: now,
             watch: Watch::new(now),
             rest_kpa: 0.0,
@@ -237,7 +237,7 @@ impl Drive {
             self.compare_gauges(seen.now, kpa, own_kpa)?;
         }
         match self.state() {
-            State::Armed => self.armed(seen.now, kpa, own),
+            State::Armed => self.armed(seen, kpa, own),
             State::SelfTest => self.self_test(seen.now, kpa),
             State::LeakTest => self.leak_test(seen.now, kpa),
             _ => self.session(seen, kpa),
@@ -252,9 +252,11 @@ impl Drive {
         self.watch.compare_gauges(now, kpa, own_kpa)
     }
 
-    fn armed(&mut self, now: Duration, kpa: f64, own_kpa: Option<f64>) -> Step {
+    fn armed(&mut self, seen: &Seen, kpa: f64, own_kpa: Option<f64>) -> Step {
+        let now = seen.now;
         let waited = now.saturating_sub(self.since);
-        if let Now::Armed { gauge, own } = &mut self.now {
+        if let Now::Armed { gauge, own, pace } = &mut self.now {
+            seen.gauge.iter().for_each(|(_, age)| pace.push(now, *age));
             if kpa.abs() <= AT_REST_MAX_KPA {
                 gauge.push(kpa);
                 own_kpa.into_iter().for_each(|kpa| own.push(kpa));
@@ -264,6 +266,7 @@ impl Drive {
                 )));
             }
             if gauge.readings >= AT_REST_READINGS {
+                pace.is_enough()?;
                 (self.rest_kpa, self.own_rest_kpa) = (gauge.kpa(), own.kpa());
                 self.enter(now, Now::Rise);
             }

@@ -4,10 +4,14 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::given::{Limits, Seen};
-use super::stop::Stop;
+use super::stop::{NOT_TAKEN, Stop};
 
 /// A gauge that says nothing new for so long is silent.
 pub(super) const GAUGE_AGE_MAX: Duration = Duration::from_millis(200);
+/// One reading may be missing: two intervals and what a computer adds are less than that.
+const GAUGE_EVERY_MAX: Duration = Duration::from_millis(80);
+/// A reading that is newer by less is the same one: its age is known so well.
+const SAME_WITHIN: Duration = Duration::from_millis(10);
 /// A drive that has not answered for so long does not.
 const ANSWER_AGE_MAX: Duration = Duration::from_millis(500);
 /// It is called twenty times a second; after so long the bag is another one.
@@ -65,9 +69,7 @@ impl Watch {
                 Err(Stop(format!("the bag's gauge has said nothing for {age:.1} s; check its line, then begin anew")))
             }
             Some((kpa, _)) if seen.answer_age <= ANSWER_AGE_MAX => Ok(kpa),
-            Some(_) => Err(Stop(format!(
-                "the drive has not taken a command for {answer_age:.1} s; check its line and its supply"
-            ))),
+            Some(_) => Err(Stop(format!("{NOT_TAKEN} for {answer_age:.1} s"))),
         }
     }
 
@@ -131,6 +133,48 @@ impl Watch {
     pub(super) fn forget(&mut self) {
         self.apart = None;
         self.lately.clear();
+    }
+}
+
+/// How often a gauge gives a new reading.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Pace {
+    first: Duration,
+    newest: Duration,
+    readings: u32,
+    /// How often no new one had come.
+    repeats: u32,
+}
+
+impl Pace {
+    /// What is seen now is a reading of this age.
+    pub(super) fn push(&mut self, now: Duration, age: Duration) {
+        let at = now.saturating_sub(age);
+        if self.readings == 0 {
+            self.first = at;
+        } else if at < self.newest + SAME_WITHIN {
+            self.repeats += 1;
+            return;
+        }
+        (self.newest, self.readings) = (at, self.readings + 1);
+    }
+
+    /// Whether it is fast enough for a drive. Where each look finds a new reading, only the looks are too rare.
+    ///
+    /// # Errors
+    /// How fast it is, and what to do.
+    pub(super) fn is_enough(self) -> Result<(), Stop> {
+        let every = self.newest.saturating_sub(self.first) / self.readings.saturating_sub(1).max(1);
+        if every <= GAUGE_EVERY_MAX || 10 * self.repeats < self.readings {
+            return Ok(());
+        }
+        let per_s = |every: Duration| 1.0 / every.as_secs_f64();
+        Err(Stop(format!(
+            "the bag's gauge gives {:.1} readings a second, and a drive needs {:.1}, because it vents when none has come for {:.1} s; set the gauge to 20 a second, or pump by hand: taxeld calibrate",
+            per_s(every),
+            per_s(GAUGE_EVERY_MAX),
+            GAUGE_AGE_MAX.as_secs_f64()
+        )))
     }
 }
 

@@ -13,12 +13,21 @@ use serde::Deserialize;
 use crate::drive::{Abilities, Limits, Order};
 use crate::modbus::Framing;
 
-use check::{expect, within};
+pub use check::Faults;
 pub use question::Question;
 use question::{Reference, Refers};
 
 /// A bag cannot be further below ambient, kPa; what air presses with, kPa.
 const HIGHEST_KPA: f64 = 95.0;
+
+/// Profiles that come with the program, by name.
+pub const SHIPPED: [(&str, &str); 5] = [
+    ("micro", include_str!("../../../../deploy/rigs/micro.toml")),
+    ("alicat", include_str!("../../../../deploy/rigs/alicat.toml")),
+    ("epick", include_str!("../../../../deploy/rigs/epick.toml")),
+    ("vg10", include_str!("../../../../deploy/rigs/vg10.toml")),
+    ("analogue", include_str!("../../../../deploy/rigs/analogue.toml")),
+];
 
 /// What vents the bag without this program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -32,9 +41,10 @@ pub enum FailSafe {
     Attended,
 }
 
+/// The keys of a profile, as its file has them.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+pub struct File {
     name: String,
     at: String,
     #[serde(default)]
@@ -64,46 +74,47 @@ pub struct Profile {
 
 #[derive(Debug)]
 enum Protocol {
-    Text(text::Text),
-    Modbus(registers::Registers),
+    Text(Box<text::Text>),
+    Modbus(Box<registers::Registers>),
 }
 
 impl Profile {
-    /// Reads a profile; `at` goes before what it says itself.
-    ///
-    /// # Errors
-    /// The key that is wrong, and what was expected.
-    pub fn new(text: &str, at: Option<&str>) -> Result<Self, String> {
-        let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
-        let seconds = |key: &str, value: Option<f64>, default: f64, (least, most): (f64, f64)| {
-            within(key, value.unwrap_or(default), least, most).map(Duration::from_secs_f64)
+    /// What a file says, if all of it makes sense; `at` goes before what it says itself. What is wrong is noted in `faults`.
+    pub fn new(file: File, at: Option<&str>, faults: &mut Faults) -> Option<Self> {
+        let mut seconds = |key: &str, value: Option<f64>, default: f64, (least, most): (f64, f64)| {
+            Duration::try_from_secs_f64(faults.within(key, value.unwrap_or(default), least, most)).unwrap_or_default()
         };
-        let limits = Limits {
-            highest_kpa: within("highest_kpa", file.highest_kpa.unwrap_or(75.0), 6.0, HIGHEST_KPA)?,
-            hold: seconds("hold_s", file.hold_s, 20.0, (1.0, 120.0))?,
-            total: seconds("total_s", file.total_s, 900.0, (30.0, 7200.0))?,
-        };
-        let has_limit = file.fail_safe == FailSafe::OwnLimit;
-        expect(has_limit == file.own_limit_s.is_some(), || {
-            "own_limit_s: expected with fail_safe = \"own_limit\", and there alone".to_owned()
-        })?;
-        let own_limit =
-            file.own_limit_s.map(|_| seconds("own_limit_s", file.own_limit_s, 0.0, (0.5, 30.0))).transpose()?;
-        expect((file.reference == Reference::Absolute) == file.ambient_kpa.is_some(), || {
-            "ambient_kpa: expected with reference = \"absolute\", and there alone".to_owned()
-        })?;
+        let hold = seconds("hold_s", file.hold_s, 20.0, (1.0, 120.0));
+        let total = seconds("total_s", file.total_s, 900.0, (30.0, 7200.0));
+        let own_limit = file.own_limit_s.map(|_| seconds("own_limit_s", file.own_limit_s, 0.0, (0.5, 30.0)));
+        let highest_kpa = faults.within("highest_kpa", file.highest_kpa.unwrap_or(75.0), 6.0, HIGHEST_KPA);
+        let limits = Limits { highest_kpa, hold, total };
+        let kpa_per_s = faults.within("kpa_per_s", file.kpa_per_s.unwrap_or(1.0), 0.1, 5.0);
+        faults.expect("own_limit_s", (file.fail_safe == FailSafe::OwnLimit) == own_limit.is_some(), || {
+            ": expected with fail_safe = \"own_limit\", and there alone".to_owned()
+        });
+        faults.expect("ambient_kpa", (file.reference == Reference::Absolute) == file.ambient_kpa.is_some(), || {
+            ": expected with reference = \"absolute\", and there alone".to_owned()
+        });
         let refers = Refers { reference: file.reference, ambient_kpa: file.ambient_kpa.unwrap_or_default() };
         let at = at.map_or(file.at, str::to_owned);
         let protocol = match (file.text, file.modbus) {
-            (Some(keys), None) => Protocol::Text(text::Text::new(keys, own_limit, refers)?),
+            (Some(keys), None) => {
+                text::Text::new(&keys, own_limit, refers, faults).map(|text| Protocol::Text(Box::new(text)))
+            }
             (None, Some(keys)) => {
                 let framing = if at.starts_with("tcp:") { Framing::Tcp } else { Framing::Rtu };
-                Protocol::Modbus(registers::Registers::new(keys, own_limit, (refers, framing))?)
+                let registers = registers::Registers::new(keys, own_limit, (refers, framing), faults);
+                Some(Protocol::Modbus(Box::new(registers)))
             }
-            _ => return Err("expected one of [text] and [modbus]".to_owned()),
+            _ => {
+                faults.expect("", false, || "expected one of [text] and [modbus]".to_owned());
+                None
+            }
         };
-        let kpa_per_s = within("kpa_per_s", file.kpa_per_s.unwrap_or(1.0), 0.1, 5.0)?;
-        Ok(Self { name: file.name, at, fail_safe: file.fail_safe, limits, kpa_per_s, own_limit, protocol })
+        let (name, fail_safe) = (file.name, file.fail_safe);
+        let profile = Self { name, at, fail_safe, limits, kpa_per_s, own_limit, protocol: protocol? };
+        faults.0.is_empty().then_some(profile)
     }
 
     /// What it is.
@@ -138,12 +149,38 @@ impl Profile {
 
     /// What it can do.
     #[must_use]
-    pub const fn abilities(&self) -> Abilities {
+    pub fn abilities(&self) -> Abilities {
         let holds = match &self.protocol {
             Protocol::Text(text) => text.holds(),
             Protocol::Modbus(registers) => registers.holds(),
         };
         Abilities { own_limit: self.own_limit, holds }
+    }
+
+    /// What it says, a line each: limits, and what goes over its line.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        let (kpa, rate, total) = (self.limits.highest_kpa, self.kpa_per_s, self.limits.total.as_secs_f64());
+        let fail_safe = match (self.fail_safe, self.own_limit) {
+            (FailSafe::Attended, _) => "somebody stands beside its valve".to_owned(),
+            (FailSafe::ValveOpensWithoutPower, _) => {
+                "its valve opens without power; pull its plug to try that".to_owned()
+            }
+            (_, limit) => {
+                format!("it vents when it is told nothing for {:.1} s", limit.unwrap_or_default().as_secs_f64())
+            }
+        };
+        let orders = [("12.5 kPa", Order::Set(12.5)), ("hold", Order::Hold), ("vent", Order::Vent)];
+        let can = |order: &Order| *order != Order::Hold || self.abilities().holds;
+        let asked = orders.iter().filter(|(_, order)| can(order)).flat_map(|(what, order)| {
+            let words = |question: Question| question.words();
+            self.questions(*order)
+                .into_iter()
+                .map(words)
+                .map(move |[sent, expected]| format!("{what}: sends {sent}, expects {expected}"))
+        });
+        let limits = format!("at most {kpa:.0} kPa below ambient, {rate:.1} kPa/s, {total:.0} s");
+        [limits, format!("fail-safe: {fail_safe}")].into_iter().chain(asked).collect()
     }
 
     /// What is said to it for an order, one after the other: the command, its read-back, and its own gauge. Nothing for silence.

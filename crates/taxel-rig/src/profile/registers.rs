@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use super::check::expect;
+use super::check::Faults;
 use super::question::{Expects, Question, Refers};
 use crate::drive::Order;
 use crate::modbus::{Framing, Register, Request};
@@ -58,28 +58,34 @@ impl Registers {
         keys: Keys,
         own_limit: Option<Duration>,
         (refers, framing): (Refers, Framing),
-    ) -> Result<Self, String> {
+        faults: &mut Faults,
+    ) -> Self {
         let set_points = |cells: &[Cell]| cells.iter().filter(|cell| matches!(cell, Cell::Word(Word::Kpa))).count();
-        expect(set_points(&keys.set) == 1, || "set: expected the set point once, as \"kpa\"".to_owned())?;
-        let lists = [("set", Some(&keys.set)), ("vent", Some(&keys.vent)), ("hold", keys.hold.as_ref())];
-        for (key, cells) in lists.into_iter().filter_map(|(key, cells)| Some((key, cells?))) {
-            expect((1..=100).contains(&cells.len()), || format!("{key}: expected 1 to 100 registers"))?;
-            expect(key == "set" || set_points(cells) == 0, || format!("{key}: \"kpa\" belongs to set"))?;
+        let lists = [
+            ("modbus.set", 1, Some(&keys.set)),
+            ("modbus.vent", 0, Some(&keys.vent)),
+            ("modbus.hold", 0, keys.hold.as_ref()),
+        ];
+        for (key, most, cells) in lists.into_iter().filter_map(|(key, most, cells)| Some((key, most, cells?))) {
+            faults.expect(key, (1..=100).contains(&cells.len()), || ": expected 1 to 100 registers".to_owned());
+            let found = set_points(cells);
+            faults.expect(key, most == 0 || found == 1, || ": expected the set point once, as \"kpa\"".to_owned());
+            faults.expect(key, most == 1 || found == 0, || ": \"kpa\" belongs to set".to_owned());
         }
-        expect(keys.step_kpa.is_normal(), || "step_kpa: expected what a step of the set point is".to_owned())?;
-        let register = |key: &str, text: &Option<String>| match text {
-            Some(text) => match Register::new(text) {
-                Ok(register) => Ok(Some(Register { slave: keys.slave, ..register })),
-                Err(why) => Err(format!("{key} = {text:?}: {why}")),
-            },
-            None => Ok(None),
+        faults.expect("modbus.step_kpa", keys.step_kpa.is_normal(), || {
+            format!(" = {}: expected what a step of the set point is", keys.step_kpa)
+        });
+        let mut register = |key: &str, text: &Option<String>| {
+            let text = text.as_deref()?;
+            let register = faults.read(key, text, Register::new(text))?;
+            Some(Register { slave: keys.slave, ..register })
         };
-        let set_point = register("set_point", &keys.set_point)?;
-        let pressure = register("pressure", &keys.pressure)?;
-        expect(keys.set.len() == 1 || set_point.is_some(), || {
-            "set_point is missing: where the set point is read back, as in \"holding 1\"".to_owned()
-        })?;
-        Ok(Self { keys, own_limit: own_limit.unwrap_or_default(), refers, framing, set_point, pressure })
+        let set_point = register("modbus.set_point", &keys.set_point);
+        let pressure = register("modbus.pressure", &keys.pressure);
+        faults.expect("modbus.set_point", keys.set.len() == 1 || keys.set_point.is_some(), || {
+            " is missing: where the set point is read back, as in \"holding 1\"".to_owned()
+        });
+        Self { keys, own_limit: own_limit.unwrap_or_default(), refers, framing, set_point, pressure }
     }
 
     pub(super) const fn holds(&self) -> bool {
@@ -103,14 +109,17 @@ impl Registers {
         let command = cells.map(|cells| {
             let values = cells.iter().map(value).collect();
             let write = Request::Write { slave: keys.slave, address: keys.address, values };
-            Question { speech: Speech::Modbus(write, self.framing), expects: Expects::Taken }
+            let key = "modbus.set".to_owned();
+            Question { speech: Speech::Modbus(write, self.framing), expects: Expects::Taken, key }
         });
-        let read = |register: &Option<Register>, expects| {
-            register.map(|read| Question { speech: Speech::Modbus(Request::Read(read), self.framing), expects })
+        let read = |register: &Option<Register>, expects, key: &str| {
+            let speech = Speech::Modbus(Request::Read((*register)?), self.framing);
+            Some(Question { speech, expects, key: key.to_owned() })
         };
         let set_point = Expects::SetPoint { sent: f64::from(sent), within: 0.5 };
-        let set_point = read(&self.set_point, set_point).filter(|_| matches!(order, Order::Set(_)));
-        let pressure = read(&self.pressure, Expects::Pressure { unit_kpa: 1.0, refers: self.refers });
+        let set_point = read(&self.set_point, set_point, "modbus.set_point").filter(|_| matches!(order, Order::Set(_)));
+        let pressure = Expects::Pressure { unit_kpa: 1.0, refers: self.refers };
+        let pressure = read(&self.pressure, pressure, "modbus.pressure");
         command.into_iter().chain(set_point).chain(pressure).collect()
     }
 

@@ -1,11 +1,11 @@
-//! A drive that is told lines of text, and answers each with one.
+//! A drive that is told lines of text.
 
 use std::time::Duration;
 
 use serde::Deserialize;
 use taxel_wire::signal::PressureUnit;
 
-use super::check::{expect, within};
+use super::check::Faults;
 use super::question::{Expects, Question, Refers};
 use crate::drive::Order;
 use crate::talk::Speech;
@@ -20,9 +20,11 @@ pub(super) struct Keys {
     ending: Option<String>,
     decimals: Option<usize>,
     set: String,
-    set_answer: String,
+    set_answer: Option<String>,
+    set_point: Option<String>,
+    set_point_answer: Option<String>,
     vent: String,
-    vent_answer: String,
+    vent_answer: Option<String>,
     hold: Option<String>,
     hold_answer: Option<String>,
     pressure: Option<String>,
@@ -32,56 +34,108 @@ pub(super) struct Keys {
 /// Its lines.
 #[derive(Debug)]
 pub(super) struct Text {
-    ending: String,
     decimals: usize,
     refers: Refers,
-    set: Set,
-    set_answer: Template,
-    vent: Speech,
-    hold: Option<Speech>,
-    pressure: Option<Speech>,
+    /// How the set point stands in the line that sets, and its unit.
+    slot: (String, PressureUnit),
+    set: Line,
+    set_point: Option<Line>,
+    vent: Line,
+    hold: Option<Line>,
+    pressure: Option<Line>,
 }
 
-/// What is sent for a set point.
+/// A line to the drive with its end, and what is answered to it; nothing where no answer comes.
 #[derive(Debug)]
-struct Set {
-    before: String,
-    after: String,
-    unit: PressureUnit,
+struct Line {
+    name: &'static str,
+    sent: String,
+    answer: Option<Template>,
+}
+
+/// What is in braces, but not what JSON has in them.
+fn placeholders(text: &str) -> Vec<&str> {
+    let inside = text.split('{').skip(1).filter_map(|rest| Some(rest.split_once('}')?.0));
+    inside.filter(|inside| inside.chars().all(|c| c.is_alphanumeric() || matches!(c, '*' | '/'))).collect()
+}
+
+/// From the keys to the lines.
+struct Reading<'a> {
+    ending: String,
+    own_limit_s: f64,
+    /// Whether a command may be without an answer: the set point is asked for, and its answer shows that the drive is there.
+    may_be_silent: bool,
+    faults: &'a mut Faults,
+}
+
+impl Reading<'_> {
+    /// One line, with the drive's own limit in it.
+    fn text(&mut self, key: &str, text: &str) -> String {
+        self.faults.expect(key, !text.is_empty() && !text.contains(char::is_control), || {
+            format!(" = {text:?}: expected one line of text, without its end")
+        });
+        let ms = format!("{:.0}", 1e3 * self.own_limit_s);
+        text.replace("{ms}", &ms).replace("{s}", &self.own_limit_s.to_string())
+    }
+
+    /// The line of a key and its answer; `asks` if it is for a number that the answer has in it.
+    fn line(&mut self, name: &'static str, keys: (Option<&String>, Option<&String>), asks: bool) -> Option<Line> {
+        let (key, answers) = (format!("text.{name}"), format!("text.{name}_answer"));
+        let (Some(text), answer) = keys else {
+            self.faults
+                .expect(&key, keys.1.is_none(), || format!(": expected both {name} and {name}_answer, or neither"));
+            return None;
+        };
+        let sent = self.text(&key, text);
+        self.faults.expect(&key, name == "set" || placeholders(&sent).is_empty(), || {
+            format!(" = {text:?}: expected no braces: the set point belongs to set, {{*}} to an answer")
+        });
+        let may_be_silent = self.may_be_silent && !matches!(name, "set_point" | "pressure");
+        self.faults.expect(&answers, answer.is_some() || may_be_silent, || {
+            " is missing: what is answered; where nothing is, give set_point and set_point_answer".to_owned()
+        });
+        let answer = answer.and_then(|answer| {
+            let expected = self.text(&answers, answer);
+            self.faults.expect(&answers, expected != sent, || {
+                format!(" = {answer:?}: an echo of {name} is no answer: leave it out, and give set_point")
+            });
+            let template = self.faults.read(&answers, &expected, Template::pattern(&expected))?;
+            self.faults.expect(&answers, !asks || template.unit().is_some(), || {
+                let or = if name == "set" { ", or the keys set_point and set_point_answer beside it" } else { "" };
+                format!(" = {answer:?}: it has no number: expected its unit in braces, as in \"P={{kPa}}\"{or}")
+            });
+            Some(template)
+        });
+        Some(Line { name, sent: sent + &self.ending, answer })
+    }
 }
 
 impl Text {
-    pub(super) fn new(keys: Keys, own_limit: Option<Duration>, refers: Refers) -> Result<Self, String> {
-        let ending = keys.ending.unwrap_or_else(|| "\n".to_owned());
-        expect(["\n", "\r", "\r\n"].contains(&ending.as_str()), || {
-            format!("ending = {ending:?}: expected \"\\n\", \"\\r\" or \"\\r\\n\"")
-        })?;
+    pub(super) fn new(keys: &Keys, own_limit: Option<Duration>, refers: Refers, faults: &mut Faults) -> Option<Self> {
+        let ending = keys.ending.clone().unwrap_or_else(|| "\n".to_owned());
+        faults.expect("text.ending", ["\n", "\r", "\r\n"].contains(&ending.as_str()), || {
+            format!(" = {ending:?}: expected \"\\n\", \"\\r\" or \"\\r\\n\"")
+        });
         let decimals = keys.decimals.unwrap_or(2);
-        within("decimals", decimals as f64, 0.0, 6.0)?;
-        let seconds = own_limit.unwrap_or_default().as_secs_f64();
-        let line = |key: &str, text: &str| -> Result<String, String> {
-            expect(!text.is_empty() && !text.contains(char::is_control), || {
-                format!("{key}: expected one line of text, without its end")
-            })?;
-            Ok(text.replace("{ms}", &format!("{:.0}", 1e3 * seconds)).replace("{s}", &format!("{seconds}")))
+        faults.within("text.decimals", decimals as f64, 0.0, 6.0);
+        let (own_limit_s, is_read) = (own_limit.unwrap_or_default().as_secs_f64(), keys.set_point.is_some());
+        let mut reading = Reading { ending, own_limit_s, may_be_silent: is_read, faults };
+        let set = reading.line("set", (Some(&keys.set), keys.set_answer.as_ref()), !is_read);
+        let set_point = (keys.set_point.as_ref(), keys.set_point_answer.as_ref());
+        let set_point = reading.line("set_point", set_point, true);
+        let vent = reading.line("vent", (Some(&keys.vent), keys.vent_answer.as_ref()), false);
+        let hold = reading.line("hold", (keys.hold.as_ref(), keys.hold_answer.as_ref()), false);
+        let pressure = reading.line("pressure", (keys.pressure.as_ref(), keys.pressure_answer.as_ref()), true);
+        let (set, vent) = (set?, vent?);
+        let slot = match placeholders(&set.sent)[..] {
+            [one] => PressureUnit::named(one).map(|unit| (format!("{{{one}}}"), unit)),
+            _ => None,
         };
-        let speech = |key: &str, text: &str, answer: &str| -> Result<Speech, String> {
-            let template = Template::pattern(&line(key, answer)?);
-            let template = template.map_err(|fault| format!("{key}_answer: {fault}"))?;
-            Ok(Speech::Text { poll: line(key, text)? + &ending, template })
-        };
-        let both = |key: &str, text: Option<String>, answer: Option<String>| match (text, answer) {
-            (Some(text), Some(answer)) => speech(key, &text, &answer).map(Some),
-            (None, None) => Ok(None),
-            _ => Err(format!("{key} and {key}_answer: expected both, or neither")),
-        };
-        let set = Set::new(&line("set", &keys.set)?)?;
-        let set_answer = Template::new(&line("set_answer", &keys.set_answer)?);
-        let set_answer = set_answer.map_err(|fault| format!("set_answer: {fault}"))?;
-        let vent = speech("vent", &keys.vent, &keys.vent_answer)?;
-        let hold = both("hold", keys.hold, keys.hold_answer)?;
-        let pressure = both("pressure", keys.pressure, keys.pressure_answer)?;
-        Ok(Self { ending, decimals, refers, set, set_answer, vent, hold, pressure })
+        faults.expect("text.set", slot.is_some(), || {
+            let names = PressureUnit::NAMES;
+            format!(" = {:?}: expected the set point once, as its unit in braces: one of {names}", keys.set)
+        });
+        Some(Self { decimals, refers, slot: slot?, set, set_point, vent, hold, pressure })
     }
 
     pub(super) const fn holds(&self) -> bool {
@@ -89,47 +143,35 @@ impl Text {
     }
 
     pub(super) fn questions(&self, order: Order) -> Vec<Question> {
-        let taken = |speech: &Speech| Question { speech: speech.clone(), expects: Expects::Taken };
-        let command = match order {
+        let (command, set_kpa) = match order {
             Order::Silence => return Vec::new(),
-            Order::Set(kpa) => Some(self.set(kpa)),
-            Order::Hold => self.hold.as_ref().map(taken),
-            Order::Vent => Some(taken(&self.vent)),
+            Order::Set(kpa) => (Some(&self.set), Some(self.refers.turned(kpa))),
+            Order::Hold => (self.hold.as_ref(), None),
+            Order::Vent => (Some(&self.vent), None),
         };
-        let pressure = self.pressure.as_ref().map(|speech| {
-            let unit = if let Speech::Text { template, .. } = speech { template.unit() } else { None };
-            let expects =
-                Expects::Pressure { unit_kpa: unit.unwrap_or_default().to_kilopascal(1.0), refers: self.refers };
-            Question { speech: speech.clone(), expects }
-        });
-        command.into_iter().chain(pressure).collect()
-    }
-
-    /// A set point, and its read-back.
-    fn set(&self, kpa: f64) -> Question {
-        let (kpa, decimals) = (self.refers.turned(kpa), self.decimals);
-        let (sent_in, answered_in) = (self.set.unit, self.set_answer.unit().unwrap_or_default());
-        let number = kpa / sent_in.to_kilopascal(1.0);
-        let poll = format!("{}{number:.decimals$}{}{}", self.set.before, self.set.after, self.ending);
-        let within_kpa = sent_in.to_kilopascal(0.5 * 0.1_f64.powi(decimals as i32)) + ROUNDING_KPA;
-        let unit_kpa = answered_in.to_kilopascal(1.0);
-        let expects = Expects::SetPoint { sent: kpa / unit_kpa, within: within_kpa / unit_kpa };
-        Question { speech: Speech::Text { poll, template: self.set_answer.clone() }, expects }
-    }
-}
-
-impl Set {
-    fn new(text: &str) -> Result<Self, String> {
-        let found = text.split_once('{').and_then(|(before, rest)| Some((before, rest.split_once('}')?)));
-        let unit = found.and_then(|(_, (inside, _))| PressureUnit::named(inside));
-        match (found, unit) {
-            (Some((before, (_, after))), Some(unit)) if !after.contains('{') => {
-                Ok(Self { before: before.to_owned(), after: after.to_owned(), unit })
-            }
-            _ => {
-                let names = PressureUnit::NAMES;
-                Err(format!("set = {text:?}: expected the set point once, as its unit in braces: one of {names}"))
-            }
+        let (slot, unit) = &self.slot;
+        let number = format!("{:.*}", self.decimals, unit.from_kilopascal(set_kpa.unwrap_or_default()));
+        let is_silent = command.is_some_and(|command| command.answer.is_none());
+        let read_back = self.set_point.as_ref().filter(|_| set_kpa.is_some() || is_silent);
+        let (mut questions, mut sent) = (Vec::new(), String::new());
+        for line in [command, read_back, self.pressure.as_ref()].into_iter().flatten() {
+            sent.push_str(&line.sent.replace(slot, &number));
+            // What is not answered goes out with the next question.
+            let Some(template) = line.answer.clone() else { continue };
+            let unit_kpa = template.unit().unwrap_or_default().to_kilopascal(1.0);
+            let expects = match set_kpa {
+                _ if line.name == "pressure" => Expects::Pressure { unit_kpa, refers: self.refers },
+                Some(kpa) => Expects::SetPoint { sent: kpa / unit_kpa, within: self.rounding_kpa() / unit_kpa },
+                None => Expects::Taken,
+            };
+            let speech = Speech::Text { poll: std::mem::take(&mut sent), template };
+            questions.push(Question { speech, expects, key: format!("text.{}_answer", line.name) });
         }
+        questions
+    }
+
+    /// A set point is read back within so much.
+    fn rounding_kpa(&self) -> f64 {
+        self.slot.1.to_kilopascal(0.5 * 0.1_f64.powi(self.decimals as i32)) + ROUNDING_KPA
     }
 }

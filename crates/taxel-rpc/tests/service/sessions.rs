@@ -21,7 +21,7 @@ fn publish(daemon: &Daemon, number: u64, state: SessionState) {
 }
 
 fn advance(session: u64, action: v1::SessionAction) -> v1::AdvanceSessionRequest {
-    v1::AdvanceSessionRequest { session, action: action.into(), typed_kpa: None }
+    v1::AdvanceSessionRequest { session, action: action.into(), ..v1::AdvanceSessionRequest::default() }
 }
 
 #[tokio::test]
@@ -75,7 +75,7 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     let commands = [
         (StartRamp, Command::StartRamp { session: 8 }),
         (FinishRamp, Command::FinishRamp { session: 8 }),
-        (Abort, Command::AbortSession { session: 8 }),
+        (Abort, Command::AbortSession { session: 8, reason: None }),
         (Discard, Command::DiscardSession { session: 8 }),
     ];
     for (action, expected) in commands {
@@ -90,6 +90,26 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     answer.unwrap();
     let status = client.delete_session(v1::SessionRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
+}
+
+#[tokio::test]
+async fn an_abort_says_why_and_no_other_step_does() {
+    use v1::SessionAction::{Abort, Discard};
+    let mut daemon = start().await;
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let done = || Ok(Done::Session(Arc::new(view(8, SessionState::Aborted))));
+    let because = |action, why: &str| v1::AdvanceSessionRequest { reason: why.to_owned(), ..advance(8, action) };
+    let call = client.advance_session(because(Abort, "the gauge is silent"));
+    let has_reason = |command| {
+        assert!(
+            matches!(command, Command::AbortSession { reason, .. } if reason.as_deref() == Some("the gauge is silent"))
+        );
+    };
+    tokio::join!(call, daemon.answer(done(), has_reason)).0.unwrap();
+    for (action, why) in [(Discard, "why".to_owned()), (Abort, "\u{1b}".to_owned()), (Abort, "x".repeat(2001))] {
+        let status = client.advance_session(because(action, &why)).await.unwrap_err();
+        assert_eq!(status.code(), Code::InvalidArgument, "{why}");
+    }
 }
 
 #[tokio::test]

@@ -9,6 +9,8 @@ use tonic::{Code, Status};
 
 /// Exit code of a command that the daemon refused, or that found no good force or a fault in the health.
 const REFUSED: u8 = 3;
+/// Exit code of a calibration that gave a set which is not good.
+const NOT_GOOD: u8 = 4;
 /// Exit code where the daemon could not be asked, or its answer could not be used.
 const BROKEN: u8 = 1;
 
@@ -30,6 +32,11 @@ impl Failure {
     /// A refusal in these words: exit code 3.
     pub fn refused(why: impl Into<String>) -> Self {
         Self { why: why.into(), code: REFUSED, help: None, reason: ErrorReason::Unspecified }
+    }
+
+    /// A set that is not used, because it is not good: exit code 4.
+    pub fn not_good(why: impl Into<String>) -> Self {
+        Self { code: NOT_GOOD, ..Self::refused(why) }
     }
 
     /// The same with a command that helps.

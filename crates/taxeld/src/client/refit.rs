@@ -8,7 +8,7 @@ use super::failure::Outcome;
 use super::json;
 use super::model_set::print_set;
 
-/// What it takes beside the sessions. `taxel-lab fit` has more options.
+/// What it takes beside the sessions.
 #[derive(Debug, clap::Args)]
 pub struct RefitArgs {
     #[command(flatten)]

@@ -5,12 +5,18 @@ use taxel_proto::v1::{
     AdvanceSessionRequest, Branches, ListRequest, Session, SessionAction, SessionRequest, SessionState,
 };
 
+use taxel_skin::printable;
+
 use super::connect::Daemon;
 use super::export::{ExportArgs, export};
 use super::failure::Outcome;
 use super::refit::{RefitArgs, refit};
 use super::{ask, json, table};
+use crate::say::short;
 use crate::values::refusals;
+
+/// So much of a reason is kept with a session: 2000 bytes, and a character may have four.
+const REASON_CHARS_MAX: usize = 480;
 
 /// Calibration sessions.
 #[derive(Debug, clap::Args)]
@@ -115,7 +121,18 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn advance(daemon: &Daemon, session: u64, action: SessionAction) -> Outcome<Session> {
-    let request = AdvanceSessionRequest { session, action: action.into(), typed_kpa: None };
+    let request = AdvanceSessionRequest { session, action: action.into(), ..AdvanceSessionRequest::default() };
+    Ok(daemon.calibration().advance_session(request).await?.into_inner())
+}
+
+/// Aborts a session for this reason.
+///
+/// # Errors
+/// Refused with the daemon's reason, or no daemon.
+pub async fn abort(daemon: &Daemon, session: u64, reason: &str) -> Outcome<Session> {
+    let reason = short(&printable(reason), REASON_CHARS_MAX);
+    let action = SessionAction::Abort.into();
+    let request = AdvanceSessionRequest { session, action, reason, typed_kpa: None };
     Ok(daemon.calibration().advance_session(request).await?.into_inner())
 }
 

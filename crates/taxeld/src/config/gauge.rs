@@ -261,9 +261,12 @@ fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<
 
 fn text(gauge: &GaugeSection, template: &str, faults: &mut Faults) -> Option<Speech> {
     let poll = gauge.poll.clone().unwrap_or_default();
-    if gauge.poll.is_some() && !(1..=POLL_BYTES_MAX).contains(&poll.len()) {
-        let words =
-            format!("gauge.poll: expected 1 to {POLL_BYTES_MAX} bytes, with the end of the line, as in \"P\\r\\n\"");
+    // In single quotes of TOML an escape is two characters.
+    let has_escape = ["\\r", "\\n"].iter().any(|escape| poll.contains(escape));
+    if gauge.poll.is_some() && (has_escape || !(1..=POLL_BYTES_MAX).contains(&poll.len())) {
+        let words = format!(
+            "gauge.poll: expected 1 to {POLL_BYTES_MAX} bytes in double quotes, with the end of the line, as in \"P\\r\\n\""
+        );
         faults.note("gauge.poll", words);
     }
     let read = Template::new(template).map_err(|why| format!("gauge.template = \"{template}\": {why}"));

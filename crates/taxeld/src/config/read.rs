@@ -6,7 +6,9 @@
 use std::ops::Range;
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
 use serde_path_to_error::{Segment, deserialize};
+use taxel_rig::profile::{Faults as Faulty, Profile, SHIPPED};
 use taxel_skin::printable;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
@@ -17,6 +19,7 @@ use super::ports;
 use super::problem::{Faults, PROBLEMS_MAX, Problem, Problems};
 use super::scene::{Scene, scene_of};
 use crate::files;
+use crate::rig::At;
 
 /// Most patches, and most buses: every pair of patches is compared.
 const PATCHES_MAX: usize = 100;
@@ -65,19 +68,14 @@ pub fn examine_with(
     text: &str,
     more: impl FnOnce(&Config, &Scene, &mut Faults),
 ) -> Result<(Config, Scene), Problems> {
-    let (tree, errors) = DeTable::parse_recoverable(text);
-    let mut reading = Reading { path, text, tree, problems: Vec::new() };
-    for error in &errors {
-        let line = error.span().map_or(1, |span| reading.line_of(span.start));
-        reading.push(Problem { line, message: on_a_line(error.message()), ..Problem::default() });
-    }
+    let mut reading = Reading::new(path, text);
     for section in ["patch", "bus"] {
         let list = reading.tree.get_ref().get(section).and_then(|value| value.get_ref().as_array());
         if let Some(count) = list.map(|list| list.len()).filter(|count| *count > PATCHES_MAX) {
             reading.note(section, format!("{count} sections [[{section}]]: expected at most {PATCHES_MAX}"));
         }
     }
-    let mut config = if reading.problems.is_empty() { reading.config() } else { None };
+    let mut config: Option<Config> = reading.sections();
     config.iter_mut().for_each(|config| {
         ports::expand(config);
         gauge::expand(config);
@@ -91,10 +89,35 @@ pub fn examine_with(
         faults.problems().take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
         scene
     });
-    match config.zip(scene) {
-        Some(both) if reading.problems.is_empty() => Ok(both),
-        _ => Err(Problems::new(reading.problems)),
-    }
+    reading.end(config.zip(scene))
+}
+
+/// Reads the profile of a drive, a file or one that comes with the program, and where the drive is; `at` goes before what the
+/// profile says of that.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn examine_profile(file: &str, at: Option<&str>) -> Result<(Profile, At), Problems> {
+    let path = Path::new(file);
+    let text = match SHIPPED.iter().find(|(name, _)| *name == file) {
+        Some((_, text)) => (*text).to_owned(),
+        None => read_text(path).map_err(|found| {
+            let names = SHIPPED.map(|(name, _)| name).join(", ");
+            let but = |found: &Problem| Problem {
+                message: format!("{}; expected a file, or one of {names}", found.message),
+                ..found.clone()
+            };
+            Problems::new(found.all().iter().map(but).collect())
+        })?,
+    };
+    let (mut reading, mut faults) = (Reading::new(path, &text), Faulty::default());
+    let found = reading.sections().and_then(|file| {
+        let profile = Profile::new(file, at, &mut faults)?;
+        let place = faults.read("at", profile.at(), At::new(profile.at()))?;
+        Some((profile, place))
+    });
+    faults.0.into_iter().for_each(|(key, words)| reading.note(&key, words));
+    reading.end(found)
 }
 
 struct Reading<'a> {
@@ -105,14 +128,33 @@ struct Reading<'a> {
     problems: Vec<Problem>,
 }
 
-impl Reading<'_> {
+impl<'a> Reading<'a> {
+    /// The tree of a text, and what is wrong with its syntax.
+    fn new(path: &'a Path, text: &'a str) -> Self {
+        let (tree, errors) = DeTable::parse_recoverable(text);
+        let mut reading = Self { path, text, tree, problems: Vec::new() };
+        for error in &errors {
+            let line = error.span().map_or(1, |span| reading.line_of(span.start));
+            reading.push(Problem { line, message: on_a_line(error.message()), ..Problem::default() });
+        }
+        reading
+    }
+
+    /// The value, if nothing is wrong.
+    fn end<T>(self, value: Option<T>) -> Result<T, Problems> {
+        value.filter(|_| self.problems.is_empty()).ok_or_else(|| Problems::new(self.problems))
+    }
+
     /// The sections, if there is enough in the file to make them.
-    fn config(&mut self) -> Option<Config> {
+    fn sections<T: DeserializeOwned>(&mut self) -> Option<T> {
+        if !self.problems.is_empty() {
+            return None;
+        }
         let mut left = self.tree.clone();
         let mut is_cut = false;
         while self.problems.len() < PROBLEMS_MAX {
-            let error = match deserialize::<_, Config>(Deserializer::from(left.clone())) {
-                Ok(config) => return Some(config),
+            let error = match deserialize::<_, T>(Deserializer::from(left.clone())) {
+                Ok(sections) => return Some(sections),
                 Err(error) => error,
             };
             let (key, message) = (key_of(error.path()), error.inner().message());

@@ -87,7 +87,7 @@ async fn nonsense_is_counted_and_ends_nothing() {
     opened(&mut bus).await;
     gauge.write_all(b"\nP=1.0\nERR 7\nP=nan\n").unwrap();
     let (read, events) = next(&mut bus).await;
-    let why = format!("{}: line \"P=nan\" is not as the template says", path.display());
+    let why = format!("{}: received \"P=nan\", expected \"P={{kPa}}\"", path.display());
     assert_eq!((read, events), (vec![1.0], vec![BusEvent::Unread { lines: 2, why }, BusEvent::Up]));
     gauge.write_all(b"P=2.0\n").unwrap();
     assert_eq!(next(&mut bus).await, (vec![2.0], vec![]));

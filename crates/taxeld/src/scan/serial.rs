@@ -14,6 +14,10 @@ use crate::rig::{At, BAUD_RATES, BAUD_USUAL};
 const TRIED: [u32; 5] = [115_200, 9_600, 19_200, 57_600, 38_400];
 /// Lines that are shown.
 const SHOWN: usize = 5;
+/// What air presses with, kPa: a gauge of a vented bag that reads so is absolute.
+const AIR_KPA: std::ops::RangeInclusive<f64> = 80.0..=110.0;
+/// A reading further below 0 than an offset is one of vacuum, kPa.
+const VACUUM_KPA: f64 = 1.0;
 /// From one question to the next.
 const ASK_EVERY: Duration = Duration::from_millis(200);
 
@@ -29,6 +33,13 @@ pub struct Asked<'a> {
     pub poll: Option<&'a str>,
     /// How long, at one rate.
     pub over: Duration,
+}
+
+impl Asked<'_> {
+    /// What to ask. On a command line an escape is two characters.
+    fn unescaped_poll(&self) -> Option<String> {
+        self.poll.map(|text| text.replace("\\r", "\r").replace("\\n", "\n"))
+    }
 }
 
 /// Listens; a text for people.
@@ -54,7 +65,7 @@ pub async fn text(asked: &Asked<'_>) -> anyhow::Result<String> {
             let mut lines =
                 vec![format!("{}{rate}: {:.1} lines/s", asked.at, heard.lines.len() as f64 / heard.seconds)];
             lines.extend(heard.lines.iter().rev().take(SHOWN).rev().map(|line| format!("  {}", printable(line))));
-            lines.extend(template.as_ref().map_or_else(|| proposals(&heard), |template| readings(template, &heard)));
+            lines.extend(proposals(asked, &format!("{}{rate}", asked.at), &heard, template.as_ref()));
             return Ok(lines.join("\n"));
         }
         tried.push(format!("{}{rate}: {} bytes, no lines of text", asked.at, heard.bytes));
@@ -71,8 +82,7 @@ struct Heard {
 
 async fn listen(at: &At, asked: &Asked<'_>) -> anyhow::Result<Heard> {
     let mut link = at.open().await.map_err(anyhow::Error::msg)?;
-    // On a command line an escape is two characters.
-    let poll = asked.poll.map(|text| text.replace("\\r", "\r").replace("\\n", "\n"));
+    let poll = asked.unescaped_poll();
     let mut lines = if poll.is_some() { Lines::from_the_first() } else { Lines::default() };
     let (begun, mut buffer) = (Instant::now(), [0; 1024]);
     let end = begun + asked.over;
@@ -91,37 +101,78 @@ async fn listen(at: &At, asked: &Asked<'_>) -> anyhow::Result<Heard> {
     Ok(heard)
 }
 
-/// What a template reads of the lines.
-fn readings(template: &Template, heard: &Heard) -> Vec<String> {
+/// The lines of a configuration: by the template that was given, or for each number of the last line.
+fn proposals(asked: &Asked<'_>, at: &str, heard: &Heard, given: Option<&Template>) -> Vec<String> {
+    if let Some(template) = given {
+        let unread = heard.lines.iter().rev().find_map(|line| template.read(line).err());
+        let unread = unread.map(|why| format!("  not read: {}", printable(&why)));
+        return std::iter::once(proposal(asked, at, heard, template)).chain(unread).collect();
+    }
+    let numbers = heard.lines.last().map(|line| numbers_of(line)).unwrap_or_default();
+    if numbers.is_empty() {
+        return vec![format!("no number is in the last line; a template has one of {}", PressureUnit::NAMES)];
+    }
+    let templates = numbers.iter().filter_map(|number| {
+        // Without a unit in the line the pressure of the air says which it is.
+        let is_air = |unit: &&&str| {
+            PressureUnit::named(unit).is_some_and(|unit| AIR_KPA.contains(&unit.to_kilopascal(number.value)))
+        };
+        let unit = ["kPa", "hPa", "Pa"].iter().find(is_air).filter(|_| number.unit.is_none()).unwrap_or(&"kPa");
+        Template::new(&number.template.replace("{kPa}", &format!("{{{unit}}}"))).ok()
+    });
+    let lines = templates.map(|template| proposal(asked, at, heard, &template));
+    std::iter::once("for its [[patch]], one of (another unit may stand in the braces):".to_owned())
+        .chain(lines)
+        .collect()
+}
+
+/// A line of a configuration, and what it reads.
+fn proposal(asked: &Asked<'_>, at: &str, heard: &Heard, template: &Template) -> String {
     let unit = template.unit().unwrap_or_default();
     let read = heard.lines.iter().filter_map(|line| template.read(line).ok().flatten());
     let read: Vec<f64> = read.map(|value| unit.to_kilopascal(value)).collect();
     let (least, most) = read.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), kpa| (a.min(*kpa), b.max(*kpa)));
-    let mut lines = vec![format!("the template reads {} of {} lines", read.len(), heard.lines.len())];
-    if let Some(last) = read.last() {
-        lines.push(format!("  {least:.3} to {most:.3} kPa, last {last:.3} kPa{}", reference(least, most)));
-    }
-    let unread = heard.lines.iter().rev().find_map(|line| template.read(line).err());
-    lines.extend(unread.map(|why| format!("  not read: {why}")));
-    lines
+    let (reference, words) = match read.last() {
+        None => ("", "reads none of them"),
+        Some(_) if AIR_KPA.contains(&least) && AIR_KPA.contains(&most) => {
+            (", reference = \"absolute\"", "the air's own pressure, if the bag is vented now")
+        }
+        Some(_) if least < -VACUUM_KPA && most < VACUUM_KPA => (", reference = \"ambient\"", "below 0 in vacuum"),
+        Some(_) => ("", "taken as above 0 in vacuum; if it is below 0 there, add reference = \"ambient\""),
+    };
+    let poll = asked.unescaped_poll().map_or_else(String::new, |poll| format!(", poll = {poll:?}"));
+    let (text, count) = (template.text(), heard.lines.len());
+    let range = if read.is_empty() {
+        String::new()
+    } else {
+        format!("{least:.3} to {most:.3} kPa in {} of {count} lines: ", read.len())
+    };
+    printable(&format!("  gauge = {{ line = {at:?}, template = {text:?}{poll}{reference} }} # {range}{words}"))
 }
 
-/// What such readings refer to.
-fn reference(least: f64, most: f64) -> &'static str {
-    match (least, most) {
-        (least, most) if least > 50.0 && most < 110.0 => ": as air has, so add reference = \"absolute\"",
-        (least, most) if least < -5.0 && most < 5.0 => ": below 0 in vacuum, so add reference = \"ambient\"",
-        _ => "",
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// A template for each number of the last line.
-fn proposals(heard: &Heard) -> Vec<String> {
-    let numbers = heard.lines.last().map(|line| numbers_of(line)).unwrap_or_default();
-    let mut lines = vec!["templates for its numbers, in kPa; other units stand in the braces as well:".to_owned()];
-    lines.extend(numbers.iter().map(|(value, template)| format!("  {value}: --template '{}'", printable(template))));
-    if numbers.is_empty() {
-        lines = vec![format!("no number is in the last line; a template has one of {}", PressureUnit::NAMES)];
+    #[test]
+    fn a_proposal_says_what_its_numbers_refer_to() {
+        let at = At::new("/dev/ttyACM0").unwrap();
+        let asked = Asked { at, baud: None, template: None, poll: Some("P\\r"), over: Duration::from_secs(1) };
+        for (line, proposed) in [
+            ("p -3.21 kPa", "template = \"p {kPa} kPa\", poll = \"P\\r\", reference = \"ambient\" } # -3.210"),
+            (
+                "p 0.02",
+                "template = \"p {kPa}\", poll = \"P\\r\" } # 0.020 to 0.020 kPa in 2 of 2 lines: taken as above 0",
+            ),
+            ("1013.2", "template = \"{hPa}\", poll = \"P\\r\", reference = \"absolute\" } # 101.320"),
+            ("99870 Pa", "template = \"{Pa} Pa\", poll = \"P\\r\", reference = \"absolute\" } # 99.870"),
+        ] {
+            let heard = Heard { lines: vec![line.to_owned(); 2], bytes: 9, seconds: 1.0 };
+            let said = proposals(&asked, "/dev/ttyACM0@9600", &heard, None);
+            let expected = format!("gauge = {{ line = \"/dev/ttyACM0@9600\", {proposed}");
+            assert!(said[1].contains(&expected), "{said:?}");
+            let pasted = said[1].parse::<toml::Table>().unwrap();
+            assert!(pasted["gauge"]["template"].is_str());
+        }
     }
-    lines
 }

@@ -149,6 +149,40 @@ fn check_lists_every_error_and_run_lists_the_same_and_begins_nothing() {
 }
 
 #[test]
+fn check_says_everything_that_is_wrong_with_the_profile_of_a_drive_without_the_drive() {
+    let micro = include_str!("../../../../deploy/rigs/micro.toml");
+    let printed = succeeds(&["check", "--device", "micro"]);
+    let line = "12.5 kPa: sends \"set 12.50 2000\\n\", expects \"ok set {kPa}\"";
+    assert!(printed.contains("drive micro board on /dev/ttyACM0@115200") && printed.contains(line), "{printed}");
+    let wrong = [
+        ("at = \"/dev/ttyACM0@115200\"", "at = \"ACM0\""),
+        ("set_answer = \"ok set {kPa}\"", "set_answer = \"ok {*}\""),
+        ("vent_answer", "vent_anser"),
+        ("total_s = 900.0", "total_s = 9.0"),
+    ];
+    let text_of = wrong.iter().fold(micro.to_owned(), |text, (from, to)| text.replacen(from, to, 1));
+    let folder = scratch(&[("board.toml", &text_of)]);
+    let file = path(folder.path(), "board.toml");
+    let said = fails(&["check", "--device", &file]);
+    let lines = |at: &str| 1 + text_of.lines().position(|line| line.starts_with(at)).unwrap();
+    for (key, words) in [
+        ("set_answer", "text.set_answer = \"ok {*}\": it has no number"),
+        ("vent_anser", "unknown key `vent_anser`; did you mean `vent_answer`?"),
+        ("total_s", "total_s = 9: expected 30 to 7200"),
+    ] {
+        assert!(said.contains(&format!("{file}:{}: {words}", lines(key))), "expected `{words}` in: {said}");
+    }
+    let found = common::taxeld(&["check", "--json", "--device", &file]).stdout;
+    let found: serde_json::Value = serde_json::from_slice(&found).unwrap();
+    assert_eq!(found["problems"][0]["value"], "9.0", "{found}");
+    assert!(
+        fails(&["calibrate", "--device", &file, "--server", "127.0.0.1:1"]).contains("no daemon"),
+        "the daemon is asked first"
+    );
+    assert!(fails(&["check", "--device", "nano"]).contains("expected a file, or one of micro, alicat"));
+}
+
+#[test]
 fn check_says_what_a_machine_lacks_that_the_configuration_needs() {
     let top = "listen = [\"unix:/nowhere/taxeld.sock\"]\nsocket_group = \"no-such-group\"\n";
     let more = "[access]\ntokens = \"no-such-tokens\"\nadmins = [\"user:no-such-user\"]\n";

@@ -112,7 +112,7 @@ impl Told {
                         .advance_session(v1::AdvanceSessionRequest {
                             session,
                             action: v1::SessionAction::Abort.into(),
-                            typed_kpa: None,
+                            ..v1::AdvanceSessionRequest::default()
                         })
                         .await;
                 }

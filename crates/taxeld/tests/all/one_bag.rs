@@ -41,7 +41,7 @@ fn sessions(folder: &Path) -> Vec<String> {
 
 /// What came of calibrating both patches at the same time.
 fn calibrate(folder: &Path) -> [Output; 2] {
-    let options = ["--target", "15", "--confirmed-by", "test", "--yes"];
+    let options = ["--target", "40", "--confirmed-by", "test", "--yes"];
     std::thread::scope(|scope| {
         let of =
             |patch| scope.spawn(move || taxeld_in(folder, &[&["calibrate", "--patch", patch][..], &options].concat()));

@@ -15,7 +15,7 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     assert!(demo.refused(&["watch", "--once", "--within", "0.5"]).contains("no model set is active"));
     assert!(demo.refused(&["models", "use", "newest"]).contains("there is no model set"));
 
-    let printed = demo.until_good(&["calibrate", "--target", "30", "--yes"]);
+    let printed = demo.until_good(&["calibrate", "--target", "40", "--yes"]);
     for part in ["TARING", "RAMPING", "go on", "FITTING", "the bag is vented", "taxels (", "is in use"] {
         assert!(printed.contains(part), "`{part}` is not in: {printed}");
     }
@@ -193,7 +193,7 @@ fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
     assert!(demo.succeeds(&["models", "import", file]).contains(&id));
     assert!(demo.refused(&["models", "delete", &id, "--yes"]).contains("in use"));
     assert!(demo.refused(&["sessions", "show", "7"]).contains("no session 7"));
-    let printed = demo.until_good(&["calibrate", "--target", "30", "--yes"]);
+    let printed = demo.until_good(&["calibrate", "--target", "40", "--yes"]);
     assert!(printed.contains("Against the set in use: "), "{printed}");
     // As in `taxeld watch --json | head -1`: it ends by itself and says nothing.
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));

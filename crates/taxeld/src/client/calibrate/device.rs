@@ -9,7 +9,6 @@ use std::future::poll_fn;
 use std::task::Poll;
 use std::time::Duration;
 
-use anyhow::Context;
 use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState, StartSessionRequest};
 use taxel_rig::drive::{Ask, Drive, Order, Phase, Programme, Seen, State};
 use taxel_rig::modbus::Framing;
@@ -23,7 +22,8 @@ use super::screen::Screen;
 use crate::client::ask;
 use crate::client::connect::Daemon;
 use crate::client::failure::{Failure, Outcome};
-use crate::client::sessions::{advance, session_word};
+use crate::client::sessions::{abort, advance, session_word};
+use crate::config;
 use crate::rig::{At, Link};
 
 /// From one order to the next.
@@ -38,14 +38,6 @@ const GAUGE_WITHIN: Duration = Duration::from_millis(150);
 const SESSION_WITHIN: Duration = Duration::from_secs(10);
 /// What vents is waited for so long.
 const VENT_WITHIN: Duration = Duration::from_secs(15);
-/// Profiles that come with the program, by name.
-const PROFILES: [(&str, &str); 5] = [
-    ("micro", include_str!("../../../../../deploy/rigs/micro.toml")),
-    ("alicat", include_str!("../../../../../deploy/rigs/alicat.toml")),
-    ("epick", include_str!("../../../../../deploy/rigs/epick.toml")),
-    ("vg10", include_str!("../../../../../deploy/rigs/vg10.toml")),
-    ("analogue", include_str!("../../../../../deploy/rigs/analogue.toml")),
-];
 /// A bag above this is told of before it is vented, kPa.
 const FOUND_KPA: f64 = 2.0;
 
@@ -59,8 +51,10 @@ pub struct Pump {
     answered: Instant,
     /// What its own gauge read last, kPa below ambient.
     own: Option<(f64, Instant)>,
-    /// Why what it said last was no answer.
-    said: String,
+    /// What was sent, received and expected, while the last question has no right answer.
+    missed: Option<String>,
+    /// Why the procedure was ended.
+    ended: Option<String>,
 }
 
 impl Pump {
@@ -69,17 +63,10 @@ impl Pump {
     /// # Errors
     /// What is wrong with it, or why its line cannot be opened.
     pub async fn open(file: &str, at: Option<&str>) -> Outcome<Self> {
-        let text = match PROFILES.iter().find(|(name, _)| *name == file) {
-            Some((_, text)) => (*text).to_owned(),
-            None => std::fs::read_to_string(file)
-                .with_context(|| format!("{file}: a file, or one of {}", PROFILES.map(|(name, _)| name).join(", ")))?,
-        };
-        let profile = Profile::new(&text, at).map_err(|fault| Failure::refused(format!("{file}: {fault}")))?;
-        let text = profile.at();
-        let at = At::new(text).map_err(|expected| Failure::refused(format!("{file}: at = {text:?}: {expected}")))?;
+        let (profile, at) = config::examine_profile(file, at).map_err(|faults| Failure::refused(faults.to_string()))?;
         let link = at.open().await.map_err(Failure::refused)?;
         let (begun, talk) = (Instant::now(), Talk::begin(true));
-        Ok(Self { profile, at, link, talk, begun, answered: begun, own: None, said: String::new() })
+        Ok(Self { profile, at, link, talk, begun, answered: begun, own: None, missed: None, ended: None })
     }
 
     /// Asks the person who has to stand beside it.
@@ -127,19 +114,31 @@ impl Pump {
         let asked = self.talk.question(&question.speech);
         self.link.write(&asked).await?;
         let (end, mut buffer) = (Instant::now() + ANSWER_WITHIN, [0; 256]);
+        let (mut came, mut wrong) = (Vec::new(), None);
         while let Ok(count) = timeout_at(end, self.link.read(&mut buffer)).await {
-            for said in self.talk.take(&question.speech, &buffer[..count?]) {
+            let bytes = &buffer[..count?];
+            came.extend_from_slice(bytes);
+            for said in self.talk.take(&question.speech, bytes) {
                 match said.and_then(|number| question.judge(number)) {
                     Ok(own_kpa) => {
                         self.own = own_kpa.map(|kpa| (kpa, Instant::now())).or(self.own);
-                        self.said.clear();
+                        self.missed = None;
                         return Ok(true);
                     }
-                    Err(why) => self.said = why,
+                    Err(why) => wrong = Some(why),
                 }
             }
         }
+        self.missed = Some(question.missed(&came, wrong.as_deref()));
         Ok(false)
+    }
+
+    /// Why the procedure was ended, with what the drive answered last. Told to vent, it may obey.
+    fn ended(&mut self, drive: &Drive) -> Option<String> {
+        let (why, _) = drive.stopped()?;
+        let missed = self.missed.as_ref().filter(|_| why.is_not_taken());
+        let missed = missed.map_or_else(String::new, |missed| format!(": {missed}"));
+        Some(self.ended.get_or_insert_with(|| format!("{}: {why}{missed}", self.profile.name())).clone())
     }
 
     /// Opens the valve, whatever has happened.
@@ -237,16 +236,15 @@ impl ByDevice<'_> {
                     self.show(&drive, &mut told);
                 }
             }
-            if let Some((why, vented)) = drive.stopped() {
+            if let Some((why, (_, vented))) = pump.ended(&drive).zip(drive.stopped()) {
                 let since = *stopped_at.get_or_insert_with(Instant::now);
                 if vented || since.elapsed() > VENT_WITHIN {
-                    let said = if pump.said.is_empty() { String::new() } else { format!("; {}", pump.said) };
                     let end = if vented {
                         "the bag is vented"
                     } else {
                         "THE GAUGE DOES NOT SHOW IT VENTED: open the valve by hand"
                     };
-                    return Err(Failure::refused(format!("{}: {why}{said}; {end}", pump.profile.name())));
+                    return Err(Failure::refused(format!("{why}; {end}")));
                 }
             } else if drive.state() == State::Done && followed.phase() != Phase::Over {
                 let state = followed.session.map_or("gone", |session| session_word(session.state()));
@@ -269,12 +267,13 @@ impl ByDevice<'_> {
         let own = pump.own.map(|(kpa, at)| (kpa, at.elapsed()));
         let seen = Seen { now: pump.now(), gauge, own, answer_age, phase: followed.phase(), target_kpa };
         let (order, ask) = drive.step(&seen);
+        let why = pump.ended(drive).unwrap_or_default();
         if let Err(error) = pump.tell(order).await {
             drive.stop(pump.now(), format!("the drive's line ({error})"));
             pump.vent().await;
         }
         let Some(ask) = ask else { return };
-        let asked = timeout(SESSION_WITHIN, self.ask(ask, followed)).await;
+        let asked = timeout(SESSION_WITHIN, self.ask((ask, &why), followed)).await;
         match asked.unwrap_or_else(|_| Err(Failure::refused("the daemon does not answer"))) {
             Err(failure) if ask != Ask::Abort => drive.stop(pump.now(), format!("the session ({failure})")),
             _ => {}
@@ -293,7 +292,7 @@ impl ByDevice<'_> {
         Some((patch.gauge_kpa?, age + asked.elapsed()))
     }
 
-    async fn ask(&self, ask: Ask, followed: &mut Followed) -> Outcome {
+    async fn ask(&self, (ask, why): (Ask, &str), followed: &mut Followed) -> Outcome {
         let number = followed.session.as_ref().map(|session| session.session).unwrap_or_default();
         let session = match ask {
             Ask::Begin => {
@@ -302,7 +301,7 @@ impl ByDevice<'_> {
                 begun
             }
             Ask::Ramp => advance(self.daemon, number, SessionAction::StartRamp).await?,
-            Ask::Abort => advance(self.daemon, number, SessionAction::Abort).await?,
+            Ask::Abort => abort(self.daemon, number, why).await?,
         };
         let request = SessionRequest { session: session.session };
         followed.stream = Some(self.daemon.calibration().watch_session(request).await?.into_inner());

@@ -34,7 +34,7 @@ impl Course {
             None => return Ok(()),
         };
         let action = SessionAction::Plateau.into();
-        let request = AdvanceSessionRequest { session: number, action, typed_kpa: Some(kpa) };
+        let request = AdvanceSessionRequest { session: number, action, typed_kpa: Some(kpa), reason: String::new() };
         match self.daemon.calibration().advance_session(request).await {
             Ok(session) => self.session = session.into_inner(),
             Err(refused) if self.typed.is_none() => self.screen.tell(refused.message()),

@@ -17,7 +17,7 @@ use super::failure::{Failure, Outcome};
 use super::json;
 use super::model_set::{Candidate, print_set};
 use super::places::Places;
-use super::sessions::{advance, session_word};
+use super::sessions::{abort, advance, session_word};
 use device::{ByDevice, Pump};
 use follow::Course;
 use screen::Screen;
@@ -29,7 +29,7 @@ use screen::Screen;
 /// all of them wait for it.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses the new set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --device micro --at /dev/ttyACM0"
+    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, uses a good set\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --device micro --at /dev/ttyACM0"
 )]
 pub struct CalibrateArgs {
     #[command(flatten)]
@@ -68,7 +68,7 @@ pub struct CalibrateArgs {
     /// You stand beside the valve until the end, because the drive holds the vacuum if this computer stops.
     #[arg(long, requires = "device")]
     attended: bool,
-    /// Ask nothing: take up what was interrupted, use the new set.
+    /// Ask nothing: take up what was interrupted, use the new set if it is good; exit code 4 if it is not.
     #[arg(long)]
     yes: bool,
     /// Print the session as lines of JSON, as it changes.
@@ -147,7 +147,7 @@ async fn end_what_was_left(daemon: &Daemon, agreed: bool) -> Outcome {
     if let Some(session) = newest(daemon).await?.filter(is_open) {
         let number = session.session;
         ask::agree(agreed, &format!("session {number} is under way. Abort it?"), "taxeld calibrate --device").await?;
-        advance(daemon, number, SessionAction::Abort).await?;
+        abort(daemon, number, "the program of a drive began anew").await?;
     }
     Ok(())
 }
@@ -214,8 +214,13 @@ async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
     if candidate.summary.calibrated == 0 {
         return Err(Failure::refused(format!("not one of {} taxels got a usable model", candidate.summary.taxels)));
     }
+    let help = format!("taxeld models use {}", candidate.summary.model_set);
+    if args.yes && !candidate.is_good() {
+        let why = format!("{} is not good, so that --yes does not use it; it is kept", candidate.summary.model_set);
+        return Err(Failure::not_good(why).help(format!("{help} --yes   # uses it all the same")));
+    }
     if !(args.yes || course.asks && ask::yes_or_details("Use it?", candidate.is_good(), details).await?) {
-        course.screen.tell(&format!("not in use yet; help: taxeld models use {}", candidate.summary.model_set));
+        course.screen.tell(&format!("not in use yet; help: {help}"));
         return Ok(());
     }
     let answer = candidate.activate(&course.daemon).await?;
