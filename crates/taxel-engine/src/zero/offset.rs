@@ -45,7 +45,7 @@ const ABSORBED_MAX: Newton = Newton(1.0);
 /// The same while nobody knows what a count weighs, counts of each module.
 const ABSORBED_MAX_COUNTS: f64 = 0.5;
 /// So long after a touch a module is not read: fabric creeps back within some ten seconds.
-const HOLD_OFF_S: f64 = 20.0;
+const HOLD_OFF_S: f64 = 30.0;
 /// A taxel that moves by this share of its activation threshold is touched.
 const TOUCH_SHARE: f64 = 0.5;
 /// Fewest taxels that may speak for a module.

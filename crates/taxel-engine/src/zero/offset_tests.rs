@@ -99,11 +99,11 @@ fn what_a_module_learns_of_its_pads_it_and_the_others_know_later() {
 }
 
 #[test]
-fn a_module_that_is_touched_and_those_beside_it_are_not_read_for_twenty_seconds() {
+fn a_module_that_is_touched_and_those_beside_it_are_not_read_for_half_a_minute() {
     for apart in [false, true] {
         let mut watched = Watched::new(false, apart);
         watched.seconds(4.0, |taxel| if taxel < 3 { 10.0 } else { 0.0 });
-        watched.seconds(17.0, |_| -0.4);
+        watched.seconds(20.0, |_| -0.4);
         near(watched.offset(0), 0.0, 0.2); // as far as its pads are noisy
         near(watched.offset(5), if apart { -0.4 } else { 0.0 }, 0.2);
         watched.seconds(20.0, |_| -0.4);
