@@ -5,7 +5,7 @@
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use taxel_model::stability::{GROUPS, failures};
-use taxel_model::{FitOptions, GaugeUncertainty, Samples, TaxelModel, fit};
+use taxel_model::{FitOptions, GaugeUncertainty, OneByOne, Samples, TaxelModel, fit, skin};
 
 macro_rules! groups {
     ($($name:ident)*) => {
@@ -55,8 +55,48 @@ fn any_options() -> impl Strategy<Value = FitOptions> {
     })
 }
 
+/// A recording of a few taxels: mostly a rise, with whatever may stand in its cells.
+fn any_recording() -> impl Strategy<Value = (Vec<f64>, Vec<Vec<f64>>)> {
+    let scans = prop_oneof![3 => 0..60_usize, 1 => 280..400_usize];
+    (scans, 1..5_usize, any::<bool>()).prop_flat_map(|(scans, taxels, rises)| {
+        let kpa = (0..scans).map(move |scan| {
+            let rising = 70.0 * scan as f64 / scans as f64;
+            prop_oneof![19 => Just(rising), 1 => any_reading(0.0..70.0)]
+        });
+        let kpa: Vec<_> = kpa.collect();
+        let column = move |taxel: usize| {
+            let cell = move |scan: usize| {
+                let law = 240.0 - (40 + 20 * taxel) as f64 * scan as f64 / scans as f64;
+                let usual = if rises { law - 1.0..law + 1.0 } else { 100.0..140.0 };
+                prop_oneof![19 => usual.clone().prop_map(f64::round), 1 => any_reading(usual)]
+            };
+            (0..scans).map(cell).collect::<Vec<_>>()
+        };
+        (kpa, (0..taxels).map(column).collect::<Vec<_>>())
+    })
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever a skin shows is fitted soundly, or refused.
+    #[test]
+    fn no_recording_breaks_the_fit_of_a_skin((kpa, columns) in any_recording(), hysteresis: bool) {
+        let counts: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let time_s: Vec<f64> = (0..kpa.len()).map(|scan| 0.05 * scan as f64).collect();
+        let gathered = skin::Gathered { time_s: &time_s, pressure_kpa: &kpa, counts: &counts, zeros: None };
+        if let Ok(fitted) = skin::fit(&gathered, hysteresis, &OneByOne) {
+            for (taxel, column) in columns.iter().enumerate() {
+                let model = fitted.model(taxel, column, &FitOptions::default());
+                prop_assert_eq!(model.validate(), Ok(()));
+                for count in column.iter().filter(|count| count.is_finite()) {
+                    let Some(reading) = model.evaluate(*count) else { continue };
+                    prop_assert!(reading.kpa.is_finite() && !reading.sigma_kpa.is_nan(), "{:?} at {}", reading, count);
+                    prop_assert!(reading.sigma_kpa > 0.0 || !model.is_usable(), "{:?} at {}", reading, count);
+                }
+            }
+        }
+    }
 
     /// Whatever comes, and whatever is asked: an answer, a sound one, and the same in another order.
     #[test]

@@ -1,6 +1,7 @@
 //! The course of the pressure in a recording: its legs, where it rests, and groups of scans at equal pressure.
 
 use super::numbers::mean;
+use crate::samples::MAX_MAGNITUDE;
 use std::ops::Range;
 
 /// A leg ends where the pressure has turned by this share of its range.
@@ -65,10 +66,10 @@ pub(super) struct Course {
 }
 
 impl Course {
-    /// The course of `kpa` over `time_s`; rows without a finite pressure are left out. Where the `zeros_known` are those of no
+    /// The course of `kpa` over `time_s`; rows without a pressure of at most [`MAX_MAGNITUDE`] are left out. Where the `zeros_known` are those of no
     /// pressure, nothing of it is rest. `Err` has the number of distinct pressures where they are fewer than three.
     pub fn new(time_s: &[f64], kpa: &[f64], zeros_known: bool) -> Result<Self, usize> {
-        let known = time_s.iter().zip(kpa).enumerate().filter(|(_, (t, p))| t.is_finite() && p.is_finite());
+        let known = time_s.iter().zip(kpa).enumerate().filter(|(_, (t, p))| t.is_finite() && p.abs() <= MAX_MAGNITUDE);
         let mut order: Vec<usize> = known.map(|(row, _)| row).collect();
         order.sort_by(|a, b| time_s[*a].total_cmp(&time_s[*b]));
         let read = |order: &[usize]| order.iter().map(|row| kpa[*row]).collect::<Vec<f64>>();
@@ -115,7 +116,7 @@ impl Course {
     /// The values of a column in the order of the scans, gaps filled between their neighbours; `Err` has the share of the
     /// scans that are missing where it is more than `missing_max`.
     pub fn column(&self, counts: &[f64], missing_max: f64) -> Result<Column, f64> {
-        let good = |count: f64| count.abs() <= crate::samples::MAX_MAGNITUDE;
+        let good = |count: f64| count.abs() <= MAX_MAGNITUDE;
         let read = |row: &usize| counts.get(*row).copied().filter(|count| good(*count)).unwrap_or(f64::NAN);
         let mut filled: Vec<f64> = self.order.iter().map(read).collect();
         let gaps: Vec<usize> = (0..filled.len()).filter(|scan| filled[*scan].is_nan()).collect();
