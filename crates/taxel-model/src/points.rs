@@ -2,6 +2,7 @@
 
 use crate::bounded;
 use crate::curve::Curve;
+use crate::samples::MAX_MAGNITUDE;
 use crate::uncertainty::KNOTS_MAX;
 use serde::{Deserialize, Serialize};
 
@@ -59,7 +60,7 @@ impl Points {
     /// Where pressures are not finite numbers of one direction over counts that ascend, if they are not: a count there.
     pub(crate) fn problem(&self, sign: f64) -> Option<f64> {
         let is_good = |pair: &[f64]| pair[1] >= pair[0];
-        let odd = self.counts.iter().chain(&self.kpa).any(|value| !value.is_finite());
+        let odd = self.counts.iter().chain(&self.kpa).any(|value| value.is_nan() || value.abs() > MAX_MAGNITUDE);
         if odd || self.counts.len() != self.kpa.len() || self.range().is_none() {
             return Some(self.counts.first().copied().unwrap_or(f64::NAN));
         }
@@ -130,6 +131,7 @@ mod tests {
             (vec![1.0, 1.0], vec![0.0, 1.0]),
             (vec![1.0, 2.0], vec![0.0]),
             (vec![1.0, f64::NAN], vec![0.0, 1.0]),
+            (vec![1.0, 2.0], vec![0.0, 1e200]),
             (vec![1.0, 3.0, 2.0, 4.0], vec![0.0, 1.0, 2.0, 3.0]),
         ] {
             let points = Points::new(counts, kpa);
