@@ -8,6 +8,9 @@ pub const MAX_ORDER: u8 = 10;
 /// Most coefficients of a curve: those of [`MAX_ORDER`].
 pub const TERMS_MAX: usize = MAX_ORDER as usize + 1;
 
+/// Larger counts or pressures (kPa) are refused: a gauge or a converter that says so is broken.
+pub const MAX_MAGNITUDE: f64 = 1e15;
+
 /// The paper's order.
 const PAPER_ORDER: u8 = 5;
 

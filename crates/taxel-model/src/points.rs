@@ -2,7 +2,7 @@
 
 use crate::bounded;
 use crate::curve::Curve;
-use crate::samples::MAX_MAGNITUDE;
+use crate::options::MAX_MAGNITUDE;
 use crate::uncertainty::KNOTS_MAX;
 use serde::{Deserialize, Serialize};
 

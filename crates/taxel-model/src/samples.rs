@@ -3,11 +3,8 @@
 use crate::dd::Dd;
 use crate::fit::fit_reduced;
 use crate::model::TaxelModel;
-use crate::options::FitOptions;
+use crate::options::{FitOptions, MAX_MAGNITUDE};
 use crate::reduce::{Reduced, Row};
-
-/// Larger counts or pressures (kPa) are refused: a gauge or a converter that says so is broken.
-pub const MAX_MAGNITUDE: f64 = 1e15;
 
 /// The samples of one taxel, all slices of the same length; what is missing at the end of one counts as rejected.
 #[derive(Clone, Copy, Debug, Default)]

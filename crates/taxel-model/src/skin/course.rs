@@ -1,7 +1,7 @@
 //! The course of the pressure in a recording: its legs, where it rests, and groups of scans at equal pressure.
 
 use super::numbers::mean;
-use crate::samples::MAX_MAGNITUDE;
+use crate::options::MAX_MAGNITUDE;
 use std::ops::Range;
 
 /// A leg ends where the pressure has turned by this share of its range.
