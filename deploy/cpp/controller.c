@@ -24,8 +24,11 @@ int main(int argc, char **argv) {
         status = taxel_force_follow(&reader, 0, &force);
         /* Here the controller acts on force.total_n, if the status is TAXEL_FORCE_GOOD, and does without if it is not. */
         if (cycle % 500 == 0) {
-            if (status == TAXEL_FORCE_GOOD)
-                printf("%6.2f N +- %.2f, %3.0f ms old\n", force.total_n, 2.0 * force.sigma_n, (double)force.age_ns * 1e-6);
+            const double age_ms = (double)force.age_ns * 1e-6;
+            if (status == TAXEL_FORCE_GOOD && isnan(force.high_n))
+                printf("%6.2f N (%.2f N or more), %3.0f ms old\n", force.total_n, force.low_n, age_ms);
+            else if (status == TAXEL_FORCE_GOOD)
+                printf("%6.2f N (%.2f to %.2f N), %3.0f ms old\n", force.total_n, force.low_n, force.high_n, age_ms);
             else
                 printf("no force: %s%s%s\n", taxel_force_words(status), status == TAXEL_FORCE_STATE ? ": " : "",
                        status == TAXEL_FORCE_STATE ? force.reasons : "");

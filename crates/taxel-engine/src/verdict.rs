@@ -43,8 +43,10 @@ impl Verdict {
         let against_in_use_percent = change.map(|ratio| 100.0 * (ratio - 1.0));
         let mut last = Vec::new();
         if let Some(other) = in_use {
-            let percent =
-                against_in_use_percent.map_or_else(|| "not comparable".to_owned(), |by| format!("{by:+.1} %"));
+            let percent = against_in_use_percent.map_or_else(
+                || "not comparable".to_owned(),
+                |by| format!("{:+.1} %", (10.0 * by).round() / 10.0 + 0.0),
+            );
             let (now, before) = (count(set), count(other));
             let fewer = (now as f64) < OF_IN_USE_MIN * before as f64;
             judged.extend(fewer.then(|| (Some("far fewer taxels than the set in use"), String::new())));

@@ -101,6 +101,7 @@ function dialogue(content, yes, kind, answer) {
       el("div.row", go, el("button", { type: "button", onclick: () => end() }, "Cancel")));
     const dialog = el("dialog", form);
     dialog.addEventListener("cancel", () => end());
+    window.addEventListener("hashchange", () => end(), { once: true }); // it belongs to the page that asked
     document.body.append(dialog);
     dialog.showModal();
   });

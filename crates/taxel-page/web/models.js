@@ -25,7 +25,7 @@ export function models(signal) {
     put(against, comparison(signal, ids, pick));
   };
   update().catch((error) => toast(error.message, "bad"));
-  return el("div.stack", el("section.card", el("div.row.between", el("h2", "Model sets"), importer(update)), list, el("p.note", "A certificate to print, of the set in use: ", el("code", "taxel-lab certificate --out certificate.html"))), against);
+  return el("div.stack", el("section.card", el("div.row.between", el("h2", "Model sets"), importer(update)), list, el("p.note", "A certificate to print, of the set in use if a session made it: ", el("code", "taxel-lab certificate --out certificate.html"))), against);
 }
 
 function row(set, update) {

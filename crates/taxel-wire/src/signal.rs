@@ -70,7 +70,8 @@ impl PressureUnit {
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         let name = name.trim();
-        UNITS.iter().find(|(_, known, ..)| known.eq_ignore_ascii_case(name)).map(|(unit, ..)| *unit)
+        let is = |known: &str| known.eq_ignore_ascii_case(name) && !name.starts_with("mP"); // no megapascal, but a millipascal
+        UNITS.iter().find(|(_, known, ..)| is(known)).map(|(unit, ..)| *unit)
     }
 
     /// The names of all units.

@@ -65,6 +65,9 @@ pub async fn watch(args: WatchArgs) -> Outcome {
     }
     let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
     let for_people = !args.json && !args.once && !args.quiet;
+    // At a rate of its own, a sample is older than it may be long before the next one is due.
+    let silent_after = LOOK_EVERY + Duration::from_secs_f64(1.0 / args.rate_hz().unwrap_or(f64::INFINITY));
+    let mut came = tokio::time::Instant::now();
     let (mut newest, mut seen): (Option<Judged>, u64) = (None, 0);
     let mut look = tokio::time::interval(LOOK_EVERY);
     look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
@@ -77,7 +80,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
             received = samples.next() => {
                 let ended = || anyhow::anyhow!("the daemon ended the stream");
                 let judged = Judged::new(received?.ok_or_else(ended)?, Moment::now());
-                seen += 1;
+                (seen, came) = (seen + 1, tokio::time::Instant::now());
                 let good = judged.force.is_ok();
                 if good || !args.once {
                     show(&args, &judged)?;
@@ -90,7 +93,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
                 }
                 newest = Some(judged);
             }
-            _ = look.tick(), if for_people => {
+            _ = look.tick(), if for_people && came.elapsed() > silent_after => {
                 let was_good = newest.as_ref().filter(|last| last.force.is_ok());
                 let now = was_good.map(|last| last.again(Moment::now()));
                 if let Some(silent) = now.filter(|now| now.force.is_err()) {
@@ -121,7 +124,10 @@ async fn budget(daemon: &Daemon) -> Outcome {
             say!("  {:.2} N  {}", term.sigma_n, in_words(&term.term));
         }
         if let Some(undetected_n) = undetected_n {
-            say!("force that would not be detected, which the high end also holds: up to {undetected_n:.2} N");
+            say!(
+                "up to {undetected_n:.2} N could press on the skin without any taxel showing it: the high end is further away by that; \
+                 a tare of the unloaded skin makes it smaller"
+            );
         }
     }
     verdict(Some(judged))

@@ -4,7 +4,7 @@ use taxel_engine::plan::BoardSetup;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, parse_modules};
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
-use super::file::Config;
+use super::file::{BusSource, Config};
 use super::patch_section::{BoardSection, PatchSection};
 use super::problem::Faults;
 
@@ -74,7 +74,8 @@ fn runs(modules: &[Module]) -> impl Iterator<Item = (Module, Module)> {
 pub fn bus_index(config: &Config, key: &str, name: &str, faults: &mut Faults) -> Option<BusIndex> {
     let position = config.bus.iter().position(|bus| bus.name == name);
     if position.is_none() {
-        let names = config.bus.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
+        let written = config.bus.iter().filter(|bus| bus.source != BusSource::Line);
+        let names = written.map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
         faults.note(key, format!("bus `{name}` is not among the buses: {names}"));
     }
     position.and_then(|position| u8::try_from(position).ok()).map(BusIndex)

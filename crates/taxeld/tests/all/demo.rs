@@ -9,13 +9,16 @@ use crate::common::{Ended, text};
 pub struct Demo {
     pub child: Ended,
     pub server: String,
+    _memory: tempfile::TempDir,
 }
 
 impl Demo {
     /// Starts a demo on a port of its own and waits until it says that it is live.
     pub fn start(arguments: &[&str]) -> Self {
+        // Two that start at once would both find the usual folder free.
+        let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-        command.args(["demo", "--listen", "127.0.0.1:0"]).args(arguments);
+        command.args(["demo", "--listen", "127.0.0.1:0", "--shared-memory"]).arg(memory.path()).args(arguments);
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let live = lines.find_map(|line| {
@@ -25,7 +28,7 @@ impl Demo {
         let address = live.expect("the demo says where it listens");
         let server = address.trim_end_matches('.').to_owned();
         std::thread::spawn(move || lines.for_each(drop)); // its text goes on and must not block it
-        Self { child: Ended(child), server }
+        Self { child: Ended(child), server, _memory: memory }
     }
 
     pub fn command(&self, arguments: &[&str]) -> Output {

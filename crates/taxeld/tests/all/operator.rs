@@ -180,6 +180,8 @@ fn a_calibration_says_stop_while_the_daemon_hangs() {
 fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
     let demo = Demo::start(&[]);
     let newton = demo.until_good(&["watch", "--once", "--quiet", "--within", "30"]);
+    let slow = demo.until_good(&["watch", "--rate", "1", "--count", "3"]);
+    assert_eq!(slow.lines().count(), 3, "a line a sample, however rare they are: {slow}");
     assert!(newton.trim().parse::<f64>().unwrap() >= 0.0, "{newton}");
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("models.json");

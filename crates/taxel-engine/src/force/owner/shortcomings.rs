@@ -14,7 +14,7 @@ const BLIND_TAXELS_BORNE: usize = 2;
 const CONTACT_TAXELS_MIN: usize = 2;
 
 impl Force {
-    /// Completes a force: its reasons, its state, and whether anything bounds it. Only what touches the total degrades it; the rest
+    /// Completes a force: its state, whether anything bounds it, and the reasons where it is not good or nothing does. Only what touches the total degrades it; the rest
     /// is the health's. A good sample, as nearly all are, asks for no memory here.
     pub(super) fn judge(
         &self,
@@ -46,6 +46,9 @@ impl Force {
             || sample.out_of_range > 0
             || zero.load_vanished.is_some();
         sample.state = if reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
+        if sample.state == ForceState::Ok && sample.unbounded {
+            self.say_blind(&mut reasons);
+        }
         sample.reasons = reasons;
     }
 
