@@ -37,13 +37,19 @@ pub(super) fn cases() -> Vec<Case> {
         reading("4.6", "a fifth of each taxel's counts are missing", 0.5, gaps),
         reading("4.7", "six held pressures of twenty scans", 1.5, held),
         Case { also: "it is excluded as dead", ..reading("4.8", "one taxel of six never moves", 0.5, one_never_moves) },
-        same("4.9", "counts of 1e-9", 1e-9, || scaled(|count| count * 1e-9)),
-        same("4.10", "counts of 1e9", 1e-9, || scaled(|count| count * 1e9)),
-        same("4.11", "counts that begin at 1e9", 1e-6, || scaled(|count| count + 1e9)),
-        same("4.12", "the same again, taxels in another order", 0.0, mirrored),
-        refused("4.13", "two pressures", || two_levels(0.0, TOP_KPA), SkinError::TooFewPressures { distinct: 2 }),
-        refused("4.14", "all pressures equal", || two_levels(3.0, 3.0), SkinError::TooFewPressures { distinct: 1 }),
-        refused("4.15", "no count ever moves", nothing_moves, {
+        Case {
+            also: "it is excluded as a poor fit",
+            ..reading("4.9", "one taxel of six is noise alone", 0.5, one_is_noise)
+        },
+        reading("4.10", "a fall alone", 0.5, || read(&Recorded::of(&Taxel::of_skin(), &fall()))),
+        reading("4.11", "pressures in no order", 0.5, no_order),
+        same("4.12", "counts of 1e-9", 1e-9, || scaled(|count| count * 1e-9)),
+        same("4.13", "counts of 1e9", 1e-9, || scaled(|count| count * 1e9)),
+        same("4.14", "counts that begin at 1e9", 1e-6, || scaled(|count| count + 1e9)),
+        same("4.15", "the same again, taxels in another order", 0.0, mirrored),
+        refused("4.16", "two pressures", || two_levels(0.0, TOP_KPA), SkinError::TooFewPressures { distinct: 2 }),
+        refused("4.17", "all pressures equal", || two_levels(3.0, 3.0), SkinError::TooFewPressures { distinct: 1 }),
+        refused("4.18", "no count ever moves", nothing_moves, {
             SkinError::NothingMoves { from_kpa: 0.0, to_kpa: TOP_KPA }
         }),
     ]
@@ -146,7 +152,7 @@ fn stiff() -> Outcome {
 }
 
 fn never_pressed() -> Outcome {
-    let (once, fall): (Vec<f64>, Vec<f64>) = (plain_rise(), plain_rise().into_iter().rev().collect());
+    let (once, fall) = (plain_rise(), fall());
     let mut recorded = Recorded::of(&Taxel::of_skin(), &[&once[..], &fall, &once].concat());
     let first = Recorded::of(&Taxel::of_skin(), &once.iter().map(|kpa| (kpa - 6.0).max(0.0)).collect::<Vec<f64>>());
     for (counts, first) in recorded.counts.iter_mut().zip(&first.counts) {
@@ -168,15 +174,39 @@ fn held() -> Outcome {
     read(&Recorded::of(&Taxel::of_skin(), &levels.collect::<Vec<f64>>()))
 }
 
+/// Pressures of a rise, backwards.
+fn fall() -> Vec<f64> {
+    plain_rise().into_iter().rev().collect()
+}
+
+fn no_order() -> Outcome {
+    let rise = plain_rise();
+    // 457 has no divisor in common with the number of scans.
+    read(&Recorded::of(
+        &Taxel::of_skin(),
+        &(0..rise.len()).map(|scan| rise[scan * 457 % rise.len()]).collect::<Vec<f64>>(),
+    ))
+}
+
+fn one_is_noise() -> Outcome {
+    let mut recorded = skin();
+    let noise = |(scan, count): (usize, &mut f64)| *count = 200.0 + (scan * 104_729 % 53) as f64;
+    recorded.counts[TAXELS - 1].iter_mut().enumerate().for_each(noise);
+    all_but_the_last(&recorded, "poor_fit")
+}
+
 fn one_never_moves() -> Outcome {
     let mut recorded = skin();
     recorded.counts[TAXELS - 1].fill(200.0);
-    let mut outcome = read_as(&recorded, &Taxel::of_skin()[..TAXELS - 1]);
-    let status = recorded
-        .fit()
-        .ok()
-        .map(|skin| skin.model(TAXELS - 1, &recorded.counts[TAXELS - 1], &FitOptions::default()).status);
-    outcome.require(status.is_some_and(|status| status.code() == "dead"), || format!("{status:?}"));
+    all_but_the_last(&recorded, "dead")
+}
+
+/// The error of all taxels but the last, which must have this status.
+fn all_but_the_last(recorded: &Recorded, status: &str) -> Outcome {
+    let mut outcome = read_as(recorded, &Taxel::of_skin()[..TAXELS - 1]);
+    let model = |skin: SkinFit| skin.model(TAXELS - 1, &recorded.counts[TAXELS - 1], &FitOptions::default());
+    let found = recorded.fit().ok().map(|skin| model(skin).status);
+    outcome.require(found.is_some_and(|found| found.code() == status), || format!("{found:?}"));
     outcome
 }
 
