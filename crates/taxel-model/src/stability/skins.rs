@@ -3,7 +3,7 @@
 use crate::skin::{Gathered, SkinError, SkinFit, fit};
 use crate::stability::case::{Case, Outcome, greatest};
 use crate::stability::taxels::{NOMINAL, Taxel, random};
-use crate::{FitOptions, OneByOne};
+use crate::{FitOptions, OneByOne, TaxelModel};
 
 const TAXELS: usize = 6;
 const SCANS_PER_S: f64 = 20.0;
@@ -43,13 +43,41 @@ pub(super) fn cases() -> Vec<Case> {
         },
         reading("4.10", "a fall alone", 0.5, || read(&Recorded::of(&Taxel::of_skin(), &fall()))),
         reading("4.11", "pressures in no order", 0.5, no_order),
-        same("4.12", "counts of 1e-9", 1e-9, || scaled(|count| count * 1e-9)),
-        same("4.13", "counts of 1e9", 1e-9, || scaled(|count| count * 1e9)),
-        same("4.14", "counts that begin at 1e9", 1e-6, || scaled(|count| count + 1e9)),
-        same("4.15", "the same again, taxels in another order", 0.0, mirrored),
-        refused("4.16", "two pressures", || two_levels(0.0, TOP_KPA), SkinError::TooFewPressures { distinct: 2 }),
-        refused("4.17", "all pressures equal", || two_levels(3.0, 3.0), SkinError::TooFewPressures { distinct: 1 }),
-        refused("4.18", "no count ever moves", nothing_moves, {
+        Case {
+            also: "it is excluded as a poor fit",
+            ..reading("4.12", "one taxel of six falls and rises again", 0.5, || {
+                one_is("poor_fit", |share| 200.0 - 60.0 * (std::f64::consts::PI * share).sin())
+            })
+        },
+        Case {
+            also: "it is excluded as a poor fit",
+            ..reading("4.13", "one taxel of six jumps: its highest pressure lies between two lower ones", 0.5, || {
+                one_is("poor_fit", |share| match share {
+                    s if s < 0.3 => 200.0 + 10.0 * s,
+                    s if s < 0.65 => 235.0 + 10.0 * s,
+                    s => 215.0 + 10.0 * s,
+                })
+            })
+        },
+        Case::of("4.14", "noise alone on all taxels", "taxels that may be used", 0.0, noise_alone),
+        Case::of("4.15", "a swing of three counts", "range over the narrowest 95 % interval", 5.0, three_counts),
+        Case {
+            also: "there the 95 % interval holds 42 and 68 kPa",
+            ..Case::of(
+                "4.16",
+                "taxels at the end of the converter from 40 kPa on",
+                "max |P - true P| from 5 to 35 kPa",
+                1.0,
+                railed,
+            )
+        },
+        same("4.17", "counts of 1e-9", 1e-9, || scaled(|count| count * 1e-9)),
+        same("4.18", "counts of 1e9", 1e-9, || scaled(|count| count * 1e9)),
+        same("4.19", "counts that begin at 1e9", 1e-6, || scaled(|count| count + 1e9)),
+        same("4.20", "the same again, taxels in another order", 0.0, mirrored),
+        refused("4.21", "two pressures", || two_levels(0.0, TOP_KPA), SkinError::TooFewPressures { distinct: 2 }),
+        refused("4.22", "all pressures equal", || two_levels(3.0, 3.0), SkinError::TooFewPressures { distinct: 1 }),
+        refused("4.23", "no count ever moves", nothing_moves, {
             SkinError::NothingMoves { from_kpa: 0.0, to_kpa: TOP_KPA }
         }),
     ]
@@ -99,9 +127,13 @@ impl Recorded {
         fit(&gathered, true, &OneByOne)
     }
 
+    fn model(&self, skin: &SkinFit, taxel: usize) -> TaxelModel {
+        skin.model(taxel, &self.counts[taxel], &FitOptions::default())
+    }
+
     /// What the fitted taxel reads at `count`, kPa; NaN without a usable model.
     fn reads(&self, skin: &SkinFit, taxel: usize, count: f64) -> f64 {
-        let model = skin.model(taxel, &self.counts[taxel], &FitOptions::default());
+        let model = self.model(skin, taxel);
         let sound = model.is_usable() && model.validate().is_ok();
         model.evaluate(count).filter(|_| sound).map_or(f64::NAN, |reading| reading.kpa)
     }
@@ -196,16 +228,52 @@ fn one_is_noise() -> Outcome {
 }
 
 fn one_never_moves() -> Outcome {
+    one_is("dead", |_| 200.0)
+}
+
+/// The last taxel has this count at a share of the highest pressure, and must have this status.
+fn one_is(status: &str, law: impl Fn(f64) -> f64) -> Outcome {
     let mut recorded = skin();
-    recorded.counts[TAXELS - 1].fill(200.0);
-    all_but_the_last(&recorded, "dead")
+    recorded.counts[TAXELS - 1] = recorded.kpa.iter().map(|kpa| law(kpa / TOP_KPA).round()).collect();
+    all_but_the_last(&recorded, status)
+}
+
+fn noise_alone() -> Outcome {
+    let taxels = Taxel::of_skin().map(|taxel| Taxel { gain: 0.0, noise: 3.0, ..taxel });
+    let recorded = Recorded::of(&taxels, &plain_rise());
+    let usable = |skin: SkinFit| (0..TAXELS).filter(|taxel| recorded.model(&skin, *taxel).is_usable()).count();
+    Outcome::of_figure(recorded.fit().map_or(0, usable) as f64)
+}
+
+fn three_counts() -> Outcome {
+    let taxels = Taxel::of_skin().map(|taxel| Taxel { gain: 4.5, ..taxel });
+    let recorded = Recorded::of(&taxels, &plain_rise());
+    let shares = |skin: SkinFit| {
+        let share = |taxel| recorded.model(&skin, taxel).quality.interval_share.unwrap_or(f64::INFINITY);
+        (0..TAXELS).map(share).fold(f64::INFINITY, f64::min)
+    };
+    Outcome::of_figure(recorded.fit().map_or(0.0, |skin| 1.0 / shares(skin)))
+}
+
+/// At the end of the converter a count says no more than that it is 40 kPa and more.
+fn railed() -> Outcome {
+    let taxels = Taxel::of_skin().map(|taxel| Taxel { gain: 2.0 * taxel.rest, half: 40.0, ..taxel });
+    let recorded = Recorded::of(&taxels, &plain_rise());
+    let Ok(skin) = recorded.fit() else { return Outcome::of_figure(f64::NAN) };
+    let of = |(k, taxel): (usize, &Taxel)| {
+        greatest(pressures().take(7).map(|kpa| (recorded.reads(&skin, k, taxel.at(kpa)) - kpa).abs()))
+    };
+    let mut outcome = Outcome::of_figure(greatest(taxels.iter().enumerate().map(of)));
+    let at_end = (0..TAXELS).filter_map(|taxel| recorded.model(&skin, taxel).evaluate(0.0));
+    let holds = |kpa: f64| at_end.clone().all(|reading| (reading.kpa - kpa).abs() <= 2.0 * reading.sigma_kpa);
+    outcome.require(holds(42.0) && holds(68.0), || "the interval at the converter's end holds no more".to_owned());
+    outcome
 }
 
 /// The error of all taxels but the last, which must have this status.
 fn all_but_the_last(recorded: &Recorded, status: &str) -> Outcome {
     let mut outcome = read_as(recorded, &Taxel::of_skin()[..TAXELS - 1]);
-    let model = |skin: SkinFit| skin.model(TAXELS - 1, &recorded.counts[TAXELS - 1], &FitOptions::default());
-    let found = recorded.fit().ok().map(|skin| model(skin).status);
+    let found = recorded.fit().ok().map(|skin| recorded.model(&skin, TAXELS - 1).status);
     outcome.require(found.is_some_and(|found| found.code() == status), || format!("{found:?}"));
     outcome
 }

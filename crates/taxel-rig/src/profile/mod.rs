@@ -90,10 +90,10 @@ impl Profile {
         let highest_kpa = faults.within("highest_kpa", file.highest_kpa.unwrap_or(75.0), 6.0, HIGHEST_KPA);
         let limits = Limits { highest_kpa, hold, total };
         let kpa_per_s = faults.within("kpa_per_s", file.kpa_per_s.unwrap_or(1.0), 0.1, 5.0);
-        faults.expect("own_limit_s", (file.fail_safe == FailSafe::OwnLimit) == own_limit.is_some(), || {
+        faults.require("own_limit_s", (file.fail_safe == FailSafe::OwnLimit) == own_limit.is_some(), || {
             ": expected with fail_safe = \"own_limit\", and there alone".to_owned()
         });
-        faults.expect("ambient_kpa", (file.reference == Reference::Absolute) == file.ambient_kpa.is_some(), || {
+        faults.require("ambient_kpa", (file.reference == Reference::Absolute) == file.ambient_kpa.is_some(), || {
             ": expected with reference = \"absolute\", and there alone".to_owned()
         });
         let refers = Refers { reference: file.reference, ambient_kpa: file.ambient_kpa.unwrap_or_default() };
@@ -108,7 +108,7 @@ impl Profile {
                 Some(Protocol::Modbus(Box::new(registers)))
             }
             _ => {
-                faults.expect("", false, || "expected one of [text] and [modbus]".to_owned());
+                faults.require("", false, || "expected one of [text] and [modbus]".to_owned());
                 None
             }
         };

@@ -67,12 +67,12 @@ impl Registers {
             ("modbus.hold", 0, keys.hold.as_ref()),
         ];
         for (key, most, cells) in lists.into_iter().filter_map(|(key, most, cells)| Some((key, most, cells?))) {
-            faults.expect(key, (1..=100).contains(&cells.len()), || ": expected 1 to 100 registers".to_owned());
+            faults.require(key, (1..=100).contains(&cells.len()), || ": expected 1 to 100 registers".to_owned());
             let found = set_points(cells);
-            faults.expect(key, most == 0 || found == 1, || ": expected the set point once, as \"kpa\"".to_owned());
-            faults.expect(key, most == 1 || found == 0, || ": \"kpa\" belongs to set".to_owned());
+            faults.require(key, most == 0 || found == 1, || ": expected the set point once, as \"kpa\"".to_owned());
+            faults.require(key, most == 1 || found == 0, || ": \"kpa\" belongs to set".to_owned());
         }
-        faults.expect("modbus.step_kpa", keys.step_kpa.is_normal(), || {
+        faults.require("modbus.step_kpa", keys.step_kpa.is_normal(), || {
             format!(" = {}: expected what a step of the set point is", keys.step_kpa)
         });
         let mut register = |key: &str, text: &Option<String>| {
@@ -82,7 +82,7 @@ impl Registers {
         };
         let set_point = register("modbus.set_point", &keys.set_point);
         let pressure = register("modbus.pressure", &keys.pressure);
-        faults.expect("modbus.set_point", keys.set.len() == 1 || keys.set_point.is_some(), || {
+        faults.require("modbus.set_point", keys.set.len() == 1 || keys.set_point.is_some(), || {
             " is missing: where the set point is read back, as in \"holding 1\"".to_owned()
         });
         Self { keys, own_limit: own_limit.unwrap_or_default(), refers, framing, set_point, pressure }

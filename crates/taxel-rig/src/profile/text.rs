@@ -71,7 +71,7 @@ struct Reading<'a> {
 impl Reading<'_> {
     /// One line, with the drive's own limit in it.
     fn text(&mut self, key: &str, text: &str) -> String {
-        self.faults.expect(key, !text.is_empty() && !text.contains(char::is_control), || {
+        self.faults.require(key, !text.is_empty() && !text.contains(char::is_control), || {
             format!(" = {text:?}: expected one line of text, without its end")
         });
         let ms = format!("{:.0}", 1e3 * self.own_limit_s);
@@ -83,24 +83,24 @@ impl Reading<'_> {
         let (key, answers) = (format!("text.{name}"), format!("text.{name}_answer"));
         let (Some(text), answer) = keys else {
             self.faults
-                .expect(&key, keys.1.is_none(), || format!(": expected both {name} and {name}_answer, or neither"));
+                .require(&key, keys.1.is_none(), || format!(": expected both {name} and {name}_answer, or neither"));
             return None;
         };
         let sent = self.text(&key, text);
-        self.faults.expect(&key, name == "set" || placeholders(&sent).is_empty(), || {
+        self.faults.require(&key, name == "set" || placeholders(&sent).is_empty(), || {
             format!(" = {text:?}: expected no braces: the set point belongs to set, {{*}} to an answer")
         });
         let may_be_silent = self.may_be_silent && !matches!(name, "set_point" | "pressure");
-        self.faults.expect(&answers, answer.is_some() || may_be_silent, || {
+        self.faults.require(&answers, answer.is_some() || may_be_silent, || {
             " is missing: what is answered; where nothing is, give set_point and set_point_answer".to_owned()
         });
         let answer = answer.and_then(|answer| {
             let expected = self.text(&answers, answer);
-            self.faults.expect(&answers, expected != sent, || {
+            self.faults.require(&answers, expected != sent, || {
                 format!(" = {answer:?}: an echo of {name} is no answer: leave it out, and give set_point")
             });
             let template = self.faults.read(&answers, &expected, Template::pattern(&expected))?;
-            self.faults.expect(&answers, !asks || template.unit().is_some(), || {
+            self.faults.require(&answers, !asks || template.unit().is_some(), || {
                 let or = if name == "set" { ", or the keys set_point and set_point_answer beside it" } else { "" };
                 format!(" = {answer:?}: it has no number: expected its unit in braces, as in \"P={{kPa}}\"{or}")
             });
@@ -113,7 +113,7 @@ impl Reading<'_> {
 impl Text {
     pub(super) fn new(keys: &Keys, own_limit: Option<Duration>, refers: Refers, faults: &mut Faults) -> Option<Self> {
         let ending = keys.ending.clone().unwrap_or_else(|| "\n".to_owned());
-        faults.expect("text.ending", ["\n", "\r", "\r\n"].contains(&ending.as_str()), || {
+        faults.require("text.ending", ["\n", "\r", "\r\n"].contains(&ending.as_str()), || {
             format!(" = {ending:?}: expected \"\\n\", \"\\r\" or \"\\r\\n\"")
         });
         let decimals = keys.decimals.unwrap_or(2);
@@ -131,7 +131,7 @@ impl Text {
             [one] => PressureUnit::named(one).map(|unit| (format!("{{{one}}}"), unit)),
             _ => None,
         };
-        faults.expect("text.set", slot.is_some(), || {
+        faults.require("text.set", slot.is_some(), || {
             let names = PressureUnit::NAMES;
             format!(" = {:?}: expected the set point once, as its unit in braces: one of {names}", keys.set)
         });
