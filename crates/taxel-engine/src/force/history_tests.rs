@@ -116,12 +116,12 @@ impl Skin {
     }
 
     fn doubt(&mut self) -> &mut Self {
-        self.force.move_zero(None, None);
+        self.force.move_zero(None, None, 0.0);
         self
     }
 
     fn clear(&mut self) -> &mut Self {
-        self.force.move_zero(Some(&rest(TAXELS)), Some(rest(TAXELS)));
+        self.force.move_zero(Some(&rest(TAXELS)), Some(rest(TAXELS)), 0.0);
         self
     }
 

@@ -63,8 +63,10 @@ pub struct Touch {
     pub unread: Vec<Unread>,
     /// Taxels beside active ones that are not selected, ascending.
     pub missing: Vec<usize>,
-    /// Taxels beside active ones that are not active themselves; none without positions.
-    pub ring: Vec<usize>,
+    /// Taxels beside active ones that are not active themselves, each with an active one; none without positions.
+    pub ring: Vec<(usize, usize)>,
+    /// What is added to the force of each active taxel, by taxel, N: what those of the ring beside it read, less the offset.
+    added_n: Vec<f64>,
     /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
     labels: Vec<u16>,
     contacts: Vec<Contact>,
@@ -77,7 +79,11 @@ pub struct Present<'a> {
     pub zero_sigma_counts: f64,
     /// The same that each taxel has of its own.
     pub missed_counts: f64,
-    /// Standard uncertainty because noise decides which taxels are summed, N.
+    /// How far all taxels lie from their zero, counts towards load.
+    pub off_counts: f64,
+    /// Standard uncertainty because the skin remembers earlier loads, counts.
+    pub residue_sigma_counts: f64,
+    /// Standard uncertainty because a touch may be noise, N.
     pub choice_n: f64,
     /// By how many counts the taxels of each module jump together.
     pub jumps: &'a [f32],
@@ -210,11 +216,15 @@ impl ForceModel {
         touch: &mut Touch,
         present: Present<'_>,
     ) -> ForceSample {
-        let Touch { active, unread, contacts, .. } = touch;
+        let mut sums = self.sums(evaluator, counts, &touch.active);
+        self.add_ring(evaluator, counts, touch, present.off_counts, &mut sums);
+        let Touch { active, unread, contacts, added_n, .. } = touch;
+        let added = active.iter().map(|(taxel, _)| added_n[*taxel]).fold(0.0, |sum, newton| sum + newton);
         let read_n = match self.neighbours {
             None => evaluator.sum_n(active),
             Some(_) => active.iter().fold(0.0, |sum, &(_, newton)| sum + newton), // sum() of nothing is -0.0
         };
+        let read_n = (read_n + added).max(0.0);
         let unread_n =
             |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
         // Filled taxels err independently; what is left out is too little of all of them.
@@ -224,11 +234,10 @@ impl ForceModel {
         } else {
             (0.0, unread_n(Unread::missing_kpa).fold(0.0, |sum, newton| sum + newton))
         };
-        let sums = self.sums(evaluator, counts, active);
         let total_n = read_n + filled_n;
         // What all touched taxels share those have, too, that are filled from them.
         let scale = if read_n > 0.0 { total_n / read_n } else { 1.0 };
-        let (tables, set) = (evaluator.tables(), evaluator.tables().set());
+        let set = evaluator.tables().set();
         let zero_n = scale * (present.zero_sigma_counts * sums.per_count_n);
         let missed_n = scale * present.missed_counts * sums.per_count_n2.sqrt();
         let hysteresis_n = if present.unloads { sums.hysteresis_n } else { 0.0 };
@@ -237,7 +246,7 @@ impl ForceModel {
             .with(Term::Readings, sums.own_n2.sqrt())
             .with(Term::Choice, present.choice_n)
             .with(Term::Zero, zero_n.hypot(missed_n))
-            .with(Term::Residue, scale * tables.residue_sigma_counts() * sums.per_count_n)
+            .with(Term::Residue, scale * present.residue_sigma_counts * sums.per_count_n)
             .with(Term::Hysteresis, scale * hysteresis_n.hypot(sums.history_n))
             .with(Term::Curve, scale * sums.curve_n)
             .with(Term::BeyondRange, scale * sums.beyond_n)
@@ -260,7 +269,7 @@ impl ForceModel {
             active.extend(unread.iter().map(|one| (one.taxel, one.kpa * self.newton_per_kpa(one.taxel))));
         }
         if let Some(geometry) = &self.layout.geometry {
-            self.add_geometry(&mut sample, geometry, active);
+            self.add_geometry(&mut sample, geometry, active, added_n);
         }
         sample
     }
@@ -283,6 +292,26 @@ impl ForceModel {
     /// Without positions any taxel may lie there.
     fn is_at_rim(&self, taxel: usize) -> bool {
         self.neighbours.as_ref().is_none_or(|neighbours| neighbours.is_at_rim(taxel))
+    }
+
+    /// What the taxels beside a touch read goes to the touched ones that they lie beside, and the offset of all is taken off.
+    fn add_ring(&self, evaluator: &Evaluator, counts: Counts<'_>, touch: &mut Touch, off_counts: f64, sums: &mut Sums) {
+        let (tables, selected) = (evaluator.tables(), evaluator.selection());
+        touch.added_n.clear();
+        touch.added_n.resize(selected.len(), 0.0);
+        for &(taxel, _) in &touch.active {
+            let Some(share) = counts.raw(taxel).and_then(|count| tables.share(taxel, count)) else { continue };
+            touch.added_n[taxel] -= off_counts * f64::from(share.per_count_n);
+        }
+        for &(taxel, beside) in &touch.ring {
+            let Some(count) = counts.units(taxel).filter(|_| selected[taxel]) else { continue };
+            let light = tables.light(taxel);
+            let pressed = tables.sign(taxel) * (count - light.zero) - off_counts;
+            touch.added_n[beside] += light.newton_per_count * pressed;
+            sums.own_n2 += (light.newton_per_count * light.noise_counts).powi(2);
+            sums.per_count_n += light.newton_per_count;
+            sums.per_count_n2 += light.newton_per_count.powi(2);
+        }
     }
 
     fn sums(&self, evaluator: &Evaluator, counts: Counts<'_>, active: &[(usize, f64)]) -> Sums {
@@ -321,13 +350,14 @@ impl ForceModel {
         self.layout.modules.iter().zip(jumps).map(of_module).map(|newton| newton * newton).sum::<f64>().sqrt()
     }
 
-    fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {
+    fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)], added_n: &[f64]) {
         if self.layout.outputs == (Outputs { fill: self.layout.outputs.fill, ..Outputs::default() }) {
             return; // nobody asks for any of it
         }
         let placed = active.iter().filter_map(|&(taxel, force_n)| {
             let (pose, area_mm2) = (geometry.poses.get(taxel).copied().flatten()?, self.layout.areas[taxel].0);
-            Some(Placed { taxel: taxel as u16, pose, force_n, area_mm2 })
+            let (peak_kpa, force_n) = (1e3 * force_n / area_mm2, force_n + added_n.get(taxel).copied().unwrap_or(0.0));
+            Some(Placed { taxel: taxel as u16, pose, force_n, area_mm2, peak_kpa })
         });
         let (placed, outputs) = (placed.collect::<Vec<_>>(), self.layout.outputs);
         let all = together(placed.iter().copied());

@@ -59,12 +59,13 @@ impl Neighbours {
 
     /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero, and
     /// numbers the contacts: in `labels`, by taxel, from 1. Returns how many there are. What was in `labels` does not
-    /// matter; taxels that are not active end at 0, those beside active ones at [`Neighbours::BESIDE`], and in `ring`.
+    /// matter; taxels that are not active end at 0, those beside active ones at [`Neighbours::BESIDE`], and in `ring` with one that
+    /// they lie beside.
     pub fn grow(
         &self,
         active: &mut Vec<(usize, f64)>,
         labels: &mut Vec<u16>,
-        ring: &mut Vec<usize>,
+        ring: &mut Vec<(usize, usize)>,
         low: impl Fn(usize) -> f64,
     ) -> usize {
         const TOUCHED: u16 = u16::MAX - 1;
@@ -95,7 +96,7 @@ impl Neighbours {
                         frontier.push(other);
                     } else if labels[other] == 0 {
                         labels[other] = Self::BESIDE;
-                        ring.push(other);
+                        ring.push((other, taxel));
                     }
                 }
             }
@@ -177,7 +178,7 @@ mod tests {
         let (mut labels, mut ring) = (Vec::new(), Vec::new());
         let contacts = row(6).grow(&mut active, &mut labels, &mut ring, |taxel| weak[taxel]);
         assert_eq!(active, [(0, 5.0), (1, 1.0), (2, 1.0)]);
-        assert_eq!((contacts, &labels[..3], &ring[..]), (1, [1, 1, 1].as_slice(), [3].as_slice()));
+        assert_eq!((contacts, &labels[..3], &ring[..]), (1, [1, 1, 1].as_slice(), [(3, 2)].as_slice()));
     }
 
     #[test]

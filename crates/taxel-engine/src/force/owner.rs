@@ -16,12 +16,16 @@ use crate::force::hysteresis::Hysteresis;
 use crate::force::measure::{ForceModel, Layout, Present, Touch};
 use crate::force::offsets::Offsets;
 use crate::force::reason::{Reason, ReasonCode};
-use crate::force::remainder::{Remainder, Rest, Unseen, newton_per_count};
+use crate::force::remainder::{Remainder, Rest, newton_per_count};
 use crate::force::sample::{ForceSample, ForceState, Undetected};
 use crate::force::tables::Tables;
 use crate::force::unloading::Unloading;
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
+
+/// The offset of untouched taxels is a mean over about so many scans, and what is left of it where it was taken off, counts.
+const OFFSET_SCANS: f64 = 8.0;
+const OFFSET_LEFT_COUNTS: f64 = 0.06;
 
 /// Why there is no force without models.
 const NO_MODELS: &str = "no model set is active";
@@ -114,6 +118,8 @@ pub struct Force {
     /// The next total is the first at another zero or model set.
     changed: bool,
     unloading: Unloading,
+    /// How far the taxels lie from their zero that nothing touches, counts: the mean of the last scans.
+    off_counts: f64,
     touch: Touch,
     contact_ids: ContactIds,
 }
@@ -146,6 +152,7 @@ impl Force {
             step: None,
             changed: false,
             unloading: Unloading::UNKNOWN,
+            off_counts: 0.0,
             touch: Touch::default(),
             contact_ids: ContactIds::default(),
         }
@@ -192,7 +199,13 @@ impl Force {
 
     /// The zero holds no more for now, or holds again, or has followed the temperature: histories go on. `taken` is the same
     /// zero without what it has followed.
-    pub fn move_zero(&mut self, zero: Option<&[TaxelBaseline]>, taken: Option<Vec<TaxelBaseline>>) {
+    pub fn move_zero(
+        &mut self,
+        zero: Option<&[TaxelBaseline]>,
+        taken: Option<Vec<TaxelBaseline>>,
+        residue_counts: f64,
+    ) {
+        self.residue_counts = residue_counts;
         self.zero = zero.map(<[TaxelBaseline]>::to_vec);
         self.taken = taken.unwrap_or_default();
         if let Some(zero) = &self.zero {
@@ -293,12 +306,22 @@ impl Force {
         }
         let mut touch = std::mem::take(&mut self.touch);
         self.model.touch(evaluator, scan.counts, &mut touch);
-        let active = touch.active.iter().map(|&(taxel, _)| taxel);
-        let unseen = self.remainder.unseen(scan.counts, active, &touch.ring, [zero.hides.0, zero.sigma.0]);
-        let Unseen { off_counts, choice_n, .. } = unseen;
-        let zero_sigma_counts = zero.sigma_counts.hypot(off_counts);
+        let summed = touch.active.iter().map(|(taxel, _)| *taxel).chain(touch.ring.iter().map(|(taxel, _)| *taxel));
+        let unseen = self.remainder.unseen(scan.counts, summed, [zero.hides.0, zero.sigma.0]);
+        self.off_counts += (unseen.off_counts.min(0.0) - self.off_counts) / OFFSET_SCANS;
+        let (off_counts, residue_sigma_counts) = evaluator.tables().offset_and_residue(self.off_counts);
+        let choice_n = unseen.choice_n;
+        let zero_sigma_counts = zero.sigma_counts.hypot(OFFSET_LEFT_COUNTS);
         let (jumps, unloads) = (scan.jumps, self.unloading.is_under_way());
-        let present = Present { zero_sigma_counts, missed_counts: zero.missed_counts, choice_n, jumps, unloads };
+        let present = Present {
+            zero_sigma_counts,
+            missed_counts: zero.missed_counts,
+            off_counts,
+            residue_sigma_counts,
+            choice_n,
+            jumps,
+            unloads,
+        };
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);
         self.unloading.follow(sample.total);

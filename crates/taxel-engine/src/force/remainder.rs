@@ -1,6 +1,6 @@
 //! What presses below the activation thresholds: the force that a scan cannot show as a touch.
 //!
-//! The counts of all taxels that are not active still say how much may lie there. With `w` the force per count of a taxel
+//! The counts of all taxels that are not in the total still say how much may lie there. With `w` the force per count of a taxel
 //! (area times threshold pressure, or its uncertainty if that is more, over threshold distance) and `c` its counts from
 //! the zero towards pressure, the remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`,
 //! and what the zero's uncertainty weighs on the whole skin.
@@ -14,9 +14,8 @@
 //! What is undetected is `max(R, 0) + max(H, 0)` with the uncertainties of both, to which comes what all forces have: that of the
 //! areas and of the gauge's gain, relative to the sum of the two.
 //!
-//! Which taxels are in a total hangs on their noise, too. That of a contact on the modules that have most of it,
-//! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an
-//! active one: these were chosen by their reading, so that their noise does not average out but adds up, `sum w s`.
+//! Whether anything is touched hangs on noise, too: of a total of which no taxel reads twice its threshold that of a contact on the
+//! modules that have most of it, `sqrt(sum (w s)^2)`, is uncertain.
 
 mod hidden;
 mod share;
@@ -54,16 +53,19 @@ pub struct Remainder {
     selected: usize,
 }
 
-/// So many taxels that no contact is near tell how far all of them lie from their zero.
+/// So many taxels that are in no total tell how far all of them lie from their zero.
 const FAR_TAXELS_MIN: usize = 20;
 
 /// Taxels of a module share some of their noise: on real skin a sum of ten has so many times the variance of independent ones.
 const SHARED_NOISE: f64 = 2.0;
 
+/// A touch of which a taxel reads so many times its threshold is no noise.
+const SURE_OF_TOUCH: f64 = 2.0;
+
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Unseen {
-    /// Standard uncertainty of a total because noise decides which taxels are in it, N.
+    /// Standard uncertainty because a touch may be noise, N.
     pub choice_n: f64,
     /// The force that may press in addition without activating a taxel, in the mean, N.
     pub newton: f64,
@@ -115,58 +117,36 @@ impl Remainder {
         }
     }
 
-    /// What may press beside the `active` taxels, where the zero hides a load of `hides_n` on the whole skin, and its uncertainty
+    /// What may press beside the taxels that are `summed` in a total, where the zero hides a load of `hides_n` on the whole skin, and its uncertainty
     /// weighs `zero_n`, N.
     pub fn unseen<'a>(
         &self,
         counts: impl Into<Counts<'a>>,
-        active: impl Iterator<Item = usize>,
-        ring: &[usize],
+        summed: impl Iterator<Item = usize>,
         [hides_n, zero_n]: [f64; 2],
     ) -> Unseen {
         let counts = counts.into();
         let (mut rest_n, mut noise_n2, mut per_count_n) =
             (self.walk_n(counts) - self.zeros_n, self.noise_n2, self.per_count_n);
-        let (mut chosen_n, mut untouched) = (0.0, self.selected);
-        for taxel in active {
+        let (mut untouched, mut strongest) = (self.selected, 0.0_f64);
+        for taxel in summed {
             let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { continue };
             let pressed_n = f64::from(share.newton_per_count) * (count - f64::from(share.zero));
             rest_n -= pressed_n;
-            if pressed_n < f64::from(share.newton_per_count.abs()) * f64::from(share.threshold) {
-                chosen_n += f64::from(share.noise_n);
-            }
+            strongest = strongest.max(pressed_n / f64::from(share.newton_per_count.abs() * share.threshold));
             noise_n2 -= f64::from(share.noise_n).powi(2);
             per_count_n -= f64::from(share.newton_per_count).abs();
-            untouched -= 1;
+            untouched -= usize::from(share.newton_per_count != 0.0);
         }
-        let off_counts = self.off_counts(counts, (rest_n, per_count_n, untouched), ring);
+        // Of none nothing but rounding is left of these sums.
+        let tell = untouched >= FAR_TAXELS_MIN && per_count_n > 0.0;
+        let off_counts = if tell { rest_n / per_count_n } else { 0.0 };
         let newton = rest_n.max(0.0) + hides_n + self.hidden.newton;
         let shared_n = self.relative_sigma * newton;
         let sigma_n2 =
             SHARED_NOISE * noise_n2.max(0.0) + zero_n.powi(2) + self.hidden.sigma_n.powi(2) + shared_n.powi(2);
-        Unseen {
-            choice_n: (chosen_n.powi(2) + self.contact_noise_n2).sqrt(),
-            newton,
-            sigma_n: sigma_n2.sqrt(),
-            off_counts,
-        }
-    }
-
-    /// How far the taxels lie from their zero in the mean that are neither active nor in the `ring` beside active ones, which bear
-    /// some of what these do, counts; 0 where they are too few to tell. `untouched` are the force, N, and N per count of those that
-    /// are not active, and how many they are.
-    fn off_counts(&self, counts: Counts<'_>, untouched: (f64, f64, usize), ring: &[usize]) -> f64 {
-        let (mut newton, mut per_count_n, mut taxels) = untouched;
-        for &taxel in ring {
-            let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { continue };
-            if share.newton_per_count != 0.0 {
-                newton -= f64::from(share.newton_per_count) * (count - f64::from(share.zero));
-                per_count_n -= f64::from(share.newton_per_count).abs();
-                taxels -= 1;
-            }
-        }
-        // Of none nothing but rounding is left of these sums.
-        if taxels < FAR_TAXELS_MIN || per_count_n <= 0.0 { 0.0 } else { newton / per_count_n }
+        let choice_n = self.contact_noise_n2.sqrt() * (SURE_OF_TOUCH - strongest).clamp(0.0, 1.0);
+        Unseen { choice_n, newton, sigma_n: sigma_n2.sqrt(), off_counts }
     }
 }
 
@@ -220,7 +200,7 @@ mod tests {
         let zero = rest(TAXELS);
         let rest = Rest { zero: &zero, taken: &zero, vouched: &[] };
         let remainder = Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES, relative_sigma);
-        remainder.unseen(&counts, active, &[], [0.0, zero_n])
+        remainder.unseen(&counts, active, [0.0, zero_n])
     }
 
     proptest! {
@@ -231,7 +211,7 @@ mod tests {
             relative_sigma in 0.0..0.2_f64,
         ) {
             let tables = tables();
-            let (mut remainder, mut noise, mut per_count, mut chosen) = (0.0, 0.0, 0.0, 0.0);
+            let (mut remainder, mut noise, mut per_count, mut strongest) = (0.0, 0.0, 0.0, 0.0_f64);
             let mut of_modules = [0.0; 4];
             for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
                 let distance = ACTIVATION.distance_counts(0.5);
@@ -240,8 +220,8 @@ mod tests {
                 if selected {
                     of_modules[taxel / 10] += (newton_per_count * 0.5).powi(2);
                 }
-                if selected && active && f64::from(REST) - f64::from(count) < distance {
-                    chosen += newton_per_count * 0.5;
+                if selected && active {
+                    strongest = strongest.max((f64::from(REST) - f64::from(count)) / distance);
                 }
                 if selected && !active {
                     remainder += newton_per_count * (f64::from(REST) - f64::from(count));
@@ -251,7 +231,7 @@ mod tests {
             }
             let found = unseen_of(&tables, &taxels, zero_n, relative_sigma);
             of_modules.sort_by(f64::total_cmp);
-            let choice = of_modules[1..].iter().sum::<f64>().sqrt().hypot(chosen);
+            let choice = of_modules[1..].iter().sum::<f64>().sqrt() * (2.0 - strongest).clamp(0.0, 1.0);
             prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
             let offset = if per_count > 0.0 { remainder / per_count } else { 0.0 };
             // The walk is one of single precision over raw counts: 37 products of up to 255 counts that weigh 0.1 N each.
@@ -287,7 +267,7 @@ mod tests {
         let found = |relative_sigma: f64| {
             let rest = Rest { zero: &zero, taken: &zero, vouched: &[] };
             let remainder = Remainder::new(&tables(), rest, ACTIVATION, &[true; TAXELS], &MODULES, relative_sigma);
-            remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), &[], [0.0; 2])
+            remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), [0.0; 2])
         };
         let (alone, shared) = (found(0.0), found(0.2));
         assert!(alone.newton > 1.0 && shared.newton == alone.newton, "{alone:?}");
@@ -303,8 +283,8 @@ mod tests {
         let remainder = Remainder::new(&tables(), held, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);
         let active = || [3, 7].into_iter();
         let (narrow, wide) = (
-            remainder.unseen(&bytes, active(), &[], [0.0, 0.1]),
-            remainder.unseen(Counts::Words(&words, range), active(), &[], [0.0, 0.1]),
+            remainder.unseen(&bytes, active(), [0.0, 0.1]),
+            remainder.unseen(Counts::Words(&words, range), active(), [0.0, 0.1]),
         );
         assert!(narrow.newton > 0.1, "{narrow:?}");
         for (narrow, wide) in [(narrow.newton, wide.newton), (narrow.sigma_n, wide.sigma_n)] {
@@ -323,7 +303,7 @@ mod tests {
             let unseen = |selected: &[bool; TAXELS]| {
                 let rest = Rest { zero: &unknown, taken: &unknown, vouched: &[] };
                 let remainder = Remainder::new(&tables, rest, ACTIVATION, selected, &MODULES, 0.1);
-                remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), &[], [0.0, 0.1])
+                remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), [0.0, 0.1])
             };
             let found = unseen(&[true; TAXELS]);
             assert!(found.newton > 0.1 && found.choice_n > 0.0, "{found:?}");

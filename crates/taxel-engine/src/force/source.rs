@@ -103,6 +103,17 @@ pub(super) struct Source<'a> {
     place: Place,
 }
 
+/// What a count of a taxel weighs that lies beside a touch and is none itself.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Light {
+    /// The present zero, counts.
+    pub(crate) zero: f64,
+    /// N per count towards load.
+    pub(crate) newton_per_count: f64,
+    /// Of a single reading.
+    pub(crate) noise_counts: f64,
+}
+
 /// What one count means.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Meaning {
@@ -179,7 +190,7 @@ impl<'a> Source<'a> {
     }
 
     fn pressure_kpa(&self, units: f64) -> f32 {
-        if let Some((kpa, _)) = self.light(units) {
+        if let Some((kpa, _)) = self.light_end(units) {
             return kpa as f32;
         }
         let count = units + self.place.shift;
@@ -216,7 +227,7 @@ impl<'a> Source<'a> {
 
     /// What the calibration leaves open at a count, kPa.
     fn doubt_kpa(&self, units: f64) -> f64 {
-        self.place.doubt_kpa.hypot(self.light(units).map_or(0.0, |(_, sigma_kpa)| sigma_kpa))
+        self.place.doubt_kpa.hypot(self.light_end(units).map_or(0.0, |(_, sigma_kpa)| sigma_kpa))
     }
 
     /// What of the uncertainty beyond the calibrated range all taxels have in common, kPa: how stiff the skin is there.
@@ -242,6 +253,20 @@ impl<'a> Source<'a> {
             per_count_n: (newton_per_kpa * f64::from(meaning.kpa_per_count)) as f32,
             above: if meaning.range == RangeFlag::Above { 1.0 } else { 0.0 },
             ..Share::of_sigmas(newton_per_kpa, f64::from(meaning.sigma_kpa), shared_kpa)
+        }
+    }
+
+    /// Newton per count and noise in counts below the threshold that suffices beside an activated taxel: there the reading is not
+    /// taken for a pressure, and adds up over taxels without a preference for those that noise favours.
+    pub(super) fn light(&self, area: SquareMillimetre, activation: Activation) -> Light {
+        let low = LOW_SHARE * activation.distance_counts(self.place.now.noise);
+        let kpa =
+            |counts: f64| f64::from(self.pressure_kpa(self.place.now.mean + self.sign().as_f64() * counts)).max(0.0);
+        let newton_per_count = area.0 * 1e-3 * (kpa(low) - kpa(0.0)).max(0.0) / low;
+        Light {
+            zero: self.place.now.mean,
+            newton_per_count,
+            noise_counts: self.place.now.noise.max(NOISE_FLOOR_COUNTS),
         }
     }
 
@@ -287,7 +312,7 @@ impl<'a> Source<'a> {
     }
 
     /// Pressure before the calibrated range, and what adds to its uncertainty.
-    fn light(&self, units: f64) -> Option<(f64, f64)> {
+    fn light_end(&self, units: f64) -> Option<(f64, f64)> {
         self.place.light?.at(units + self.place.shift)
     }
 

@@ -9,7 +9,7 @@ use taxel_skin::{CountRange, SquareMillimetre};
 
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::sample::RangeFlag;
-use crate::force::source::{FORCE_STRIDE, ForceTable, Meaning, Place, Share, Source, TaxelTable, kpa_per_count};
+use crate::force::source::{FORCE_STRIDE, ForceTable, Light, Meaning, Place, Share, Source, TaxelTable, kpa_per_count};
 use crate::model_set::ModelSet;
 
 /// What of a residue touched taxels are read at more: on skins with a play all of it would be right, on skins that creep
@@ -82,6 +82,7 @@ pub struct Tables {
     activation: Activation,
     areas: Vec<SquareMillimetre>,
     newton_per_kpa: Vec<f32>,
+    light: Vec<Light>,
     residue_counts: f64,
 }
 
@@ -122,6 +123,7 @@ impl Tables {
             activation,
             areas: areas.to_vec(),
             residue_counts,
+            light: vec![Light::default(); taxels],
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
         };
@@ -137,6 +139,7 @@ impl Tables {
                 let source = Source::new(&tables.set, taxel, place);
                 let polarity = if place.sign == Sign::Falling { u16::MAX } else { 0 };
                 let threshold = source.threshold(activation, counts);
+                tables.light[taxel] = source.light(*area, activation);
                 tables.polarity[taxel] = polarity as u8;
                 tables.taxels[taxel] = Some(if counts.is_byte() {
                     let (table, force_n) = source.tabulate(*area, activation);
@@ -156,9 +159,11 @@ impl Tables {
         Source::new(&self.set, taxel, place).meaning(self.counts.units(count), self.counts)
     }
 
-    /// Standard uncertainty of the zero under touched taxels because the skin remembers earlier loads, counts.
-    pub(crate) fn residue_sigma_counts(&self) -> f64 {
-        RESIDUE_SIGMA * self.residue_counts
+    /// How far touched taxels lie from where they are read, and the standard uncertainty of that because the skin remembers earlier
+    /// loads, counts, where untouched ones lie `off_counts` from their zero. What these have lost of the residue has gone.
+    pub(crate) fn offset_and_residue(&self, off_counts: f64) -> (f64, f64) {
+        let left = (self.residue_counts + off_counts.min(0.0)).max(0.0);
+        (off_counts + RESIDUE_SHARE * (self.residue_counts - left), RESIDUE_SIGMA * left)
     }
 
     /// The model set.
@@ -245,6 +250,11 @@ impl Tables {
             }
             _ => 0.0,
         }
+    }
+
+    /// What a count weighs beside a touch; nothing without a usable model.
+    pub(crate) fn light(&self, taxel: usize) -> Light {
+        self.light[taxel]
     }
 
     /// When a count of more than eight bits is a touch, one per taxel; empty for bytes.

@@ -20,6 +20,39 @@ use crate::scan::Scan;
 
 mod jumps;
 
+/// Noise must not decide which taxels at the rim of a contact are summed.
+#[test]
+fn what_lies_beside_a_touch_is_summed_with_its_sign() {
+    let total = |before: u8, after: u8| {
+        let mut skin = Skin::new(Some(row(TAXELS))).press(24..25, 30);
+        (skin.counts[23], skin.counts[25]) = (before, after);
+        skin.measured().sample.total.unwrap().0
+    };
+    let alone = total(REST, REST);
+    assert!(
+        (total(REST + 1, REST - 1) - alone).abs() < 1e-6,
+        "as much too little on one side as too much on the other"
+    );
+    assert!((total(REST - 1, REST - 1) - alone - 0.2).abs() < 0.03, "a count of a taxel weighs 0.1 N");
+    assert!((total(REST, REST) - total(REST + 1, REST + 1) - 0.2).abs() < 0.03);
+}
+
+/// What has become lighter bears no load: all of the skin has. What has become heavier may.
+#[test]
+fn a_force_is_read_from_where_the_untouched_skin_lies_if_that_is_lighter() {
+    let total = |rest: u8| {
+        let mut skin = Skin::new(Some(row(TAXELS))).press(0..TAXELS, 0);
+        skin.counts.fill(rest);
+        skin.counts[20..24].fill(REST - 30);
+        let of_scan = |skin: &mut Skin| skin.measured().sample.total.unwrap().0;
+        (0..100).map(|_| of_scan(&mut skin)).last().unwrap()
+    };
+    let lighter = total(REST + 1) - total(REST);
+    assert!((lighter - 0.4).abs() < 0.05, "{lighter} N of four taxels, those beside them lying where all do");
+    // One taxel beside reads more.
+    assert!((total(REST - 1) - total(REST) - 0.1).abs() < 0.05, "{}", total(REST - 1) - total(REST));
+}
+
 /// The count at rest.
 pub const REST: u8 = 240;
 /// A taxel is touched from three counts on: below 237.
@@ -369,7 +402,7 @@ proptest! {
         prop_assert_eq!(skin.measured().sample.total.map(|t| t.0.to_bits()), Some(total.to_bits()));
     }
 
-    /// A reader of taxels sees as active those whose force is in the total, and no others.
+    /// A reader of taxels sees as active those that the total is of: to their forces comes only what those beside them read.
     #[test]
     fn the_active_taxels_are_those_in_the_total(
         pressed in proptest::collection::vec(prop_oneof![3 => Just(0_u8), 1 => 0..5_u8, 1 => 0..70_u8], TAXELS)
@@ -379,6 +412,7 @@ proptest! {
         let Measured { sample, active } = skin.measured();
         prop_assert_eq!(sample.active as usize, active.len());
         let (tables, offsets) = skin.force.tables().unwrap();
+        let light = std::sync::Arc::clone(&tables);
         let taxels = Taxels::of(Basis {
             counts: skin.counts.clone().into(),
             modules: vec![ModuleAge { last: Some(Time::default()), stale: false }; TAXELS / 10].into(),
@@ -391,6 +425,13 @@ proptest! {
         });
         let of_active = taxels.iter().filter(|taxel| taxel.active);
         let newton: f64 = of_active.map(|taxel| f64::from(taxel.pressure_kpa.unwrap()) * AREA.0 * 1e-3).sum();
+        let is_active = |taxel: usize| taxels.get(taxel).is_some_and(|state| state.active);
+        let is_beside = |taxel: usize| {
+            let of_module = |other: usize| other / 10 == taxel / 10 && is_active(other);
+            !is_active(taxel) && taxel != 33 && (of_module(taxel + 1) || taxel.checked_sub(1).is_some_and(of_module))
+        };
+        let beside = (0..TAXELS).filter(|&taxel| is_beside(taxel));
+        let newton = newton + beside.map(|t| light.light(t).newton_per_count * f64::from(pressed[t])).sum::<f64>();
         let total = sample.total.unwrap().0;
         prop_assert!((newton - total).abs() <= 1e-5 * total.max(1.0), "{newton} N against {total} N");
         prop_assert!(!taxels[33].active, "its fault keeps it out");

@@ -230,7 +230,7 @@ impl Patch {
         self.intake.expect_noise(&set.baseline);
         self.zero.on_models(&set);
         self.force.set_models(set, self.zero.residue_counts());
-        self.force.move_zero(self.zero.in_force(), self.zero.as_taken()); // it may be one for other models
+        self.force.move_zero(self.zero.in_force(), self.zero.as_taken(), self.zero.residue_counts()); // it may be one for other models
         self.force.set_vouched(self.zero.vouched());
         self.zero.weigh(&self.force.newton_per_count());
         self.dirty = true;

@@ -92,11 +92,11 @@ impl Patch {
                     effects.intents.push(Intent::News { board, news: BoardNews::Moved(why) });
                 }
                 ZeroEvent::Doubted => {
-                    self.force.move_zero(None, None);
+                    self.force.move_zero(None, None, self.zero.residue_counts());
                     self.calibration.on_zero_doubted();
                 }
                 ZeroEvent::Moved | ZeroEvent::Cleared => {
-                    self.force.move_zero(self.zero.in_force(), self.zero.as_taken());
+                    self.force.move_zero(self.zero.in_force(), self.zero.as_taken(), self.zero.residue_counts());
                     self.zero.weigh(&self.force.newton_per_count());
                 }
             }

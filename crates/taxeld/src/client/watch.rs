@@ -137,7 +137,7 @@ async fn budget(daemon: &Daemon) -> Outcome {
 fn in_words(term: &str) -> &str {
     match term {
         "readings" => "noise of each taxel",
-        "choice" => "taxels near their threshold",
+        "choice" => "a light touch may be noise",
         "zero" => "the zero may have moved",
         "creep" => "creep after an earlier load",
         "curve" => "fit of the curves",
