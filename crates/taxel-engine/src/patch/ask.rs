@@ -251,7 +251,7 @@ impl Patch {
         self.calibration.refuse_if_open("finish or abort it first")?;
         self.check_vented(now)?;
         if self.force.models().is_none() {
-            return Err(ErrorReason::NoModelSet.because("no model set is active: there is no force to compare"));
+            return Err(ErrorReason::NoModelSet.because("no model set is in use: there is no force to compare"));
         }
         if !self.force.is_ready() {
             return Err(ErrorReason::ZeroLost.because(format!("there is no valid zero: {}", self.zero.view().reason)));

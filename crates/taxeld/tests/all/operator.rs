@@ -12,7 +12,7 @@ use crate::demo::Demo;
 #[test]
 fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     let demo = Demo::start(&["--bare"]);
-    assert!(demo.refused(&["watch", "--once", "--within", "0.5"]).contains("no model set is active"));
+    assert!(demo.refused(&["watch", "--once", "--within", "0.5"]).contains("no model set is in use"));
     assert!(demo.refused(&["models", "use", "newest"]).contains("there is no model set"));
 
     let printed = demo.until_good(&["calibrate", "--target", "40", "--yes"]);
