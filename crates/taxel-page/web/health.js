@@ -80,5 +80,5 @@ function patch(one) {
       ["drift followed", `${num(tare.driftMedianCounts ?? 0)} counts`],
     ]),
     el("h3", "Faulty taxels"),
-    table(["taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.map((fault) => (fault === "rail" ? "saturated" : fault)).join(", ")]), "none"));
+    table(["taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.join(", ")]), "none"));
 }

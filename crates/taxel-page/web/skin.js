@@ -22,7 +22,7 @@ export function kindOf(reading, layout) {
   if (!reading || reading.count === undefined) return "never";
   if (reading.stale || isOld()) return "silent";
   const faults = reading.faults ?? [];
-  if (faults.includes("rail") || faults.includes("out of range by status")) return "saturated";
+  if (faults.includes("saturated") || faults.includes("out of range by status")) return "saturated";
   if (faults.length) return "faulty";
   if (!reading.calibrated && state.skin?.modelSet && layout?.exclusion) return "excluded";
   if (reading.range === "RANGE_ABOVE") return "extrapolated";

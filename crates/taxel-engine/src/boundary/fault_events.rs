@@ -72,7 +72,7 @@ fn in_words(changed: &[FaultSet]) -> Option<News> {
         let count = changed.iter().filter(|set| set.contains(fault)).count();
         if count > 0 {
             let (comma, s) = (if text.is_empty() { "" } else { ", " }, if count == 1 { "" } else { "s" });
-            let _ = write!(text, "{comma}{} of {count} taxel{s}", fault.name()); // a String takes all
+            let _ = write!(text, "{comma}{count} taxel{s} ({})", fault.name()); // a String takes all
         }
     }
     (!taxels.is_empty()).then_some((text, taxels))
@@ -94,7 +94,7 @@ mod tests {
             let faults = Arc::from([FaultSet::default(), rail(at_its_rail(second)), FaultSet::default()]);
             let news = log.look(1_700_000_000_000_000_000 + second * 1_000_000_000, &faults);
             for (sort, (text, taxels)) in news.into_iter().enumerate().filter_map(|(sort, news)| Some((sort, news?))) {
-                assert_eq!((text.as_str(), taxels.as_slice()), ("rail of 1 taxel", &[1][..]));
+                assert_eq!((text.as_str(), taxels.as_slice()), ("1 taxel (saturated)", &[1][..]));
                 all.push((second, sort));
             }
         }

@@ -240,7 +240,7 @@ fn seven_of_ten_at_a_rail_condemn_their_module() {
         let mut detector = detector();
         let counts = |at_rail: usize| -> Vec<f32> { (0..10).map(|t| if t < at_rail { 0.0 } else { 100.0 }).collect() };
         assert!(detector.push_reals(at(0.0), 1, &counts(broken), 0));
-        assert_eq!(says(&detector, 10), if flicker { "rail, module flicker" } else { "rail" });
+        assert_eq!(says(&detector, 10), if flicker { "saturated, module flicker" } else { "saturated" });
         assert_eq!(says(&detector, 19), if flicker { "module flicker" } else { "" });
         assert_eq!(detector.wrong_since(19), flicker.then_some(at(0.0)));
         assert!(!detector.push_reals(at(1.0), 1, &counts(broken), 0), "nothing is new");

@@ -47,7 +47,7 @@ impl Fault {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Rail => "rail",
+            Self::Rail => "saturated",
             Self::Frozen => "frozen",
             Self::Jumping => "jumping",
             Self::Dead => "dead",
