@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use taxel_model::Status;
+use taxel_skin::counted;
 
 use crate::comparison::Comparison;
 use crate::model_set::ModelSet;
@@ -56,10 +57,8 @@ impl Verdict {
         let word = if broken.is_empty() { "Good.".to_owned() } else { format!("Not good: {}.", broken.join(", ")) };
         let figures: Vec<String> = judged.into_iter().map(|(_, text)| text).filter(|text| !text.is_empty()).collect();
         let mut lines = vec![format!("{word} {}.", figures.join(", "))];
-        lines.extend(causes(set).into_iter().map(|(why, taxels)| {
-            let s = if taxels == 1 { "" } else { "s" };
-            format!("{taxels} taxel{s} {why}.")
-        }));
+        let of_cause = |(why, taxels): (&str, usize)| format!("{} {why}.", counted(taxels, "taxel", "taxels"));
+        lines.extend(causes(set).into_iter().map(of_cause));
         lines.extend(last);
         Self { is_good: broken.is_empty(), lines, against_in_use_percent }
     }

@@ -6,6 +6,8 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
+use taxel_skin::counted;
+
 use crate::intake::faults::fault::{Fault, FaultSet};
 
 /// Taxels are looked at so often.
@@ -71,8 +73,8 @@ fn in_words(changed: &[FaultSet]) -> Option<News> {
     for fault in Fault::ALL {
         let count = changed.iter().filter(|set| set.contains(fault)).count();
         if count > 0 {
-            let (comma, s) = (if text.is_empty() { "" } else { ", " }, if count == 1 { "" } else { "s" });
-            let _ = write!(text, "{comma}{count} taxel{s} ({})", fault.name()); // a String takes all
+            let comma = if text.is_empty() { "" } else { ", " };
+            let _ = write!(text, "{comma}{} ({})", counted(count, "taxel", "taxels"), fault.name()); // a String takes all
         }
     }
     (!taxels.is_empty()).then_some((text, taxels))

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use taxel_skin::Newton;
+use taxel_skin::{Newton, counted};
 
 use crate::request::Rejection;
 
@@ -177,7 +177,7 @@ impl JudgedLoad {
 fn unfit(load: &Load) -> String {
     let read = &load.read;
     if read.out_of_range > 0 {
-        format!("{} taxels were beyond their calibrated range", read.out_of_range)
+        counted(read.out_of_range as usize, "taxel was", "taxels were") + " beyond the calibrated range"
     } else if !read.reasons.is_empty() {
         format!("the force had a shortcoming: {}", read.reasons.join("; "))
     } else {

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_skin::counted;
+
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::intake::gauge::GaugeAtRest;
@@ -76,8 +78,9 @@ impl Patch {
         let Some((total, taxels)) = self.felt.filter(|(_, taxels)| *taxels > 0) else { return Ok(()) };
         let (name, newton) = (self.name(), total.0);
         let why = format!(
-            "{taxels} taxels of patch `{name}` read {newton:.2} N, and boards that are configured take what lies on \
-             them for nothing: unload the skin first"
+            "{} of patch `{name}` read {newton:.2} N, and boards that are configured take what lies on \
+             them for nothing: unload the skin first",
+            counted(taxels, "taxel", "taxels")
         );
         Err(ErrorReason::SkinLoaded.because(why))
     }

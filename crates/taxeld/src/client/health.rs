@@ -2,6 +2,7 @@
 
 use taxel_client::Server;
 use taxel_proto::v1::{BoardHealth, BusHealth, Health, PatchHealth};
+use taxel_skin::counted;
 
 use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
@@ -135,8 +136,8 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
         }
     }
     for (fault, taxels) in by_fault {
-        let (number, s) = (taxels.len(), if taxels.len() == 1 { "" } else { "s" });
-        lines.push(format!("  {number} taxel{s} faulty ({fault}): {}", places.name(taxels.iter().copied())));
+        let number = counted(taxels.len(), "taxel", "taxels");
+        lines.push(format!("  {number} faulty ({fault}): {}", places.name(taxels.iter().copied())));
     }
     lines
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use taxel_proto::v1::Skin;
+use taxel_skin::counted;
 
 /// Most places that one line names.
 const PLACES_MAX: usize = 6;
@@ -49,7 +50,7 @@ impl Places {
         });
         let mut words: Vec<String> = named.collect();
         if modules.len() > PLACES_MAX {
-            words.push(format!("and {} modules more", modules.len() - PLACES_MAX));
+            words.push(format!("and {} more", counted(modules.len() - PLACES_MAX, "module", "modules")));
         }
         if !elsewhere.is_empty() {
             words.push(format!("taxel {}", elsewhere.join(", ")));

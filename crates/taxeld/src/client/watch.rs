@@ -5,6 +5,7 @@ use std::time::Duration;
 use taxel_client::{Moment, Received, Samples, Server};
 use taxel_proto::judge::{Force, NoForce, withheld, word};
 use taxel_proto::v1::{ForceSample, ForceState, PatchRequest};
+use taxel_skin::counted;
 
 use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
@@ -219,10 +220,10 @@ fn describe(judged: &Judged) -> String {
     let simulated = if sample.simulated { ", simulated" } else { "" };
     let reasons = if sample.reasons.is_empty() { String::new() } else { format!(": {}", sample.reasons.join("; ")) };
     format!(
-        "{}: {newton:.2} N ({interval}), {:.0} ms old, {} taxels active, {}{simulated}{reasons}",
+        "{}: {newton:.2} N ({interval}), {:.0} ms old, {} active, {}{simulated}{reasons}",
         sample.patch,
         age.as_secs_f64() * 1e3,
-        sample.active,
+        counted(sample.active as usize, "taxel", "taxels"),
         tone(sample.state()).paint(word(sample.state())),
     )
 }
