@@ -228,8 +228,12 @@ function refusedText(refused = {}) {
   return all.map(([name, n]) => `${n} ${name.replaceAll("_", " ")}`).join(", ") || "none";
 }
 
-/** Why a taxel is excluded, in the words of the verdict. */
-const WHY = { dead: "hardly moved", insufficient_swing: "hardly moved", no_data: "no usable values", missing: "no usable values" };
+/** Why a taxel is excluded, in the words of the verdict (verdict.rs). */
+const WHY = {
+  dead: "hardly moved", insufficient_swing: "hardly moved", no_data: "gave no usable values", missing: "gave no usable values",
+  no_excitation: "saw no change of the pressure", railed: "stayed at an end of the range", frozen: "got stuck or jumped", jumping: "got stuck or jumped",
+  module_flicker: "got stuck or jumped", unproven: "had too few samples", poor_fit: "did not follow the pressure closely",
+};
 
 /** Taxels without a usable model, by reason; pointed at, they are marked on the skin. */
 export function excludedTable(set, skin) {

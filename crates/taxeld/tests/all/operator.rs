@@ -100,6 +100,8 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
         }
     });
     let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
+    let shown = demo.succeeds(&["models", "show", &id]);
+    assert!(shown.contains("200 taxels gave no usable values: board ") && !shown.contains("no_data"), "{shown}");
     let refused = demo.refused(&["models", "use", &id]);
     assert!(refused.contains("Not good: too few taxels, far fewer taxels than the set in use. 27 of 230"), "{refused}");
     assert!(refused.contains(&format!("taxeld models use {id} --yes")), "{refused}");
