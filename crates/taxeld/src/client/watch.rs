@@ -115,8 +115,8 @@ async fn budget(daemon: &Daemon) -> Outcome {
     sample.budget.sort_by(|a, b| b.sigma_n.total_cmp(&a.sigma_n));
     let (terms, undetected_n) = (std::mem::take(&mut sample.budget), sample.undetected_n);
     let judged = Judged::new(Received::now(sample), Moment::now());
-    say!("{}", describe(&judged));
     if let Ok(force) = &judged.force {
+        say!("{}", describe(&judged));
         say!(
             "standard uncertainty by cause (the low end is {:.2} N less twice the root of their summed squares):",
             force.total_n
