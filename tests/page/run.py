@@ -266,6 +266,7 @@ def look_around(page):
     page.until("the session", lambda: "active" in page.text("tbody"))
     page.shot("sessions")
     page.go("health")
+    page.until("a place beside a taxel", lambda: re.search(r"board \d+ module \d+: taxel \d+", page.text("main")))
     page.until("the boards", lambda: page.text("main").count("verified") >= 2)
     page.until("the gauge", lambda: re.search(r"gauge\s+-?[\d.]+ kPa", page.text("main")))
     page.until("the events", lambda: "activated" in page.text("main"))

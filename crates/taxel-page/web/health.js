@@ -3,7 +3,7 @@
 import { all, health as askHealth } from "./api.js";
 import { button, el, facts, num, put, sure, table, toast, when } from "./dom.js";
 import { tareButton, unloaded } from "./live.js";
-import { state } from "./store.js";
+import { places, state } from "./store.js";
 
 /** How often it is asked for, in ms. */
 const EVERY_MS = 1000;
@@ -20,7 +20,7 @@ export function health(signal) {
   const tell = async () => {
     const events = (await all("SkinService/WatchEvents", { patch: state.patch })).slice(-EVENTS_MAX).reverse();
     if (signal.aborted) return;
-    put(happened, table(["when", "what", "why"], events.map((one) => [when(one.time), one.kind, el("td.wrap", one.text ?? "")]), "nothing since the daemon started"));
+    put(happened, table(["when", "what", "why"], events.map((one) => [when(one.time), one.kind, el("td.wrap", [one.text, places(one.taxels ?? [])].filter(Boolean).join(": "))]), "nothing since the daemon started"));
   };
   const actions = el("div.row", tareButton(), button("Configure the boards again", async () => {
     if (await sure("Configure the boards again? The zero is lost by it.", "Configure them") && await unloaded("SkinService/BringUp")) toast("the boards are being configured");
@@ -80,5 +80,5 @@ function patch(one) {
       ["drift followed", `${num(tare.driftMedianCounts ?? 0)} counts`],
     ]),
     el("h3", "Faulty taxels"),
-    table(["taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.join(", ")]), "none"));
+    table(["taxel", "faults"], faulty.map((f) => [one.patch === state.patch ? places([f.taxel ?? 0]) : f.taxel ?? 0, f.faults.join(", ")]), "none"));
 }
