@@ -42,8 +42,8 @@ export function health(signal) {
 }
 
 function shown(now) {
-  const problems = now.problems ?? [];
-  const first = el("section.card", el("h2", "Problems"), problems.length ? el("ul.reasons", problems.map((text) => el("li", text))) : el("p.note", "none"),
+  const problems = problemsOf(now);
+  const first = el("section.card", { id: "problems" }, el("h2", "Problems"), problems.length ? el("ul.reasons", problems.map((text) => el("li", text))) : el("p.note", "none"),
       el("p.note", `${now.streams ?? 0} of ${now.streamsMax ?? 0} streams are in use, this page's among them.`));
   // What an engine that stands still said last may not be so now.
   if (now.engineStalledS !== undefined) return [first, el("section.card.noforce", el("p", "Buses, boards and zeros are not known: the engine does not run."))];
@@ -57,6 +57,18 @@ function shown(now) {
       (now.buses ?? []).map((bus) => [bus.bus ?? 0, el(`span.pill.${bus.up ? "ok" : "bad"}`, bus.up ? "up" : "down"), bus.frames ?? 0, bus.foreign ?? 0, bus.malformed ?? 0, bus.dropped ?? 0,
         el("td.wrap", [bus.problem, bus.lastMalformed].filter(Boolean).join("; "))]))),
   ];
+}
+
+/** What keeps the force from being good, as `taxeld health` says it. */
+export function problemsOf(now) {
+  const wrong = [...(now.problems ?? [])];
+  for (const bus of now.buses ?? []) if (!bus.up) wrong.push(`bus ${bus.bus ?? 0} is down: ${bus.problem ?? ""}`);
+  for (const { address, modulesFresh: fresh = 0, modulesEnabled: all = 0 } of now.boards ?? []) if (fresh < all) wrong.push(`board ${address}: ${all - fresh} of ${all} modules are silent`);
+  for (const { patch, tare, noForce } of now.patches ?? []) {
+    if (tare && !tare.valid) wrong.push(`${patch}: the zero is invalid: ${tare.reason ?? ""}`);
+    else if (noForce) wrong.push(`${patch}: no force: ${noForce}`);
+  }
+  return wrong;
 }
 
 /** The gauge's newest reading as a pill; nothing where none is configured. */
