@@ -119,6 +119,7 @@ def newtons(text):
 def calibrate(page):
     page.go("calibrate")
     page.until("the checks are there", lambda: "every module sends" in page.text("ul.checks"))
+    assert "the zero is invalid: the session takes its own" in page.text("ul.checks"), page.text("ul.checks")
     page.until("the gauge's reading", lambda: re.search(r"the gauge reads -?[\d.]+ kPa", page.text("ul.checks")))
     page.shot("check")
     page.click("#start")

@@ -60,11 +60,13 @@ function check(signal) {
     const patch = (found.patches ?? []).find((p) => p.patch === state.patch);
     const silent = boards.filter((b) => (b.modulesFresh ?? 0) < (b.modulesEnabled ?? 0));
     const faulty = patch?.faulty?.length ?? 0;
+    const valid = patch?.tare?.valid || null;
     put(list, [
       [patch?.hasGauge || null, patch?.hasGauge ? ["the gauge reads ", gauge(patch)] : "a pressure gauge is configured, or its dial is typed"],
       [(found.buses ?? []).every((bus) => bus.up), "every bus is up"],
       [!silent.length, silent.length ? `silent modules on board ${silent.map((b) => b.address).join(", ")}` : "every module sends"],
       [faulty === 0 ? true : null, faulty ? `${faulty} ${faulty === 1 ? "taxel has" : "taxels have"} a fault and will get no model` : "no taxel has a fault"],
+      [valid, valid ? "the zero is valid" : "the zero is invalid: the session takes its own"],
       [!(found.problems ?? []).length, (found.problems ?? []).join("; ") || "nothing else is wrong"],
     ].map(([good, text]) => el("li", el("span", good ? "✓" : good === null ? "!" : "✗"), el("span", text))));
   };
