@@ -4,7 +4,7 @@ import { call } from "./api.js";
 import { Chart } from "./chart.js";
 import { button, download, el, facts, num, put, toast, whoConfirms } from "./dom.js";
 import { SkinView } from "./skin.js";
-import { COURSE_S, GAP_S, age, on, state, verdict } from "./store.js";
+import { COURSE_S, GAP_S, age, emit, on, state, verdict } from "./store.js";
 import { taxelCard } from "./taxel.js";
 
 /** How often the force is judged and written anew, in ms: also when nothing comes, and no faster than it can be read. */
@@ -44,6 +44,7 @@ export function forceCard(signal) {
     told.textContent = now.word;
     begin.hidden = now.word !== "UNCALIBRATED";
     state.shown = now.shown ? state.force : null;
+    emit("shown");
     if (now.shown) {
       const high = force.highN === undefined ? "N or more" : `to ${num(force.highN)} N`;
       put(value, `${num(force.totalN)} N `, el("small", `95 %: ${num(force.lowN)} ${high}`));

@@ -93,7 +93,7 @@ export class SkinView {
     this.scale = el("canvas.scale", { role: "img" });
     this.node = el("div", this.canvas, this.legend());
     this.signal = signal;
-    for (const name of ["taxels", "skin", "selected", "theme"]) on(name, () => this.soon(), signal);
+    for (const name of ["taxels", "shown", "skin", "selected", "theme"]) on(name, () => this.soon(), signal);
     on("skin", () => { this.rest = null; if (this.solid) this.inSpace(true); }, signal);
     on("taxels", () => this.learnRest(), signal);
     const observer = new ResizeObserver(() => this.soon());
