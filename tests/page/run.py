@@ -350,6 +350,7 @@ def main():
         try:
             page = Page(address, scratch)
             page.until("no force before a calibration", lambda: page.text("#verdict") == "UNCALIBRATED" and page.text("#force") == "no force")
+            assert re.search(r"0 silent; without a force", page.text("#force-card")), page.text("#force-card")
             page.shot("uncalibrated")
             page.go("health")
             page.until("why there is no force", lambda: "the zero is invalid: no model set is in use" in page.text("#problems"))

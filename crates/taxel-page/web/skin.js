@@ -13,7 +13,7 @@ export const KINDS = [
   ["faulty", "faulty"],
   ["excluded", "excluded"],
   ["extrapolated", "beyond calibration"],
-  ["active", "touched"],
+  ["active", "active"],
   ["plain", "unloaded"],
 ];
 
