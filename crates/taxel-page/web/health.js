@@ -50,7 +50,7 @@ function shown(now) {
   return [
     first,
     el("div.cards", (now.patches ?? []).map(patch)),
-    el("section.card", el("h2", "Boards"), table(["patch", "#bus", "#board", "state", "#modules that send", "#scans", "#orphans", "#°C", "firmware", "warnings"],
+    el("section.card", el("h2", "Boards"), table(["patch", "#bus", "#board", "state", "#modules that send", "#scans", "#half scans", "#°C", "firmware", "warnings"],
       (now.boards ?? []).map((b) => [b.patch, b.bus ?? 0, b.address, el("td.wrap", b.bringUp), `${b.modulesFresh ?? 0} of ${b.modulesEnabled ?? 0}`, b.scans ?? 0, b.orphans ?? 0, b.celsius === undefined ? "" : num(b.celsius, 1), b.firmware ?? "",
         el("td.wrap", (b.warnings ?? []).join("; "))]))),
     el("section.card", el("h2", "Buses"), table(["#bus", "state", "#frames", "#foreign", "#malformed", "#lost", "problem"],
@@ -85,11 +85,11 @@ function patch(one) {
     one.noForce && el("p.advice.bad", one.noForce),
     facts([
       ["zero", el(`span.pill.${tare.valid ? "ok" : "bad"}`, tare.valid ? "valid" : "invalid")],
-      ["taken", when(tare.time)],
-      ["found", tare.reason],
+      tare.valid && ["taken", when(tare.time)],
+      [tare.valid ? "found" : "why", tare.reason],
       ["gauge", gauge(one)],
-      ["unloaded count", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
-      ["drift followed", `${num(tare.driftMedianCounts ?? 0)} counts`],
+      tare.valid && ["unloaded count", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
+      tare.valid && ["drift followed", `${num(tare.driftMedianCounts ?? 0)} counts`],
     ]),
     el("h3", "Faulty taxels"),
     table(["taxel", "faults"], faulty.map((f) => [one.patch === state.patch ? places([f.taxel ?? 0]) : f.taxel ?? 0, f.faults.join(", ")]), "none"));

@@ -208,7 +208,7 @@ fn print_report(lanes: &Lanes, offline: &Offline) {
     }
     for board in &offline.health.boards {
         say!(
-            "board {}: modules: {}, scans: {}, orphans: {}",
+            "board {}: modules: {}, scans: {}, half scans: {}",
             board.address,
             board.modules.0,
             board.scans,
