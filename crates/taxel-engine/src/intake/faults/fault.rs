@@ -55,7 +55,7 @@ impl Fault {
             Self::StatusOutOfRange => "out of range by status",
             Self::NotConnected => "not connected",
             Self::NoAck => "no acknowledgement",
-            Self::Stale => "stale",
+            Self::Stale => "silent",
             Self::TooFast => "too fast",
         }
     }
