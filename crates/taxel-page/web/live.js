@@ -87,7 +87,7 @@ function details(force, now) {
   return facts([
     ["age", !Number.isFinite(age()) ? "–" : `${num(age(), 2)} s`, "Time since the newest frame of the skin was received"],
     now.shown && ["undetected", force.undetectedN === undefined ? undefined : `up to ${num(force.undetectedN)} N`, "Largest force (95 %) that may be there without being detected; part of the interval"],
-    ["taxels", !now.shown ? `${force.stale ?? 0} silent; without a force it is not known which are active` : `${force.active ?? 0} active, ${force.excluded ?? 0} excluded, ${force.stale ?? 0} silent, ${force.outOfRange ?? 0} beyond calibration`, "Active: more pressure than the threshold; they make the force. Excluded: no usable model, or a fault now. Silent: no frames come. Beyond calibration: more pressure than was calibrated"],
+    ["taxels", !now.shown ? `${force.stale ?? 0} silent; without a force it is not known which are active` : `${force.active ?? 0} active, ${force.excluded ?? 0} excluded or faulty, ${force.stale ?? 0} silent, ${force.outOfRange ?? 0} beyond calibration`, "Active: more pressure than the threshold; they make the force. Excluded: no usable model. Faulty: a fault now. Silent: no frames come. Beyond calibration: more pressure than was calibrated"],
     now.shown && ["force vector", xyz(force.resultantN, 1, "N", 2)],
     now.shown && ["centre of pressure", xyz(force.centreOfPressureM, 1000, "mm", 1)],
     now.shown && ["moment", xyz(force.momentNm, 1, "N\u00a0m", 3)],
