@@ -119,6 +119,7 @@ def newtons(text):
 def calibrate(page):
     page.go("calibrate")
     page.until("the checks are there", lambda: "every module sends" in page.text("ul.checks"))
+    assert "the zero is invalid: the session takes its own" in page.text("ul.checks"), page.text("ul.checks")
     page.until("the gauge's reading", lambda: re.search(r"the gauge reads -?[\d.]+ kPa", page.text("ul.checks")))
     page.shot("check")
     page.click("#start")
@@ -266,6 +267,7 @@ def look_around(page):
     page.until("the session", lambda: "active" in page.text("tbody"))
     page.shot("sessions")
     page.go("health")
+    page.until("a place beside a taxel", lambda: re.search(r"board \d+ module \d+: taxel \d+", page.text("main")))
     page.until("the boards", lambda: page.text("main").count("verified") >= 2)
     page.until("the gauge", lambda: re.search(r"gauge\s+-?[\d.]+ kPa", page.text("main")))
     page.until("the events", lambda: "activated" in page.text("main"))
@@ -348,7 +350,11 @@ def main():
         try:
             page = Page(address, scratch)
             page.until("no force before a calibration", lambda: page.text("#verdict") == "UNCALIBRATED" and page.text("#force") == "no force")
+            assert re.search(r"0 silent; without a force", page.text("#force-card")), page.text("#force-card")
             page.shot("uncalibrated")
+            page.go("health")
+            page.until("why there is no force", lambda: "the zero is invalid: no model set is in use" in page.text("#problems"))
+            page.shot("health-uncalibrated")
             calibrate(page)
             watch(page)
             validate(page)

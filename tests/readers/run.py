@@ -152,10 +152,10 @@ def over_a_socket(taxel, taxeld, cpp, scratch):
     daemon = subprocess.Popen([taxeld, "run", "--config", config], stderr=subprocess.DEVNULL)
     try:
         with taxel.connect(f"unix:{socket}") as service:
-            until("Python over a Unix socket", lambda: "no model set is active" in str(service.force()))
+            until("Python over a Unix socket", lambda: "no model set is in use" in str(service.force()))
         for command in controllers(cpp, "", f"unix:{socket}")[2:]:
             code, said = run(command)
-            assert code == 3 and "no model set is active" in said, (command, code, said)
+            assert code == 3 and "no model set is in use" in said, (command, code, said)
     finally:
         daemon.terminate()
         daemon.wait()

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use taxel_model::Status;
+use taxel_skin::counted;
 
 use crate::comparison::Comparison;
 use crate::model_set::ModelSet;
@@ -56,10 +56,8 @@ impl Verdict {
         let word = if broken.is_empty() { "Good.".to_owned() } else { format!("Not good: {}.", broken.join(", ")) };
         let figures: Vec<String> = judged.into_iter().map(|(_, text)| text).filter(|text| !text.is_empty()).collect();
         let mut lines = vec![format!("{word} {}.", figures.join(", "))];
-        lines.extend(causes(set).into_iter().map(|(why, taxels)| {
-            let s = if taxels == 1 { "" } else { "s" };
-            format!("{taxels} taxel{s} {why}.")
-        }));
+        let of_cause = |(why, taxels): (&str, usize)| format!("{} {why}.", counted(taxels, "taxel", "taxels"));
+        lines.extend(causes(set).into_iter().map(of_cause));
         lines.extend(last);
         Self { is_good: broken.is_empty(), lines, against_in_use_percent }
     }
@@ -96,7 +94,7 @@ fn reached(kpa: f64, target_kpa: f64) -> Judged {
 /// Why taxels are excluded, and how many are because of that; the most frequent first.
 fn causes(set: &ModelSet) -> Vec<(&'static str, usize)> {
     let mut counted: BTreeMap<&'static str, usize> = BTreeMap::new();
-    for why in set.taxels.iter().filter_map(|model| cause(&model.status)) {
+    for why in set.taxels.iter().filter_map(|model| cause(model.status.code())) {
         *counted.entry(why).or_default() += 1;
     }
     let mut causes: Vec<_> = counted.into_iter().collect();
@@ -104,25 +102,26 @@ fn causes(set: &ModelSet) -> Vec<(&'static str, usize)> {
     causes
 }
 
-const fn cause(status: &Status) -> Option<&'static str> {
-    Some(match status {
-        Status::Ok => return None,
-        Status::Dead { .. } | Status::InsufficientSwing { .. } => "hardly moved: no contact with the bag, or broken",
-        Status::NoData | Status::Missing { .. } => "gave no usable values: silent, or saturated",
-        Status::NoExcitation { .. } => "saw no change of the pressure",
-        Status::Railed { .. } => "stayed at an end of the range: saturated, or broken",
-        Status::Frozen { .. } | Status::Jumping { .. } | Status::ModuleFlicker { .. } => {
-            "got stuck or jumped: look at the board and its cable"
-        }
-        Status::Unproven { .. } => "had too few samples",
-        Status::PoorFit { .. } => "did not follow the pressure closely: look whether the bag lies tight there",
+/// What a taxel did that is excluded with this code, and what that may come from; the page has the same words (`WHY` in
+/// `calibrate.js`).
+#[must_use]
+pub fn cause(code: &str) -> Option<&'static str> {
+    Some(match code {
+        "dead" | "insufficient_swing" => "hardly moved: no contact with the bag, or broken",
+        "no_data" | "missing" => "gave no usable values: silent, or saturated",
+        "no_excitation" => "saw no change of the pressure",
+        "railed" => "stayed at an end of the range: saturated, or broken",
+        "frozen" | "jumping" | "module_flicker" => "got stuck or jumped: look at the board and its cable",
+        "unproven" => "had too few samples",
+        "poor_fit" => "did not follow the pressure closely: look whether the bag lies tight there",
+        _ => return None,
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_model::{FitOptions, Samples, TaxelModel};
+    use taxel_model::{FitOptions, Samples, Status, TaxelModel};
 
     /// A taxel of 1 kPa a count whose gauge scatters by `scatter_kpa` around the line.
     fn model(scatter_kpa: f64, gain: f64) -> TaxelModel {
@@ -160,6 +159,17 @@ mod tests {
                 "1 taxel hardly moved: no contact with the bag, or broken."
             ]
         );
+    }
+
+    #[test]
+    fn each_code_of_an_excluded_taxel_has_words_and_the_page_has_the_same() {
+        let page = include_str!("../../taxel-page/web/calibrate.js");
+        for code in "no_data no_excitation dead insufficient_swing unproven poor_fit railed frozen jumping module_flicker missing"
+            .split(' ')
+        {
+            let words = cause(code).unwrap().split(':').next().unwrap();
+            assert!(page.contains(&format!("{code}: \"{words}\"")), "{code}: {words}");
+        }
     }
 
     #[test]

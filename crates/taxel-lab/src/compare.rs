@@ -6,6 +6,7 @@ use anyhow::ensure;
 use taxel_client::Server;
 use taxel_engine::comparison::{Comparison, TaxelComparison};
 use taxel_engine::model_set::ModelSet;
+use taxel_skin::counted;
 use taxel_store::models_json;
 
 use crate::apply::read_models;
@@ -77,7 +78,7 @@ fn print(earlier: &ModelSet, later: &ModelSet) {
     let lines = [("no longer usable", lost), ("newly usable", became_usable), (changed, &far)];
     for (what, taxels) in lines.into_iter().filter(|(_, taxels)| !taxels.is_empty()) {
         let numbers: Vec<String> = taxels.iter().map(ToString::to_string).collect();
-        say!("  {} taxels {what}: {}", taxels.len(), numbers.join(" "));
+        say!("  {} {what}: {}", counted(taxels.len(), "taxel", "taxels"), numbers.join(" "));
     }
 }
 

@@ -110,7 +110,7 @@ impl fmt::Display for Status {
             Self::PoorFit { rmse_kpa, limit_kpa } => {
                 write!(f, "the RMSE of the fit is {rmse_kpa:.1} kPa, the limit is {limit_kpa:.1} kPa")
             }
-            Self::Railed { share } => write!(f, "on a rail ({:.1} % of the scans left out)", 100.0 * share),
+            Self::Railed { share } => write!(f, "saturated ({:.1} % of the scans left out)", 100.0 * share),
             Self::Frozen { share } => write!(f, "frozen ({:.1} % of the scans left out)", 100.0 * share),
             Self::Jumping { share } => write!(f, "jumping ({:.1} % of the scans left out)", 100.0 * share),
             Self::ModuleFlicker { share } => {

@@ -60,11 +60,13 @@ function check(signal) {
     const patch = (found.patches ?? []).find((p) => p.patch === state.patch);
     const silent = boards.filter((b) => (b.modulesFresh ?? 0) < (b.modulesEnabled ?? 0));
     const faulty = patch?.faulty?.length ?? 0;
+    const valid = patch?.tare?.valid || null;
     put(list, [
       [patch?.hasGauge || null, patch?.hasGauge ? ["the gauge reads ", gauge(patch)] : "a pressure gauge is configured, or its dial is typed"],
       [(found.buses ?? []).every((bus) => bus.up), "every bus is up"],
       [!silent.length, silent.length ? `silent modules on board ${silent.map((b) => b.address).join(", ")}` : "every module sends"],
       [faulty === 0 ? true : null, faulty ? `${faulty} ${faulty === 1 ? "taxel has" : "taxels have"} a fault and will get no model` : "no taxel has a fault"],
+      [valid, valid ? "the zero is valid" : "the zero is invalid: the session takes its own"],
       [!(found.problems ?? []).length, (found.problems ?? []).join("; ") || "nothing else is wrong"],
     ].map(([good, text]) => el("li", el("span", good ? "✓" : good === null ? "!" : "✗"), el("span", text))));
   };
@@ -228,8 +230,12 @@ function refusedText(refused = {}) {
   return all.map(([name, n]) => `${n} ${name.replaceAll("_", " ")}`).join(", ") || "none";
 }
 
-/** Why a taxel is excluded, in the words of the verdict. */
-const WHY = { dead: "hardly moved", insufficient_swing: "hardly moved", no_data: "no usable values", missing: "no usable values" };
+/** Why a taxel is excluded, in the words of the verdict (verdict.rs). */
+const WHY = {
+  dead: "hardly moved", insufficient_swing: "hardly moved", no_data: "gave no usable values", missing: "gave no usable values",
+  no_excitation: "saw no change of the pressure", railed: "stayed at an end of the range", frozen: "got stuck or jumped", jumping: "got stuck or jumped",
+  module_flicker: "got stuck or jumped", unproven: "had too few samples", poor_fit: "did not follow the pressure closely",
+};
 
 /** Taxels without a usable model, by reason; pointed at, they are marked on the skin. */
 export function excludedTable(set, skin) {

@@ -4,7 +4,7 @@ import { call } from "./api.js";
 import { Chart } from "./chart.js";
 import { button, download, el, facts, num, put, toast, whoConfirms } from "./dom.js";
 import { SkinView } from "./skin.js";
-import { COURSE_S, GAP_S, age, on, state, verdict } from "./store.js";
+import { COURSE_S, GAP_S, age, emit, on, state, verdict } from "./store.js";
 import { taxelCard } from "./taxel.js";
 
 /** How often the force is judged and written anew, in ms: also when nothing comes, and no faster than it can be read. */
@@ -44,6 +44,7 @@ export function forceCard(signal) {
     told.textContent = now.word;
     begin.hidden = now.word !== "UNCALIBRATED";
     state.shown = now.shown ? state.force : null;
+    emit("shown");
     if (now.shown) {
       const high = force.highN === undefined ? "N or more" : `to ${num(force.highN)} N`;
       put(value, `${num(force.totalN)} N `, el("small", `95 %: ${num(force.lowN)} ${high}`));
@@ -86,7 +87,7 @@ function details(force, now) {
   return facts([
     ["age", !Number.isFinite(age()) ? "–" : `${num(age(), 2)} s`, "Time since the newest frame of the skin was received"],
     now.shown && ["undetected", force.undetectedN === undefined ? undefined : `up to ${num(force.undetectedN)} N`, "Largest force (95 %) that may be there without being detected; part of the interval"],
-    ["taxels", `${force.active ?? 0} touched, ${force.excluded ?? 0} excluded, ${force.stale ?? 0} silent, ${force.outOfRange ?? 0} beyond calibration`, "Excluded: no usable model. Silent: no frames come. Beyond calibration: more pressure than was calibrated"],
+    ["taxels", !now.shown ? `${force.stale ?? 0} silent; without a force it is not known which are active` : `${force.active ?? 0} active, ${force.excluded ?? 0} excluded or faulty, ${force.stale ?? 0} silent, ${force.outOfRange ?? 0} beyond calibration`, "Active: more pressure than the threshold; they make the force. Excluded: no usable model. Faulty: a fault now. Silent: no frames come. Beyond calibration: more pressure than was calibrated"],
     now.shown && ["force vector", xyz(force.resultantN, 1, "N", 2)],
     now.shown && ["centre of pressure", xyz(force.centreOfPressureM, 1000, "mm", 1)],
     now.shown && ["moment", xyz(force.momentNm, 1, "N\u00a0m", 3)],

@@ -36,6 +36,7 @@ function pill() {
     for (const shown of ["selected", "session"]) emit(shown); // of one taxel and of a ramp: it is old now, or new again
   }
   at("pill").className = `pill ${now.kind}`;
+  at("pill").title = now.reasons.join("; ");
   if (at("pill").textContent !== now.word) at("pill").textContent = now.word;
 }
 

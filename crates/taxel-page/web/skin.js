@@ -13,7 +13,7 @@ export const KINDS = [
   ["faulty", "faulty"],
   ["excluded", "excluded"],
   ["extrapolated", "beyond calibration"],
-  ["active", "touched"],
+  ["active", "active"],
   ["plain", "unloaded"],
 ];
 
@@ -22,7 +22,7 @@ export function kindOf(reading, layout) {
   if (!reading || reading.count === undefined) return "never";
   if (reading.stale || isOld()) return "silent";
   const faults = reading.faults ?? [];
-  if (faults.includes("rail") || faults.includes("out of range by status")) return "saturated";
+  if (faults.includes("saturated") || faults.includes("out of range by status")) return "saturated";
   if (faults.length) return "faulty";
   if (!reading.calibrated && state.skin?.modelSet && layout?.exclusion) return "excluded";
   if (reading.range === "RANGE_ABOVE") return "extrapolated";
@@ -93,7 +93,7 @@ export class SkinView {
     this.scale = el("canvas.scale", { role: "img" });
     this.node = el("div", this.canvas, this.legend());
     this.signal = signal;
-    for (const name of ["taxels", "skin", "selected", "theme"]) on(name, () => this.soon(), signal);
+    for (const name of ["taxels", "shown", "skin", "selected", "theme"]) on(name, () => this.soon(), signal);
     on("skin", () => { this.rest = null; if (this.solid) this.inSpace(true); }, signal);
     on("taxels", () => this.learnRest(), signal);
     const observer = new ResizeObserver(() => this.soon());

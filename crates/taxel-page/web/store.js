@@ -131,6 +131,16 @@ function keepOfRamp(sample) {
   state.ramp.counts.push(Uint8Array.from(sample.taxels, (taxel) => taxel.count ?? 0));
 }
 
+/** Taxels of the patch by their number, with the board and module that they are on. */
+export function places(taxels) {
+  const modules = new Map();
+  for (const taxel of taxels) {
+    const name = state.layout?.moduleOf[taxel]?.name ?? "";
+    modules.set(name, [...(modules.get(name) ?? []), taxel]);
+  }
+  return [...modules].map(([name, all]) => `${name && `${name}: `}taxel ${all.join(", ")}`).join("; ");
+}
+
 /** Layout and models of the patch. */
 export async function loadSkin() {
   const { patch } = state;

@@ -71,7 +71,8 @@ function reading(taxel) {
   const kind = kindOf(now, layout);
   const interval = now?.sigmaKpa === undefined ? "" : ` ± ${num(2 * now.sigmaKpa)}`;
   return facts([
-    ["taxel", `${taxel} (${state.layout.moduleOf[taxel]?.name ?? ""}: taxel ${layout.slot ?? 0})`],
+    ["taxel", `${taxel} (${state.layout.moduleOf[taxel]?.name ?? ""})`],
+    ["number in its module", layout.slot ?? 0],
     ["state", KINDS.find(([known]) => known === kind)[1]],
     ["count", kind === "silent" ? "–" : num(now?.count, 0)],
     ["pressure", kind === "silent" || now?.pressureKpa === undefined ? "none" : `${num(now.pressureKpa)}${interval} kPa`],

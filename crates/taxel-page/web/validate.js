@@ -36,6 +36,7 @@ function form(update) {
   const go = el("button.primary", { type: "submit", id: "record" }, "Record this load");
   const work = async () => {
     const load = await call("ValidationService/RecordLoad", { patch: state.patch, [unit.value]: Number(amount.value), by: by.value, note: note.value });
+    (load.reasons ?? []).forEach((reason) => toast(reason, "bad"));
     await update();
     return load;
   };
@@ -47,7 +48,7 @@ function form(update) {
 
 function row(load) {
   const off = load.errorPercent ?? 0;
-  const note = [load.note, load.outdatedBecause && `does not count: ${load.outdatedBecause}`, load.leftOutBecause && `does not count: ${load.leftOutBecause}`, ...(load.leftOutBecause ? [] : load.reasons ?? [])].filter(Boolean).join("; ");
+  const note = [load.note, load.outdatedBecause && `does not count: ${load.outdatedBecause}`, load.leftOutBecause && `does not count: ${load.leftOutBecause}`, ...(load.leftOutBecause || load.outdatedBecause ? [] : load.reasons ?? [])].filter(Boolean).join("; ");
   return [load.load, when(load.time), load.by || "", num(load.massKg, 3), `${num(load.forceN)} ± ${num(2 * (load.forceSigmaN ?? 0))}`,
     `${num(load.readN)} ± ${num(2 * (load.readSigmaN ?? 0))}`, `${off > 0 ? "+" : ""}${num(off, 1)} %`,
     load.withinTwoSigma ? "yes" : "no", el("td.wrap", note)];

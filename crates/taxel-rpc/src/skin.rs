@@ -153,7 +153,7 @@ fn layout(plan: &PatchPlan, taxel: usize, set: Option<&ModelSet>) -> v1::TaxelLa
     let exclusion = match status {
         Some(status) if status.is_ok() => String::new(),
         Some(status) => status.to_string(),
-        None => "no model set is active".to_owned(),
+        None => "no model set is in use".to_owned(),
     };
     v1::TaxelLayout {
         taxel: taxel as u32,

@@ -22,7 +22,7 @@ pub enum State {
     Stale = 3,
     /// There is no force: the zero is not proven.
     TareInvalid = 4,
-    /// There is no force: no model set is active.
+    /// There is no force: no model set is in use.
     Uncalibrated = 5,
 }
 

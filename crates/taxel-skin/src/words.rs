@@ -17,6 +17,12 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
+/// A number of things in words: `1 taxel is`, `3 taxels are`.
+#[must_use]
+pub fn counted(number: usize, one: &str, several: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { several })
+}
+
 fn is_odd(c: char) -> bool {
     c.is_control()
         || matches!(u32::from(c), 0xAD | 0x061C | 0x180B..=0x180F | 0x200B..=0x200F | 0x2028..=0x202E | 0x2060..=0x206F)

@@ -7,7 +7,7 @@ use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rig::Speech;
 use taxel_rpc::{Grant, Role, Subject};
-use taxel_skin::{BusIndex, SquareMillimetre, printable, written_modules};
+use taxel_skin::{BusIndex, SquareMillimetre, counted, printable, written_modules};
 
 use crate::config::{
     self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
@@ -75,9 +75,9 @@ pub fn read(path: &Path) -> Result<(Config, Scene), Problems> {
 pub fn store(path: &Path) -> anyhow::Result<()> {
     let found = taxel_store::check(path).with_context(|| path.display().to_string())?;
     let mb = found.bytes as f64 / 1e6;
-    say!("{} model sets, {} sessions, {} samples, {mb:.1} MB", found.model_sets, found.sessions, found.samples);
+    say!("model sets: {}, sessions: {}, samples: {}, {mb:.1} MB", found.model_sets, found.sessions, found.samples);
     found.damage.iter().for_each(|damage| say!("{damage}"));
-    anyhow::ensure!(found.damage.is_empty(), "{} findings", found.damage.len());
+    anyhow::ensure!(found.damage.is_empty(), "findings: {}", found.damage.len());
     Ok(())
 }
 
@@ -185,7 +185,8 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
 
 fn patch(config: &Config, plan: &PatchPlan) {
     let patch = &plan.patch;
-    tell!("patch {}: {} taxels on {} modules", patch.name(), patch.taxels().len(), patch.modules().len());
+    let modules = counted(patch.modules().len(), "module", "modules");
+    tell!("patch {}: {} taxels on {modules}", patch.name(), patch.taxels().len());
     for board in patch.boards() {
         let bus = config.bus.get(board.bus.0 as usize).map_or("", |section| &section.name);
         let kind = if plan.devices.is_empty() { "board" } else { "device" };

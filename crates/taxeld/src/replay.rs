@@ -207,7 +207,13 @@ fn print_report(lanes: &Lanes, offline: &Offline) {
         }
     }
     for board in &offline.health.boards {
-        say!("board {}: {} modules, {} scans, {} orphans", board.address, board.modules.0, board.scans, board.orphans);
+        say!(
+            "board {}: modules: {}, scans: {}, half scans: {}",
+            board.address,
+            board.modules.0,
+            board.scans,
+            board.orphans
+        );
     }
 }
 

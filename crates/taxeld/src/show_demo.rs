@@ -41,7 +41,7 @@ pub struct DemoArgs {
     /// Where the live skin is served; without it another port is taken if the usual one is not free.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "once")]
     listen: Option<SocketAddr>,
-    /// The folder of the force in shared memory, for controllers of this machine [default: /dev/shm/taxeld, if it is free].
+    /// The folder of the force in shared memory, for controllers of this machine. It has to be on a tmpfs, as /dev/shm is [default: /dev/shm/taxeld, if it is free].
     #[arg(long, value_name = "DIR", conflicts_with = "once")]
     shared_memory: Option<PathBuf>,
     /// Which simulated skin.

@@ -4,6 +4,7 @@
 use taxel_client::{Force, NoForce};
 use taxel_proto::judge::{self, word};
 use taxel_proto::v1::{ForceReason, ForceSample, ForceState, Health, PatchHealth, ReasonCode};
+use taxel_skin::counted;
 
 use crate::ros::types::{DiagnosticStatus, KeyValue};
 
@@ -129,7 +130,7 @@ pub fn daemon(robot: &str, health: Result<&Health, &String>) -> Vec<DiagnosticSt
     for board in &health.boards {
         let silent = board.modules_enabled.saturating_sub(board.modules_fresh);
         let mut words = board.warnings.clone();
-        words.extend((silent > 0).then(|| format!("{silent} modules are silent")));
+        words.extend((silent > 0).then(|| counted(silent as usize, "module is silent", "modules are silent")));
         let (level, message) = said(&words);
         let name = format!("board {} of {}", board.address, board.patch);
         let mut values = vec![value("bring-up", &board.bring_up), value("scans", board.scans)];

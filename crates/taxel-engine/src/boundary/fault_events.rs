@@ -6,6 +6,8 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
+use taxel_skin::counted;
+
 use crate::intake::faults::fault::{Fault, FaultSet};
 
 /// Taxels are looked at so often.
@@ -71,8 +73,8 @@ fn in_words(changed: &[FaultSet]) -> Option<News> {
     for fault in Fault::ALL {
         let count = changed.iter().filter(|set| set.contains(fault)).count();
         if count > 0 {
-            let (comma, s) = (if text.is_empty() { "" } else { ", " }, if count == 1 { "" } else { "s" });
-            let _ = write!(text, "{comma}{} of {count} taxel{s}", fault.name()); // a String takes all
+            let comma = if text.is_empty() { "" } else { ", " };
+            let _ = write!(text, "{comma}{} ({})", counted(count, "taxel", "taxels"), fault.name()); // a String takes all
         }
     }
     (!taxels.is_empty()).then_some((text, taxels))
@@ -94,7 +96,7 @@ mod tests {
             let faults = Arc::from([FaultSet::default(), rail(at_its_rail(second)), FaultSet::default()]);
             let news = log.look(1_700_000_000_000_000_000 + second * 1_000_000_000, &faults);
             for (sort, (text, taxels)) in news.into_iter().enumerate().filter_map(|(sort, news)| Some((sort, news?))) {
-                assert_eq!((text.as_str(), taxels.as_slice()), ("rail of 1 taxel", &[1][..]));
+                assert_eq!((text.as_str(), taxels.as_slice()), ("1 taxel (saturated)", &[1][..]));
                 all.push((second, sort));
             }
         }

@@ -27,8 +27,8 @@ use crate::scan::Scan;
 const OFFSET_SCANS: f64 = 8.0;
 const OFFSET_LEFT_COUNTS: f64 = 0.06;
 
-/// Why there is no force without models.
-const NO_MODELS: &str = "no model set is active";
+/// Why there is no force and no zero without models, and what to do.
+const NO_MODELS: &str = "no model set is in use: `taxeld calibrate` takes the zero and makes one";
 
 /// What is said while the models in use say nothing of the skin at rest.
 const NO_REST: &str = "the model set has no zero of its own and takes it from the next confirmed tare: unload the skin, then \
@@ -180,7 +180,12 @@ impl Force {
 
     /// There is a set, and it is not used; why.
     pub fn refuse_models(&mut self, why: &str) {
-        self.lacks_models = Reason::new(ReasonCode::NoModelSet, format!("{NO_MODELS}: {why}"));
+        self.lacks_models = Reason::new(ReasonCode::NoModelSet, format!("no model set is in use: {why}"));
+    }
+
+    /// Why there are no models in use, if there are none, and what to do.
+    pub fn lacks_models(&self) -> Option<&Reason> {
+        self.set.is_none().then_some(&self.lacks_models)
     }
 
     /// Another zero was taken, or it was lost: histories begin anew, at rest. `residue_counts` as `Tables::of_range` has it.

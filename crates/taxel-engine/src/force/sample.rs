@@ -18,7 +18,7 @@ pub enum ForceState {
     Stale,
     /// No force: the zero is not proven.
     TareInvalid,
-    /// No force: no model set is active.
+    /// No force: no model set is in use.
     #[default]
     Uncalibrated,
 }

@@ -282,7 +282,7 @@ fn a_fault_away_from_the_contact_degrades_nothing_and_one_beside_it_does() {
     let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).press(20..24, 30).fault(24).verdict();
     assert_eq!(
         (state, reasons, bound),
-        (ForceState::Degraded, vec!["1 taxels beside the contact have a fault".to_owned()], false)
+        (ForceState::Degraded, vec!["1 taxel beside the contact has a fault".to_owned()], false)
     );
     let without_positions = |fault: usize| Skin::new(None).press(20..24, 30).fault(fault).verdict().0;
     let states = [without_positions(75), without_positions(25)];

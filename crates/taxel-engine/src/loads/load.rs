@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use taxel_skin::Newton;
+use taxel_skin::{Newton, counted};
 
 use crate::request::Rejection;
 
@@ -124,6 +124,19 @@ impl Load {
         self.read.mean_n / self.force_n - 1.0
     }
 
+    /// That it is far off, and what to do; `None` where it is not.
+    #[must_use]
+    pub fn doubt(&self) -> Option<String> {
+        let percent = 100.0 * self.error();
+        (percent.abs() > FAR_OFF_PERCENT).then(|| {
+            format!(
+                "{percent:+.0} % is far off: was it another mass, did it lie on the skin with all its weight, or did something \
+                 else press? If so, lay it on again: `taxeld load KG --replaces {}`",
+                self.number
+            )
+        })
+    }
+
     /// Whether the reading was off by no more than twice its standard uncertainty, that of the load included.
     #[must_use]
     pub fn is_within_two_sigma(&self) -> bool {
@@ -137,6 +150,9 @@ impl Load {
         self.read.scatter_n / f64::from(self.read.scans.max(1)).sqrt()
     }
 }
+
+/// A load that is read so far off is most likely another than was noted.
+const FAR_OFF_PERCENT: f64 = 50.0;
 
 /// Configured areas are the same if their means agree to this share.
 const SAME_AREA_SHARE: f64 = 1e-9;
@@ -177,7 +193,7 @@ impl JudgedLoad {
 fn unfit(load: &Load) -> String {
     let read = &load.read;
     if read.out_of_range > 0 {
-        format!("{} taxels were beyond their calibrated range", read.out_of_range)
+        counted(read.out_of_range as usize, "taxel was", "taxels were") + " beyond the calibrated range"
     } else if !read.reasons.is_empty() {
         format!("the force had a shortcoming: {}", read.reasons.join("; "))
     } else {

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_skin::counted;
+
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::intake::gauge::GaugeAtRest;
@@ -76,8 +78,9 @@ impl Patch {
         let Some((total, taxels)) = self.felt.filter(|(_, taxels)| *taxels > 0) else { return Ok(()) };
         let (name, newton) = (self.name(), total.0);
         let why = format!(
-            "{taxels} taxels of patch `{name}` read {newton:.2} N, and boards that are configured take what lies on \
-             them for nothing: unload the skin first"
+            "{} of patch `{name}` read {newton:.2} N, and boards that are configured take what lies on \
+             them for nothing: unload the skin first",
+            counted(taxels, "taxel", "taxels")
         );
         Err(ErrorReason::SkinLoaded.because(why))
     }
@@ -251,7 +254,7 @@ impl Patch {
         self.calibration.refuse_if_open("finish or abort it first")?;
         self.check_vented(now)?;
         if self.force.models().is_none() {
-            return Err(ErrorReason::NoModelSet.because("no model set is active: there is no force to compare"));
+            return Err(ErrorReason::NoModelSet.because("no model set is in use: there is no force to compare"));
         }
         if !self.force.is_ready() {
             return Err(ErrorReason::ZeroLost.because(format!("there is no valid zero: {}", self.zero.view().reason)));

@@ -78,6 +78,9 @@ impl Patch {
                     self.zero.explain(ReasonCode::NotUnloaded, format!("no zero yet: {why}{hint}"));
                 }
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
+                    let lacks = self.force.lacks_models().filter(|_| reason == ErrorReason::TareUnproven);
+                    let without = lacks.map(|lacks| (ErrorReason::NoModelSet, lacks.text().to_owned()));
+                    let (reason, why) = without.unwrap_or((reason, why));
                     let why = format!("tare refused: {why}{}", remedy(reason));
                     effects.out.push(Output::Reply(request, Err(reason.because(why))));
                 }

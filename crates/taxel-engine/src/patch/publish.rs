@@ -7,9 +7,11 @@ use taxel_skin::Newton;
 use crate::boundary::output::Output;
 use crate::boundary::snapshot::PatchSnapshot;
 use crate::force::owner::ZeroState;
+use crate::force::reason::ReasonCode;
 use crate::force::taxels::{Basis, ModuleAge, Taxels};
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
+use crate::zero::view::TareView;
 
 impl Patch {
     /// Publishes the present state under the next sequence number.
@@ -22,7 +24,7 @@ impl Patch {
         let is_felt = measured.sample.low().is_some_and(|low| low > Newton(0.0));
         self.felt = measured.sample.total.map(|total| (total, if is_felt { measured.active.len() } else { 0 }));
         let time = self.intake.newest().unwrap_or_default();
-        let tare = self.zero.view();
+        let tare = self.tare_view();
         measured.sample.zero_epoch = tare.epoch;
         if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured) {
             effects.intents.push(Intent::Load(read));
@@ -42,6 +44,16 @@ impl Patch {
             tare: Some(tare),
         };
         effects.out.push(Output::Patch(self.index, Arc::new(snapshot)));
+    }
+
+    /// Without models a zero is of no use, and a tare cannot be proven: a calibration takes its own.
+    fn tare_view(&self) -> TareView {
+        let mut view = self.zero.view();
+        let not_yet = matches!(view.code, Some(ReasonCode::ZeroNotTaken | ReasonCode::NotUnloaded));
+        if let Some(why) = self.force.lacks_models().filter(|_| not_yet) {
+            view.reason = why.text().to_owned();
+        }
+        view
     }
 
     fn zero_state(&self) -> ZeroState {

@@ -88,7 +88,7 @@ fn unused(bench: &mut Bench) -> String {
     assert_eq!(bench.host.snapshot().force.reasons[0].code(), ReasonCode::NoModelSet);
     assert_eq!(bench.host.catalogue.active[0].1, None);
     let problems = &bench.host.health().problems;
-    assert_eq!(bench.host.reasons(), format!("no model set is active: {}", problems[0]));
+    assert_eq!(bench.host.reasons(), format!("no model set is in use: {}", problems[0]));
     problems[0].clone()
 }
 

@@ -90,6 +90,21 @@ fn a_tare_under_a_mass_is_refused_with_figures() {
     assert_eq!(bench.host.snapshot().tare, before, "the earlier zero still holds");
 }
 
+/// Nothing can prove a tare without models, and nothing needs it.
+#[test]
+fn without_a_model_set_the_zero_and_a_tare_say_to_calibrate() {
+    let Bench { world, .. } = small().started();
+    let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    bench.seconds(2.0);
+    let tare = bench.host.snapshot().tare.clone().unwrap();
+    let calibrate = "no model set is in use: `taxeld calibrate` takes the zero and makes one";
+    assert_eq!((tare.valid, tare.reason.as_str()), (false, calibrate));
+    let Err(Rejection::FailedPrecondition(ErrorReason::NoModelSet, why)) = bench.tare(None) else { panic!("a tare") };
+    assert_eq!(why, format!("tare refused: {calibrate}"));
+    assert!(bench.tare(Some("Ada")).is_ok(), "who confirms has a zero all the same");
+}
+
 /// An operator's word is asked for where it helps alone.
 #[test]
 fn a_tare_that_no_word_would_have_helped_asks_for_none() {

@@ -16,7 +16,7 @@ const COLOURS: [&str; 8] = ["#dcebc2", "#b4dcbb", "#82c8b4", "#4fb0b4", "#3592b1
 /// What is drawn beside the rows of a field.
 pub(super) fn figures(field: &str, certificate: &Value) -> Vec<Figure> {
     match (field, certificate[field].as_array().filter(|rows| !rows.is_empty())) {
-        ("loads", Some(rows)) => vec![loads(rows)],
+        ("loads", Some(rows)) if rows.len() > 1 => vec![loads(rows)], // the table is enough for one
         ("taxels", Some(rows)) => map(rows, certificate).into_iter().chain([curves(rows)]).collect(),
         _ => Vec::new(),
     }

@@ -57,7 +57,11 @@ impl Certificate {
 
 /// Fields as a table of two columns, rows as one of many, lines as they are.
 fn section(Part { field, heading, shown, note }: Part, certificate: &Value) -> Section {
-    let nothing = if field == "stated" { "not stated" } else { "n/d" };
+    let nothing = match field.as_str() {
+        "stated" => "not stated",
+        "session" | "set" => "none",
+        _ => "not determined",
+    };
     let cell = |value: &Value| match value {
         Value::Null => nothing.into(),
         Value::Bool(holds) => if *holds { "yes" } else { "no" }.into(),

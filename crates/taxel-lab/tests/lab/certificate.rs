@@ -215,7 +215,12 @@ fn what_was_not_measured_or_stated_is_said_and_not_invented() {
 fn the_page_draws_loads_and_curves_and_links_to_no_file_beside_it() {
     let mut case = case();
     let model_set = json(&case)["set"]["id"].as_str().unwrap().to_owned();
-    case.loads = vec![Load { load: 1, model_set, force_n: 5.0, read_n: 5.5, scans: 4, ..Load::default() }];
+    let load =
+        |load| Load { load, model_set: model_set.clone(), force_n: 5.0, read_n: 5.5, scans: 4, ..Load::default() };
+    case.loads = vec![load(1)];
+    let html = certificate(&case).unwrap().to_html().unwrap();
+    assert!(html.matches("<svg").count() == 2 && html.contains("not determined"), "no chart of a single load: {html}");
+    case.loads.push(load(2));
     let html = certificate(&case).unwrap().to_html().unwrap();
     assert_eq!(html.matches("<svg").count(), 3);
     // Two taxels with a fit error of 1.4 kPa, and a dead one at the end of the row.

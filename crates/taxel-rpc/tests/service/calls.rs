@@ -174,7 +174,7 @@ async fn the_skin_tells_its_layout_and_why_taxels_are_excluded() {
     let bare = client.get_skin(request()).await.unwrap().into_inner();
     assert_eq!(bare.patches, [FOREARM, HAND]);
     assert_eq!((bare.taxels.len(), bare.model_set.as_str()), (TAXELS, ""));
-    assert!(bare.taxels.iter().all(|taxel| !taxel.calibrated && taxel.exclusion == "no model set is active"));
+    assert!(bare.taxels.iter().all(|taxel| !taxel.calibrated && taxel.exclusion == "no model set is in use"));
 
     let active = vec![(FOREARM.to_owned(), Some("m-a".to_owned()))];
     let model_sets = vec![model_set("m-a", FOREARM).into()];

@@ -131,11 +131,11 @@ async fn a_validation_shows_loads_and_errors() {
     assert_eq!(empty, v1::Validation { patch: FOREARM.to_owned(), ..v1::Validation::default() });
 
     let judged = |number, why: &str| JudgedLoad {
-        load: load(number, 0.02),
+        load: load(number, if number == 1_300 { 8.98 } else { 0.02 }),
         outdated_because: why.to_owned(),
         left_out_because: String::new(),
     };
-    let mut loads: Vec<JudgedLoad> = (2..1_300).rev().map(|number| judged(number, "")).collect();
+    let mut loads: Vec<JudgedLoad> = (2..=1_300).rev().map(|number| judged(number, "")).collect();
     loads.push(judged(1, "another model set is active now"));
     let view = Validation {
         patch: FOREARM.to_owned(),
@@ -147,6 +147,8 @@ async fn a_validation_shows_loads_and_errors() {
     let got = client.get_validation(v1::PatchRequest::default()).await.unwrap().into_inner();
     assert_eq!((got.model_set.as_str(), got.loads.len()), ("m-1", 1_000));
     assert_eq!(got.mean_absolute_error_percent, Some(2.0));
-    let newest = &got.loads[0];
-    assert!(newest.load == 1_299 && newest.within_two_sigma, "{newest:?}");
+    let (newest, before) = (&got.loads[0], &got.loads[1]);
+    assert!(before.load == 1_299 && before.within_two_sigma && before.reasons.len() == 1, "{before:?}");
+    let [_, doubt] = newest.reasons.as_slice() else { panic!("{newest:?}") };
+    assert!(doubt.starts_with("+898 % is far off: was it another mass") && doubt.ends_with("--replaces 1300`"));
 }

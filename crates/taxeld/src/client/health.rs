@@ -2,6 +2,7 @@
 
 use taxel_client::Server;
 use taxel_proto::v1::{BoardHealth, BusHealth, Health, PatchHealth};
+use taxel_skin::counted;
 
 use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
@@ -97,7 +98,7 @@ fn of_board(board: &BoardHealth) -> String {
     let firmware = if board.firmware.is_empty() { String::new() } else { format!(", firmware {}", board.firmware) };
     let warmth = board.celsius.map_or_else(String::new, |celsius| format!(", {celsius:.1} degC"));
     format!(
-        "board {} of {}: {}, {} of {} modules send, {} scans, {} orphans, {} status errors{firmware}{warmth}",
+        "board {} of {}: {}, {} of {} modules send, {} scans, {} half scans, {} status errors{firmware}{warmth}",
         board.address,
         board.patch,
         board.bring_up,
@@ -112,8 +113,11 @@ fn of_board(board: &BoardHealth) -> String {
 fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(tare) = &patch.tare {
-        let valid = if tare.valid { Tone::Good.paint("valid") } else { Tone::Bad.paint("INVALID") };
-        lines.push(format!("patch {}: zero {} {valid}: {}", patch.patch, tare.epoch, tare.reason));
+        let zero = match tare.valid {
+            true => format!("{} {}", tare.epoch, Tone::Good.paint("valid")),
+            false => Tone::Bad.paint("INVALID"),
+        };
+        lines.push(format!("patch {}: zero {zero}: {}", patch.patch, tare.reason));
     }
     if patch.has_gauge {
         lines.push(match patch.gauge_kpa.zip(patch.gauge_age_s) {
@@ -135,8 +139,8 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
         }
     }
     for (fault, taxels) in by_fault {
-        let (number, s) = (taxels.len(), if taxels.len() == 1 { "" } else { "s" });
-        lines.push(format!("  {number} taxel{s} faulty ({fault}): {}", places.name(taxels.iter().copied())));
+        let number = counted(taxels.len(), "taxel", "taxels");
+        lines.push(format!("  {number} faulty ({fault}): {}", places.name(taxels.iter().copied())));
     }
     lines
 }

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use taxel_engine::verdict::cause;
 use taxel_proto::v1::{
     ActivateModelSetRequest, ActivateModelSetResponse, GetModelSetRequest, ModelSet, ModelSetSummary, TaxelModelSummary,
 };
+use taxel_skin::counted;
 
 use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
@@ -122,10 +124,11 @@ pub fn print_set(set: &ModelSet, places: &Places) {
     }
     let mut excluded: BTreeMap<&str, Vec<u32>> = BTreeMap::new();
     for taxel in set.taxels.iter().filter(|taxel| taxel.status != "ok") {
-        excluded.entry(&taxel.status).or_default().push(taxel.taxel);
+        let why = cause(&taxel.status).unwrap_or(&taxel.status);
+        excluded.entry(why.split(':').next().unwrap_or(why)).or_default().push(taxel.taxel);
     }
     for (reason, taxels) in excluded {
-        say!("    {} {reason}: {}", taxels.len(), places.name(taxels.iter().copied()));
+        say!("    {} {reason}: {}", counted(taxels.len(), "taxel", "taxels"), places.name(taxels.iter().copied()));
     }
     let usable = set.taxels.iter().filter(|taxel| taxel.status == "ok");
     if let Some((_, median, worst)) =

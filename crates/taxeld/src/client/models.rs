@@ -11,6 +11,7 @@ use taxel_proto::v1::{
 use super::connect::Daemon;
 use super::failure::Outcome;
 use super::model_set::{Candidate, full_id, print_set};
+use super::places::Places;
 use super::{ask, json, table};
 use crate::files;
 use crate::output;
@@ -190,21 +191,19 @@ async fn show(of: &OfServer, model_set: Option<&str>, taxel: Option<u32>) -> Out
     let model_set = wanted(&daemon, model_set).await?;
     let request = GetModelSetRequest { model_set, patch: daemon.patch(), curves: taxel.into_iter().collect() };
     let set = daemon.models().get_model_set(request).await?.into_inner();
+    let patch = set.summary.as_ref().map(|summary| summary.patch.as_str()).unwrap_or_default();
     match set.curves.first() {
         Some(model) if of.json => json::print("TaxelModel", model)?,
-        Some(model) => print_taxel(model),
+        Some(model) => print_taxel(model, &daemon.places(patch).await?),
         None if of.json => json::print("ModelSet", &set)?,
-        None => {
-            let patch = set.summary.as_ref().map(|summary| summary.patch.as_str()).unwrap_or_default();
-            print_set(&set, &daemon.places(patch).await?);
-        }
+        None => print_set(&set, &daemon.places(patch).await?),
     }
     Ok(())
 }
 
-fn print_taxel(model: &TaxelModel) {
+fn print_taxel(model: &TaxelModel, places: &Places) {
     let Some(summary) = &model.summary else { return };
-    say!("taxel {}: {}", summary.taxel, summary.status_text);
+    say!("{}: {}", places.name([summary.taxel]), summary.status_text);
     if let (Some(low), Some(high)) = (model.count_min, model.count_max) {
         say!("  order {}, calibrated for counts {low:.1} to {high:.1}", summary.order);
     }

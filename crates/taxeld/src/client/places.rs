@@ -1,8 +1,9 @@
-//! Where taxels are, in the words of whoever stands at the robot: board, module, and the taxel's number in it.
+//! Taxels by their number in the patch, with the board and module that each is on.
 
 use std::collections::BTreeMap;
 
 use taxel_proto::v1::Skin;
+use taxel_skin::counted;
 
 /// Most places that one line names.
 const PLACES_MAX: usize = 6;
@@ -15,8 +16,8 @@ type Module = (u32, u32, u32);
 pub struct Places {
     /// The module of each taxel.
     taxels: Vec<Module>,
-    /// The first taxel of each module, and how many it has.
-    modules: BTreeMap<Module, (u32, usize)>,
+    /// How many taxels each module has.
+    modules: BTreeMap<Module, usize>,
 }
 
 impl Places {
@@ -24,13 +25,11 @@ impl Places {
     pub fn of(skin: &Skin) -> Self {
         let taxels: Vec<Module> = skin.taxels.iter().map(|layout| (layout.bus, layout.board, layout.module)).collect();
         let mut modules = BTreeMap::new();
-        for (number, module) in (0..).zip(&taxels) {
-            modules.entry(*module).or_insert((number, 0)).1 += 1;
-        }
+        taxels.iter().for_each(|module| *modules.entry(*module).or_default() += 1);
         Self { taxels, modules }
     }
 
-    /// Names taxels by their place, whole modules as such: `board 12 module 3 (all 10); board 13 module 5: taxel 2, 7`.
+    /// Names taxels by their place, whole modules as such: `board 12 module 3 (all 10); board 13 module 5: taxel 52, 57`.
     pub fn name(&self, taxels: impl IntoIterator<Item = u32>) -> String {
         let (mut modules, mut elsewhere): (BTreeMap<Module, Vec<u32>>, _) = (BTreeMap::new(), Vec::new());
         for taxel in taxels {
@@ -40,16 +39,16 @@ impl Places {
             }
         }
         let named = modules.iter().take(PLACES_MAX).map(|(module, taxels)| {
-            let ((_, board, number), (first, all)) = (module, self.modules.get(module).copied().unwrap_or_default());
+            let ((_, board, number), all) = (module, self.modules.get(module).copied().unwrap_or_default());
             if taxels.len() == all {
                 return format!("board {board} module {number} (all {all})");
             }
-            let numbers: Vec<String> = taxels.iter().map(|taxel| (taxel - first).to_string()).collect();
+            let numbers: Vec<String> = taxels.iter().map(ToString::to_string).collect();
             format!("board {board} module {number}: taxel {}", numbers.join(", "))
         });
         let mut words: Vec<String> = named.collect();
         if modules.len() > PLACES_MAX {
-            words.push(format!("and {} modules more", modules.len() - PLACES_MAX));
+            words.push(format!("and {} more", counted(modules.len() - PLACES_MAX, "module", "modules")));
         }
         if !elsewhere.is_empty() {
             words.push(format!("taxel {}", elsewhere.join(", ")));
@@ -64,13 +63,14 @@ mod tests {
     use taxel_proto::v1::TaxelLayout;
 
     #[test]
-    fn taxels_are_named_by_board_module_and_number() {
+    fn taxels_have_their_number_in_the_patch_beside_board_and_module() {
         let layout =
             |taxel: u32| TaxelLayout { taxel, board: 13 - taxel / 10, module: 4 * (taxel / 10), ..Default::default() };
         let places = Places::of(&Skin { taxels: (0..20).map(layout).collect(), ..Skin::default() });
         assert_eq!(places.name([]), "");
         assert_eq!(places.name([3, 7]), "board 13 module 0: taxel 3, 7");
         assert_eq!(places.name((10..20).chain([9])), "board 12 module 4 (all 10); board 13 module 0: taxel 9");
+        assert_eq!(places.name([12, 17]), "board 12 module 4: taxel 12, 17");
         assert_eq!(places.name([3, 77]), "board 13 module 0: taxel 3; taxel 77", "a taxel that the layout lacks");
     }
 }

@@ -5,7 +5,7 @@ use taxel_proto::v1::{
     AdvanceSessionRequest, Branches, ListRequest, Session, SessionAction, SessionRequest, SessionState,
 };
 
-use taxel_skin::printable;
+use taxel_skin::{counted, printable};
 
 use super::connect::Daemon;
 use super::export::{ExportArgs, export};
@@ -198,12 +198,15 @@ fn print(view: &Session) {
     let reason = if view.reason.is_empty() { String::new() } else { format!(": {}", view.reason) };
     say!("session {} of {}: {}{reason}", view.session, view.patch, session_word(view.state()));
     let branches = if view.branches() == Branches::Both { "rising and falling" } else { "rising" };
-    let confirmed =
-        if view.confirmed_by.is_empty() { String::new() } else { format!(", rest confirmed by {}", view.confirmed_by) };
+    let confirmed = if view.confirmed_by.is_empty() {
+        String::new()
+    } else {
+        format!(", unloaded: confirmed by {}", view.confirmed_by)
+    };
     say!(
-        "  started {}, {} ramps of {branches} pressure to {:.1} kPa{confirmed}",
+        "  started {}, {} of {branches} pressure to {:.1} kPa{confirmed}",
         table::moment(view.started.as_ref()),
-        view.ramps,
+        counted(view.ramps as usize, "ramp", "ramps"),
         view.target_kpa
     );
     let refused = refused(view);

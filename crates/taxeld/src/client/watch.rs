@@ -5,6 +5,7 @@ use std::time::Duration;
 use taxel_client::{Moment, Received, Samples, Server};
 use taxel_proto::judge::{Force, NoForce, withheld, word};
 use taxel_proto::v1::{ForceSample, ForceState, PatchRequest};
+use taxel_skin::counted;
 
 use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
@@ -114,8 +115,8 @@ async fn budget(daemon: &Daemon) -> Outcome {
     sample.budget.sort_by(|a, b| b.sigma_n.total_cmp(&a.sigma_n));
     let (terms, undetected_n) = (std::mem::take(&mut sample.budget), sample.undetected_n);
     let judged = Judged::new(Received::now(sample), Moment::now());
-    say!("{}", describe(&judged));
     if let Ok(force) = &judged.force {
+        say!("{}", describe(&judged));
         say!(
             "standard uncertainty by cause (the low end is {:.2} N less twice the root of their summed squares):",
             force.total_n
@@ -219,10 +220,10 @@ fn describe(judged: &Judged) -> String {
     let simulated = if sample.simulated { ", simulated" } else { "" };
     let reasons = if sample.reasons.is_empty() { String::new() } else { format!(": {}", sample.reasons.join("; ")) };
     format!(
-        "{}: {newton:.2} N ({interval}), {:.0} ms old, {} taxels active, {}{simulated}{reasons}",
+        "{}: {newton:.2} N ({interval}), {:.0} ms old, {} active, {}{simulated}{reasons}",
         sample.patch,
         age.as_secs_f64() * 1e3,
-        sample.active,
+        counted(sample.active as usize, "taxel", "taxels"),
         tone(sample.state()).paint(word(sample.state())),
     )
 }

@@ -22,6 +22,7 @@ pub struct Config {
     /// Who may do what.
     pub access: Option<AccessSection>,
     /// Where sessions and model sets are kept.
+    #[serde(default)]
     pub store: StoreSection,
     /// The operator's page; none without it.
     pub page: Option<PageSection>,
@@ -32,8 +33,10 @@ pub struct Config {
     /// Recordings; none without it.
     pub record: Option<RecordSection>,
     /// The buses; a patch names one of them.
+    #[serde(default)]
     pub bus: Vec<BusSection>,
     /// The patches.
+    #[serde(default)]
     pub patch: Vec<PatchSection>,
 }
 
@@ -85,10 +88,11 @@ impl Default for AccessSection {
 }
 
 /// `[store]`
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StoreSection {
-    /// The SQLite file; made if absent.
+    /// The SQLite file; made if absent. It has to be given: checked with all else, so that its lack hides no other fault.
+    #[serde(default)]
     pub path: PathBuf,
     /// Megabytes of it to keep; the oldest sessions go until there are no more.
     pub keep_mb: Option<u64>,

@@ -149,7 +149,7 @@ pub fn gauge(
     if matches!(kind, Scans | Typed) {
         return None;
     }
-    let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults))?;
+    let of = gauge.bus.as_ref().map_or(bus, |name| bus_index(config, "gauge.bus", name, faults));
     let signal = match kind {
         Port => ports::gauge(gauge, gauge.port.as_deref().unwrap_or_default(), faults)?,
         OnLine => {
@@ -159,6 +159,7 @@ pub fn gauge(
         Push => reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential),
         Can | Scans | Typed => can(gauge, file, faults)?,
     };
+    let of = of?;
     check_bus(kind, (config.bus[usize::from(of.0)].source, section.push.is_some()), faults);
     let (meaning, scale) = refers_to(gauge, faults);
     let signal = SignalSpec { meaning, scale: scale * signal.scale, offset: scale * signal.offset, ..signal };

@@ -50,7 +50,10 @@ pub fn patch_plan(
     let bus = bus_index(config, "bus", &section.bus, faults);
     let file = section.array.as_ref().and_then(|array| dbc_file(array, path, faults));
     let gauge = gauge(config, section, (file.as_ref(), bus), faults);
-    let bus = bus?;
+    let Some(bus) = bus else {
+        skin(section, file.as_ref(), BusIndex(0), (path, faults)); // what else is wrong with it
+        return None;
+    };
     ports::check_patch(section, &config.bus[usize::from(bus.0)], faults);
     let push = push(config, section, bus, faults);
     let Skin { patch, devices, setups, geometry, areas } = skin(section, file.as_ref(), bus, (path, faults))?;

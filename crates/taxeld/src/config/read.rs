@@ -86,7 +86,10 @@ pub fn examine_with(
         if let Some(scene) = &scene {
             more(config, scene, &mut faults);
         }
-        faults.problems().take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
+        // What was taken out as wrong is not missing as well.
+        let told: Vec<String> = reading.problems.iter().map(|problem| problem.key.clone()).collect();
+        let new = faults.problems().filter(|problem| !told.contains(&printable(&problem.key)));
+        new.take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
         scene
     });
     reading.end(config.zip(scene))

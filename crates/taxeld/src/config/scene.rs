@@ -37,6 +37,9 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
             source(bus, faults);
         });
     }
+    if config.store.path.as_os_str().is_empty() {
+        faults.note("store.path", "store.path is missing: the file for sessions and model sets");
+    }
     if config.store.keep_mb == Some(0) {
         faults.note("store.keep_mb", "store.keep_mb = 0: expected 1 or more, or no session could be kept");
     }

@@ -69,7 +69,7 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     for (draft, plan) in drafts.iter().zip(&scene.plan.patches) {
         let poses = plan.geometry.as_ref().map_or(0, |geometry| geometry.poses.iter().flatten().count());
         let (name, taxels, modules) = (plan.patch.name(), draft.taxels(), plan.patch.modules().len());
-        say!("{name}: {taxels} taxels on {modules} modules of {} boards, {poses} with a position", draft.boards.len());
+        say!("{name}: {taxels} taxels ({poses} with a position), modules: {modules}, boards: {}", draft.boards.len());
     }
     for draft in &drafts {
         if let Some(port) = &draft.port {

@@ -12,7 +12,7 @@ use crate::demo::Demo;
 #[test]
 fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     let demo = Demo::start(&["--bare"]);
-    assert!(demo.refused(&["watch", "--once", "--within", "0.5"]).contains("no model set is active"));
+    assert!(demo.refused(&["watch", "--once", "--within", "0.5"]).contains("no model set is in use"));
     assert!(demo.refused(&["models", "use", "newest"]).contains("there is no model set"));
 
     let printed = demo.until_good(&["calibrate", "--target", "40", "--yes"]);
@@ -100,6 +100,8 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
         }
     });
     let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
+    let shown = demo.succeeds(&["models", "show", &id]);
+    assert!(shown.contains("200 taxels gave no usable values: board ") && !shown.contains("no_data"), "{shown}");
     let refused = demo.refused(&["models", "use", &id]);
     assert!(refused.contains("Not good: too few taxels, far fewer taxels than the set in use. 27 of 230"), "{refused}");
     assert!(refused.contains(&format!("taxeld models use {id} --yes")), "{refused}");

@@ -1,5 +1,7 @@
 //! What keeps a force from being a good one: taxels that cannot be read where something lies, or that read too much.
 
+use taxel_skin::counted;
+
 use super::{Force, ZeroState};
 use crate::force::measure::Touch;
 use crate::force::reason::{Reason, ReasonCode, positions};
@@ -27,7 +29,7 @@ impl Force {
         let stale = sample.stale as usize;
         let mut reasons = Vec::new();
         if stale > 0 {
-            let text = format!("{stale} taxels are silent");
+            let text = counted(stale, "taxel is silent", "taxels are silent");
             reasons.push(Reason::about(self.silent(scan), ReasonCode::TaxelsSilent, text));
         }
         let beside_unbounded = in_total.len() >= CONTACT_TAXELS_MIN && self.beside(scan, touch, sample, &mut reasons);
@@ -36,7 +38,8 @@ impl Force {
         }
         if sample.out_of_range > 0 {
             let beyond = self.out_of_range(scan, in_total);
-            let text = format!("{} taxels read more than was calibrated: no upper bound", beyond.len());
+            let text =
+                counted(beyond.len(), "taxel reads", "taxels read") + " more than was calibrated: no upper bound";
             reasons.push(Reason::about(beyond, ReasonCode::TaxelsOutOfRange, text));
         }
         reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
@@ -62,17 +65,19 @@ impl Force {
         let loaded = positions(watched().filter(|watched| watched.reads_a_load(scan)).map(|watched| watched.taxel));
         let more = sample.total.is_none_or(|total| self.model.unread_at_most_n(touch) > total.0);
         if !faulty.is_empty() {
-            let text = format!("{} taxels beside the contact have a fault", faulty.len());
+            let text =
+                counted(faulty.len(), "taxel beside the contact has a fault", "taxels beside the contact have a fault");
             reasons.push(Reason::about(faulty, ReasonCode::TaxelsFaulty, text));
         }
         if !loaded.is_empty() {
-            let text = format!("{} taxels that cannot be used read a load: no upper bound", loaded.len());
+            let text = counted(loaded.len(), "taxel that cannot be used reads", "taxels that cannot be used read")
+                + " a load: no upper bound";
             reasons.push(Reason::about(loaded.clone(), ReasonCode::TaxelsExcluded, text));
         } else if more {
             let missing = positions(touch.missing.iter().copied());
             let text = format!(
-                "more than the contact itself may lie on {} taxels beside it that cannot be read: no upper bound",
-                missing.len()
+                "more than the contact itself may lie on {} beside it that cannot be read: no upper bound",
+                counted(missing.len(), "taxel", "taxels")
             );
             reasons.push(Reason::about(missing, ReasonCode::TaxelsExcluded, text));
         }
@@ -80,13 +85,14 @@ impl Force {
     }
 
     fn say_blind(&self, reasons: &mut Vec<Reason>) {
-        let text = format!("{} taxels cannot be read, nor can those beside them: no upper bound", self.blind.len());
+        let text =
+            counted(self.blind.len(), "taxel", "taxels") + " cannot be read, nor can those beside: no upper bound";
         reasons.push(Reason::about(std::sync::Arc::clone(&self.blind), ReasonCode::TaxelsExcluded, text));
         let without_zero = positions(self.without_zero());
         if !without_zero.is_empty() {
             let text = format!(
-                "{} taxels have no zero, because they had a fault or moved when it was taken: unload the skin and tare",
-                without_zero.len()
+                "{} no zero, because of a fault or a movement when it was taken: unload the skin and tare",
+                counted(without_zero.len(), "taxel has", "taxels have")
             );
             reasons.push(Reason::about(without_zero, ReasonCode::TaxelsWithoutZero, text));
         }

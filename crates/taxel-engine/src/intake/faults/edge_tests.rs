@@ -240,7 +240,7 @@ fn seven_of_ten_at_a_rail_condemn_their_module() {
         let mut detector = detector();
         let counts = |at_rail: usize| -> Vec<f32> { (0..10).map(|t| if t < at_rail { 0.0 } else { 100.0 }).collect() };
         assert!(detector.push_reals(at(0.0), 1, &counts(broken), 0));
-        assert_eq!(says(&detector, 10), if flicker { "rail, module flicker" } else { "rail" });
+        assert_eq!(says(&detector, 10), if flicker { "saturated, module flicker" } else { "saturated" });
         assert_eq!(says(&detector, 19), if flicker { "module flicker" } else { "" });
         assert_eq!(detector.wrong_since(19), flicker.then_some(at(0.0)));
         assert!(!detector.push_reals(at(1.0), 1, &counts(broken), 0), "nothing is new");
@@ -261,12 +261,12 @@ fn a_second_of_silence_is_told_of_each_module_once() {
     }
     assert_eq!(detector.deadline(), Some(at(1.001)));
     assert!(!detector.tick(at(1.0)) && detector.tick(at(1.001)) && !detector.tick(at(1.002)));
-    assert_eq!([0, 10, 19, 20, 30].map(|taxel| says(&detector, taxel)), ["", "stale", "stale", "", ""]);
+    assert_eq!([0, 10, 19, 20, 30].map(|taxel| says(&detector, taxel)), ["", "silent", "silent", "", ""]);
     assert_eq!((detector.deadline(), detector.wrong_since(10)), (Some(at(1.501)), Some(at(1.001))));
     assert!(!detector.tick(at(1.5)) && detector.tick(at(1.6)) && !detector.tick(at(1.7)));
     assert_eq!((detector.deadline(), says(&detector, 30)), (None, String::new()));
     assert!(detector.push_reals(at(1.8), 1, &[100.0; 10], 0), "it is not stale any more");
-    assert_eq!((says(&detector, 10), says(&detector, 20)), (String::new(), "stale".to_owned()));
+    assert_eq!((says(&detector, 10), says(&detector, 20)), (String::new(), "silent".to_owned()));
     assert_eq!(detector.deadline(), Some(at(2.801)));
     assert!(!detector.tick(at(2.8)) && detector.tick(at(2.81)));
 }

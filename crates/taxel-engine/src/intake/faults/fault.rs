@@ -47,7 +47,7 @@ impl Fault {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Rail => "rail",
+            Self::Rail => "saturated",
             Self::Frozen => "frozen",
             Self::Jumping => "jumping",
             Self::Dead => "dead",
@@ -55,7 +55,7 @@ impl Fault {
             Self::StatusOutOfRange => "out of range by status",
             Self::NotConnected => "not connected",
             Self::NoAck => "no acknowledgement",
-            Self::Stale => "stale",
+            Self::Stale => "silent",
             Self::TooFast => "too fast",
         }
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::time::Duration;
-use taxel_skin::Time;
+use taxel_skin::{Time, counted};
 
 use super::Intake;
 use crate::intake::cells::Device;
@@ -47,7 +47,7 @@ impl Intake {
         let silent: Vec<String> = words.collect();
         match silent.len() {
             0 => "too few whole scans came in time".to_owned(),
-            n @ 1..=4 => format!("{n} modules are silent: {}", silent.join(", ")),
+            n @ 1..=4 => format!("{}: {}", counted(n, "module is silent", "modules are silent"), silent.join(", ")),
             n => format!("{n} modules are silent: {} and {} more", silent[..3].join(", "), n - 3),
         }
     }

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use taxel_skin::counted;
+
 use super::limits::{MOVED_AWAY_MAX, NOISE_RATIO_MAX, SCANS_MIN, STEADY_ERRORS_MAX, THIRD_ERRORS_MAX, THIRD_NOISE_MAX};
 use crate::request::ErrorReason;
 
@@ -90,9 +92,12 @@ impl fmt::Display for Unsteadiness {
             Self::Median(moved, max) => write!(f, "{moved:.1} counts between the halves of the watch, limit {max:.1}"),
             Self::Third(errors) => write!(f, "three taxels by {errors:.1} standard errors, limit {THIRD_ERRORS_MAX}"),
             Self::Noise(ratio) => write!(f, "three taxels have {ratio:.1} times their noise, limit {THIRD_NOISE_MAX}"),
-            Self::Jumps(taxels) => write!(f, "{taxels} taxels by more than {STEADY_ERRORS_MAX} standard errors"),
+            Self::Jumps(taxels) => {
+                write!(f, "{} by more than {STEADY_ERRORS_MAX} standard errors", counted(*taxels, "taxel", "taxels"))
+            }
             Self::JumpsOfSkin(taxels) => {
-                write!(f, "{taxels} taxels of the skin by more than {STEADY_ERRORS_MAX} standard errors")
+                let taxels = counted(*taxels, "taxel", "taxels");
+                write!(f, "{taxels} of the skin by more than {STEADY_ERRORS_MAX} standard errors")
             }
         }
     }

@@ -87,7 +87,7 @@ fn force_lines(top: &Top, now: Moment) -> Vec<Line<'static>> {
         Some(Err(why)) => (Vec::new(), why.to_string()),
         None => (Vec::new(), String::new()),
     };
-    let counts = format!("{} touched, {} excluded, {} silent", sample.active, sample.excluded, sample.stale);
+    let counts = format!("{} active, {} excluded or faulty, {} silent", sample.active, sample.excluded, sample.stale);
     vec![Line::from(head), Line::from(force), Line::from(if why.is_empty() { counts } else { why })]
 }
 
@@ -161,7 +161,7 @@ mod tests {
     const GOLDEN: &str = "\
 palm  OK  simulated   zero valid   gauge 0.12 kPa
 4.93 N   4.51 to 5.36 N   41 ms old
-2 touched, 1 excluded, 0 silent
+2 active, 1 excluded or faulty, 0 silent
 █▅ █
 force: 0 to 4.9 N in 1 s   skin: 0 to 20 kPa
 ·  · ·  ·  ·  · ·  ·  ·  · ▀  ·  · ·  ·  ·  · ·  ·  · ·  ·  ·  · ·  ·  ·  · ·  ·

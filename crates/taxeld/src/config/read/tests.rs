@@ -112,7 +112,16 @@ fn every_fault_is_told_in_one_run_with_line_key_value_and_what_was_expected() {
 #[test]
 fn what_lacks_is_told_with_its_section() {
     let found = lines(&SMALL.replace("path = \"t.db\"\n", ""));
-    assert_eq!(found, ["t.toml:1: store.path is missing"]);
+    assert_eq!(found, ["t.toml:1: store.path is missing: the file for sessions and model sets"]);
+    let found = lines(&SMALL.replace("[store]\npath = \"t.db\"\n", "").replace("bus = \"b\"", "bus = \"c\""));
+    assert!(
+        found.len() == 2 && found[0].contains("store.path is missing") && found[1].contains("bus `c`"),
+        "{found:?}"
+    );
+    let found = lines(&SMALL.replace("bus = \"b\"", "bus = \"c\"").replace("0-3", "0-30"));
+    assert!(found.len() == 2 && found[1].contains("board 13: "), "{found:?}");
+    let found = lines(&SMALL.replace("\"t.db\"", "5"));
+    assert!(found.len() == 1 && found[0].contains("store.path: invalid type"), "{found:?}");
     let found = lines(&SMALL.replace("address = 13, ", ""));
     assert_eq!(found, ["t.toml:9: patch[0].boards[0].address is missing"]);
     let found = lines(&format!("{SMALL}gauge = {{ signal = \"0|32@1-\", unit = \"Pa\" }}\n"));
