@@ -10,7 +10,7 @@ use taxel_skin::Newton;
 pub enum Term {
     /// Noise, rounding and fit of each taxel's reading. Type A, from the calibration's left-out readings. Independent over taxels.
     Readings,
-    /// A light touch may be noise: of no taxel more than twice its threshold. Type A, from the noise of the zero.
+    /// A light touch may be noise: unless a taxel reads two to three times its threshold. Type A, from the noise of the zero.
     Choice,
     /// The zero may be off. Type A, from untouched taxels. Common to all taxels, as temperature is.
     Zero,

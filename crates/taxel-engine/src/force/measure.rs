@@ -11,6 +11,7 @@ use crate::force::evaluator::Evaluator;
 use crate::force::fill::{Discs, near, of_unread};
 use crate::force::neighbours::Neighbours;
 use crate::force::offsets::Offsets;
+use crate::force::remainder::SHARED_NOISE;
 use crate::force::sample::ForceSample;
 use crate::force::sampling::Contact;
 use crate::model_set::GAIN_OF_DAY_REL;
@@ -308,7 +309,7 @@ impl ForceModel {
             let light = tables.light(taxel);
             let pressed = tables.sign(taxel) * (count - light.zero) - off_counts;
             touch.added_n[beside] += light.newton_per_count * pressed;
-            sums.own_n2 += (light.newton_per_count * light.noise_counts).powi(2);
+            sums.own_n2 += SHARED_NOISE * (light.newton_per_count * light.noise_counts).powi(2);
             sums.per_count_n += light.newton_per_count;
             sums.per_count_n2 += light.newton_per_count.powi(2);
         }

@@ -14,7 +14,7 @@
 //! What is undetected is `max(R, 0) + max(H, 0)` with the uncertainties of both, to which comes what all forces have: that of the
 //! areas and of the gauge's gain, relative to the sum of the two.
 //!
-//! Whether anything is touched hangs on noise, too: of a total of which no taxel reads twice its threshold that of a contact on the
+//! Whether anything is touched hangs on noise, too: of a total of which no taxel reads three times its threshold that of a contact on the
 //! modules that have most of it, `sqrt(sum (w s)^2)`, is uncertain.
 
 mod hidden;
@@ -57,10 +57,10 @@ pub struct Remainder {
 const FAR_TAXELS_MIN: usize = 20;
 
 /// Taxels of a module share some of their noise: on real skin a sum of ten has so many times the variance of independent ones.
-const SHARED_NOISE: f64 = 2.0;
+pub(super) const SHARED_NOISE: f64 = 2.0;
 
 /// A touch of which a taxel reads so many times its threshold is no noise.
-const SURE_OF_TOUCH: f64 = 2.0;
+const SURE_OF_TOUCH: f64 = 3.0;
 
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -231,7 +231,7 @@ mod tests {
             }
             let found = unseen_of(&tables, &taxels, zero_n, relative_sigma);
             of_modules.sort_by(f64::total_cmp);
-            let choice = of_modules[1..].iter().sum::<f64>().sqrt() * (2.0 - strongest).clamp(0.0, 1.0);
+            let choice = of_modules[1..].iter().sum::<f64>().sqrt() * (SURE_OF_TOUCH - strongest).clamp(0.0, 1.0);
             prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
             let offset = if per_count > 0.0 { remainder / per_count } else { 0.0 };
             // The walk is one of single precision over raw counts: 37 products of up to 255 counts that weigh 0.1 N each.
