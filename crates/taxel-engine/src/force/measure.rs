@@ -1,5 +1,6 @@
 //! From the pressures of one scan to a force: which taxels are touched, their sum, its uncertainty, and what else the plan asks for.
 
+use nalgebra::Vector3;
 use std::ops::Range;
 use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 
@@ -13,7 +14,7 @@ use crate::force::neighbours::Neighbours;
 use crate::force::offsets::Offsets;
 use crate::force::remainder::SHARED_NOISE;
 use crate::force::sample::ForceSample;
-use crate::force::sampling::Contact;
+use crate::force::sampling::{Contact, Pressed};
 use crate::model_set::GAIN_OF_DAY_REL;
 
 /// Which parts of a force sample are computed beside the total.
@@ -151,7 +152,18 @@ impl ForceModel {
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
             let contact = touch.labels.get(taxel).filter(|_| contacts > 0).map_or(0, |&label| usize::from(label));
-            touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton, self.is_at_rim(taxel));
+            touch.contacts[contact].add(self.pressed(taxel, newton));
+        }
+    }
+
+    fn pressed(&self, taxel: usize, newton: f64) -> Pressed {
+        let pose = self.layout.geometry.as_ref().and_then(|geometry| geometry.poses[taxel]);
+        Pressed {
+            kpa: newton / self.newton_per_kpa(taxel),
+            newton,
+            area_mm2: self.layout.areas[taxel].0,
+            place_mm: pose.map(|pose| 1e3 * Vector3::from(pose.position)),
+            at_rim: self.is_at_rim(taxel),
         }
     }
 
