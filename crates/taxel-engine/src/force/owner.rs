@@ -313,10 +313,10 @@ impl Force {
         self.model.touch(evaluator, scan.counts, &mut touch);
         let summed = touch.active.iter().map(|(taxel, _)| *taxel).chain(touch.ring.iter().map(|(taxel, _)| *taxel));
         let unseen = self.remainder.unseen(scan.counts, summed, [zero.hides.0, zero.sigma.0]);
-        self.off_counts += (unseen.off_counts.min(0.0) - self.off_counts) / OFFSET_SCANS;
-        let (off_counts, residue_sigma_counts) = evaluator.tables().offset_and_residue(self.off_counts);
+        self.off_counts += (unseen.off_counts - self.off_counts) / OFFSET_SCANS;
+        let (off_counts, residue_sigma_counts) = evaluator.tables().offset_and_residue(self.off_counts.min(0.0));
         let choice_n = unseen.choice_n;
-        let zero_sigma_counts = zero.sigma_counts.hypot(OFFSET_LEFT_COUNTS);
+        let zero_sigma_counts = zero.sigma_counts.hypot(self.off_counts.max(OFFSET_LEFT_COUNTS));
         let (jumps, unloads) = (scan.jumps, self.unloading.is_under_way());
         let present = Present {
             zero_sigma_counts,

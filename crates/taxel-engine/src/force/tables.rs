@@ -160,9 +160,9 @@ impl Tables {
     }
 
     /// How far touched taxels lie from where they are read, and the standard uncertainty of that because the skin remembers earlier
-    /// loads, counts, where untouched ones lie `off_counts` from their zero. What these have lost of the residue has gone.
+    /// loads, counts, where untouched ones lie `off_counts`, 0 or less, from their zero. What these have lost of the residue has gone.
     pub(crate) fn offset_and_residue(&self, off_counts: f64) -> (f64, f64) {
-        let left = (self.residue_counts + off_counts.min(0.0)).max(0.0);
+        let left = (self.residue_counts + off_counts).max(0.0);
         (off_counts + RESIDUE_SHARE * (self.residue_counts - left), RESIDUE_SIGMA * left)
     }
 

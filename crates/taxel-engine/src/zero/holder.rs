@@ -309,7 +309,7 @@ impl Zero {
     pub(super) fn hold(&mut self, since: Time, view: TareView, baseline: Vec<TaxelBaseline>, kept: Arc<TakenZero>) {
         self.view = view;
         self.ground.take(&baseline);
-        self.offset.begin(self.ground.residue_counts(0.0), &kept.pads);
+        self.offset.begin(&kept.pads);
         self.evidence.begin(self.view.at_rest);
         self.evidence.compare_with(&self.ground);
         self.trust = Trust::Held(Held { baseline, kept, since, doubted: false, on_trial: false });

@@ -30,14 +30,11 @@ use crate::zero::plan::DriftPlan;
 use crate::zero::rest::moves::Unloading;
 use crate::zero::view::{DriftState, DriftView};
 
-/// Standard uncertainty of a new zero, counts, and what of a residue of earlier loads comes to it.
+/// Standard uncertainty of a new zero, counts.
 const ZERO_SIGMA: f64 = 0.15;
-const RESIDUE_SHARE: f64 = 0.31;
-/// How an offset wanders by itself, counts per root of a second: while the fabric creeps back, and later.
-const CREEP_WANDER: f64 = 0.02;
+/// How an offset wanders by itself, counts per root of a second. What creeps back of the residue that a zero was taken with is no
+/// part of it: it may as well be a load that the zero hides (`force/remainder/hidden.rs`), and is in the undetected force as one.
 const WANDER: f64 = 0.004;
-/// So long after a zero the fabric may creep, seconds.
-const CREEP_S: f64 = 600.0;
 /// Least standard uncertainty of what a module's taxels say together, counts: they differ by hysteresis and warmth.
 const READING_SIGMA: f64 = 0.12;
 /// Most of a load on everything that may be taken for an offset.
@@ -74,8 +71,7 @@ pub struct Offset {
     /// N per count of each module as a whole; empty while nobody knows.
     newton_per_count: Vec<f64>,
     last: Option<Time>,
-    /// Time since the zero, the last prediction, the window's begin, and the tables, seconds.
-    zero_s: f64,
+    /// Time since the last prediction, the window's begin, and the tables, seconds.
     predict_s: f64,
     window_s: f64,
     tables_s: f64,
@@ -105,7 +101,6 @@ impl Offset {
             counts: true,
             newton_per_count: Vec::new(),
             last: None,
-            zero_s: 0.0,
             predict_s: 0.0,
             window_s: 0.0,
             tables_s: 0.0,
@@ -115,13 +110,11 @@ impl Offset {
         }
     }
 
-    /// A zero was taken, which lies so many counts towards load from that of the models, with this mean of the pads of each
-    /// module, counts.
-    pub fn begin(&mut self, residue_counts: f64, pads: &[Option<f64>]) {
-        let sigma = ZERO_SIGMA.hypot(RESIDUE_SHARE * residue_counts);
+    /// A zero was taken, with this mean of the pads of each module, counts.
+    pub fn begin(&mut self, pads: &[Option<f64>]) {
         let pads = pads.iter().copied().chain(std::iter::repeat(None));
-        self.modules.iter_mut().zip(pads).for_each(|(module, then)| module.begin(sigma, then, HOLD_OFF_S));
-        (self.zero_s, self.tables_s) = (0.0, 0.0);
+        self.modules.iter_mut().zip(pads).for_each(|(module, then)| module.begin(ZERO_SIGMA, then, HOLD_OFF_S));
+        self.tables_s = 0.0;
         self.predict_s = PREDICT_S; // what the pads say since, after a restart: at once
         self.view = DriftView::default();
         if self.plan.follow {
@@ -173,12 +166,10 @@ impl Offset {
             }
         }
         let Some(taken) = taken else { return Told::default() };
-        self.zero_s += dt_s;
         self.predict_s += dt_s;
         self.tables_s += dt_s;
         if self.predict_s >= PREDICT_S {
-            let wander = if self.zero_s < CREEP_S { CREEP_WANDER } else { WANDER };
-            let wandered = wander * wander * std::mem::take(&mut self.predict_s);
+            let wandered = WANDER * WANDER * std::mem::take(&mut self.predict_s);
             self.modules.iter_mut().for_each(|module| module.predict(wandered));
             self.describe();
         }

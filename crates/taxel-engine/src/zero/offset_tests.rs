@@ -45,7 +45,7 @@ impl Watched {
 
     fn zero(&mut self) {
         let pads = self.offset.pads();
-        self.offset.begin(0.0, &pads);
+        self.offset.begin(&pads);
         self.offset.weigh(&vec![-0.1; TAXELS]);
     }
 
@@ -155,7 +155,7 @@ fn after_a_restart_the_first_scan_tells_what_the_pads_say_of_the_time_between() 
     let then = watched.offset.pads();
     watched.pads += 6.0;
     watched.seconds(2.0, |_| 0.0);
-    watched.offset.begin(0.0, &then);
+    watched.offset.begin(&then);
     watched.seconds(0.1, |_| 0.0);
     near(watched.offset(0), -6.0 * GUESS, 0.4);
     assert!(watched.sigma(0) > 1.0, "{}", watched.sigma(0));
