@@ -109,7 +109,7 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     demo.succeeds(&["models", "delete", &id, "--yes"]);
     let waiting = demo.until_good(&["calibrate", "--target", "30"]); // without --yes it ends in review
     assert!(
-        waiting.contains("Against the set in use: ") && waiting.contains("help: taxeld models use m-"),
+        waiting.contains(" the set in use, and has ") && waiting.contains("help: taxeld models use m-"),
         "{waiting}"
     );
     let refused = demo.refused(&["sessions", "delete", "1"]);
@@ -194,7 +194,7 @@ fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
     assert!(demo.refused(&["models", "delete", &id, "--yes"]).contains("in use"));
     assert!(demo.refused(&["sessions", "show", "7"]).contains("no session 7"));
     let printed = demo.until_good(&["calibrate", "--target", "40", "--yes"]);
-    assert!(printed.contains("Against the set in use: "), "{printed}");
+    assert!(printed.contains(" the set in use, and has "), "{printed}");
     // As in `taxeld watch --json | head -1`: it ends by itself and says nothing.
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     command.args(["watch", "--json", "--server", &demo.server]).stdout(Stdio::piped()).stderr(Stdio::piped());
