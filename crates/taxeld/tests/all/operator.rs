@@ -209,7 +209,7 @@ fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
 #[test]
 fn known_loads_recalibrate_the_skin_and_only_an_activation_uses_the_result() {
     let demo = Demo::start(&[]);
-    assert!(demo.refused(&["recalibrate"]).contains("0 load points, expected 5"));
+    assert!(demo.refused(&["recalibrate"]).contains("0 known loads so far; at least 5"));
     let before = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
     let mut said = String::new();
     let accepted = (0..60).any(|_| {
@@ -225,7 +225,7 @@ fn known_loads_recalibrate_the_skin_and_only_an_activation_uses_the_result() {
     demo.succeeds(&["models", "use", made["modelSet"].as_str().unwrap()]);
     assert!(demo.refused(&["models", "delete", &before, "--yes"]).contains("known loads"), "it is kept");
     assert!(
-        demo.refused(&["recalibrate"]).contains("0 load points"),
+        demo.refused(&["recalibrate"]).contains("0 known loads so far"),
         "loads of the set before say nothing of this one"
     );
 }
