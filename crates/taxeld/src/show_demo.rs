@@ -96,12 +96,11 @@ fn scene() -> anyhow::Result<(Config, Scene)> {
 fn print_calibration(Outcome { session, models, .. }: &Outcome) {
     let usable = models.taxels.iter().filter(|model| model.is_usable()).count();
     say!(
-        "ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated ({})",
+        "ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated",
         models.pressure_max_kpa,
         session.accepted,
         crate::values::refusals_of(session),
         models.taxels.len(),
-        models.method,
     );
 }
 
