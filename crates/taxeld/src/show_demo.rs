@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
+use taxel_client::Address;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Outputs;
@@ -191,7 +192,10 @@ async fn serve_live(
     if let Some(section) = &config.shared_memory {
         say!("In shared memory: {}", section.path.join("left_forearm").display());
     }
-    let export = if listen == USUAL { String::new() } else { format!(", after export TAXELD_SERVER=http://{listen}") };
+    // Without it the commands would reach the daemon of the robot, if one runs.
+    let address = format!("http://{listen}");
+    let is_usual = Address::local().to_string() == address;
+    let export = if is_usual { String::new() } else { format!(", after export TAXELD_SERVER={address}") };
     say!("In another terminal{export}:");
     print_commands(calibrated);
     if let Some(pump) = pump {
