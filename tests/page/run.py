@@ -161,10 +161,11 @@ def watch(page):
     page.until("the curve", lambda: page.find("#taxel canvas").is_displayed())
     time.sleep(12)  # so that the minute's course has a load in it, in the picture
     feel(page)
-    page.click("#force")
+    page.click("#why")
     page.until("what the interval is made of", lambda: re.search(r"[\d.]+ N", page.text("#budget")))
     page.shot("live", height=1500)
-    page.click("#force")
+    feel(page)
+    page.click("#why")
     feel(page)
     page.shot("live-dark", height=1500, dark=True)
     feel(page)
