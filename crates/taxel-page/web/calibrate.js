@@ -165,7 +165,7 @@ function ramping(signal) {
     const old = isOld();
     const [text, kind] = old ? ["Stop: nothing new comes from the daemon", "bad"] : s.typed ? [s.reason, s.typed.settled ? "ok" : "warn"] : advise(s);
     advice.className = `advice ${kind}`;
-    advice.textContent = text;
+    put(advice, text);
     put(pressure, `${old ? "–" : num(s.pressureKpa, 1)} `, el("small", `of ${num(s.targetKpa, 0)} kPa`));
     bar.style.width = `${100 * (s.coverage ?? 0)}%`;
     put(numbers, facts([
