@@ -3,7 +3,7 @@
 import { all, health as askHealth } from "./api.js";
 import { button, el, facts, num, put, sure, table, toast, when } from "./dom.js";
 import { tareButton, unloaded } from "./live.js";
-import { places, state } from "./store.js";
+import { places, state, verdict } from "./store.js";
 
 /** How often it is asked for, in ms. */
 const EVERY_MS = 1000;
@@ -42,7 +42,9 @@ export function health(signal) {
 }
 
 function shown(now) {
-  const problems = problemsOf(now);
+  const { word, reasons } = verdict();
+  const degraded = word === "DEGRADED" ? reasons.map((reason) => `${state.patch}: DEGRADED: ${reason}`) : [];
+  const problems = [...problemsOf(now), ...degraded];
   const first = el("section.card", { id: "problems" }, el("h2", "Problems"), problems.length ? el("ul.reasons", problems.map((text) => el("li", text))) : el("p.note", "none"),
       el("p.note", `${now.streams ?? 0} of ${now.streamsMax ?? 0} streams are in use, this page's among them.`));
   // What an engine that stands still said last may not be so now.
