@@ -55,7 +55,7 @@ function shown(now) {
     el("section.card", el("h2", "Boards"), table(["patch", "#bus", "#board", "state", "#modules that send", "#scans", "#half scans", "#°C", "firmware", "warnings"],
       (now.boards ?? []).map((b) => [b.patch, b.bus ?? 0, b.address, el("td.wrap", b.bringUp), `${b.modulesFresh ?? 0} of ${b.modulesEnabled ?? 0}`, b.scans ?? 0, b.orphans ?? 0, b.celsius === undefined ? "" : num(b.celsius, 1), b.firmware ?? "",
         el("td.wrap", (b.warnings ?? []).join("; "))]))),
-    el("section.card", el("h2", "Buses"), table(["#bus", "state", "#frames", "#foreign", "#malformed", "#lost", "problem"],
+    el("section.card", el("h2", "Buses"), table(["#bus", "state", "#frames", "#foreign", "#malformed", "#dropped", "problem"],
       (now.buses ?? []).map((bus) => [bus.bus ?? 0, el(`span.pill.${bus.up ? "ok" : "bad"}`, bus.up ? "up" : "down"), bus.frames ?? 0, bus.foreign ?? 0, bus.malformed ?? 0, bus.dropped ?? 0,
         el("td.wrap", [bus.problem, bus.lastMalformed].filter(Boolean).join("; "))]))),
   ];
