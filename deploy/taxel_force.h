@@ -15,7 +15,7 @@
  * taxel_force_follow does the same, and looks for a new page, at most every 50 ms, while the daemon does not live.
  * A reader belongs to one thread at a time.
  *
- * A page in which others may write, or in whose folder, is none. A program in C11 defines _POSIX_C_SOURCE as 200809L before it
+ * A page is refused if others may write in it or in its folder. A program in C11 defines _POSIX_C_SOURCE as 200809L before it
  * includes anything.
  */
 #ifndef TAXEL_FORCE_H

@@ -28,7 +28,7 @@ class Demo:
         arguments = [taxeld, "demo", "--listen", listen, "--shared-memory", folder]
         self.process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
         for line in self.process.stdout:
-            if line.startswith("The same skin is now"):
+            if line.startswith("The skin is now"):
                 self.address = line.rsplit(" on ")[1].strip().rstrip(".")
             if line.startswith("Ctrl-C"):
                 return

@@ -68,8 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     command.args(["demo", "--listen", "127.0.0.1:0", "--shared-memory", &folder]).stdout(Stdio::piped());
     let mut demo = Demo(command.stderr(Stdio::null()).spawn()?);
     let mut lines = BufReader::new(demo.0.stdout.take().ok_or("no output")?).lines().map_while(Result::ok);
-    let live =
-        lines.find_map(|line| Some(line.strip_prefix("The same skin is now")?.rsplit_once(" on ")?.1.to_owned()));
+    let live = lines.find_map(|line| Some(line.strip_prefix("The skin is now")?.rsplit_once(" on ")?.1.to_owned()));
     let address = live.ok_or("the demo did not start")?;
     std::thread::spawn(move || lines.for_each(drop)); // its text goes on and must not block it
     let address = Address::parse(address.trim_end_matches('.'))?;

@@ -43,14 +43,11 @@ impl Verdict {
         let against_in_use_percent = change.map(|ratio| 100.0 * (ratio - 1.0));
         let mut last = Vec::new();
         if let Some(other) = in_use {
-            let percent = against_in_use_percent.map_or_else(
-                || "not comparable".to_owned(),
-                |by| format!("{:+.1} %", (10.0 * by).round() / 10.0 + 0.0),
-            );
+            let reads = against_in_use_percent.map_or_else(|| "It cannot be compared with".to_owned(), reads);
             let (now, before) = (count(set), count(other));
             let fewer = (now as f64) < OF_IN_USE_MIN * before as f64;
             judged.extend(fewer.then(|| (Some("far fewer taxels than the set in use"), String::new())));
-            last.push(format!("Against the set in use: {percent}, {now} taxels instead of {before}."));
+            last.push(format!("{reads} the set in use, and has {now} usable taxels instead of {before}."));
         }
         let broken: Vec<&str> = judged.iter().filter_map(|(broken, _)| *broken).collect();
         let word = if broken.is_empty() { "Good.".to_owned() } else { format!("Not good: {}.", broken.join(", ")) };
@@ -63,6 +60,15 @@ impl Verdict {
     }
 }
 
+/// How much more a set reads than another one.
+fn reads(percent: f64) -> String {
+    match (10.0 * percent).round() / 10.0 {
+        0.0 => "It reads as much as".to_owned(),
+        more if more > 0.0 => format!("It reads {more:.1} % more than"),
+        less => format!("It reads {:.1} % less than", -less),
+    }
+}
+
 fn count(set: &ModelSet) -> usize {
     set.taxels.iter().filter(|model| model.is_usable()).count()
 }
@@ -71,7 +77,7 @@ fn usable(set: &ModelSet) -> Judged {
     let (usable, taxels) = (count(set), set.taxels.len());
     let share = usable as f64 / taxels.max(1) as f64;
     let text =
-        format!("{usable} of {taxels} taxels ({:.0} %; {:.0} % is the least)", 100.0 * share, 100.0 * USABLE_MIN);
+        format!("{usable} of {taxels} taxels ({:.0} %; at least {:.0} % needed)", 100.0 * share, 100.0 * USABLE_MIN);
     ((share < USABLE_MIN).then_some("too few taxels"), text)
 }
 
@@ -80,14 +86,15 @@ fn fit_error(set: &ModelSet) -> Option<Judged> {
     let fitted = set.taxels.iter().filter(|model| model.is_usable());
     let kpa = median(fitted.map(|model| model.quality.rmse_kpa))?;
     let share = kpa / set.pressure_max_kpa;
-    let text = format!("fit error {kpa:.1} kPa ({:.1} %; {:.0} % is the most)", 100.0 * share, 100.0 * FIT_ERROR_MAX);
+    let text =
+        format!("fit error {kpa:.1} kPa ({:.1} %; at most {:.0} % allowed)", 100.0 * share, 100.0 * FIT_ERROR_MAX);
     // A highest pressure of 0 or none is no measure of anything.
     Some(((share.is_nan() || share > FIT_ERROR_MAX).then_some("the curves do not fit"), text))
 }
 
 fn reached(kpa: f64, target_kpa: f64) -> Judged {
     let share = kpa / target_kpa;
-    let text = format!("up to {kpa:.0} of {target_kpa:.0} kPa ({:.0} % is the least)", 100.0 * REACHED_MIN);
+    let text = format!("up to {kpa:.0} of {target_kpa:.0} kPa (at least {:.0} % needed)", 100.0 * REACHED_MIN);
     ((share.is_nan() || share < REACHED_MIN).then_some("the pressure ended too low"), text)
 }
 
@@ -154,8 +161,8 @@ mod tests {
         assert_eq!(
             verdict.lines,
             [
-                "Good. 19 of 20 taxels (95 %; 90 % is the least), fit error 0.7 kPa (1.0 %; 3 % is the most), \
-                 up to 70 of 70 kPa (90 % is the least).",
+                "Good. 19 of 20 taxels (95 %; at least 90 % needed), fit error 0.7 kPa (1.0 %; at most 3 % allowed), \
+                 up to 70 of 70 kPa (at least 90 % needed).",
                 "1 taxel hardly moved: no contact with the bag, or broken."
             ]
         );
@@ -192,7 +199,7 @@ mod tests {
         let before = set(vec![model(0.1, 1.0); 20]);
         let after = Verdict::of(&set(vec![model(0.1, 1.02); 20]), None, Some(&before));
         assert!(after.is_good && (after.against_in_use_percent.unwrap() - 2.0).abs() < 0.1, "{after:?}");
-        assert_eq!(after.lines[1], "Against the set in use: +2.0 %, 20 taxels instead of 20.");
+        assert_eq!(after.lines[1], "It reads 2.0 % more than the set in use, and has 20 usable taxels instead of 20.");
         let many = set(vec![model(0.1, 1.0); 40]);
         let fewer = Verdict::of(&set([vec![model(0.1, 1.0); 36], still(4)].concat()), None, Some(&many));
         assert!(fewer.is_good, "nine tenths are enough: {fewer:?}");

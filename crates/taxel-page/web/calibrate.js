@@ -165,7 +165,7 @@ function ramping(signal) {
     const old = isOld();
     const [text, kind] = old ? ["Stop: nothing new comes from the daemon", "bad"] : s.typed ? [s.reason, s.typed.settled ? "ok" : "warn"] : advise(s);
     advice.className = `advice ${kind}`;
-    advice.textContent = text;
+    put(advice, text);
     put(pressure, `${old ? "–" : num(s.pressureKpa, 1)} `, el("small", `of ${num(s.targetKpa, 0)} kPa`));
     bar.style.width = `${100 * (s.coverage ?? 0)}%`;
     put(numbers, facts([
@@ -184,8 +184,8 @@ function ramping(signal) {
   return el("div.live",
     el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, state.session.typed && dial(), el("div.bar", bar), numbers, found(), el("div.row", finish, abort())),
     el("div.stack",
-      el("section.card", el("h2", "Pressure over time: no steeper than the dashed line"), charts[0].node),
-      el("section.card", el("h2", "Change of count over pressure, of a few taxels; the one that you tap is blue"), charts[1].node),
+      el("section.card", el("h2", "Pressure over time: no steeper than the slanting dashed line"), charts[0].node),
+      el("section.card", el("h2", "Change of count over pressure, of a few taxels; tap a taxel on the map below to see it in blue"), charts[1].node),
       el("section.card", el("h2", "Which taxels respond: change of count"), skin.node)));
 }
 
@@ -269,7 +269,7 @@ export function compared(one, other, names) {
     ["up to, kPa", num(a.top, 1), num(b.top, 1)],
     ["fit error, kPa (median)", num(a.rmse), num(b.rmse)],
     ["hysteresis, kPa (median)", num(a.hysteresis), num(b.hysteresis)],
-    ["swing, counts (median)", num(a.swing, 1), num(b.swing, 1)],
+    [el("td.wrap", "change of count over the ramp (median)"), num(a.swing, 1), num(b.swing, 1)],
     ["unloaded count (median)", num(a.baseline, 1), num(b.baseline, 1)],
     ["noise, counts (median)", num(a.noise), num(b.noise)],
   ];
@@ -312,12 +312,12 @@ function review(signal) {
     el("section.card", el("h2", `Review of session ${s.session}`), vent, told, el("div.row", use, more, drop), el("h3", "Figures"), figuresAt,
       el("h3", "Excluded: point at a line to see where"), excluded, s.reason && el("p.note", s.reason),
       el("p.note", "Point at taxels to see their curves.")),
-    el("div.stack", el("section.card", el("h2", "The skin, and what is excluded by place"), skin.node), taxelCard(signal)));
+    el("div.stack", el("section.card", el("h2", "Where the excluded taxels are (colour: change of count now)"), skin.node), taxelCard(signal)));
 }
 
 function finished(anew) {
   return el("section.card", el("h2", `The models of session ${state.session.session} are in use`),
-    el("p", `Model set ${state.session.modelSet}. Vent the bag and take it off. Then tare, and weigh known masses.`),
+    el("p", `Model set ${state.session.modelSet}. Take the bag off. Then tare, and weigh known masses.`),
     el("div.row",
       tareButton(),
       el("a.button", { href: "#validate" }, "Weigh masses"), button("Calibrate again", async () => anew(), { id: "again" })));

@@ -13,13 +13,20 @@ export function el(selector, ...rest) {
     else if (name in node && typeof value !== "string") node[name] = value;
     else node.setAttribute(name, value === true ? "" : value);
   }
-  node.append(...rest.flat(9).filter((child) => child !== null && child !== undefined && child !== false));
+  node.append(...nodes(rest));
   return node;
+}
+
+/** What a node is to hold. In a text, what stands in backquotes is code. */
+function nodes(children) {
+  const coded = (text) => text.split("`").map((part, i) => (i % 2 ? el("code", part) : part));
+  return children.flat(9).filter((child) => child !== null && child !== undefined && child !== false)
+    .flatMap((child) => (typeof child === "string" ? coded(child) : child));
 }
 
 /** Puts `children` in place of what `node` holds. */
 export function put(node, ...children) {
-  node.replaceChildren(...children.flat(9).filter((child) => child !== null && child !== undefined && child !== false));
+  node.replaceChildren(...nodes(children));
 }
 
 /** A number with so many places behind the point, and no minus before a zero; a dash if there is none. */

@@ -3,7 +3,7 @@
 import { all, health as askHealth } from "./api.js";
 import { button, el, facts, num, put, sure, table, toast, when } from "./dom.js";
 import { tareButton, unloaded } from "./live.js";
-import { places, state } from "./store.js";
+import { places, state, verdict } from "./store.js";
 
 /** How often it is asked for, in ms. */
 const EVERY_MS = 1000;
@@ -42,7 +42,9 @@ export function health(signal) {
 }
 
 function shown(now) {
-  const problems = problemsOf(now);
+  const { word, reasons } = verdict();
+  const degraded = word === "DEGRADED" ? reasons.map((reason) => `${state.patch}: DEGRADED: ${reason}`) : [];
+  const problems = [...problemsOf(now), ...degraded];
   const first = el("section.card", { id: "problems" }, el("h2", "Problems"), problems.length ? el("ul.reasons", problems.map((text) => el("li", text))) : el("p.note", "none"),
       el("p.note", `${now.streams ?? 0} of ${now.streamsMax ?? 0} streams are in use, this page's among them.`));
   // What an engine that stands still said last may not be so now.
@@ -53,7 +55,7 @@ function shown(now) {
     el("section.card", el("h2", "Boards"), table(["patch", "#bus", "#board", "state", "#modules that send", "#scans", "#half scans", "#°C", "firmware", "warnings"],
       (now.boards ?? []).map((b) => [b.patch, b.bus ?? 0, b.address, el("td.wrap", b.bringUp), `${b.modulesFresh ?? 0} of ${b.modulesEnabled ?? 0}`, b.scans ?? 0, b.orphans ?? 0, b.celsius === undefined ? "" : num(b.celsius, 1), b.firmware ?? "",
         el("td.wrap", (b.warnings ?? []).join("; "))]))),
-    el("section.card", el("h2", "Buses"), table(["#bus", "state", "#frames", "#foreign", "#malformed", "#lost", "problem"],
+    el("section.card", el("h2", "Buses"), table(["#bus", "state", "#frames", "#foreign", "#malformed", "#dropped", "problem"],
       (now.buses ?? []).map((bus) => [bus.bus ?? 0, el(`span.pill.${bus.up ? "ok" : "bad"}`, bus.up ? "up" : "down"), bus.frames ?? 0, bus.foreign ?? 0, bus.malformed ?? 0, bus.dropped ?? 0,
         el("td.wrap", [bus.problem, bus.lastMalformed].filter(Boolean).join("; "))]))),
   ];

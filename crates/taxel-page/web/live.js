@@ -25,16 +25,17 @@ const TERMS = {
 
 /** The force, big, with what keeps it from being good. */
 export function forceCard(signal) {
-  const value = el("div.big", { id: "force", title: "Tap to see what the interval is made of" }, "–");
+  const value = el("div.big", { id: "force" }, "–");
   const course = new Course(signal);
-  const budget = budgetOf(signal, value);
+  const why = el("button.quiet.link", { id: "why", type: "button" }, "why so wide?");
+  const budget = budgetOf(signal, why);
   const begin = el("a.button.primary", { href: "#calibrate", id: "begin" }, "Calibrate this skin");
   const told = el("span.verdict", { id: "verdict" });
   const simulated = el("span.pill.warn", { id: "simulated", title: "no skin is touched" }, "simulated");
   const reasons = el("ul.reasons", { id: "reasons" });
   const more = el("div");
   const card = el("section.card", { id: "force-card" },
-    el("div.row.between", el("h2", "Normal force"), simulated, told), value, budget, reasons, begin, course.node, more);
+    el("div.row.between", el("h2", "Normal force"), simulated, told), value, why, budget, reasons, begin, course.node, more);
   const update = () => {
     const now = verdict();
     const force = state.force ?? {};
@@ -44,6 +45,7 @@ export function forceCard(signal) {
     told.textContent = now.word;
     begin.hidden = now.word !== "UNCALIBRATED";
     state.shown = now.shown ? state.force : null;
+    why.hidden = !now.shown;
     emit("shown");
     if (now.shown) {
       const high = force.highN === undefined ? "N or more" : `to ${num(force.highN)} N`;
@@ -61,8 +63,8 @@ export function forceCard(signal) {
   return card;
 }
 
-/** What the interval is made of, as bars: a tap on the force shows it, another hides it. */
-function budgetOf(signal, value) {
+/** What the interval is made of, as bars: a tap on the button shows it, another hides it. */
+function budgetOf(signal, why) {
   const node = el("div", { id: "budget", hidden: true });
   const show = async () => {
     if (node.hidden) return;
@@ -75,9 +77,9 @@ function budgetOf(signal, value) {
         bar.style.width = `${(100 * t.sigmaN) / most}%`;
         return [el("span", { title: t.term }, TERMS[t.term] ?? t.term), bar, el("span", `${num(t.sigmaN)} N`)];
       })),
-      force.undetectedN !== undefined && el("p.note", `The high end also holds the force that would not be detected: up to ${num(force.undetectedN)} N.`));
+      force.undetectedN !== undefined && el("p.note", `Undetected force: up to ${num(force.undetectedN)} N could press without any taxel showing it. It moves the high end up; uncertainties add as squares, so the parts do not simply add up. A tare of the unloaded skin makes it smaller.`));
   };
-  value.addEventListener("click", () => { node.hidden = !node.hidden; show(); });
+  why.addEventListener("click", () => { node.hidden = !node.hidden; show(); });
   const timer = setInterval(show, BUDGET_EVERY_MS);
   signal.addEventListener("abort", () => clearInterval(timer));
   return node;

@@ -21,11 +21,11 @@ export function models(signal) {
     const ids = modelSets.map((set) => set.modelSet);
     if (!ids.includes(pick[0])) pick[0] = ids[0] ?? "";
     if (!ids.includes(pick[1])) pick[1] = modelSets.find((set) => set.active && set.modelSet !== pick[0])?.modelSet ?? ids[1] ?? "";
-    put(list, table(["model set", "made", "#session", "method", "#usable", "#up to, kPa", ""], modelSets.map((set) => row(set, update)), "no model set yet: calibrate, or import one"));
+    put(list, table(["model set", "made", "#session", "#usable", "#up to, kPa", ""], modelSets.map((set) => row(set, update)), "no model set yet: calibrate, or import one"));
     put(against, comparison(signal, ids, pick));
   };
   update().catch((error) => toast(error.message, "bad"));
-  return el("div.stack", el("section.card", el("div.row.between", el("h2", "Model sets"), importer(update)), list, el("p.note", "A certificate to print, of the set in use if a session made it: ", el("code", "taxel-lab certificate --out certificate.html"))), against);
+  return el("div.stack", el("section.card", el("div.row.between", el("h2", "Model sets"), importer(update)), list, el("p.note", "To print a certificate of the set in use (only if a session made it): ", el("code", "taxel-lab certificate --out certificate.html"))), against);
 }
 
 function row(set, update) {
@@ -40,7 +40,7 @@ function row(set, update) {
     await call("ModelService/DeleteModelSet", { modelSet: id });
     await update();
   }, { kind: "danger", disabled: set.active });
-  return [el("td", id, " ", set.active && el("span.pill.ok", "in use")), when(set.created), set.session ?? "", el("td.wrap", set.method ?? ""),
+  return [el("td", id, " ", set.active && el("span.pill.ok", "in use")), when(set.created), set.session ?? "",
     `${set.calibrated ?? 0} of ${set.taxels ?? 0}`, num(set.pressureMaxKpa, 1), el("td", el("div.row", use, save, remove))];
 }
 
@@ -89,7 +89,7 @@ function comparison(signal, ids, pick) {
   update().catch((error) => toast(error.message, "bad"));
   return el("div.live",
     el("section.card", el("h2", "Compared"), el("div.row", choose(0), "with", choose(1)), result, el("h3", "Excluded in the first"), excluded),
-    el("section.card", el("h2", "Curves"), new SkinView(signal, { values: "counts", overlays: false }).node, chart.node, remark));
+    el("section.card", el("h2", "Curves (colour of the map: change of count now)"), new SkinView(signal, { values: "counts", overlays: false }).node, chart.node, remark));
 }
 
 function curves(found) {

@@ -15,7 +15,7 @@ export function validate(signal) {
     validation = await call("ValidationService/GetValidation", { patch: state.patch });
     if (signal.aborted) return;
     const loads = validation.loads ?? [];
-    put(rows, table(["#load", "when", "by", "#mass, kg", "#laid on, N", "#read, N", "#error", "within 2σ", "note"], loads.map(row), "no load yet: lay a known mass on the skin, then say what it is"));
+    put(rows, table(["#load", "when", "by", "#mass, kg", "#laid on ± 2σ, N", "#read ± 2σ, N", "#error", "within 2σ", "note"], loads.map(row), "no load yet: lay a known mass on the skin, then say what it is"));
     put(summary, figures(validation));
     chart.node.hidden = !loads.length;
     chart.soon();

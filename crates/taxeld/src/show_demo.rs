@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
+use taxel_client::Address;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Outputs;
@@ -96,12 +97,11 @@ fn scene() -> anyhow::Result<(Config, Scene)> {
 fn print_calibration(Outcome { session, models, .. }: &Outcome) {
     let usable = models.taxels.iter().filter(|model| model.is_usable()).count();
     say!(
-        "ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated ({})",
+        "ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated",
         models.pressure_max_kpa,
         session.accepted,
         crate::values::refusals_of(session),
         models.taxels.len(),
-        models.method,
     );
 }
 
@@ -185,28 +185,42 @@ async fn serve_live(
         let confirmed_by = Some("taxeld demo".to_owned());
         ask(&daemon, Command::BringUp { patch: String::new(), confirmed_by }).await?;
     }
-    let what = if calibrated { "calibrated and live" } else { "live, and not calibrated yet," };
+    let what = if calibrated { "calibrated and live" } else { "live, not calibrated yet," };
     say!();
-    say!("The same skin is now {what} on {listen}.");
+    say!("The skin is now {what} on {listen}.");
     say!("Its page, from which to calibrate and check it: http://{page}/");
     if let Some(section) = &config.shared_memory {
         say!("In shared memory: {}", section.path.join("left_forearm").display());
     }
-    let export = if listen == USUAL { String::new() } else { format!(", after export TAXELD_SERVER=http://{listen}") };
+    // Without it the commands would reach the daemon of the robot, if one runs.
+    let address = format!("http://{listen}");
+    let is_usual = Address::local().to_string() == address;
+    let export = if is_usual { String::new() } else { format!(", after export TAXELD_SERVER={address}") };
     say!("In another terminal{export}:");
-    for (command, what) in [
-        ("taxeld watch", "its force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
-        ("taxeld load 0.5", "compares the force with that mass while it lies there"),
-        ("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)"),
-        ("taxeld health", "buses, boards, zeros and taxels"),
-    ] {
-        say!("  {command:17} {what}");
-    }
-    say!("Ctrl-C ends it.");
+    print_commands(calibrated);
     if let Some(pump) = pump {
         calibrate(listen, pump)?;
     }
     daemon.until_the_end().await
+}
+
+/// What can be tried, in an order that works: without a calibration there is no force.
+fn print_commands(calibrated: bool) {
+    let mut commands = [
+        ("taxeld watch", "its force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
+        ("taxeld load 0.5", "compares the force with that mass while it lies there"),
+        ("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)"),
+        ("taxeld health", "buses, boards, zeros and taxels"),
+    ];
+    if !calibrated {
+        commands.rotate_left(2);
+        commands.swap(0, 1);
+        commands[1].1 = "a calibration (about 40 s; the pump starts by itself). There is no force before it:";
+    }
+    for (command, what) in commands {
+        say!("  {command:17} {what}");
+    }
+    say!("Ctrl-C ends it.");
 }
 
 /// As an operator would in another terminal.

@@ -7,7 +7,7 @@
     else:
         do_without(force.why)
 
-A page in which others may write, or in whose folder, is none.
+A page is refused if others may write in it or in its folder.
 
 The layout of a page is in deploy/shared-memory.md. Python has no memory barriers, so a sample is also checked by its CRC.
 """

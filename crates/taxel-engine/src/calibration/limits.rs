@@ -44,7 +44,7 @@ pub struct SessionLimits {
     pub vented_below: Kilopascal,
     /// Most scans of one session; a ramp ends when they are full.
     pub scans_max: usize,
-    /// A taxel responds once its count has moved so far.
+    /// A taxel responds once its count has moved so far, and by as much as the fit asks of it.
     pub responding_counts: u8,
 }
 

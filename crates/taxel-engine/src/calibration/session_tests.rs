@@ -201,3 +201,17 @@ fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_count
     run.refresh(ms(0), &GaugeHistory::default());
     assert!((run.view().coverage - 0.3).abs() < 1e-9, "steps 0, 1 and 3 of ten: {}", run.view().coverage);
 }
+
+#[test]
+fn a_taxel_that_moved_by_less_than_the_fit_asks_for_does_not_respond() {
+    let sample = |pressure_kpa: f64, counts: [u8; TAXELS]| Sample {
+        ramp: 0,
+        time_ns: 0,
+        pressure_kpa,
+        counts: SharedCounts::from(counts.to_vec()),
+    };
+    let samples = vec![sample(1.0, [200, 200, 200]), sample(60.0, [181, 120, 100])];
+    let samples = SessionSamples { ramps: Vec::new(), samples };
+    let run = SessionRun::resume(at(ms(0)), SessionView::default(), SessionLimits::default(), TAXELS, samples);
+    assert_eq!((run.view().responding, &*run.view().not_responding), ((2, 3), [0_u16].as_slice()));
+}

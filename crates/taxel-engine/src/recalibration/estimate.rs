@@ -20,6 +20,8 @@
 
 use std::ops::RangeInclusive;
 
+use taxel_skin::counted;
+
 use crate::loads::places::LaidAt;
 use crate::recalibration::line::{Line, LinePoint, chi2_quantile, normal_quantile};
 use crate::recalibration::points::{Assumptions, LoadPoint};
@@ -89,10 +91,14 @@ impl Recalibration {
     /// In words: too few or too many points, or figures that are none.
     pub fn of(points: &[LoadPoint], laid: &LaidAt, assumptions: Assumptions) -> Result<Self, String> {
         let count = points.len();
-        if !(POINTS_MIN..=POINTS_MAX).contains(&count) {
+        if count < POINTS_MIN {
+            let so_far = counted(count, "known load", "known loads");
             return Err(format!(
-                "{count} load points, expected {POINTS_MIN} to {POINTS_MAX}: known loads at as many places of the skin"
+                "{so_far} so far; at least {POINTS_MIN} are needed, each at another place: taxeld load KG"
             ));
+        }
+        if count > POINTS_MAX {
+            return Err(format!("{count} known loads; at most {POINTS_MAX} are taken"));
         }
         if let Some(problem) = assumptions.problem().or_else(|| points.iter().find_map(LoadPoint::problem)) {
             return Err(problem);

@@ -171,7 +171,7 @@ fn what_no_skin_does_is_refused_in_words() {
         of(&points, Assumptions::MASSES).unwrap_err()
     };
     for (says, refused) in [
-        ("4 load points, expected 5", with(|points| points.truncate(4))),
+        ("4 known loads so far; at least 5", with(|points| points.truncate(4))),
         ("what was read is 0", with(|points| points[1].read = 0.0)),
         ("known load is NaN", with(|points| points[2].known = f64::NAN)),
         ("uncertainty of the known load is -1", with(|points| points[2].known_sigma = -1.0)),

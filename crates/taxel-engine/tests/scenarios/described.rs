@@ -227,7 +227,7 @@ fn what_is_found_while_a_zero_goes_to_disk_is_not_forgotten_with_it() {
     scene.host.commit(Ok(()));
     scene.seconds(0.1);
     let refused = scene.host.reply(request).expect("answered").unwrap_err().to_string();
-    assert!(refused.contains("a load vanished from a whole board at once"), "{refused}");
+    assert!(refused.contains("a whole board lost its load in one scan"), "{refused}");
 }
 
 #[test]

@@ -136,13 +136,13 @@ fn a_mass_that_was_noted_wrong_is_named_makes_no_set_and_can_be_left_out() {
     // Four are left, which are too few.
     let without = Chosen { leave_out: vec![numbers[2]], ..Chosen::default() };
     let few = propose(validation(&bench), &small().set, &without, Assumptions::MASSES, 1).unwrap_err();
-    assert!(few.contains("4 load points, expected 5"), "{few}");
+    assert!(few.contains("4 known loads so far; at least 5"), "{few}");
     weigh(&mut bench, &OTHERS[..1], |_, kilogram| kilogram);
     let found = proposal(&bench, &small().set, &without);
     assert!(found.found.is_sound(), "{:?}", found.found);
     for (chosen, says) in [
         (Chosen { loads: vec![99], ..Chosen::default() }, "no load 99"),
-        (Chosen { loads: numbers[..4].to_vec(), ..Chosen::default() }, "4 load points"),
+        (Chosen { loads: numbers[..4].to_vec(), ..Chosen::default() }, "4 known loads so far"),
     ] {
         let refused = propose(validation(&bench), &small().set, &chosen, Assumptions::MASSES, 1).unwrap_err();
         assert!(refused.contains(says), "{refused}");

@@ -15,7 +15,7 @@ pub(super) const COVERAGE_FACTOR: f64 = 2.0;
 const LINES: [(&str, &str, bool); 6] = [
     (
         "reference",
-        "B, the greater of configured gain and offset and of its own certificate, with its unloaded reading",
+        "B, the greater of two: the configured gain and offset, or its own certificate combined with its unloaded reading",
         true,
     ),
     ("residuals", "A, root mean square over all scans; noise, rounding and form of the curve are in it", true),

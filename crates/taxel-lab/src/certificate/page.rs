@@ -10,7 +10,7 @@ use crate::page::Page;
 
 /// What a certificate of no real skin says, first and last.
 const NOT_MEASURED: &str = "SIMULATED OR REPLAYED. No skin was measured for this: a simulator or a replayed log sent the counts and \
-    pressures. It certifies nothing and is not to be signed.";
+    pressures. It certifies nothing. Do not sign it.";
 
 /// What is shown of the certificate.
 #[derive(Deserialize)]
@@ -37,7 +37,8 @@ impl Certificate {
         let simulated = self.0["simulated"] == true;
         let kind = if simulated { "Specimen: not a calibration certificate" } else { "Calibration certificate" };
         let [set, software] = [&self.0["set"]["id"], &self.0["software"]].map(words);
-        let mut introduction = vec![format!("Model set {set}, certified by {software}.")];
+        let mut introduction =
+            vec![format!("Number {}.", self.number()), format!("Model set {set}; certificate made by {software}.")];
         let shown: Shown = toml::from_str(include_str!("page.toml"))?;
         let mut sections: Vec<Section> = shown.section.into_iter().map(|part| section(part, &self.0)).collect();
         let id = "sign".to_owned();
@@ -50,8 +51,7 @@ impl Certificate {
             let tables = vec![Table::new("sign", "", ["signature", "name", "date"], blank)];
             sections.push(Section { id, title: "Calibrated by, approved by".to_owned(), tables, ..Section::default() });
         }
-        let title = format!("{kind} {}", self.number());
-        Ok(Page { title: &title, introduction: &introduction, sections: &sections }.html(None))
+        Ok(Page { title: kind, introduction: &introduction, sections: &sections }.html(None))
     }
 }
 
@@ -101,6 +101,11 @@ fn label(name: &str) -> String {
         ("_n", ", N"),
         ("_c", ", \u{b0}C"),
     ];
+    match name {
+        "within" => return "loads within -1 to 1".to_owned(),
+        "number" => return "session".to_owned(),
+        _ => {}
+    }
     let unit = UNITS.iter().find_map(|(end, unit)| Some((name.strip_suffix(end)?, *unit)));
     let (name, unit) = unit.unwrap_or((name, ""));
     format!("{}{unit}", name.replace('_', " "))

@@ -15,7 +15,7 @@ use thiserror::Error;
 const FALLING_GROUPS_MIN: usize = 21;
 
 /// A taxel in use has at least this share of the median swing ...
-const SWING_MIN: f64 = 0.25;
+pub const SWING_MIN: f64 = 0.25;
 
 /// ... and at most this multiple of the median error.
 const ERROR_MAX: f64 = 2.5;

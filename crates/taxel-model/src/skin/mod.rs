@@ -20,7 +20,7 @@ mod least_squares;
 mod numbers;
 mod sigma;
 
-pub use fit::{Gathered, SkinError, fit};
+pub use fit::{Gathered, SWING_MIN, SkinError, fit};
 pub use fitted::SkinFit;
 pub use form::{Form, Warp};
 pub use sigma::SigmaByReading;

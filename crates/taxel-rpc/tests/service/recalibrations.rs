@@ -110,7 +110,7 @@ async fn what_cannot_be_proposed_is_refused_with_the_reason() {
         (request(|r| r.place_uncertainty = Some(0.0)), Code::InvalidArgument, "place_uncertainty: 0"),
         (request(|r| r.place_uncertainty = Some(f64::NAN)), Code::InvalidArgument, "place_uncertainty: NaN"),
         (request(|r| r.loads = vec![1, 99]), Code::FailedPrecondition, "no load 99"),
-        (request(|r| r.loads = vec![1, 2, 3]), Code::FailedPrecondition, "3 load points, expected 5"),
+        (request(|r| r.loads = vec![1, 2, 3]), Code::FailedPrecondition, "3 known loads so far; at least 5"),
     ] {
         let refused = client.recalibrate(asked).await.unwrap_err();
         assert!(refused.code() == code && refused.message().contains(says), "{refused}");

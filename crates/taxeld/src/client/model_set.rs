@@ -116,7 +116,7 @@ pub fn print_set(set: &ModelSet, places: &Places) {
         let active = if summary.active { ", active" } else { "" };
         let (id, patch, made) = (&summary.model_set, &summary.patch, table::moment(summary.created.as_ref()));
         say!("model set {id} of {patch}, from {session}, made {made}{active}");
-        say!("  {}; up to {:.1} kPa", summary.method, summary.pressure_max_kpa);
+        say!("  up to {:.1} kPa; fit: {}", summary.pressure_max_kpa, summary.method);
         say!("  {} of {} taxels usable", summary.calibrated, summary.taxels);
         if !summary.derived_from.is_empty() {
             say!("  corrected from {}", summary.derived_from);

@@ -161,11 +161,10 @@ async fn list(of: &OfServer) -> Outcome {
             set.session.map_or_else(|| "-".to_owned(), |session| session.to_string()),
             format!("{} of {}", set.calibrated, set.taxels),
             format!("{:.1}", set.pressure_max_kpa),
-            set.method.clone(),
         ]
     };
     let rows: Vec<_> = sets.iter().map(row).collect();
-    table::print(&["model set", "", "patch", "made", "session", "usable", "to kPa", "method"], &rows);
+    table::print(&["model set", "", "patch", "made", "session", "usable", "to kPa"], &rows);
     Ok(())
 }
 

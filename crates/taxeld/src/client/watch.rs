@@ -126,8 +126,8 @@ async fn budget(daemon: &Daemon) -> Outcome {
         }
         if let Some(undetected_n) = undetected_n {
             say!(
-                "up to {undetected_n:.2} N could press on the skin without any taxel showing it: the high end is further away by that; \
-                 a tare of the unloaded skin makes it smaller"
+                "undetected force: up to {undetected_n:.2} N could press without any taxel showing it. It moves the high end up; \
+                 uncertainties add as squares, so the parts do not simply add up. A tare of the unloaded skin makes it smaller."
             );
         }
     }

@@ -26,7 +26,7 @@ impl Demo {
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let live = lines.find_map(|line| {
             let line = line.unwrap();
-            line.starts_with("The same skin is now").then(|| line.rsplit_once(" on ").unwrap().1.to_owned())
+            line.starts_with("The skin is now").then(|| line.rsplit_once(" on ").unwrap().1.to_owned())
         });
         let address = live.expect("the demo says where it listens");
         let server = address.trim_end_matches('.').to_owned();

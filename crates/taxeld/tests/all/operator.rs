@@ -109,7 +109,7 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     demo.succeeds(&["models", "delete", &id, "--yes"]);
     let waiting = demo.until_good(&["calibrate", "--target", "30"]); // without --yes it ends in review
     assert!(
-        waiting.contains("Against the set in use: ") && waiting.contains("help: taxeld models use m-"),
+        waiting.contains(" the set in use, and has ") && waiting.contains("help: taxeld models use m-"),
         "{waiting}"
     );
     let refused = demo.refused(&["sessions", "delete", "1"]);
@@ -194,7 +194,7 @@ fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
     assert!(demo.refused(&["models", "delete", &id, "--yes"]).contains("in use"));
     assert!(demo.refused(&["sessions", "show", "7"]).contains("no session 7"));
     let printed = demo.until_good(&["calibrate", "--target", "40", "--yes"]);
-    assert!(printed.contains("Against the set in use: "), "{printed}");
+    assert!(printed.contains(" the set in use, and has "), "{printed}");
     // As in `taxeld watch --json | head -1`: it ends by itself and says nothing.
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     command.args(["watch", "--json", "--server", &demo.server]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -209,7 +209,7 @@ fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
 #[test]
 fn known_loads_recalibrate_the_skin_and_only_an_activation_uses_the_result() {
     let demo = Demo::start(&[]);
-    assert!(demo.refused(&["recalibrate"]).contains("0 load points, expected 5"));
+    assert!(demo.refused(&["recalibrate"]).contains("0 known loads so far; at least 5"));
     let before = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
     let mut said = String::new();
     let accepted = (0..60).any(|_| {
@@ -225,7 +225,7 @@ fn known_loads_recalibrate_the_skin_and_only_an_activation_uses_the_result() {
     demo.succeeds(&["models", "use", made["modelSet"].as_str().unwrap()]);
     assert!(demo.refused(&["models", "delete", &before, "--yes"]).contains("known loads"), "it is kept");
     assert!(
-        demo.refused(&["recalibrate"]).contains("0 load points"),
+        demo.refused(&["recalibrate"]).contains("0 known loads so far"),
         "loads of the set before say nothing of this one"
     );
 }

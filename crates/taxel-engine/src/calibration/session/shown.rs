@@ -1,5 +1,6 @@
 //! What an operator sees of a session while it gathers: pressure, rate, coverage, the time left, taxels that do not respond.
 
+use taxel_model::skin::SWING_MIN;
 use taxel_skin::Time;
 
 use super::SessionRun;
@@ -7,6 +8,7 @@ use crate::calibration::branch::Direction;
 use crate::calibration::plateau::PlateauView;
 use crate::calibration::view::SessionState;
 use crate::intake::gauge::GaugeHistory;
+use crate::statistics::median;
 
 impl SessionRun {
     /// Shows the pressure as it was shown before.
@@ -46,8 +48,11 @@ impl SessionRun {
     }
 
     pub(super) fn count_responding(&mut self) {
-        let least = f64::from(self.limits.responding_counts);
-        let still = |(low, high): &(f64, f64)| high - low < least;
+        let moved = |(low, high): &(f64, f64)| high - low;
+        // As the fit will ask: less is noise.
+        let of_median = SWING_MIN * median(self.extremes.iter().map(moved)).unwrap_or(0.0);
+        let least = of_median.max(f64::from(self.limits.responding_counts));
+        let still = |extremes: &(f64, f64)| moved(extremes) < least;
         let taxels = (0_u16..).zip(&self.extremes);
         let unmoved: Vec<u16> = taxels.filter(|(_, extremes)| still(extremes)).map(|(taxel, _)| taxel).collect();
         self.view.responding.0 = (self.extremes.len() - unmoved.len()) as u32;

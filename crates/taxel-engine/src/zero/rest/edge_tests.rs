@@ -325,7 +325,9 @@ fn what_is_said_of_a_skin_that_is_not_at_rest() {
 fn what_is_said_of_a_load() {
     let rest = say(&on(10, 2.0, 6.05), None).to_string();
     assert!(
-        rest.starts_with("unloaded: median shift 2.00 counts, largest 6.1 (module 3); the skin may still"),
+        rest.starts_with(
+            "unloaded: median shift from the models' zero 2.00 counts, largest 6.1 (module 3); the skin may still"
+        ),
         "{rest}"
     );
     assert_eq!(say(&on(10, 2.0, 7.05), None).to_string(), "something presses on module 3 (5.1 counts, limit 5)");

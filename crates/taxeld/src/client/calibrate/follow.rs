@@ -109,7 +109,7 @@ impl Course {
             return Ok(());
         }
         if !self.is_vented() {
-            self.screen.tell("the target is reached: vent the bag (Ctrl-C goes on without)");
+            self.screen.tell("the target is reached: vent the bag (Ctrl-C: go on without venting)");
             let mut stream = self.watch().await?;
             let give_up = tokio::time::sleep(if self.asks { Duration::MAX } else { VENT_WITHIN });
             tokio::pin!(give_up);

@@ -29,6 +29,8 @@ pub struct Screen {
     json: bool,
     /// What was shown last, and when.
     last: Option<(Instant, Shown)>,
+    /// The taxels that were named last as not responding.
+    named: String,
 }
 
 /// What makes a line due when it changes: the state, the branch, the advice.
@@ -37,7 +39,7 @@ type Shown = (SessionState, bool, String);
 impl Screen {
     /// A screen; `json` for a line of JSON a message instead.
     pub fn new(places: Places, json: bool) -> Self {
-        Self { places, json, last: None }
+        Self { places, json, last: None, named: String::new() }
     }
 
     /// Shows a session as it is now.
@@ -58,7 +60,10 @@ impl Screen {
         if last.is_some_and(|(before, last)| *last == shown && at - *before < LINE_EVERY) {
             return Ok(());
         }
-        say!("{}", line(session, &self.silent(session)));
+        let silent = self.silent(session);
+        let news = if silent == self.named { "" } else { silent.as_str() };
+        say!("{}", line(session, news));
+        self.named = silent;
         self.last = Some((at, shown));
         Ok(())
     }
