@@ -104,7 +104,7 @@ fn at_its_bound_the_force_says_so_until_a_tare() {
 /// A load lies on everything, comes as slowly as warmth and against it: the counts stand still, and only the pads know.
 #[test]
 fn a_slow_load_on_everything_while_the_skin_cools_does_not_vanish_in_the_zero() {
-    let mut bench = warming(-5.0, true);
+    let mut bench = warming(-4.5, true);
     minutes(&mut bench, 15.0);
     let mut most = 0.0_f64;
     for minute in 0..15 {
