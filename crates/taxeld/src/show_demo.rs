@@ -206,17 +206,16 @@ async fn serve_live(
 
 /// What can be tried, in an order that works: without a calibration there is no force.
 fn print_commands(calibrated: bool) {
-    let mut commands = [
+    let force = [
         ("taxeld watch", "its force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
         ("taxeld load 0.5", "compares the force with that mass while it lies there"),
-        ("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)"),
-        ("taxeld health", "buses, boards, zeros and taxels"),
     ];
-    if !calibrated {
-        commands.rotate_left(2);
-        commands.swap(0, 1);
-        commands[1].1 = "a calibration (about 40 s; the pump starts by itself). There is no force before it:";
-    }
+    let health = [("taxeld health", "buses, boards, zeros and taxels")];
+    let own = [("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)")];
+    let first =
+        [("taxeld calibrate", "a calibration (about 40 s; the pump starts by itself). There is no force before it:")];
+    let commands =
+        if calibrated { [&force[..], &own, &health].concat() } else { [&health[..], &first, &force].concat() };
     for (command, what) in commands {
         say!("  {command:17} {what}");
     }

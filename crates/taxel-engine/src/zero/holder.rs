@@ -26,7 +26,8 @@ use crate::zero::view::TareView;
 use crate::zero::watch::{HeldAgainst, Purpose, Watch, Writing};
 
 /// What is said while it is not known whether a board took a new zero under its load.
-const VANISHED: &str = "a whole board lost its load in one scan; checking whether it took a new zero (about 8 scans); until then nothing bounds the force above";
+const VANISHED: &str = "a whole board lost its load in one scan; checking whether it took a new zero (about 8 scans); until then \
+                        nothing bounds the force above";
 
 /// What is said from when the boards are configured until rest is proven, or shown not to be.
 const CONFIGURED: &str = "the boards were configured and took a new zero, but nothing has shown yet that the skin was unloaded: unload it and tare";

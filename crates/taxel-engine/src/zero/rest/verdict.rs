@@ -132,12 +132,11 @@ impl RestVerdict {
                 // What a module moved beyond the others is said with what all moved: the largest is never less than the median.
                 let worst = worst
                     .map(|(module, beyond)| format!(", largest {:.1} ({})", median.max(0.0) + beyond, name(module)));
-                let recovers = "; the skin may still be recovering from a load: tare again in some minutes to detect lighter loads";
+                let recovers = "; the skin may still be recovering from a load: tare again in some minutes to detect lighter \
+                                loads";
                 let recovers = if *median >= RECOVERING_COUNTS { recovers } else { "" };
-                {
-                    let worst = worst.unwrap_or_default();
-                    format!("unloaded: median shift from the models' zero {median:.2} counts{worst}{recovers}")
-                }
+                let worst = worst.unwrap_or_default();
+                format!("unloaded: median shift from the models' zero {median:.2} counts{worst}{recovers}")
             }
             Self::Loaded(beyond @ Beyond { seen, limit, .. }) => {
                 format!("something presses on {} ({seen:.1} counts, limit {limit})", place(beyond))
