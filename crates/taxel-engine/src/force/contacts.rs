@@ -17,7 +17,7 @@ pub struct Placed {
     /// The area that it stands for, mm2.
     pub area_mm2: f64,
     /// Its pressure, kPa.
-    pub peak_kpa: f64,
+    pub kpa: f64,
 }
 
 /// Which contact is which from scan to scan.
@@ -76,12 +76,12 @@ pub fn clusters(taxels: &[Placed], reach_m: f64) -> Vec<Contact> {
 pub fn together(members: impl Iterator<Item = Placed>) -> Contact {
     let mut contact = Contact::default();
     let (mut weighted, mut resultant, mut moment) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
-    for Placed { taxel, pose, force_n, area_mm2, peak_kpa } in members {
+    for Placed { taxel, pose, force_n, area_mm2, kpa } in members {
         let (position, force) = (Vector3::from(pose.position), -force_n * Vector3::from(pose.normal));
         contact.taxels.push(taxel);
         contact.force_n += force_n;
         contact.area_mm2 += area_mm2;
-        contact.peak_kpa = contact.peak_kpa.max(peak_kpa);
+        contact.peak_kpa = contact.peak_kpa.max(kpa);
         weighted += force_n * position;
         resultant += force;
         moment += position.cross(&force);
@@ -109,7 +109,7 @@ mod tests {
             pose: TaxelPose { position, normal: [0.0, 0.0, 1.0] },
             force_n,
             area_mm2: 100.0,
-            peak_kpa: 10.0 * force_n,
+            kpa: 10.0 * force_n,
         }
     }
 

@@ -369,8 +369,8 @@ impl ForceModel {
         }
         let placed = active.iter().filter_map(|&(taxel, force_n)| {
             let (pose, area_mm2) = (geometry.poses.get(taxel).copied().flatten()?, self.layout.areas[taxel].0);
-            let (peak_kpa, force_n) = (1e3 * force_n / area_mm2, force_n + added_n.get(taxel).copied().unwrap_or(0.0));
-            Some(Placed { taxel: taxel as u16, pose, force_n, area_mm2, peak_kpa })
+            let (kpa, added_n) = (1e3 * force_n / area_mm2, added_n.get(taxel).copied().unwrap_or(0.0));
+            Some(Placed { taxel: taxel as u16, pose, force_n: force_n + added_n, area_mm2, kpa }) // 1 N on 1 mm2 is 1,000 kPa
         });
         let (placed, outputs) = (placed.collect::<Vec<_>>(), self.layout.outputs);
         let all = together(placed.iter().copied());

@@ -118,8 +118,8 @@ pub struct Force {
     /// The next total is the first at another zero or model set.
     changed: bool,
     unloading: Unloading,
-    /// How far the taxels lie from their zero that nothing touches, counts: the mean of the last scans.
-    off_counts: f64,
+    /// How far the taxels lie from their zero that nothing touches, counts: the mean of the last scans at this zero.
+    off_counts: Option<f64>,
     touch: Touch,
     contact_ids: ContactIds,
 }
@@ -152,7 +152,7 @@ impl Force {
             step: None,
             changed: false,
             unloading: Unloading::UNKNOWN,
-            off_counts: 0.0,
+            off_counts: None,
             touch: Touch::default(),
             contact_ids: ContactIds::default(),
         }
@@ -230,6 +230,7 @@ impl Force {
     }
 
     fn tabulate(&mut self) {
+        self.off_counts = None;
         self.evaluator = match (&self.set, &self.zero) {
             (Some(set), Some(zero)) => {
                 let (areas, activation) = (&self.model.layout().areas, self.activation);
@@ -313,17 +314,19 @@ impl Force {
         self.model.touch(evaluator, scan.counts, &mut touch);
         let summed = touch.active.iter().map(|(taxel, _)| *taxel).chain(touch.ring.iter().map(|(taxel, _)| *taxel));
         let unseen = self.remainder.unseen(scan.counts, summed, [zero.hides.0, zero.sigma.0]);
-        self.off_counts += (unseen.off_counts - self.off_counts) / OFFSET_SCANS;
-        let (off_counts, residue_sigma_counts) = evaluator.tables().offset_and_residue(self.off_counts.min(0.0));
-        let choice_n = unseen.choice_n;
-        let zero_sigma_counts = zero.sigma_counts.hypot(self.off_counts.max(OFFSET_LEFT_COUNTS));
+        let before = self.off_counts.unwrap_or(unseen.off_counts);
+        let off_counts = before + (unseen.off_counts - before) / OFFSET_SCANS;
+        self.off_counts = Some(off_counts);
+        // What has become heavier may be load.
+        let zero_sigma_counts = zero.sigma_counts.hypot(off_counts.max(OFFSET_LEFT_COUNTS));
+        let (off_counts, residue_sigma_counts) = evaluator.tables().offset_and_residue(off_counts.min(0.0));
         let (jumps, unloads) = (scan.jumps, self.unloading.is_under_way());
         let present = Present {
             zero_sigma_counts,
             missed_counts: zero.missed_counts,
             off_counts,
             residue_sigma_counts,
-            choice_n,
+            choice_n: unseen.choice_n,
             jumps,
             unloads,
         };

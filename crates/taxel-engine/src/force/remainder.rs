@@ -117,8 +117,8 @@ impl Remainder {
         }
     }
 
-    /// What may press beside the taxels that are `summed` in a total, where the zero hides a load of `hides_n` on the whole skin, and its uncertainty
-    /// weighs `zero_n`, N.
+    /// What may press beside the taxels that are `summed` in a total, where the zero hides a load of `hides_n` on the whole skin,
+    /// and its uncertainty weighs `zero_n`, N.
     pub fn unseen<'a>(
         &self,
         counts: impl Into<Counts<'a>>,
