@@ -1,4 +1,4 @@
-//! From counts to force, scan by scan: which taxels count now, which of them are touched, and their sum.
+//! From counts to force, scan by scan: which taxels count now, and which of them are touched.
 //!
 //! Most of a skin is untouched most of the time. So one pass compares all counts with their thresholds, sixteen at a
 //! time, and only blocks with a touch look anything up; an excluded taxel has a threshold that no count is beyond.
@@ -21,8 +21,6 @@ pub struct Evaluator {
     tables: Arc<Tables>,
     /// Which taxels count in the sum now: usable, fresh and free of faults.
     selected: Vec<bool>,
-    /// Whether all taxels of a block are selected.
-    all_selected: Vec<bool>,
     /// The threshold code of each taxel; 255 for a taxel that does not count now.
     threshold: Vec<u8>,
     /// The same of counts of more than eight bits; empty for bytes.
@@ -42,8 +40,7 @@ impl Evaluator {
     /// An evaluator that looks up in `tables`; every taxel with a usable model counts.
     pub fn of(tables: Tables) -> Self {
         let tables = Arc::new(tables);
-        let mut evaluator =
-            Self { tables, selected: vec![], all_selected: vec![], threshold: vec![], wide: vec![], offsets: None };
+        let mut evaluator = Self { tables, selected: vec![], threshold: vec![], wide: vec![], offsets: None };
         evaluator.select(|_| true);
         evaluator
     }
@@ -57,7 +54,6 @@ impl Evaluator {
     pub fn select(&mut self, counts_now: impl Fn(usize) -> bool) {
         let tables = &self.tables;
         self.selected = (0..tables.taxels()).map(|taxel| tables.has(taxel) && counts_now(taxel)).collect();
-        self.all_selected = self.selected.chunks(BLOCK).map(|block| block.iter().all(|selected| *selected)).collect();
         let threshold = |(taxel, selected): (usize, &bool)| if *selected { tables.threshold(taxel) } else { u8::MAX };
         self.threshold = self.selected.iter().enumerate().map(threshold).collect();
         let wide = self.selected.iter().zip(tables.wide());
@@ -82,69 +78,6 @@ impl Evaluator {
     /// The taxels that count in the sum now, ascending.
     pub fn selected(&self) -> impl Iterator<Item = usize> + '_ {
         self.selected.iter().enumerate().filter(|(_, selected)| **selected).map(|(taxel, _)| taxel)
-    }
-
-    /// Sum of area x pressure in newton over selected taxels beyond their activation threshold. `counts` has one entry
-    /// per taxel.
-    ///
-    /// The order of addition is fixed, so that a replay gives the same bits.
-    pub fn total_n<'a>(&self, counts: impl Into<Counts<'a>>) -> f64 {
-        self.total_of(counts.into())
-    }
-
-    /// Not generic, so that it is compiled here, with what it calls in each step.
-    fn total_of(&self, counts: Counts<'_>) -> f64 {
-        let Counts::Bytes(counts) = counts else { return self.sum_n(&self.active(counts)) };
-        if self.offsets.is_some() {
-            return self.active(counts).iter().fold(0.0, |sum, (_, newton)| sum + newton);
-        }
-        let (forces, forces_rest) = self.tables.force_n().as_chunks::<BLOCK>();
-        let (counts, counts_rest) = counts.as_chunks::<BLOCK>();
-        let (polarity, polarity_rest) = self.tables.polarity().as_chunks::<BLOCK>();
-        let (threshold, threshold_rest) = self.threshold.as_chunks::<BLOCK>();
-        // Several chains of additions, or the latency of one would set the pace.
-        let mut lanes = [0.0_f64; BLOCK];
-        for (block, ((forces, counts), (polarity, threshold))) in
-            forces.iter().zip(counts).zip(polarity.iter().zip(threshold)).enumerate()
-        {
-            if !any_touched(counts, polarity, threshold) {
-                continue;
-            }
-            if self.all_selected[block] {
-                // All look-ups before the first addition, so that the processor waits for the memory only once. An
-                // untouched taxel looks up a zero, which costs less than to ask.
-                let newton: [f32; BLOCK] = std::array::from_fn(|i| forces[i][usize::from(counts[i])]);
-                for (lane, newton) in lanes.iter_mut().zip(newton) {
-                    *lane += f64::from(newton);
-                }
-            } else {
-                for i in (0..BLOCK).filter(|&i| counts[i] ^ polarity[i] > threshold[i]) {
-                    lanes[i] += f64::from(forces[i][usize::from(counts[i])]);
-                }
-            }
-        }
-        let rest = forces_rest.iter().zip(counts_rest).zip(polarity_rest.iter().zip(threshold_rest));
-        let touched = rest.filter(|((_, count), (polarity, threshold))| *count ^ *polarity > **threshold);
-        let rest_n = touched.fold(0.0, |sum, ((force, &count), _)| sum + f64::from(force[usize::from(count)]));
-        lanes.iter().fold(rest_n, |sum, lane| sum + lane)
-    }
-
-    /// The sum over `active`, which is [`Evaluator::active`] of some counts: the same bits as [`Evaluator::total_n`] of
-    /// these, without a second walk over all taxels.
-    pub fn sum_n(&self, active: &[(usize, f64)]) -> f64 {
-        if self.offsets.is_some() {
-            return active.iter().fold(0.0, |sum, (_, newton)| sum + newton);
-        }
-        let in_blocks = self.threshold.len() / BLOCK * BLOCK;
-        let (mut lanes, mut rest_n) = ([0.0_f64; BLOCK], 0.0);
-        for &(taxel, newton) in active {
-            if taxel < in_blocks {
-                lanes[taxel % BLOCK] += newton;
-            } else {
-                rest_n += newton;
-            }
-        }
-        lanes.iter().fold(rest_n, |sum, lane| sum + lane)
     }
 
     /// The selected taxels that are active, with their force in newton, ascending.

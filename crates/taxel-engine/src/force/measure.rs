@@ -233,10 +233,7 @@ impl ForceModel {
         self.add_ring(evaluator, counts, touch, present.off_counts, &mut sums);
         let Touch { active, unread, contacts, added_n, .. } = touch;
         let added = active.iter().map(|(taxel, _)| added_n[*taxel]).fold(0.0, |sum, newton| sum + newton);
-        let read_n = match self.neighbours {
-            None => evaluator.sum_n(active),
-            Some(_) => active.iter().fold(0.0, |sum, &(_, newton)| sum + newton), // sum() of nothing is -0.0
-        };
+        let read_n = active.iter().fold(0.0, |sum, &(_, newton)| sum + newton); // sum() of nothing is -0.0
         let read_n = (read_n + added).max(0.0);
         let unread_n =
             |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
