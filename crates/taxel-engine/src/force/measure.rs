@@ -250,14 +250,15 @@ impl ForceModel {
         let set = evaluator.tables().set();
         let zero_n = scale * (present.zero_sigma_counts * sums.per_count_n);
         let missed_n = scale * present.missed_counts * sums.per_count_n2.sqrt();
-        let hysteresis_n = if present.unloads { sums.hysteresis_n } else { 0.0 };
+        // A load that decreases is read too high, by no more than all of it.
+        let hysteresis_n = if present.unloads { (scale * sums.hysteresis_n).min(total_n) } else { 0.0 };
         let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
         let budget = Budget::default()
             .with(Term::Readings, sums.own_n2.sqrt())
             .with(Term::Choice, present.choice_n)
             .with(Term::Zero, zero_n.hypot(missed_n))
             .with(Term::Residue, scale * present.residue_sigma_counts * sums.per_count_n)
-            .with(Term::Hysteresis, scale * hysteresis_n.hypot(sums.history_n))
+            .with(Term::Hysteresis, hysteresis_n.hypot(scale * sums.history_n))
             .with(Term::Curve, scale * sums.curve_n)
             .with(Term::BeyondRange, scale * sums.beyond_n)
             .with(Term::Gauge, (set.gauge_gain_rel * total_n).hypot(scale * set.gauge_offset_kpa * sums.area))

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use taxel_skin::{CountRange, Newton};
 
 use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::budget::Term;
 use crate::force::contacts::ContactIds;
 use crate::force::coverage::Watched;
 use crate::force::evaluator::Evaluator;
@@ -332,7 +333,7 @@ impl Force {
         };
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);
-        self.unloading.follow(sample.total);
+        self.unloading.follow(sample.total, sample.budget.of(Term::Readings).0);
         self.contact_ids.give(&mut sample.contacts);
         sample.undetected = Some(Undetected { newton: unseen.newton, sigma_n: unseen.sigma_n });
         sample.model_set = self.id.clone();

@@ -2,9 +2,12 @@
 
 use taxel_skin::Newton;
 
-/// A load decreases where the mean of the last scans is below this share of its highest, or one scan below that.
+/// A load decreases where the mean of the last scans, or one scan, is below such a share of its highest mean ...
 const MEAN_SHARE: f64 = 0.95;
 const SCAN_SHARE: f64 = 0.85;
+/// ... and below that by so many times the noise of a scan. The mean has 0.26 of it, and the highest of many means three times that.
+const MEAN_SIGMAS: f64 = 1.2;
+const SCAN_SIGMAS: f64 = 4.0;
 
 /// The mean is over about so many scans.
 const SCANS: f64 = 8.0;
@@ -15,25 +18,29 @@ pub struct Unloading {
     last_n: f64,
     mean_n: f64,
     highest_n: f64,
+    noise_n: f64,
 }
 
 impl Unloading {
     /// Nobody knows how the load came that lies there.
-    pub const UNKNOWN: Self = Self { last_n: 0.0, mean_n: 0.0, highest_n: f64::INFINITY };
+    pub const UNKNOWN: Self = Self { last_n: 0.0, mean_n: 0.0, highest_n: f64::INFINITY, noise_n: 0.0 };
 
     /// Whether the load has decreased by the last scan.
     pub fn is_under_way(&self) -> bool {
-        self.mean_n < MEAN_SHARE * self.highest_n || self.last_n < SCAN_SHARE * self.highest_n
+        let below = |newton: f64, share: f64, sigmas: f64| {
+            newton < share * self.highest_n && newton + sigmas * self.noise_n < self.highest_n
+        };
+        below(self.mean_n, MEAN_SHARE, MEAN_SIGMAS) || below(self.last_n, SCAN_SHARE, SCAN_SIGMAS)
     }
 
-    /// The force of the next scan; none where nothing touches.
-    pub fn follow(&mut self, total: Option<Newton>) {
+    /// The force of the next scan, none where nothing touches, and the standard uncertainty that noise makes of it.
+    pub fn follow(&mut self, total: Option<Newton>, noise_n: f64) {
         let Some(Newton(newton)) = total.filter(|total| total.0 > 0.0) else {
             *self = Self::default();
             return;
         };
         let mean_n = if self.mean_n > 0.0 { self.mean_n + (newton - self.mean_n) / SCANS } else { newton };
-        *self = Self { last_n: newton, mean_n, highest_n: self.highest_n.max(mean_n) };
+        *self = Self { last_n: newton, mean_n, highest_n: self.highest_n.max(mean_n), noise_n };
     }
 }
 
@@ -42,7 +49,7 @@ mod tests {
     use super::*;
 
     fn after(mut unloading: Unloading, newtons: &[f64]) -> bool {
-        newtons.iter().for_each(|newton| unloading.follow(Some(Newton(*newton))));
+        newtons.iter().for_each(|newton| unloading.follow(Some(Newton(*newton)), 0.15));
         unloading.is_under_way()
     }
 
@@ -51,6 +58,8 @@ mod tests {
         let begin = Unloading::default;
         let steady: Vec<f64> = (0..400).map(|scan| 5.0 + 0.2 * f64::from(scan * 7 % 11 - 5) / 5.0).collect();
         assert!(!after(begin(), &steady), "noise is no course");
+        let light: Vec<f64> = steady.iter().map(|newton| newton - 4.0).collect();
+        assert!(!after(begin(), &light), "nor is that of a light load, a fifth of it");
         assert!(!after(begin(), &[1.0, 2.0, 3.0, 4.0, 5.0, 5.0]));
         assert!(after(begin(), &[5.0, 5.0, 2.5]), "at once");
         assert!(after(begin(), &[steady.clone(), vec![4.5; 40]].concat()));
