@@ -2,6 +2,7 @@
 
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, Patch, Time};
 
+use super::account::LEARNING_SCANS;
 use super::*;
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::zero::rest::tests::Noise;
