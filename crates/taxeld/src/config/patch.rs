@@ -214,11 +214,11 @@ fn areas(
     }
 }
 
-/// Without a known load nobody knows the spacing of the modules better than by 0.8 mm in 18 mm, nor how much the gaps carry:
-/// a tenth. The triangles alone leave the gaps out, a quarter of the area.
+/// Without a known load nobody knows the spacing of the modules better than to within 0.8 mm of 18 mm: bounds of a tenth of the
+/// area, so a standard uncertainty of a twentieth. The triangles alone leave the gaps out, a quarter of the area.
 fn area_uncertainty(section: &PatchSection, faults: &mut Faults) -> f64 {
     let gaps_left_out = section.area != AreaWord::Template && section.area_mm2.is_none();
-    let stated = section.area_uncertainty.unwrap_or(if gaps_left_out { 0.2 } else { 0.1 });
+    let stated = section.area_uncertainty.unwrap_or(if gaps_left_out { 0.2 } else { 0.05 });
     faults.range("area_uncertainty", stated, 0.0, 1.0)
 }
 
