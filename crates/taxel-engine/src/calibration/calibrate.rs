@@ -231,10 +231,10 @@ impl Calibration {
         self.tell(now, gauge, events);
     }
 
-    /// The zero of the first ramp of the session, which its models will refer to.
+    /// The zero that the models of the session will refer to, as far as it has come.
     #[must_use]
     pub fn rest(&self) -> Option<&[TaxelBaseline]> {
-        self.session.as_ref()?.samples().ramps.first().map(|ramp| ramp.taxels.as_slice())
+        self.session.as_ref()?.samples().rest()
     }
 
     /// The zero that was wanted could not be taken: the session goes on watching until its patience ends.

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use taxel_model::{OneByOne, TaxelModel};
 
+use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
 use crate::calibration::fit::course::{Course, session_clock};
 use crate::calibration::fit::masks::Masks;
@@ -93,7 +94,7 @@ impl FitJob {
 
     fn model_set(&self) -> Result<ModelSet, String> {
         let samples = &self.samples.samples;
-        let (Some(first), Some(ramp)) = (samples.first(), self.samples.ramps.first()) else {
+        let (Some(first), Some(rest)) = (samples.first(), self.samples.rest()) else {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
         let kpa = self.samples.pressures_kpa();
@@ -109,14 +110,13 @@ impl FitJob {
         } else {
             Masks::find(&raw, &self.modules, &recipe.faults).without_dropouts(&raw, &OneByOne)
         };
-        columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
+        columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_last_zero(taxel, column));
         let scans = scans(&time_s, &columns);
         let (mut models, method, recorded) = if recipe.is_paper() {
             let models = paper::models(&scans, &kpa, &course, recipe, &OneByOne);
             (models, paper::method(&recipe.options), None)
         } else {
-            let zeros = Some(ramp.taxels.as_slice());
-            let fitted = SkinScans { scans: &scans, masks: &masks, kpa: &kpa, zeros, smooth_s: 0.0 }
+            let fitted = SkinScans { scans: &scans, masks: &masks, kpa: &kpa, zeros: Some(rest), smooth_s: 0.0 }
                 .fit(recipe, &OneByOne)
                 .map_err(|why| why.to_string())?;
             let recorded = (recipe.branch == Branch::Both).then(|| Recorded {
@@ -138,7 +138,7 @@ impl FitJob {
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
-        let doubt_kpa = gauge_zero.doubt_kpa(samples) * steeper_at_rest(&models, &ramp.taxels);
+        let doubt_kpa = gauge_zero.doubt_kpa(samples) * steeper_at_rest(&models, rest);
         // All taxels share what was typed wrong, as they share the gauge.
         let offset_kpa = doubt_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(scatter_kpa(&self.samples));
         models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
@@ -149,7 +149,7 @@ impl FitJob {
             session: Some(self.session),
             method: format!("{method}{}{}", self.together_in_words(), gauge_zero.told()),
             board_settings: self.board_settings.clone(),
-            baseline: ramp.taxels.clone(),
+            baseline: rest.to_vec(),
             pressure_max_kpa: kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             gauge_gain_rel: recipe.options.gauge.gain_rel,
             gauge_offset_kpa: offset_kpa,
@@ -178,25 +178,25 @@ impl FitJob {
         if self.left_out.iter().any(left_out) {
             return vec![f64::NAN; self.samples.samples.len()];
         }
-        let known = |sample: &Sample| self.to_first_zero(taxel, sample.ramp).is_finite();
+        let known = |sample: &Sample| self.to_last_zero(taxel, sample.ramp).is_finite();
         let units = |sample: &Sample| sample.counts.counts().units(taxel).filter(|_| known(sample)).unwrap_or(f64::NAN);
         self.samples.samples.iter().map(units).collect()
     }
 
-    /// Each ramp has its own zero: counts are brought to that of the first.
-    fn shift_to_first_zero(&self, taxel: usize, column: &mut [f64]) {
+    /// Each ramp has its own zero: counts are brought to that of the last.
+    fn shift_to_last_zero(&self, taxel: usize, column: &mut [f64]) {
         let mut counts = column.iter_mut();
         for ramp in self.samples.samples.chunk_by(|a, b| a.ramp == b.ramp) {
-            let shift = self.to_first_zero(taxel, ramp[0].ramp);
+            let shift = self.to_last_zero(taxel, ramp[0].ramp);
             counts.by_ref().take(ramp.len()).for_each(|count| *count += shift);
         }
     }
 
-    /// What brings a taxel's counts from its zero of a ramp to that of the first; NaN where either is not known.
-    fn to_first_zero(&self, taxel: usize, ramp: u16) -> f64 {
-        let rest = |ramp: &RampBaseline| ramp.taxels.get(taxel).map_or(f64::NAN, |t| t.mean);
-        let first = self.samples.ramps.first().map_or(0.0, rest);
-        first - self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, rest)
+    /// What brings a taxel's counts from its zero of a ramp to that of the last; NaN where either is not known.
+    fn to_last_zero(&self, taxel: usize, ramp: u16) -> f64 {
+        let of = |zero: &[TaxelBaseline]| zero.get(taxel).map_or(f64::NAN, |taxel| taxel.mean);
+        let last = self.samples.rest().map_or(0.0, of);
+        last - self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(last, |ramp| of(&ramp.taxels))
     }
 
     fn together_in_words(&self) -> String {

@@ -25,6 +25,15 @@ pub struct SessionSamples {
     pub samples: Vec<Sample>,
 }
 
+impl SessionSamples {
+    /// The zero of the last ramp, to which its models refer: the curves are fitted to the last rise, and a skin that was never
+    /// pressed before does not return to its first zero.
+    #[must_use]
+    pub fn rest(&self) -> Option<&[TaxelBaseline]> {
+        self.ramps.last().map(|ramp| ramp.taxels.as_slice())
+    }
+}
+
 /// Why the samples of a session cannot be had.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NotLoaded {

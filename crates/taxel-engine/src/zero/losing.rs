@@ -178,8 +178,7 @@ impl Zero {
         self.vouched.as_deref().is_some_and(|vouched| have_same_rest(zero, vouched))
     }
 
-    /// A session has taken a zero, and `zero` is that of its first ramp, which is the rest of the models that it makes: they are of
-    /// the skin as the boards see it now.
+    /// A session has taken a zero, the rest of the models that it makes: they are of the skin as the boards see it now.
     pub fn note_session_rest(&mut self, zero: &[TaxelBaseline]) {
         self.unjudged.iter_mut().for_each(|unjudged| unjudged.note_rest(zero));
     }

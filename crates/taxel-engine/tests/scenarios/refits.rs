@@ -85,7 +85,7 @@ fn two_sessions_together_give_one_set_in_whatever_order_they_are_named() {
     assert_eq!(content(&both), content(&shelf().fit(&[1, 0])));
     assert!(both.method.ends_with(", of sessions 1, 2 together") && both.session == Some(2), "{}", both.method);
     assert_eq!(both.pressure_max_kpa.to_bits(), shelf().own[1].pressure_max_kpa.to_bits());
-    assert_eq!(both.baseline, shelf().own[0].baseline, "the zero of the first ramp");
+    assert_eq!(both.baseline, shelf().own[1].baseline, "the zero of the last ramp");
     let samples = |set: &ModelSet| set.taxels.iter().map(|model| model.quality.samples).max().unwrap();
     assert!(samples(&both) > samples(&shelf().own[1]), "{} of {}", samples(&both), samples(&shelf().own[1]));
     let usable = both.taxels.iter().filter(|model| model.is_usable()).count();

@@ -60,7 +60,7 @@ pub(super) fn zero_shift_of_mean_kpa(taxels: &[Examined], ramps: usize) -> Optio
         let shifts = taxels.iter().filter_map(|taxel| Some(taxel.zero_shifts[ramp]? * taxel.slope));
         Some(mean(shifts).abs()).filter(|shift| shift.is_finite())
     };
-    (1..ramps).filter_map(of_ramp).max_by(f64::total_cmp)
+    (0..ramps.saturating_sub(1)).filter_map(of_ramp).max_by(f64::total_cmp)
 }
 
 /// The expanded uncertainty of one taxel.

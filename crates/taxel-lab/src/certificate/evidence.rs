@@ -116,10 +116,10 @@ impl Evidence {
 
 /// Whether set and samples belong together.
 fn check(set: &ModelSet, samples: &SessionSamples) -> anyhow::Result<()> {
-    let zero = samples.ramps.first().context("the samples have no zero of a ramp")?;
+    let zero = samples.rest().context("the samples have no zero of a ramp")?;
     // Equal text is equal bits, and a taxel without a zero (NaN) equals itself.
-    let is_own = format!("{:?}", zero.taxels) == format!("{:?}", set.baseline);
-    ensure!(is_own, "{} was not made of this session: its zero is not the one of the session's first ramp", set.id);
+    let is_own = format!("{zero:?}") == format!("{:?}", set.baseline);
+    ensure!(is_own, "{} was not made of this session: its zero is not the one of the session's last ramp", set.id);
     let taxels = set.taxels.len();
     let fits = samples.samples.iter().all(|sample| sample.counts.counts().len() == taxels);
     ensure!(fits, "the samples have another number of taxels than {}, which has {taxels}", set.id);

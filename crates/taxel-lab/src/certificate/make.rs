@@ -132,7 +132,7 @@ fn session_part(evidence: &Evidence) -> Value {
     })
 }
 
-/// One ramp: its branches, its rates, the zero at its beginning less that of the first ramp over the usable taxels, and what the
+/// One ramp: its branches, its rates, the zero at its beginning less that of the last ramp over the usable taxels, and what the
 /// gauge read before it, which is taken off its pressures.
 fn ramp(ramp: usize, course: &Course, taxels: &[Examined], evidence: &Evidence) -> Value {
     let (falling, rising): (Vec<usize>, Vec<usize>) = course.scans_of(ramp).partition(|&scan| course.falling[scan]);

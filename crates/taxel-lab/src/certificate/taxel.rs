@@ -24,7 +24,7 @@ pub(super) struct Examined {
     pub errors: Vec<f64>,
     /// Slope of its curve from end to end, kPa per count, signed.
     pub slope: f64,
-    /// Its zero at each ramp less that at the first, counts; `None` where it was not known.
+    /// Its zero at each ramp less that at the last, counts; `None` where it was not known.
     pub zero_shifts: Vec<Option<f64>>,
     /// The one of them that is farthest from 0.
     pub zero_shift: Option<f64>,
@@ -39,10 +39,11 @@ pub(super) fn examine(
 ) -> Option<Examined> {
     let curve = model.curve.as_ref().filter(|_| model.is_usable())?;
     let [low, high] = model.range?;
-    let zero = |ramp: usize| *samples.ramps[ramp].taxels.get(number).unwrap_or(&TaxelBaseline::UNKNOWN);
-    let shift = |ramp: usize| Some(zero(ramp).mean - zero(0).mean).filter(|shift| shift.is_finite());
+    let of = |zero: &[TaxelBaseline]| *zero.get(number).unwrap_or(&TaxelBaseline::UNKNOWN);
+    let zero = of(samples.rest().unwrap_or_default());
+    let shift = |ramp: usize| Some(of(&samples.ramps[ramp].taxels).mean - zero.mean).filter(|shift| shift.is_finite());
     let zero_shifts: Vec<Option<f64>> = (0..course.ramps).map(shift).collect();
-    // Counts of all ramps are brought to the zero of the first.
+    // Counts of all ramps are brought to the zero of the last.
     let units = samples.samples.iter().map(|sample| sample.counts.counts().units(number).unwrap_or(f64::NAN));
     let counts: Vec<f64> =
         units.zip(&course.ramp).map(|(count, &ramp)| count - zero_shifts[ramp].unwrap_or(0.0)).collect();
@@ -52,7 +53,7 @@ pub(super) fn examine(
     let (p_low, p_high) = (curve.evaluate(low), curve.evaluate(high));
     let (span_kpa, slope) = ((p_high - p_low).abs(), (p_high - p_low) / (high - low));
     let outside = counts.iter().filter(|count| !(low..=high).contains(*count)).count();
-    let zero_shift = zero_shifts.iter().skip(1).flatten().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let zero_shift = zero_shifts.iter().rev().skip(1).flatten().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
     let known = |value: f64| Some(value).filter(|value| value.is_finite());
     let part = json!({
         "taxel": number,
@@ -71,8 +72,8 @@ pub(super) fn examine(
         "hysteresis_kpa": figures.hysteresis,
         "hysteresis_percent": figures.hysteresis.map(|kpa| 100.0 * kpa.abs() / span_kpa),
         "repeatability_kpa": figures.repeatability,
-        "zero_counts": known(zero(0).mean),
-        "zero_noise_counts": known(zero(0).noise),
+        "zero_counts": known(zero.mean),
+        "zero_noise_counts": known(zero.noise),
         "zero_shift_counts": zero_shift,
         "lower_limit_kpa": lower_limit_kpa(&errors, curve.order(), slope.abs() / per_unit(samples)),
         "outside_share": outside as f64 / counts.len().max(1) as f64,
