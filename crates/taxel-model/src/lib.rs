@@ -8,8 +8,6 @@
 //! assert!(model.is_usable());
 //! let reading = model.evaluate(200.0).unwrap();
 //! assert!((reading.kpa - 40.0).abs() < 1.0);
-//! let table = model.tabulate(0.0); // 256 pressures and deviations for the live path
-//! assert_eq!(table.pressure_kpa[200], reading.kpa as f32);
 //! ```
 //!
 //! Counts are read by the fit of their skin ([`skin`]). Beside it stands the paper's polynomial ([`fit()`]):
@@ -51,7 +49,6 @@ pub mod skin;
 #[cfg(feature = "stability")]
 pub mod stability;
 mod status;
-mod table;
 mod uncertainty;
 mod workers;
 
@@ -67,6 +64,5 @@ pub use plays::{PLAYS, PlayState, Plays};
 pub use points::{Points, Served};
 pub use samples::{Samples, fit};
 pub use status::{Flag, Status};
-pub use table::Table;
 pub use uncertainty::{KNOTS_MAX, SigmaProfile, student_975};
 pub use workers::{OneByOne, Workers, map};
