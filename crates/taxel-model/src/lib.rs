@@ -14,7 +14,7 @@
 //!
 //! 1. Reduce: the mean of each count stands for all of its samples (`reduce`).
 //! 2. Solve on polynomials orthonormal over the reduced rows, refined in double-double (`orthogonal`, `refine`).
-//! 3. Tell whether it is monotone (`shape`), and its error (`uncertainty`).
+//! 3. Tell whether it is monotone (`curve`), and its error (`uncertainty`).
 //!
 //! Beyond its range a curve goes on as the skin's curves do ([`SkinSlope`]). [`Status`] says whether a curve may be used,
 //! [`Flag`]s what else there is to know.
@@ -44,7 +44,6 @@ mod refine;
 mod samples;
 mod scale;
 mod series;
-mod shape;
 pub mod skin;
 #[cfg(feature = "stability")]
 pub mod stability;
