@@ -82,10 +82,8 @@ pub(crate) fn chebyshev_of_powers(powers: &[Dd]) -> Chebyshev {
 /// The coefficients in x of sum a_k ((x - centre) / half)^k.
 pub(crate) fn powers_of_raw(powers: &[Dd], centre: f64, half: f64) -> Powers {
     let mut a = powers.to_vec();
-    let mut scale = Dd::from(1.0);
-    for a in &mut a {
-        *a = *a / scale;
-        scale = scale.scale(half);
+    for k in 1..a.len() {
+        a[k..].iter_mut().for_each(|a| *a = a.div_f64(half));
     }
     shift(&mut a, Dd::from(-centre));
     a
