@@ -138,7 +138,7 @@ impl FitJob {
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
-        let doubt_kpa = gauge_zero.doubt_kpa(samples) * steeper_at_rest(&models, &ramp.taxels);
+        let doubt_kpa = gauge_zero.doubt_kpa() * steeper_at_rest(&models, &ramp.taxels);
         // All taxels share what was typed wrong, as they share the gauge.
         let offset_kpa = doubt_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(scatter_kpa(&self.samples));
         models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
