@@ -122,23 +122,6 @@ impl Calibration {
         self.session = Some(SessionRun::resume(now, view, self.plan.session, self.plan.taxels, samples));
     }
 
-    /// Begins a session that goes on from the samples of another one. The caller has checked that none is open.
-    pub fn succeed(
-        &mut self,
-        now: Now,
-        view: SessionView,
-        samples: SessionSamples,
-        gauge: &GaugeHistory,
-        events: &mut Vec<CalibrationEvent>,
-    ) {
-        let mut records = Vec::new();
-        let (limits, taxels) = (self.plan.session, self.plan.taxels);
-        self.session = Some(SessionRun::succeed(now, view, limits, taxels, samples, &mut records));
-        self.enter(now, SessionState::Taring, "", gauge, events);
-        events.extend(records.into_iter().map(CalibrationEvent::Record));
-        self.want_zero(events);
-    }
-
     /// The session was deleted. The caller has checked that it is not open.
     pub fn forget(&mut self) {
         (self.session, self.dirty) = (None, false);

@@ -120,25 +120,6 @@ impl SessionRun {
         run
     }
 
-    /// A session that goes on from the samples of another one. They are not its own on disk yet: all that has to be
-    /// written of them goes to `records`.
-    #[must_use]
-    pub fn succeed(
-        now: Now,
-        view: SessionView,
-        limits: SessionLimits,
-        taxels: usize,
-        samples: SessionSamples,
-        records: &mut Vec<SessionRecord>,
-    ) -> Self {
-        records.extend(samples.ramps.iter().cloned().map(SessionRecord::Ramp));
-        let sample = |(index, sample): (u64, &Sample)| SessionRecord::Sample { index, sample: sample.clone() };
-        records.extend((0..).zip(&samples.samples).map(sample));
-        let mut run = Self::resume(now, view, limits, taxels, samples);
-        run.view.durable = 0;
-        run
-    }
-
     /// What the world sees.
     #[must_use]
     pub const fn view(&self) -> &SessionView {
