@@ -27,14 +27,12 @@
 
 pub mod bounded;
 mod check;
-mod clock;
 mod curve;
 mod dd;
 mod extension;
 mod figure;
 mod fit;
 mod model;
-mod nnls;
 mod options;
 mod orthogonal;
 mod plays;
@@ -52,7 +50,6 @@ mod uncertainty;
 mod workers;
 
 pub use check::ModelError;
-pub use clock::{ClockProblem, FoundClock};
 pub use curve::Curve;
 pub use dd::Dd;
 pub use extension::{Beyond, End, Extension, SkinSlope};

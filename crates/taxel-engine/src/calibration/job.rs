@@ -112,7 +112,7 @@ impl FitJob {
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
         let scans = scans(&time_s, &columns);
         let (mut models, method, recorded) = if recipe.is_paper() {
-            let models = paper::models(&scans, &kpa, &course, recipe, &OneByOne);
+            let models = paper::models(&scans, &kpa, course.falling(), recipe, &OneByOne);
             (models, paper::method(&recipe.options), None)
         } else {
             let zeros = Some(ramp.taxels.as_slice());

@@ -1,5 +1,4 @@
-//! One constant lag between two clocks: taken out of recordings whose pressure carries no time of its own, only told of
-//! sessions.
+//! One constant lag between gauge and counts: told of sessions.
 
 use std::ops::Range;
 
@@ -55,16 +54,9 @@ fn best(candidates: impl Iterator<Item = f64>, error: &dyn Fn(f64) -> f64) -> f6
 /// The pressure that belongs to each scan if the gauge's times are `lag_s` late, linear between its readings; NaN where
 /// that lies beyond the scan's own stretch.
 pub(crate) fn shifted(time_s: &[f64], kpa: &[f64], lag_s: f64, stretches: &[Range<usize>]) -> Vec<f64> {
-    if lag_s == 0.0 { kpa.to_vec() } else { shifted_to(time_s, kpa, &|t| t + lag_s, stretches) }
-}
-
-/// The same if the gauge's time at a scan's time t is `gauge_time(t)`, seconds.
-pub(crate) fn shifted_to(
-    time_s: &[f64],
-    kpa: &[f64],
-    gauge_time: &dyn Fn(f64) -> f64,
-    stretches: &[Range<usize>],
-) -> Vec<f64> {
+    if lag_s == 0.0 {
+        return kpa.to_vec();
+    }
     let mut all = vec![f64::NAN; kpa.len()];
     for stretch in stretches {
         let (time_s, kpa) = (&time_s[stretch.clone()], &kpa[stretch.clone()]);
@@ -76,7 +68,7 @@ pub(crate) fn shifted_to(
             let share = (t - time_s[after - 1]) / (time_s[after] - time_s[after - 1]);
             kpa[after - 1] + share * (kpa[after] - kpa[after - 1])
         };
-        all[stretch.clone()].iter_mut().zip(time_s).for_each(|(p, t)| *p = at(gauge_time(*t)));
+        all[stretch.clone()].iter_mut().zip(time_s).for_each(|(p, t)| *p = at(t + lag_s));
     }
     all
 }

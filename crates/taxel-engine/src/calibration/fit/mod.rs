@@ -9,7 +9,6 @@
 //! 80 %; plays halve the error on a branch that was not fitted; the order of the polynomial changes 2 %.
 
 pub mod apply;
-mod clock;
 pub(crate) mod course;
 mod dropouts;
 #[cfg(test)]
