@@ -1,6 +1,5 @@
 //! Where each limit of a fit lies, and what its figures are, on numbers that can be worked out by hand.
 
-use super::course::{Course, session_clock};
 use super::dropouts::dropouts;
 use super::lag::{estimate, mean_counts, shifted};
 use super::legs::{legs, rising};
@@ -9,7 +8,6 @@ use super::smooth::half_width;
 use super::zero::{baseline, rest_scans, zero_return};
 use super::*;
 use crate::baseline::TaxelBaseline;
-use crate::calibration::samples::Sample;
 use crate::intake::faults::fault::Fault;
 use crate::intake::faults::limits::FaultLimits;
 use crate::model_set::ZeroReturn;
@@ -354,36 +352,6 @@ fn a_quarter_of_the_range_is_a_turn_and_a_hundredth_of_it_a_dip() {
     assert_eq!(rises_of(&wave), [true, false].repeat(7));
     let falling = rising(&wave, &legs(&wave)).iter().filter(|rises| !**rises).count();
     assert!((640..=720).contains(&falling), "{falling} of 1400");
-}
-
-#[test]
-fn scans_that_are_further_apart_than_two_and_a_half_periods_do_not_follow_each_other() {
-    let samples = |steps_ms: &[i64]| -> Vec<Sample> {
-        let mut ms = 0;
-        let steady = [50; 20];
-        let all = [0].into_iter().chain(steady).chain(steps_ms.iter().copied());
-        let kpa = (0..).map(f64::from);
-        all.zip(kpa)
-            .map(|(step, pressure_kpa)| {
-                ms += step;
-                Sample { ramp: 0, time_ns: ms * 1_000_000, pressure_kpa, counts: [0_u8].as_slice().into() }
-            })
-            .collect()
-    };
-    let stretches = |steps_ms: &[i64]| Course::of_session(&samples(steps_ms), Branch::Rising).stretches().to_vec();
-    assert_eq!(stretches(&[120, 50]), stretch(23));
-    assert_eq!(stretches(&[130, 50]), [0..21, 21..23]);
-    // A pause of the intake counts as one period, a silence of more than a second as one of at least two and a period.
-    let step = |ms: i64| {
-        let clock = session_clock(&samples(&[ms]), 1.0);
-        clock[21] - clock[20]
-    };
-    let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} is not {expected}");
-    for (ms, expected) in [(120, 0.12), (130, 0.05), (990, 0.05), (1_500, 2.05), (3_000, 3.0), (0, 2.05), (-100, 2.05)]
-    {
-        near(step(ms), expected);
-    }
-    assert_eq!(session_clock(&samples(&[])[..2], 1.0)[0], 0.0);
 }
 
 #[test]
