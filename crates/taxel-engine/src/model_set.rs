@@ -241,7 +241,7 @@ pub struct Recorded {
     pub plays_mean_s: f64,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
-    /// The pressure seems to lag behind the counts by so many seconds: told of a session. At a steady rate hysteresis of width w looks like a lag of -w / (2 rate).
+    /// What an earlier version told of a lag between gauge and counts; 0 since none is looked for.
     pub lag_s: f64,
     /// What an earlier version found of a clock of the gauge's own; it looks for none any more.
     pub clock: Option<GaugeClock>,

@@ -10,7 +10,7 @@ use taxel_skin::CountRange;
 use crate::board_settings::differ_in;
 use crate::calibration::branch::Branch;
 use crate::calibration::calibration_plan::CalibrationPlan;
-use crate::calibration::fit::course::Course;
+use crate::calibration::fit::course::falling;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::job::FitJob;
 use crate::calibration::samples::{RampBaseline, SessionSamples};
@@ -215,7 +215,7 @@ impl SessionSamples {
         if branch == Branch::Both {
             return self;
         }
-        let falling = Course::of_session(&self.samples, Branch::Both).falling().to_vec();
+        let falling = falling(&self.samples, Branch::Both);
         let rose = self.samples.into_iter().zip(falling).filter(|(_, falls)| !falls);
         Self { samples: rose.map(|(sample, _)| sample).collect(), ..self }
     }

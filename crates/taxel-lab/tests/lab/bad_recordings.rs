@@ -169,7 +169,7 @@ fn counts_of_more_than_eight_bits_are_fitted_and_what_is_not_looked_for_is_told(
     }
     let said = fit(folder.path(), &wide).unwrap();
     assert!(said.contains("3 of 3 usable"), "{said}");
-    let why = "faults and lag are not looked for and nothing is averaged over time, because c0 is 39965 in line 2";
+    let why = "faults are not looked for and nothing is averaged over time, because c0 is 39965 in line 2";
     assert!(said.contains(why), "{said}");
     assert!(number(&said, RMSE) < 0.08, "noise allows 20.5 counts over 300 counts/kPa: {said}");
     wide.time_s.reverse();

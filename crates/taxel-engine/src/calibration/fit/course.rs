@@ -1,6 +1,4 @@
-//! How the pressure went: which scans form a ramp, on which branch each of them lies, and which follow each other.
-
-use std::ops::Range;
+//! How the pressure of a session went: on which branch each of its samples lies, and which follow each other.
 
 use crate::calibration::branch::Branch;
 use crate::calibration::samples::Sample;
@@ -9,49 +7,16 @@ use crate::statistics::quantile;
 /// Scans further apart than so many periods do not follow each other.
 const GAP_PERIODS: f64 = 2.5;
 
-/// The course of the pressure over the samples of a session.
-#[derive(Clone, Debug)]
-pub(crate) struct Course {
-    /// Whether the ramp's highest pressure has passed, one per scan.
-    falling: Vec<bool>,
-    /// Runs of scans without a gap between them, all of one ramp and branch.
-    stretches: Vec<Range<usize>>,
-}
-
-impl Course {
-    /// The samples of a session. Its branches need no mark on disk: what comes after the highest pressure of a ramp
-    /// was taken while the pressure fell.
-    pub(crate) fn of_session(samples: &[Sample], branches: Branch) -> Self {
-        let mut course = Self { falling: Vec::with_capacity(samples.len()), stretches: Vec::new() };
-        for ramp in samples.chunk_by(|a, b| a.ramp == b.ramp) {
-            let top = (0..ramp.len()).max_by(|&a, &b| ramp[a].pressure_kpa.total_cmp(&ramp[b].pressure_kpa));
-            let falls = |i: usize| branches == Branch::Both && top.is_some_and(|top| i > top);
-            course.falling.extend((0..ramp.len()).map(falls));
-        }
-        let gap_s = GAP_PERIODS * period_s(samples);
-        let mut begin = 0;
-        for i in 1..=samples.len() {
-            let ends = i == samples.len()
-                || samples[i].ramp != samples[i - 1].ramp
-                || course.falling[i] != course.falling[i - 1]
-                || seconds_between(&samples[i - 1], &samples[i]) > gap_s;
-            if ends {
-                course.stretches.push(begin..i);
-                begin = i;
-            }
-        }
-        course
+/// Whether the pressure fell, one per sample of a session. Its branches need no mark on disk: what comes after the highest
+/// pressure of a ramp was taken while the pressure fell.
+pub(crate) fn falling(samples: &[Sample], branches: Branch) -> Vec<bool> {
+    let mut falling = Vec::with_capacity(samples.len());
+    for ramp in samples.chunk_by(|a, b| a.ramp == b.ramp) {
+        let top = (0..ramp.len()).max_by(|&a, &b| ramp[a].pressure_kpa.total_cmp(&ramp[b].pressure_kpa));
+        let falls = |i: usize| branches == Branch::Both && top.is_some_and(|top| i > top);
+        falling.extend((0..ramp.len()).map(falls));
     }
-
-    /// Whether the pressure fell, one per scan.
-    pub(crate) fn falling(&self) -> &[bool] {
-        &self.falling
-    }
-
-    /// Runs of scans without a gap between them.
-    pub(crate) fn stretches(&self) -> &[Range<usize>] {
-        &self.stretches
-    }
+    falling
 }
 
 /// Median time from one sample to the next within a ramp, seconds.
@@ -113,31 +78,15 @@ mod tests {
     #[test]
     fn what_follows_the_highest_pressure_of_a_ramp_has_fallen() {
         let samples = samples(&[0.0, 5.0]);
-        let course = Course::of_session(&samples, Branch::Both);
-        let falling =
-            |ramp: u16| samples.iter().zip(course.falling()).filter(|(s, falls)| s.ramp == ramp && **falls).count();
-        assert_eq!([0, 1].map(falling), [40, 30]);
-        assert_eq!(course.stretches().len(), 4, "the wait at the top parts the branches: {:?}", course.stretches());
-        let rising = Course::of_session(&samples, Branch::Rising);
-        assert!(!rising.falling().contains(&true));
+        let falls = falling(&samples, Branch::Both);
+        let of = |ramp: u16| samples.iter().zip(&falls).filter(|(s, falls)| s.ramp == ramp && **falls).count();
+        assert_eq!([0, 1].map(of), [40, 30]);
+        assert!(!falling(&samples, Branch::Rising).contains(&true));
     }
 
-    /// Scans that follow each other without a gap, every 40 ms.
     #[test]
-    fn a_stretch_ends_with_its_ramp_its_branch_and_at_a_gap() {
-        let of = |samples: &[Sample], branches| Course::of_session(samples, branches).stretches;
+    fn scans_at_one_time_have_no_pace() {
         let ramps: Vec<Sample> = (0..20).map(|k| sample((k / 10) as u16, 40 * k, k as f64)).collect();
-        assert_eq!(of(&ramps, Branch::Rising), [0..10, 10..20]);
-        let top: Vec<Sample> = (0..20).map(|k| sample(0, 40 * k, (k.min(18 - k)) as f64)).collect();
-        assert_eq!(of(&top, Branch::Both), [0..10, 10..20]);
-        assert_eq!(of(&top, Branch::Rising), std::slice::from_ref(&(0..20)));
-        // Two and a half periods are none, more are.
-        let gap = |ms: i64| -> Vec<Sample> {
-            (0..20).map(|k| sample(0, 40 * k + if k < 5 { 0 } else { ms - 40 }, k as f64)).collect()
-        };
-        assert_eq!(of(&gap(100), Branch::Rising), std::slice::from_ref(&(0..20)));
-        assert_eq!(of(&gap(101), Branch::Rising), [0..5, 5..20]);
-        // Scans at one time have no pace.
         let mut twice: Vec<Sample> = ramps.iter().flat_map(|sample| vec![sample.clone(); 3]).collect();
         assert!((period_s(&twice) - 0.04).abs() < 1e-12, "{}", period_s(&twice));
         twice.truncate(3);

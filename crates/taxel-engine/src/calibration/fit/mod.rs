@@ -15,7 +15,6 @@ mod dropouts;
 mod edge_tests;
 mod gauge_zero;
 pub mod judge;
-pub(crate) mod lag;
 pub mod legs;
 pub mod masks;
 pub(crate) mod paper;
