@@ -25,7 +25,7 @@
 //! Nothing here does I/O, and nothing panics on data: what has no curve says why. Equal samples give bit-identical
 //! models in whatever order they come.
 
-pub mod bounded;
+mod bounded;
 mod check;
 mod curve;
 mod dd;
@@ -51,14 +51,13 @@ mod workers;
 
 pub use check::ModelError;
 pub use curve::Curve;
-pub use dd::Dd;
 pub use extension::{Beyond, End, Extension, SkinSlope};
 pub use figure::figure;
 pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
-pub use options::{FitOptions, GaugeUncertainty, MAX_MAGNITUDE, MAX_ORDER, TERMS_MAX};
+pub use options::{FitOptions, GaugeUncertainty, MAX_ORDER, TERMS_MAX};
 pub use plays::{PLAYS, PlayState, Plays};
 pub use points::{Points, Served};
 pub use samples::{Samples, fit};
 pub use status::{Flag, Status};
-pub use uncertainty::{KNOTS_MAX, SigmaProfile, student_975};
+pub use uncertainty::{SigmaProfile, student_975};
 pub use workers::{OneByOne, Workers, map};

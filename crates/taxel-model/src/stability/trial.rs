@@ -1,9 +1,10 @@
 //! One fit of one recording: judged against exact least squares, and by what every fit must keep.
 
+use crate::options::MAX_MAGNITUDE;
 use crate::stability::case::{Outcome, Problem, greatest};
 use crate::stability::reference::Reference;
 use crate::stability::taxels::Recording;
-use crate::{FitOptions, Flag, MAX_MAGNITUDE, Samples, TaxelModel, fit};
+use crate::{FitOptions, Flag, Samples, TaxelModel, fit};
 
 /// The options of a polynomial of this order.
 pub(super) fn of_order(order: u8) -> FitOptions {
