@@ -82,10 +82,7 @@ impl Calibration {
     /// [`Rejection::FailedPrecondition`] with the session, its state and what to do.
     pub fn refuse_if_open(&self, then: &str) -> Result<(), Rejection> {
         let Some(open) = self.open() else { return Ok(()) };
-        Err(Rejection::FailedPrecondition(
-            ErrorReason::SessionOpen,
-            format!("session {} is {}; {then}", open.number, open.state.name()),
-        ))
+        Err(ErrorReason::SessionOpen.because(format!("session {} is {}; {then}", open.number, open.state.name())))
     }
 
     /// Refuses a command that cannot be given to the session in its present state.
@@ -148,7 +145,7 @@ impl Calibration {
         match command {
             Trigger::FinishRamp if session.check_plateaus().is_err() => {
                 let why = session.check_plateaus().err().unwrap_or_default();
-                return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+                return Err(ErrorReason::SessionWrongState.because(why));
             }
             Trigger::FinishRamp if session.is_typed() => {
                 session.explain(String::new()); // what was to be done next
@@ -179,7 +176,7 @@ impl Calibration {
         let Some(session) = self.session.as_mut().filter(|session| session.view().state == SessionState::Ramping)
         else {
             let why = "no ramp is under way: taxeld calibrate".to_owned();
-            return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+            return Err(ErrorReason::SessionWrongState.because(why));
         };
         let mut records = Vec::new();
         let taken = session.take_plateau(now.time, kpa, &mut records);
@@ -187,7 +184,7 @@ impl Calibration {
         match taken {
             Ok(Progress::RampEnded) => self.fit(now, gauge, events),
             Ok(_) => self.tell(now, gauge, events),
-            Err(why) => return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why)),
+            Err(why) => return Err(ErrorReason::SessionWrongState.because(why)),
         }
         Ok(())
     }

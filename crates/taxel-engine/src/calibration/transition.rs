@@ -109,10 +109,8 @@ pub fn commanded(number: u64, state: SessionState, command: Trigger) -> Result<S
             }
             _ => String::new(),
         };
-        Rejection::FailedPrecondition(
-            ErrorReason::SessionWrongState,
-            format!("session {number} is {is}; {what} only in {}{instead}", words.join(", ")),
-        )
+        let words = words.join(", ");
+        ErrorReason::SessionWrongState.because(format!("session {number} is {is}; {what} only in {words}{instead}"))
     })
 }
 

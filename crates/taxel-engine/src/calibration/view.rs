@@ -266,6 +266,6 @@ impl SessionView {
             return Ok(());
         }
         let why = format!("what session {} gathered is not fitted: {}", self.number, self.untrusted);
-        Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why))
+        Err(ErrorReason::SessionWrongState.because(why))
     }
 }
