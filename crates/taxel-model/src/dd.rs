@@ -54,7 +54,6 @@ impl Dd {
 
     /// The sum of two f64 of any size, exact.
     #[inline]
-    #[must_use]
     pub fn sum(a: f64, b: f64) -> Self {
         let (hi, lo) = two_sum(a, b);
         Self { hi, lo }
@@ -62,7 +61,6 @@ impl Dd {
 
     /// The sum with an f64.
     #[inline]
-    #[must_use]
     pub fn add_f64(self, b: f64) -> Self {
         let (s, e) = two_sum(self.hi, b);
         let (hi, lo) = quick_two_sum(s, e + self.lo);
@@ -71,7 +69,6 @@ impl Dd {
 
     /// The product with an f64.
     #[inline]
-    #[must_use]
     pub fn scale(self, b: f64) -> Self {
         let (p, e) = two_prod(self.hi, b);
         let (hi, lo) = quick_two_sum(p, e + self.lo * b);
@@ -80,14 +77,12 @@ impl Dd {
 
     /// The product with a power of two, exact.
     #[inline]
-    #[must_use]
     pub fn scale_exact(self, power_of_two: f64) -> Self {
         Self { hi: self.hi * power_of_two, lo: self.lo * power_of_two }
     }
 
     /// The quotient with an f64, good but for the last two bits.
     #[inline]
-    #[must_use]
     pub fn div_f64(self, b: f64) -> Self {
         let q1 = self.hi / b;
         let (p, e) = two_prod(q1, b);
@@ -98,7 +93,6 @@ impl Dd {
 
     /// The nearest f64.
     #[inline]
-    #[must_use]
     pub const fn to_f64(self) -> f64 {
         self.hi
     }
