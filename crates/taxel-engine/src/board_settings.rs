@@ -23,7 +23,6 @@ const MODULES: usize = 16;
 
 /// The line of a board: a device, a skin board that is configured so, or one that somebody else has set. `counts` is the range of
 /// the patch's counts.
-#[must_use]
 pub fn line(board: &Board, device: Option<&DevicePlan>, setup: Option<&BoardSetup>, counts: CountRange) -> String {
     let (address, modules) = (board.address.get(), in_words(&board.modules));
     match (device, setup) {
@@ -145,7 +144,6 @@ impl<'a> Told<'a> {
 /// on from what was gathered; `None` where they are the same as far as is known. Boards are compared by their place: in
 /// the order of the boards taxels have their numbers. One whose address no board had before has new electronics, on the same
 /// pads.
-#[must_use]
 pub fn difference(lines: &[String], now: &[String]) -> Option<String> {
     let then: Vec<Option<Told<'_>>> = lines.iter().map(|line| Told::read(line)).collect();
     let now: Vec<Told<'_>> = now.iter().filter_map(|line| Told::read(line)).collect();
@@ -178,7 +176,6 @@ fn other_order(then: &[Option<Told<'_>>], now: &[Told<'_>]) -> Option<String> {
 }
 
 /// What two sets of lines differ in, of each its own, so that the counts of both are not to be fitted together.
-#[must_use]
 pub fn differ_in(lines: &[String], others: &[String]) -> Option<(String, String)> {
     if lines.len() != others.len() {
         return Some((lines.join("; "), others.join("; ")));

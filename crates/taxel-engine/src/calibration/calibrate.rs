@@ -59,19 +59,16 @@ pub struct Calibration {
 
 impl Calibration {
     /// No session.
-    #[must_use]
     pub const fn new(plan: CalibrationPlan) -> Self {
         Self { plan, session: None, fits: 0, dirty: false, shown: Time::from_nanos(i64::MIN) }
     }
 
     /// The session that holds the patch or was the last to.
-    #[must_use]
     pub fn session(&self) -> Option<&SessionView> {
         self.session.as_ref().map(SessionRun::view)
     }
 
     /// The session that holds the patch now.
-    #[must_use]
     pub fn open(&self) -> Option<&SessionView> {
         self.session().filter(|view| view.state.is_open())
     }
@@ -96,13 +93,11 @@ impl Calibration {
     }
 
     /// Whether scans are offered to a ramp now.
-    #[must_use]
     pub fn is_ramping(&self) -> bool {
         self.session().is_some_and(|view| view.state == SessionState::Ramping)
     }
 
     /// Whether a module was left out of the session by its operator.
-    #[must_use]
     pub fn leaves_out(&self, module: usize) -> bool {
         self.session().is_some_and(|view| view.left_out.iter().any(|m| usize::from(*m) == module))
     }
@@ -212,7 +207,6 @@ impl Calibration {
     }
 
     /// The zero of the first ramp of the session, which its models will refer to.
-    #[must_use]
     pub fn rest(&self) -> Option<&[TaxelBaseline]> {
         self.session.as_ref()?.samples().ramps.first().map(|ramp| ramp.taxels.as_slice())
     }
@@ -317,7 +311,6 @@ impl Calibration {
     }
 
     /// Whether the outcome of a fit is the one that this session waits for.
-    #[must_use]
     pub fn awaits(&self, outcome: &FitOutcome) -> bool {
         let of_session =
             |view: &SessionView| view.number == outcome.session && transition(view.state, Trigger::Fitted).is_some();
@@ -421,7 +414,6 @@ impl Calibration {
     }
 
     /// When the progress is to be shown next; a session that holds its patch is looked at then, too.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let reviewed = || self.session().is_some_and(|view| view.state == SessionState::Review);
         (self.dirty || self.open().is_some() || reviewed()).then(|| self.shown.max(Time::default()) + SHOW_EVERY)

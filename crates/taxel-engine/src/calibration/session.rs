@@ -83,7 +83,6 @@ pub struct SessionRun {
 
 impl SessionRun {
     /// A session that is about to watch the skin at rest.
-    #[must_use]
     pub fn new(now: Now, view: SessionView, mut limits: SessionLimits, taxels: usize) -> Self {
         limits.target = Kilopascal(view.target_kpa);
         let mut run = Self {
@@ -105,7 +104,6 @@ impl SessionRun {
     }
 
     /// Takes up an interrupted session with the samples that were on disk.
-    #[must_use]
     pub fn resume(now: Now, view: SessionView, limits: SessionLimits, taxels: usize, samples: SessionSamples) -> Self {
         let mut run = Self::new(now, view, limits, taxels);
         samples.pressures_kpa().into_iter().for_each(|kpa| run.cover(kpa));
@@ -121,13 +119,11 @@ impl SessionRun {
     }
 
     /// What the world sees.
-    #[must_use]
     pub const fn view(&self) -> &SessionView {
         &self.view
     }
 
     /// Everything gathered so far.
-    #[must_use]
     pub const fn samples(&self) -> &Arc<SessionSamples> {
         &self.samples
     }
@@ -145,7 +141,6 @@ impl SessionRun {
     }
 
     /// When it reached its present state, on the run's clock.
-    #[must_use]
     pub const fn entered(&self) -> Time {
         self.entered
     }
@@ -316,7 +311,6 @@ impl SessionRun {
     }
 
     /// Whether scans with silent modules are what keeps samples out.
-    #[must_use]
     pub const fn lacks_modules(&self) -> bool {
         self.stale_since_progress > 0
     }

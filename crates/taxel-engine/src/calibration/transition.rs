@@ -50,7 +50,6 @@ impl Trigger {
     ];
 
     /// Why a session is in the state that an operator's command ended it with, in words.
-    #[must_use]
     pub const fn reason(self) -> &'static str {
         match self {
             Self::Abort => "an operator aborted it",
@@ -74,7 +73,6 @@ impl Trigger {
 /// The state after `trigger`; `None` where it changes nothing or, of a command, is refused.
 ///
 /// A command to finish a ramp over both branches turns it first, which is no change of state.
-#[must_use]
 pub const fn transition(state: SessionState, trigger: Trigger) -> Option<SessionState> {
     use SessionState as S;
     use Trigger as T;
