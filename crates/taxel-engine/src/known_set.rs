@@ -28,8 +28,6 @@ pub struct SetSummary {
     pub pressure_max_kpa: f64,
     /// Ids of the sets that known loads corrected to make this one, the nearest first.
     pub origins: Vec<String>,
-    /// What the pressures of the nearest one were multiplied by.
-    pub recalibration_gain: Option<f64>,
 }
 
 impl SetSummary {
@@ -46,7 +44,6 @@ impl SetSummary {
             calibrated: set.taxels.iter().filter(|model| model.is_usable()).count(),
             pressure_max_kpa: set.pressure_max_kpa,
             origins: set.origins().map(str::to_owned).collect(),
-            recalibration_gain: set.recalibrated.as_ref().map(|of| of.gain),
         }
     }
 }

@@ -241,10 +241,9 @@ pub struct Recorded {
     pub plays_mean_s: f64,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
-    /// The pressure seems to lag behind the counts by so many seconds: taken out of a recording where one was looked
-    /// for, only told of a session. At a steady rate hysteresis of width w looks like a lag of -w / (2 rate).
+    /// What an earlier version told of a lag between gauge and counts; 0 since none is looked for.
     pub lag_s: f64,
-    /// What was found of the gauge's own clock; `None` where it was not looked for.
+    /// What an earlier version found of a clock of the gauge's own; it looks for none any more.
     pub clock: Option<GaugeClock>,
     /// How far the counts stay away from their zero when the load has gone; `None` where that was not measured.
     pub zero_return: Option<ZeroReturn>,

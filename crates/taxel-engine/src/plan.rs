@@ -15,7 +15,7 @@ pub use crate::intake::gauge::Gauge;
 pub use crate::zero::plan::{DriftPlan, TarePlan};
 
 use crate::baseline::Activation;
-use crate::board_settings::{BoardSettings, KnownBoard, difference};
+use crate::board_settings::{difference, line};
 use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::calibration::export::About;
 use crate::calibration::view::SessionView;
@@ -238,20 +238,11 @@ impl PatchPlan {
         }
     }
 
-    /// How each board is set, as far as its counts depend on it, and which of its modules belong to the patch.
-    fn known_boards(&self) -> Vec<KnownBoard> {
-        let boards = self.patch.boards().iter().enumerate();
-        let settings = |at: usize| match (self.devices.get(at), self.bring_up.get(at)) {
-            (Some(device), _) => BoardSettings::of_device(device, self.patch.counts()),
-            (None, Some(setup)) => BoardSettings::Configured(setup.clone()),
-            (None, None) => BoardSettings::Listened,
-        };
-        boards.map(|(at, board)| KnownBoard::of(board, settings(at))).collect()
-    }
-
-    /// The same in words, a line each board.
+    /// How each board is set, as far as its counts depend on it, and which of its modules belong to the patch: in words, a line
+    /// each board.
     pub(crate) fn board_settings(&self) -> Vec<String> {
-        self.known_boards().iter().map(KnownBoard::line).collect()
+        let of = |(at, board)| line(board, self.devices.get(at), self.bring_up.get(at), self.patch.counts());
+        self.patch.boards().iter().enumerate().map(of).collect()
     }
 
     /// How the gauge is read, in words; empty without one.
@@ -273,7 +264,7 @@ impl PatchPlan {
     /// How boards of these lines were set otherwise than in this plan, in words that go on from what was gathered with them;
     /// `None` where they are the same, as far as both is known.
     pub(crate) fn differs_from(&self, lines: &[String]) -> Option<String> {
-        difference(lines, &self.known_boards())
+        difference(lines, &self.board_settings())
     }
 
     /// Why a model set says nothing of boards that are set as in this plan, in words.

@@ -55,10 +55,6 @@ pub struct FitArgs {
     /// Neighbouring columns that form a module (a triangle) [default: 10].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     module_size: Option<u16>,
-    /// Look for a clock of the gauge's own, late by at most this many seconds and fast or slow by up to 2 %, and use it
-    /// where it wins on a stretch that it was not found on; 0 is not at all [default: 8].
-    #[arg(long, value_name = "S", value_parser = parse_number)]
-    max_clock: Option<f64>,
     /// Exclude taxels that move by less than this many counts, as the paper does; 0 is off.
     #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_number)]
     min_swing: f64,
@@ -120,7 +116,6 @@ impl FitArgs {
         let notes = if is_session { Vec::new() } else { check(recording, Purpose::Fit)? };
         let is_skin = !is_session && recording.as_scans().is_recording();
         let of_skin = [
-            (self.max_clock.is_some(), "--max-clock"),
             (self.module_size.is_some(), "--module-size"),
             (self.plays == Some(PlaysChoice::On) && !is_session, "--plays on"),
         ];
@@ -146,7 +141,6 @@ impl FitArgs {
             plays: self.plays.unwrap_or_default(),
             module_size: usize::from(self.module_size.unwrap_or(10)),
             smooth_s: self.smooth,
-            max_clock_s: self.max_clock.unwrap_or(8.0),
             ..FitRecipe::default()
         }
     }

@@ -51,7 +51,7 @@ pub fn check(recording: &mut Recording, purpose: Purpose) -> anyhow::Result<Vec<
         }
     }
     if let Some(why) = why_no_bytes(recording, rows_min) {
-        notes.push(format!("faults and lag are not looked for and nothing is averaged over time, because {why}"));
+        notes.push(format!("faults are not looked for and nothing is averaged over time, because {why}"));
     }
     Ok(notes)
 }

@@ -1,10 +1,8 @@
 //! Whether a model that came from outside (a file, a message) may be believed.
 
 use crate::curve::Curve;
-use crate::dd::Dd;
 use crate::model::TaxelModel;
 use crate::options::MAX_ORDER;
-use crate::shape::wrong_slope;
 use crate::status::Flag;
 use thiserror::Error;
 
@@ -67,7 +65,10 @@ impl TaxelModel {
                 let problem = points.problem(self.sign.as_f64());
                 problem.map_or(Ok(()), |count| Err(ModelError::NotMonotone { count }))
             }
-            (None, Some(curve)) if self.status.is_ok() && !told => self.validate_shape(curve, low, high),
+            (None, Some(curve)) if self.status.is_ok() && !told => {
+                let turns = curve.wrong_slope([low, high], self.sign.as_f64());
+                turns.map_or(Ok(()), |count| Err(ModelError::NotMonotone { count }))
+            }
             _ => Ok(()),
         }
     }
@@ -78,15 +79,6 @@ impl TaxelModel {
         number("sigma.step_counts", sigma.step_counts, sigma.step_counts > 0.0, "a positive number of counts")?;
         let mut deviations = sigma.sigma_kpa.iter();
         deviations.try_for_each(|s| number("sigma.sigma_kpa", *s, *s >= 0.0, "standard deviations of 0 kPa and more"))
-    }
-
-    fn validate_shape(&self, curve: &Curve, low: f64, high: f64) -> Result<(), ModelError> {
-        let series: Vec<Dd> = curve.chebyshev.iter().copied().map(Dd::from).collect();
-        let s = |count: f64| Dd::sum(count, -curve.centre).div_f64(curve.half_width);
-        match wrong_slope(&series, s(low), s(high), self.sign.as_f64()) {
-            Some(place) => Err(ModelError::NotMonotone { count: curve.centre + place * curve.half_width }),
-            None => Ok(()),
-        }
     }
 }
 

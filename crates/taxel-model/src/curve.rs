@@ -5,6 +5,12 @@ use crate::options::TERMS_MAX;
 use crate::series::{Chebyshev, powers_of, powers_of_raw};
 use serde::{Deserialize, Serialize};
 
+/// Places of a range at which the slope of a curve is looked at, eight and more a count of a converter of 8 bits.
+const SLOPES: u32 = 2_048;
+
+/// A slope of this share of the steepest that the coefficients allow is rounding.
+const SLOPE_ROUNDING: f64 = 1e-13;
+
 /// P(C) = sum c_k T_k(s), s = (C - centre) / half_width, in kPa.
 ///
 /// T_k are the Chebyshev polynomials. In this form rounding a coefficient changes the pressure by no more than that
@@ -54,6 +60,18 @@ impl Curve {
         sum / self.half_width
     }
 
+    /// A count in `range` where the slope has not the sign `sign`, if there is one.
+    pub(crate) fn wrong_slope(&self, [low, high]: [f64; 2], sign: f64) -> Option<f64> {
+        // |T_k'| is k^2 at most.
+        let steepest: f64 = self.chebyshev.iter().enumerate().map(|(k, c)| (k * k) as f64 * c.abs()).sum();
+        let least = -SLOPE_ROUNDING * steepest / self.half_width;
+        let mut counts = (0..=SLOPES).map(|k| low + (high - low) * (f64::from(k) / f64::from(SLOPES)));
+        counts.find(|count| {
+            let slope = sign * self.slope(*count);
+            slope.is_nan() || slope < least
+        })
+    }
+
     /// The order of the polynomial.
     #[must_use]
     pub fn order(&self) -> usize {
@@ -75,6 +93,7 @@ impl Curve {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn value_and_slope_of_a_cubic() {
@@ -83,5 +102,34 @@ mod tests {
         assert_eq!(curve.evaluate(216.0), -1.0);
         assert_eq!(curve.slope(216.0), (12.0 * 0.25 - 3.0) / 32.0);
         assert_eq!(curve.slope(232.0), 9.0 / 32.0);
+    }
+
+    #[test]
+    fn a_cubic_with_a_dent_is_told_from_one_without() {
+        // T_1 / 100 + (T_3 + 3 T_1) / 4, of which s^3 is the last part.
+        let cubic =
+            |slope: f64| Curve { centre: 200.0, half_width: 50.0, chebyshev: vec![0.0, slope + 0.75, 0.0, 0.25] };
+        assert_eq!(cubic(0.01).wrong_slope([150.0, 250.0], 1.0), None);
+        assert_eq!(cubic(0.01).wrong_slope([150.0, 250.0], -1.0), Some(150.0));
+        let dent = cubic(-0.01).wrong_slope([150.0, 250.0], 1.0).unwrap();
+        assert!((dent - 200.0).abs() < 3.0, "{dent}");
+        assert_eq!(cubic(-0.01).wrong_slope([150.0, 196.0], 1.0), None, "the dent begins at 197");
+        assert!(cubic(f64::NAN).wrong_slope([150.0, 250.0], 1.0).is_some());
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_told_of_a_curve_agrees_with_its_pressures(
+            c in proptest::collection::vec(-1.0..1.0_f64, 2..10), lift in 0.0..30.0_f64,
+        ) {
+            let mut curve = Curve { centre: 0.0, half_width: 1.0, chebyshev: c };
+            curve.chebyshev[1] += lift;
+            let rises = curve.wrong_slope([-1.0, 1.0], 1.0).is_none();
+            let kpa: Vec<f64> = (0..=3_000).map(|k| curve.evaluate(f64::from(k) / 1_500.0 - 1.0)).collect();
+            let least = kpa.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
+            // Between the places that are looked at a slope bends by no more than this.
+            prop_assert!(!rises || least >= -1e-4, "rises, but steps back by {least}");
+            prop_assert!(rises || least <= 3e-3, "does not rise, but the least step is {least}");
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! multiply-add: on a processor or build without FMA that is a library call, the split is the same everywhere.
 //! Valid for magnitudes between about 1e-140 and 1e150, which the fits stay far inside.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, Mul, Neg, Sub};
 
 /// A number `hi + lo` with |lo| <= ulp(hi) / 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -54,23 +54,13 @@ impl Dd {
 
     /// The sum of two f64 of any size, exact.
     #[inline]
-    #[must_use]
     pub fn sum(a: f64, b: f64) -> Self {
         let (hi, lo) = two_sum(a, b);
         Self { hi, lo }
     }
 
-    /// An integer; exact up to 106 bits.
-    #[must_use]
-    pub fn from_i128(n: i128) -> Self {
-        let hi = n as f64;
-        // The rounded value may exceed the type's range only for inputs near its end, which saturate.
-        Self::sum(hi, n.saturating_sub(hi as i128) as f64)
-    }
-
     /// The sum with an f64.
     #[inline]
-    #[must_use]
     pub fn add_f64(self, b: f64) -> Self {
         let (s, e) = two_sum(self.hi, b);
         let (hi, lo) = quick_two_sum(s, e + self.lo);
@@ -79,7 +69,6 @@ impl Dd {
 
     /// The product with an f64.
     #[inline]
-    #[must_use]
     pub fn scale(self, b: f64) -> Self {
         let (p, e) = two_prod(self.hi, b);
         let (hi, lo) = quick_two_sum(p, e + self.lo * b);
@@ -88,14 +77,12 @@ impl Dd {
 
     /// The product with a power of two, exact.
     #[inline]
-    #[must_use]
     pub fn scale_exact(self, power_of_two: f64) -> Self {
         Self { hi: self.hi * power_of_two, lo: self.lo * power_of_two }
     }
 
-    /// The quotient with an f64, cheaper than a full division and as good but for the last two bits.
+    /// The quotient with an f64, good but for the last two bits.
     #[inline]
-    #[must_use]
     pub fn div_f64(self, b: f64) -> Self {
         let q1 = self.hi / b;
         let (p, e) = two_prod(q1, b);
@@ -106,50 +93,8 @@ impl Dd {
 
     /// The nearest f64.
     #[inline]
-    #[must_use]
     pub const fn to_f64(self) -> f64 {
         self.hi
-    }
-}
-
-/// A running sum of products in twice the precision (Ogita, Rump, Oishi 2005, Dot2): half the work of a product and a
-/// sum of [`Dd`], because it is put in order only at the end.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Running {
-    /// The sum in f64.
-    pub sum: f64,
-    /// What its roundings left out, in f64.
-    pub error: f64,
-}
-
-impl Running {
-    /// Adds `a * b`.
-    #[inline]
-    pub fn add_product(self, a: Dd, b: Dd) -> Self {
-        let (p, e) = two_prod(a.hi, b.hi);
-        let (sum, t) = two_sum(self.sum, p);
-        Self { sum, error: self.error + (t + (e + (a.hi * b.lo + a.lo * b.hi))) }
-    }
-
-    /// Adds `a * b`.
-    #[inline]
-    pub fn add_scaled(self, a: Dd, b: f64) -> Self {
-        let (p, e) = two_prod(a.hi, b);
-        let (sum, t) = two_sum(self.sum, p);
-        Self { sum, error: self.error + (t + (e + a.lo * b)) }
-    }
-
-    /// The sum so far.
-    #[inline]
-    pub fn value(self) -> Dd {
-        Dd::sum(self.sum, self.error)
-    }
-}
-
-impl From<Dd> for Running {
-    #[inline]
-    fn from(start: Dd) -> Self {
-        Self { sum: start.hi, error: start.lo }
     }
 }
 
@@ -198,19 +143,6 @@ impl Mul for Dd {
     }
 }
 
-impl Div for Dd {
-    type Output = Self;
-    /// Long division with two corrections.
-    fn div(self, b: Self) -> Self {
-        let q1 = self.hi / b.hi;
-        let rest = self - b.scale(q1);
-        let q2 = rest.hi / b.hi;
-        let rest = rest - b.scale(q2);
-        let (hi, lo) = quick_two_sum(q1, q2);
-        Self { hi, lo } + Self::from(rest.hi / b.hi)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -218,27 +150,8 @@ mod tests {
 
     #[test]
     fn a_third_has_thirty_two_digits() {
-        let third = Dd::from(1.0) / Dd::from(3.0);
-        let back = third.scale(3.0) - Dd::from(1.0);
+        let back = Dd::from(1.0).div_f64(3.0).scale(3.0) - Dd::from(1.0);
         assert!(back.hi.abs() < 1e-31, "{back:?}");
-        let other = Dd::from(1.0).div_f64(3.0) - third;
-        assert!(other.hi.abs() < 1e-31, "{other:?}");
-    }
-
-    #[test]
-    fn integers_at_the_ends_of_their_type_are_exact() {
-        for n in [0, 1, -1, i64::MAX.into(), i64::MIN.into(), (1_i128 << 53) + 1, -(1 << 62) - 1] {
-            let d = Dd::from_i128(n);
-            assert_eq!(d.hi as i128 + d.lo as i128, n, "{n}");
-            assert_eq!(d.hi, n as f64, "{n}");
-        }
-    }
-
-    #[test]
-    fn integers_of_a_hundred_bits_are_exact() {
-        let n = (1_i128 << 100) + 12_345;
-        let d = Dd::from_i128(n);
-        assert_eq!(d.hi as i128 + d.lo as i128, n);
     }
 
     proptest! {

@@ -8,7 +8,6 @@ use crate::orthogonal::Basis;
 use crate::reduce::{Reduced, Row};
 use crate::refine::solve;
 use crate::series::{Chebyshev, chebyshev_of};
-use crate::shape::wrong_slope;
 use crate::status::{Flag, Status};
 use crate::uncertainty::{Evidence, Scatter, profile, student_975};
 
@@ -97,12 +96,6 @@ impl<'a> Fit<'a> {
         if self.d.get(1).is_some_and(|slope| *slope > 0.0) { Sign::Rising } else { Sign::Falling }
     }
 
-    /// The ends of the range in s.
-    fn ends(&self) -> (Dd, Dd) {
-        let s = |count: f64| Dd::sum(count, -self.centre).div_f64(self.half);
-        (s(self.range[0]), s(self.range[1]))
-    }
-
     fn scatter(&self, curve: &Curve) -> Vec<Scatter> {
         let of = |row: &Row| {
             let count = row.x.to_f64();
@@ -143,11 +136,10 @@ impl<'a> Fit<'a> {
         if order < self.asked {
             flags.push(Flag::RankReduced { asked: self.asked as u8, used: order as u8 });
         }
-        let (from, to) = self.ends();
-        if let Some(place) = wrong_slope(&series, from, to, self.sign().as_f64()) {
-            flags.push(Flag::NotMonotone { count: self.centre + place * self.half });
-        }
         let curve = Curve::new(&series, self.centre, self.half);
+        if let Some(count) = curve.wrong_slope(self.range, self.sign().as_f64()) {
+            flags.push(Flag::NotMonotone { count });
+        }
         self.flag_support(order, &mut flags, &mut quality);
         let scatter = self.scatter(&curve);
         quality.rank = carried as u8 + 1;

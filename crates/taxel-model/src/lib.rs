@@ -8,15 +8,13 @@
 //! assert!(model.is_usable());
 //! let reading = model.evaluate(200.0).unwrap();
 //! assert!((reading.kpa - 40.0).abs() < 1.0);
-//! let table = model.tabulate(0.0); // 256 pressures and deviations for the live path
-//! assert_eq!(table.pressure_kpa[200], reading.kpa as f32);
 //! ```
 //!
 //! Counts are read by the fit of their skin ([`skin`]). Beside it stands the paper's polynomial ([`fit()`]):
 //!
 //! 1. Reduce: the mean of each count stands for all of its samples (`reduce`).
 //! 2. Solve on polynomials orthonormal over the reduced rows, refined in double-double (`orthogonal`, `refine`).
-//! 3. Tell whether it is monotone (`shape`), and its error (`uncertainty`).
+//! 3. Tell whether it is monotone (`curve`), and its error (`uncertainty`).
 //!
 //! Beyond its range a curve goes on as the skin's curves do ([`SkinSlope`]). [`Status`] says whether a curve may be used,
 //! [`Flag`]s what else there is to know.
@@ -27,16 +25,14 @@
 //! Nothing here does I/O, and nothing panics on data: what has no curve says why. Equal samples give bit-identical
 //! models in whatever order they come.
 
-pub mod bounded;
+mod bounded;
 mod check;
-mod clock;
 mod curve;
 mod dd;
 mod extension;
 mod figure;
 mod fit;
 mod model;
-mod nnls;
 mod options;
 mod orthogonal;
 mod plays;
@@ -46,27 +42,22 @@ mod refine;
 mod samples;
 mod scale;
 mod series;
-mod shape;
 pub mod skin;
 #[cfg(feature = "stability")]
 pub mod stability;
 mod status;
-mod table;
 mod uncertainty;
 mod workers;
 
 pub use check::ModelError;
-pub use clock::{ClockProblem, FoundClock};
 pub use curve::Curve;
-pub use dd::Dd;
 pub use extension::{Beyond, End, Extension, SkinSlope};
 pub use figure::figure;
 pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
-pub use options::{FitOptions, GaugeUncertainty, MAX_MAGNITUDE, MAX_ORDER, TERMS_MAX};
+pub use options::{FitOptions, GaugeUncertainty, MAX_ORDER, TERMS_MAX};
 pub use plays::{PLAYS, PlayState, Plays};
 pub use points::{Points, Served};
 pub use samples::{Samples, fit};
 pub use status::{Flag, Status};
-pub use table::Table;
-pub use uncertainty::{KNOTS_MAX, SigmaProfile, student_975};
+pub use uncertainty::{SigmaProfile, student_975};
 pub use workers::{OneByOne, Workers, map};

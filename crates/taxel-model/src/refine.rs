@@ -7,8 +7,7 @@
 //! by six orders of magnitude; a refinement of the residual alone stalls where the residuals are large, because the
 //! basis, too, must be known to more digits.
 
-use crate::dd::{Dd, Running};
-use crate::options::MAX_ORDER;
+use crate::dd::Dd;
 use crate::orthogonal::Basis;
 use crate::reduce::Row;
 
@@ -17,9 +16,6 @@ const MAX_PASSES: usize = 8;
 
 /// A last correction below this part of the solution leaves less than 1e-24 of it: nothing that can be seen in f64.
 const SETTLED: f64 = 1e-12;
-
-/// Rows that are worked on together: enough to fill the processor's vectors, few enough to stay in its first cache.
-const LANES: usize = 16;
 
 /// The monic recurrence phi_0 = 1, phi_{k+1} = (t - alpha_k) phi_k - gamma_k phi_{k-1}, all coefficients exact.
 #[derive(Clone, Debug)]
@@ -47,11 +43,10 @@ pub(crate) fn solve(basis: &Basis, rows: &[Row], t: &[Dd], start: &[f64], order:
     })
     .map(|(_, norm)| norm)
     .collect();
-    let blocks = Block::of(rows, t);
     let mut d: Vec<Dd> = start.iter().zip(&norm).take(order + 1).map(|(d, norm)| Dd::from(d * norm)).collect();
     let mut last = f64::INFINITY;
     for _ in 0..MAX_PASSES {
-        let step: Vec<Dd> = pull(&recurrence, &blocks, &d).iter().zip(&norm).map(|(g, norm)| g.scale(*norm)).collect();
+        let step: Vec<Dd> = pull(&recurrence, rows, t, &d).iter().zip(&norm).map(|(g, norm)| g.scale(*norm)).collect();
         let size = step.iter().map(|g| g.hi.abs()).fold(0.0, f64::max);
         if size.is_nan() || size >= last {
             break;
@@ -66,88 +61,17 @@ pub(crate) fn solve(basis: &Basis, rows: &[Row], t: &[Dd], start: &[f64], order:
     Solution { recurrence, d }
 }
 
-/// One number of each row of a block, the parts apart so that the compiler works on several rows at once.
-#[derive(Clone, Copy)]
-struct Lanes {
-    hi: [f64; LANES],
-    lo: [f64; LANES],
-}
-
-impl Lanes {
-    const ZERO: Self = Self { hi: [0.0; LANES], lo: [0.0; LANES] };
-
-    #[inline]
-    fn get(&self, lane: usize) -> Dd {
-        Dd { hi: self.hi[lane], lo: self.lo[lane] }
-    }
-
-    /// Changes what is no number but a running sum.
-    #[inline]
-    fn run(&mut self, lane: usize, change: impl FnOnce(Running) -> Running) {
-        let Running { sum, error } = change(Running { sum: self.hi[lane], error: self.lo[lane] });
-        (self.hi[lane], self.lo[lane]) = (sum, error);
-    }
-
-    #[inline]
-    fn set(&mut self, lane: usize, value: Dd) {
-        self.hi[lane] = value.hi;
-        self.lo[lane] = value.lo;
-    }
-}
-
-/// Some rows; lanes beyond the last row have no weight.
-struct Block {
-    t: Lanes,
-    y: Lanes,
-    n: [f64; LANES],
-}
-
-impl Block {
-    fn of(rows: &[Row], t: &[Dd]) -> Vec<Self> {
-        let fill = |(rows, t): (&[Row], &[Dd])| {
-            let mut block = Self { t: Lanes::ZERO, y: Lanes::ZERO, n: [0.0; LANES] };
-            for (lane, (row, t)) in rows.iter().zip(t).enumerate() {
-                block.t.set(lane, *t);
-                block.y.set(lane, row.y);
-                block.n[lane] = row.n;
-            }
-            block
-        };
-        rows.chunks(LANES).zip(t.chunks(LANES)).map(fill).collect()
-    }
-}
-
 /// sum n phi_k r of the residuals r = y - sum d phi, for all k.
-fn pull(recurrence: &Recurrence, blocks: &[Block], d: &[Dd]) -> Vec<Dd> {
-    let mut pull = [Lanes::ZERO; MAX_ORDER as usize + 1];
-    let mut phi = [Lanes::ZERO; MAX_ORDER as usize + 1];
-    phi[0].hi = [1.0; LANES];
-    for block in blocks {
+fn pull(recurrence: &Recurrence, rows: &[Row], t: &[Dd], d: &[Dd]) -> Vec<Dd> {
+    let (mut pull, mut phi) = (vec![Dd::ZERO; d.len()], vec![Dd::ZERO; d.len()]);
+    phi[0] = Dd::from(1.0);
+    for (row, t) in rows.iter().zip(t) {
         for (k, (alpha, gamma)) in recurrence.alpha.iter().zip(&recurrence.gamma).enumerate() {
-            let (known, next) = phi.split_at_mut(k + 1);
-            let (phi, last) = (&known[k], &known[k.saturating_sub(1)]);
-            for lane in 0..LANES {
-                let t = block.t.get(lane).add_f64(-alpha);
-                let sum = Running::default().add_product(t, phi.get(lane)).add_scaled(last.get(lane), -gamma);
-                next[0].set(lane, sum.value());
-            }
+            phi[k + 1] = t.add_f64(-alpha) * phi[k] - phi[k.saturating_sub(1)].scale(*gamma);
         }
-        let mut rest = block.y;
-        for (d, phi) in d.iter().zip(&phi) {
-            for lane in 0..LANES {
-                rest.run(lane, |rest| rest.add_product(phi.get(lane), -*d));
-            }
-        }
-        for lane in 0..LANES {
-            let weighted = Running { sum: rest.hi[lane], error: rest.lo[lane] }.value().scale(block.n[lane]);
-            rest.set(lane, weighted);
-        }
-        for (pull, phi) in pull.iter_mut().zip(&phi).take(d.len()) {
-            for lane in 0..LANES {
-                pull.run(lane, |pull| pull.add_product(phi.get(lane), rest.get(lane)));
-            }
-        }
+        let rest = d.iter().zip(&phi).fold(row.y, |rest, (d, phi)| rest - *d * *phi);
+        let weighted = rest.scale(row.n);
+        pull.iter_mut().zip(&phi).for_each(|(pull, phi)| *pull = *pull + *phi * weighted);
     }
-    let total = |pull: &Lanes| (0..LANES).fold(Dd::ZERO, |sum, lane| sum + Dd::sum(pull.hi[lane], pull.lo[lane]));
-    pull[..d.len()].iter().map(total).collect()
+    pull
 }

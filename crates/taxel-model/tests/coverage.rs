@@ -5,7 +5,7 @@
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use taxel_model::{FitOptions, Flag, RangeState, Samples, Status, TaxelModel, fit, student_975};
+use taxel_model::{FitOptions, Flag, RangeState, Reading, Samples, Status, TaxelModel, fit, student_975};
 
 const FULL_SCALE_KPA: f64 = 70.0;
 
@@ -78,17 +78,22 @@ fn intervals_hold_on_held_out_ramps() {
 fn assert_served_soundly(model: &TaxelModel) {
     let Some([low, high]) = model.range else { return };
     let sign = model.sign.as_f64();
+    let turns = model.flags.iter().any(|flag| matches!(flag, Flag::NotMonotone { .. }));
     for shift in [0.0, -0.4, 3.7] {
-        let table = model.tabulate(shift);
-        for raw in 0..=255_u8 {
-            let (kpa, sigma) = (table.pressure_kpa[usize::from(raw)], table.sigma_kpa[usize::from(raw)]);
-            assert!(kpa.is_finite() && sigma > 0.0, "raw {raw}: {kpa} {sigma}");
-            let inside = (low..=high).contains(&(f64::from(raw) + shift));
-            assert!(!table.usable || inside == (table.range_state(raw) == RangeState::InRange), "raw {raw}");
+        let counts = (0..=u8::MAX).map(|raw| f64::from(raw) + shift);
+        let readings: Vec<(f64, Reading)> = counts.filter_map(|count| Some((count, model.evaluate(count)?))).collect();
+        assert_eq!(readings.len(), 256);
+        for (count, reading) in &readings {
+            assert!(reading.kpa.is_finite() && reading.sigma_kpa > 0.0, "count {count}: {reading:?}");
+            assert_eq!(
+                (low..=high).contains(count),
+                reading.range == RangeState::InRange,
+                "count {count}: {reading:?}"
+            );
         }
-        let turns = model.flags.iter().any(|flag| matches!(flag, Flag::NotMonotone { .. }));
         if model.is_usable() && !turns {
-            assert!(table.pressure_kpa.windows(2).all(|pair| f64::from(pair[1] - pair[0]) * sign >= 0.0));
+            let step = |pair: &[(f64, Reading)]| f64::from(pair[1].1.kpa as f32 - pair[0].1.kpa as f32);
+            assert!(readings.windows(2).all(|pair| step(pair) * sign >= 0.0));
         }
     }
 }
@@ -130,5 +135,6 @@ fn a_model_survives_json() {
     let text = serde_json::to_string(&model).unwrap();
     assert!(!text.contains("null,\"status\""), "{text}");
     let back: TaxelModel = serde_json::from_str(&text).unwrap();
-    assert_eq!(back.tabulate(0.0), model.tabulate(0.0));
+    let read = |model: &TaxelModel| (0..=u8::MAX).map(|raw| model.evaluate(raw.into())).collect::<Vec<_>>();
+    assert_eq!(read(&back), read(&model));
 }

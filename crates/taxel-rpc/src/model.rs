@@ -140,7 +140,6 @@ fn in_use(recorded: &Recorded) -> BTreeMap<String, f64> {
     let with_plays = recorded.taxels.iter().flatten().filter(|taxel| taxel.plays.is_some()).count();
     figures([
         ("smooth_s", Some(recorded.smooth_s)),
-        ("lag_s", Some(recorded.lag_s)),
         ("zero_return_counts", recorded.zero_return.map(|zero| zero.rms)),
         ("plays_error_ratio", recorded.plays_error_ratio),
         ("taxels_with_plays", Some(with_plays as f64)),

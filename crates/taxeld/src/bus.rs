@@ -106,7 +106,7 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
         // The kernel marks what a process of this machine sent, and that anybody may.
         BusEvent::Error { error, local: true } => {
             tracing::debug!(bus, %error, "an error frame that is not the controller's");
-            Some(BusNotice::Forged)
+            None
         }
         BusEvent::Error { error, local: false } => {
             tracing::debug!(bus, %error, "error frame");
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn an_error_frame_of_a_process_of_this_machine_is_no_error_of_the_bus() {
-        assert_eq!(told(BusError::BusOff, true), Some(BusNotice::Forged));
+        assert_eq!(told(BusError::BusOff, true), None);
         assert_eq!(told(BusError::BusOff, false), Some(BusNotice::BusOff));
     }
 

@@ -10,10 +10,6 @@ use taxel_wire::{CanId, Frame};
 use crate::fnv::Fnv;
 use crate::intake::cells::{DevicePlan, Sender};
 
-/// What stands before them, and instead of them where there are none.
-const COMMANDS: &str = "commands ";
-const NONE: &str = "no commands";
-
 /// Longer words would make the line too long for a model set: a number stands for them.
 const WORDS_BYTES_MAX: usize = 200;
 
@@ -40,19 +36,11 @@ impl Commands {
         hash.push(words.as_bytes());
         Some(Self(format!("{} of sum {:08x}", sent.len(), hash.sum())))
     }
-
-    /// What the words tell; `None` if they are none of its own.
-    pub fn read(text: &str) -> Option<Self> {
-        if text == NONE {
-            return Some(Self(String::new()));
-        }
-        text.strip_prefix(COMMANDS).filter(|words| !words.is_empty()).map(|words| Self(words.to_owned()))
-    }
 }
 
 impl fmt::Display for Commands {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.0.is_empty() { f.write_str(NONE) } else { write!(f, "{COMMANDS}{}", self.0) }
+        if self.0.is_empty() { f.write_str("no commands") } else { write!(f, "commands {}", self.0) }
     }
 }
 
@@ -110,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn many_commands_are_told_by_a_number_and_what_is_written_is_read() {
+    fn many_commands_are_told_by_a_number() {
         let many = |last: u8| {
             let all: Vec<[u8; 2]> = (0..200).map(|n| [n, if n == 199 { last } else { 0 }]).collect();
             of(&all.iter().map(|bytes| (5, 0, bytes.as_slice())).collect::<Vec<_>>())
@@ -118,10 +106,6 @@ mod tests {
         let (long, other) = (many(0), many(1));
         assert_ne!(long, other);
         assert!(long.to_string().starts_with("commands 200 of sum "), "{long}");
-        for commands in [long, other, of(&[(5, 0, &[1, 1])]), of(&[])] {
-            assert_eq!(Commands::read(&commands.to_string()), Some(commands));
-        }
-        assert!(["commands ", "command 01", "no command", ""].iter().all(|text| Commands::read(text).is_none()));
     }
 
     #[test]

@@ -34,12 +34,6 @@ impl Signals {
         }
         (!taxels.is_empty()).then_some(Self(hash.sum()))
     }
-
-    /// What the words tell; `None` if they are none of its own.
-    pub fn read(text: &str) -> Option<Self> {
-        let digits = text.strip_prefix("signals ").filter(|digits| digits.len() == 8)?;
-        u32::from_str_radix(digits, 16).ok().map(Self)
-    }
 }
 
 impl fmt::Display for Signals {
@@ -115,13 +109,5 @@ mod tests {
         let mut signed = frames([10, 11], [0, 0], 8);
         signed[0].counts[0].1.field = BitField::new(8, 16, ByteOrder::Little, true).unwrap();
         assert_ne!(Signals::of(&signed), Some(known), "a number with a sign is another");
-    }
-
-    #[test]
-    fn what_is_written_is_read() {
-        let known = Signals::of(&frames([10, 11], [0, 0], 8)).unwrap();
-        assert_eq!(Signals::read(&known.to_string()), Some(known));
-        assert_eq!(Signals::read("signals 0000002a"), Some(Signals(42)));
-        assert!(["signals 2a", "signals 0000002g", "0000002a", ""].iter().all(|text| Signals::read(text).is_none()));
     }
 }

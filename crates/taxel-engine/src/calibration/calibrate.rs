@@ -59,19 +59,16 @@ pub struct Calibration {
 
 impl Calibration {
     /// No session.
-    #[must_use]
     pub const fn new(plan: CalibrationPlan) -> Self {
         Self { plan, session: None, fits: 0, dirty: false, shown: Time::from_nanos(i64::MIN) }
     }
 
     /// The session that holds the patch or was the last to.
-    #[must_use]
     pub fn session(&self) -> Option<&SessionView> {
         self.session.as_ref().map(SessionRun::view)
     }
 
     /// The session that holds the patch now.
-    #[must_use]
     pub fn open(&self) -> Option<&SessionView> {
         self.session().filter(|view| view.state.is_open())
     }
@@ -82,10 +79,7 @@ impl Calibration {
     /// [`Rejection::FailedPrecondition`] with the session, its state and what to do.
     pub fn refuse_if_open(&self, then: &str) -> Result<(), Rejection> {
         let Some(open) = self.open() else { return Ok(()) };
-        Err(Rejection::FailedPrecondition(
-            ErrorReason::SessionOpen,
-            format!("session {} is {}; {then}", open.number, open.state.name()),
-        ))
+        Err(ErrorReason::SessionOpen.because(format!("session {} is {}; {then}", open.number, open.state.name())))
     }
 
     /// Refuses a command that cannot be given to the session in its present state.
@@ -99,13 +93,11 @@ impl Calibration {
     }
 
     /// Whether scans are offered to a ramp now.
-    #[must_use]
     pub fn is_ramping(&self) -> bool {
         self.session().is_some_and(|view| view.state == SessionState::Ramping)
     }
 
     /// Whether a module was left out of the session by its operator.
-    #[must_use]
     pub fn leaves_out(&self, module: usize) -> bool {
         self.session().is_some_and(|view| view.left_out.iter().any(|m| usize::from(*m) == module))
     }
@@ -120,23 +112,6 @@ impl Calibration {
     /// Takes up a session of an earlier run with the samples that were on disk.
     pub fn resume(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
         self.session = Some(SessionRun::resume(now, view, self.plan.session, self.plan.taxels, samples));
-    }
-
-    /// Begins a session that goes on from the samples of another one. The caller has checked that none is open.
-    pub fn succeed(
-        &mut self,
-        now: Now,
-        view: SessionView,
-        samples: SessionSamples,
-        gauge: &GaugeHistory,
-        events: &mut Vec<CalibrationEvent>,
-    ) {
-        let mut records = Vec::new();
-        let (limits, taxels) = (self.plan.session, self.plan.taxels);
-        self.session = Some(SessionRun::succeed(now, view, limits, taxels, samples, &mut records));
-        self.enter(now, SessionState::Taring, "", gauge, events);
-        events.extend(records.into_iter().map(CalibrationEvent::Record));
-        self.want_zero(events);
     }
 
     /// The session was deleted. The caller has checked that it is not open.
@@ -165,7 +140,7 @@ impl Calibration {
         match command {
             Trigger::FinishRamp if session.check_plateaus().is_err() => {
                 let why = session.check_plateaus().err().unwrap_or_default();
-                return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+                return Err(ErrorReason::SessionWrongState.because(why));
             }
             Trigger::FinishRamp if session.is_typed() => {
                 session.explain(String::new()); // what was to be done next
@@ -196,7 +171,7 @@ impl Calibration {
         let Some(session) = self.session.as_mut().filter(|session| session.view().state == SessionState::Ramping)
         else {
             let why = "no ramp is under way: taxeld calibrate".to_owned();
-            return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+            return Err(ErrorReason::SessionWrongState.because(why));
         };
         let mut records = Vec::new();
         let taken = session.take_plateau(now.time, kpa, &mut records);
@@ -204,7 +179,7 @@ impl Calibration {
         match taken {
             Ok(Progress::RampEnded) => self.fit(now, gauge, events),
             Ok(_) => self.tell(now, gauge, events),
-            Err(why) => return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why)),
+            Err(why) => return Err(ErrorReason::SessionWrongState.because(why)),
         }
         Ok(())
     }
@@ -232,7 +207,6 @@ impl Calibration {
     }
 
     /// The zero that the models of the session will refer to, as far as it has come.
-    #[must_use]
     pub fn rest(&self) -> Option<&[TaxelBaseline]> {
         self.session.as_ref()?.samples().rest()
     }
@@ -337,7 +311,6 @@ impl Calibration {
     }
 
     /// Whether the outcome of a fit is the one that this session waits for.
-    #[must_use]
     pub fn awaits(&self, outcome: &FitOutcome) -> bool {
         let of_session =
             |view: &SessionView| view.number == outcome.session && transition(view.state, Trigger::Fitted).is_some();
@@ -441,7 +414,6 @@ impl Calibration {
     }
 
     /// When the progress is to be shown next; a session that holds its patch is looked at then, too.
-    #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let reviewed = || self.session().is_some_and(|view| view.state == SessionState::Review);
         (self.dirty || self.open().is_some() || reviewed()).then(|| self.shown.max(Time::default()) + SHOW_EVERY)

@@ -32,7 +32,6 @@ pub struct CalibrationPlan {
 
 impl CalibrationPlan {
     /// How a session over these branches is fitted.
-    #[must_use]
     pub fn recipe(&self, branch: Branch) -> FitRecipe {
         FitRecipe {
             options: self.fit,

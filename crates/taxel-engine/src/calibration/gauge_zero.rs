@@ -47,17 +47,9 @@ impl GaugeZero {
         sample.pressure_kpa - zero.and_then(|(_, kpa)| *kpa).unwrap_or(self.mean_kpa)
     }
 
-    /// Standard uncertainty of what was taken off, kPa: that of a rectangle as wide as the greatest. Where a ramp has the zero of the
-    /// others its own may have been anything up to its least pressure, and that is all in doubt.
-    pub fn doubt_kpa(&self, samples: &[Sample]) -> f64 {
-        let known = self.greatest_kpa();
-        let unknown = |ramp: u16| self.ramps.iter().any(|(of, kpa)| *of == ramp && kpa.is_none());
-        let of_known = self.ramps.iter().filter(|(_, kpa)| kpa.is_some()).count();
-        if of_known == 0 || of_known == self.ramps.len() {
-            return known / 3.0_f64.sqrt();
-        }
-        let read = samples.iter().filter(|sample| unknown(sample.ramp)).map(|sample| sample.pressure_kpa.max(0.0));
-        known.max(read.reduce(f64::min).unwrap_or(0.0))
+    /// Standard uncertainty of what was taken off, kPa: that of a rectangle as wide as the greatest.
+    pub fn doubt_kpa(&self) -> f64 {
+        self.greatest_kpa() / 3.0_f64.sqrt()
     }
 
     /// In words, for the method of a set; nothing where it is as good as none.
@@ -66,12 +58,6 @@ impl GaugeZero {
         if self.greatest_kpa() < TOLD_FROM_KPA {
             return String::new();
         }
-        let unknown = self.ramps.len() - zeros.len();
-        let unknown = if unknown > 0 {
-            format!(", their mean in {unknown} ramps where that is not known")
-        } else {
-            String::new()
-        };
         let told = if let [first, .., last] = self.sorted().as_slice()
             && zeros.len() > TOLD_MAX
         {
@@ -79,7 +65,7 @@ impl GaugeZero {
         } else {
             zeros.join(" and ")
         };
-        format!(", less {told} kPa that the gauge read at rest{unknown}")
+        format!(", less {told} kPa that the gauge read at rest")
     }
 
     fn sorted(&self) -> Vec<f64> {
@@ -119,7 +105,7 @@ impl SessionSamples {
     /// kPa. The set has it in its offset.
     #[must_use]
     pub fn gauge_zero_doubt_kpa(&self, set: &ModelSet) -> f64 {
-        GaugeZero::of(&self.ramps).doubt_kpa(&self.samples) * steeper_at_rest(&set.taxels, &set.baseline)
+        GaugeZero::of(&self.ramps).doubt_kpa() * steeper_at_rest(&set.taxels, &set.baseline)
     }
 }
 
@@ -139,25 +125,15 @@ mod tests {
     fn each_ramp_is_taken_from_its_own_zero_and_the_farthest_stays_in_doubt() {
         let zero = GaugeZero::of(&[begun(0, Some(-0.3)), begun(1, Some(6.0))]);
         assert_eq!([0, 1].map(|ramp| zero.pressure_kpa(&read(ramp, 20.0))), [20.3, 14.0]);
-        assert!((zero.doubt_kpa(&[]) - 6.0 / 3.0_f64.sqrt()).abs() < 1e-12);
+        assert!((zero.doubt_kpa() - 6.0 / 3.0_f64.sqrt()).abs() < 1e-12);
         assert_eq!(zero.told(), ", less -0.3 and 6.0 kPa that the gauge read at rest");
     }
 
     #[test]
-    fn a_ramp_whose_zero_is_not_known_has_that_of_the_others_and_all_of_it_in_doubt() {
+    fn a_ramp_whose_zero_is_not_known_has_the_mean_of_the_others() {
         let zero = GaugeZero::of(&[begun(0, None), begun(1, Some(5.0)), begun(2, Some(6.0)), begun(3, Some(f64::NAN))]);
         let pressures = [0, 1, 2, 3].map(|ramp| zero.pressure_kpa(&read(ramp, 20.0)));
-        assert_eq!((pressures, zero.doubt_kpa(&[read(0, 4.0)])), ([14.5, 15.0, 14.0, 14.5], 6.0));
-        let doubt = GaugeZero::of(&[begun(0, None), begun(1, Some(0.01))]).doubt_kpa(&[
-            read(1, 0.5),
-            read(0, 7.0),
-            read(0, 6.5),
-        ]);
-        assert_eq!(doubt, 6.5, "an earlier session of a gauge that was mended since");
-        let at_nothing = GaugeZero::of(&[begun(0, None), begun(1, Some(0.0))]).doubt_kpa(&[read(0, 6.5)]);
-        assert_eq!(at_nothing, 6.5, "a gauge of coarse steps that reads nothing");
-        let told = ", less 5.0 and 6.0 kPa that the gauge read at rest, their mean in 2 ramps where that is not known";
-        assert_eq!(zero.told(), told);
+        assert_eq!(pressures, [14.5, 15.0, 14.0, 14.5]);
     }
 
     #[test]
@@ -171,7 +147,7 @@ mod tests {
     fn of_a_gauge_that_reads_nothing_at_rest_nothing_is_told() {
         for ramps in [vec![], vec![begun(0, None)], vec![begun(0, Some(0.05))]] {
             let zero = GaugeZero::of(&ramps);
-            assert!(zero.told().is_empty() && zero.doubt_kpa(&[]) < 0.03, "{ramps:?}");
+            assert!(zero.told().is_empty() && zero.doubt_kpa() < 0.03, "{ramps:?}");
             assert!((zero.pressure_kpa(&read(0, 20.0)) - 20.0).abs() < 0.06, "{ramps:?}");
         }
     }

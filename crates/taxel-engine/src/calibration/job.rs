@@ -10,20 +10,17 @@ use taxel_model::{OneByOne, TaxelModel};
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
-use crate::calibration::fit::course::{Course, session_clock};
+use crate::calibration::fit::course::{falling, session_clock};
 use crate::calibration::fit::masks::Masks;
+use crate::calibration::fit::paper;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::SkinScans;
-use crate::calibration::fit::{lag, paper};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::calibration::plateau::scatter_kpa;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::model_set::{Maker, ModelSet, Recorded, ZeroReturn};
 use crate::statistics::root_mean_square;
-
-/// How far a lag between gauge and counts is looked for, seconds: far beyond what two clocks on one bus make.
-const LAG_MAX_S: f64 = 0.5;
 
 /// Between two ramps a zero that moved by more than this, root mean square in counts, did not return: the boards took a
 /// new one. Days move it by 3.
@@ -98,9 +95,9 @@ impl FitJob {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
         let kpa = self.samples.pressures_kpa();
-        let (course, recipe) = (Course::of_session(samples, self.recipe.branch), &self.recipe);
+        let (falling, recipe) = (falling(samples, self.recipe.branch), &self.recipe);
         refuse_gaps(&kpa)?;
-        refuse_rise_alone(recipe.branch, &course)?;
+        refuse_rise_alone(recipe.branch, &falling)?;
         let taxels = first.counts.counts().len();
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
         let time_s = session_clock(samples, f64::from(recipe.faults.stale_after_s));
@@ -113,7 +110,7 @@ impl FitJob {
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_last_zero(taxel, column));
         let scans = scans(&time_s, &columns);
         let (mut models, method, recorded) = if recipe.is_paper() {
-            let models = paper::models(&scans, &kpa, &course, recipe, &OneByOne);
+            let models = paper::models(&scans, &kpa, &falling, recipe, &OneByOne);
             (models, paper::method(&recipe.options), None)
         } else {
             let fitted = SkinScans { scans: &scans, masks: &masks, kpa: &kpa, zeros: Some(rest), smooth_s: 0.0 }
@@ -123,7 +120,7 @@ impl FitJob {
                 smooth_s: 0.0,
                 plays_mean_s: fitted.plays_mean_s,
                 module_size: recipe.module_size,
-                lag_s: lag::estimate(&scans, &kpa, &masks, course.stretches(), LAG_MAX_S),
+                lag_s: 0.0,
                 zero_return: self.zero_between_ramps(&fitted.models),
                 clock: None,
                 plays_error_ratio: fitted.plays_error_ratio,
@@ -138,7 +135,7 @@ impl FitJob {
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
-        let doubt_kpa = gauge_zero.doubt_kpa(samples) * steeper_at_rest(&models, rest);
+        let doubt_kpa = gauge_zero.doubt_kpa() * steeper_at_rest(&models, rest);
         // All taxels share what was typed wrong, as they share the gauge.
         let offset_kpa = doubt_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(scatter_kpa(&self.samples));
         models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
@@ -230,8 +227,8 @@ pub(super) fn refuse_gaps(kpa: &[f64]) -> Result<(), String> {
 }
 
 /// Whether a fit over both branches has both.
-fn refuse_rise_alone(branch: Branch, course: &Course) -> Result<(), String> {
-    if branch == Branch::Rising || course.falling().contains(&true) {
+fn refuse_rise_alone(branch: Branch, falling: &[bool]) -> Result<(), String> {
+    if branch == Branch::Rising || falling.contains(&true) {
         return Ok(());
     }
     let why = "nothing was gathered while the pressure fell, so nothing is known of the hysteresis: let it fall slowly after another \

@@ -1,31 +1,29 @@
 //! From rising pressure to models: the session, its ramps, its fit, and the fit of whole recordings.
 
-pub mod branch;
-pub mod calibrate;
+pub(crate) mod branch;
+pub(crate) mod calibrate;
 #[cfg(test)]
 mod calibrate_tests;
-pub mod calibration_plan;
+pub(crate) mod calibration_plan;
 pub mod export;
 pub mod fit;
 mod gauge_zero;
-pub mod job;
+pub(crate) mod job;
 #[cfg(test)]
 mod job_tests;
-pub mod limits;
-pub mod plateau;
-pub mod ramp;
-pub mod refit;
-pub mod rise;
-pub mod samples;
-pub mod session;
+pub(crate) mod limits;
+pub(crate) mod plateau;
+mod ramp;
+mod refit;
+mod rise;
+pub(crate) mod samples;
+pub(crate) mod session;
 #[cfg(test)]
 mod session_tests;
-pub mod transition;
-pub mod view;
+pub(crate) mod transition;
+pub(crate) mod view;
 
-pub use branch::{Branch, Direction, PlaysChoice};
-pub use calibrate::{Calibration, CalibrationEvent};
-pub use calibration_plan::CalibrationPlan;
+pub use branch::{Branch, Direction};
 pub use job::{FitJob, FitOutcome};
 pub use limits::SessionLimits;
 pub use plateau::{PLATEAUS_MIN, PlateauView};

@@ -76,7 +76,6 @@ enum Holding {
 
 impl Plateaus {
     /// A ramp begins, of which nothing was typed.
-    #[must_use]
     pub fn begin(now: Time) -> Self {
         Self { since: now, ..Self::default() }
     }
@@ -99,25 +98,21 @@ impl Plateaus {
     }
 
     /// When the plateau before was taken, or the ramp began.
-    #[must_use]
     pub const fn since(&self) -> Time {
         self.since
     }
 
     /// What was typed last, kPa.
-    #[must_use]
     pub fn last_kpa(&self) -> Option<f64> {
         self.last.map(|(kpa, _)| kpa)
     }
 
     /// Whether the skin has settled at a new pressure.
-    #[must_use]
     pub fn is_settled(&self) -> bool {
         self.holding(1.0) == Holding::Settled
     }
 
     /// What the operator is to do now, in words; `taken` plateaus of the session count.
-    #[must_use]
     pub fn advice(&self, taken: usize, limits: &SessionLimits) -> String {
         match (self.holding(1.0), self.last_kpa()) {
             (Holding::Settled, _) => "the skin has settled: read the dial and type what it shows".to_owned(),
@@ -230,7 +225,6 @@ fn mean<'a>(scans: impl Iterator<Item = &'a (Pending, f64)>) -> f64 {
 impl SessionSamples {
     /// How many plateaus there are above those of the vented bag: runs of samples of one ramp at one pressure, of which the first of
     /// each ramp is the vented bag's.
-    #[must_use]
     pub fn plateaus(&self) -> usize {
         let runs = self.samples.chunk_by(|a, b| a.ramp == b.ramp && a.pressure_kpa == b.pressure_kpa).count();
         runs - self.samples.chunk_by(|a, b| a.ramp == b.ramp).count()
@@ -239,7 +233,6 @@ impl SessionSamples {
 
 /// Of what was typed, how far the pressure may have moved within a plateau, root mean square over all, in kPa: the scatter of the
 /// skin's mean within each, by what it moves from plateau to plateau. 0 of samples that a gauge came with.
-#[must_use]
 pub fn scatter_kpa(samples: &SessionSamples) -> f64 {
     let runs: Vec<(Kilopascal, f64, f64)> = samples
         .samples

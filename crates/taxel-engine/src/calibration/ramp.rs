@@ -50,20 +50,17 @@ pub enum Gate {
 
 impl Ramp {
     /// A branch of a ramp that begins now. `gauge_zero`: when the gauge last read its own zero; without one nothing enters.
-    #[must_use]
     pub const fn new(now: Time, direction: Direction, gauge_zero: Option<Time>) -> Self {
         Self { direction, gauge_zero, off_since: None, reached: f64::NEG_INFINITY, progress: now }
     }
 
     /// The other branch of the same ramp, which begins now.
-    #[must_use]
     pub fn turned(&self, now: Time, direction: Direction) -> Self {
         Self { off_since: self.off_since, ..Self::new(now, direction, self.gauge_zero) }
     }
 
     /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
     /// and has not been for a second. A fall to what a vented bag has is a vent and no jump: a slow gauge sees one in a single step.
-    #[must_use]
     pub fn why_void(&self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> Option<String> {
         let since = self.gauge_zero?;
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
@@ -130,19 +127,16 @@ impl Ramp {
     }
 
     /// Which branch this is.
-    #[must_use]
     pub const fn direction(&self) -> Direction {
         self.direction
     }
 
     /// Whether a sample was accepted on this branch.
-    #[must_use]
     pub const fn has_begun(&self) -> bool {
         self.reached > f64::NEG_INFINITY
     }
 
     /// When the last sample was accepted, or the branch began.
-    #[must_use]
     pub const fn progress(&self) -> Time {
         self.progress
     }

@@ -10,7 +10,7 @@ use taxel_skin::CountRange;
 use crate::board_settings::differ_in;
 use crate::calibration::branch::Branch;
 use crate::calibration::calibration_plan::CalibrationPlan;
-use crate::calibration::fit::course::Course;
+use crate::calibration::fit::course::falling;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::job::FitJob;
 use crate::calibration::samples::{RampBaseline, SessionSamples};
@@ -122,12 +122,8 @@ impl Refit {
                 "session {number} has samples of {has} taxels, patch `{patch}` has {wants}: it is of another layout"
             )
         };
-        refuse(ErrorReason::LayoutChanged, why)
+        Err(ErrorReason::LayoutChanged.because(why))
     }
-}
-
-fn refuse<T>(reason: ErrorReason, why: String) -> Result<T, Rejection> {
-    Err(Rejection::FailedPrecondition(reason, why))
 }
 
 fn invalid<T>(field: &'static str, problem: String) -> Result<T, Rejection> {
@@ -148,16 +144,12 @@ fn check_names(sessions: &[StoredSession]) -> Result<(), Rejection> {
 fn check_session(plan: &CalibrationPlan, view: &SessionView) -> Result<(), Rejection> {
     let (number, patch) = (view.number, &plan.patch);
     if view.patch != *patch {
-        return refuse(
-            ErrorReason::SessionsDiffer,
-            format!("session {number} is of patch `{}`, the others are of `{patch}`", view.patch),
-        );
+        let why = format!("session {number} is of patch `{}`, the others are of `{patch}`", view.patch);
+        return Err(ErrorReason::SessionsDiffer.because(why));
     }
     if view.state.is_open() {
-        return refuse(
-            ErrorReason::SessionOpen,
-            format!("session {number} is {}; finish or abort it first", view.state.name()),
-        );
+        let why = format!("session {number} is {}; finish or abort it first", view.state.name());
+        return Err(ErrorReason::SessionOpen.because(why));
     }
     view.check_trusted()?;
     let modules = plan.modules.len();
@@ -166,7 +158,7 @@ fn check_session(plan: &CalibrationPlan, view: &SessionView) -> Result<(), Rejec
             let place = usize::from(*module) + 1;
             let why =
                 format!("session {number} was without module {place} of patch `{patch}`, which has {modules} now");
-            refuse(ErrorReason::LayoutChanged, why)
+            Err(ErrorReason::LayoutChanged.because(why))
         }
         None => Ok(()),
     }
@@ -178,10 +170,8 @@ fn check_size(plan: &CalibrationPlan, samples: u64) -> Result<(), Rejection> {
     if samples <= most {
         return Ok(());
     }
-    refuse(
-        ErrorReason::SessionsTooLarge,
-        format!("the sessions have {samples} scans together, and {most} is the most that are fitted at once"),
-    )
+    let why = format!("the sessions have {samples} scans together, and {most} is the most that are fitted at once");
+    Err(ErrorReason::SessionsTooLarge.because(why))
 }
 
 /// Counts depend on the settings of the boards, so these must be the same. The lines that tell most are those of the fit.
@@ -191,10 +181,8 @@ fn board_settings(plan: &CalibrationPlan, sessions: &[StoredSession]) -> Result<
     for (n, (first, settings)) in known.iter().enumerate() {
         let differs = known[n + 1..].iter().find_map(|(other, theirs)| Some((other, differ_in(settings, theirs)?)));
         if let Some((other, (a, b))) = differs {
-            return refuse(
-                ErrorReason::SessionsDiffer,
-                format!("the boards had other settings in session {first} ({a}) than in session {other} ({b})"),
-            );
+            let why = format!("the boards had other settings in session {first} ({a}) than in session {other} ({b})");
+            return Err(ErrorReason::SessionsDiffer.because(why));
         }
     }
     let tells_most = known.iter().max_by_key(|(_, settings)| settings.iter().map(String::len).sum::<usize>());
@@ -215,7 +203,7 @@ impl SessionSamples {
         if branch == Branch::Both {
             return self;
         }
-        let falling = Course::of_session(&self.samples, Branch::Both).falling().to_vec();
+        let falling = falling(&self.samples, Branch::Both);
         let rose = self.samples.into_iter().zip(falling).filter(|(_, falls)| !falls);
         Self { samples: rose.map(|(sample, _)| sample).collect(), ..self }
     }
@@ -227,13 +215,8 @@ fn joined(all: Vec<SessionSamples>) -> Result<SessionSamples, Rejection> {
     for samples in all {
         let first = joined.ramps.len();
         let number = |ramp: u16| {
-            let ramp = u16::try_from(first + usize::from(ramp));
-            ramp.map_err(|_| {
-                Rejection::FailedPrecondition(
-                    ErrorReason::SessionsTooLarge,
-                    "the sessions have more than 65535 ramps".to_owned(),
-                )
-            })
+            let why = "the sessions have more than 65535 ramps";
+            u16::try_from(first + usize::from(ramp)).map_err(|_| ErrorReason::SessionsTooLarge.because(why))
         };
         for ramp in samples.ramps {
             joined.ramps.push(RampBaseline { ramp: number(ramp.ramp)?, ..ramp });

@@ -42,7 +42,6 @@ impl Rise {
     }
 
     /// Why nothing enters, in words.
-    #[must_use]
     pub fn why(&self, stall: Stall) -> String {
         let Stall { kpa, target_kpa, .. } = stall;
         let seconds = stall.patience.as_secs();

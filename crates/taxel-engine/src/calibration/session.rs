@@ -83,7 +83,6 @@ pub struct SessionRun {
 
 impl SessionRun {
     /// A session that is about to watch the skin at rest.
-    #[must_use]
     pub fn new(now: Now, view: SessionView, mut limits: SessionLimits, taxels: usize) -> Self {
         limits.target = Kilopascal(view.target_kpa);
         let mut run = Self {
@@ -105,7 +104,6 @@ impl SessionRun {
     }
 
     /// Takes up an interrupted session with the samples that were on disk.
-    #[must_use]
     pub fn resume(now: Now, view: SessionView, limits: SessionLimits, taxels: usize, samples: SessionSamples) -> Self {
         let mut run = Self::new(now, view, limits, taxels);
         samples.pressures_kpa().into_iter().for_each(|kpa| run.cover(kpa));
@@ -120,33 +118,12 @@ impl SessionRun {
         run
     }
 
-    /// A session that goes on from the samples of another one. They are not its own on disk yet: all that has to be
-    /// written of them goes to `records`.
-    #[must_use]
-    pub fn succeed(
-        now: Now,
-        view: SessionView,
-        limits: SessionLimits,
-        taxels: usize,
-        samples: SessionSamples,
-        records: &mut Vec<SessionRecord>,
-    ) -> Self {
-        records.extend(samples.ramps.iter().cloned().map(SessionRecord::Ramp));
-        let sample = |(index, sample): (u64, &Sample)| SessionRecord::Sample { index, sample: sample.clone() };
-        records.extend((0..).zip(&samples.samples).map(sample));
-        let mut run = Self::resume(now, view, limits, taxels, samples);
-        run.view.durable = 0;
-        run
-    }
-
     /// What the world sees.
-    #[must_use]
     pub const fn view(&self) -> &SessionView {
         &self.view
     }
 
     /// Everything gathered so far.
-    #[must_use]
     pub const fn samples(&self) -> &Arc<SessionSamples> {
         &self.samples
     }
@@ -164,7 +141,6 @@ impl SessionRun {
     }
 
     /// When it reached its present state, on the run's clock.
-    #[must_use]
     pub const fn entered(&self) -> Time {
         self.entered
     }
@@ -335,7 +311,6 @@ impl SessionRun {
     }
 
     /// Whether scans with silent modules are what keeps samples out.
-    #[must_use]
     pub const fn lacks_modules(&self) -> bool {
         self.stale_since_progress > 0
     }

@@ -24,21 +24,17 @@ pub enum Trigger {
     Hopeless,
     /// What entered the ramp cannot be trusted.
     Void,
-    /// The ramp has reached its end.
-    RampOver,
     /// The fit gave a model set.
     Fitted,
     /// The fit gave none.
     FitFailed,
     /// The store takes nothing any more.
     StoreFailed,
-    /// The daemon was started anew.
-    Restart,
 }
 
 impl Trigger {
     /// Every trigger.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 12] = [
         Self::StartRamp,
         Self::FinishRamp,
         Self::Abort,
@@ -48,15 +44,12 @@ impl Trigger {
         Self::ZeroLost,
         Self::Hopeless,
         Self::Void,
-        Self::RampOver,
         Self::Fitted,
         Self::FitFailed,
         Self::StoreFailed,
-        Self::Restart,
     ];
 
     /// Why a session is in the state that an operator's command ended it with, in words.
-    #[must_use]
     pub const fn reason(self) -> &'static str {
         match self {
             Self::Abort => "an operator aborted it",
@@ -80,13 +73,12 @@ impl Trigger {
 /// The state after `trigger`; `None` where it changes nothing or, of a command, is refused.
 ///
 /// A command to finish a ramp over both branches turns it first, which is no change of state.
-#[must_use]
 pub const fn transition(state: SessionState, trigger: Trigger) -> Option<SessionState> {
     use SessionState as S;
     use Trigger as T;
     match (trigger, state) {
         (T::StartRamp, S::Review | S::Interrupted | S::Failed | S::Aborted) => Some(S::Taring),
-        (T::FinishRamp, S::Ramping | S::Interrupted | S::Failed) | (T::RampOver, S::Ramping) => Some(S::Fitting),
+        (T::FinishRamp, S::Ramping | S::Interrupted | S::Failed) => Some(S::Fitting),
         (T::Abort, S::Taring | S::Ramping | S::Fitting | S::Interrupted) => Some(S::Aborted),
         (T::Discard, S::Review | S::Discarded | S::Aborted | S::Failed | S::Interrupted) => Some(S::Discarded),
         (T::Void, S::Ramping) => Some(S::Discarded),
@@ -96,7 +88,6 @@ pub const fn transition(state: SessionState, trigger: Trigger) -> Option<Session
         }
         (T::Fitted, S::Fitting) => Some(S::Review),
         (T::StoreFailed, S::Taring | S::Ramping | S::Fitting) => Some(S::Failed),
-        (T::Restart, S::Taring | S::Ramping | S::Fitting) => Some(S::Interrupted),
         _ => None,
     }
 }
@@ -107,15 +98,17 @@ pub const fn transition(state: SessionState, trigger: Trigger) -> Option<Session
 /// [`Rejection::FailedPrecondition`], naming the state and those in which it can be done.
 pub fn commanded(number: u64, state: SessionState, command: Trigger) -> Result<SessionState, Rejection> {
     transition(state, command).ok_or_else(|| {
-        // A ramp after a session in use begins another session, which is no change of the one that is named.
-        let succeeded = |state: SessionState| command == Trigger::StartRamp && state == SessionState::Active;
-        let words = SessionState::ALL.into_iter().filter(|s| transition(*s, command).is_some() || succeeded(*s));
+        let words = SessionState::ALL.into_iter().filter(|s| transition(*s, command).is_some());
         let words: Vec<&str> = words.map(SessionState::name).collect();
         let (is, what) = (state.name(), command.what());
-        Rejection::FailedPrecondition(
-            ErrorReason::SessionWrongState,
-            format!("session {number} is {is}; {what} only in {}", words.join(", ")),
-        )
+        let instead = match (state, command) {
+            (SessionState::Active, Trigger::StartRamp) => {
+                format!(". Gather it in a new session, and fit both: taxeld sessions refit {number} NEW")
+            }
+            _ => String::new(),
+        };
+        let words = words.join(", ");
+        ErrorReason::SessionWrongState.because(format!("session {number} is {is}; {what} only in {words}{instead}"))
     })
 }
 
@@ -126,7 +119,7 @@ mod tests {
     /// Every cell. A row is a trigger; where it leads from each state of [`SessionState::ALL`], by its first letters.
     #[test]
     fn the_table_is_this_one() {
-        const TABLE: [(Trigger, &str); 14] = [
+        const TABLE: [(Trigger, &str); 12] = [
             //                      Tar Ram Fit Rev Act Dis Abo Fai Int
             (Trigger::StartRamp, "    -   -   - TAR   -   - TAR TAR TAR"),
             (Trigger::FinishRamp, "   - FIT   -   -   -   -   - FIT FIT"),
@@ -137,11 +130,9 @@ mod tests {
             (Trigger::ZeroLost, "     - FAI   -   -   -   -   -   -   -"),
             (Trigger::Hopeless, "     - FAI   -   -   -   -   -   -   -"),
             (Trigger::Void, "         - DIS   -   -   -   -   -   -   -"),
-            (Trigger::RampOver, "     - FIT   -   -   -   -   -   -   -"),
             (Trigger::Fitted, "       -   - REV   -   -   -   -   -   -"),
             (Trigger::FitFailed, "    -   - FAI   -   -   -   -   -   -"),
             (Trigger::StoreFailed, "FAI FAI FAI   -   -   -   -   -   -"),
-            (Trigger::Restart, "    INT INT INT   -   -   -   -   -   -"),
         ];
         assert_eq!(TABLE.map(|(trigger, _)| trigger), Trigger::ALL);
         for (trigger, row) in TABLE {
@@ -161,6 +152,11 @@ mod tests {
         assert_eq!(
             why(Trigger::FinishRamp),
             "session 3 is ACTIVE; a ramp can be finished only in RAMPING, FAILED, INTERRUPTED"
+        );
+        assert_eq!(
+            why(Trigger::StartRamp),
+            "session 3 is ACTIVE; a ramp can begin only in REVIEW, ABORTED, FAILED, INTERRUPTED. Gather it in a new session, and fit \
+             both: taxeld sessions refit 3 NEW"
         );
         assert!(why(Trigger::Abort).contains("a session can be aborted only in TARING, RAMPING, FITTING"));
         assert!(why(Trigger::Discard).contains("a session can be discarded only in REVIEW, DISCARDED"));

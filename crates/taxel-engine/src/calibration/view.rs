@@ -184,8 +184,6 @@ pub struct SessionView {
     pub changed_wall_ns: i64,
     /// Who confirmed that the skin was unloaded, if someone did.
     pub confirmed_by: Option<String>,
-    /// The session whose samples it goes on from, if it does: that one is in use and stays as it is.
-    pub predecessor: Option<u64>,
     /// Modules that the operator left out: positions in the patch, ascending. Their taxels get no model.
     pub left_out: Vec<u16>,
     /// How the boards were set when it began, in words, a line a board: all its samples were gathered so. Empty in sessions of
@@ -268,6 +266,6 @@ impl SessionView {
             return Ok(());
         }
         let why = format!("what session {} gathered is not fitted: {}", self.number, self.untrusted);
-        Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why))
+        Err(ErrorReason::SessionWrongState.because(why))
     }
 }

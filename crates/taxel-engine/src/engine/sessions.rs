@@ -58,6 +58,8 @@ impl Engine {
         }
         let left_out = left_out(patch, &asked.leave_out)?;
         let view = SessionView {
+            number: self.next_session,
+            started_wall_ns: now.wall_ns,
             patch: patch.name().to_owned(),
             confirmed_by: asked.confirmed_by,
             look: patch.look(now, &left_out).into(),
@@ -68,7 +70,13 @@ impl Engine {
             branches,
             ..SessionView::default()
         };
-        self.begin(now, index, view, None, out)
+        self.next_session += 1;
+        self.with_patch(now, index, out, |patch, effects| {
+            patch.with_session(now, effects, |calibration, intake, events| {
+                calibration.start(now, view, intake.gauge(), events);
+            });
+        });
+        self.patches[index].held_session().map(Done::Session)
     }
 
     /// The patch at this position, if a session can begin on it now.
@@ -84,26 +92,6 @@ impl Engine {
         patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
         Ok(patch)
-    }
-
-    /// Begins a session under the next number, with the samples of the one that it goes on from. Everything was checked.
-    fn begin(
-        &mut self,
-        now: Now,
-        index: usize,
-        view: SessionView,
-        samples: Option<SessionSamples>,
-        out: &mut Vec<Output>,
-    ) -> Reply {
-        let view = SessionView { number: self.next_session, started_wall_ns: now.wall_ns, ..view };
-        self.next_session += 1;
-        self.with_patch(now, index, out, |patch, effects| {
-            patch.with_session(now, effects, |calibration, intake, events| match samples {
-                Some(samples) => calibration.succeed(now, view, samples, intake.gauge(), events),
-                None => calibration.start(now, view, intake.gauge(), events),
-            });
-        });
-        self.patches[index].held_session().map(Done::Session)
     }
 
     /// What an operator asks of a session, and why. The samples of one that no patch holds are read first.
@@ -158,12 +146,6 @@ impl Engine {
             self.room_for_model_set()?;
             self.check_settings(number)?;
         }
-        if self.is_succeeded(number, command) {
-            let index = self.check_successor(now, number)?;
-            let Some(read) = read else { return Ok(None) };
-            let samples = self.usable_samples(index, number, read)?;
-            return self.begin_successor(now, index, number, samples, out).map(Some);
-        }
         if let Some(index) = self.held(number) {
             return self.command_held(now, index, (command, why), out).map(Some);
         }
@@ -178,10 +160,10 @@ impl Engine {
         self.command_held(now, index, (command, why), out).map(Some)
     }
 
-    /// A session whose models are in use stays as it is. Another ramp begins a session of its own.
+    /// A session whose models are in use stays as it is.
     fn refuse_if_in_use(&self, number: u64, command: Trigger) -> Result<(), Rejection> {
         let state = self.sessions.get(&number).map(|view| self.seen(view).state);
-        match state.filter(|state| *state == SessionState::Active && command != Trigger::StartRamp) {
+        match state.filter(|state| *state == SessionState::Active) {
             Some(state) => commanded(number, state, command).map(|_| ()),
             None => Ok(()),
         }
@@ -315,52 +297,6 @@ impl Engine {
             return Err(ErrorReason::LayoutChanged.because(why));
         }
         Ok(samples)
-    }
-
-    /// Whether a command to a session begins a successor of it: another ramp after a session that is in use. That one stays as it
-    /// is, with its samples and its model set. Its successor has a copy of the samples on disk, so that each can be exported,
-    /// fitted again and deleted without the other.
-    pub(super) fn is_succeeded(&self, number: u64, command: Trigger) -> bool {
-        let in_use = |view: &Arc<SessionView>| self.seen(view).state == SessionState::Active;
-        command == Trigger::StartRamp && self.sessions.get(&number).is_some_and(in_use)
-    }
-
-    /// The patch on which a session in use can be succeeded.
-    pub(super) fn check_successor(&self, now: Now, number: u64) -> Result<usize, Rejection> {
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
-        view.check_trusted()?;
-        let index = self.patch_named(&view.patch)?;
-        let patch = self.check_begin(now, index)?;
-        let modules = patch.plan().patch.modules().len();
-        if view.left_out.iter().any(|module| usize::from(*module) >= modules) {
-            let why = format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name());
-            return Err(ErrorReason::LayoutChanged.because(why));
-        }
-        Ok(index)
-    }
-
-    /// Begins it. Everything was checked, and nothing has happened since.
-    pub(super) fn begin_successor(
-        &mut self,
-        now: Now,
-        index: usize,
-        number: u64,
-        samples: SessionSamples,
-        out: &mut Vec<Output>,
-    ) -> Reply {
-        let of = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
-        let view = SessionView {
-            patch: of.patch.clone(),
-            confirmed_by: of.confirmed_by.clone(),
-            predecessor: Some(number),
-            left_out: of.left_out.clone(),
-            board_settings: Arc::clone(&of.board_settings),
-            gauge: of.gauge.clone(),
-            target_kpa: of.target_kpa,
-            branches: of.branches,
-            ..SessionView::default()
-        };
-        self.begin(now, index, view, Some(samples), out)
     }
 
     /// The patch that holds a session.

@@ -17,8 +17,6 @@ pub enum BusNotice {
     ControllerError(String),
     /// The controller reported that errors have become few again; in words.
     ControllerRecovered(String),
-    /// A process of this machine sent a frame that looks like a controller's error. It says nothing about the bus.
-    Forged,
     /// The controller left the bus: nothing it sends can be trusted until it is back.
     BusOff,
 }
@@ -72,7 +70,6 @@ impl BusState {
             BusNotice::ControllerError(what) => (health.problem, self.reported) = (what, true),
             BusNotice::ControllerRecovered(_) if self.reported => health.problem.clear(),
             BusNotice::ControllerRecovered(_) => {}
-            BusNotice::Forged => health.forged += 1,
             BusNotice::BusOff => {
                 self.on_down(now, "bus-off: the controller left the bus".to_owned());
                 return Some("the controller went bus-off; boards may have lost their zero meanwhile".to_owned());
@@ -104,8 +101,6 @@ pub struct BusHealth {
     pub last_malformed: String,
     /// Frames lost in the kernel.
     pub dropped: u64,
-    /// Error frames that a process of this machine sent, and not the controller; they change nothing.
-    pub forged: u64,
 }
 
 /// One board.

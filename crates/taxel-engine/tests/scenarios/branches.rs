@@ -68,7 +68,6 @@ fn without_hysteresis_nothing_is_compensated() {
     let recorded = set.recorded.as_ref().unwrap();
     let mut figures = recorded.taxels.iter().flatten();
     assert!(figures.all(|taxel| taxel.plays.is_none()), "{:?}", recorded.plays_error_ratio);
-    assert!(recorded.lag_s.abs() < 0.05, "{recorded:?}");
     assert!(set.method.ends_with(", hysteresis from falling"), "{}", set.method);
 }
 

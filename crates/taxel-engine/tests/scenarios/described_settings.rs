@@ -54,7 +54,7 @@ fn a_device_that_is_read_or_sent_otherwise_than_at_the_calibration_has_no_force(
     };
     for ((state, why), said) in [
         (with(&set, command), "with no commands on device 1, where the configuration has commands 01"),
-        (with(&set, swapped), "as its taxels on device 1"),
+        (with(&set, swapped), "on device 1, where the configuration has signals"),
     ] {
         assert_eq!(state, ForceState::Uncalibrated);
         assert!(why.contains(said), "{why}");

@@ -86,7 +86,9 @@ fn a_further_ramp_in_which_the_gauge_jumped_stays_out_of_every_fit() {
     bench.brought_up();
     stays_out(&mut bench, "after a restart", &[&finish, &ramp]);
     bench.activate(view.model_set.as_deref().unwrap()).unwrap();
-    stays_out(&mut bench, "with its set in use", &[&ramp]);
+    stays_out(&mut bench, "with its set in use", &[]);
+    let why = bench.refused(ramp);
+    assert!(why.starts_with("session 1 is ACTIVE; a ramp can begin only in"), "{why}");
 }
 
 #[test]

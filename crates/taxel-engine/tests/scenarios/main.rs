@@ -52,7 +52,6 @@ mod shared_boards;
 mod silence;
 mod silent_retare;
 mod stored_sets;
-mod successors;
 mod tare_under_load;
 mod typed;
 mod unseen_force;

@@ -44,15 +44,17 @@ pub fn halves() -> [PatchPlan; 2] {
 fn patches_that_share_a_board_are_fine_and_a_module_is_not() {
     assert_eq!(conflicts(&plan_of(halves().into())), []);
     let overlapping = plan_of(vec![patch("upper", &[(13, 0..4)]), patch("lower", &[(13, 3..6)])]);
-    let patches = || ["upper".to_owned(), "lower".to_owned()];
-    assert_eq!(conflicts(&overlapping), [Conflict::SharedModule { patches: patches(), board: 13, module: 3 }]);
+    let why = "module 3 of board 13 is in patch `upper` and in patch `lower`: expected in one only".to_owned();
+    assert_eq!(conflicts(&overlapping), [Conflict { patch: "lower".to_owned(), why }]);
     let twice = plan_of(vec![patch("upper", &[(13, 0..2)]), patch("lower", &[(13, 0..2)])]);
     assert_eq!(conflicts(&twice).len(), 2, "both modules: {:?}", conflicts(&twice));
 }
 
 #[test]
 fn patches_that_configure_a_board_each_in_its_way_are_a_conflict() {
-    let shared = [Conflict::SharedBoard { patches: ["upper".to_owned(), "lower".to_owned()], board: 13 }];
+    let why = "board 13 is configured by patch `upper` and by patch `lower` with other settings: expected the same period, type, \
+               no-load value and listen_only in both";
+    let shared = [Conflict { patch: "lower".to_owned(), why: why.to_owned() }];
     let change = |change: &dyn Fn(&mut PatchPlan)| {
         let [upper, mut lower] = halves();
         change(&mut lower);
@@ -70,8 +72,8 @@ fn a_gauge_with_an_identifier_of_a_board_is_a_conflict() {
         let [mut upper, lower] = halves();
         upper.gauge.as_mut().unwrap().signal.id = CanId::Standard(id);
         let found = conflicts(&plan_of(vec![upper.clone(), lower.clone()]));
-        let named =
-            found.iter().any(|c| matches!(c, Conflict::GaugeOnBoard { id: of, .. } if *of == CanId::Standard(id)));
+        let why = format!("the gauge of patch `upper` has identifier {}, with which board", CanId::Standard(id));
+        let named = found.iter().any(|conflict| conflict.patch == "upper" && conflict.why.starts_with(&why));
         assert_eq!(named, is_used, "{id:#x}: {found:?}");
         if is_used {
             let bench = Bench::new(small_world(), Arc::new(plan_of(vec![upper, lower])), Restored::default());

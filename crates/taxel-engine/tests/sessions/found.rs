@@ -128,13 +128,3 @@ fn a_set_of_a_session_before_a_bus_off_proves_no_rest_after_it() {
         &[&first[..], &[StartSession, Pass(Hold), Abort(2), Activate(Set::Fit(0)), StartSession, Pass(Hold)]].concat(),
     );
 }
-
-/// A session that follows one in use, and whose own ramp never begins, has models of that one's zero.
-#[test]
-fn a_set_of_a_session_without_a_ramp_of_its_own_is_of_the_boards_as_the_one_before_it_saw_them() {
-    let first = [StartSession, Pass(Hold), Pass(Rise), Pass(Rise), Pass(Rise), Pass(Vent)];
-    let used = [FitEnds { fit: 0, well: true }, Import(Set::Foreign(1)), Activate(Set::Fit(0)), StartRamp(1)];
-    let failed = [Activate(Set::Foreign(1)), Pass(Hold), Pass(Hold), Pass(Rise), FinishRamp(2)];
-    let again = [FitEnds { fit: 1, well: true }, Activate(Set::Fit(1)), Pass(Hold), Pass(Vent)];
-    walk(&[&first[..], &used, &failed, &again, &[StartSession, Pass(Hold)]].concat());
-}

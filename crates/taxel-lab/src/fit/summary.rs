@@ -33,10 +33,6 @@ pub(super) fn print(set: &ModelSet) {
         format!("; on the branch kept from the fit they leave {:.0} % of the static error", 100.0 * ratio)
     });
     say!("  plays: {plays} taxels{}", left.unwrap_or_default());
-    if let Some(clock) = recorded.clock {
-        let use_of_it = if clock.applied { "used" } else { "not used" };
-        say!("  clock of the gauge: {:+.2} s late, {:+.3} % fast: {use_of_it}", clock.offset_s, 100.0 * clock.rate);
-    }
 }
 
 /// The first taxels of a list.

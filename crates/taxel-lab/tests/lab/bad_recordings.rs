@@ -169,7 +169,7 @@ fn counts_of_more_than_eight_bits_are_fitted_and_what_is_not_looked_for_is_told(
     }
     let said = fit(folder.path(), &wide).unwrap();
     assert!(said.contains("3 of 3 usable"), "{said}");
-    let why = "faults and lag are not looked for and nothing is averaged over time, because c0 is 39965 in line 2";
+    let why = "faults are not looked for and nothing is averaged over time, because c0 is 39965 in line 2";
     assert!(said.contains(why), "{said}");
     assert!(number(&said, RMSE) < 0.08, "noise allows 20.5 counts over 300 counts/kPa: {said}");
     wide.time_s.reverse();
@@ -200,7 +200,7 @@ fn of_wide_counts_the_rising_pressure_alone_is_fitted_where_that_is_asked_for() 
     assert!(number(&rising.1, RMSE) < 0.05, "{rising:?}");
     let set = std::fs::read_to_string(&models).unwrap();
     assert!(set.contains(", rising\""), "{}", &set[..300]);
-    for (option, named) in [(["--plays", "on"], "--plays on"), (["--max-clock", "8"], "--max-clock")] {
+    for (option, named) in [(["--plays", "on"], "--plays on"), (["--module-size", "10"], "--module-size")] {
         let (succeeds, said) = fit(&option);
         assert!(!succeeds && said.contains(&format!("{named} needs a recording of a skin")), "{said}");
     }

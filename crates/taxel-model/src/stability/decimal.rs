@@ -59,7 +59,14 @@ fn integer_and_exponent(mantissa: &str, exponent: i32) -> (Dd, i32) {
             _ => {}
         }
     }
-    (Dd::from_i128(digits), exponent)
+    (integer(digits), exponent)
+}
+
+/// An integer; exact up to 106 bits.
+fn integer(n: i128) -> Dd {
+    let hi = n as f64;
+    // The rounded value may exceed the type's range only for inputs near its end, which saturate.
+    Dd::sum(hi, n.saturating_sub(hi as i128) as f64)
 }
 
 /// `value * 10^exponent`; powers up to 10^22 are exact f64.
@@ -80,6 +87,16 @@ mod tests {
     use num_bigint::BigInt;
     use num_rational::BigRational;
     use proptest::prelude::*;
+
+    #[test]
+    fn integers_of_a_hundred_bits_are_exact() {
+        let ends = [i64::MAX.into(), i64::MIN.into(), (1_i128 << 53) + 1, -(1 << 62) - 1, (1_i128 << 100) + 12_345];
+        for n in [0, 1, -1].into_iter().chain(ends) {
+            let d = integer(n);
+            assert_eq!(d.hi as i128 + d.lo as i128, n, "{n}");
+            assert_eq!(d.hi, n as f64, "{n}");
+        }
+    }
 
     fn exact(d: Dd) -> BigRational {
         BigRational::from_float(d.hi).unwrap() + BigRational::from_float(d.lo).unwrap()

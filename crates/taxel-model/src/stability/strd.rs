@@ -2,7 +2,7 @@
 
 use super::parse_decimal;
 use super::reference::{decimal, least_squares};
-use crate::Dd;
+use crate::dd::Dd;
 use num_rational::BigRational;
 
 /// A regression set and its exact solution.

@@ -135,7 +135,7 @@ fn stuck_at(count: f64) -> Outcome {
     outcome.figure = (evaluate(&model, count) - 49.5).abs();
     let sigma = model.evaluate(count).map(|reading| reading.sigma_kpa);
     outcome.require(sigma == Some(f64::INFINITY), || format!("sigma is {sigma:?}"));
-    outcome.require(!model.tabulate(0.0).usable, || "the table is usable".to_owned());
+    outcome.require(!model.is_usable(), || "the model is usable".to_owned());
     outcome
 }
 

@@ -33,7 +33,6 @@ fn over_both_branches(id: &str) -> ModelSet {
     taxels[0] = Some(taxel);
     let recorded = Recorded {
         smooth_s: 0.5,
-        lag_s: -0.1,
         zero_return: Some(ZeroReturn { rms: 0.4, common: 0.4 }),
         plays_error_ratio: Some(0.6),
         taxels,
@@ -52,8 +51,8 @@ async fn hysteresis_and_quality_in_use_are_shown() {
 
     let set = client.get_model_set(v1::GetModelSetRequest::default()).await.unwrap().into_inner();
     let figures = |all: &BTreeMap<String, f64>, names: &[&str]| names.iter().map(|name| all[*name]).collect::<Vec<_>>();
-    let names = ["smooth_s", "lag_s", "zero_return_counts", "plays_error_ratio", "taxels_with_plays"];
-    assert_eq!(figures(&set.in_use, &names), [0.5, -0.1, 0.4, 0.6, 1.0]);
+    let names = ["smooth_s", "zero_return_counts", "plays_error_ratio", "taxels_with_plays"];
+    assert_eq!(figures(&set.in_use, &names), [0.5, 0.4, 0.6, 1.0]);
     let names = ["rmse_in_use_kpa", "hysteresis_kpa", "sensitivity_counts_per_kpa"];
     assert_eq!(figures(&set.taxels[0].figures, &names), [1.5, 3.0, 0.9]);
     assert_eq!(set.taxels[1].figures.get("rmse_in_use_kpa"), None);

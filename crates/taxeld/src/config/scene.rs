@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use taxel_engine::conflict::{Conflict, conflicts};
+use taxel_engine::conflict::conflicts;
 use taxel_engine::plan::Plan;
 use taxel_rpc::{Grant, Rules, Subject};
 
@@ -64,7 +64,7 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
         });
         scene.plan.patches.extend(plan);
     }
-    conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&key_of(config, conflict), conflict));
+    conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&config.patch_key(&conflict.patch), conflict));
     faults.is_empty().then_some(scene)
 }
 
@@ -134,16 +134,6 @@ fn shared_memory(section: &SharedMemorySection, rules: Option<&Rules>, faults: &
              that access.observers has, as in \"group:skin\""
         );
         faults.note("shared_memory.group", words);
-    }
-}
-
-/// The patch that a contradiction is to be mended at.
-fn key_of(config: &Config, conflict: &Conflict) -> String {
-    match conflict {
-        Conflict::SharedModule { patches: [_, patch], .. } | Conflict::SharedBoard { patches: [_, patch], .. } => {
-            config.patch_key(patch)
-        }
-        Conflict::GaugeOnBoard { patch, .. } | Conflict::DeviceOnBoard { patch, .. } => config.patch_key(patch),
     }
 }
 

@@ -15,7 +15,6 @@ const DEVIATIONS: f64 = 5.0;
 const FLOOR_COUNTS: f64 = 3.0;
 
 /// Where readings stand alone, among those that are finite and not masked; ascending.
-#[must_use]
 pub(super) fn dropouts(counts: &[f64], masked: &[bool]) -> Vec<usize> {
     let sound: Vec<usize> = (0..counts.len()).filter(|&i| !masked[i] && counts[i].is_finite()).collect();
     // One sort of a window costs more than everything else; so only a reading that jumps is looked at.

@@ -5,7 +5,6 @@
 //! skin bears nothing, it would read the gauge's error. So the error is taken off, where the beginning of the recording
 //! shows that nothing moves.
 
-use crate::calibration::fit::lag::mean_counts;
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::scans::Scans;
 use crate::statistics::mean;
@@ -29,6 +28,9 @@ const ZERO_MAX_KPA: f64 = 10.0;
 /// Nor is what lies further than this share of the range above the least reading.
 const BAND: f64 = 0.02;
 
+/// Largest share of masked scans of a taxel whose counts tell.
+const MASKED_MAX: f64 = 0.01;
+
 /// The gauge's zero, kPa; 0 where the recording does not begin at rest.
 pub(super) fn find(scans: &Scans<'_>, kpa: &[f64], masks: &Masks) -> f64 {
     let n = scans.scans_in(WINDOW_S).min(kpa.len());
@@ -45,4 +47,10 @@ pub(super) fn find(scans: &Scans<'_>, kpa: &[f64], masks: &Masks) -> f64 {
         moved(kpa).abs() <= MOVES_MAX_SHARE * zero.abs() && moved(&mean_counts(scans, masks)).abs() <= MOVES_MAX_COUNTS;
     let plausible = zero.abs() <= ZERO_MAX_KPA && zero <= low + BAND * (high - low);
     if known >= SCANS_MIN && still && plausible { zero } else { 0.0 }
+}
+
+/// Mean count of the taxels that are sound nearly throughout, one per scan; NaN without any.
+fn mean_counts(scans: &Scans<'_>, masks: &Masks) -> Vec<f64> {
+    let sound: Vec<usize> = (0..scans.counts.len()).filter(|&t| masks.share(t) <= MASKED_MAX).collect();
+    (0..scans.len()).map(|i| mean(sound.iter().map(|&t| scans.counts[t][i])).0).collect()
 }

@@ -25,7 +25,6 @@ pub struct Masks {
 
 impl Masks {
     /// Runs the live detector over the recording; each of `modules` is a range of taxels.
-    #[must_use]
     pub fn find(scans: &Scans<'_>, modules: &[Range<usize>], limits: &FaultLimits) -> Self {
         let taxels = scans.counts.len();
         let mut detector = FaultDetector::new(taxels, modules, *limits);
@@ -56,7 +55,6 @@ impl Masks {
     }
 
     /// Only what has no reading: for tables that are not recordings of a skin.
-    #[must_use]
     pub fn missing(scans: &Scans<'_>) -> Self {
         let masked: Vec<Vec<bool>> =
             scans.counts.iter().map(|column| column.iter().map(|c| !c.is_finite()).collect()).collect();
@@ -66,7 +64,6 @@ impl Masks {
     }
 
     /// Also leaves out single readings that stand alone: for a fit.
-    #[must_use]
     pub fn without_dropouts(mut self, scans: &Scans<'_>, workers: &dyn Workers) -> Self {
         let found = map(workers, scans.counts.len(), |taxel| dropouts(scans.counts[taxel], &self.masked[taxel]));
         for ((alone, masked), n) in found.into_iter().zip(&mut self.masked).zip(&mut self.dropouts) {
@@ -77,7 +74,6 @@ impl Masks {
     }
 
     /// How many single readings of the taxel were left out.
-    #[must_use]
     pub fn dropouts(&self, taxel: usize) -> u32 {
         self.dropouts[taxel]
     }
@@ -111,20 +107,17 @@ impl Masks {
     }
 
     /// Whether each scan of the taxel is to be left out.
-    #[must_use]
     pub fn of(&self, taxel: usize) -> &[bool] {
         &self.masked[taxel]
     }
 
     /// Share of the scans that are left out, 0 to 1.
-    #[must_use]
     pub fn share(&self, taxel: usize) -> f64 {
         let masked = &self.masked[taxel];
         masked.iter().filter(|m| **m).count() as f64 / masked.len().max(1) as f64
     }
 
     /// The fault that holds for most scans; `None` if it is the lack of readings, or there is none.
-    #[must_use]
     pub fn main_fault(&self, taxel: usize) -> Option<Fault> {
         let scans = |fault: &Fault| self.scans_of[taxel][*fault as usize];
         // Of equals the first in the list: a rail or a freeze says more than the flicker of the module.

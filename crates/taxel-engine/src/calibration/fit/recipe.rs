@@ -5,9 +5,7 @@ use std::ops::Range;
 use taxel_model::Workers;
 
 use crate::baseline::TaxelBaseline;
-use crate::calibration::branch::{Branch, PlaysChoice};
-use crate::calibration::fit::clock;
-use crate::calibration::fit::course::Course;
+use crate::calibration::branch::Branch;
 use crate::calibration::fit::gauge_zero;
 use crate::calibration::fit::legs::{self, GAUGE_MEDIAN_SCANS};
 use crate::calibration::fit::masks::Masks;
@@ -18,13 +16,12 @@ use crate::calibration::fit::skin_fit::SkinScans;
 use crate::calibration::fit::smooth::running_median;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
 use crate::calibration::gauge_zero::steeper_at_rest;
-use crate::model_set::{GaugeClock, Maker, ModelSet, Recorded, RecordedTaxel};
+use crate::model_set::{Maker, ModelSet, Recorded, RecordedTaxel};
 
 /// Fits a recording. The set comes without id, patch and time of making.
 ///
 /// Of 8-bit skin over time what is faulty is left out, and the gauge is set right. Of anything else (counts of other widths
-/// or reals, plateaus, typed pressures, few rows) nothing is known of faults, of the clock of its gauge, or of how fast its
-/// counts follow.
+/// or reals, plateaus, typed pressures, few rows) nothing is known of faults or of how fast its counts follow.
 ///
 /// # Errors
 /// [`RecordingError`] where nothing can be fitted. A taxel that cannot be is no error: its status says why.
@@ -34,7 +31,7 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
         return paper::fit(scans, gauge, recipe, workers);
     }
     let is_skin = scans.is_recording();
-    let Prepared { masks, mut kpa, clock, gauge_zero_kpa } =
+    let Prepared { masks, mut kpa, gauge_zero_kpa } =
         if is_skin { Prepared::of_skin(scans, gauge, recipe, workers) } else { Prepared::of_table(scans, gauge) };
     let rises_alone = recipe.branch == Branch::Rising;
     if rises_alone {
@@ -59,7 +56,7 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
         plays_mean_s: fitted.plays_mean_s,
         module_size: recipe.module_size,
         lag_s: 0.0,
-        clock,
+        clock: None,
         zero_return: if is_skin { zero_return(scans, &masks, &kpa, &fitted.zeros, &usable) } else { None },
         plays_error_ratio: fitted.plays_error_ratio,
         taxels: fitted.in_use,
@@ -95,28 +92,20 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
 struct Prepared {
     masks: Masks,
     kpa: Vec<f64>,
-    clock: Option<GaugeClock>,
     gauge_zero_kpa: f64,
 }
 
 impl Prepared {
     fn of_table(scans: &Scans<'_>, gauge: &[f64]) -> Self {
-        Self { masks: Masks::missing(scans), kpa: gauge.to_vec(), clock: None, gauge_zero_kpa: 0.0 }
+        Self { masks: Masks::missing(scans), kpa: gauge.to_vec(), gauge_zero_kpa: 0.0 }
     }
 
     fn of_skin(scans: &Scans<'_>, gauge: &[f64], recipe: &FitRecipe, workers: &dyn Workers) -> Self {
         let modules: Vec<Range<usize>> = modules(scans.counts.len(), recipe.module_size);
         let masks = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans, workers);
         let mut kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
-        // Without plays the loop of hysteresis would be taken for a lag.
-        let looks_for_clock = recipe.max_clock_s > 0.0 && recipe.plays != PlaysChoice::Off;
-        let course = Course::of_recording(&kpa);
-        let clock = if looks_for_clock { clock::find(scans, &kpa, &masks, &course, recipe.max_clock_s) } else { None };
-        if let Some(clock) = clock.filter(|clock| clock.wins) {
-            kpa = clock::set_right(scans.time_s, &kpa, &clock);
-        }
         let gauge_zero_kpa = gauge_zero::find(scans, &kpa, &masks);
         kpa.iter_mut().for_each(|p| *p -= gauge_zero_kpa);
-        Self { masks, kpa, clock: clock.as_ref().map(clock::told), gauge_zero_kpa }
+        Self { masks, kpa, gauge_zero_kpa }
     }
 }

@@ -20,9 +20,6 @@ pub struct FitRecipe {
     pub module_size: usize,
     /// Counts are averaged over so many seconds for the plays and in use; 0 is not at all.
     pub smooth_s: f64,
-    /// A clock of the gauge's own is looked for within so many seconds, and used where it wins on a stretch that it was
-    /// not found on; 0 is not at all.
-    pub max_clock_s: f64,
     /// Limits of the faults.
     pub faults: FaultLimits,
 }
@@ -35,7 +32,6 @@ impl Default for FitRecipe {
             plays: PlaysChoice::default(),
             module_size: 10,
             smooth_s: 0.5,
-            max_clock_s: 8.0,
             faults: FaultLimits::default(),
         }
     }

@@ -8,7 +8,6 @@ use crate::statistics::half_window;
 /// Running median over `width` (odd) values about each one, fewer at the ends; NaN stays NaN and is not counted.
 ///
 /// For the gauge: it takes out single readings that are off and leaves a ramp where it is, in time and height.
-#[must_use]
 pub fn running_median(values: &[f64], width: usize) -> Vec<f64> {
     let half = width / 2;
     let mut window = Vec::with_capacity(width + 1);
@@ -30,7 +29,6 @@ pub fn running_median(values: &[f64], width: usize) -> Vec<f64> {
 /// there is none.
 ///
 /// Half of a taxel's error is one count of noise, 8 to 12 kPa. A centred mean has no lag; live there is none of this.
-#[must_use]
 pub fn smooth(values: &[f64], masked: &[bool], half: usize) -> Vec<f64> {
     let usable = |i: usize| values[i].is_finite() && !masked[i];
     let (mut sum, mut n) = (0.0, 0_usize);

@@ -129,20 +129,6 @@ fn faults_are_masked_from_their_onset_until_they_are_over() {
 }
 
 #[test]
-fn a_gauge_with_a_clock_of_its_own_is_found_out_and_one_without_is_left_alone() {
-    let mut skin = Skin::cycle(5.0);
-    let clock = |skin: &Skin| fitted(skin, &FitRecipe::default()).recorded.unwrap().clock.unwrap();
-    let right = clock(&skin);
-    assert!(!right.applied, "{right:?}");
-    // The gauge is 3 s late: what stands at a scan was measured 3 s before.
-    skin.kpa = (0..skin.kpa.len()).map(|i| skin.kpa[i.saturating_sub(150)]).collect();
-    let late = clock(&skin);
-    assert!(late.applied && (late.offset_s - 3.0).abs() < 0.7 && late.error_ratio < 0.9, "{late:?}");
-    let off = FitRecipe { max_clock_s: 0.0, ..FitRecipe::default() };
-    assert_eq!(fitted(&skin, &off).recorded.unwrap().clock, None);
-}
-
-#[test]
 fn a_module_goes_when_most_of_it_flickers_and_not_before() {
     for (broken, whole) in [(6, false), (7, true)] {
         let mut skin = Skin::cycle(5.0);

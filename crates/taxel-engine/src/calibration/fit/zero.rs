@@ -110,7 +110,6 @@ pub enum Zero {
 
 impl Zero {
     /// By how much a taxel's zero has moved since the calibration, counts; `None` if it has no zero here.
-    #[must_use]
     pub fn moved(&self, taxel: usize) -> Option<f64> {
         match self {
             Self::Tared { moved, .. } => moved.get(taxel).copied().filter(|m| m.is_finite()),
@@ -119,13 +118,11 @@ impl Zero {
     }
 
     /// Whether the recording has a zero of its own.
-    #[must_use]
     pub const fn is_tared(&self) -> bool {
         matches!(self, Self::Tared { .. })
     }
 
     /// Does what `tare` asks for.
-    #[must_use]
     pub fn find(tare: Tare, scans: &Scans<'_>, masks: &Masks, set: &ModelSet, module_size: usize) -> Self {
         let window_s = match tare {
             Tare::None => return Self::Calibration,

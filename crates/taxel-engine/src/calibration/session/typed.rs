@@ -9,7 +9,6 @@ use crate::calibration::view::SampleRefusal;
 
 impl SessionRun {
     /// Whether a dial is typed.
-    #[must_use]
     pub const fn is_typed(&self) -> bool {
         self.plateaus.is_some()
     }

@@ -28,15 +28,6 @@ impl Model {
                 self.want_zero(number);
                 Answer::Done
             }
-            // A session in use is followed by another one, which has its samples.
-            Step::StartRamp(number) if self.state(number) == Some(S::Active) => {
-                let follower = self.next_session;
-                let answer = self.command(Step::StartSession);
-                if answer == Answer::Done {
-                    self.takes_after(follower, number);
-                }
-                answer
-            }
             Step::StartRamp(number) => {
                 let can = matches!(self.state(number), Some(S::Review | S::Interrupted | S::Failed | S::Aborted));
                 if !can || self.presses() || self.gauge_gone() || !self.take_up(number) {
@@ -136,15 +127,6 @@ impl Model {
             self.held = Some(number);
         }
         can
-    }
-
-    /// The ramps of a session are those of the one that follows it, too.
-    fn takes_after(&mut self, follower: u64, session: u64) {
-        for ramps in [&mut self.begun, &mut self.recorded.ramped] {
-            if ramps.contains(&session) {
-                ramps.insert(follower);
-            }
-        }
     }
 
     fn want_zero(&mut self, number: u64) {

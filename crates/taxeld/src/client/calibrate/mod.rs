@@ -186,7 +186,7 @@ async fn wants(session: &Session, args: &CalibrateArgs, screen: &Screen, asks: b
 
 async fn take_up(daemon: &Daemon, session: Session) -> Outcome<Session> {
     match session.state() {
-        // Of a session whose models are in use it begins a successor.
+        // Of a session in use the daemon says what to do instead.
         SessionState::Interrupted | SessionState::Failed | SessionState::Aborted | SessionState::Active => {
             advance(daemon, session.session, SessionAction::StartRamp).await
         }
