@@ -1,7 +1,6 @@
 //! What each path answers.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use axum::Router;
 use axum::body::{Body, Bytes};
@@ -12,7 +11,6 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use http_body_util::{BodyExt, LengthLimitError, Limited};
-use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::{ErrorReason, PatchRequest};
@@ -27,7 +25,7 @@ use crate::events::{Source, events};
 use crate::history::History;
 use crate::limits::Limits;
 use crate::methods::{Method, Methods};
-use crate::metrics::{Metrics, OPEN_METRICS};
+use crate::metrics::{self, OPEN_METRICS};
 use crate::origin::{check_host, check_origin};
 
 /// Streams that one answer may carry.
@@ -54,7 +52,6 @@ pub enum Shows {
 pub(crate) struct Site {
     services: SharedServices,
     history: Arc<History>,
-    metrics: Metrics,
     methods: Methods,
     /// Names beside localhost that it answers to.
     names: Vec<String>,
@@ -97,7 +94,7 @@ async fn guard(State(site): Shared, Extension(client): Extension<Client>, reques
 }
 
 async fn metrics(State(site): Shared, Extension(client): Extension<Client>, headers: HeaderMap) -> Response {
-    match site.metrics.text(&site.services, &Caller::new(&client, &headers)).await {
+    match metrics::text(&site.services, &Caller::new(&client, &headers)).await {
         Ok(text) => ([(CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
         Err(status) => refusal(&status),
     }
@@ -136,8 +133,7 @@ impl Site {
         limits: Limits,
     ) -> Result<Self, prost_reflect::DescriptorError> {
         let streams = Arc::new(Semaphore::new(limits.streams));
-        let (metrics, methods) = (Metrics::new(), Methods::new()?);
-        Ok(Self { services, history, metrics, methods, names, limits, streams })
+        Ok(Self { services, history, methods: Methods::new()?, names, limits, streams })
     }
 
     /// The forces of the last ten minutes of `patch=P`. Who may read the force now may read those.
@@ -177,11 +173,7 @@ impl Site {
         };
         let message = method.request(&body)?;
         drop(body);
-        let begun = Instant::now();
-        let answer = unary(&self.services, method, caller.request(message)).await;
-        let code = answer.as_ref().map_or_else(Status::code, |_| Code::Ok);
-        self.metrics.called(method.path(), code_name(code), begun.elapsed());
-        Ok(json_of(&answer?))
+        Ok(json_of(&unary(&self.services, method, caller.request(message)).await?))
     }
 
     /// The body of a request, or why there is none.
