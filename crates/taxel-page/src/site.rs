@@ -72,7 +72,7 @@ pub(crate) fn router(site: Site, shows: Shows) -> Router {
         for &(path, kind, content) in assets::FILES {
             router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
         }
-        router = router.route("/methods", get(methods)).route("/streams", get(streams)).route("/history", get(history));
+        router = router.route("/streams", get(streams)).route("/history", get(history));
         router = router.fallback(call);
     }
     router.layer(from_fn_with_state(Arc::clone(&site), guard)).with_state(site)
@@ -98,10 +98,6 @@ async fn metrics(State(site): Shared, Extension(client): Extension<Client>, head
         Ok(text) => ([(CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
         Err(status) => refusal(&status),
     }
-}
-
-async fn methods(State(site): Shared) -> Response {
-    json_of(&site.methods.list())
 }
 
 async fn streams(State(site): Shared, Extension(client): Extension<Client>, uri: Uri, headers: HeaderMap) -> Response {
