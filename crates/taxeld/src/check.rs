@@ -9,11 +9,7 @@ use taxel_rig::Speech;
 use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, counted, printable, written_modules};
 
-use crate::config::{
-    self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
-    read_text,
-};
-use crate::missing::{missing, obstacles};
+use crate::config::{self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED};
 use crate::rig::{ASK_EVERY, At};
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
@@ -29,11 +25,10 @@ macro_rules! tell {
 /// # Errors
 /// Everything that is wrong with it.
 pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
-    let examined = read(path);
+    let examined = config::examine(path);
     if json {
         let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
-        let missing = examined.as_ref().map(|(config, scene)| missing(config, &scene.doors)).unwrap_or_default();
-        say!("{}", serde_json::json!({ "problems": problems, "missing": missing }));
+        say!("{}", serde_json::json!({ "problems": problems }));
     }
     let (config, scene) = examined?;
     if !json {
@@ -58,14 +53,6 @@ pub fn device(file: &str, json: bool) -> anyhow::Result<()> {
         profile.lines().iter().for_each(|line| tell!("  {line}"));
     }
     Ok(())
-}
-
-/// Reads a configuration, and looks for all that would keep a daemon from starting with it here.
-///
-/// # Errors
-/// Everything that is wrong with it.
-pub fn read(path: &Path) -> Result<(Config, Scene), Problems> {
-    read_text(path).and_then(|text| examine_with(path, &text, obstacles))
 }
 
 /// Looks at a store that no daemon has open, and changes nothing.
@@ -107,11 +94,6 @@ fn print(config: &Config, scene: &Scene) {
     if !scene.said.remarks.is_empty() {
         tell!("remarks:");
         scene.said.remarks.iter().for_each(|line| tell!("  {line}"));
-    }
-    let missing = missing(config, &scene.doors);
-    if !missing.is_empty() {
-        tell!("this machine does not have:");
-        missing.iter().for_each(|line| tell!("  {line}"));
     }
 }
 

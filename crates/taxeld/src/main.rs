@@ -19,7 +19,6 @@ mod files;
 mod force_file;
 mod help;
 mod logs;
-mod missing;
 mod offline;
 mod open_log;
 mod output;
@@ -90,7 +89,7 @@ enum Subcommands {
         /// Configuration.
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
-        /// Print what is wrong with it as JSON: file, line, key, value, what was expected; and what this machine lacks.
+        /// Print what is wrong with it as JSON: file, line, key, value, what was expected.
         #[arg(long)]
         json: bool,
         /// Check this profile of a drive instead, without the drive: a file as in deploy/rigs, or the name of one that comes with taxeld.

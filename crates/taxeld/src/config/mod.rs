@@ -22,8 +22,8 @@ pub use file::{MetricsSection, PageSection};
 pub use gauge::line_of;
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
 pub use ports::of_bus as port_of;
-pub use problem::{Faults, Problems};
-pub use read::{examine, examine_profile, examine_text, examine_with, read_text};
+pub use problem::Problems;
+pub use read::{examine, examine_profile, examine_text};
 pub use scene::Scene;
 
 /// The configuration of an installed daemon.

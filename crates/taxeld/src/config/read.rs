@@ -35,11 +35,7 @@ pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
     examine_text(path, &read_text(path)?)
 }
 
-/// Reads the text of a configuration, for whoever needs it later as it was then.
-///
-/// # Errors
-/// If it cannot be read.
-pub fn read_text(path: &Path) -> Result<String, Problems> {
+fn read_text(path: &Path) -> Result<String, Problems> {
     let text = match files::is_standard(path) {
         true => files::read_text(path).map_err(|error| error.root_cause().to_string()),
         false => files::read_utf8(path).map_err(|error| match error.kind() {
@@ -56,18 +52,6 @@ pub fn read_text(path: &Path) -> Result<String, Problems> {
 /// # Errors
 /// Everything that is wrong with it.
 pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems> {
-    examine_with(path, text, |_, _, _| ())
-}
-
-/// The same, where `more` notes what else keeps such a configuration from being used.
-///
-/// # Errors
-/// Everything that is wrong with it.
-pub fn examine_with(
-    path: &Path,
-    text: &str,
-    more: impl FnOnce(&Config, &Scene, &mut Faults),
-) -> Result<(Config, Scene), Problems> {
     let mut reading = Reading::new(path, text);
     for section in ["patch", "bus"] {
         let list = reading.tree.get_ref().get(section).and_then(|value| value.get_ref().as_array());
@@ -83,9 +67,6 @@ pub fn examine_with(
     let scene = config.as_ref().and_then(|config| {
         let mut faults = Faults::default();
         let scene = scene_of(config, path, &mut faults);
-        if let Some(scene) = &scene {
-            more(config, scene, &mut faults);
-        }
         // What was taken out as wrong is not missing as well.
         let told: Vec<String> = reading.problems.iter().map(|problem| problem.key.clone()).collect();
         let new = faults.problems().filter(|problem| !told.contains(&printable(&problem.key)));
