@@ -42,5 +42,5 @@ pub use follow::{Forces, follow};
 pub use moment::Moment;
 pub use received::{Force, NoForce, Received};
 #[cfg(feature = "clap")]
-pub use server::Server;
+pub use server::{Server, model_set_named};
 pub use stream::Samples;
