@@ -3,7 +3,6 @@
     python tests/fit_time.py TAXEL_LAB [ROUNDS]
 
 230 taxels, 6,000 scans of one ramp to 70 kPa with a count of noise, in turns; medians of wall-clock time and of processor time.
-The fit takes all cores, the loop one.
 """
 
 import os

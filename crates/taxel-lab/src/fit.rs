@@ -1,13 +1,11 @@
 //! `taxel-lab fit`: models from a recording, from an exported session, or from any table of counts and pressures.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, RECORDING_SCANS_MIN, Workers, fit as fit_skin};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, OneByOne, PlaysChoice, fit as fit_skin};
 use taxel_engine::model_set::ModelSet;
 use taxel_model::{FitOptions, MAX_ORDER};
 use taxel_store::models_json;
@@ -118,23 +116,11 @@ impl FitArgs {
     fn models(&self, recording: &mut Recording) -> anyhow::Result<(ModelSet, Vec<String>)> {
         let is_session = session::is_session(recording);
         let notes = if is_session { Vec::new() } else { check(recording, Purpose::Fit)? };
-        let is_skin = !is_session && recording.as_scans().is_recording();
-        let of_skin = [
-            (self.max_clock.is_some(), "--max-clock"),
-            (self.module_size.is_some(), "--module-size"),
-            (self.plays == Some(PlaysChoice::On) && !is_session, "--plays on"),
-        ];
-        if let Some((_, option)) = of_skin.iter().find(|(asked, _)| *asked && !is_skin) {
-            bail!(
-                "{option} needs a recording of a skin, {RECORDING_SCANS_MIN} rows and more of 8-bit counts in two columns \
-                 and more; this is an export of a session or another recording: leave {option} out"
-            );
-        }
         let set = if is_session {
             let plays = self.plays.unwrap_or(PlaysChoice::Off);
             session::fit(recording, FitRecipe { plays, ..self.recipe() }, self.branch)?
         } else {
-            fit_skin(&recording.as_scans(), &self.recipe(), &AllCores)?
+            fit_skin(&recording.as_scans(), &self.recipe(), &OneByOne)?
         };
         Ok((set, notes))
     }
@@ -163,20 +149,4 @@ fn stem(path: &Path) -> String {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let stem = name.split('.').next().unwrap_or_default();
     if matches!(stem, "" | "-") { "recording".to_owned() } else { stem.to_owned() }
-}
-
-/// Threads on all cores.
-struct AllCores;
-
-impl Workers for AllCores {
-    fn each(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
-        let take = || Some(next.fetch_add(1, Ordering::Relaxed)).filter(|number| *number < jobs);
-        let cores = thread::available_parallelism().map_or(1, usize::from);
-        thread::scope(|scope| {
-            for _ in 0..cores.min(jobs) {
-                scope.spawn(|| std::iter::from_fn(take).for_each(job));
-            }
-        });
-    }
 }
