@@ -16,7 +16,8 @@ pub(super) fn print(set: &ModelSet) {
     let usable = || set.taxels.iter().filter(|model| model.is_usable());
     say!("  taxels: {} of {} usable", usable().count(), set.taxels.len());
     for (reason, taxels) in &reasons {
-        say!("    {} {reason}: {}", taxels.len(), listed(taxels));
+        let numbers: Vec<String> = taxels.iter().map(ToString::to_string).collect();
+        say!("    {} {reason}: {}", taxels.len(), numbers.join(" "));
     }
     let figure = |name: &str, values: Vec<f64>, unit: &str| {
         if let Some((low, middle, high)) = spread(values) {
@@ -37,11 +38,4 @@ pub(super) fn print(set: &ModelSet) {
         let use_of_it = if clock.applied { "used" } else { "not used" };
         say!("  clock of the gauge: {:+.2} s late, {:+.3} % fast: {use_of_it}", clock.offset_s, 100.0 * clock.rate);
     }
-}
-
-/// The first taxels of a list.
-fn listed(taxels: &[usize]) -> String {
-    const MOST: usize = 12;
-    let shown: Vec<String> = taxels.iter().take(MOST).map(ToString::to_string).collect();
-    format!("{}{}", shown.join(" "), if taxels.len() > MOST { " ..." } else { "" })
 }
