@@ -29,6 +29,7 @@
 pub mod blocking;
 mod connect;
 mod follow;
+mod health;
 mod moment;
 mod received;
 #[cfg(feature = "clap")]
@@ -39,6 +40,7 @@ mod stream;
 pub use connect::TlsOptions;
 pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
 pub use follow::{Forces, follow};
+pub use health::troubles;
 pub use moment::Moment;
 pub use received::{Force, NoForce, Received};
 #[cfg(feature = "clap")]
