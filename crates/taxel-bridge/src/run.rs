@@ -98,7 +98,7 @@ impl Bridge {
         let Some(yarp) = yarp else { return Ok(()) };
         let mut tasks = Tasks::new();
         for patch in &self.config.patches {
-            let [force, pressure] = patch.ports(yarp);
+            let [force, pressure] = ["force:o", "pressure:o"].map(|port| format!("/taxeld/{}/{port}", patch.name));
             let (section, taken) = (yarp.clone(), self.taken.clone());
             let forces = self.daemon.forces(&patch.name, patch.rate_hz);
             tasks.spawn(async move {
@@ -117,7 +117,7 @@ impl Bridge {
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
         let (section, taken) = (yarp.clone(), self.taken.clone());
         tasks.spawn(async move {
-            let port = ports::opened(&section, &section.skin_events(), &taken).await;
+            let port = ports::opened(&section, &section.skin_events, &taken).await;
             ports::events(port, followed).await;
             Ok(())
         });
