@@ -2,7 +2,6 @@
 
 mod module;
 mod ports;
-mod pressure;
 mod serial;
 mod survey;
 #[cfg(test)]

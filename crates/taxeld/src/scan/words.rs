@@ -3,10 +3,8 @@
 use std::fmt::Write as _;
 
 use taxel_skin::Time;
-use taxel_wire::CanId;
 
 use super::module::ModuleWatch;
-use super::pressure::Pressure;
 use super::survey::Survey;
 
 /// A text for people.
@@ -28,11 +26,8 @@ pub fn text(survey: &Survey) -> String {
     }
     for (id, other) in &survey.others {
         let (frames, lengths) = (other.frames, numbers(other.lengths.iter().copied()));
-        lines.push(format!(
-            "identifier {id}: {frames} frames, {:.1}/s, of {lengths} bytes",
-            frames as f64 / seconds.max(1e-3)
-        ));
-        lines.extend(other.pressures(*id).iter().map(of_pressure));
+        let (rate, last) = (frames as f64 / seconds.max(1e-3), &other.last);
+        lines.push(format!("identifier {id}: {frames} frames, {rate:.1}/s, of {lengths} bytes, last {last:02x?}"));
     }
     lines.join("\n")
 }
@@ -52,16 +47,6 @@ fn of_module(module: &ModuleWatch, end: Time) -> String {
         }
     }
     line
-}
-
-fn of_pressure(found: &Pressure) -> String {
-    let (sign, order) = (if found.signed { "signed" } else { "unsigned" }, if found.little { "little" } else { "big" });
-    let (how, (least, most)) = (if found.moves { "moves" } else { "stands" }, found.kpa);
-    let meaning = if found.absolute { "absolute" } else { "differential" };
-    format!(
-        "  could be a pressure: {sign}, {} bits from bit {}, {order} endian, in {}: {how} at {least:.2} to {most:.2} kPa, {meaning}",
-        found.length_bits, found.start_bit, found.unit
-    )
 }
 
 /// The beginning of a configuration: what was heard, with marks at what cannot be.
@@ -103,32 +88,11 @@ listen_only = true # CHECK: false lets the daemon configure the boards
         }
     }
     text.push_str("]\n");
-    let found = survey.others.iter().filter_map(|(id, other)| Some((*id, other.pressures(*id).into_iter().next()?)));
-    // What moves is likelier than what stands.
-    match found.min_by_key(|(_, pressure)| !pressure.moves) {
-        Some((id, pressure)) => gauge(&mut text, id, &pressure),
-        None => text.push_str("# CHECK: nothing on the bus could be the pressure in the bag: no gauge\n"),
-    }
-    text
-}
-
-fn gauge(text: &mut String, id: CanId, found: &Pressure) {
-    let Pressure { start_bit, length_bits, unit, kpa: (least, most), .. } = found;
-    let id = match id {
-        CanId::Standard(id) => u32::from(id),
-        CanId::Extended(id) if id <= 0x7FF => id | 0x8000_0000,
-        CanId::Extended(id) => id,
-    };
-    let (order, sign) = (u8::from(found.little), if found.signed { '-' } else { '+' });
-    let _ = writeln!(text, "# CHECK: is this the bag's pressure? It read {least:.2} to {most:.2} kPa.");
-    let ambient = if found.absolute { ", ambient_kpa = 101.325" } else { "" };
-    if found.absolute {
-        text.push_str("# CHECK: ambient_kpa is the pressure of the air here\n");
-    }
-    let _ = writeln!(
-        text,
-        "gauge = {{ id = {id:#X}, signal = \"{start_bit}|{length_bits}@{order}{sign}\", unit = \"{unit}\"{ambient} }}"
+    text.push_str(
+        "# CHECK: without the bag's pressure sensor there is no calibration, only force. Put in yours:\n\
+         # gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n",
     );
+    text
 }
 
 /// Numbers as a configuration writes them, in runs: `0-3, 7`.

@@ -91,7 +91,7 @@ fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
     comment(text, &format!("{CHECK} {words}"));
     text.push_str(match draft.port {
         Some(_) => "# gauge = { port = \"/bag/pressure:o\", index = 0, unit = \"kPa\" }\n",
-        None => "# gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" } # `taxeld scan` shows what could be a pressure\n",
+        None => "# gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n",
     });
 }
 
