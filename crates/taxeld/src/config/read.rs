@@ -1,7 +1,5 @@
-//! From the text of a file to its sections, or to everything that is wrong with it.
-//!
-//! serde tells one fault at a time. A key that is unknown, or has a value of another type, is noted, taken out of the tree and
-//! the rest is read again: so all unknown keys are told, and what is left is checked as well.
+//! From the text of a file to its sections, or to what is wrong with it: a key that is unknown or has a value of another type, as
+//! serde tells them, one at a time; or, where there is none, all values that cannot be.
 
 use std::ops::Range;
 use std::path::Path;
@@ -11,7 +9,7 @@ use serde_path_to_error::{Segment, deserialize};
 use taxel_rig::profile::{Faults as Faulty, Profile, SHIPPED};
 use taxel_skin::printable;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue, Deserializer};
+use toml::de::{DeTable, Deserializer};
 
 use super::file::Config;
 use super::gauge;
@@ -67,10 +65,7 @@ pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems
     let scene = config.as_ref().and_then(|config| {
         let mut faults = Faults::default();
         let scene = scene_of(config, path, &mut faults);
-        // What was taken out as wrong is not missing as well.
-        let told: Vec<String> = reading.problems.iter().map(|problem| problem.key.clone()).collect();
-        let new = faults.problems().filter(|problem| !told.contains(&printable(&problem.key)));
-        new.take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
+        faults.problems().take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
         scene
     });
     reading.end(config.zip(scene))
@@ -129,37 +124,19 @@ impl<'a> Reading<'a> {
         value.filter(|_| self.problems.is_empty()).ok_or_else(|| Problems::new(self.problems))
     }
 
-    /// The sections, if there is enough in the file to make them.
+    /// The sections, if the file has them as they have to be.
     fn sections<T: DeserializeOwned>(&mut self) -> Option<T> {
         if !self.problems.is_empty() {
             return None;
         }
-        let mut left = self.tree.clone();
-        let mut is_cut = false;
-        while self.problems.len() < PROBLEMS_MAX {
-            let error = match deserialize::<_, T>(Deserializer::from(left.clone())) {
-                Ok(sections) => return Some(sections),
-                Err(error) => error,
-            };
-            let (key, message) = (key_of(error.path()), error.inner().message());
-            if message.starts_with("missing field") {
-                // What was taken out lacks by our own doing.
-                if !is_cut {
-                    let key = with_name(&key, message);
-                    self.note(&key, format!("{key} is missing"));
-                }
-                return None;
-            }
-            if message.starts_with("unknown field") {
-                self.note(&with_name(&key, message), nearest_key(message));
-            } else {
-                self.note(&key, format!("{key}: {}", on_a_line(message)));
-                is_cut = true;
-            }
-            if !take_out(left.get_mut(), error.inner().span().map_or(0, |span| span.start)) {
-                return None;
-            }
-        }
+        let error = match deserialize::<_, T>(Deserializer::from(self.tree.clone())) {
+            Ok(sections) => return Some(sections),
+            Err(error) => error,
+        };
+        let (key, span) = (key_of(error.path()), error.inner().span());
+        let line = span.map_or(0, |span| self.line_of(span.start));
+        let message = printable(&format!("{key}: {}", on_a_line(error.inner().message())));
+        self.push(Problem { line, key: printable(&key), message, ..Problem::default() });
         None
     }
 
@@ -191,31 +168,6 @@ fn key_of(path: &serde_path_to_error::Path) -> String {
     })
 }
 
-/// The key with the name that serde's message begins with, if it does not end in it.
-fn with_name(key: &str, message: &str) -> String {
-    let name = message.split('`').nth(1).unwrap_or_default();
-    match key {
-        "" => name.to_owned(),
-        key if key.rsplit('.').next() == Some(name) => key.to_owned(),
-        key => format!("{key}.{name}"),
-    }
-}
-
-/// Takes the innermost key out of which this place is: the key itself or its value. False if there is none.
-fn take_out(table: &mut DeTable<'_>, at: usize) -> bool {
-    let holds = |span: std::ops::Range<usize>| span.contains(&at);
-    let below = table.iter_mut().any(|(_, value)| match value.get_mut() {
-        DeValue::Table(table) => take_out(table, at),
-        DeValue::Array(list) => list.iter_mut().any(|item| match item.get_mut() {
-            DeValue::Table(table) => take_out(table, at),
-            _ => false,
-        }),
-        _ => false,
-    });
-    let own = table.iter().find(|(key, value)| holds(key.span()) || holds(value.span())).map(|(key, _)| key.clone());
-    below || own.is_some_and(|key| table.remove(&key).is_some())
-}
-
 /// Where a key, or the nearest section above it, begins in the text, and where the value of the key is. `patch[0].gauge.id` is
 /// such a key.
 fn find(root: &DeTable<'_>, key: &str) -> (Option<usize>, Option<Range<usize>>) {
@@ -232,15 +184,6 @@ fn find(root: &DeTable<'_>, key: &str) -> (Option<usize>, Option<Range<usize>>) 
         (table, span) = (value.get_ref().as_table(), Some(value.span()));
     }
     (begin, span)
-}
-
-/// What is said of a key that does not exist, by "unknown field `x`, expected one of `a`, `b`".
-fn nearest_key(message: &str) -> String {
-    let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-    let Some((unknown, known)) = words.split_first() else { return message.to_owned() };
-    let closeness = known.iter().map(|word| (strsim::jaro_winkler(unknown, word), *word));
-    let nearest = closeness.max_by(|(a, _), (b, _)| a.total_cmp(b)).map_or("", |(_, word)| word);
-    format!("unknown key `{}`; did you mean `{nearest}`? Known here: {}", shortened(unknown), known.join(", "))
 }
 
 fn shortened(text: &str) -> String {
