@@ -37,17 +37,6 @@ const BODY_BYTES_MAX: usize = 64 << 10;
 /// Largest body of a request that carries a model set: 16 MiB of MODELS.json, its quotes and line ends escaped.
 const MODELS_BYTES_MAX: usize = 17 << 20;
 
-/// What a site serves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shows {
-    /// The page, and the service as JSON.
-    Page,
-    /// The metrics at `/metrics`.
-    Metrics,
-    /// Both.
-    All,
-}
-
 /// One page, shared by all its connections.
 pub(crate) struct Site {
     services: SharedServices,
@@ -62,19 +51,14 @@ pub(crate) struct Site {
 type Shared = State<Arc<Site>>;
 
 /// What a site answers by path. Whatever is no path of its own is a call.
-pub(crate) fn router(site: Site, shows: Shows) -> Router {
+pub(crate) fn router(site: Site) -> Router {
     let site = Arc::new(site);
     let mut router = Router::new();
-    if shows != Shows::Page {
-        router = router.route("/metrics", get(metrics));
+    for &(path, kind, content) in assets::FILES {
+        router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
     }
-    if shows != Shows::Metrics {
-        for &(path, kind, content) in assets::FILES {
-            router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
-        }
-        router = router.route("/streams", get(streams)).route("/history", get(history));
-        router = router.fallback(call);
-    }
+    router = router.route("/metrics", get(metrics)).route("/streams", get(streams)).route("/history", get(history));
+    router = router.fallback(call);
     router.layer(from_fn_with_state(Arc::clone(&site), guard)).with_state(site)
 }
 

@@ -76,11 +76,7 @@ fn print(config: &Config, scene: &Scene) {
     scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
     access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
     if let Some(page) = &config.page {
-        tell!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
-    }
-    if let Some(metrics) = &config.metrics {
-        let at = metrics.listen.or(config.page.as_ref().map(|page| page.listen));
-        tell!("metrics: http://{}/metrics", at.map(|at| at.to_string()).unwrap_or_default());
+        tell!("page: http://{}/ (loopback, unencrypted), the service as JSON, and /metrics", page.listen);
     }
     config.shared_memory.iter().for_each(|section| tell!("{}", shared_memory(section)));
     config.record.iter().for_each(|section| tell!("{}", recordings(section)));

@@ -16,9 +16,9 @@ mod problem;
 mod read;
 mod scene;
 
-pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection};
 #[cfg(feature = "sim")]
-pub use file::{MetricsSection, PageSection};
+pub use file::PageSection;
+pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection};
 pub use gauge::line_of;
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
 pub use ports::of_bus as port_of;
