@@ -142,7 +142,6 @@ impl Robot {
                 }
             }
         }
-        device.open.extend(device.settings.of_no_board(&device.addresses));
         if matches!(device.kind.as_str(), "embObjSkin" | "canBusSkin") || !device.addresses.is_empty() {
             self.devices.push(device);
         }
