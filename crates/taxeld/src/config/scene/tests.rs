@@ -210,12 +210,15 @@ fn what_cannot_be_pushed_is_refused_with_key_and_value() {
         (pushed(&format!("{PUSHED}\n{gauge}"), ""), "a gauge sends over a CAN bus"),
         (
             pushed(&format!("{PUSHED}\ngauge = {{ unit = \"Pa\" }}"), ""),
-            "gauge.unit: the pressure comes with each message",
+            "gauge.unit: it belongs to id and signal or port, and the pressure comes by push",
         ),
-        (pushed(&format!("{PUSHED}\ngauge = {{ ambient_kpa = 101.0 }}"), ""), "gauge.ambient_kpa: the pressure comes"),
+        (
+            pushed(&format!("{PUSHED}\ngauge = {{ ambient_kpa = 101.0 }}"), ""),
+            "gauge.ambient_kpa: it belongs to id and signal or port or line, and the pressure comes by push",
+        ),
         (
             pushed(&format!("{PUSHED}\ngauge = {{ bus = \"c\" }}"), ""),
-            "gauge.bus: the pressure comes with each message",
+            "gauge.bus: it belongs to id and signal or port, and the pressure comes by push",
         ),
         (pushed(BOARD, ""), "expected push = {"),
         (pushed(PUSHED, &format!("[[patch]]\nname = \"q\"\nbus = \"b\"\n{PUSHED}")), "expected one patch on it"),
