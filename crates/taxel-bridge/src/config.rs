@@ -118,13 +118,11 @@ pub struct YarpSection {
     pub server: Option<String>,
     /// The name of the port of contacts.
     pub skin_events: String,
-    /// Pressures per second, 1 to 1000; 0 for none.
-    pub pressure_hz: f64,
 }
 
 impl Default for YarpSection {
     fn default() -> Self {
-        Self { server: None, skin_events: "/taxeld/skin_events:o".into(), pressure_hz: 20.0 }
+        Self { server: None, skin_events: "/taxeld/skin_events:o".into() }
     }
 }
 
@@ -135,8 +133,6 @@ impl YarpSection {
         }
         let events = &self.skin_events;
         ensure!(is_port(events), "yarp: {events:?}: expected a name as in /taxeld/skin_events:o");
-        let rate = self.pressure_hz;
-        ensure!(rate == 0.0 || (1.0..=1000.0).contains(&rate), "yarp.pressure_hz = {rate}: expected 0, or 1 to 1000");
         for patch in patches {
             let name = &patch.name;
             ensure!(

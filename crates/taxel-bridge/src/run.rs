@@ -105,14 +105,12 @@ impl Bridge {
                 ports::forces(ports::opened(&section, &force, &taken).await, forces).await;
                 Ok(())
             });
-            if yarp.pressure_hz > 0.0 {
-                let (section, taken) = (yarp.clone(), self.taken.clone());
-                let taxels = self.daemon.taxels(&patch.name, yarp.pressure_hz);
-                tasks.spawn(async move {
-                    ports::taxels(ports::opened(&section, &pressure, &taken).await, taxels).await;
-                    Ok(())
-                });
-            }
+            let (section, taken) = (yarp.clone(), self.taken.clone());
+            let taxels = self.daemon.taxels(&patch.name, ports::PRESSURES_HZ);
+            tasks.spawn(async move {
+                ports::taxels(ports::opened(&section, &pressure, &taken).await, taxels).await;
+                Ok(())
+            });
         }
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
         let (section, taken) = (yarp.clone(), self.taken.clone());
