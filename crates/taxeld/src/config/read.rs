@@ -1,7 +1,6 @@
 //! From the text of a file to its sections, or to what is wrong with it: a key that is unknown or has a value of another type, as
 //! serde tells them, one at a time; or, where there is none, all values that cannot be.
 
-use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
@@ -21,9 +20,6 @@ use crate::rig::At;
 
 /// Most patches, and most buses: every pair of patches is compared.
 const PATCHES_MAX: usize = 100;
-
-/// So much of what stands in the file is repeated, in characters.
-const SHOWN_CHARS_MAX: usize = 60;
 
 /// Reads and resolves a configuration.
 ///
@@ -102,7 +98,7 @@ pub fn examine_profile(file: &str, at: Option<&str>) -> Result<(Profile, At), Pr
 struct Reading<'a> {
     path: &'a Path,
     text: &'a str,
-    /// As the file has it: lines and values are looked up here.
+    /// As the file has it: lines are looked up here.
     tree: Spanned<DeTable<'a>>,
     problems: Vec<Problem>,
 }
@@ -140,12 +136,10 @@ impl<'a> Reading<'a> {
         None
     }
 
-    /// Notes what is wrong with a key, where that is in the file, and what stands there.
+    /// Notes what is wrong with a key, and where that is in the file.
     fn note(&mut self, key: &str, message: String) {
-        let (at, value) = find(self.tree.get_ref(), key);
-        let line = at.map_or(0, |at| self.line_of(at));
-        let value = value.and_then(|span| self.text.get(span)).map(|text| printable(&shortened(text)));
-        self.push(Problem { line, key: printable(key), value, message: printable(&message), ..Problem::default() });
+        let line = find(self.tree.get_ref(), key).map_or(0, |at| self.line_of(at));
+        self.push(Problem { line, key: printable(key), message: printable(&message), ..Problem::default() });
     }
 
     fn push(&mut self, problem: Problem) {
@@ -168,27 +162,21 @@ fn key_of(path: &serde_path_to_error::Path) -> String {
     })
 }
 
-/// Where a key, or the nearest section above it, begins in the text, and where the value of the key is. `patch[0].gauge.id` is
-/// such a key.
-fn find(root: &DeTable<'_>, key: &str) -> (Option<usize>, Option<Range<usize>>) {
-    let (mut begin, mut table, mut span) = (None, Some(root), None);
+/// Where a key, or the nearest section above it, begins in the text. `patch[0].gauge.id` is such a key.
+fn find(root: &DeTable<'_>, key: &str) -> Option<usize> {
+    let (mut begin, mut table) = (None, Some(root));
     for part in key.split('.').filter(|part| !part.is_empty()) {
         let (name, elements) = part.split_once('[').unwrap_or((part, ""));
-        let Some((key, mut value)) = table.and_then(|table| table.get_key_value(name)) else { return (begin, None) };
+        let Some((key, mut value)) = table.and_then(|table| table.get_key_value(name)) else { return begin };
         begin = Some(key.span().start);
         for number in elements.split(['[', ']']).filter_map(|number| number.parse::<usize>().ok()) {
             let element = value.get_ref().as_array().and_then(|list| list.get(number));
-            let Some(element) = element else { return (begin, None) };
+            let Some(element) = element else { return begin };
             (begin, value) = (Some(element.span().start), element);
         }
-        (table, span) = (value.get_ref().as_table(), Some(value.span()));
+        table = value.get_ref().as_table();
     }
-    (begin, span)
-}
-
-fn shortened(text: &str) -> String {
-    let more = if text.chars().count() > SHOWN_CHARS_MAX { "..." } else { "" };
-    text.chars().take(SHOWN_CHARS_MAX).collect::<String>() + more
+    begin
 }
 
 /// The words of the parser on one line.
