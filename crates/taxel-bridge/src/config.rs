@@ -116,60 +116,32 @@ impl Default for FleetSection {
 pub struct YarpSection {
     /// The name server, `ADDRESS:PORT`; left out, the one of YARP's own files.
     pub server: Option<String>,
-    /// Before the names of the ports.
-    pub prefix: String,
-    /// The name of the port of contacts; `/taxeld/skin_events:o` if left out.
-    pub skin_events: Option<String>,
-    /// Pressures per second, 1 to 1000; 0 for none.
-    pub pressure_hz: f64,
+    /// The name of the port of contacts.
+    pub skin_events: String,
 }
 
 impl Default for YarpSection {
     fn default() -> Self {
-        Self { server: None, prefix: "/taxeld".into(), skin_events: None, pressure_hz: 20.0 }
+        Self { server: None, skin_events: "/taxeld/skin_events:o".into() }
     }
 }
 
 impl YarpSection {
-    /// The name of the port of contacts.
-    pub fn skin_events(&self) -> String {
-        self.skin_events.clone().unwrap_or_else(|| format!("{}/skin_events:o", self.prefix))
-    }
-
     fn check(&self, patches: &[PatchSection]) -> anyhow::Result<()> {
         if let Some(server) = &self.server {
             NameServer::of(Some(server)).context("yarp")?;
         }
-        let mut names = vec![self.skin_events()];
-        ensure!(is_port(&names[0]), "yarp: {:?}: expected a name as in /taxeld/skin_events:o", names[0]);
-        let rate = self.pressure_hz;
-        ensure!(rate == 0.0 || (1.0..=1000.0).contains(&rate), "yarp.pressure_hz = {rate}: expected 0, or 1 to 1000");
+        let events = &self.skin_events;
+        ensure!(is_port(events), "yarp: {events:?}: expected a name as in /taxeld/skin_events:o");
         for patch in patches {
             let name = &patch.name;
             ensure!(
                 patch.part().is_some(),
-                "patch {name:?}: none of iCub's parts: say what it is, yarp = {{ part = [3, 4, 2] }} (body part, link, skin part)"
+                "patch {name:?}: none of iCub's parts: say what it is, part = [3, 4, 2] (body part, link, skin part)"
             );
-            for port in patch.ports(self) {
-                ensure!(is_port(&port), "patch {name:?}: port {port:?}: expected a name as in /taxeld/{name}/force:o");
-                ensure!(!names.contains(&port), "patch {name:?}: port {port:?} is there twice: expected one name each");
-                names.push(port);
-            }
         }
         Ok(())
     }
-}
-
-/// `yarp = { ... }` of a patch, where its name is none of iCub's or its ports have other names.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PatchPorts {
-    /// Body part, link and skin part in the events.
-    pub part: Option<Part>,
-    /// The name of the port of the force; `/taxeld/PATCH/force:o` if left out.
-    pub force: Option<String>,
-    /// The name of the port of the pressures; `/taxeld/PATCH/pressure:o` if left out.
-    pub pressure: Option<String>,
 }
 
 /// `[[patch]]`.
@@ -185,8 +157,8 @@ pub struct PatchSection {
     /// Clouds of taxels per second, 1 to 1000; 0, the default, for none.
     #[serde(default)]
     pub taxels_hz: f64,
-    /// Its ports of YARP.
-    pub yarp: Option<PatchPorts>,
+    /// Body part, link and skin part in YARP's events, where its name is none of iCub's.
+    part: Option<Part>,
 }
 
 impl PatchSection {
@@ -197,14 +169,7 @@ impl PatchSection {
 
     /// Its numbers in the events.
     pub fn part(&self) -> Option<Part> {
-        self.yarp.as_ref().and_then(|ports| ports.part).or_else(|| parts::named(&self.name))
-    }
-
-    /// The names of its ports: of the force, of the pressures.
-    pub fn ports(&self, yarp: &YarpSection) -> [String; 2] {
-        let PatchPorts { force, pressure, .. } = self.yarp.clone().unwrap_or_default();
-        let name = |set: Option<String>, last| set.unwrap_or_else(|| format!("{}/{}/{last}", yarp.prefix, self.name));
-        [name(force, "force:o"), name(pressure, "pressure:o")]
+        self.part.or_else(|| parts::named(&self.name))
     }
 }
 
@@ -243,12 +208,8 @@ impl Config {
             let rate = fleet.rate_hz;
             ensure!((1.0..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 1 to 1000");
         }
-        match &self.yarp {
-            Some(yarp) => yarp.check(&self.patches)?,
-            None => ensure!(
-                self.patches.iter().all(|patch| patch.yarp.is_none()),
-                "yarp of a patch: it names ports of YARP, and there is no section [yarp]"
-            ),
+        if let Some(yarp) = &self.yarp {
+            yarp.check(&self.patches)?;
         }
         ensure!(!self.patches.is_empty(), "no [[patch]]: there is nothing to do");
         self.patches.iter().try_for_each(PatchSection::check)
@@ -345,12 +306,11 @@ mod tests {
             (format!("{LEAST}taxels_hz = 2000.0"), "taxels_hz"),
             (format!("{LEAST}frame = \"/arm\""), "frame"),
             (LEAST.replace("left_forearm", "a*"), "patch"),
-            (format!("{LEAST}yarp = {{}}"), "there is no section [yarp]"),
             (
-                format!("[yarp]\n{LEAST}yarp = {{ force = \"/a\", pressure = \"/a\" }}")
-                    .replace("[yarp]\nrobot = \"icub\"", "robot = \"icub\"\n[yarp]"),
-                "\"/a\" is there twice",
+                LEAST.replace("[ros]", "[yarp]\nskin_events = \"events\""),
+                "\"events\": expected a name as in /taxeld/skin_events:o",
             ),
+            (LEAST.replace("[ros]", "[yarp]").replace("left_forearm", "palm"), "none of iCub's parts"),
         ];
         for (text, place) in cases {
             let error = format!("{:#}", Config::parse(&text).unwrap_err());

@@ -13,9 +13,6 @@ use tonic::{Response, Status, Streaming};
 
 use crate::config::DaemonSection;
 
-/// A daemon that has not answered a command by then does not, and the next question has its turn. It gives up a command
-/// itself then.
-const ANSWER_WITHIN: Duration = Duration::from_secs(100);
 /// How often the daemon is asked for its health.
 const HEALTH_EVERY: Duration = Duration::from_secs(1);
 /// A daemon that does not answer by then does not run.
@@ -84,7 +81,10 @@ impl Daemon {
         tokio::spawn(async move {
             while !sender.is_closed() {
                 let mut skin = daemon.skin();
-                let told = answered_within(HEALTH_WITHIN, skin.get_health(())).await;
+                let told = match tokio::time::timeout(HEALTH_WITHIN, skin.get_health(())).await {
+                    Ok(told) => told.map(Response::into_inner).map_err(|status| words(&status)),
+                    Err(_) => Err(format!("the daemon has not answered within {} s", HEALTH_WITHIN.as_secs())),
+                };
                 sender.send_modify(|health| *health = told);
                 tokio::time::sleep(HEALTH_EVERY).await;
             }
@@ -145,7 +145,7 @@ impl Taxels {
 }
 
 /// What a failed call says, with the system's own reason where there is one.
-fn words(status: &Status) -> String {
+pub fn words(status: &Status) -> String {
     let mut words = status.message().to_owned();
     let mut cause = std::error::Error::source(status);
     while let Some(source) = cause {
@@ -153,22 +153,6 @@ fn words(status: &Status) -> String {
         cause = source.source();
     }
     if words.is_empty() { code_name(status.code()).to_owned() } else { words }
-}
-
-/// What the daemon answers in time, or why it does not, in words.
-pub async fn answered<A>(call: impl Future<Output = Result<Response<A>, Status>>) -> Result<A, String> {
-    answered_within(ANSWER_WITHIN, call).await
-}
-
-async fn answered_within<A>(
-    limit: Duration,
-    call: impl Future<Output = Result<Response<A>, Status>>,
-) -> Result<A, String> {
-    match tokio::time::timeout(limit, call).await {
-        Ok(Ok(answer)) => Ok(answer.into_inner()),
-        Ok(Err(status)) => Err(words(&status)),
-        Err(_) => Err(format!("the daemon has not answered within {} s", limit.as_secs())),
-    }
 }
 
 #[cfg(test)]

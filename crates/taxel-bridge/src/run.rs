@@ -98,26 +98,24 @@ impl Bridge {
         let Some(yarp) = yarp else { return Ok(()) };
         let mut tasks = Tasks::new();
         for patch in &self.config.patches {
-            let [force, pressure] = patch.ports(yarp);
+            let [force, pressure] = ["force:o", "pressure:o"].map(|port| format!("/taxeld/{}/{port}", patch.name));
             let (section, taken) = (yarp.clone(), self.taken.clone());
             let forces = self.daemon.forces(&patch.name, patch.rate_hz);
             tasks.spawn(async move {
                 ports::forces(ports::opened(&section, &force, &taken).await, forces).await;
                 Ok(())
             });
-            if yarp.pressure_hz > 0.0 {
-                let (section, taken) = (yarp.clone(), self.taken.clone());
-                let taxels = self.daemon.taxels(&patch.name, yarp.pressure_hz);
-                tasks.spawn(async move {
-                    ports::taxels(ports::opened(&section, &pressure, &taken).await, taxels).await;
-                    Ok(())
-                });
-            }
+            let (section, taken) = (yarp.clone(), self.taken.clone());
+            let taxels = self.daemon.taxels(&patch.name, ports::PRESSURES_HZ);
+            tasks.spawn(async move {
+                ports::taxels(ports::opened(&section, &pressure, &taken).await, taxels).await;
+                Ok(())
+            });
         }
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
         let (section, taken) = (yarp.clone(), self.taken.clone());
         tasks.spawn(async move {
-            let port = ports::opened(&section, &section.skin_events(), &taken).await;
+            let port = ports::opened(&section, &section.skin_events, &taken).await;
             ports::events(port, followed).await;
             Ok(())
         });

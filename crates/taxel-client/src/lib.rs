@@ -29,6 +29,7 @@
 pub mod blocking;
 mod connect;
 mod follow;
+mod health;
 mod moment;
 mod received;
 #[cfg(feature = "clap")]
@@ -39,8 +40,9 @@ mod stream;
 pub use connect::TlsOptions;
 pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
 pub use follow::{Forces, follow};
+pub use health::troubles;
 pub use moment::Moment;
 pub use received::{Force, NoForce, Received};
 #[cfg(feature = "clap")]
-pub use server::Server;
+pub use server::{Server, model_set_named};
 pub use stream::Samples;

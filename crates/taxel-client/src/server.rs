@@ -41,3 +41,27 @@ impl Server {
         Options { token: self.token.clone(), tls, ..Options::new(address) }.connect().await
     }
 }
+
+/// Fewer characters name no set: a script's variable that is empty would name the only one there is.
+const BEGINNING_MIN: usize = 4;
+
+/// The one of these model sets, newest first, whose id these characters begin; `newest` is the first.
+///
+/// # Errors
+/// No set or several begin so.
+pub fn model_set_named(mut ids: Vec<String>, beginning: &str) -> Result<String, String> {
+    if beginning == "newest" {
+        ids.truncate(1);
+    } else if beginning.chars().count() < BEGINNING_MIN {
+        return Err(format!(
+            "`{beginning}` names no model set: give at least its first {BEGINNING_MIN} characters, as in m-1e"
+        ));
+    } else {
+        ids.retain(|id| id.starts_with(beginning));
+    }
+    match ids.as_slice() {
+        [one] => Ok(one.clone()),
+        [] => Err(format!("there is no model set `{beginning}`; `taxeld models list` has them")),
+        several => Err(format!("`{beginning}` begins {}", several.join(", "))),
+    }
+}

@@ -34,12 +34,6 @@ pub struct ApplyArgs {
     /// calibration, a number tares from the first seconds, which you say are unloaded.
     #[arg(long, value_name = "auto|none|SECONDS", default_value = "auto", value_parser = parse_tare)]
     tare: Tare,
-    /// Seconds over which counts are averaged, as many before as after; 0 is not at all [default: as fitted, 0.5].
-    #[arg(long, value_name = "S", value_parser = parse_number)]
-    smooth: Option<f64>,
-    /// Neighbouring columns that form a module [default: as fitted, 10].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    module_size: Option<u16>,
     /// Write standard deviations in kPa here, cell by cell.
     #[arg(long, value_name = "SIGMA.csv")]
     sigma: Option<PathBuf>,
@@ -79,8 +73,6 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     let notes = if set.is_of_skin() { check(&mut recording, Purpose::Apply).with_context(named)? } else { Vec::new() };
     let recipe = ApplyRecipe {
         tare: args.tare,
-        smooth_s: args.smooth,
-        module_size: args.module_size.map(usize::from),
         sigma: args.sigma.is_some() || recording.pressure_kpa.is_some(),
         ..ApplyRecipe::default()
     };

@@ -1,7 +1,7 @@
 //! A running daemon, as the laboratory asks it.
 
-use anyhow::{Context, ensure};
-use taxel_client::{Line, Server};
+use anyhow::Context;
+use taxel_client::{Line, Server, model_set_named};
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
@@ -51,14 +51,7 @@ impl Daemon {
     async fn full_id(&self, wanted: &str) -> anyhow::Result<String> {
         let request = ListRequest { patch: self.patch.clone(), ..Default::default() };
         let sets = self.models().list_model_sets(request).await.map_err(refused)?.into_inner().model_sets;
-        let mut ids: Vec<String> = sets.into_iter().map(|set| set.model_set).collect();
-        if wanted == "newest" {
-            ids.truncate(1);
-        } else {
-            ids.retain(|id| id.starts_with(wanted));
-        }
-        ensure!(ids.len() < 2, "several model sets begin with `{wanted}`: {}", ids.join(", "));
-        ids.pop().with_context(|| format!("there is no model set `{wanted}`: see `taxeld models list`"))
+        model_set_named(sets.into_iter().map(|set| set.model_set).collect(), wanted).map_err(anyhow::Error::msg)
     }
 
     /// A session.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
-use taxel_page::{Limits, Options, Shows, bind, serve};
+use taxel_page::{Limits, Options, bind, serve};
 use taxel_rpc::handle::channel;
 use taxel_rpc::{Access, Backend, Clock, Publisher, Rules, Server};
 use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time};
@@ -88,7 +88,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     tokio::spawn(server.serve(Vec::new()));
     tokio::spawn(publish(engine, clock, taxels));
     let listener = bind(address)?;
-    let options = Options { services, handle, shows: Shows::Page, names: Vec::new(), limits: Limits::default() };
+    let options = Options { services, handle, names: Vec::new(), limits: Limits::default() };
     println!("{taxels} taxels on http://{}/", listener.local_addr()?);
     Ok(serve(listener, options, shutdown).await?)
 }

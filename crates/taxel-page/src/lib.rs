@@ -22,4 +22,3 @@ mod site;
 
 pub use limits::Limits;
 pub use serve::{Options, bind, serve};
-pub use site::Shows;

@@ -29,25 +29,10 @@ impl Methods {
         let found = found.filter(|method| !method.is_client_streaming());
         let short = || path.chars().take(100).collect::<String>();
         let unknown = || {
-            let why = format!("there is no call `{}`; GET /methods names them all", short());
+            let why = format!("there is no call `{}`: expected one of proto/taxel/v1", short());
             Refusal::new(Code::Unimplemented, ErrorReason::MethodUnknown, why)
         };
         Ok(found.map(|descriptor| Method { descriptor }).ok_or_else(unknown)?)
-    }
-
-    /// All that one request can call, as JSON: path, how it is called, and the names of its messages.
-    pub(crate) fn list(&self) -> Value {
-        let all = self.pool.services().flat_map(|service| service.methods().collect::<Vec<_>>());
-        all.filter(|descriptor| !descriptor.is_client_streaming())
-            .map(|descriptor| {
-                let method = Method { descriptor };
-                let how = if method.streams() { "GET" } else { "POST" };
-                let (input, output) = (method.descriptor.input(), method.descriptor.output());
-                serde_json::json!({
-                    "call": method.path(), "http": how, "request": input.full_name(), "answer": output.full_name(),
-                })
-            })
-            .collect()
     }
 }
 

@@ -1,20 +1,17 @@
 //! Metrics in the OpenMetrics text format, made at each scrape from what the service answers.
 //!
-//! Nothing is gathered between scrapes but the durations of calls over HTTP. Names follow the conventions of Prometheus:
-//! base units, `_total` for counters, an `_info` for what is text.
+//! Nothing is gathered between scrapes. Names follow the conventions of Prometheus: base units, `_total` for counters, an
+//! `_info` for what is text.
 
 use std::sync::atomic::AtomicU64;
-use std::time::Duration;
 
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
-use prometheus_client::metrics::histogram::Histogram;
-use prometheus_client::registry::{Registry, Unit};
+use prometheus_client::registry::Registry;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
-use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_rpc::SharedServices;
@@ -22,63 +19,32 @@ use tonic::Status;
 
 use crate::call::Caller;
 
-/// The content type of what [`Metrics::text`] gives.
+/// The content type of what [`text`] gives.
 pub(crate) const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-
-/// Upper ends of the durations told apart, in s: a read takes a millisecond, a tare some seconds.
-const DURATIONS_S: [f64; 10] = [0.0005, 0.001, 0.0025, 0.005, 0.01, 0.05, 0.25, 1.0, 5.0, 30.0];
 
 type Labels = Vec<(&'static str, String)>;
 type Gauges = Family<Labels, Gauge<f64, AtomicU64>>;
 type Counters = Family<Labels, Counter>;
 
-/// What is gathered between scrapes.
-pub(crate) struct Metrics {
-    durations: Family<Labels, Histogram, fn() -> Histogram>,
-}
-
-impl Metrics {
-    /// Nothing gathered yet.
-    pub(crate) fn new() -> Self {
-        Self { durations: Family::new_with_constructor(|| Histogram::new(DURATIONS_S)) }
+/// Everything now, as far as `caller` may read it.
+pub(crate) async fn text(services: &SharedServices, caller: &Caller) -> Result<String, Status> {
+    let mut skin = SkinServiceClient::new(services.clone());
+    let health = skin.get_health(caller.request(())).await?.into_inner();
+    let mut sheet = Sheet::new();
+    daemon(&mut sheet, &health);
+    // What an engine that stands still said last is nothing that is so now; what it has counted stays so.
+    let runs = health.engine_stalled_s.is_none();
+    buses(&mut sheet, &health.buses, runs);
+    boards(&mut sheet, &health.boards, runs);
+    patches(&mut sheet, &health.patches, runs);
+    let mut force = ForceServiceClient::new(services.clone());
+    let mut samples = Vec::new();
+    for v1::PatchHealth { patch, .. } in &health.patches {
+        let request = caller.request(v1::PatchRequest { patch: patch.clone() });
+        samples.push(force.get_force(request).await?.into_inner());
     }
-
-    /// A call over HTTP took so long.
-    pub(crate) fn called(&self, call: String, code: &'static str, took: Duration) {
-        let labels = vec![("call", call), ("code", code.to_owned())];
-        self.durations.get_or_create(&labels).observe(took.as_secs_f64());
-    }
-
-    /// Everything now, as far as `caller` may read it.
-    pub(crate) async fn text(&self, services: &SharedServices, caller: &Caller) -> Result<String, Status> {
-        let mut skin = SkinServiceClient::new(services.clone());
-        let health = skin.get_health(caller.request(())).await?.into_inner();
-        let mut sheet = Sheet::new();
-        sheet.registry.register_with_unit(
-            "http_call_duration",
-            "How long calls over HTTP took",
-            Unit::Seconds,
-            self.durations.clone(),
-        );
-        daemon(&mut sheet, &health);
-        // What an engine that stands still said last is nothing that is so now; what it has counted stays so.
-        let runs = health.engine_stalled_s.is_none();
-        buses(&mut sheet, &health.buses, runs);
-        boards(&mut sheet, &health.boards, runs);
-        patches(&mut sheet, &health.patches, runs);
-        let mut force = ForceServiceClient::new(services.clone());
-        let mut calibration = CalibrationServiceClient::new(services.clone());
-        let (mut samples, mut newest) = (Vec::new(), Vec::new());
-        for v1::PatchHealth { patch, .. } in &health.patches {
-            let request = caller.request(v1::PatchRequest { patch: patch.clone() });
-            samples.push(force.get_force(request).await?.into_inner());
-            let request = v1::ListRequest { patch: patch.clone(), most: 1, ..Default::default() };
-            newest.extend(calibration.list_sessions(caller.request(request)).await?.into_inner().sessions);
-        }
-        forces(&mut sheet, &samples);
-        sessions(&mut sheet, &newest, runs);
-        sheet.text()
-    }
+    forces(&mut sheet, &samples);
+    sheet.text()
 }
 
 /// One scrape.
@@ -211,8 +177,7 @@ fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
     sheet.gauge("taxels", "Taxels by what they are in the force now", samples.iter().flat_map(kinds));
     let states = (1..=5).filter_map(|number| v1::ForceState::try_from(number).ok());
     let is = |state: v1::ForceState, sample: &v1::ForceSample| {
-        let name = word(state.as_str_name(), "FORCE_STATE_");
-        (vec![("patch", sample.patch.clone()), ("state", name)], flag(sample.state() == state))
+        (vec![("patch", sample.patch.clone()), ("state", word(state))], flag(sample.state() == state))
     };
     let all = states.flat_map(|state| samples.iter().map(move |sample| is(state, sample)));
     sheet.gauge("force_state", "1 for the state that the force is in", all);
@@ -223,26 +188,7 @@ fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
     sheet.gauge("model_set_info", "The model set in use; always 1", active);
 }
 
-fn sessions(sheet: &mut Sheet, newest: &[v1::Session], runs: bool) {
-    let newest = || newest.iter().filter(|_| runs);
-    let labels = |session: &v1::Session| vec![("patch", session.patch.clone())];
-    let mut gauge = |name: &str, help: &str, value: fn(&v1::Session) -> Option<f64>| {
-        sheet.gauge(name, help, newest().filter_map(|session| Some((labels(session), value(session)?))));
-    };
-    gauge("session_number", "Number of the newest session", |session| Some(session.session as f64));
-    gauge("session_coverage_ratio", "Share of the pressures that it covers", |session| Some(session.coverage));
-    gauge("session_pressure_pascals", "Pressure of the bag, lately", |session| Some(1000.0 * session.pressure_kpa?));
-    gauge("session_accepted_scans", "Scans that count in it", |session| Some(session.accepted as f64));
-    let states = (1..=9).filter_map(|number| v1::SessionState::try_from(number).ok());
-    let is = |state: v1::SessionState, session: &v1::Session| {
-        let name = word(state.as_str_name(), "SESSION_STATE_");
-        (vec![("patch", session.patch.clone()), ("state", name)], flag(session.state() == state))
-    };
-    let all = states.flat_map(|state| newest().map(move |session| is(state, session)));
-    sheet.gauge("session_state", "1 for the state that the newest session is in", all);
-}
-
-/// A word of an enumeration as a label.
-fn word(name: &str, prefix: &str) -> String {
-    name.strip_prefix(prefix).unwrap_or(name).to_ascii_lowercase()
+/// A state as a label.
+fn word(state: v1::ForceState) -> String {
+    state.as_str_name().trim_start_matches("FORCE_STATE_").to_ascii_lowercase()
 }

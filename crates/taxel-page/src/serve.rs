@@ -17,7 +17,7 @@ use tokio_util::sync::CancellationToken;
 use crate::call::Client;
 use crate::history::History;
 use crate::limits::Limits;
-use crate::site::{Shows, Site, router};
+use crate::site::{Site, router};
 
 /// A failed accept mostly means that file descriptors ran out; it is tried again after this pause.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
@@ -38,8 +38,6 @@ pub struct Options {
     pub services: SharedServices,
     /// The engine, whose forces are kept for pages that open later.
     pub handle: Handle,
-    /// What is served.
-    pub shows: Shows,
     /// Names beside localhost and loopback addresses by which the page may be asked for: those of a proxy before it.
     pub names: Vec<String>,
     /// Bounds.
@@ -64,17 +62,16 @@ pub fn bind(address: SocketAddr) -> io::Result<std::net::TcpListener> {
 /// If the listener cannot be used on this runtime, or the compiled descriptors cannot be read.
 pub async fn serve(listener: std::net::TcpListener, options: Options, shutdown: CancellationToken) -> io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
-    let Options { services, handle, shows, names, limits } = options;
+    let Options { services, handle, names, limits } = options;
     let connections = Connections::with_limits(limits.connections.clone());
     let history = Arc::new(History::new(handle.clone()));
     let site = Site::new(services, Arc::clone(&history), names, limits.clone()).map_err(io::Error::other)?;
     let mut kept = JoinSet::new(); // ends with this call
-    for patch in (0..handle.patches()).filter(|_| shows != Shows::Metrics) {
+    for patch in 0..handle.patches() {
         let history = Arc::clone(&history);
         kept.spawn(async move { history.keep(patch).await });
     }
-    let mut server =
-        Server { router: router(site, shows), connections: connections.clone(), limits, tasks: JoinSet::new() };
+    let mut server = Server { router: router(site), connections: connections.clone(), limits, tasks: JoinSet::new() };
     let accept = async {
         loop {
             match listener.accept().await {

@@ -1,7 +1,6 @@
 //! What each path answers.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use axum::Router;
 use axum::body::{Body, Bytes};
@@ -12,7 +11,6 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use http_body_util::{BodyExt, LengthLimitError, Limited};
-use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::{ErrorReason, PatchRequest};
@@ -27,7 +25,7 @@ use crate::events::{Source, events};
 use crate::history::History;
 use crate::limits::Limits;
 use crate::methods::{Method, Methods};
-use crate::metrics::{Metrics, OPEN_METRICS};
+use crate::metrics::{self, OPEN_METRICS};
 use crate::origin::{check_host, check_origin};
 
 /// Streams that one answer may carry.
@@ -39,22 +37,10 @@ const BODY_BYTES_MAX: usize = 64 << 10;
 /// Largest body of a request that carries a model set: 16 MiB of MODELS.json, its quotes and line ends escaped.
 const MODELS_BYTES_MAX: usize = 17 << 20;
 
-/// What a site serves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shows {
-    /// The page, and the service as JSON.
-    Page,
-    /// The metrics at `/metrics`.
-    Metrics,
-    /// Both.
-    All,
-}
-
 /// One page, shared by all its connections.
 pub(crate) struct Site {
     services: SharedServices,
     history: Arc<History>,
-    metrics: Metrics,
     methods: Methods,
     /// Names beside localhost that it answers to.
     names: Vec<String>,
@@ -65,19 +51,14 @@ pub(crate) struct Site {
 type Shared = State<Arc<Site>>;
 
 /// What a site answers by path. Whatever is no path of its own is a call.
-pub(crate) fn router(site: Site, shows: Shows) -> Router {
+pub(crate) fn router(site: Site) -> Router {
     let site = Arc::new(site);
     let mut router = Router::new();
-    if shows != Shows::Page {
-        router = router.route("/metrics", get(metrics));
+    for &(path, kind, content) in assets::FILES {
+        router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
     }
-    if shows != Shows::Metrics {
-        for &(path, kind, content) in assets::FILES {
-            router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
-        }
-        router = router.route("/methods", get(methods)).route("/streams", get(streams)).route("/history", get(history));
-        router = router.fallback(call);
-    }
+    router = router.route("/metrics", get(metrics)).route("/streams", get(streams)).route("/history", get(history));
+    router = router.fallback(call);
     router.layer(from_fn_with_state(Arc::clone(&site), guard)).with_state(site)
 }
 
@@ -97,14 +78,10 @@ async fn guard(State(site): Shared, Extension(client): Extension<Client>, reques
 }
 
 async fn metrics(State(site): Shared, Extension(client): Extension<Client>, headers: HeaderMap) -> Response {
-    match site.metrics.text(&site.services, &Caller::new(&client, &headers)).await {
+    match metrics::text(&site.services, &Caller::new(&client, &headers)).await {
         Ok(text) => ([(CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
         Err(status) => refusal(&status),
     }
-}
-
-async fn methods(State(site): Shared) -> Response {
-    json_of(&site.methods.list())
 }
 
 async fn streams(State(site): Shared, Extension(client): Extension<Client>, uri: Uri, headers: HeaderMap) -> Response {
@@ -136,8 +113,7 @@ impl Site {
         limits: Limits,
     ) -> Result<Self, prost_reflect::DescriptorError> {
         let streams = Arc::new(Semaphore::new(limits.streams));
-        let (metrics, methods) = (Metrics::new(), Methods::new()?);
-        Ok(Self { services, history, metrics, methods, names, limits, streams })
+        Ok(Self { services, history, methods: Methods::new()?, names, limits, streams })
     }
 
     /// The forces of the last ten minutes of `patch=P`. Who may read the force now may read those.
@@ -177,11 +153,7 @@ impl Site {
         };
         let message = method.request(&body)?;
         drop(body);
-        let begun = Instant::now();
-        let answer = unary(&self.services, method, caller.request(message)).await;
-        let code = answer.as_ref().map_or_else(Status::code, |_| Code::Ok);
-        self.metrics.called(method.path(), code_name(code), begun.elapsed());
-        Ok(json_of(&answer?))
+        Ok(json_of(&unary(&self.services, method, caller.request(message)).await?))
     }
 
     /// The body of a request, or why there is none.

@@ -111,7 +111,6 @@ impl Connections {
         loop {
             checks.tick().await;
             self.check();
-            self.0.refusals.tell_due();
         }
     }
 

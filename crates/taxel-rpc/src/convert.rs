@@ -57,17 +57,9 @@ pub(crate) fn known(figure: f64) -> Option<f64> {
     figure.is_finite().then_some(figure)
 }
 
-/// A sample of a stream: of each reason how many taxels it is about.
-pub(crate) fn force(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
-    sample(plan, snapshot, sending, false)
-}
-
-/// A sample that was asked for once: of each reason also which taxels it is about, and what the uncertainty is made of.
-pub(crate) fn force_in_full(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
-    sample(plan, snapshot, sending, true)
-}
-
-fn sample(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending, in_full: bool) -> v1::ForceSample {
+/// A sample: of each reason how many taxels it is about. One that was asked for once has, `in_full`, also which taxels, and what
+/// the uncertainty is made of.
+pub(crate) fn force(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending, in_full: bool) -> v1::ForceSample {
     let force = &snapshot.force;
     // A value without any frame has no time and so no age.
     let framed = snapshot.seen;

@@ -137,23 +137,17 @@ impl Publisher {
 
     /// New live state of the patch at this position of the plan.
     pub fn patch(&self, position: usize, snapshot: Arc<PatchSnapshot>) {
-        if let Some(patch) = self.patches.get(position) {
-            patch.snapshot.send_replace(snapshot);
-        }
+        self.patches[position].snapshot.send_replace(snapshot);
     }
 
     /// The session of the patch at this position of the plan changed; `None`: it was deleted.
     pub fn session(&self, position: usize, view: Option<Arc<SessionView>>) {
-        if let Some(patch) = self.patches.get(position) {
-            patch.session.send_replace(view);
-        }
+        self.patches[position].session.send_replace(view);
     }
 
     /// What the gauge of the patch at this position of the plan reads now.
     pub fn gauge(&self, position: usize, reading: GaugeReading) {
-        if let Some(patch) = self.patches.get(position) {
-            patch.gauge.send_replace(Some(reading));
-        }
+        self.patches[position].gauge.send_replace(Some(reading));
     }
 
     /// Buses, boards or modules changed.

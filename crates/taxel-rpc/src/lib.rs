@@ -32,7 +32,7 @@ mod stream;
 mod tls;
 mod validation;
 
-pub use access::origin::{check_certificate_name, group_id, user_id};
+pub use access::origin::{check_certificate_name, group_id};
 pub use access::rules::{Access, Grant, Rules, Subject};
 pub use access::table::Role;
 pub use access::token::Tokens;

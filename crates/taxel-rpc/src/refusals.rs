@@ -1,7 +1,6 @@
 //! Refusals in the log: of each kind a line at most every ten seconds, so that a flood of them is not one of lines.
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -13,39 +12,23 @@ const LINE_EVERY: Duration = Duration::from_secs(10);
 /// Kinds that are told apart within that time; what is beyond shares one line.
 const KINDS_MAX: usize = 64;
 
-/// What was refused lately: by kind, when its last line was written and how many no line told of since.
+/// What was refused lately: by kind, when its last line was written.
 #[derive(Debug, Default)]
-pub(crate) struct Refusals(Mutex<HashMap<String, (Instant, u64)>>);
+pub(crate) struct Refusals(Mutex<HashMap<String, Instant>>);
 
 impl Refusals {
     /// Something was refused: of this kind, to this peer.
     pub(crate) fn tell(&self, (what, peer): (&str, &str), text: impl FnOnce() -> String) {
         let mut kinds = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kinds.retain(|_, told| told.elapsed() < LINE_EVERY);
         let mut kind = format!("{what} {peer}");
         if kinds.len() >= KINDS_MAX && !kinds.contains_key(&kind) {
             "others".clone_into(&mut kind);
         }
-        match kinds.entry(kind) {
-            Entry::Occupied(mut told) => told.get_mut().1 += 1,
-            Entry::Vacant(first) => {
-                first.insert((Instant::now(), 0));
-                let text = text();
-                tracing::warn!("{text}");
-            }
-        }
-    }
-
-    /// Tells of each kind whose time has come how many there were since its line; due every second.
-    pub(crate) fn tell_due(&self) {
-        let mut kinds = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        kinds.retain(|kind, (told, untold)| {
-            let is_due = told.elapsed() >= LINE_EVERY;
-            if is_due && *untold > 0 {
-                tracing::warn!("{untold} more were refused since the last such line: {kind}");
-                (*told, *untold) = (Instant::now(), 0);
-                return true;
-            }
-            !is_due
+        kinds.entry(kind).or_insert_with(|| {
+            let text = text();
+            tracing::warn!("{text}");
+            Instant::now()
         });
     }
 }
@@ -68,11 +51,9 @@ mod tests {
         (0..1000).for_each(|_| tell("a"));
         assert_eq!(lines.get(), 1);
         tokio::time::advance(LINE_EVERY).await;
-        refusals.tell_due();
-        assert_eq!(refusals.0.lock().unwrap()["stream a"].1, 0, "those without a line of their own are told");
         (0..1000).for_each(|_| tell("a"));
-        assert_eq!(lines.get(), 1);
+        assert_eq!(lines.get(), 2);
         (0..10_000).for_each(|uid| tell(&uid.to_string()));
-        assert_eq!((lines.get(), refusals.0.lock().unwrap().len()), (KINDS_MAX + 1, KINDS_MAX + 1));
+        assert_eq!((lines.get(), refusals.0.lock().unwrap().len()), (KINDS_MAX + 2, KINDS_MAX + 1));
     }
 }

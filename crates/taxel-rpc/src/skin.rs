@@ -124,7 +124,7 @@ impl Service {
         let (plan, snapshot) = (self.plan(patch), self.snapshot(patch));
         let name = plan.patch.name();
         let active = self.active(name).is_some();
-        let force = convert::force_in_full(plan, &snapshot, self.handle.sending(patch, &snapshot, 0));
+        let force = convert::force(plan, &snapshot, self.handle.sending(patch, &snapshot, 0), true);
         let no_force = active && force.total_n.is_none();
         let now = (self.handle.clock)();
         let gauge = self.handle.patches.get(patch).and_then(|feed| *feed.gauge.borrow());

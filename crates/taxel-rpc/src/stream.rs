@@ -45,7 +45,7 @@ impl ForceService for Service {
         let patch = self.patch(&request.get_ref().patch)?;
         let snapshot = self.snapshot(patch);
         let sending = self.handle.sending(patch, &snapshot, 0);
-        Ok(Response::new(convert::force_in_full(self.plan(patch), &snapshot, sending)))
+        Ok(Response::new(convert::force(self.plan(patch), &snapshot, sending, true)))
     }
 
     type StreamForceStream = MessageStream<v1::ForceSample>;
@@ -53,7 +53,8 @@ impl ForceService for Service {
     async fn stream_force(&self, request: Request<v1::StreamRequest>) -> Reply<Self::StreamForceStream> {
         let request = request.into_inner();
         let patch = self.patch(&request.patch)?;
-        subscribe(self, patch, request.rate_hz, convert::force).map(Response::new)
+        let encode: Encode<_> = |plan, snapshot, sending| convert::force(plan, snapshot, sending, false);
+        subscribe(self, patch, request.rate_hz, encode).map(Response::new)
     }
 }
 
@@ -82,7 +83,7 @@ impl PatchFollower {
             if let Some((snapshot, sending)) = self.take(false) {
                 let plan = &self.handle.plan.patches[self.patch];
                 let readings = taxels.then(|| convert::taxels(plan, &snapshot, sending));
-                return Some((convert::force(plan, &snapshot, sending), readings));
+                return Some((convert::force(plan, &snapshot, sending, false), readings));
             }
         }
     }

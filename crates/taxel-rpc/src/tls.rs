@@ -18,7 +18,7 @@ use x509_cert::ext::pkix::SubjectAltName;
 use x509_cert::ext::pkix::name::GeneralName;
 
 use crate::access::origin::{Certificate, uri_name};
-use crate::access::private_file::{Reader, SECRET, TRUSTED, is_readable, read_guarded};
+use crate::access::private_file::{SECRET, TRUSTED, read_guarded};
 
 /// What a TLS listener is made from, all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,18 +45,8 @@ impl Tls {
     /// # Errors
     /// The file, and what is wrong with it.
     pub fn load(files: TlsFiles) -> Result<Self, String> {
-        let config = Arc::new(RwLock::new(server_config(&files, Reader::Daemon)?));
+        let config = Arc::new(RwLock::new(server_config(&files)?));
         Ok(Self { files: Arc::new(files), config })
-    }
-
-    /// Looks at the files for a daemon that may have another account. They pass where this account cannot read all of them.
-    ///
-    /// # Errors
-    /// The file, and what no daemon would take.
-    pub fn check(files: &TlsFiles) -> Result<(), String> {
-        let TlsFiles { certificate, key, client_ca } = files;
-        let are_readable = [certificate, key, client_ca].into_iter().all(|file| is_readable(file));
-        if are_readable { server_config(files, Reader::Check).map(drop) } else { Ok(()) }
     }
 
     /// Reads the files again. New connections get what is in them now; those that are open go on as they are.
@@ -64,7 +54,7 @@ impl Tls {
     /// # Errors
     /// The file, and what is wrong with it; then everything stays as it was.
     pub fn reload(&self) -> Result<(), String> {
-        let config = server_config(&self.files, Reader::Daemon)?;
+        let config = server_config(&self.files)?;
         *self.config.write().unwrap_or_else(PoisonError::into_inner) = config;
         Ok(())
     }
@@ -79,23 +69,23 @@ impl Tls {
     }
 }
 
-fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, String> {
+fn server_config(files: &TlsFiles) -> Result<Arc<ServerConfig>, String> {
     let wrong = |path: &Path, problem: String| format!("{}: {problem}", path.display());
     let provider = Arc::new(ring::default_provider());
     let mut roots = RootCertStore::empty();
-    for authority in certificates(&files.client_ca, reader)? {
+    for authority in certificates(&files.client_ca)? {
         roots.add(authority).map_err(|error| wrong(&files.client_ca, error.to_string()))?;
     }
     let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
         .build()
         .map_err(|error| wrong(&files.client_ca, error.to_string()))?;
-    let secret = read_guarded(&files.key, SECRET, reader)?;
+    let secret = read_guarded(&files.key, SECRET)?;
     let key = PrivateKeyDer::from_pem_slice(&secret).map_err(|error| wrong(&files.key, error.to_string()))?;
     let mut config = ServerConfig::builder_with_provider(provider)
         .with_protocol_versions(&[&TLS13])
         .map_err(|error| wrong(&files.certificate, error.to_string()))?
         .with_client_cert_verifier(verifier)
-        .with_single_cert(certificates(&files.certificate, reader)?, key)
+        .with_single_cert(certificates(&files.certificate)?, key)
         .map_err(|error| wrong(&files.certificate, format!("does not go with the key: {error}")))?;
     config.alpn_protocols = vec![b"h2".to_vec()];
     // A resumed connection would not show its certificate again.
@@ -104,9 +94,9 @@ fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, 
 }
 
 /// All certificates of a file, at least one.
-fn certificates(path: &Path, reader: Reader) -> Result<Vec<CertificateDer<'static>>, String> {
+fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, String> {
     let wrong = |problem: String| format!("{}: {problem}", path.display());
-    let text = read_guarded(path, TRUSTED, reader)?;
+    let text = read_guarded(path, TRUSTED)?;
     let read = CertificateDer::pem_slice_iter(&text).collect::<Result<Vec<_>, _>>();
     let found = read.map_err(|error| wrong(error.to_string()))?;
     if found.is_empty() { Err(wrong("there is no certificate in it".to_owned())) } else { Ok(found) }

@@ -28,4 +28,4 @@ pub use module_list::{KindWord, parse_modules, written_modules};
 pub use positions::{GeometryError, PositionFile, TaxelPose};
 pub use time::Time;
 pub use units::{Kilopascal, Newton, SquareMillimetre};
-pub use words::{counted, printable, unprintable};
+pub use words::{columns, counted, printable, unprintable};

@@ -9,11 +9,7 @@ use taxel_rig::Speech;
 use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, counted, printable, written_modules};
 
-use crate::config::{
-    self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED, examine_with,
-    read_text,
-};
-use crate::missing::{missing, obstacles};
+use crate::config::{self, BusSource, Config, Doors, RecordSection, Scene, SharedMemorySection, UNRULED};
 use crate::rig::{ASK_EVERY, At};
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
@@ -28,17 +24,9 @@ macro_rules! tell {
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
-    let examined = read(path);
-    if json {
-        let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
-        let missing = examined.as_ref().map(|(config, scene)| missing(config, &scene.doors)).unwrap_or_default();
-        say!("{}", serde_json::json!({ "problems": problems, "missing": missing }));
-    }
-    let (config, scene) = examined?;
-    if !json {
-        print(&config, &scene);
-    }
+pub fn check(path: &Path) -> anyhow::Result<()> {
+    let (config, scene) = config::examine(path)?;
+    print(&config, &scene);
     Ok(())
 }
 
@@ -46,26 +34,11 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn device(file: &str, json: bool) -> anyhow::Result<()> {
-    let examined = config::examine_profile(file, None);
-    if json {
-        let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
-        say!("{}", serde_json::json!({ "problems": problems }));
-    }
-    let (profile, _) = examined?;
-    if !json {
-        tell!("drive {} on {}", profile.name(), profile.at());
-        profile.lines().iter().for_each(|line| tell!("  {line}"));
-    }
+pub fn device(file: &str) -> anyhow::Result<()> {
+    let (profile, _) = config::examine_profile(file, None)?;
+    tell!("drive {} on {}", profile.name(), profile.at());
+    profile.lines().iter().for_each(|line| tell!("  {line}"));
     Ok(())
-}
-
-/// Reads a configuration, and looks for all that would keep a daemon from starting with it here.
-///
-/// # Errors
-/// Everything that is wrong with it.
-pub fn read(path: &Path) -> Result<(Config, Scene), Problems> {
-    read_text(path).and_then(|text| examine_with(path, &text, obstacles))
 }
 
 /// Looks at a store that no daemon has open, and changes nothing.
@@ -89,11 +62,7 @@ fn print(config: &Config, scene: &Scene) {
     scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
     access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
     if let Some(page) = &config.page {
-        tell!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
-    }
-    if let Some(metrics) = &config.metrics {
-        let at = metrics.listen.or(config.page.as_ref().map(|page| page.listen));
-        tell!("metrics: http://{}/metrics", at.map(|at| at.to_string()).unwrap_or_default());
+        tell!("page: http://{}/ (loopback, unencrypted), the service as JSON, and /metrics", page.listen);
     }
     config.shared_memory.iter().for_each(|section| tell!("{}", shared_memory(section)));
     config.record.iter().for_each(|section| tell!("{}", recordings(section)));
@@ -107,11 +76,6 @@ fn print(config: &Config, scene: &Scene) {
     if !scene.said.remarks.is_empty() {
         tell!("remarks:");
         scene.said.remarks.iter().for_each(|line| tell!("  {line}"));
-    }
-    let missing = missing(config, &scene.doors);
-    if !missing.is_empty() {
-        tell!("this machine does not have:");
-        missing.iter().for_each(|line| tell!("  {line}"));
     }
 }
 

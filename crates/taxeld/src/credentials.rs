@@ -51,17 +51,8 @@ impl Credentials {
     }
 }
 
-/// What is wrong with a token file, for a daemon that may have another account.
-pub fn obstacle_of_tokens(path: &Path) -> Option<String> {
-    Tokens::check(path).err().map(of_tokens)
-}
-
 /// The tokens of a file; none without one.
 fn tokens(path: Option<&Path>) -> anyhow::Result<Tokens> {
     let Some(path) = path else { return Ok(Tokens::default()) };
-    Tokens::load(path).map_err(|problem| anyhow::Error::msg(of_tokens(problem)))
-}
-
-fn of_tokens(problem: String) -> String {
-    format!("access.tokens: {problem}")
+    Tokens::load(path).map_err(|problem| anyhow::anyhow!("access.tokens: {problem}"))
 }

@@ -58,19 +58,6 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
     Ok(Open { listeners, credentials })
 }
 
-/// What would keep a door shut, as far as can be told without opening it, and for a daemon that may have another account.
-pub fn obstacle(door: &Door) -> Option<String> {
-    match door {
-        Door::Tcp(_) => None,
-        Door::Unix { path, .. } => match std::fs::symlink_metadata(path) {
-            Ok(about) => in_the_way(path, &about),
-            Err(error) if error.kind() == ErrorKind::NotADirectory => Some(format!("{}: {error}", path.display())),
-            Err(_) => None, // there is none yet, or this account may not look
-        },
-        Door::Tls { files, .. } => Tls::check(&tls_files(files)).err(),
-    }
-}
-
 fn tls_files([certificate, key, client_ca]: &[PathBuf; 3]) -> TlsFiles {
     TlsFiles { certificate: certificate.clone(), key: key.clone(), client_ca: client_ca.clone() }
 }

@@ -21,7 +21,7 @@ use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::Time;
 use taxel_store::{Batch, OnDurable, Store, StoreEvent};
 use taxel_wire::Frame;
-use tokio::sync::{Semaphore, mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
 
 use crate::audit::Auditor;
@@ -65,9 +65,6 @@ pub struct Driver {
     /// Each patch's session.
     sessions: Vec<Option<Arc<SessionView>>>,
     store: Store,
-    /// Whose turn it is to read a model set: the text of one may have 16 MB and takes five times that while it is read, and a
-    /// patch each may ask at once.
-    set_turn: Arc<Semaphore>,
     /// One queue of frames to send per bus; a full one loses the frame, which the bring-up's proof then shows.
     buses: Vec<mpsc::Sender<Frame>>,
     waiting: HashMap<RequestId, Waiting>,
@@ -100,7 +97,6 @@ impl Driver {
             clock,
             publisher,
             pages: Pages::default(),
-            set_turn: Arc::new(Semaphore::new(1)),
             store,
             buses,
             waiting: HashMap::new(),

@@ -82,25 +82,17 @@ fn begin(place: &Path) -> io::Result<NamedTempFile> {
     Ok(part)
 }
 
-/// Writes an output as a whole. Who stops to read standard output is no failure.
-///
-/// # Errors
-/// The path and the system's reason.
-pub fn write(path: &Path, content: impl FnOnce(&mut Output) -> io::Result<()>) -> anyhow::Result<()> {
-    let write = || {
-        let mut output = Output::create(path)?;
-        content(&mut output)?;
-        output.finish()
-    };
-    quiet_end(path, write())
-}
-
-/// Writes a text, as [`write()`] does.
+/// Writes a text as a whole. Who stops to read standard output is no failure.
 ///
 /// # Errors
 /// The path and the system's reason.
 pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
-    write(path, |output| output.write_all(text.as_bytes()))
+    let write = || {
+        let mut output = Output::create(path)?;
+        output.write_all(text.as_bytes())?;
+        output.finish()
+    };
+    quiet_end(path, write())
 }
 
 /// A reader of standard output that has gone is no failure; everything else stays one, with the path.

@@ -22,7 +22,7 @@ use crate::config::{self, BusSource, Config, Scene};
 use crate::credentials::Credentials;
 use crate::doors::{self, Open};
 use crate::driver::Driver;
-use crate::page::serve_pages;
+use crate::page::serve_page;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::{self, Reload};
@@ -94,7 +94,7 @@ impl Daemon {
         let backend = DaemonBackend { store: reader, budget, push, recording, lacks };
         let terminate = signal(SignalKind::terminate())?;
         let server = Server::new(handle.clone(), Arc::new(backend), credentials.access(), Limits::default())?;
-        serve_pages(config, &server, &handle, tasks)?;
+        serve_page(config, &server, &handle, tasks)?;
         let lives = handle.clone();
         let ended = on_a_thread("service", async move {
             tokio::select! {

@@ -14,8 +14,7 @@ use taxel_rpc::Rules;
 use taxel_sim::STANDARD_GRAVITY;
 use taxel_skin::{BusIndex, Geometry};
 
-use crate::config::{self, Config, Door, Doors, Scene, SharedMemorySection};
-use crate::config::{MetricsSection, PageSection};
+use crate::config::{self, Config, Door, Doors, PageSection, Scene, SharedMemorySection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::run::Daemon;
 use crate::shared_memory::try_folder;
@@ -167,7 +166,6 @@ async fn serve_live(
     let bound = crate::page::bind_some(PageSection::default().listen).context("a port for the page")?;
     let page = bound.local_addr()?;
     config.page = Some(PageSection { listen: page, bound: Some(Arc::new(bound)), ..PageSection::default() });
-    config.metrics = Some(MetricsSection::default());
     // Whoever plays with a simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory).await?;

@@ -1,17 +1,16 @@
 //! All robots as a table in a terminal.
 
-use std::fmt::Write as _;
-
-use taxel_skin::printable;
+use taxel_skin::{columns, printable};
 
 use crate::fleet::book::Row;
 
 const HEAD: [&str; 7] = ["robot", "patch", "state", "force N", "excluded", "model set", "why"];
 
-fn cells(row: &Row) -> [String; HEAD.len()] {
+/// Robots write into it what they like, but no other rows and nothing that a terminal obeys.
+fn cells(row: &Row) -> Vec<String> {
     let force = row.force_n.map(|n| row.sigma_n.map_or(format!("{n:.2}"), |sigma| format!("{n:.2} +- {sigma:.2}")));
     let none = || "-".to_owned();
-    [
+    let cells = [
         row.robot.clone(),
         row.patch.clone(),
         if row.simulated { format!("{}, simulated", row.state) } else { row.state.clone() },
@@ -19,31 +18,14 @@ fn cells(row: &Row) -> [String; HEAD.len()] {
         row.excluded.map_or_else(none, |excluded| excluded.to_string()),
         if row.model_set.is_empty() { none() } else { row.model_set.clone() },
         row.reasons.join("; "),
-    ]
+    ];
+    cells.map(|cell| printable(&cell)).to_vec()
 }
 
-/// The table. Robots write into it what they like, but no other rows and nothing that a
-/// terminal obeys.
+/// The table.
 pub fn text(rows: &[Row]) -> String {
-    let lines: Vec<_> = std::iter::once(HEAD.map(str::to_owned))
-        .chain(rows.iter().map(|row| cells(row).map(|cell| printable(&cell))))
-        .collect();
-    let mut widths = [0; HEAD.len()];
-    for line in &lines {
-        for (width, cell) in widths.iter_mut().zip(line) {
-            *width = (*width).max(cell.chars().count());
-        }
-    }
-    let mut text = String::new();
-    for line in &lines {
-        let mut out = String::new();
-        for (cell, width) in line.iter().zip(widths) {
-            let _ = write!(out, "{cell:width$}  ");
-        }
-        text.push_str(out.trim_end());
-        text.push('\n');
-    }
-    text
+    let rows: Vec<_> = rows.iter().map(cells).collect();
+    columns(&HEAD, &rows).join("\n") + "\n"
 }
 
 #[cfg(test)]

@@ -1,10 +1,8 @@
-//! How everything is, for `diagnostic_msgs/msg/DiagnosticArray`: why a patch has no force, and what the daemon says of its
-//! buses and boards.
+//! How everything is, for `diagnostic_msgs/msg/DiagnosticArray`: why a patch has no force, and what the daemon says of itself.
 
-use taxel_client::{Force, NoForce};
+use taxel_client::{Force, NoForce, troubles};
 use taxel_proto::judge::{self, word};
-use taxel_proto::v1::{ForceReason, ForceSample, ForceState, Health, PatchHealth, ReasonCode};
-use taxel_skin::counted;
+use taxel_proto::v1::{ForceReason, ForceSample, ForceState, Health, ReasonCode};
 
 use crate::ros::types::{DiagnosticStatus, KeyValue};
 
@@ -86,75 +84,14 @@ fn reasons(codes: impl Iterator<Item = ReasonCode>) -> Option<KeyValue> {
     (!codes.is_empty()).then(|| value("reasons", codes.join(" ")))
 }
 
-/// What the daemon says of itself, or why it says nothing.
-pub fn daemon(robot: &str, health: Result<&Health, &String>) -> Vec<DiagnosticStatus> {
-    let status = |level, name: String, message: String, values| DiagnosticStatus {
-        level,
-        name: format!("taxel: {name}"),
-        message,
-        hardware_id: robot.to_owned(),
-        values,
+/// What the daemon says of itself, its buses, boards and zeros, or why it says nothing.
+pub fn daemon(robot: &str, health: Result<&Health, &String>) -> DiagnosticStatus {
+    let (level, message, values) = match health.map(|health| (troubles(health), health.streams)) {
+        Err(why) => (ERROR, format!("no health from it: {why}"), Vec::new()),
+        Ok((troubles, streams)) if troubles.is_empty() => (OK, "OK".to_owned(), vec![value("streams", streams)]),
+        Ok((troubles, streams)) => (WARN, troubles.join("; "), vec![value("streams", streams)]),
     };
-    let health = match health {
-        Err(why) => return vec![status(ERROR, "daemon".into(), format!("no health from it: {why}"), Vec::new())],
-        Ok(health) => health,
-    };
-    let said = |words: &[String]| if words.is_empty() { (OK, "OK".to_owned()) } else { (WARN, words.join("; ")) };
-    let mut problems = health.problems.clone();
-    problems.extend(
-        health
-            .store
-            .as_ref()
-            .filter(|store| !(store.problem.is_empty() && store.damage.is_empty()))
-            .map(|store| format!("store: {}", store.problem)),
-    );
-    let (level, message) = said(&problems);
-    let mut all = vec![status(level, "daemon".into(), message, vec![value("streams", health.streams)])];
-    // What an engine that stands still said last is nothing that is so now.
-    let known = |level, name, message, values| match health.engine_stalled_s {
-        Some(_) => status(STALE, name, "not known: the daemon's engine does not run".to_owned(), Vec::new()),
-        None => status(level, name, message, values),
-    };
-    for bus in &health.buses {
-        let level = if !bus.up {
-            ERROR
-        } else if bus.dropped + bus.malformed > 0 {
-            WARN
-        } else {
-            OK
-        };
-        let message = if bus.up { "up".to_owned() } else { format!("down: {}", bus.problem) };
-        let counts = [("frames", bus.frames), ("dropped", bus.dropped), ("malformed", bus.malformed)];
-        all.push(known(level, format!("bus {}", bus.bus), message, counts.map(|(k, v)| value(k, v)).to_vec()));
-    }
-    for board in &health.boards {
-        let silent = board.modules_enabled.saturating_sub(board.modules_fresh);
-        let mut words = board.warnings.clone();
-        words.extend((silent > 0).then(|| counted(silent as usize, "module is silent", "modules are silent")));
-        let (level, message) = said(&words);
-        let name = format!("board {} of {}", board.address, board.patch);
-        let mut values = vec![value("bring-up", &board.bring_up), value("scans", board.scans)];
-        values.extend(board.celsius.map(|celsius| value("temperature", format!("{celsius:.1} C"))));
-        all.push(known(level, name, message, values));
-    }
-    all.extend(health.patches.iter().map(|patch| {
-        let (level, message) = zero(patch);
-        known(
-            level,
-            format!("zero of {}", patch.patch),
-            message,
-            vec![value("taxels with a fault", patch.faulty.len())],
-        )
-    }));
-    all
-}
-
-fn zero(patch: &PatchHealth) -> (u8, String) {
-    match &patch.tare {
-        Some(tare) if tare.valid => (OK, tare.reason.clone()),
-        Some(tare) => (ERROR, format!("not valid: {}", tare.reason)),
-        None => (ERROR, "none".to_owned()),
-    }
+    DiagnosticStatus { level, name: "taxel: daemon".to_owned(), message, hardware_id: robot.to_owned(), values }
 }
 
 #[cfg(test)]
@@ -162,7 +99,7 @@ mod tests {
     use super::*;
     use crate::ros::good;
     use std::time::Duration;
-    use taxel_proto::v1::{BoardHealth, BusHealth};
+    use taxel_proto::v1::BusHealth;
 
     fn force(sample: ForceSample) -> Result<Force, NoForce> {
         Ok(Force { total_n: 4.9, age: Duration::from_millis(20), sample })
@@ -206,34 +143,16 @@ mod tests {
     }
 
     #[test]
-    fn the_daemons_health_is_told_part_by_part() {
-        let health = Health {
-            buses: vec![BusHealth { bus: 0, up: false, problem: "no such device".into(), ..BusHealth::default() }],
-            boards: vec![BoardHealth {
-                patch: "arm".into(),
-                address: 13,
-                modules_enabled: 16,
-                modules_fresh: 14,
-                ..BoardHealth::default()
-            }],
-            patches: vec![PatchHealth { patch: "arm".into(), ..PatchHealth::default() }],
-            ..Health::default()
-        };
-        let all = daemon("icub", Ok(&health));
-        let told: Vec<_> = all.iter().map(|s| (s.name.as_str(), s.level, s.message.as_str())).collect();
-        assert_eq!(
-            told,
-            [
-                ("taxel: daemon", OK, "OK"),
-                ("taxel: bus 0", ERROR, "down: no such device"),
-                ("taxel: board 13 of arm", WARN, "2 modules are silent"),
-                ("taxel: zero of arm", ERROR, "none"),
-            ]
-        );
-        let stalled = daemon("icub", Ok(&Health { engine_stalled_s: Some(0.3), ..health }));
-        let told: Vec<_> = stalled[1..].iter().map(|s| (s.level, s.message.as_str(), s.values.len())).collect();
-        assert_eq!(told, [(STALE, "not known: the daemon's engine does not run", 0); 3]);
-        let silent = daemon("icub", Err(&"connection refused".to_owned()));
-        assert_eq!((silent.len(), silent[0].level), (1, ERROR));
+    fn the_daemons_health_is_told_with_all_that_is_wrong() {
+        let bus = BusHealth { bus: 0, up: false, problem: "no such device".into(), ..BusHealth::default() };
+        let all = [
+            (Ok(Health::default()), OK, "OK"),
+            (Ok(Health { buses: vec![bus], ..Health::default() }), WARN, "bus 0 is down: no such device"),
+            (Err("connection refused".to_owned()), ERROR, "no health from it: connection refused"),
+        ];
+        for (health, level, message) in all {
+            let told = daemon("icub", health.as_ref());
+            assert_eq!((told.name.as_str(), told.level, told.message.as_str()), ("taxel: daemon", level, message));
+        }
     }
 }

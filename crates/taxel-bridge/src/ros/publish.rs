@@ -145,7 +145,7 @@ pub async fn diagnostics(
     loop {
         seconds.tick().await;
         let mut status: Vec<_> = patches.iter().map(|patch| patch.borrow().clone()).collect();
-        status.extend(diagnostics::daemon(&robot, health.borrow().as_ref()));
+        status.push(diagnostics::daemon(&robot, health.borrow().as_ref()));
         let ns = wall::now_ns();
         let stamp =
             Time { sec: i32::try_from(ns / 1_000_000_000).unwrap_or(i32::MAX), nanosec: (ns % 1_000_000_000) as u32 };

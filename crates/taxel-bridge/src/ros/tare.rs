@@ -2,7 +2,7 @@
 
 use taxel_proto::v1::TareRequest;
 
-use crate::daemon::{Daemon, answered};
+use crate::daemon::{Daemon, words};
 use crate::ros::node::Trigger;
 use crate::ros::types::TriggerResponse;
 use crate::ros::zenoh;
@@ -34,11 +34,11 @@ async fn tare(daemon: &Daemon, patches: &[String]) -> TriggerResponse {
     let (mut success, mut said) = (true, Vec::new());
     for patch in patches {
         let ask = TareRequest { patch: patch.clone(), confirmed_by: String::new() };
-        match answered(daemon.skin().tare(ask)).await {
-            Ok(status) => said.push(format!("{patch}: {}", status.reason)),
+        match daemon.skin().tare(ask).await {
+            Ok(status) => said.push(format!("{patch}: {}", status.get_ref().reason)),
             Err(why) => {
                 success = false;
-                said.push(format!("{patch}: refused: {why}"));
+                said.push(format!("{patch}: refused: {}", words(&why)));
             }
         }
     }

@@ -18,6 +18,8 @@ use crate::wall;
 
 /// Contacts go out as often as skinManager sends them.
 const EVENTS_EVERY: Duration = Duration::from_millis(20);
+/// Pressures go out so often: a skin of iCub has no more new ones.
+pub const PRESSURES_HZ: f64 = 20.0;
 /// That there is no force is said so often.
 const NO_FORCE_EVERY: Duration = Duration::from_millis(100);
 /// Between two attempts to open a port, or to ask for a layout.

@@ -16,7 +16,8 @@ pub(super) fn print(set: &ModelSet) {
     let usable = || set.taxels.iter().filter(|model| model.is_usable());
     say!("  taxels: {} of {} usable", usable().count(), set.taxels.len());
     for (reason, taxels) in &reasons {
-        say!("    {} {reason}: {}", taxels.len(), listed(taxels));
+        let numbers: Vec<String> = taxels.iter().map(ToString::to_string).collect();
+        say!("    {} {reason}: {}", taxels.len(), numbers.join(" "));
     }
     let figure = |name: &str, values: Vec<f64>, unit: &str| {
         if let Some((low, middle, high)) = spread(values) {
@@ -33,11 +34,4 @@ pub(super) fn print(set: &ModelSet) {
         format!("; on the branch kept from the fit they leave {:.0} % of the static error", 100.0 * ratio)
     });
     say!("  plays: {plays} taxels{}", left.unwrap_or_default());
-}
-
-/// The first taxels of a list.
-fn listed(taxels: &[usize]) -> String {
-    const MOST: usize = 12;
-    let shown: Vec<String> = taxels.iter().take(MOST).map(ToString::to_string).collect();
-    format!("{}{}", shown.join(" "), if taxels.len() > MOST { " ..." } else { "" })
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use serde_json::Value;
 use taxel_model::stability::case::{Case, Contest, Problem};
 
-use self::peers::{PEERS, Peer, Polynomial, Samples};
+use self::peers::{PEERS, Peer, Polynomial};
 use super::args::ReportArgs;
 use crate::document::{Aim, Section, Table, row};
 use crate::numbers::median;
@@ -92,7 +92,7 @@ fn others(rows: Vec<Vec<Value>>) -> Table {
 fn figure_of(contest: &Contest, peer: &Peer, times_us: &mut Vec<f64>) -> Option<f64> {
     let curve = |Problem { recording, order }: &Problem| {
         let begun = Instant::now();
-        let curve = peer.fit(&Samples { x: &recording.counts, y: &recording.kpa, w: None }, *order);
+        let curve = peer.fit(&recording.counts, &recording.kpa, *order);
         times_us.push(1e6 * begun.elapsed().as_secs_f64());
         curve
     };

@@ -8,7 +8,7 @@ use std::time::Duration;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
-use taxel_page::{Limits, Options, Shows, bind, serve};
+use taxel_page::{Limits, Options, bind, serve};
 use taxel_rpc::handle::channel;
 use taxel_rpc::{Access, Backend, Publisher, Request, Rules, Server};
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
@@ -82,7 +82,7 @@ pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
     let listener = bind("127.0.0.1:0".parse().unwrap()).unwrap();
     let address = listener.local_addr().unwrap();
     let (services, names) = (server.shared(), vec!["robot.lab".to_owned()]);
-    let options = Options { services, handle, shows: Shows::All, names, limits };
+    let options = Options { services, handle, names, limits };
     tokio::spawn(server.serve(Vec::new()));
     tokio::spawn(serve(listener, options, shutdown.clone()));
     Daemon { engine, requests, shutdown, address, now_ms: now }

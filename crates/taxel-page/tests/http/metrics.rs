@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use taxel_engine::calibration::SessionView;
 use taxel_engine::snapshot::{BusHealth, Health};
 
 use crate::fixture::{snapshot, start};
@@ -14,7 +13,6 @@ async fn metrics_say_what_the_service_says() {
     daemon.engine.patch(0, snapshot(7));
     let buses = vec![BusHealth { up: true, frames: 4_321, dropped: 5, ..BusHealth::default() }];
     daemon.engine.health(Arc::new(Health { buses, ..Health::default() }));
-    assert_eq!(daemon.post("/taxel.v1.ForceService/GetForce", r#"{"patch": "nose"}"#).await.status, 404);
     let answer = daemon.get("/metrics").await;
     assert_eq!(answer.status, 200, "{answer:?}");
     assert!(answer.head.contains("application/openmetrics-text; version=1.0.0"), "{answer:?}");
@@ -26,7 +24,6 @@ async fn metrics_say_what_the_service_says() {
         "taxeld_force_simulated{patch=\"left_forearm\"} 1.0",
         "taxeld_force_state{patch=\"left_forearm\",state=\"ok\"} 1.0",
         "taxeld_force_state{patch=\"left_forearm\",state=\"stale\"} 0.0",
-        "taxeld_http_call_duration_seconds_count{call=\"taxel.v1.ForceService/GetForce\",code=\"NOT_FOUND\"} 1",
         "# EOF",
     ] {
         assert!(answer.body.contains(line), "{line}: {}", answer.body);
@@ -43,15 +40,7 @@ async fn of_an_engine_that_stands_still_nobody_is_told_that_buses_and_zeros_are_
     let buses = vec![BusHealth { up: true, frames: 4_321, ..BusHealth::default() }];
     daemon.engine.health(Arc::new(Health { buses, ..Health::default() }));
     daemon.engine.beat();
-    let session = SessionView { number: 3, patch: "left_forearm".to_owned(), ..SessionView::default() };
-    daemon.engine.session(0, Some(Arc::new(session)));
-    let well = [
-        "taxeld_session_state{",
-        "taxeld_bus_up{bus=\"0\"}",
-        "taxeld_zero_valid{",
-        "taxeld_faulty_taxels{",
-        "taxeld_force_newtons{",
-    ];
+    let well = ["taxeld_bus_up{bus=\"0\"}", "taxeld_zero_valid{", "taxeld_faulty_taxels{", "taxeld_force_newtons{"];
     let always = "taxeld_bus_frames_total{bus=\"0\"} 4321";
     for (ms, runs) in [(100, true), (101, false), (102, true)] {
         daemon.now_ms.store(ms, Ordering::Relaxed);

@@ -128,12 +128,6 @@ pub(crate) fn look_up(uid: u32, gid: u32) -> Account {
     Account { uid, user: user.map(|user| user.name), groups: groups.map(|group| group.name).collect() }
 }
 
-/// The number of an account of this machine.
-#[must_use]
-pub fn user_id(name: &str) -> Option<u32> {
-    User::from_name(name).ok().flatten().map(|user| user.uid.as_raw())
-}
-
 /// The number of a group of this machine.
 #[must_use]
 pub fn group_id(name: &str) -> Option<u32> {

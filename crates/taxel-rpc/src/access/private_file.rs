@@ -1,7 +1,7 @@
 //! Files on which it hangs who may do what: read only if nobody else can have changed them, or read secrets in them.
 
 use nix::fcntl::OFlag;
-use nix::unistd::{AccessFlags, access, geteuid};
+use nix::unistd::geteuid;
 use std::fs::OpenOptions;
 use std::io::Read;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -19,29 +19,15 @@ pub(crate) const SECRET: Forbidden = (0o027, "others can read or change it; expe
 /// Of a file that everybody may read.
 pub(crate) const TRUSTED: Forbidden = (0o022, "others can change it; expected 600 or 644");
 
-/// Who reads a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Reader {
-    /// The daemon: the file is root's or its own account's.
-    Daemon,
-    /// Whoever checks what a daemon will read, perhaps with another account: who may own the file is not known.
-    Check,
-}
-
-/// Whether this account can read what has the path: a check may not find what the daemon will.
-pub(crate) fn is_readable(path: &Path) -> bool {
-    access(path, AccessFlags::R_OK).is_ok()
-}
-
 /// Reads a file with which others may do no more than that.
 ///
 /// # Errors
 /// The path, what is wrong with the file and what was expected.
-pub(crate) fn read_guarded(path: &Path, forbidden: Forbidden, reader: Reader) -> Result<Vec<u8>, String> {
-    read(path, forbidden, reader).map_err(|problem| format!("{}: {problem}", path.display()))
+pub(crate) fn read_guarded(path: &Path, forbidden: Forbidden) -> Result<Vec<u8>, String> {
+    read(path, forbidden).map_err(|problem| format!("{}: {problem}", path.display()))
 }
 
-fn read(path: &Path, (forbidden, why): Forbidden, reader: Reader) -> Result<Vec<u8>, String> {
+fn read(path: &Path, (forbidden, why): Forbidden) -> Result<Vec<u8>, String> {
     // A pipe that nobody writes to is opened at once so, and then refused; without it the daemon would wait for a writer.
     let nonblocking = OFlag::O_NONBLOCK.bits();
     let file = OpenOptions::new().read(true).custom_flags(nonblocking).open(path).map_err(|error| error.to_string())?;
@@ -54,7 +40,7 @@ fn read(path: &Path, (forbidden, why): Forbidden, reader: Reader) -> Result<Vec<
         return Err(format!("has {} bytes, expected at most {BYTES_MAX}", about.len()));
     }
     let (owner, own) = (about.uid(), geteuid().as_raw());
-    if reader == Reader::Daemon && owner != 0 && owner != own {
+    if owner != 0 && owner != own {
         return Err(format!("belongs to user {owner}, expected root or user {own}, who runs the daemon"));
     }
     let mode = about.mode() & 0o777;
@@ -72,7 +58,7 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
 
     fn read_private(path: &Path) -> Result<Vec<u8>, String> {
-        read_guarded(path, SECRET, Reader::Daemon)
+        read_guarded(path, SECRET)
     }
 
     #[test]
@@ -94,7 +80,7 @@ mod tests {
         for (mode, secret, known) in cases {
             std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
             assert_eq!(read_private(&path).is_ok(), secret, "{mode:o}");
-            assert_eq!(read_guarded(&path, TRUSTED, Reader::Daemon).is_ok(), known, "{mode:o}");
+            assert_eq!(read_guarded(&path, TRUSTED).is_ok(), known, "{mode:o}");
         }
         assert!(read_private(folder.path()).unwrap_err().contains("is not a regular file"));
         assert!(read_private(&folder.path().join("absent")).unwrap_err().contains("No such file"));
@@ -125,7 +111,6 @@ mod tests {
             assert!(read_private(&path).is_ok());
             std::os::unix::fs::chown(&path, Some(12345), None).unwrap();
             assert!(read_private(&path).unwrap_err().contains("belongs to user 12345, expected root"));
-            assert_eq!(read_guarded(&path, SECRET, Reader::Check).as_deref(), Ok(&b"x"[..]));
         }
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use crate::access::private_file::{Reader, SECRET, is_readable, read_guarded};
+use crate::access::private_file::{SECRET, read_guarded};
 use crate::access::table::Role;
 
 /// Hexadecimal digits of a SHA-256.
@@ -54,20 +54,8 @@ impl Tokens {
     /// # Errors
     /// The path, what is wrong with the file and what was expected.
     pub fn load(path: &Path) -> Result<Self, String> {
-        Self::read(path, Reader::Daemon)
-    }
-
-    /// Looks at a token file for a daemon that may have another account. One that this account cannot read passes.
-    ///
-    /// # Errors
-    /// The path, and what no daemon would take.
-    pub fn check(path: &Path) -> Result<(), String> {
-        if is_readable(path) { Self::read(path, Reader::Check).map(drop) } else { Ok(()) }
-    }
-
-    fn read(path: &Path, reader: Reader) -> Result<Self, String> {
         let within = |problem: String| format!("{}: {problem}", path.display());
-        let bytes = read_guarded(path, SECRET, reader)?;
+        let bytes = read_guarded(path, SECRET)?;
         let text = String::from_utf8(bytes).map_err(|_| within("is not text".to_owned()))?;
         Self::parse(&text).map_err(within)
     }

@@ -1,6 +1,6 @@
 //! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
 
-use taxel_client::Server;
+use taxel_client::{Server, troubles};
 use taxel_proto::v1::{BoardHealth, BusHealth, Health, PatchHealth};
 use taxel_skin::counted;
 
@@ -38,28 +38,6 @@ pub async fn health(args: HealthArgs) -> Outcome {
     }
     let wrong = troubles(&health);
     if wrong.is_empty() { Ok(()) } else { Err(Failure::refused(wrong.join("; "))) }
-}
-
-/// What keeps the force from being good, in words.
-pub fn troubles(health: &Health) -> Vec<String> {
-    let mut wrong = health.problems.clone();
-    let down = health.buses.iter().filter(|bus| !bus.up);
-    wrong.extend(down.map(|bus| format!("bus {} is down: {}", bus.bus, bus.problem)));
-    let silent = health.boards.iter().filter(|board| board.modules_fresh < board.modules_enabled);
-    wrong.extend(silent.map(|b| {
-        let missing = b.modules_enabled - b.modules_fresh;
-        format!("board {}: {missing} of {} modules are silent", b.address, b.modules_enabled)
-    }));
-    let lost = health.patches.iter().filter_map(|patch| patch.tare.as_ref()).filter(|tare| !tare.valid);
-    wrong.extend(lost.map(|tare| format!("{}: the zero is invalid: {}", tare.patch, tare.reason)));
-    let without = health.patches.iter().filter(|patch| !patch.no_force.is_empty() && is_valid(patch));
-    wrong.extend(without.map(|patch| format!("{}: no force: {}", patch.patch, patch.no_force)));
-    wrong
-}
-
-/// Whether the zero is valid: if not, that is what keeps the force away.
-fn is_valid(patch: &PatchHealth) -> bool {
-    patch.tare.as_ref().is_none_or(|tare| tare.valid)
 }
 
 /// A gauge whose last reading is older is silent, in seconds; `calibrate` is refused then.
@@ -151,29 +129,6 @@ mod tests {
     use taxel_proto::v1::TareStatus;
 
     #[test]
-    fn what_is_not_well_is_named_and_nothing_else() {
-        let good = Health {
-            buses: vec![BusHealth { up: true, ..Default::default() }],
-            boards: vec![BoardHealth { modules_enabled: 3, modules_fresh: 3, ..Default::default() }],
-            patches: vec![PatchHealth {
-                tare: Some(TareStatus { valid: true, ..Default::default() }),
-                ..Default::default()
-            }],
-            ..Health::default()
-        };
-        assert!(troubles(&good).is_empty());
-        let mut bad = good;
-        bad.buses[0].up = false;
-        bad.boards[0].modules_fresh = 1;
-        bad.patches[0].tare.as_mut().unwrap().valid = false;
-        bad.problems.push("store: full".to_owned());
-        let said = troubles(&bad).join("\n");
-        for part in ["store: full", "bus 0 is down", "2 of 3 modules are silent", "the zero is invalid"] {
-            assert!(said.contains(part), "{part}: {said}");
-        }
-    }
-
-    #[test]
     fn a_patch_with_a_model_set_and_no_force_is_a_trouble_and_the_gauge_is_a_line() {
         let tare = Some(TareStatus { valid: true, ..Default::default() });
         let patch = PatchHealth { patch: "palm".to_owned(), tare, has_gauge: true, ..Default::default() };
@@ -185,7 +140,7 @@ mod tests {
         assert!(said(&lost).contains("gauge: SILENT: its last reading, 0.12 kPa, came 75 s ago"), "{}", said(&lost));
         let without = PatchHealth { no_force: "no taxel has a zero".to_owned(), ..patch };
         assert!(said(&without).contains("NO FORCE: no taxel has a zero"), "{}", said(&without));
-        let troubles = troubles(&Health { patches: vec![without], ..Health::default() });
+        let troubles = taxel_client::troubles(&Health { patches: vec![without], ..Health::default() });
         assert_eq!(troubles, ["palm: no force: no taxel has a zero"]);
     }
 }

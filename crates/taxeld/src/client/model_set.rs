@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use taxel_client::model_set_named;
 use taxel_engine::verdict::cause;
 use taxel_proto::v1::{
     ActivateModelSetRequest, ActivateModelSetResponse, GetModelSetRequest, ModelSet, ModelSetSummary, TaxelModelSummary,
@@ -14,29 +15,13 @@ use super::places::Places;
 use super::table;
 use crate::tone::Tone;
 
-/// Fewer characters name no set: a script's variable that is empty would name the only one there is.
-const BEGINNING_MIN: usize = 4;
-
 /// The id that these characters begin; `newest` is the newest set of the patch.
 ///
 /// # Errors
 /// No set or several begin so, or no daemon.
 pub async fn full_id(daemon: &Daemon, beginning: &str) -> Outcome<String> {
-    let mut ids: Vec<String> = daemon.model_sets().await?.into_iter().map(|set| set.model_set).collect();
-    if beginning == "newest" {
-        ids.truncate(1);
-    } else if beginning.chars().count() < BEGINNING_MIN {
-        let words =
-            format!("`{beginning}` names no model set: give at least its first {BEGINNING_MIN} characters, as in m-1e");
-        return Err(Failure::refused(words));
-    } else {
-        ids.retain(|id| id.starts_with(beginning));
-    }
-    match ids.as_slice() {
-        [one] => Ok(one.clone()),
-        [] => Err(Failure::refused(format!("there is no model set `{beginning}`; `taxeld models list` has them"))),
-        several => Err(Failure::refused(format!("`{beginning}` begins {}", several.join(", ")))),
-    }
+    let ids = daemon.model_sets().await?.into_iter().map(|set| set.model_set).collect();
+    model_set_named(ids, beginning).map_err(Failure::refused)
 }
 
 /// A set that may be used, beside the one that is in use.

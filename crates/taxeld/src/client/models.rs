@@ -1,17 +1,15 @@
-//! `taxeld models`: model sets, and one set or one taxel of it.
+//! `taxeld models`: model sets, and one of them.
 
 use std::path::PathBuf;
 
 use taxel_client::Server;
 use taxel_proto::v1::{
-    CurvePoint, DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, ImportModelSetRequest,
-    ModelSetSummary, TaxelModel,
+    DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, ImportModelSetRequest, ModelSetSummary,
 };
 
 use super::connect::Daemon;
 use super::failure::Outcome;
 use super::model_set::{Candidate, full_id, print_set};
-use super::places::Places;
 use super::{ask, json, table};
 use crate::files;
 use crate::output;
@@ -27,9 +25,9 @@ pub struct ModelsArgs {
 enum ModelsCommand {
     /// All sets, newest first.
     List(OfServer),
-    /// A set with its excluded taxels by place, or one taxel's curve.
+    /// A set with its excluded taxels by place.
     #[command(
-        after_help = "Examples:\n  taxeld models show                 # the active one\n  taxeld models show m-26dc --taxel 13"
+        after_help = "Examples:\n  taxeld models show                 # the active one\n  taxeld models show m-26dc"
     )]
     Show {
         #[command(flatten)]
@@ -37,9 +35,6 @@ enum ModelsCommand {
         /// Id of the set, its beginning or `newest` [default: the active one].
         #[arg(value_name = "MODEL_SET")]
         model_set: Option<String>,
-        /// One taxel's model in full.
-        #[arg(long, value_name = "N")]
-        taxel: Option<u32>,
     },
     /// Uses a set from now on, also after a restart. Using the set that was in use before is the way back.
     #[command(
@@ -105,7 +100,7 @@ struct OfServer {
 pub async fn models(args: ModelsArgs) -> Outcome {
     match args.command {
         ModelsCommand::List(of) => list(&of).await,
-        ModelsCommand::Show { of, model_set, taxel } => show(&of, model_set.as_deref(), taxel).await,
+        ModelsCommand::Show { of, model_set } => show(&of, model_set.as_deref()).await,
         ModelsCommand::Use { of, model_set, yes } => use_set(&of, &model_set, yes).await,
         ModelsCommand::Export { server, model_set, out } => {
             let daemon = Daemon::at(&server).await?;
@@ -185,35 +180,15 @@ async fn use_set(of: &OfServer, beginning: &str, yes: bool) -> Outcome {
     Ok(())
 }
 
-async fn show(of: &OfServer, model_set: Option<&str>, taxel: Option<u32>) -> Outcome {
+async fn show(of: &OfServer, model_set: Option<&str>) -> Outcome {
     let daemon = Daemon::at(&of.server).await?;
     let model_set = wanted(&daemon, model_set).await?;
-    let request = GetModelSetRequest { model_set, patch: daemon.patch(), curves: taxel.into_iter().collect() };
+    let request = GetModelSetRequest { model_set, patch: daemon.patch(), curves: Vec::new() };
     let set = daemon.models().get_model_set(request).await?.into_inner();
+    if of.json {
+        return json::print("ModelSet", &set);
+    }
     let patch = set.summary.as_ref().map(|summary| summary.patch.as_str()).unwrap_or_default();
-    match set.curves.first() {
-        Some(model) if of.json => json::print("TaxelModel", model)?,
-        Some(model) => print_taxel(model, &daemon.places(patch).await?),
-        None if of.json => json::print("ModelSet", &set)?,
-        None => print_set(&set, &daemon.places(patch).await?),
-    }
+    print_set(&set, &daemon.places(patch).await?);
     Ok(())
-}
-
-fn print_taxel(model: &TaxelModel, places: &Places) {
-    let Some(summary) = &model.summary else { return };
-    say!("{}: {}", places.name([summary.taxel]), summary.status_text);
-    if let (Some(low), Some(high)) = (model.count_min, model.count_max) {
-        say!("  order {}, calibrated for counts {low:.1} to {high:.1}", summary.order);
-    }
-    let coefficients: Vec<String> = model.coefficients.iter().map(|c| format!("{c:e}")).collect();
-    if !coefficients.is_empty() {
-        say!("  P(C) in kPa, ascending powers of the count: {}", coefficients.join(" "));
-    }
-    let row = |point: &CurvePoint| {
-        let sigma = point.sigma_kpa.map_or_else(String::new, |sigma| format!("{sigma:.3}"));
-        vec![point.count.to_string(), format!("{:.3}", point.pressure_kpa), sigma]
-    };
-    let rows: Vec<Vec<String>> = model.points.iter().map(row).collect();
-    table::print(&["count", "kPa", "standard uncertainty kPa"], &rows);
 }

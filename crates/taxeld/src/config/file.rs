@@ -24,10 +24,8 @@ pub struct Config {
     /// Where sessions and model sets are kept.
     #[serde(default)]
     pub store: StoreSection,
-    /// The operator's page; none without it.
+    /// The operator's page, and metrics for Prometheus; none without it.
     pub page: Option<PageSection>,
-    /// Metrics for Prometheus; none without it.
-    pub metrics: Option<MetricsSection>,
     /// Pages in shared memory; none without it.
     pub shared_memory: Option<SharedMemorySection>,
     /// Recordings; none without it.
@@ -123,14 +121,6 @@ impl Default for PageSection {
     fn default() -> Self {
         Self { listen: SocketAddr::from(([127, 0, 0, 1], 8_080)), hosts: Vec::new(), bound: None }
     }
-}
-
-/// `[metrics]`
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct MetricsSection {
-    /// Where they are served, at `/metrics`; loopback only. Absent: on the page's address.
-    pub listen: Option<SocketAddr>,
 }
 
 /// `[shared_memory]`

@@ -83,17 +83,9 @@ fn check_keys(section: &GaugeSection, kind: Kind, faults: &mut Faults) {
         ("ambient_kpa", section.ambient_kpa.is_some(), &[Can, Port, OnLine]),
     ];
     for (key, _, kinds) in keys.into_iter().filter(|(_, is_there, kinds)| *is_there && !kinds.contains(&kind)) {
-        let words = match (kind, key) {
-            (Scans | Push, "unit" | "bus" | "ambient_kpa" | "reference") => {
-                "the pressure comes with each message, differential and in kPa: leave it out, or say id and signal of a gauge"
-                    .to_owned()
-            }
-            (OnLine, "unit") => "the template has the unit, as in \"P={kPa}\": leave it out".to_owned(),
-            _ => {
-                let of: Vec<&str> = kinds.iter().map(|kind| kind.words()).collect();
-                format!("it belongs to {}, and the pressure comes by {}: leave it out", of.join(" or "), kind.words())
-            }
-        };
+        let of: Vec<&str> = kinds.iter().map(|kind| kind.words()).collect();
+        let (of, by) = (of.join(" or "), kind.words());
+        let words = format!("it belongs to {of}, and the pressure comes by {by}: leave it out");
         faults.note(&format!("gauge.{key}"), format!("gauge.{key}: {words}"));
     }
 }

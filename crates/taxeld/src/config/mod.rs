@@ -16,14 +16,13 @@ mod problem;
 mod read;
 mod scene;
 
-pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection};
 #[cfg(feature = "sim")]
-pub use file::{MetricsSection, PageSection};
+pub use file::PageSection;
+pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection};
 pub use gauge::line_of;
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
 pub use ports::of_bus as port_of;
-pub use problem::{Faults, Problems};
-pub use read::{examine, examine_profile, examine_text, examine_with, read_text};
+pub use read::{examine, examine_profile, examine_text};
 pub use scene::Scene;
 
 /// The configuration of an installed daemon.

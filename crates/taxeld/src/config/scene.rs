@@ -43,7 +43,7 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
     if config.store.keep_mb == Some(0) {
         faults.note("store.keep_mb", "store.keep_mb = 0: expected 1 or more, or no session could be kept");
     }
-    pages(config, faults);
+    page(config, faults);
     record(config, faults);
     let doors = doors(config, path, faults);
     if let Some(section) = &config.shared_memory {
@@ -78,25 +78,19 @@ fn source(bus: &BusSection, faults: &mut Faults) {
     }
 }
 
-/// The page and the metrics.
-fn pages(config: &Config, faults: &mut Faults) {
-    let (page, metrics) = (config.page.as_ref(), config.metrics.as_ref());
-    let own = metrics.and_then(|metrics| metrics.listen);
-    if metrics.is_some() && own.is_none() && page.is_none() {
-        faults.note("metrics", "[metrics]: without a [page] beside which to serve them, listen is needed");
-    }
-    let both = [("page.listen", page.map(|page| page.listen)), ("metrics.listen", own)];
-    let both = both.into_iter().filter_map(|(key, listen)| Some((key, listen?)));
-    for (key, listen) in both.filter(|(_, listen)| !listen.ip().is_loopback()) {
+fn page(config: &Config, faults: &mut Faults) {
+    let Some(page) = &config.page else { return };
+    if !page.listen.ip().is_loopback() {
         let words = format!(
-            "{key} = {listen}: only loopback addresses are served, nothing there is secured; from elsewhere come through \
-             ssh -L or a proxy with TLS"
+            "page.listen = {}: only loopback addresses are served, nothing there is secured; from elsewhere come through \
+             ssh -L or a proxy with TLS",
+            page.listen
         );
-        faults.note(key, words);
+        faults.note("page.listen", words);
     }
     let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
     let is_name = |host: &&String| !host.is_empty() && host.chars().all(known);
-    for host in page.iter().flat_map(|page| &page.hosts).filter(|host| !is_name(host)) {
+    for host in page.hosts.iter().filter(|host| !is_name(host)) {
         let words = format!("page.hosts: {host:?}: expected a name without scheme or port, as in \"robot.lab\"");
         faults.note("page.hosts", words);
     }

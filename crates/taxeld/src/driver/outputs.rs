@@ -151,11 +151,10 @@ impl Driver {
         self.store.reader().samples(session, on_samples);
     }
 
-    /// Reads a model set when those that were asked for before have been read, and gives it to the engine.
+    /// Reads a model set, and gives it to the engine.
     fn load_set(&self, ticket: u64, model_set: String) {
-        let (store, done, turn) = (self.store.reader(), self.tell_done.clone(), Arc::clone(&self.set_turn));
+        let (store, done) = (self.store.reader(), self.tell_done.clone());
         tokio::spawn(async move {
-            let _turn = turn.acquire().await; // nobody closes it
             let (tell, told) = oneshot::channel();
             store.model_set(model_set, Box::new(move |text| drop(tell.send(text)))); // it is waited for below
             let text = told.await.unwrap_or(Err(StoreError::Closed));

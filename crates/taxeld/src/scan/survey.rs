@@ -5,15 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use taxel_can::BusError;
 use taxel_skin::{BoardAddress, Module, Time};
 use taxel_wire::icub::{Message, decode};
-use taxel_wire::{CanId, Frame, FrameKind, TimedFrame};
+use taxel_wire::{CanId, Frame, TimedFrame};
 
 use super::module::ModuleWatch;
-use super::pressure::{self, Pressure};
 
 /// Foreign identifiers that are told apart.
 const OTHERS_MAX: usize = 512;
-/// Frames of a foreign identifier that are kept to look at: a minute of a gauge at 100 Hz.
-const KEPT_MAX: usize = 6_000;
 /// Intervals of a board's modules that are kept: minutes of any real period.
 const INTERVALS_MAX: usize = 65_536;
 
@@ -44,7 +41,8 @@ pub struct Other {
     pub frames: u64,
     /// Their lengths in bytes.
     pub lengths: BTreeSet<u8>,
-    kept: Vec<Frame>,
+    /// What the last of them held.
+    pub last: Vec<u8>,
 }
 
 impl Survey {
@@ -80,9 +78,7 @@ impl Survey {
         let other = self.others.entry(frame.id).or_default();
         other.frames += 1;
         other.lengths.insert(frame.bytes().len() as u8);
-        if frame.kind == FrameKind::Data && other.kept.len() < KEPT_MAX {
-            other.kept.push(*frame);
-        }
+        other.last = frame.bytes().to_vec();
     }
 
     /// Takes an error that the controller reported.
@@ -131,12 +127,5 @@ impl Board {
         let mut intervals = self.intervals_s.clone();
         intervals.sort_by(f64::total_cmp);
         intervals.get(intervals.len() / 2).map(|seconds| 1e3 * seconds)
-    }
-}
-
-impl Other {
-    /// How its bytes could be a pressure, the likeliest first.
-    pub fn pressures(&self, id: CanId) -> Vec<Pressure> {
-        pressure::candidates(id, &self.kept)
     }
 }

@@ -1,7 +1,5 @@
 //! What a survey says of frames whose truth is known.
 
-use std::path::Path;
-
 use taxel_can::{BusError, ErrorCounters};
 use taxel_skin::{BoardAddress, Module, Time};
 use taxel_wire::icub::{Message, StatusWord};
@@ -9,7 +7,6 @@ use taxel_wire::{CanId, Frame, TimedFrame};
 
 use super::survey::Survey;
 use super::words;
-use crate::config;
 
 /// A scan of a module: twelve values and a status.
 fn module(survey: &mut Survey, at_s: f64, (board, number): (u8, u8), values: [u8; 12], status: u16) {
@@ -53,22 +50,14 @@ fn surveyed() -> Survey {
         if scan < 60 {
             module(&mut survey, t + 0.003, (13, 1), at_rest(scan), 0);
         }
-        // The bag: up by 0.2 kPa a scan, with noise; in pascal, after a counter.
-        let pascal = 150 + 200 * scan as i32 + 30 * i32::from(noise(scan, 1));
-        let mut bytes = [scan as u8, 0, 0, 0, 0, 0];
-        bytes[2..].copy_from_slice(&pascal.to_le_bytes());
-        other(&mut survey, t + 0.004, 0x3A1, &bytes);
-        other(&mut survey, t + 0.005, 0x111, &(scan * 1000).to_be_bytes()); // a clock
-        other(&mut survey, t + 0.006, 0x112, &[1, 2, 3, 4]); // never changes
-        let torque = (scan.wrapping_mul(2_654_435_761) >> 16) as u16; // anything
-        other(&mut survey, t + 0.007, 0x113, &torque.to_le_bytes());
+        other(&mut survey, t + 0.004, 0x3A1, &(200 * scan).to_le_bytes());
     }
     survey.error(&BusError::Protocol { violations: 4 });
     survey
 }
 
 #[test]
-fn boards_modules_and_faults_are_found_and_the_bag_is_told_from_clocks_constants_and_noise() {
+fn boards_modules_and_faults_are_found_and_what_else_is_on_the_bus() {
     let mut survey = surveyed();
     for (transmit, receive) in [(96, 20), (40, 120)] {
         survey.error(&BusError::Warning(Some(ErrorCounters { transmit, receive })));
@@ -76,34 +65,19 @@ fn boards_modules_and_faults_are_found_and_the_bag_is_told_from_clocks_constants
     let text = words::text(&survey);
     let expected = [
         "board 13: modules 1-2, every 50.0 ms",
+        "for its [[patch]]: boards = [{ address = 14, modules = \"0, 8\" }, { address = 13, modules = \"1-2\" }]",
         "  module 1: 60 scans, counts 238 to 240; silent at the end for 2.0 s",
         "  module 2: 100 scans, counts 208 to 255; stuck values 4",
         "board 14: modules 0, 8, every 50.0 ms",
         "  module 0: 100 scans, counts 238 to 240; a trouble in its status 1 times",
         "  module 8: 100 scans, counts 208 to 240; stuck values 11; a trouble in its status 49 times",
-        "  could be a pressure: signed, 32 bits from bit 16, little endian, in Pa: moves at 0.21 to 20.01 kPa, differential",
+        "identifier 3A1: 100 frames, 20.2/s, of 4 bytes, last [58, 4d, 00, 00]",
         "the bus: 2 x error-warning: many errors on the bus",
     ];
     for line in expected {
         assert!(text.lines().any(|said| said == line), "`{line}` is no line of: {text}");
     }
     assert!(text.contains("try sample-point 0.6"), "{text}");
-    let (others, _) = text.split_once("identifier 3A1").unwrap();
-    assert!(!others.contains(": moves at"), "{text}");
-}
-
-#[test]
-fn what_was_heard_is_the_beginning_of_a_configuration() {
-    let survey = surveyed();
-    let text = words::beginning(&survey, "can3");
-    let path = Path::new("t.toml");
-    let scene = config::examine_text(path, &text).unwrap().1;
-    let plan = &scene.plan.patches[0];
-    let boards: Vec<u8> = plan.patch.boards().iter().map(|board| board.address.get()).collect();
-    assert_eq!((boards, plan.period.as_millis()), (vec![14, 13], 50));
-    assert!(plan.bring_up.is_empty() && plan.gauge.is_some(), "{text}");
-    assert!(text.contains("address = 14, modules = \"0, 8\""), "{text}");
-    assert!(text.contains("gauge = { id = 0x3A1, signal = \"16|32@1-\", unit = \"Pa\" }"), "{text}");
 }
 
 /// Traffic of others, as a car has it, beside a board of which one module lost all its tails.
@@ -118,8 +92,7 @@ fn a_board_without_a_whole_scan_is_no_board() {
     }
     let text = words::text(&survey);
     assert!(text.contains("board 13: modules 2, every") && !text.contains("board 9"), "{text}");
-    let beginning = words::beginning(&survey, "can0");
-    assert!(beginning.contains("modules = \"2\"") && !beginning.contains("address = 9"), "{beginning}");
+    assert!(text.contains("boards = [{ address = 13, modules = \"2\" }]"), "{text}");
 }
 
 #[test]

@@ -1,12 +1,10 @@
-//! What was found, in words and as the beginning of a configuration.
+//! What was found, in words and as a line of a configuration.
 
 use std::fmt::Write as _;
 
 use taxel_skin::Time;
-use taxel_wire::CanId;
 
 use super::module::ModuleWatch;
-use super::pressure::Pressure;
 use super::survey::Survey;
 
 /// A text for people.
@@ -26,13 +24,18 @@ pub fn text(survey: &Survey) -> String {
             board.modules().map(|(number, module)| format!("  module {number}: {}", of_module(module, survey.end()))),
         );
     }
+    let boards = survey.boards().rev().map(|(address, board)| {
+        let modules = numbers(board.modules().map(|(number, _)| number));
+        format!("{{ address = {address}, modules = \"{modules}\" }}")
+    });
+    let boards: Vec<String> = boards.collect();
+    if !boards.is_empty() {
+        lines.push(format!("for its [[patch]]: boards = [{}]", boards.join(", ")));
+    }
     for (id, other) in &survey.others {
         let (frames, lengths) = (other.frames, numbers(other.lengths.iter().copied()));
-        lines.push(format!(
-            "identifier {id}: {frames} frames, {:.1}/s, of {lengths} bytes",
-            frames as f64 / seconds.max(1e-3)
-        ));
-        lines.extend(other.pressures(*id).iter().map(of_pressure));
+        let (rate, last) = (frames as f64 / seconds.max(1e-3), &other.last);
+        lines.push(format!("identifier {id}: {frames} frames, {rate:.1}/s, of {lengths} bytes, last {last:02x?}"));
     }
     lines.join("\n")
 }
@@ -52,83 +55,6 @@ fn of_module(module: &ModuleWatch, end: Time) -> String {
         }
     }
     line
-}
-
-fn of_pressure(found: &Pressure) -> String {
-    let (sign, order) = (if found.signed { "signed" } else { "unsigned" }, if found.little { "little" } else { "big" });
-    let (how, (least, most)) = (if found.moves { "moves" } else { "stands" }, found.kpa);
-    let meaning = if found.absolute { "absolute" } else { "differential" };
-    format!(
-        "  could be a pressure: {sign}, {} bits from bit {}, {order} endian, in {}: {how} at {least:.2} to {most:.2} kPa, {meaning}",
-        found.length_bits, found.start_bit, found.unit
-    )
-}
-
-/// The beginning of a configuration: what was heard, with marks at what cannot be.
-#[must_use]
-pub fn beginning(survey: &Survey, interface: &str) -> String {
-    let mut text = format!(
-        r#"# Begun by `taxeld scan` with what was heard on the bus.
-# Lines with `CHECK:` say what that leaves open. deploy/taxeld.toml explains every key.
-
-[store]
-path = "/var/lib/taxeld/taxeld.db"
-
-[[bus]]
-name = "skin"
-interface = {}
-
-# CHECK: one patch of all boards; name it, and make a patch of each part that has a bag of its own.
-[[patch]]
-name = "skin"
-bus = "skin"
-listen_only = true # CHECK: false lets the daemon configure the boards
-"#,
-        toml::Value::String(interface.to_owned())
-    );
-    match survey.boards().filter_map(|(_, board)| board.period_ms()).reduce(f64::max) {
-        Some(period) => {
-            let _ = writeln!(text, "period_ms = {}", period.round().clamp(1.0, 209.0));
-        }
-        None => text.push_str("# period_ms = 50 # CHECK: too few scans came to tell\n"),
-    }
-    text.push_str("# geometry = \"FILE\" # CHECK: a position file; boards are then in its order\nboards = [\n");
-    for (address, board) in survey.boards().rev() {
-        let modules = numbers(board.modules().map(|(number, _)| number));
-        let _ = writeln!(text, "    {{ address = {address}, modules = \"{modules}\" }},");
-        if address.get() == 14 {
-            text.push_str(
-                "    # CHECK: a hand has its fingertips and palm here: modules = \"0-4 fingertip, 8-11 palm\"\n",
-            );
-        }
-    }
-    text.push_str("]\n");
-    let found = survey.others.iter().filter_map(|(id, other)| Some((*id, other.pressures(*id).into_iter().next()?)));
-    // What moves is likelier than what stands.
-    match found.min_by_key(|(_, pressure)| !pressure.moves) {
-        Some((id, pressure)) => gauge(&mut text, id, &pressure),
-        None => text.push_str("# CHECK: nothing on the bus could be the pressure in the bag: no gauge\n"),
-    }
-    text
-}
-
-fn gauge(text: &mut String, id: CanId, found: &Pressure) {
-    let Pressure { start_bit, length_bits, unit, kpa: (least, most), .. } = found;
-    let id = match id {
-        CanId::Standard(id) => u32::from(id),
-        CanId::Extended(id) if id <= 0x7FF => id | 0x8000_0000,
-        CanId::Extended(id) => id,
-    };
-    let (order, sign) = (u8::from(found.little), if found.signed { '-' } else { '+' });
-    let _ = writeln!(text, "# CHECK: is this the bag's pressure? It read {least:.2} to {most:.2} kPa.");
-    let ambient = if found.absolute { ", ambient_kpa = 101.325" } else { "" };
-    if found.absolute {
-        text.push_str("# CHECK: ambient_kpa is the pressure of the air here\n");
-    }
-    let _ = writeln!(
-        text,
-        "gauge = {{ id = {id:#X}, signal = \"{start_bit}|{length_bits}@{order}{sign}\", unit = \"{unit}\"{ambient} }}"
-    );
 }
 
 /// Numbers as a configuration writes them, in runs: `0-3, 7`.

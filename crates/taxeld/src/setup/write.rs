@@ -54,7 +54,9 @@ pub fn text(drafts: &[PatchDraft], folder: &Path) -> String {
 fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
     let (name, bus) = (draft.part.name(), &draft.bus);
     let _ = writeln!(text, "\n# {name}: {} taxels", draft.taxels());
-    draft.open.iter().for_each(|line| comment(text, &format!("{CHECK} {line}")));
+    for line in &draft.open {
+        let _ = writeln!(text, "# {CHECK} {line}");
+    }
     let _ = write!(text, "[[patch]]\nname = \"{name}\"\nbus = \"{bus}\"\n");
     if let Some(port) = &draft.port {
         let _ = writeln!(text, "port = {} # the robot's own software configures the boards", quoted(&port.name));
@@ -88,10 +90,10 @@ fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
     }
     text.push_str("]\n");
     let words = "without the bag's pressure sensor there is no calibration, only force. Put in yours:";
-    comment(text, &format!("{CHECK} {words}"));
+    let _ = writeln!(text, "# {CHECK} {words}");
     text.push_str(match draft.port {
         Some(_) => "# gauge = { port = \"/bag/pressure:o\", index = 0, unit = \"kPa\" }\n",
-        None => "# gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" } # `taxeld scan` shows what could be a pressure\n",
+        None => "# gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n",
     });
 }
 
@@ -114,21 +116,6 @@ fn entry(text: &mut String, board: &BoardDraft, modules: &str, (shift, cdc_offse
         }
     }
     text.push_str(" },\n");
-}
-
-/// A comment, broken where a line would be too long.
-fn comment(text: &mut String, line: &str) {
-    let mut width = 0;
-    text.push('#');
-    for word in line.split_whitespace() {
-        if width + word.len() > 112 {
-            text.push_str("\n#");
-            width = 1;
-        }
-        let _ = write!(text, " {word}");
-        width += word.len() + 1;
-    }
-    text.push('\n');
 }
 
 /// A string as TOML has it.

@@ -158,7 +158,7 @@ async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
 fn a_start_that_fails_after_the_store_was_opened_closes_it() {
     let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let mut daemon = Daemon::with_slow_disk("20", "taxeld.toml", |folder| {
-        configured(folder, &format!("[metrics]\nlisten = \"{}\"\n", taken.local_addr().unwrap()));
+        configured(folder, &format!("[page]\nlisten = \"{}\"\n", taken.local_addr().unwrap()));
     });
     assert_eq!(daemon.child.0.wait().unwrap().code(), Some(1), "{}", daemon.log());
     assert!(daemon.log().contains("Address already in use"), "{}", daemon.log());

@@ -127,7 +127,7 @@ async fn tare(channel: &Channel, token: Option<&str>, name: &str) -> Result<(), 
 }
 
 #[test]
-fn check_says_that_a_key_and_a_certificate_do_not_go_together_and_run_says_the_same() {
+fn a_key_and_a_certificate_that_do_not_go_together_are_refused_at_the_start() {
     if !openssl() {
         return;
     }
@@ -142,12 +142,9 @@ fn check_says_that_a_key_and_a_certificate_do_not_go_together_and_run_says_the_s
         taxeld.args([command, "--config", "taxeld.toml"]).current_dir(folder.path()).output().unwrap()
     };
     assert!(taxeld("check", "server.key").status.success());
-    for command in ["check", "run"] {
-        let output = taxeld(command, "operator.key");
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(!output.status.success() && said.contains("server.pem: does not go with the key"), "{command}: {said}");
-        assert!(command == "run" || said.contains("taxeld.toml:1: listen: "), "{said}");
-    }
+    let output = taxeld("run", "operator.key");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("server.pem: does not go with the key"), "{said}");
 }
 
 #[tokio::test]

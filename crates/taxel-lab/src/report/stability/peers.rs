@@ -24,15 +24,6 @@ pub(crate) const PEERS: [Peer; 3] = [
     Peer { name: "raw powers by normal equations", chebyshev: false, solve: normal },
 ];
 
-/// What is fitted: `x`, `y` and, where there are any, the weights `w`, one value a sample.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Samples<'a> {
-    pub x: &'a [f64],
-    pub y: &'a [f64],
-    /// None means that all are 1.
-    pub w: Option<&'a [f64]>,
-}
-
 /// What a peer gives: a polynomial in t = (x - centre) / half_width, which is x itself where the abscissa is taken raw.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Polynomial {
@@ -56,8 +47,8 @@ impl Polynomial {
 }
 
 impl Peer {
-    /// The polynomial of `order`; `None` where the method finds no finite one.
-    pub fn fit(&self, &Samples { x, y, w }: &Samples<'_>, order: usize) -> Option<Polynomial> {
+    /// The polynomial of `order` through (x, y), one value a sample; `None` where the method finds no finite one.
+    pub fn fit(&self, x: &[f64], y: &[f64], order: usize) -> Option<Polynomial> {
         let chebyshev = self.chebyshev;
         let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
         let (centre, half_width) =
@@ -65,17 +56,16 @@ impl Peer {
         if x.is_empty() || x.len() != y.len() || half_width <= 0.0 || !half_width.is_finite() {
             return None;
         }
-        let root_of_weight = |k: usize| w.map_or(1.0, |w| w[k].sqrt());
         let mut matrix = DMatrix::zeros(x.len(), order + 1);
         for (k, x) in x.iter().enumerate() {
-            let (root, t) = (root_of_weight(k), (x - centre) / half_width);
+            let t = (x - centre) / half_width;
             let (mut now, mut next) = (1.0, t);
             for j in 0..=order {
-                matrix[(k, j)] = root * now;
+                matrix[(k, j)] = now;
                 (now, next) = (next, if chebyshev { 2.0 * t * next - now } else { t * next });
             }
         }
-        let solution = (self.solve)(matrix, DVector::from_fn(x.len(), |k, _| root_of_weight(k) * y[k]))?;
+        let solution = (self.solve)(matrix, DVector::from_column_slice(y))?;
         let coefficients = solution.as_slice().to_vec();
         let finite = coefficients.iter().all(|c| c.is_finite());
         finite.then_some(Polynomial { chebyshev, centre, half_width, coefficients })
@@ -97,35 +87,25 @@ fn normal(matrix: DMatrix<f64>, right: DVector<f64>) -> Option<DVector<f64>> {
 mod tests {
     use super::*;
 
-    fn fit(peer: Peer, x: &[f64], y: &[f64], w: Option<&[f64]>, order: usize) -> Option<Polynomial> {
-        peer.fit(&Samples { x, y, w }, order)
-    }
-
     #[test]
-    fn all_find_a_cubic_again_and_weights_are_repeated_samples() {
+    fn all_find_a_cubic_again() {
         let x: Vec<f64> = (0..40).map(|k| f64::from(k) / 10.0 - 1.0).collect();
         let truth = |x: f64| 1.0 + x * (2.0 + x * (3.0 + x * 4.0));
         let y: Vec<f64> = x.iter().map(|x| truth(*x)).collect();
-        let (few_x, few_y) = ([0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 2.0, 1.0, 3.0, 7.0]);
-        let (many_x, many_y) = ([&few_x[..], &[1.0, 1.0, 3.0]].concat(), [&few_y[..], &[2.0, 2.0, 3.0]].concat());
         for peer in PEERS {
-            let cubic = fit(peer, &x, &y, None, 3).unwrap();
+            let cubic = peer.fit(&x, &y, 3).unwrap();
             assert!(x.iter().all(|x| (cubic.evaluate(*x) - truth(*x)).abs() < 1e-9), "{}: {cubic:?}", peer.name);
-            let weighted = fit(peer, &few_x, &few_y, Some(&[1.0, 3.0, 1.0, 2.0, 1.0]), 2).unwrap();
-            let repeated = fit(peer, &many_x, &many_y, None, 2).unwrap();
-            let same = |x: &f64| (weighted.evaluate(*x) - repeated.evaluate(*x)).abs() < 1e-10;
-            assert!(few_x.iter().all(same), "{}", peer.name);
         }
     }
 
     #[test]
     fn what_cannot_be_fitted_is_none_and_never_a_panic() {
         for peer in PEERS {
-            assert_eq!(fit(peer, &[], &[], None, 2), None);
-            assert_eq!(fit(peer, &[1.0, 2.0], &[1.0], None, 1), None);
-            assert_eq!(fit(peer, &[1.0, f64::NAN, 3.0, 4.0], &[1.0, 2.0, 3.0, 4.0], None, 1), None, "{}", peer.name);
+            assert_eq!(peer.fit(&[], &[], 2), None);
+            assert_eq!(peer.fit(&[1.0, 2.0], &[1.0], 1), None);
+            assert_eq!(peer.fit(&[1.0, f64::NAN, 3.0, 4.0], &[1.0, 2.0, 3.0, 4.0], 1), None, "{}", peer.name);
         }
-        assert_eq!(fit(PEERS[0], &[7.0; 9], &[1.0; 9], None, 1), None);
-        assert_eq!(fit(PEERS[1], &[1.0, 2.0], &[1.0, 2.0], None, 5), None);
+        assert_eq!(PEERS[0].fit(&[7.0; 9], &[1.0; 9], 1), None);
+        assert_eq!(PEERS[1].fit(&[1.0, 2.0], &[1.0, 2.0], 5), None);
     }
 }

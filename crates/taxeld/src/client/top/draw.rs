@@ -6,12 +6,11 @@ use ratatui_core::buffer::Buffer;
 use ratatui_core::layout::Rect;
 use ratatui_core::style::{Color, Modifier, Style};
 use ratatui_core::text::{Line, Span};
-use taxel_client::Moment;
+use taxel_client::{Moment, troubles};
 use taxel_proto::judge::word;
 use taxel_proto::v1::{ForceSample, ForceState};
 
 use super::state::{BAR, Top};
-use crate::client::health::troubles;
 use crate::client::table::moment;
 
 /// Lines above and below the skin.

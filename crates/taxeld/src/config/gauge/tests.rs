@@ -107,7 +107,10 @@ fn what_is_wrong_with_a_gauge_is_said_with_what_was_expected() {
         (format!("{line}, template = \"P=\""), "gauge.template = \"P=\": it has no number"),
         (format!("{line}, template = \"{{ksi}}\""), "{ksi} is no unit"),
         (format!("{line}, template = \"{{kPa}}\", register = \"holding 1\""), "gauge: expected one of template"),
-        (format!("{line}, template = \"{{kPa}}\", unit = \"Pa\""), "gauge.unit: the template has the unit"),
+        (
+            format!("{line}, template = \"{{kPa}}\", unit = \"Pa\""),
+            "gauge.unit: it belongs to id and signal or port, and the pressure comes by line",
+        ),
         (format!("{line}, template = \"{{kPa}}\", poll = \"\""), "gauge.poll: expected 1 to 64 bytes"),
         (
             format!("{line}, template = \"{{kPa}}\", poll = 'P\\r'"),
@@ -124,9 +127,15 @@ fn what_is_wrong_with_a_gauge_is_said_with_what_was_expected() {
         ("line = \"COM3\", template = \"{kPa}\"".to_owned(), "gauge.line = \"COM3\": expected a device"),
         ("line = \"/dev/ttyS0@1\", template = \"{kPa}\"".to_owned(), "expected a rate of [1200, 2400"),
         ("template = \"{kPa}\"".to_owned(), "nothing says where its number is"),
-        ("push = true, unit = \"Pa\"".to_owned(), "gauge.unit: the pressure comes with each message"),
+        (
+            "push = true, unit = \"Pa\"".to_owned(),
+            "gauge.unit: it belongs to id and signal or port, and the pressure comes by push",
+        ),
         ("id = 1, signal = \"0|8@1+\", unit = \"Pa\", poll = \"P\"".to_owned(), "gauge.poll: it belongs to line"),
-        ("push = true, reference = \"absolute\"".to_owned(), "gauge.reference: the pressure comes with each message"),
+        (
+            "push = true, reference = \"absolute\"".to_owned(),
+            "gauge.reference: it belongs to id and signal or port or line, and the pressure comes by push",
+        ),
         ("typed = true".to_owned(), "gauge.resolution_kpa is missing"),
         ("typed = true, resolution_kpa = 9.0".to_owned(), "gauge.resolution_kpa = 9: expected 0.01 to 5"),
         ("typed = true, resolution_kpa = 0.5, id = 3".to_owned(), "id and signal and typed say two things"),

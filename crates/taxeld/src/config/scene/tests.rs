@@ -126,21 +126,15 @@ fn a_slow_array_has_the_time_that_its_period_takes() {
 }
 
 #[test]
-fn page_and_metrics_are_on_loopback_addresses() {
+fn the_page_is_on_a_loopback_address() {
     let of = |rest: &str| keys(&text("", BOARD, rest));
-    for rest in [
-        "[page]\nhosts = [\"robot.lab\", \"x-1.y_2\"]",
-        "[page]\nlisten = \"[::1]:1\"\n[metrics]",
-        "[metrics]\nlisten = \"127.0.0.1:9464\"",
-    ] {
+    for rest in ["[page]\nhosts = [\"robot.lab\", \"x-1.y_2\"]", "[page]\nlisten = \"[::1]:1\""] {
         assert_eq!(of(rest), Vec::<String>::new(), "{rest}");
     }
     for (rest, key) in [
         ("[page]\nlisten = \"0.0.0.0:8080\"", "page.listen"),
         ("[page]\nhosts = [\"robot:80\"]", "page.hosts"),
         ("[page]\nhosts = [\"\"]", "page.hosts"),
-        ("[metrics]", "metrics"),
-        ("[metrics]\nlisten = \"10.0.0.1:9464\"", "metrics.listen"),
     ] {
         assert_eq!(of(rest), [key], "{rest}");
     }
@@ -216,12 +210,15 @@ fn what_cannot_be_pushed_is_refused_with_key_and_value() {
         (pushed(&format!("{PUSHED}\n{gauge}"), ""), "a gauge sends over a CAN bus"),
         (
             pushed(&format!("{PUSHED}\ngauge = {{ unit = \"Pa\" }}"), ""),
-            "gauge.unit: the pressure comes with each message",
+            "gauge.unit: it belongs to id and signal or port, and the pressure comes by push",
         ),
-        (pushed(&format!("{PUSHED}\ngauge = {{ ambient_kpa = 101.0 }}"), ""), "gauge.ambient_kpa: the pressure comes"),
+        (
+            pushed(&format!("{PUSHED}\ngauge = {{ ambient_kpa = 101.0 }}"), ""),
+            "gauge.ambient_kpa: it belongs to id and signal or port or line, and the pressure comes by push",
+        ),
         (
             pushed(&format!("{PUSHED}\ngauge = {{ bus = \"c\" }}"), ""),
-            "gauge.bus: the pressure comes with each message",
+            "gauge.bus: it belongs to id and signal or port, and the pressure comes by push",
         ),
         (pushed(BOARD, ""), "expected push = {"),
         (pushed(PUSHED, &format!("[[patch]]\nname = \"q\"\nbus = \"b\"\n{PUSHED}")), "expected one patch on it"),
