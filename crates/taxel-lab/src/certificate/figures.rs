@@ -1,4 +1,5 @@
-//! The figures of a certificate: the skin with the fit error of each taxel, and the curves of the best, middle and worst one.
+//! The figures of a certificate: its loads, the skin with the fit error of each taxel, and the curves of the best, middle and
+//! worst one.
 
 use serde_json::Value;
 use taxel_model::Curve;
@@ -14,9 +15,10 @@ const COLOURS: [&str; 8] = ["#dcebc2", "#b4dcbb", "#82c8b4", "#4fb0b4", "#3592b1
 
 /// What is drawn beside the rows of a field.
 pub(super) fn figures(field: &str, certificate: &Value) -> Vec<Figure> {
-    match certificate[field].as_array().filter(|rows| field == "taxels" && !rows.is_empty()) {
-        Some(rows) => map(rows, certificate).into_iter().chain([curves(rows)]).collect(),
-        None => Vec::new(),
+    match (field, certificate[field].as_array().filter(|rows| !rows.is_empty())) {
+        ("loads", Some(rows)) if rows.len() > 1 => vec![loads(rows)], // the table is enough for one
+        ("taxels", Some(rows)) => map(rows, certificate).into_iter().chain([curves(rows)]).collect(),
+        _ => Vec::new(),
     }
 }
 
@@ -27,8 +29,9 @@ fn map(rows: &[Value], certificate: &Value) -> Option<Figure> {
         let all = places.iter().map(move |place| place[axis]);
         (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max))
     });
-    // What runs down there runs up here.
-    let laid = |[x, y]: [f64; 2]| (x - across.0, down.1 - y);
+    // Turned by a quarter if it is higher than wide. What runs down there runs up here.
+    let is_high = down.1 - down.0 > across.1 - across.0;
+    let laid = |[x, y]: [f64; 2]| if is_high { (y - down.0, x - across.0) } else { (x - across.0, down.1 - y) };
     let place = |row: &Value| Some(laid(*places.get(usize::try_from(row["taxel"].as_u64()?).ok()?)?));
     let error = |row: &Value| row["rmse_kpa"].as_f64().unwrap_or(0.0);
     let step = nice_step(rows.iter().map(error).fold(0.1, f64::max));
@@ -47,6 +50,21 @@ fn map(rows: &[Value], certificate: &Value) -> Option<Figure> {
 fn figure(id: &str, title: &str, x: &'static str, y: &'static str, lines: Vec<Line>) -> Figure {
     let [x, y] = [x, y].map(|label| Axis { label, log: false });
     Figure { id: id.to_owned(), title: title.to_owned(), x, y, lines, ..Figure::default() }
+}
+
+fn loads(rows: &[Value]) -> Figure {
+    let sum = |row: &Value, k: f64| {
+        Some((row["load"].as_f64()?, row["read_n"].as_f64()? + k * row["read_sigma_n"].as_f64()?))
+    };
+    let read = |name: &str, look, k| Line::new(name, look, rows.iter().filter_map(move |row| sum(row, k)));
+    let laid_on = rows.iter().filter_map(|row| Some((row["load"].as_f64()?, row["force_n"].as_f64()?)));
+    let lines = vec![
+        Line::new("laid on", Look::Signs, laid_on),
+        read("read", Look::Ours, 0.0),
+        read("read - 2 sigma", Look::Dashed, -2.0),
+        read("read + 2 sigma", Look::Dashed, 2.0),
+    ];
+    figure("loads-read", "Known loads as they were read", "number of the load", "N", lines)
 }
 
 fn curves(rows: &[Value]) -> Figure {
