@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""`taxeld scan` on a live bus: the boards, modules and periods that are there.
+"""`taxeld scan` on a live bus: the boards, modules and periods that are there, and a configuration begun with them.
 
 Two boards with different periods and a gauge send on vcan0.
 
@@ -49,16 +49,19 @@ def taxeld_scan(taxeld, *words):
 
 def check_boards(taxeld, scratch):
     present = {13: ([0, 1, 2, 5, 15], "0-2, 5, 15", 50), 12: ([1, 3], "1, 3", 20)}
+    begun = scratch / "begun.toml"
     logs = {a: boards(scratch / f"{a}.log", a, numbers, ms, gauge=a == 13) for a, (numbers, _, ms) in present.items()}
     with Boards(logs[13]), Boards(logs[12]):
-        said = taxeld_scan(taxeld)
+        said = taxeld_scan(taxeld, "--out", begun)
     found = {int(a): (m, float(ms)) for a, m, ms in re.findall(r"^board (\d+): modules (.*), every (\S+) ms$", said, re.M)}
     assert found.keys() == present.keys(), said
     for address, (_, modules, period_ms) in present.items():
         assert found[address][0] == modules, said
         assert PERIOD_SHARES[0] < found[address][1] / period_ms < PERIOD_SHARES[1], said
     assert re.search(f"^identifier {GAUGE:03X}: .* of 4 bytes, last ", said, re.M), said
-    assert 'boards = [{ address = 13, modules = "0-2, 5, 15" }, { address = 12, modules = "1, 3" }]' in said, said
+    checked = subprocess.run([taxeld, "check", "--config", str(begun)], capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stderr
+    assert "70 taxels on 7 modules" in checked.stdout, checked.stdout
     print(f"{said.splitlines()[0]}: both boards, 7 modules and the gauge's frames found", flush=True)
     silent = taxeld_scan(taxeld)
     assert "no skin board was heard" in silent, silent

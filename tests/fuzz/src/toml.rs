@@ -4,7 +4,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use crate::config::{Scene, examine_text};
+use crate::config::{Problems, Scene, examine_text};
 
 /// Nothing lies there, so that a configuration can name no file that is.
 const PATH: &str = "/nowhere/t.toml";
@@ -24,15 +24,19 @@ pub fn run(data: &[u8]) {
         Err(problems) => {
             let said = problems.to_string();
             assert!(said.starts_with(PATH) && said.len() > PATH.len() + 2, "{said}");
-            let all = problems.all();
-            assert!((1..=PROBLEMS_MAX).contains(&all.len()), "{} problems", all.len());
-            let lines = text.lines().count();
-            for problem in all {
-                let said = problem.to_string();
-                assert!(!problem.message.is_empty() && !said.contains('\n'), "{said:?}");
-                assert!(problem.line <= lines + 1, "{said}");
-            }
+            check_problems(&problems, text);
         }
+    }
+}
+
+fn check_problems(problems: &Problems, text: &str) {
+    let all = problems.all();
+    assert!((1..=PROBLEMS_MAX).contains(&all.len()), "{} problems", all.len());
+    let lines = text.lines().count();
+    for problem in all {
+        let said = problem.to_string();
+        assert!(!problem.message.is_empty() && !said.contains('\n'), "{said:?}");
+        assert!(problem.line <= lines + 1, "{said}");
     }
 }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use taxel_client::{Moment, Received, Samples, Server};
 use taxel_proto::judge::{Force, NoForce, withheld, word};
-use taxel_proto::v1::{ForceSample, ForceState};
+use taxel_proto::v1::{ForceSample, ForceState, PatchRequest};
 use taxel_skin::counted;
 
 use super::connect::Daemon;
@@ -41,6 +41,9 @@ pub struct WatchArgs {
     /// With --once or --count: print only the number, and only if it is valid.
     #[arg(long, requires = "end", conflicts_with = "json")]
     quiet: bool,
+    /// What the uncertainty of the newest force is made of, greatest first.
+    #[arg(long, conflicts_with_all = ["rate", "json", "quiet", "once", "count"])]
+    budget: bool,
     /// End after this many samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
@@ -58,6 +61,9 @@ impl WatchArgs {
 /// No good force, a lost stream, or no daemon.
 pub async fn watch(args: WatchArgs) -> Outcome {
     let daemon = Daemon::at(&args.server).await?;
+    if args.budget {
+        return budget(&daemon).await;
+    }
     let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
     let for_people = !args.json && !args.once && !args.quiet;
     // At a rate of its own, a sample is older than it may be long before the next one is due.
@@ -100,6 +106,52 @@ pub async fn watch(args: WatchArgs) -> Outcome {
         }
     };
     verdict(shown.or_else(|| newest.map(|newest| newest.again(Moment::now()))))
+}
+
+/// The newest force, and each term of its uncertainty.
+async fn budget(daemon: &Daemon) -> Outcome {
+    let request = PatchRequest { patch: daemon.patch() };
+    let mut sample = daemon.force().get_force(request).await?.into_inner();
+    sample.budget.sort_by(|a, b| b.sigma_n.total_cmp(&a.sigma_n));
+    let (terms, undetected_n) = (std::mem::take(&mut sample.budget), sample.undetected_n);
+    let judged = Judged::new(Received::now(sample), Moment::now());
+    if let Ok(force) = &judged.force {
+        say!("{}", describe(&judged));
+        say!(
+            "standard uncertainty by cause (the low end is {:.2} N less twice the root of their summed squares):",
+            force.total_n
+        );
+        for term in &terms {
+            say!("  {:.2} N  {}", term.sigma_n, in_words(&term.term));
+        }
+        if let Some(undetected_n) = undetected_n {
+            say!(
+                "undetected force: up to {undetected_n:.2} N could press without any taxel showing it. It moves the high end up; \
+                 uncertainties add as squares, so the parts do not simply add up. A tare of the unloaded skin makes it smaller."
+            );
+        }
+    }
+    verdict(Some(judged))
+}
+
+/// A term of the budget for people; the page says the same.
+fn in_words(term: &str) -> &str {
+    match term {
+        "readings" => "noise of each taxel",
+        "choice" => "a light touch may be noise",
+        "zero" => "the zero may have moved",
+        "creep" => "creep after an earlier load",
+        "curve" => "fit of the curves",
+        "beyond range" => "beyond the calibrated range",
+        "gauge" => "the pressure gauge",
+        "gain of the day" => "the skin differs from day to day",
+        "area" => "area of a taxel",
+        "sampling" => "load between the taxels",
+        "rim" => "load at the rim of the skin",
+        "unread taxels" => "excluded and faulty taxels",
+        "flicker" => "a module that jumps",
+        other => other,
+    }
 }
 
 fn show(args: &WatchArgs, judged: &Judged) -> Outcome {

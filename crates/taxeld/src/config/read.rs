@@ -1,6 +1,9 @@
-//! From the text of a file to its sections, or to what is wrong with it: a key that is unknown or has a value of another type, as
-//! serde tells them, one at a time; or, where there is none, all values that cannot be.
+//! From the text of a file to its sections, or to everything that is wrong with it.
+//!
+//! serde tells one fault at a time. A key that is unknown, or has a value of another type, is noted, taken out of the tree and
+//! the rest is read again: so all unknown keys are told, and what is left is checked as well.
 
+use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
@@ -8,7 +11,7 @@ use serde_path_to_error::{Segment, deserialize};
 use taxel_rig::profile::{Faults as Faulty, Profile, SHIPPED};
 use taxel_skin::printable;
 use toml::Spanned;
-use toml::de::{DeTable, Deserializer};
+use toml::de::{DeTable, DeValue, Deserializer};
 
 use super::file::Config;
 use super::gauge;
@@ -20,6 +23,9 @@ use crate::rig::At;
 
 /// Most patches, and most buses: every pair of patches is compared.
 const PATCHES_MAX: usize = 100;
+
+/// So much of what stands in the file is repeated, in characters.
+const SHOWN_CHARS_MAX: usize = 60;
 
 /// Reads and resolves a configuration.
 ///
@@ -61,7 +67,10 @@ pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems
     let scene = config.as_ref().and_then(|config| {
         let mut faults = Faults::default();
         let scene = scene_of(config, path, &mut faults);
-        faults.problems().take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
+        // What was taken out as wrong is not missing as well.
+        let told: Vec<String> = reading.problems.iter().map(|problem| problem.key.clone()).collect();
+        let new = faults.problems().filter(|problem| !told.contains(&printable(&problem.key)));
+        new.take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
         scene
     });
     reading.end(config.zip(scene))
@@ -98,7 +107,7 @@ pub fn examine_profile(file: &str, at: Option<&str>) -> Result<(Profile, At), Pr
 struct Reading<'a> {
     path: &'a Path,
     text: &'a str,
-    /// As the file has it: lines are looked up here.
+    /// As the file has it: lines and values are looked up here.
     tree: Spanned<DeTable<'a>>,
     problems: Vec<Problem>,
 }
@@ -120,26 +129,46 @@ impl<'a> Reading<'a> {
         value.filter(|_| self.problems.is_empty()).ok_or_else(|| Problems::new(self.problems))
     }
 
-    /// The sections, if the file has them as they have to be.
+    /// The sections, if there is enough in the file to make them.
     fn sections<T: DeserializeOwned>(&mut self) -> Option<T> {
         if !self.problems.is_empty() {
             return None;
         }
-        let error = match deserialize::<_, T>(Deserializer::from(self.tree.clone())) {
-            Ok(sections) => return Some(sections),
-            Err(error) => error,
-        };
-        let (key, span) = (key_of(error.path()), error.inner().span());
-        let line = span.map_or(0, |span| self.line_of(span.start));
-        let message = printable(&format!("{key}: {}", on_a_line(error.inner().message())));
-        self.push(Problem { line, key: printable(&key), message, ..Problem::default() });
+        let mut left = self.tree.clone();
+        let mut is_cut = false;
+        while self.problems.len() < PROBLEMS_MAX {
+            let error = match deserialize::<_, T>(Deserializer::from(left.clone())) {
+                Ok(sections) => return Some(sections),
+                Err(error) => error,
+            };
+            let (key, message) = (key_of(error.path()), error.inner().message());
+            if message.starts_with("missing field") {
+                // What was taken out lacks by our own doing.
+                if !is_cut {
+                    let key = with_name(&key, message);
+                    self.note(&key, format!("{key} is missing"));
+                }
+                return None;
+            }
+            if message.starts_with("unknown field") {
+                self.note(&with_name(&key, message), nearest_key(message));
+            } else {
+                self.note(&key, format!("{key}: {}", on_a_line(message)));
+                is_cut = true;
+            }
+            if !take_out(left.get_mut(), error.inner().span().map_or(0, |span| span.start)) {
+                return None;
+            }
+        }
         None
     }
 
-    /// Notes what is wrong with a key, and where that is in the file.
+    /// Notes what is wrong with a key, where that is in the file, and what stands there.
     fn note(&mut self, key: &str, message: String) {
-        let line = find(self.tree.get_ref(), key).map_or(0, |at| self.line_of(at));
-        self.push(Problem { line, key: printable(key), message: printable(&message), ..Problem::default() });
+        let (at, value) = find(self.tree.get_ref(), key);
+        let line = at.map_or(0, |at| self.line_of(at));
+        let value = value.and_then(|span| self.text.get(span)).map(|text| printable(&shortened(text)));
+        self.push(Problem { line, key: printable(key), value, message: printable(&message), ..Problem::default() });
     }
 
     fn push(&mut self, problem: Problem) {
@@ -162,21 +191,61 @@ fn key_of(path: &serde_path_to_error::Path) -> String {
     })
 }
 
-/// Where a key, or the nearest section above it, begins in the text. `patch[0].gauge.id` is such a key.
-fn find(root: &DeTable<'_>, key: &str) -> Option<usize> {
-    let (mut begin, mut table) = (None, Some(root));
+/// The key with the name that serde's message begins with, if it does not end in it.
+fn with_name(key: &str, message: &str) -> String {
+    let name = message.split('`').nth(1).unwrap_or_default();
+    match key {
+        "" => name.to_owned(),
+        key if key.rsplit('.').next() == Some(name) => key.to_owned(),
+        key => format!("{key}.{name}"),
+    }
+}
+
+/// Takes the innermost key out of which this place is: the key itself or its value. False if there is none.
+fn take_out(table: &mut DeTable<'_>, at: usize) -> bool {
+    let holds = |span: std::ops::Range<usize>| span.contains(&at);
+    let below = table.iter_mut().any(|(_, value)| match value.get_mut() {
+        DeValue::Table(table) => take_out(table, at),
+        DeValue::Array(list) => list.iter_mut().any(|item| match item.get_mut() {
+            DeValue::Table(table) => take_out(table, at),
+            _ => false,
+        }),
+        _ => false,
+    });
+    let own = table.iter().find(|(key, value)| holds(key.span()) || holds(value.span())).map(|(key, _)| key.clone());
+    below || own.is_some_and(|key| table.remove(&key).is_some())
+}
+
+/// Where a key, or the nearest section above it, begins in the text, and where the value of the key is. `patch[0].gauge.id` is
+/// such a key.
+fn find(root: &DeTable<'_>, key: &str) -> (Option<usize>, Option<Range<usize>>) {
+    let (mut begin, mut table, mut span) = (None, Some(root), None);
     for part in key.split('.').filter(|part| !part.is_empty()) {
         let (name, elements) = part.split_once('[').unwrap_or((part, ""));
-        let Some((key, mut value)) = table.and_then(|table| table.get_key_value(name)) else { return begin };
+        let Some((key, mut value)) = table.and_then(|table| table.get_key_value(name)) else { return (begin, None) };
         begin = Some(key.span().start);
         for number in elements.split(['[', ']']).filter_map(|number| number.parse::<usize>().ok()) {
             let element = value.get_ref().as_array().and_then(|list| list.get(number));
-            let Some(element) = element else { return begin };
+            let Some(element) = element else { return (begin, None) };
             (begin, value) = (Some(element.span().start), element);
         }
-        table = value.get_ref().as_table();
+        (table, span) = (value.get_ref().as_table(), Some(value.span()));
     }
-    begin
+    (begin, span)
+}
+
+/// What is said of a key that does not exist, by "unknown field `x`, expected one of `a`, `b`".
+fn nearest_key(message: &str) -> String {
+    let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let Some((unknown, known)) = words.split_first() else { return message.to_owned() };
+    let closeness = known.iter().map(|word| (strsim::jaro_winkler(unknown, word), *word));
+    let nearest = closeness.max_by(|(a, _), (b, _)| a.total_cmp(b)).map_or("", |(_, word)| word);
+    format!("unknown key `{}`; did you mean `{nearest}`? Known here: {}", shortened(unknown), known.join(", "))
+}
+
+fn shortened(text: &str) -> String {
+    let more = if text.chars().count() > SHOWN_CHARS_MAX { "..." } else { "" };
+    text.chars().take(SHOWN_CHARS_MAX).collect::<String>() + more
 }
 
 /// The words of the parser on one line.

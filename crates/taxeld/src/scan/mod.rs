@@ -12,12 +12,14 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use taxel_can::{Batch, BusEvent, FrameSource, SocketCan, SocketCanOptions, SourceError, each_bus_error};
 use taxel_wire::FrameKind;
 
+use crate::config;
 use crate::files;
 use crate::open_log::{Wanted, open_log};
+use crate::output;
 use crate::rig;
 use crate::say;
 use survey::Survey;
@@ -34,10 +36,10 @@ pub struct ScanArgs {
     #[arg(long)]
     interface: Option<String>,
     /// Ports of YARP in place of a bus, of this name server, ADDRESS:PORT; by default of that of YARP's own files.
-    #[arg(long, value_name = "SERVER", num_args = 0..=1, conflicts_with_all = ["log", "interface"])]
+    #[arg(long, value_name = "SERVER", num_args = 0..=1, conflicts_with_all = ["log", "interface", "out"])]
     yarp: Option<Option<String>>,
     /// A gauge that prints text in place of a bus: a serial device, or tcp:HOST:PORT.
-    #[arg(long, value_name = "PATH", conflicts_with_all = ["log", "interface", "yarp"])]
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["log", "interface", "out", "yarp"])]
     serial: Option<String>,
     /// The rate of the serial device; without it the usual ones are tried.
     #[arg(long, value_name = "N", requires = "serial")]
@@ -51,6 +53,9 @@ pub struct ScanArgs {
     /// How long to listen to a bus, to ports or to a gauge.
     #[arg(long, default_value = "5", value_parser = parse_seconds)]
     seconds: f64,
+    /// Write the beginning of a configuration; `-` is the standard output.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
@@ -61,8 +66,15 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 /// Listens and says what is there. Nothing is sent, but to a gauge what it is to be asked.
 ///
 /// # Errors
-/// A bus or file that cannot be read, a log without a frame or of several interfaces of which none was named.
+/// A bus or file that cannot be read, a log without a frame or of several interfaces of which none was named, or a file that is
+/// there already.
 pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
+    if let Some(out) = args.out.as_ref().filter(|out| !files::is_standard(out) && out.exists()) {
+        bail!("{}: is there already", out.display());
+    }
+    if args.out.as_deref().is_some_and(files::is_standard) {
+        say::step_aside();
+    }
     if let Some(server) = &args.yarp {
         let over = Duration::from_secs_f64(args.seconds);
         say!("{}", crate::runtime::runtime()?.block_on(ports::text(server.as_deref(), over))?);
@@ -79,27 +91,33 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         say!("{}", crate::runtime::runtime()?.block_on(serial::text(&asked))?);
         return Ok(());
     }
-    let survey = match (args.log.clone(), args.interface.clone()) {
+    let (survey, interface) = match (args.log.clone(), args.interface.clone()) {
         (Some(log), interface) => of_log(&files::named(log), interface)?,
         (None, Some(interface)) => crate::runtime::runtime()?.block_on(of_bus(interface, args.seconds))?,
         (None, None) => bail!("say what to listen to: --interface can0, --yarp, --serial /dev/ttyACM0, or a log"),
     };
     say!("{}", words::text(&survey));
-    Ok(())
+    let Some(out) = &args.out else { return Ok(()) };
+    if survey.boards().next().is_none() {
+        bail!("{}: not written, since no skin board was heard", out.display());
+    }
+    let text = words::beginning(&survey, &interface);
+    config::examine_text(out, &text).context("what was heard makes no configuration")?;
+    output::write_text(out, &text)
 }
 
-async fn of_bus(interface: String, seconds: f64) -> anyhow::Result<Survey> {
-    let options = SocketCanOptions { interface, ids: None, tx: false };
+async fn of_bus(interface: String, seconds: f64) -> anyhow::Result<(Survey, String)> {
+    let options = SocketCanOptions { interface: interface.clone(), ids: None, tx: false };
     let (mut bus, mut survey) = (SocketCan::open(options)?, Survey::default());
     let over = Duration::from_secs_f64(seconds);
     if let Ok(ended) = tokio::time::timeout(over, take_all(&mut bus, &mut survey)).await {
         ended?;
     }
-    Ok(survey)
+    Ok((survey, interface))
 }
 
 /// All frames of one interface of a log: of the one that is wanted, or of the only one that there is.
-fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<Survey> {
+fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, String)> {
     if log.is_dir() && taxel_yarp::is_dump(log) {
         let log = log.display();
         bail!(
@@ -123,11 +141,10 @@ fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<Survey> {
     if let Some(fault) = report.frame_fault(wanted.as_deref()).or_else(|| report.time_fault()) {
         bail!("{}: {fault}", log.display());
     }
-    match report.interfaces.as_slice() {
-        [_, _, ..] if wanted.is_none() => {
-            bail!("the log has {}: say which with --interface", report.interfaces.join(" and "))
-        }
-        _ => Ok(survey),
+    match (wanted, report.interfaces.as_slice()) {
+        (Some(interface), _) => Ok((survey, interface)),
+        (None, [interface]) => Ok((survey, interface.clone())),
+        (None, several) => bail!("the log has {}: say which with --interface", several.join(" and ")),
     }
 }
 

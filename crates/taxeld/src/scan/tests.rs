@@ -1,5 +1,7 @@
 //! What a survey says of frames whose truth is known.
 
+use std::path::Path;
+
 use taxel_can::{BusError, ErrorCounters};
 use taxel_skin::{BoardAddress, Module, Time};
 use taxel_wire::icub::{Message, StatusWord};
@@ -7,6 +9,7 @@ use taxel_wire::{CanId, Frame, TimedFrame};
 
 use super::survey::Survey;
 use super::words;
+use crate::config;
 
 /// A scan of a module: twelve values and a status.
 fn module(survey: &mut Survey, at_s: f64, (board, number): (u8, u8), values: [u8; 12], status: u16) {
@@ -65,7 +68,6 @@ fn boards_modules_and_faults_are_found_and_what_else_is_on_the_bus() {
     let text = words::text(&survey);
     let expected = [
         "board 13: modules 1-2, every 50.0 ms",
-        "for its [[patch]]: boards = [{ address = 14, modules = \"0, 8\" }, { address = 13, modules = \"1-2\" }]",
         "  module 1: 60 scans, counts 238 to 240; silent at the end for 2.0 s",
         "  module 2: 100 scans, counts 208 to 255; stuck values 4",
         "board 14: modules 0, 8, every 50.0 ms",
@@ -80,6 +82,19 @@ fn boards_modules_and_faults_are_found_and_what_else_is_on_the_bus() {
     assert!(text.contains("try sample-point 0.6"), "{text}");
 }
 
+#[test]
+fn what_was_heard_is_the_beginning_of_a_configuration() {
+    let survey = surveyed();
+    let text = words::beginning(&survey, "can3");
+    let path = Path::new("t.toml");
+    let scene = config::examine_text(path, &text).unwrap().1;
+    let plan = &scene.plan.patches[0];
+    let boards: Vec<u8> = plan.patch.boards().iter().map(|board| board.address.get()).collect();
+    assert_eq!((boards, plan.period.as_millis()), (vec![14, 13], 50));
+    assert!(plan.bring_up.is_empty(), "{text}");
+    assert!(text.contains("address = 14, modules = \"0, 8\""), "{text}");
+}
+
 /// Traffic of others, as a car has it, beside a board of which one module lost all its tails.
 #[test]
 fn a_board_without_a_whole_scan_is_no_board() {
@@ -92,7 +107,8 @@ fn a_board_without_a_whole_scan_is_no_board() {
     }
     let text = words::text(&survey);
     assert!(text.contains("board 13: modules 2, every") && !text.contains("board 9"), "{text}");
-    assert!(text.contains("boards = [{ address = 13, modules = \"2\" }]"), "{text}");
+    let beginning = words::beginning(&survey, "can0");
+    assert!(beginning.contains("modules = \"2\"") && !beginning.contains("address = 9"), "{beginning}");
 }
 
 #[test]

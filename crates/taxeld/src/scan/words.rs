@@ -1,4 +1,4 @@
-//! What was found, in words and as a line of a configuration.
+//! What was found, in words and as the beginning of a configuration.
 
 use std::fmt::Write as _;
 
@@ -24,14 +24,6 @@ pub fn text(survey: &Survey) -> String {
             board.modules().map(|(number, module)| format!("  module {number}: {}", of_module(module, survey.end()))),
         );
     }
-    let boards = survey.boards().rev().map(|(address, board)| {
-        let modules = numbers(board.modules().map(|(number, _)| number));
-        format!("{{ address = {address}, modules = \"{modules}\" }}")
-    });
-    let boards: Vec<String> = boards.collect();
-    if !boards.is_empty() {
-        lines.push(format!("for its [[patch]]: boards = [{}]", boards.join(", ")));
-    }
     for (id, other) in &survey.others {
         let (frames, lengths) = (other.frames, numbers(other.lengths.iter().copied()));
         let (rate, last) = (frames as f64 / seconds.max(1e-3), &other.last);
@@ -55,6 +47,52 @@ fn of_module(module: &ModuleWatch, end: Time) -> String {
         }
     }
     line
+}
+
+/// The beginning of a configuration: what was heard, with marks at what cannot be.
+#[must_use]
+pub fn beginning(survey: &Survey, interface: &str) -> String {
+    let mut text = format!(
+        r#"# Begun by `taxeld scan` with what was heard on the bus.
+# Lines with `CHECK:` say what that leaves open. deploy/taxeld.toml explains every key.
+
+[store]
+path = "/var/lib/taxeld/taxeld.db"
+
+[[bus]]
+name = "skin"
+interface = {}
+
+# CHECK: one patch of all boards; name it, and make a patch of each part that has a bag of its own.
+[[patch]]
+name = "skin"
+bus = "skin"
+listen_only = true # CHECK: false lets the daemon configure the boards
+"#,
+        toml::Value::String(interface.to_owned())
+    );
+    match survey.boards().filter_map(|(_, board)| board.period_ms()).reduce(f64::max) {
+        Some(period) => {
+            let _ = writeln!(text, "period_ms = {}", period.round().clamp(1.0, 209.0));
+        }
+        None => text.push_str("# period_ms = 50 # CHECK: too few scans came to tell\n"),
+    }
+    text.push_str("# geometry = \"FILE\" # CHECK: a position file; boards are then in its order\nboards = [\n");
+    for (address, board) in survey.boards().rev() {
+        let modules = numbers(board.modules().map(|(number, _)| number));
+        let _ = writeln!(text, "    {{ address = {address}, modules = \"{modules}\" }},");
+        if address.get() == 14 {
+            text.push_str(
+                "    # CHECK: a hand has its fingertips and palm here: modules = \"0-4 fingertip, 8-11 palm\"\n",
+            );
+        }
+    }
+    text.push_str("]\n");
+    text.push_str(
+        "# CHECK: without the bag's pressure sensor there is no calibration, only force. Put in yours:\n\
+         # gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n",
+    );
+    text
 }
 
 /// Numbers as a configuration writes them, in runs: `0-3, 7`.

@@ -101,13 +101,14 @@ fn a_log_of_several_interfaces_is_scanned_by_the_name_of_one() {
     let second = second.replace("can0 4D0", "can1 4E0").replace("can0 4D1", "can1 4E1").replace("can0 3A1", "can1 3A2");
     let both: String = first.lines().zip(second.lines()).map(|(a, b)| format!("{a}\n{b}\n")).collect();
     let folder = scratch(&[("both.log", &both), ("second.log", &second)]);
-    let [both, second] = ["both.log", "second.log"].map(|name| path(folder.path(), name));
-    let said = fails(&["scan", &both]);
+    let [both, second, out] = ["both.log", "second.log", "out.toml"].map(|name| path(folder.path(), name));
+    let said = fails(&["scan", &both, "--out", &out]);
     assert!(said.contains("the log has can0 and can1: say which with --interface"), "{said}");
     let (printed, _) = succeeds(&["scan", &both, "--interface", "can1"]);
     assert!(printed.contains("board 14: modules 0-1") && !printed.contains("board 13"), "{printed}");
-    let (printed, _) = succeeds(&["scan", &second]);
-    assert!(printed.contains("board 14: modules 0-1"), "{printed}");
+    succeeds(&["scan", &second, "--out", &out]);
+    let begun = std::fs::read_to_string(&out).unwrap();
+    assert!(begun.contains("interface = \"can1\""), "{begun}");
     let said = fails(&["scan", &both, "--interface", "can2"]);
     assert!(said.contains("none of its 6400 frames is of can2: they are of can0, can1"), "{said}");
 }

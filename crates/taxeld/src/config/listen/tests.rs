@@ -69,7 +69,7 @@ fn what_would_let_strangers_in_is_refused_with_what_to_write() {
         ("", "[access]\nadmins = [\"ann\"]", "expected user:NAME, group:NAME"),
         ("", "[access]\nadmins = [\"user:\"]", "expected a name behind the colon"),
         ("", "[access]\nadmins = [\"certificate:cn=ann\"]", "access.admins: \"certificate:cn=ann\": "),
-        ("", "[access]\noperator = []", "unknown field `operator`, expected one of `observers`, `operators`"),
+        ("", "[access]\noperator = []", "did you mean `operators`"),
     ];
     for (top, rest, expected) in cases {
         let problem = resolved(top, rest).unwrap_err();
