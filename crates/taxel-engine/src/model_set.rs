@@ -202,10 +202,7 @@ impl ModelSet {
     pub fn extensions(&self) -> Vec<Option<Extension>> {
         let end = |taxel: usize| {
             let model = self.taxels.get(taxel).filter(|model| model.is_usable())?;
-            Some(match self.plays(taxel).and_then(|plays| Some((plays, plays.curve.as_ref()?))) {
-                Some((plays, curve)) => End { curve: curve.into(), range: plays.range, sign: plays.sign },
-                None => End { curve: model.served()?, range: model.range?, sign: model.sign },
-            })
+            Some(End { curve: model.served()?, range: model.range?, sign: model.sign })
         };
         let skin = SkinSlope::of((0..self.taxels.len()).filter_map(end));
         (0..self.taxels.len()).map(|taxel| skin?.extend(&end(taxel)?)).collect()
@@ -241,10 +238,6 @@ pub struct Recorded {
     pub plays_mean_s: f64,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
-    /// What an earlier version told of a lag between gauge and counts; 0 since none is looked for.
-    pub lag_s: f64,
-    /// What an earlier version found of a clock of the gauge's own; it looks for none any more.
-    pub clock: Option<GaugeClock>,
     /// How far the counts stay away from their zero when the load has gone; `None` where that was not measured.
     pub zero_return: Option<ZeroReturn>,
     /// Median error with plays over that without, on the part of the falling branch that neither was fitted to.
@@ -284,21 +277,6 @@ impl ZeroReturn {
         let (rms, common) = (root_mean_square(known()), mean(known()).0.abs());
         (rms.is_finite() && common.is_finite()).then_some(Self { rms, common })
     }
-}
-
-/// The clock of a gauge that another logger has recorded: at the counts' time t its own shows
-/// `t + offset_s + rate (t - t0)`, t0 being the middle of the recording.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct GaugeClock {
-    /// How late the gauge's times are in the middle of the recording, seconds.
-    pub offset_s: f64,
-    /// How much faster its clock runs, relative.
-    pub rate: f64,
-    /// Error with this clock over that without, on the part of the recording that the clock was not found on.
-    pub error_ratio: f64,
-    /// Whether the fit uses it: it wins on that part.
-    pub applied: bool,
 }
 
 /// One taxel in use.

@@ -3,27 +3,21 @@
 //! A play operator of radius r follows the count only when the count leaves the band z - r .. z + r, like the far end
 //! of a loose joint (Prandtl-Ishlinskii; Kuhnen 2003, "Modeling, identification and compensation of complex hysteretic
 //! nonlinearities"). With z_k the plays' outputs and sigma the sign of the taxel (+1 where counts rise with pressure),
-//! P = p(C) - sigma sum w_k (z_k - C), w_k >= 0. Each play lags behind, so a rising pressure reads higher than the
-//! mid curve p and a falling one lower. The map is from count to pressure already: nothing is left to invert.
-//!
-//! Whatever the history, P is monotone in C if p is: between turns of a play its term has slope sigma w_k or none.
-//! Plays of a skin fit have no mid curve of their own: they are about the curve of a load that is put on from rest,
-//! P = p(C) - sigma sum w_k (z_k - y_k), with y_k the output of the same play on a first loading. Such a load reads the curve.
+//! P = p(C) - sigma sum w_k (z_k - y_k), w_k >= 0, where p is the curve of a load that is put on from rest, and y_k is where such
+//! a load would have left the same play. So such a load reads the curve, and one that falls reads lower. The map is from count to
+//! pressure already: nothing is left to invert.
 //!
 //! A play knows no time, so that neither the sampling rate nor a gap can make it unstable.
 
-use crate::curve::Curve;
 use crate::model::{RangeState, Sign};
 use serde::{Deserialize, Serialize};
 
 /// How many plays a model has at most; the others have a radius of 0, and add nothing.
 pub const PLAYS: usize = 4;
 
-/// A curve with the plays about it.
+/// The plays about a taxel's curve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plays {
-    /// The mid curve, monotone on `range`; `None` where they are about the model's own curve, that of a first loading.
-    pub curve: Option<Curve>,
     /// Least and greatest calibrated count.
     pub range: [f64; 2],
     /// Which way the counts answer.
@@ -69,13 +63,13 @@ impl Frame {
     /// Where a play stands at its first count, of whose past nothing is known: midway between where a pressure that only
     /// rose from rest would have left it and where one that only fell from the top would have. At rest both are the same:
     /// the last load has gone, and the play hangs back on the side of the load. Without this a touch that begins at rest
-    /// would begin on the mid curve, which at rest reads too high.
+    /// would begin in the middle of the loop, which at rest is too low.
     fn unknown(&self, count: f64, r: f64) -> f64 {
         let sign = self.sign.as_f64();
         let (a, b) = (sign * self.range[0], sign * self.range[1]);
         let (rest, top, load) = (a.min(b), a.max(b), sign * count);
         if 2.0 * r >= top - rest {
-            return sign * (rest + (top - rest) / 2.0); // the sums below would lose it for a great r
+            return self.risen(count, r); // no load within the range moves it
         }
         let (risen, fallen) = ((rest + r).max(load - r), (top - r).min(load + r));
         sign * (risen + (fallen - risen) / 2.0)
@@ -83,16 +77,7 @@ impl Frame {
 }
 
 impl Plays {
-    /// The pressure at `count`, clamped to the calibrated range, after all that `state` has seen; kPa. About the model's curve
-    /// where there is no mid curve.
-    ///
-    /// A count that is not finite gives NaN and leaves the state as it was.
-    pub fn evaluate(&self, state: &mut PlayState, count: f64) -> f64 {
-        self.mid_kpa(count).unwrap_or(0.0) + self.bend_kpa(state, count)
-    }
-
-    /// What the history adds to the curve at `count`: between -sum w_k r_k and sum w_k r_k, or that less the latter where the curve
-    /// is that of a first loading; kPa.
+    /// What the history adds to the curve at `count`: between -2 sum w_k r_k and 0, kPa.
     ///
     /// A count that is not finite gives NaN and leaves the state as it was.
     pub fn bend_kpa(&self, state: &mut PlayState, count: f64) -> f64 {
@@ -104,16 +89,9 @@ impl Plays {
         let felt = self.followed(count);
         let frame = Frame { radii: self.radii_counts, range: self.range, sign: self.sign };
         let z = state.follow(felt, &frame);
-        let first = |r: f64| if self.curve.is_some() { felt } else { frame.risen(felt, r) };
-        let lag = z.iter().zip(&self.radii_counts).map(|(z, r)| z - first(*r));
+        let lag = z.iter().zip(&self.radii_counts).map(|(z, r)| z - frame.risen(felt, *r));
         let bent: f64 = lag.zip(&self.weights_kpa).map(|(lag, w)| w * lag).sum();
         -self.sign.as_f64() * bent
-    }
-
-    /// The mid curve at `count`, clamped to the calibrated range; kPa.
-    #[must_use]
-    pub fn mid_kpa(&self, count: f64) -> Option<f64> {
-        Some(self.curve.as_ref()?.evaluate(self.inside(count)))
     }
 
     /// Whether a count lies in the calibrated range.
@@ -134,10 +112,6 @@ impl Plays {
             Sign::Falling => count.min(self.range[1]),
         }
     }
-
-    fn inside(&self, count: f64) -> f64 {
-        count.max(self.range[0]).min(self.range[1])
-    }
 }
 
 #[cfg(test)]
@@ -148,47 +122,23 @@ mod tests {
     const RADII: [f64; PLAYS] = [4.0, 10.0, 0.0, 0.0];
 
     fn plays(sign: Sign) -> Plays {
-        let slope = sign.as_f64() * 100.0;
-        let curve = Curve { centre: 200.0, half_width: 25.0, chebyshev: vec![150.0, slope, 3.0] };
-        Plays {
-            curve: Some(curve),
-            range: [175.0, 225.0],
-            sign,
-            radii_counts: RADII,
-            weights_kpa: [0.8, 0.4, 0.0, 0.0],
-        }
+        Plays { range: [175.0, 225.0], sign, radii_counts: RADII, weights_kpa: [0.8, 0.4, 0.0, 0.0] }
+    }
+
+    /// The pressure of a curve of 4 kPa a count, after all that the plays have seen.
+    fn read(plays: &Plays, state: &mut PlayState, count: f64) -> f64 {
+        4.0 * plays.sign.as_f64() * (count.clamp(175.0, 225.0) - 200.0) + plays.bend_kpa(state, count)
     }
 
     fn run(plays: &Plays, path: &[f64]) -> Vec<f64> {
         let mut state = PlayState::default();
-        path.iter().map(|&count| plays.evaluate(&mut state, count)).collect()
+        path.iter().map(|&count| read(plays, &mut state, count)).collect()
     }
 
     #[test]
-    fn a_rising_pressure_reads_above_the_mid_curve_and_a_falling_one_below() {
+    fn a_load_that_is_put_on_from_rest_is_not_bent_and_one_that_falls_reads_lower() {
         for sign in [Sign::Falling, Sign::Rising] {
             let plays = plays(sign);
-            let load: Vec<f64> = (0..=50).map(|k| 200.0 + sign.as_f64() * (f64::from(k) - 25.0)).collect();
-            let cycle: Vec<f64> = load.iter().chain(load.iter().rev()).copied().collect();
-            let kpa = run(&plays, &cycle);
-            let mid = plays.mid_kpa(200.0).unwrap();
-            let bent = 0.8 * 4.0 + 0.4 * 10.0;
-            assert_eq!(
-                kpa[0],
-                plays.mid_kpa(load[0]).unwrap() - bent,
-                "begins at rest, where the last load has left it"
-            );
-            assert_eq!(kpa[0], kpa[kpa.len() - 1], "and comes back to that");
-            assert_eq!(run(&plays, &[200.0])[0], mid, "with the load on, nothing is known of how it came there");
-            assert!((kpa[25] - mid - bent).abs() < 1e-9, "{sign:?}: {} {mid}", kpa[25]);
-            assert!((mid - kpa[75 + 1] - bent).abs() < 1e-9, "{sign:?}: {} {mid}", kpa[76]);
-        }
-    }
-
-    #[test]
-    fn about_a_first_loading_a_load_that_is_put_on_from_rest_is_not_bent() {
-        for sign in [Sign::Falling, Sign::Rising] {
-            let plays = Plays { curve: None, ..plays(sign) };
             let load = |counts: f64| 200.0 + sign.as_f64() * (counts - 25.0);
             let mut state = PlayState::default();
             for counts in [0.0, 3.0, 17.0, 40.0] {
@@ -211,10 +161,10 @@ mod tests {
             let plays = plays(if rising { Sign::Rising } else { Sign::Falling });
             let mut state = PlayState::default();
             for count in path {
-                plays.evaluate(&mut state, count);
+                plays.bend_kpa(&mut state, count);
             }
             let (mut one, mut other) = (state, state);
-            let (pa, pb) = (plays.evaluate(&mut one, a), plays.evaluate(&mut other, b));
+            let (pa, pb) = (read(&plays, &mut one, a), read(&plays, &mut other, b));
             prop_assert!((pa - pb) * (a - b) * plays.sign.as_f64() >= -1e-9, "{a}: {pa}, {b}: {pb}");
         }
 

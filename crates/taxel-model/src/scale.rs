@@ -25,12 +25,10 @@ impl SigmaProfile {
 }
 
 impl Plays {
-    /// The plays about gain P + offset, the offset in kPa.
+    /// The plays about gain P.
     #[must_use]
-    pub fn scaled(&self, gain: f64, offset_kpa: f64) -> Self {
-        let weights_kpa = self.weights_kpa.map(|weight| gain * weight);
-        let curve = self.curve.as_ref().map(|curve| curve.scaled(gain, offset_kpa));
-        Self { curve, weights_kpa, ..self.clone() }
+    pub fn scaled(&self, gain: f64) -> Self {
+        Self { weights_kpa: self.weights_kpa.map(|weight| gain * weight), ..self.clone() }
     }
 }
 
@@ -91,16 +89,16 @@ mod tests {
         ) {
             let (before, after) = (model(), model().scaled(gain, offset));
             let plays = Plays {
-                curve: before.curve.clone(), range: before.range.unwrap(), sign: Sign::Falling,
+                range: before.range.unwrap(), sign: Sign::Falling,
                 radii_counts: [3.0, 8.0, 0.0, 0.0], weights_kpa: [0.4, 0.2, 0.0, 0.0],
             };
-            let (scaled, mut state, mut scaled_state) = (plays.scaled(gain, offset), PlayState::default(), PlayState::default());
+            let (scaled, mut state, mut scaled_state) = (plays.scaled(gain), PlayState::default(), PlayState::default());
             for count in counts {
                 let (was, is) = (before.evaluate(count).unwrap(), after.evaluate(count).unwrap());
                 prop_assert!((is.kpa - (gain * was.kpa + offset)).abs() < 1e-9, "{was:?} {is:?}");
                 prop_assert!((is.sigma_kpa - gain * was.sigma_kpa).abs() < 1e-9 && is.range == was.range);
-                let (was, is) = (plays.evaluate(&mut state, count), scaled.evaluate(&mut scaled_state, count));
-                prop_assert!((is - (gain * was + offset)).abs() < 1e-9, "{was} {is}");
+                let (was, is) = (plays.bend_kpa(&mut state, count), scaled.bend_kpa(&mut scaled_state, count));
+                prop_assert!((is - gain * was).abs() < 1e-9, "{was} {is}");
             }
             prop_assert_eq!((after.status, after.range, after.order), (before.status, before.range, before.order));
         }

@@ -120,9 +120,7 @@ impl FitJob {
                 smooth_s: 0.0,
                 plays_mean_s: fitted.plays_mean_s,
                 module_size: recipe.module_size,
-                lag_s: 0.0,
                 zero_return: self.zero_between_ramps(&fitted.models),
-                clock: None,
                 plays_error_ratio: fitted.plays_error_ratio,
                 taxels: fitted.in_use,
             });

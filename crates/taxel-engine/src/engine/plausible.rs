@@ -73,10 +73,8 @@ fn odd_curves(set: &ModelSet, target: Kilopascal) -> Option<String> {
     let mut tops = Vec::new();
     for (taxel, model) in usable {
         let own = model.served().zip(model.range).map(|(curve, range)| (curve, range, model.sign));
-        let plays = set.plays(taxel);
-        let with_plays = plays.and_then(|plays| Some((Served::from(plays.curve.as_ref()?), plays.range, plays.sign)));
         tops.extend(own.map(|(curve, range, _)| range.map(|count| curve.evaluate(count))).map(|[a, b]| a.max(b)));
-        let problem = own.into_iter().chain(with_plays).find_map(|(curve, range, sign)| odd(curve, range, sign, most));
+        let problem = own.and_then(|(curve, range, sign)| odd(curve, range, sign, most));
         if let Some(problem) = problem {
             return Some(format!("taxel {taxel}: {problem}"));
         }
@@ -118,7 +116,7 @@ fn odd(curve: Served<'_>, [low, high]: [f64; 2], sign: Sign, most: f64) -> Optio
 
 #[cfg(test)]
 mod tests {
-    use taxel_model::{Curve, GaugeUncertainty, PLAYS, Plays, SigmaProfile, Status};
+    use taxel_model::{Curve, GaugeUncertainty, Plays, SigmaProfile, Status};
 
     use super::*;
     use crate::model_set::{Recorded, RecordedTaxel};
@@ -216,15 +214,6 @@ mod tests {
         let mut some = set(70.0, model(&[36.0, -34.0], SIGN), None);
         some.taxels.extend([model(&[4.0, -4.0], SIGN), model(&[35.0, -30.0], SIGN)]);
         assert_eq!(says(&some), None);
-    }
-
-    #[test]
-    fn the_curve_under_its_hysteresis_goes_the_way_of_its_sign_too() {
-        let (radii_counts, weights_kpa) = ([1.0; PLAYS], [2.0, 5.0, 0.0, 0.0]);
-        let plays =
-            Plays { curve: Some(curve(&[35.0, 5.0])), range: [150.0, 250.0], sign: SIGN, radii_counts, weights_kpa };
-        let found = says(&set(70.0, model(&[35.0, -5.0], SIGN), Some(plays)));
-        assert!(found.is_some_and(|why| why.contains("against its `sign`")));
     }
 
     #[test]

@@ -123,7 +123,7 @@ impl Evaluator {
         }
     }
 
-    /// A force of the mid curve with what its history adds; no touch stays none.
+    /// A force of the curve with what its history adds; no touch stays none.
     fn with_hysteresis_n(&self, taxel: usize, newton: f32) -> f64 {
         match &self.offsets {
             Some(offsets) if newton > 0.0 => {

@@ -22,18 +22,14 @@ const SCANS_A_COUNT: usize = 10;
 /// The offset has come to rest after so many.
 const SETTLED_SCANS: usize = 100;
 
-/// Plays that read nothing at rest.
 fn plays() -> Plays {
     let model = model();
-    let (curve, range) = (model.curve.clone(), model.range.unwrap());
-    let plays = Plays {
-        curve,
-        range,
+    Plays {
+        range: model.range.unwrap(),
         sign: model.sign,
         radii_counts: [4.0, 10.0, 0.0, 0.0],
         weights_kpa: [0.8, 0.4, 0.0, 0.0],
-    };
-    plays.scaled(1.0, -plays.evaluate(&mut PlayState::default(), f64::from(REST)))
+    }
 }
 
 /// Models whose counts are averaged over half a second.
@@ -48,9 +44,7 @@ fn averaged_over(smooth_s: f64) -> Arc<ModelSet> {
         smooth_s,
         plays_mean_s: 0.0,
         module_size: 10,
-        lag_s: 0.0,
         zero_return: None,
-        clock: None,
         plays_error_ratio: Some(0.5),
         taxels: vec![Some(taxel); TAXELS],
     });
@@ -127,7 +121,8 @@ impl Skin {
 
     /// What truly presses, N.
     fn truth_n(&self) -> f64 {
-        let kpa = plays().evaluate(&mut self.truth.clone(), f64::from(REST - self.pressed));
+        let count = f64::from(REST - self.pressed);
+        let kpa = model().kpa(count).unwrap() + plays().bend_kpa(&mut self.truth.clone(), count);
         TAXELS as f64 * AREA.0 * 1e-3 * kpa.max(0.0)
     }
 

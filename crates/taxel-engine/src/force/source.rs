@@ -96,7 +96,7 @@ pub(super) struct Place {
 /// All that the meaning of one taxel's counts follows from.
 pub(super) struct Source<'a> {
     model: &'a TaxelModel,
-    /// Where hysteresis is compensated the mid curve is served; the play operators add their offset scan by scan.
+    /// Where hysteresis is compensated; the play operators add their offset scan by scan.
     plays: Option<&'a Plays>,
     in_use: Option<&'a RecordedTaxel>,
     set: &'a ModelSet,
@@ -194,11 +194,7 @@ impl<'a> Source<'a> {
             return kpa as f32;
         }
         let count = units + self.place.shift;
-        let kpa = match self.plays {
-            Some(plays) if plays.curve.is_some() => plays.mid_kpa(count).unwrap_or(0.0),
-            _ => self.model.kpa(count).unwrap_or(0.0),
-        };
-        kpa as f32 + self.beyond(units).kpa as f32
+        self.model.kpa(count).unwrap_or(0.0) as f32 + self.beyond(units).kpa as f32
     }
 
     fn range_at(&self, units: f64) -> RangeFlag {

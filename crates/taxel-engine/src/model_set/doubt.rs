@@ -5,7 +5,7 @@
 //! reads there was either not on the taxel (a bag that bridged it, a gauge ahead of the skin) or is the form of the curve.
 //! Neighbouring taxels share both, so neither averages out over a contact.
 
-use taxel_model::{PlayState, Sign};
+use taxel_model::Sign;
 
 use super::ModelSet;
 use crate::statistics::median;
@@ -30,10 +30,6 @@ impl ModelSet {
         let Some(zero) = self.baseline.get(taxel).map(|rest| rest.mean).filter(|zero| zero.is_finite()) else {
             return 0.0;
         };
-        if let Some(plays) = self.plays(taxel).filter(|plays| plays.curve.is_some()) {
-            // Where nothing was read before, plays stand as the last load has left them.
-            return plays.evaluate(&mut PlayState::default(), zero).abs();
-        }
         let model = &self.taxels[taxel];
         let (Some([low, high]), Some(kpa)) = (model.range, model.kpa(zero)) else { return 0.0 };
         let before = if model.sign == Sign::Rising { zero < low } else { zero > high };

@@ -105,7 +105,7 @@ pub fn corrected(
         rmse_kpa: gain * taxel.rmse_kpa,
         sensitivity: taxel.sensitivity / gain,
         hysteresis_kpa: taxel.hysteresis_kpa.map(|kpa| gain * kpa),
-        plays: taxel.plays.as_ref().map(|plays| plays.scaled(gain, 0.0)),
+        plays: taxel.plays.as_ref().map(|plays| plays.scaled(gain)),
     };
     let mut recorded = source.recorded.clone();
     if let Some(recorded) = &mut recorded {

@@ -14,8 +14,8 @@ use taxel_skin::Time;
 const REST: TaxelBaseline = TaxelBaseline { mean: 240.0, noise: 0.9 };
 const SECOND_NS: i64 = 1_000_000_000;
 const HOUR_NS: i64 = 3_600 * SECOND_NS;
-/// Sum of weight x radius of the plays here: the bend can be no greater.
-const OFFSET_MAX_KPA: f64 = 0.8 * 4.0 + 0.4 * 10.0;
+/// Twice the sum of weight x radius of the plays here: the bend can be no greater.
+const OFFSET_MAX_KPA: f64 = 2.0 * (0.8 * 4.0 + 0.4 * 10.0);
 
 pub(super) fn cases() -> Vec<Case> {
     vec![
@@ -52,10 +52,8 @@ fn hysteresis() -> Option<Hysteresis> {
     let kpa: Vec<f64> = (0..700).map(|k| f64::from(k) / 10.0).collect();
     let counts: Vec<f64> = kpa.iter().map(|kpa| (REST.mean - kpa).round()).collect();
     let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
-    let (curve, range) = (model.curve.clone(), model.range?);
     let plays = Plays {
-        curve,
-        range,
+        range: model.range?,
         sign: model.sign,
         radii_counts: [4.0, 10.0, 0.0, 0.0],
         weights_kpa: [0.8, 0.4, 0.0, 0.0],
@@ -77,9 +75,7 @@ fn hysteresis() -> Option<Hysteresis> {
             smooth_s: 0.5,
             plays_mean_s: 0.0,
             module_size: 1,
-            lag_s: 0.0,
             zero_return: None,
-            clock: None,
             plays_error_ratio: Some(0.5),
             taxels: vec![Some(taxel)],
         }),

@@ -100,7 +100,6 @@ impl SkinFit {
         let ends =
             [taxel.curve.counts.first()?, taxel.curve.counts.last()?].map(|u| taxel.zero_counts + taxel.sign * u);
         Some(Plays {
-            curve: None,
             range: [ends[0].min(ends[1]), ends[0].max(ends[1])],
             sign: taxel.sign(),
             radii_counts: RADII.map(|share| share * taxel.swing_counts),

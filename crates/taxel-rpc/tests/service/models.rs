@@ -20,9 +20,7 @@ fn damaged(id: String) -> Refusal {
 
 fn over_both_branches(id: &str) -> ModelSet {
     let set = ModelSet::clone(&model_set(id, FOREARM));
-    let curve = set.taxels[0].curve.clone().unwrap();
     let plays = Plays {
-        curve: Some(curve),
         range: [180.0, 240.0],
         sign: Sign::Falling,
         radii_counts: [4.0, 10.0, 0.0, 0.0],

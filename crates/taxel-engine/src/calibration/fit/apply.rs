@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use taxel_model::{Beyond, Extension, PlayState, Plays, RangeState, Sign, Status};
+use taxel_model::{Beyond, Extension, PlayState, RangeState, Sign, Status};
 
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::RecordingError;
@@ -242,8 +242,8 @@ impl Reader<'_> {
         // What corrected a set by known loads is in these, too.
         let of_day = match plays {
             _ if self.skin => GAIN_OF_DAY_REL,
-            Some(plays) if plays.curve.is_none() => GAIN_OF_RECORDING_REL,
-            _ => 0.0,
+            Some(_) => GAIN_OF_RECORDING_REL,
+            None => 0.0,
         };
         let gain = of_day.hypot(self.set.gauge_gain_rel);
         let smoothed = smooth(counts, masked, self.half);
@@ -259,10 +259,8 @@ impl Reader<'_> {
             let count = smoothed[i] - moved;
             let Some(reading) = model.evaluate(count) else { continue };
             let beyond = extension.map_or(Beyond::default(), |extension| extension.at(count));
-            let bend = |plays: &Plays| {
-                plays.mid_kpa(count).unwrap_or(reading.kpa) + plays.bend_kpa(&mut state, felt[i] - moved)
-            };
-            let kpa = plays.map_or(reading.kpa, bend) + beyond.kpa;
+            let bend_kpa = plays.map_or(0.0, |plays| plays.bend_kpa(&mut state, felt[i] - moved));
+            let kpa = reading.kpa + bend_kpa + beyond.kpa;
             // Left-out readings of a skin fit show what the calibration leaves open, too.
             let in_sigma = if model.points.is_some() { self.doubts_kpa[taxel].min(reading.sigma_kpa) } else { 0.0 };
             let own = (reading.sigma_kpa.powi(2) - in_sigma.powi(2)).sqrt().hypot(zero.own_kpa);

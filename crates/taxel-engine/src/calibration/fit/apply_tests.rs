@@ -15,8 +15,6 @@ fn recorded() -> ModelSet {
         smooth_s: 0.0,
         plays_mean_s: 0.0,
         module_size: 10,
-        lag_s: 0.0,
-        clock: None,
         zero_return: Some(ZeroReturn { rms: 1.2, common: 0.9 }),
         plays_error_ratio: None,
         taxels: vec![Some(taxel); 2],

@@ -55,8 +55,6 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
         smooth_s,
         plays_mean_s: fitted.plays_mean_s,
         module_size: recipe.module_size,
-        lag_s: 0.0,
-        clock: None,
         zero_return: if is_skin { zero_return(scans, &masks, &kpa, &fitted.zeros, &usable) } else { None },
         plays_error_ratio: fitted.plays_error_ratio,
         taxels: fitted.in_use,

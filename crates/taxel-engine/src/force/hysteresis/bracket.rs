@@ -6,7 +6,7 @@
 
 use taxel_model::{PlayState, Plays, Sign};
 
-/// Half the width of the loop, sum of w_k r_k, kPa: the most that a history can add to a mid curve, or take from it.
+/// Half the width of the loop, sum of w_k r_k, kPa: twice that is the most that a history can take from the curve.
 pub(super) fn half_width_kpa(plays: &Plays) -> f64 {
     plays.weights_kpa.iter().zip(plays.radii_counts).map(|(weight, radius)| weight * radius).sum()
 }
@@ -38,17 +38,9 @@ fn through(plays: &Plays, from: f64, to: f64) -> PlayState {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use taxel_model::Curve;
 
     fn plays(sign: Sign) -> Plays {
-        let curve = Curve { centre: 200.0, half_width: 25.0, chebyshev: vec![150.0, sign.as_f64() * 100.0] };
-        Plays {
-            curve: Some(curve),
-            range: [175.0, 225.0],
-            sign,
-            radii_counts: [4.0, 10.0, 0.0, 0.0],
-            weights_kpa: [0.8, 0.4, 0.0, 0.0],
-        }
+        Plays { range: [175.0, 225.0], sign, radii_counts: [4.0, 10.0, 0.0, 0.0], weights_kpa: [0.8, 0.4, 0.0, 0.0] }
     }
 
     proptest! {
