@@ -1,15 +1,17 @@
 //! `taxel-lab apply`: pressures from the counts of a recording, and how right they are where it has a gauge.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use taxel_engine::calibration::fit::{Applied, ApplyRecipe, Tare, judge};
 use taxel_engine::model_set::ModelSet;
+use taxel_files::{Output, quiet_end};
 use taxel_store::models_json;
 
 use crate::fit::parse_number;
-use crate::io;
+use crate::io::{announce, read_text};
 use crate::recording::Recording;
 use crate::soundness::{Purpose, check};
 
@@ -55,7 +57,7 @@ fn parse_tare(text: &str) -> Result<Tare, String> {
 /// # Errors
 /// The file's path and what is wrong with it.
 pub(crate) fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
-    let text = io::read_text(path)?;
+    let text = read_text(path)?;
     models_json::from_json(&text).with_context(|| path.display().to_string())
 }
 
@@ -65,7 +67,7 @@ pub(crate) fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
 /// A file that cannot be read or written, or models of another number of taxels.
 pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     let outputs: Vec<&Path> = [&args.out].into_iter().chain(&args.sigma).map(PathBuf::as_path).collect();
-    io::announce(&outputs, &[&args.models, &args.data])?;
+    announce(&outputs, &[&args.models, &args.data])?;
     let set = read_models(&args.models)?;
     let mut recording = Recording::read(&args.data)?;
     let named = || args.data.display().to_string();
@@ -149,7 +151,8 @@ fn print_applied(data: &Path, notes: &[String], applied: &Applied) {
 
 /// Writes one column per taxel, to a tenth of a pascal; NaN and empty columns are empty cells.
 fn write(path: &Path, letter: &str, time_s: &[f64], columns: &[Vec<f64>]) -> anyhow::Result<()> {
-    io::write(path, |out| {
+    let write = || {
+        let mut out = Output::create(path)?;
         write!(out, "t_s")?;
         (0..columns.len()).try_for_each(|taxel| write!(out, ",{letter}{taxel}"))?;
         for (i, time_s) in time_s.iter().enumerate() {
@@ -161,6 +164,8 @@ fn write(path: &Path, letter: &str, time_s: &[f64], columns: &[Vec<f64>]) -> any
                 }
             }
         }
-        writeln!(out)
-    })
+        writeln!(out)?;
+        out.finish()
+    };
+    quiet_end(path, write())
 }

@@ -104,7 +104,7 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
         "not one of {taxels} taxels got a usable model: nothing is written"
     );
     let text = models_json::to_json(&set).context("the models cannot be written")?;
-    io::write_text(&args.out, &text)?;
+    taxel_files::write_text(&args.out, &text)?;
     say!("written to {}", args.out.display());
     Ok(())
 }

@@ -41,11 +41,9 @@ fn main() -> ExitCode {
         Commands::Paper(args) => paper::paper(&args),
         Commands::Report(args) => report::report(&args),
     };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            error_line(format_args!("taxel-lab: {error:#}"));
-            ExitCode::FAILURE
-        }
+    if let Err(error) = done {
+        error_line(format_args!("taxel-lab: {error:#}"));
+        return ExitCode::FAILURE;
     }
+    ExitCode::SUCCESS
 }

@@ -8,7 +8,6 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
 use crate::document::{Figure, Section, Table, words};
-use crate::io;
 use crate::svg::svg;
 
 /// A page with what stands on it.
@@ -31,11 +30,11 @@ impl Page<'_> {
     pub fn write(&self, out: &Path, data: &str) -> anyhow::Result<()> {
         std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
         for figure in self.sections.iter().flat_map(|section| &section.figures) {
-            io::write_text(&out.join(format!("{}.svg", figure.id)), &svg(figure))?;
+            taxel_files::write_text(&out.join(format!("{}.svg", figure.id)), &svg(figure))?;
         }
         let data = format!("{data}.json");
-        io::write_text(&out.join(&data), &serde_json::to_string_pretty(self.sections)?)?;
-        io::write_text(&out.join("index.html"), &self.html(Some(&data)))
+        taxel_files::write_text(&out.join(&data), &serde_json::to_string_pretty(self.sections)?)?;
+        taxel_files::write_text(&out.join("index.html"), &self.html(Some(&data)))
     }
 
     /// The page alone; `data` is the file of all numbers beside it.

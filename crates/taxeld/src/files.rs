@@ -6,11 +6,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-
-/// Whether the name stands for standard input or output.
-pub fn is_standard(path: &Path) -> bool {
-    path.as_os_str() == "-"
-}
+use taxel_files::is_standard;
 
 /// The name by which the system itself opens what `-` stands for as an input.
 pub fn named(path: PathBuf) -> PathBuf {

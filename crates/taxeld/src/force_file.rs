@@ -8,7 +8,7 @@ use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::PatchSnapshot;
 use taxel_proto::judge::word;
 
-use crate::output::Output;
+use taxel_files::Output;
 
 /// The columns of the table.
 const COLUMNS: &str = "time_s,patch,state,total_n,sigma_n,low_n,high_n,active,out_of_range,excluded,stale,reasons";

@@ -21,7 +21,6 @@ mod help;
 mod logs;
 mod offline;
 mod open_log;
-mod output;
 mod page;
 mod pages;
 mod queues;

@@ -4,8 +4,6 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::output;
-
 /// Prints the completions for a shell.
 ///
 /// # Errors
@@ -13,7 +11,7 @@ use crate::output;
 pub fn completions(mut command: clap::Command, shell: clap_complete::Shell) -> anyhow::Result<()> {
     let mut text = Vec::new();
     clap_complete::generate(shell, &mut command, "taxeld", &mut text);
-    output::write_text(Path::new("-"), &String::from_utf8(text)?)
+    taxel_files::write_text(Path::new("-"), &String::from_utf8(text)?)
 }
 
 /// Writes a manual page for each command into a folder, which is made if need be.

@@ -19,7 +19,6 @@ use crate::files;
 use crate::force_file::ForceFile;
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
-use crate::output;
 use crate::say;
 use crate::values::refusals_of;
 
@@ -57,7 +56,7 @@ pub fn replay(args: ReplayArgs, config: &Config, mut scene: Scene) -> anyhow::Re
         bail!("the scans of patch `{}` are pushed: there is no log of pushed scans to replay", plan.patch.name());
     }
     of_a_log(&mut scene);
-    if args.out.iter().chain(&args.force).any(|output| files::is_standard(output)) {
+    if args.out.iter().chain(&args.force).any(|output| taxel_files::is_standard(output)) {
         say::step_aside();
     }
     let args = ReplayArgs { log: files::named(args.log), ..args };
@@ -227,7 +226,7 @@ fn print_models(request: &ReplayArgs, offline: &Offline) -> anyhow::Result<()> {
     let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
     say!("model set {}: {}; taxels: {usable} of {} usable", set.id, set.method, set.taxels.len());
     if let Some(out) = &request.out {
-        output::write_text(out, &models_json::to_json(set)?)?;
+        taxel_files::write_text(out, &models_json::to_json(set)?)?;
         say!("models: {}", out.display());
     }
     Ok(())

@@ -18,7 +18,7 @@ pub const PROBATION: Duration = Duration::from_secs(1);
 pub struct SessionLimits {
     /// A ramp ends by itself here.
     pub target: Kilopascal,
-    /// Whether the skin lies in a chamber under pressure: then a target may lie above [`BAG_MAX_KPA`].
+    /// Whether the skin lies in a chamber under pressure: then a target may lie above 95 kPa.
     pub pressurised_chamber: bool,
     /// A sample may lie this far behind the furthest pressure so far, on a rise below it: the gauge's noise.
     pub noise_band: Kilopascal,

@@ -70,7 +70,7 @@ pub fn certificate(args: &CertificateArgs) -> anyhow::Result<()> {
     let certificate = Certificate::of(&evidence)?;
     for path in &args.out {
         let is_json = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
-        io::write_text(path, &if is_json { certificate.to_json() } else { certificate.to_html()? })?;
+        taxel_files::write_text(path, &if is_json { certificate.to_json() } else { certificate.to_html()? })?;
         say!("certificate {} of {}: {}", certificate.number(), evidence.set.id, path.display());
     }
     Ok(())

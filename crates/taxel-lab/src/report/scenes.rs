@@ -5,7 +5,7 @@ use std::sync::Arc;
 use taxel_engine::calibration::fit::{FitRecipe, OneByOne, fit};
 use taxel_engine::plan::Outputs;
 
-use super::args::ReportArgs;
+use super::ReportArgs;
 use crate::document::{Aim, Section, Table, row};
 use crate::forearm::Tried;
 

@@ -9,8 +9,7 @@ use taxel_proto::v1::SessionRequest;
 
 use super::connect::Daemon;
 use super::failure::Outcome;
-use crate::files;
-use crate::output::{Output, quiet_end};
+use taxel_files::{Output, quiet_end};
 
 /// Which session, and where it goes.
 #[derive(Debug, clap::Args)]
@@ -40,7 +39,7 @@ pub async fn export(args: &ExportArgs) -> Outcome {
         }
     }
     quiet_end(&args.out, file.finish())?;
-    if !files::is_standard(&args.out) {
+    if !taxel_files::is_standard(&args.out) {
         say!("session {}: {}", args.session, args.out.display());
     }
     Ok(())

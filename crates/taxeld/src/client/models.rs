@@ -12,7 +12,6 @@ use super::failure::Outcome;
 use super::model_set::{Candidate, full_id, print_set};
 use super::{ask, json, table};
 use crate::files;
-use crate::output;
 
 /// Model sets: what sessions produced.
 #[derive(Debug, clap::Args)]
@@ -107,7 +106,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
             let model_set = wanted(&daemon, model_set.as_deref()).await?;
             let request = ExportModelSetRequest { model_set, patch: daemon.patch() };
             let answer = daemon.models().export_model_set(request).await?.into_inner();
-            Ok(output::write_text(&out, &answer.json)?)
+            Ok(taxel_files::write_text(&out, &answer.json)?)
         }
         ModelsCommand::Import { of, file, insist } => {
             let daemon = Daemon::at(&of.server).await?;

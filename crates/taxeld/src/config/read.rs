@@ -36,7 +36,7 @@ pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
 }
 
 fn read_text(path: &Path) -> Result<String, Problems> {
-    let text = match files::is_standard(path) {
+    let text = match taxel_files::is_standard(path) {
         true => files::read_text(path).map_err(|error| error.root_cause().to_string()),
         false => files::read_utf8(path).map_err(|error| match error.kind() {
             std::io::ErrorKind::NotFound => format!("{error}; `taxeld setup` writes one"),

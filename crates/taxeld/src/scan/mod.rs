@@ -19,7 +19,6 @@ use taxel_wire::FrameKind;
 use crate::config;
 use crate::files;
 use crate::open_log::{Wanted, open_log};
-use crate::output;
 use crate::rig;
 use crate::say;
 use survey::Survey;
@@ -69,10 +68,10 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 /// A bus or file that cannot be read, a log without a frame or of several interfaces of which none was named, or a file that is
 /// there already.
 pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
-    if let Some(out) = args.out.as_ref().filter(|out| !files::is_standard(out) && out.exists()) {
+    if let Some(out) = args.out.as_ref().filter(|out| !taxel_files::is_standard(out) && out.exists()) {
         bail!("{}: is there already", out.display());
     }
-    if args.out.as_deref().is_some_and(files::is_standard) {
+    if args.out.as_deref().is_some_and(taxel_files::is_standard) {
         say::step_aside();
     }
     if let Some(server) = &args.yarp {
@@ -103,7 +102,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     }
     let text = words::beginning(&survey, &interface);
     config::examine_text(out, &text).context("what was heard makes no configuration")?;
-    output::write_text(out, &text)
+    taxel_files::write_text(out, &text)
 }
 
 async fn of_bus(interface: String, seconds: f64) -> anyhow::Result<(Survey, String)> {

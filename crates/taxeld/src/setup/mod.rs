@@ -15,8 +15,7 @@ use anyhow::{Context as _, bail};
 use taxel_skin::{Drawing, PositionFile};
 
 use crate::config;
-use crate::files::{self, read_any_text};
-use crate::output;
+use crate::files::read_any_text;
 use crate::say;
 use compose::{PatchDraft, Sources, compose};
 use part::Part;
@@ -53,7 +52,7 @@ pub struct SetupArgs {
 /// # Errors
 /// What cannot be read, what contradicts itself, and what cannot be written; nothing is written then.
 pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
-    let standard = files::is_standard(&args.out);
+    let standard = taxel_files::is_standard(&args.out);
     if args.out.exists() && !standard && !args.force {
         bail!("{}: is there already; --force writes over it", args.out.display());
     }
@@ -65,7 +64,7 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     let text = write::text(&drafts, folder);
     let (_, scene) =
         config::examine_text(&args.out, &text).context("what was made of the files is no configuration")?;
-    output::write_text(&args.out, &text)?;
+    taxel_files::write_text(&args.out, &text)?;
     for (draft, plan) in drafts.iter().zip(&scene.plan.patches) {
         let poses = plan.geometry.as_ref().map_or(0, |geometry| geometry.poses.iter().flatten().count());
         let (name, taxels, modules) = (plan.patch.name(), draft.taxels(), plan.patch.modules().len());

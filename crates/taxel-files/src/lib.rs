@@ -8,10 +8,14 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use tempfile::NamedTempFile;
 
-use crate::files;
-
 /// Bytes that are gathered for a write.
 const BUFFER_BYTES: usize = 1 << 16;
+
+/// Whether the name stands for standard input or output.
+#[must_use]
+pub fn is_standard(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
 
 /// An output, empty at first. A file is written beside its place, and [`finish`](Self::finish) puts it there; without that, what
 /// was written goes with this.
@@ -27,7 +31,7 @@ impl Output {
     /// # Errors
     /// The system's reason.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let (to, part): (Box<dyn Write>, _) = if files::is_standard(path) {
+        let (to, part): (Box<dyn Write>, _) = if is_standard(path) {
             (Box::new(io::stdout()), None)
         } else if is_replaced(path) {
             // Through a link its target is replaced.
@@ -101,7 +105,7 @@ pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
 /// The path and the system's reason.
 pub fn quiet_end(path: &Path, result: io::Result<()>) -> anyhow::Result<()> {
     match result {
-        Err(error) if files::is_standard(path) && error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        Err(error) if is_standard(path) && error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => other.with_context(|| path.display().to_string()),
     }
 }
