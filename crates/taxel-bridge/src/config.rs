@@ -131,17 +131,34 @@ impl YarpSection {
         if let Some(server) = &self.server {
             NameServer::of(Some(server)).context("yarp")?;
         }
-        let events = &self.skin_events;
-        ensure!(is_port(events), "yarp: {events:?}: expected a name as in /taxeld/skin_events:o");
+        let mut names = vec![self.skin_events.clone()];
+        ensure!(is_port(&names[0]), "yarp: {:?}: expected a name as in /taxeld/skin_events:o", names[0]);
         for patch in patches {
             let name = &patch.name;
             ensure!(
                 patch.part().is_some(),
-                "patch {name:?}: none of iCub's parts: say what it is, part = [3, 4, 2] (body part, link, skin part)"
+                "patch {name:?}: none of iCub's parts: say what it is, yarp = {{ part = [3, 4, 2] }} (body part, link, skin part)"
             );
+            for port in patch.ports() {
+                ensure!(is_port(&port), "patch {name:?}: port {port:?}: expected a name as in /taxeld/{name}/force:o");
+                ensure!(!names.contains(&port), "patch {name:?}: port {port:?} is there twice: expected one name each");
+                names.push(port);
+            }
         }
         Ok(())
     }
+}
+
+/// `yarp = { ... }` of a patch, where its name is none of iCub's or its ports have other names.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PatchPorts {
+    /// Body part, link and skin part in the events.
+    pub part: Option<Part>,
+    /// The name of the port of the force; `/taxeld/PATCH/force:o` if left out.
+    pub force: Option<String>,
+    /// The name of the port of the pressures; `/taxeld/PATCH/pressure:o` if left out.
+    pub pressure: Option<String>,
 }
 
 /// `[[patch]]`.
@@ -157,8 +174,8 @@ pub struct PatchSection {
     /// Clouds of taxels per second, 1 to 1000; 0, the default, for none.
     #[serde(default)]
     pub taxels_hz: f64,
-    /// Body part, link and skin part in YARP's events, where its name is none of iCub's.
-    part: Option<Part>,
+    /// Its ports of YARP.
+    pub yarp: Option<PatchPorts>,
 }
 
 impl PatchSection {
@@ -169,7 +186,14 @@ impl PatchSection {
 
     /// Its numbers in the events.
     pub fn part(&self) -> Option<Part> {
-        self.part.or_else(|| parts::named(&self.name))
+        self.yarp.as_ref().and_then(|ports| ports.part).or_else(|| parts::named(&self.name))
+    }
+
+    /// The names of its ports: of the force, of the pressures.
+    pub fn ports(&self) -> [String; 2] {
+        let PatchPorts { force, pressure, .. } = self.yarp.clone().unwrap_or_default();
+        let name = |set: Option<String>, last| set.unwrap_or_else(|| format!("/taxeld/{}/{last}", self.name));
+        [name(force, "force:o"), name(pressure, "pressure:o")]
     }
 }
 
@@ -208,8 +232,12 @@ impl Config {
             let rate = fleet.rate_hz;
             ensure!((1.0..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 1 to 1000");
         }
-        if let Some(yarp) = &self.yarp {
-            yarp.check(&self.patches)?;
+        match &self.yarp {
+            Some(yarp) => yarp.check(&self.patches)?,
+            None => ensure!(
+                self.patches.iter().all(|patch| patch.yarp.is_none()),
+                "yarp of a patch: it names ports of YARP, and there is no section [yarp]"
+            ),
         }
         ensure!(!self.patches.is_empty(), "no [[patch]]: there is nothing to do");
         self.patches.iter().try_for_each(PatchSection::check)
@@ -306,11 +334,12 @@ mod tests {
             (format!("{LEAST}taxels_hz = 2000.0"), "taxels_hz"),
             (format!("{LEAST}frame = \"/arm\""), "frame"),
             (LEAST.replace("left_forearm", "a*"), "patch"),
+            (format!("{LEAST}yarp = {{}}"), "there is no section [yarp]"),
             (
-                LEAST.replace("[ros]", "[yarp]\nskin_events = \"events\""),
-                "\"events\": expected a name as in /taxeld/skin_events:o",
+                format!("[yarp]\n{LEAST}yarp = {{ force = \"/a\", pressure = \"/a\" }}")
+                    .replace("[yarp]\nrobot = \"icub\"", "robot = \"icub\"\n[yarp]"),
+                "\"/a\" is there twice",
             ),
-            (LEAST.replace("[ros]", "[yarp]").replace("left_forearm", "palm"), "none of iCub's parts"),
         ];
         for (text, place) in cases {
             let error = format!("{:#}", Config::parse(&text).unwrap_err());

@@ -98,7 +98,7 @@ impl Bridge {
         let Some(yarp) = yarp else { return Ok(()) };
         let mut tasks = Tasks::new();
         for patch in &self.config.patches {
-            let [force, pressure] = ["force:o", "pressure:o"].map(|port| format!("/taxeld/{}/{port}", patch.name));
+            let [force, pressure] = patch.ports();
             let (section, taken) = (yarp.clone(), self.taken.clone());
             let forces = self.daemon.forces(&patch.name, patch.rate_hz);
             tasks.spawn(async move {
