@@ -59,8 +59,7 @@ impl Daemon {
     /// # Errors
     /// No such session, or no daemon any more.
     pub async fn session(&self, session: u64) -> anyhow::Result<Session> {
-        let request = SessionRequest { session };
-        Ok(self.calibration().get_session(request).await.map_err(refused)?.into_inner())
+        Ok(self.calibration().get_session(SessionRequest { session }).await.map_err(refused)?.into_inner())
     }
 
     /// The samples of a session, as `taxeld sessions export` writes them.
@@ -68,8 +67,8 @@ impl Daemon {
     /// # Errors
     /// No samples, or no daemon any more.
     pub async fn samples(&self, session: u64) -> anyhow::Result<String> {
-        let request = SessionRequest { session };
-        let mut pieces = self.calibration().export_samples(request).await.map_err(refused)?.into_inner();
+        let mut pieces =
+            self.calibration().export_samples(SessionRequest { session }).await.map_err(refused)?.into_inner();
         let mut table = String::new();
         while let Some(piece) = pieces.message().await.map_err(refused)? {
             table += &piece.text;

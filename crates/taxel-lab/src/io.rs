@@ -66,7 +66,5 @@ pub fn open(path: &Path) -> anyhow::Result<Box<dyn Read>> {
 /// # Errors
 /// The file's path, and the system's reason or that it is not UTF-8.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
-    let mut text = String::new();
-    open(path)?.read_to_string(&mut text).with_context(|| path.display().to_string())?;
-    Ok(text)
+    io::read_to_string(open(path)?).with_context(|| path.display().to_string())
 }

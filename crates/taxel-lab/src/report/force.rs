@@ -14,7 +14,7 @@ use taxel_model::FitOptions;
 use taxel_sim::Effect;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
-use super::ReportArgs;
+use super::args::ReportArgs;
 use crate::document::{Aim, Axis, Figure, Line, Look, Section, Table, row};
 use crate::forearm::{Live, TARGET_KPA, Tried};
 use crate::numbers::{mean, median};

@@ -2,17 +2,17 @@
 //!
 //! Each section is a module with a function that measures and returns a `Section`.
 
+mod args;
 mod force;
 mod scenes;
 mod stability;
 
-use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
 
 use anyhow::ensure;
-use clap::builder::PossibleValuesParser;
 use taxel_proto::Timestamp;
 
+pub use self::args::ReportArgs;
 use crate::document::Section;
 use crate::page::Page;
 
@@ -29,29 +29,6 @@ const INTRODUCTION: &str = "taxeld turns the raw counts of a robot's skin into t
     from a vacuum bag: while the pressure in the bag rises, one curve from counts to pressure is fitted for each sensing \
     element (taxel). This page measures how well that predicts what no fit saw and how long it takes, how exact it is beside \
     other methods, and what a configuration costs.";
-
-/// What can be asked of the report.
-#[derive(Clone, Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  taxel-lab report --out report\n  taxel-lab report --quick --only force,stability --out report"
-)]
-pub struct ReportArgs {
-    /// Folder for the page and its data; made if it is not there.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Fewer repetitions and smaller sizes: less than a minute.
-    #[arg(long)]
-    quick: bool,
-    /// Folder with recordings of a real skin (`insole/`); without it they are left out.
-    #[arg(long, value_name = "DIR", env = "TAXELD_DATA")]
-    data: Option<PathBuf>,
-    /// Of all simulated data.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Only these sections.
-    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = PossibleValuesParser::new(PARTS.map(|part| part.0)))]
-    only: Vec<String>,
-}
 
 /// Measures and writes the report.
 ///

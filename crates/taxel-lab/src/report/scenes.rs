@@ -5,7 +5,7 @@ use std::sync::Arc;
 use taxel_engine::calibration::fit::{FitRecipe, OneByOne, fit};
 use taxel_engine::plan::Outputs;
 
-use super::ReportArgs;
+use super::args::ReportArgs;
 use crate::document::{Aim, Section, Table, row};
 use crate::forearm::Tried;
 

@@ -9,7 +9,7 @@ use serde_json::Value;
 use taxel_model::stability::case::{Case, Contest, Problem};
 
 use self::peers::{PEERS, Peer, Polynomial};
-use super::ReportArgs;
+use super::args::ReportArgs;
 use crate::document::{Aim, Section, Table, row};
 use crate::numbers::median;
 
