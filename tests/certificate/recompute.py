@@ -77,12 +77,9 @@ class Session:
         self.gauge = [kpa if np.isfinite(kpa) else None for kpa in figures["zero"][:, 1]]
         known = [kpa for kpa in self.gauge if kpa is not None]
         others = np.mean(known) if known else 0.0
-        greatest, unknown = max(map(abs, known), default=0.0), np.array([kpa is None for kpa in self.gauge])[self.ramp]
-        self.gauge_doubt = greatest / np.sqrt(3)
-        if greatest > 0 and len(known) < self.ramps:
-            self.gauge_doubt = max(greatest, min(np.maximum(self.kpa[unknown], 0.0), default=0.0))
+        self.gauge_doubt = max(map(abs, known), default=0.0) / np.sqrt(3)
         self.kpa = self.kpa - np.array([others if kpa is None else kpa for kpa in self.gauge])[self.ramp]
-        self.shift = self.zero - self.zero[0]
+        self.shift = self.zero - self.zero[-1]
         self.counts = self.counts - np.nan_to_num(self.shift)[self.ramp]
         self.falling = np.zeros(len(self.kpa), bool)
         for ramp in range(self.ramps if both else 0):
@@ -120,7 +117,7 @@ def taxel(stated, session, reference, per_unit):
     curve = evaluate(stated, low, high, grid)
     span, slope, n = abs(curve[-1] - curve[0]), (curve[-1] - curve[0]) / (high - low), len(errors)
     order = len(stated["chebyshev_kpa"]) - 1
-    hysteresis, repeatability, shift = session.hysteresis(errors), session.repeatability(errors), strongest(shifts[1:])
+    hysteresis, repeatability, shift = session.hysteresis(errors), session.repeatability(errors), strongest(shifts[:-1])
     u_zero = 0.0 if shift is None else abs(shift * slope) / np.sqrt(3)
     known = lambda value: value if np.isfinite(value) else None
     figures = {
@@ -131,7 +128,7 @@ def taxel(stated, session, reference, per_unit):
         "rmse_kpa": rms(errors), "bias_kpa": np.mean(errors), "max_error_kpa": np.max(np.abs(errors)),
         "hysteresis_kpa": hysteresis, "repeatability_kpa": repeatability,
         "hysteresis_percent": None if hysteresis is None else 100 * abs(hysteresis) / span,
-        "zero_counts": known(session.zero[0, number]), "zero_noise_counts": known(session.noise[0, number]),
+        "zero_counts": known(session.zero[-1, number]), "zero_noise_counts": known(session.noise[-1, number]),
         "zero_shift_counts": shift,
         "lower_limit_kpa": max(2.4 * np.sqrt(np.sum(errors**2) / max(n - order - 1, 1)), abs(slope) / per_unit),
         "outside_share": np.mean((counts < low) | (counts > high)),
@@ -198,7 +195,7 @@ def recompute(stated, samples, models_text, text):
         curve = lambda c: {"centre": c["centre"], "half_width": c["half_width"], "chebyshev_kpa": c["chebyshev"]}
         part |= curve(model["curve"])
     slopes, shifts, mean = np.array(slopes), np.array(shifts), np.mean(all_errors, axis=0)
-    moved = [strongest([abs(np.mean((row * slopes)[np.isfinite(row)]))]) for row in shifts.T[1:] if np.any(np.isfinite(row))]
+    moved = [strongest([abs(np.mean((row * slopes)[np.isfinite(row)]))]) for row in shifts.T[:-1] if np.any(np.isfinite(row))]
     over = lambda values: rms([v for v in values if v is not None]) if any(v is not None for v in values) else None
     of = lambda key, factor=1.0: over([None if f[key] is None else factor * f[key] for f in figures])
     part_of = lambda value, divisor: None if value is None else abs(value) / divisor
