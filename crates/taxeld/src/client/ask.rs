@@ -48,3 +48,19 @@ pub async fn yes(question: &str, enter: bool) -> Outcome<bool> {
     let answer = ask(&format!("{question} {}", if enter { "[Y/n]" } else { "[y/N]" })).await?;
     Ok(if answer.is_empty() { enter } else { matches!(answer.as_str(), "y" | "yes") })
 }
+
+/// Asks for yes or no, and shows the details first where they are asked for; `enter` is what just Enter means.
+///
+/// # Errors
+/// If standard input cannot be read.
+pub async fn yes_or_details(question: &str, enter: bool, details: impl Fn()) -> Outcome<bool> {
+    loop {
+        let answer =
+            ask(&format!("{question} {}", if enter { "[Y/n, d: details]" } else { "[y/N, d: details]" })).await?;
+        match answer.as_str() {
+            "d" | "details" => details(),
+            "" => return Ok(enter),
+            other => return Ok(matches!(other, "y" | "yes")),
+        }
+    }
+}
