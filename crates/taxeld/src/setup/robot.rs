@@ -23,6 +23,8 @@ pub struct Robot {
     read: BTreeSet<PathBuf>,
     devices: Vec<Device>,
     ports: Vec<Port>,
+    /// Files that say something of the whole robot, or only include others.
+    used: BTreeSet<PathBuf>,
     /// What they include and cannot be read, a line each.
     unread: Vec<String>,
     /// How the names of the robot's ports begin.
@@ -32,9 +34,9 @@ pub struct Robot {
 /// A skin device, for example `left_leg-eb10-skin`, with what it includes.
 #[derive(Clone, Debug, Default)]
 pub struct Device {
-    /// Its name, and its file.
+    /// Its name, its file and those that it includes.
     pub name: String,
-    file: PathBuf,
+    files: Vec<PathBuf>,
     /// Its type: `embObjSkin` behind an Ethernet board, `canBusSkin` on a CAN bus of the robot's computer.
     kind: String,
     /// Of a CAN bus of the computer: the driver of its card, for example `cfw2can`.
@@ -75,8 +77,9 @@ pub struct Source<'a> {
     pub device: &'a Device,
     /// The place of the part's first board in the device's list.
     pub first_board: usize,
-    /// The port that has the part's values.
+    /// The port that has the part's values, and the file that names it.
     pub port: String,
+    file: Option<&'a Path>,
     /// How many boards are in it.
     pub port_boards: usize,
 }
@@ -101,11 +104,13 @@ impl Robot {
         for node in document.descendants().filter(|node| !is_in_device(node)) {
             match node.tag_name().name() {
                 "robot" => {
+                    self.used.insert(path.to_owned());
                     let prefix = node.attribute("portprefix").or(node.attribute("name"));
                     self.prefix = self.prefix.take().or(prefix.map(str::to_owned));
                 }
                 "device" => self.device(node, path),
                 "include" => {
+                    self.used.insert(path.to_owned());
                     let href = node.attribute("href").unwrap_or_default();
                     let read = match self.find(path, node) {
                         Some(given) if self.given.contains(&given) => Ok(self.file(&given)?),
@@ -130,10 +135,11 @@ impl Robot {
             self.ports.extend(ports(node, &name, path));
             return;
         }
-        let mut device = Device { name, kind, file: path.to_owned(), ..Device::default() };
+        let mut device = Device { name, kind, files: vec![path.to_owned()], ..Device::default() };
         device.take(node);
         for include in node.descendants().filter(|below| below.tag_name().name() == "include") {
             let found = self.find(path, include);
+            device.files.extend(found.clone());
             match found.and_then(|found| text(&found).ok()).as_deref().map(parse) {
                 Some(Ok(document)) => device.take(document.root()),
                 _ => {
@@ -142,6 +148,7 @@ impl Robot {
                 }
             }
         }
+        device.open.extend(device.settings.of_no_board(&device.addresses));
         if matches!(device.kind.as_str(), "embObjSkin" | "canBusSkin") || !device.addresses.is_empty() {
             self.devices.push(device);
         }
@@ -179,7 +186,7 @@ impl Robot {
         match devices[..] {
             [device] => {
                 let (first_board, port_boards) = (port.first / VALUES_PER_BOARD, port.boards);
-                Ok(Some(Source { device, first_board, port: self.port(name), port_boards }))
+                Ok(Some(Source { device, first_board, port: self.port(name), file: Some(file), port_boards }))
             }
             [] => {
                 let networks = networks.into_iter().cloned().collect::<Vec<_>>().join(", ");
@@ -189,7 +196,8 @@ impl Robot {
                 ))
             }
             _ => {
-                let list: Vec<String> = devices.iter().map(|d| format!("{} ({})", d.name, d.file.display())).collect();
+                let list: Vec<String> =
+                    devices.iter().map(|d| format!("{} ({})", d.name, d.files[0].display())).collect();
                 Err(format!("several devices fit port {name}: {}. Give only one of these files", list.join(", ")))
             }
         }
@@ -201,7 +209,7 @@ impl Robot {
         let mut devices = self.devices.iter().filter(of_limb);
         let device = devices.next().filter(|device| part.is_hand() && device.in_order().len() == 1)?;
         let port = self.port(&part.name());
-        devices.next().is_none().then_some(Source { device, first_board: 0, port, port_boards: 1 })
+        devices.next().is_none().then_some(Source { device, first_board: 0, port, file: None, port_boards: 1 })
     }
 
     /// The whole name of a port.
@@ -210,14 +218,20 @@ impl Robot {
         format!("/{prefix}/skin/{name}")
     }
 
-    /// What of the files is not used, where these are the sources of all patches: boards, includes; a line each.
+    /// What of the files is not used, where these are the sources of all patches: files, boards, includes; a line each.
     pub fn unused(&self, sources: &[Source<'_>]) -> Vec<String> {
+        let mut used = self.used.clone();
         let mut devices: Vec<&Device> = Vec::new();
         for source in sources {
+            used.extend(source.device.files.iter().cloned().chain(source.file.map(Path::to_owned)));
             if devices.iter().all(|device| device.name != source.device.name) {
                 devices.push(source.device);
             }
         }
+        let used: BTreeSet<PathBuf> = used.iter().map(|path| whole(path)).collect();
+        let files = self.given.iter().filter(|given| !used.contains(&whole(given)));
+        let files =
+            files.map(|file| format!("{}: not used: it says nothing of the parts that were given", file.display()));
         let boards = devices.iter().filter_map(|device| {
             let of_device = sources.iter().filter(|source| source.device.name == device.name);
             let taken: BTreeSet<u8> = of_device.flat_map(|source| source.draft_port().boards).collect();
@@ -235,7 +249,7 @@ impl Robot {
             );
             Some(words).filter(|_| !left.is_empty())
         });
-        self.unread.iter().cloned().chain(boards).collect()
+        self.unread.iter().cloned().chain(files).chain(boards).collect()
     }
 
     /// Whether any file was given.

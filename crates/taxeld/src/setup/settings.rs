@@ -1,5 +1,8 @@
 //! What a robot's configuration says of how boards and modules are configured.
 
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+
 /// The host takes so many special sets and no more.
 const SETS_MAX: i64 = 20;
 
@@ -77,6 +80,21 @@ impl Settings {
     /// Whether it says what boards are configured with.
     pub fn has_values(&self) -> bool {
         self.board.is_some() || self.module.is_some() || !self.modules.is_empty()
+    }
+
+    /// Names the sets that are of none of these boards, listed by the number of their bus.
+    pub fn of_no_board(&self, boards: &BTreeMap<u8, Vec<u8>>) -> Vec<String> {
+        let is_there = |bus: i64, range: RangeInclusive<i64>| {
+            let on_bus = u8::try_from(bus).ok().and_then(|bus| boards.get(&bus));
+            on_bus.is_some_and(|list| list.iter().any(|address| range.contains(&i64::from(*address))))
+        };
+        let triangles = self.modules.iter().map(|([bus, board, ..], _)| ("triangles", *bus, *board..=*board));
+        let sets = self.boards.iter().map(|([bus, first, last], _)| ("boards", *bus, *first..=*last)).chain(triangles);
+        let unused = sets.filter(|(_, bus, range)| !is_there(*bus, range.clone()));
+        let words = |(what, bus, range): (_, _, RangeInclusive<i64>)| {
+            format!("a special set of {what} is not used: bus {bus} has no board {} to {}", range.start(), range.end())
+        };
+        unused.map(words).collect()
     }
 
     /// What a board is configured with; `bus` is the device's number of it.

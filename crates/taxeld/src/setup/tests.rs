@@ -351,16 +351,19 @@ fn what_was_given_and_is_not_used_is_named() {
     let group = format!("</group><group name='specialCfgTriangles'>{set}");
     let arm = device("left_arm-a-skin", &(boards("14 11 10") + &group));
     let hand = wrapper("wa", "left_hand", "0 191 0 191", "left_arm-a-skin");
-    let broken = ("skin.xml".to_owned(), "<a>".to_owned());
+    let (other, broken) =
+        (wrapper("wb", "torso", "0 191 0 191", "torso-skin"), ("skin.xml".to_owned(), "<a>".to_owned()));
     let includes = "<xi:include href='hand-skin.xml'/><xi:include href='motors.xml'/>";
     let list = format!("<robot name='r' xmlns:xi='http://www.w3.org/2001/XInclude'>{includes}</robot>");
     let list = ("all.xml".to_owned(), list);
-    let (drafts, notes) = patches_and_notes(&[("left_hand", &[0])], &[&arm, &hand, &list]).unwrap();
-    let [missing, boards] = &notes[..] else { panic!("{notes:?}") };
+    let (drafts, notes) = patches_and_notes(&[("left_hand", &[0])], &[&arm, &hand, &other, &list]).unwrap();
+    let [missing, file, boards] = &notes[..] else { panic!("{notes:?}") };
     assert!(missing.starts_with("hand-skin.xml, which ") && missing.ends_with("is not there"), "{missing}");
+    assert!(file.contains("wb.xml: not used: it says nothing of the parts that were given"), "{file}");
     assert!(boards.starts_with("left_arm-a-skin: boards 11, 10 are in no patch"), "{boards}");
-    let [malformed] = &drafts[0].open[..] else { panic!("{:?}", drafts[0].open) };
+    let [malformed, nowhere] = &drafts[0].open[..] else { panic!("{:?}", drafts[0].open) };
     assert_eq!(malformed, "triangleSetCfg1 = 1 14 0 1 is not used: expected 7 numbers");
+    assert_eq!(nowhere, "a special set of triangles is not used: bus 1 has no board 5 to 5");
     let including = ("all.xml".to_owned(), list.1.replace("hand-skin", "skin"));
     let refused = patches_and_notes(&[("left_hand", &[0])], &[&arm, &hand, &including, &broken]).unwrap_err();
     assert!(refused.contains("skin.xml: not well-formed XML"), "{refused}");
