@@ -4,7 +4,8 @@
 usage: weigh.py TAXELD SCRATCH [--first-seed 1] [--seeds 3] [--placements 24] [--quick]      needs numpy
 
 Per row of the table: mean and bias of the force's error, share of placements whose truth lies within two stated standard
-uncertainties, the bias of the lightest mass, and the force that is read where nothing lies (99 % of the scans below it).
+uncertainties, of single scans the stated uncertainty over the root mean square of the error and the share within 95 %, the bias
+of the lightest mass, and the force that is read where nothing lies (99 % of the scans below it).
 A skin that was never pressed before its calibration has another dead zone on that first ramp than on all loads that follow.
 Rows of "both branches" calibrate over the rise and the fall of the same log: their error is at most that of the rise alone.
 With --quick a small number of placements, and exit status 1 if the aims are missed.
@@ -107,17 +108,18 @@ def weigh(taxeld, folder, area, branches, truth):
     with open(f"{folder}/force.csv", encoding="ascii") as table:
         rows = [(float(r["time_s"]), float(r["total_n"]), float(r["sigma_n"]))
                 for r in csv.DictReader(table) if r["total_n"]]
-    read = []
+    read, scans = [], []
     for begin, end, newton in truth:
         inside = [row for row in rows if begin <= row[0] <= end]
         assert inside, f"no force between {begin} and {end} s"
+        scans += [(r[1] - newton, r[2]) for r in inside]
         read.append((newton, st.mean(r[1] for r in inside), st.mean(r[2] for r in inside)))
     laid = lambda t: any(begin - 2.5 <= t <= end + 1 for begin, end, _ in truth)
-    return read, [row[1] for row in rows if not laid(row[0])]
+    return read, scans, [row[1] for row in rows if not laid(row[0])]
 
 
 def row(args, what, hysteresis, rest_s, area, kind, branches):
-    read, at_rest = [], []
+    read, scans, at_rest = [], [], []
     for seed in range(args.first_seed, args.first_seed + args.seeds):
         folder = f"{args.scratch}/{hysteresis}-{rest_s}-{kind}-{seed}"
         os.makedirs(folder, exist_ok=True)
@@ -128,15 +130,18 @@ def row(args, what, hysteresis, rest_s, area, kind, branches):
         with open(truth_file, encoding="ascii") as file:
             of_seed = weigh(args.taxeld, folder, area, branches, json.load(file))
         read += of_seed[0]
-        at_rest += of_seed[1]
+        scans += of_seed[1]
+        at_rest += of_seed[2]
     errors = [(force - newton) / newton for newton, force, _ in read]
     light = [(force - newton) / newton for newton, force, _ in read if kind == "mass" and newton < 2.0]
     within = sum(abs(force - newton) <= 2 * sigma for newton, force, sigma in read) / len(read)
     mean = st.mean(map(abs, errors))
+    ratio = math.sqrt(sum(sigma**2 for _, sigma in scans) / sum(error**2 for error, _ in scans))
+    held = sum(abs(error) <= 1.96 * sigma for error, sigma in scans) / len(scans)
     ghost_n = sorted(at_rest)[int(0.99 * len(at_rest))]
     lightest = f"{100 * st.mean(light):+.0f} %" if light else ""
     print(f"| {what} | {len(read)} | {100 * mean:.1f} % | {100 * st.mean(errors):+.1f} % | {100 * within:.0f} % | "
-          f"{lightest} | {ghost_n:.2f} N |", flush=True)
+          f"{ratio:.2f} | {100 * held:.0f} % | {lightest} | {ghost_n:.2f} N |", flush=True)
     return mean, within
 
 
@@ -151,8 +156,9 @@ def main():
     args = parser.parse_args()
     if args.quick:
         args.seeds, args.placements = 1, 12
-    print("| skin | placements | mean error | bias | within 2 sigma | bias at 0.2 kg | read at rest, 99 % below |")
-    print("|---|---|---|---|---|---|---|")
+    print("| skin | placements | mean error | bias | within 2 sigma | single scans: sigma / error | within 95 % | "
+          "bias at 0.2 kg | read at rest, 99 % below |")
+    print("|---|---|---|---|---|---|---|---|---|")
     quick = [what for what in ROWS if what[1:5] in (("play", 8, "", "mass"), ("loop", 8, "", "mass"))]
     of_rows = {what[1:]: row(args, *what) for what in (quick if args.quick else ROWS)}
     if args.quick and any(mean > 0.12 or within < 0.9 for mean, within in of_rows.values()):

@@ -34,8 +34,8 @@ use screen::Screen;
 pub struct CalibrateArgs {
     #[command(flatten)]
     server: Server,
-    /// Ramps of the session; the bag is vented between them. Make 2 on a skin that was never pressed: its first ramp is unlike all later
-    /// ones, and the curves are those of the last.
+    /// Ramps of the session; the bag is vented between them. Make 2 on a skin that was never pressed: its first ramp is unlike
+    /// all later ones, and the curves are those of the last.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     ramps: u32,
     /// Gather the fall of the pressure after each rise, too.
