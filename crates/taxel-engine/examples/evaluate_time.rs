@@ -62,10 +62,9 @@ fn model_set() -> ModelSet {
 }
 
 /// Every touched count moves by -1, 0 or +1 and stays where the models are.
-fn walk(counts: &mut [u8], bits: &mut Bits) {
+fn walk(counts: &mut [u16], bits: &mut Bits) {
     for count in counts {
-        let step = (bits.next() % 3) as i16 - 1;
-        *count = (i16::from(*count) + step).clamp(190, 240) as u8;
+        *count = (*count + (bits.next() % 3) as u16 - 1).clamp(190, 240);
     }
 }
 
@@ -83,8 +82,8 @@ fn main() {
 
 fn measure(evaluator: &Evaluator, touched: usize) {
     let mut bits = Bits(0x9E37_79B9_7F4A_7C15);
-    let mut counts = vec![REST as u8; TAXELS];
-    counts[..touched].iter_mut().for_each(|count| *count = 190 + (bits.next() % 51) as u8);
+    let mut counts = vec![REST as u16; TAXELS];
+    counts[..touched].iter_mut().for_each(|count| *count = 190 + (bits.next() % 51) as u16);
     let mut times_us = Vec::with_capacity(SCANS);
     let (mut sum, mut active) = (0.0, Vec::with_capacity(TAXELS));
     for _ in 0..SCANS {

@@ -53,7 +53,7 @@ pub(crate) struct Weighed {
 /// One count of every taxel, and the mean of what the gauge said when each board sent its part.
 #[derive(Clone, Debug)]
 pub(crate) struct Scan {
-    counts: Vec<u8>,
+    counts: Vec<u16>,
     gauge_kpa: f64,
 }
 
@@ -63,7 +63,7 @@ struct Forearm {
     gauge: SignalSpec,
     boards: Vec<Range<usize>>,
     /// Newest count of every taxel.
-    counts: Vec<u8>,
+    counts: Vec<u16>,
     /// Newest pressure of the gauge.
     gauge_kpa: f64,
     /// By module.
@@ -155,7 +155,7 @@ impl Forearm {
         };
         let site = patch.modules()[at];
         for (taxel, slot) in (usize::from(site.first_taxel)..).zip(site.kind.taxel_slots()) {
-            self.counts[taxel] = scan.values[usize::from(*slot)];
+            self.counts[taxel] = scan.values[usize::from(*slot)].into();
         }
         let last = patch.boards()[usize::from(site.board)].modules.last()?.0;
         (site.module == last).then_some(usize::from(site.board))
@@ -311,7 +311,7 @@ impl Live {
     }
 
     /// The force of the next scan, N; NaN if there is none. Hysteresis follows, where it is compensated.
-    pub fn read(&mut self, counts: &[u8]) -> f64 {
+    pub fn read(&mut self, counts: &[u16]) -> f64 {
         let scan = taxel_engine::Scan {
             time: self.now,
             whole: true,

@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow, bail, ensure};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::fit::{Branch, FitRecipe};
 use taxel_engine::calibration::{FitJob, RampBaseline, Sample, SessionSamples};
-use taxel_engine::counts::{Counts, SharedCounts};
+use taxel_engine::counts::Counts;
 use taxel_engine::model_set::ModelSet;
 use taxel_model::GaugeUncertainty;
 use taxel_skin::CountRange;
@@ -129,17 +129,12 @@ pub fn samples(recording: &Recording) -> anyhow::Result<(SessionSamples, CountRa
         let count = |column: &Vec<f64>| Some(column[scan] as u16).filter(|count| f64::from(*count) == column[scan]);
         let raw: Vec<u16> = recording.counts.iter().map(count).collect::<Option<_>>()?;
         let is_whole = pressure[scan].is_finite() && raw.iter().all(|count| *count <= range.top());
-        let counts = if range.is_byte() {
-            raw.iter().map(|count| *count as u8).collect()
-        } else {
-            SharedCounts::from(Counts::Words(&raw, range))
-        };
         let time_ns = (recording.time_s[scan] * 1e9).round() as i64;
         (is_whole && ramps.iter().any(|zero| zero.ramp == ramp)).then_some(Sample {
             ramp,
             time_ns,
             pressure_kpa: pressure[scan],
-            counts,
+            counts: Counts::new(&raw, range).into(),
         })
     };
     let told = |scan: usize| sample(scan).with_context(|| format!("line {} is {NOT_EXPORTED}", recording.lines[scan]));

@@ -251,7 +251,7 @@ same_names!(state: SessionState => v1::SessionState,
 fn rows(samples: &SessionSamples, piece: usize, first_ns: i64) -> String {
     let row = |sample: &Sample| {
         let counts = sample.counts.counts();
-        let raw = (0..counts.len()).filter_map(|taxel| counts.raw(taxel)).map(u32::from);
+        let raw = counts.all().iter().map(|&raw| raw.into());
         let since_ns = sample.time_ns.saturating_sub(first_ns);
         sample_row(since_ns, sample.pressure_kpa, raw, u32::from(sample.ramp) + 1)
     };

@@ -7,7 +7,7 @@ use rusqlite::{Connection, params};
 use serde::{Deserialize, Serialize};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::SessionSamples;
-use taxel_engine::counts::{Counts, SharedCounts};
+use taxel_engine::counts::Counts;
 use taxel_engine::record::{RampBaseline, Sample};
 use taxel_skin::CountRange;
 
@@ -49,23 +49,16 @@ impl Block {
         Self { session, first, count: 0, bytes: Vec::new() }
     }
 
-    /// Adds a sample: ramp, time, pressure, greatest count (0 of bytes), how many counts, and these; all little-endian.
+    /// Adds a sample: ramp, time, pressure, greatest count, how many counts, and these; all little-endian.
     pub(crate) fn add(&mut self, sample: &Sample) {
         let counts = sample.counts.counts();
-        let top = match counts {
-            Counts::Bytes(_) => 0,
-            Counts::Words(_, range) => range.top(),
-        };
         self.count += 1;
         self.bytes.extend(sample.ramp.to_le_bytes());
         self.bytes.extend(sample.time_ns.to_le_bytes());
         self.bytes.extend(sample.pressure_kpa.to_le_bytes());
-        self.bytes.extend(top.to_le_bytes());
+        self.bytes.extend(counts.range().top().to_le_bytes());
         self.bytes.extend((counts.len() as u32).to_le_bytes());
-        match counts {
-            Counts::Bytes(bytes) => self.bytes.extend(bytes),
-            Counts::Words(words, _) => self.bytes.extend(words.iter().flat_map(|word| word.to_le_bytes())),
-        }
+        self.bytes.extend(counts.all().iter().flat_map(|raw| raw.to_le_bytes()));
     }
 
     pub(crate) fn write(&self, connection: &Connection) -> rusqlite::Result<()> {
@@ -89,16 +82,11 @@ fn read_block(block: &[u8]) -> Option<Vec<Sample>> {
         let ramp = u16::from_le_bytes(take(&mut rest)?);
         let time_ns = i64::from_le_bytes(take(&mut rest)?);
         let pressure_kpa = f64::from_le_bytes(take(&mut rest)?);
-        let top = u16::from_le_bytes(take(&mut rest)?);
+        let range = CountRange::to(u16::from_le_bytes(take(&mut rest)?))?;
         let count = u32::from_le_bytes(take(&mut rest)?) as usize;
-        let bytes = rest.split_off(..if top == 0 { count } else { count.checked_mul(2)? })?;
-        let counts = if top == 0 {
-            SharedCounts::from(bytes.to_vec())
-        } else {
-            let words = bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
-            SharedCounts::Words(words.collect(), CountRange::to(top)?)
-        };
-        samples.push(Sample { ramp, time_ns, pressure_kpa, counts });
+        let (pairs, _) = rest.split_off(..count.checked_mul(2)?)?.as_chunks();
+        let raw: Vec<u16> = pairs.iter().map(|pair| u16::from_le_bytes(*pair)).collect();
+        samples.push(Sample { ramp, time_ns, pressure_kpa, counts: Counts::new(&raw, range).into() });
     }
     Some(samples)
 }

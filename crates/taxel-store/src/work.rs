@@ -11,7 +11,7 @@ use crate::error::StoreError;
 /// Batches that may wait for the disk.
 ///
 /// Four patches at 100 scans a second and a disk that stalls for 5 s, as worn flash does: 2,000 batches. At about
-/// 400 bytes a sample that is below 1 MB. More waiting means that the disk is gone, and then the caller has to know.
+/// 600 bytes a sample that is little more than 1 MB. More waiting means that the disk is gone, and then the caller has to know.
 pub const QUEUE_BATCHES: usize = 2048;
 
 /// Of these so many may wait before nothing more is taken of what people ask for: an answer and what a change brings with it

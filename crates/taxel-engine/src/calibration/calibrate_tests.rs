@@ -75,7 +75,7 @@ impl Scene {
     }
 
     fn scan(&mut self) {
-        let counts = Counts::Bytes(&[200; TAXELS]);
+        let counts = Counts::from(&[200; TAXELS]);
         let (silent, sound) = (&[false; 2], &[true; TAXELS]);
         let scan = Scan { time: ms(self.ms), whole: true, counts, pads: &[], silent, sound, soundness: 0, jumps: &[] };
         self.calibration.on_scan(&scan, true);

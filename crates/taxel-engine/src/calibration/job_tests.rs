@@ -18,7 +18,7 @@ const TAXELS: usize = 4;
 
 /// Counts fall by two and a little more a kilopascal. Each ramp goes up to 60 kPa in 20 s, and down again if it `falls`,
 /// from a zero of its own.
-fn gathered(zeros: &[u8], falls: bool) -> SessionSamples {
+fn gathered(zeros: &[u16], falls: bool) -> SessionSamples {
     let mut all = SessionSamples::default();
     for (ramp, &zero) in (0..).zip(zeros) {
         let rest = TaxelBaseline { mean: f64::from(zero), noise: 0.5 };
@@ -28,7 +28,7 @@ fn gathered(zeros: &[u8], falls: bool) -> SessionSamples {
         for (k, step) in (0..).zip(up.chain(down)) {
             let pressure_kpa = 0.15 * step as f64;
             let count = |taxel: usize| f64::from(zero) - (2.0 + 0.1 * taxel as f64) * pressure_kpa;
-            let counts: Vec<u8> = (0..TAXELS).map(|taxel| count(taxel).round() as u8).collect();
+            let counts: Vec<u16> = (0..TAXELS).map(|taxel| count(taxel).round() as u16).collect();
             let time_ns = (i64::from(ramp) * 100_000 + 50 * k) * 1_000_000;
             all.samples.push(Sample { ramp, time_ns, pressure_kpa, counts: counts.into() });
         }
@@ -83,10 +83,10 @@ fn ramps_from_different_zeros_are_one_curve_about_the_zero_of_the_last() {
 /// From the first sample of a ramp on.
 #[test]
 fn another_zero_of_a_ramp_changes_no_curve() {
-    let curves = |zeros: &[u8]| set(&job(gathered(zeros, false), Branch::Rising)).taxels.clone();
+    let curves = |zeros: &[u16]| set(&job(gathered(zeros, false), Branch::Rising)).taxels.clone();
     assert_eq!(curves(&[240, 240, 240]), curves(&[225, 216, 240]));
     // What a ramp without a zero of a taxel reads changes nothing, its first sample neither.
-    let with = |first: u8| {
+    let with = |first: u16| {
         let mut samples = gathered(&[240; 8], false);
         samples.ramps[1].taxels[2].mean = f64::NAN;
         let of_ramp = samples.samples.iter_mut().find(|sample| sample.ramp == 1).unwrap();
@@ -105,7 +105,7 @@ fn a_zero_of_the_gauge_is_in_more_doubt_on_a_skin_that_bends_more_at_rest() {
         let mut samples = gathered(&[240], false);
         samples.ramps[0].gauge_kpa = Some(0.06);
         for sample in &mut samples.samples {
-            sample.counts = vec![count(sample.pressure_kpa).round() as u8; TAXELS].into();
+            sample.counts = vec![count(sample.pressure_kpa).round() as u16; TAXELS].into();
             sample.pressure_kpa += 0.06;
         }
         let set = set(&job(samples.clone(), Branch::Rising));
@@ -120,7 +120,7 @@ fn a_zero_of_the_gauge_is_in_more_doubt_on_a_skin_that_bends_more_at_rest() {
 
 #[test]
 fn what_a_zero_is_off_by_after_a_ramp_is_what_it_was_off_by_from_ramp_to_ramp() {
-    let returned = |zeros: &[u8]| {
+    let returned = |zeros: &[u16]| {
         let set = set(&job(gathered(zeros, true), Branch::Both));
         let recorded = set.recorded.as_ref().unwrap();
         recorded.zero_return.map(|zero| (zero.rms, zero.common))
@@ -222,7 +222,7 @@ fn what_a_curve_reads_at_its_own_zero_is_in_the_uncertainty_of_a_sum() {
         let mut samples = gathered(&[240], false);
         for sample in &mut samples.samples {
             let count = |taxel: usize| 240.0 - (2.0 + 0.1 * taxel as f64) * truth(taxel, sample.pressure_kpa);
-            sample.counts = (0..TAXELS).map(|taxel| count(taxel).round() as u8).collect::<Vec<u8>>().into();
+            sample.counts = (0..TAXELS).map(|taxel| count(taxel).round() as u16).collect::<Vec<u16>>().into();
         }
         let worst = worst(samples, truth);
         assert!(worst < 3.0, "{worst} standard uncertainties");
@@ -240,7 +240,7 @@ fn what_a_curve_reads_at_its_own_zero_is_as_much_where_counts_rise() {
             let pressed =
                 |taxel: usize| if taxel < 2 { (sample.pressure_kpa - 6.0).max(0.0) } else { sample.pressure_kpa };
             let count = |taxel: usize| mirror((240.0 - (2.0 + 0.1 * taxel as f64) * pressed(taxel)).round());
-            sample.counts = (0..TAXELS).map(|taxel| count(taxel) as u8).collect::<Vec<u8>>().into();
+            sample.counts = (0..TAXELS).map(|taxel| count(taxel) as u16).collect::<Vec<u16>>().into();
         }
         set(&job(samples, Branch::Rising)).doubts_kpa()
     };

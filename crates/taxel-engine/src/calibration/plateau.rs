@@ -280,7 +280,7 @@ mod tests {
             while self.now.seconds_since(begun) < seconds {
                 self.now = self.now + Duration::from_millis(50);
                 let level = counts(self.now.seconds_since(begun));
-                let counts: Vec<u8> = (0..24).map(|_| (level + self.chance()).round() as u8).collect();
+                let counts: Vec<u16> = (0..24).map(|_| (level + self.chance()).round() as u16).collect();
                 self.plateaus.push(Pending { time: self.now, counts: counts.into() });
             }
         }

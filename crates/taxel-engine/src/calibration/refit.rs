@@ -112,7 +112,7 @@ impl Refit {
             .samples
             .iter()
             .map(|sample| sample.counts.counts())
-            .find(|counts| counts.len() != self.plan.taxels || !counts.fits(self.counts));
+            .find(|counts| counts.len() != self.plan.taxels || counts.range() != self.counts);
         let Some(wrong) = wrong else { return Ok(()) };
         let (has, wants) = (wrong.len(), self.plan.taxels);
         let why = if has == wants {

@@ -23,7 +23,7 @@ fn of_sessions_over_both_branches_the_rising_fit_has_the_samples_up_to_the_top_o
         ramp,
         time_ns: n as i64,
         pressure_kpa,
-        counts: [n as u8].as_slice().into(),
+        counts: [n as u16].as_slice().into(),
     };
     let course = [(0, 1.0), (0, 30.0), (0, 70.0), (0, 40.0), (0, 2.0), (1, 1.0), (1, 60.0), (1, 5.0)];
     let samples = SessionSamples { ramps: Vec::new(), samples: course.iter().enumerate().map(sample).collect() };

@@ -89,7 +89,7 @@ mod tests {
         Stall { patience: Duration::from_secs(60), kpa, target_kpa: 70.0, responding_counts: 4.0 }
     }
 
-    fn rise(gauge_kpa: &[f64], counts: [u8; 2]) -> Rise {
+    fn rise(gauge_kpa: &[f64], counts: [u16; 2]) -> Rise {
         let mut rise = Rise::default();
         gauge_kpa.iter().for_each(|kpa| rise.on_gauge(*kpa));
         counts.iter().for_each(|count| rise.on_scan(&SharedCounts::from(vec![*count; 4])));
@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn what_is_said_of_a_rise_changes_at_what_can_be_told_from_noise() {
-        let says = |gauge_kpa: &[f64], counts: [u8; 2]| {
+        let says = |gauge_kpa: &[f64], counts: [u16; 2]| {
             let last = gauge_kpa[gauge_kpa.len() - 1];
             rise(gauge_kpa, counts).why(stall(last))
         };
@@ -138,9 +138,9 @@ mod tests {
 
     #[test]
     fn a_gauge_is_only_doubted_where_most_taxels_have_moved() {
-        let says = |moved: u8| {
+        let says = |moved: u16| {
             let mut rise = rise(&[5.0, 5.0], [200, 200]);
-            rise.on_scan(&(0..4).map(|taxel| if taxel < moved { 180 } else { 200 }).collect());
+            rise.on_scan(&[0, 1, 2, 3].map(|taxel| if taxel < moved { 180 } else { 200 }).into());
             rise.why(stall(5.0))
         };
         assert!(says(2).contains("2 of 4 taxels have moved: is the bag closed"), "{}", says(2));

@@ -23,7 +23,7 @@ fn at(time: Time) -> Now {
     Now { time, wall_ns: 7_000_000_000 + time.as_nanos() }
 }
 
-fn scan(time: Time, counts: [u8; TAXELS]) -> Option<Pending> {
+fn scan(time: Time, counts: [u16; TAXELS]) -> Option<Pending> {
     Some(Pending { time, counts: SharedCounts::from(counts.to_vec()) })
 }
 
@@ -60,7 +60,7 @@ impl Scene {
             self.kpa = begin_kpa + kpa_per_s * (self.ms - begin_ms) as f64 / 1000.0;
             self.gauge.push(ms(self.ms), Kilopascal(self.kpa));
             if self.ms % 50 == 0 {
-                self.run.on_scan(scan(ms(self.ms), [200, 200 - self.kpa.max(0.0) as u8, 200]));
+                self.run.on_scan(scan(ms(self.ms), [200, 200 - self.kpa.max(0.0) as u16, 200]));
             }
             let progress = self.advance(self.ms);
             if progress != Progress::On {
@@ -184,7 +184,7 @@ fn the_time_left_is_what_is_missing_to_the_end_of_the_branch_at_the_present_rate
 
 #[test]
 fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_counts_responds() {
-    let sample = |pressure_kpa: f64, counts: [u8; TAXELS]| Sample {
+    let sample = |pressure_kpa: f64, counts: [u16; TAXELS]| Sample {
         ramp: 0,
         time_ns: 0,
         pressure_kpa,
@@ -204,7 +204,7 @@ fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_count
 
 #[test]
 fn a_taxel_that_moved_by_less_than_the_fit_asks_for_does_not_respond() {
-    let sample = |pressure_kpa: f64, counts: [u8; TAXELS]| Sample {
+    let sample = |pressure_kpa: f64, counts: [u16; TAXELS]| Sample {
         ramp: 0,
         time_ns: 0,
         pressure_kpa,

@@ -290,7 +290,7 @@ impl Engine {
             NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
         })?;
         let patch = &self.patches[index];
-        let fits = |counts: Counts<'_>| counts.len() == patch.taxels() && counts.fits(patch.plan().patch.counts());
+        let fits = |counts: Counts<'_>| counts.len() == patch.taxels() && counts.range() == patch.plan().patch.counts();
         if !samples.samples.iter().all(|sample| fits(sample.counts.counts())) {
             let name = patch.name();
             let why = format!("session {number} is of another layout of patch `{name}` and cannot go on");

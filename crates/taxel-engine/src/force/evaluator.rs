@@ -9,7 +9,7 @@ use taxel_skin::SquareMillimetre;
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::counts::Counts;
 use crate::force::offsets::{self, Offsets};
-use crate::force::tables::{Tables, TaxelReading, WideThreshold};
+use crate::force::tables::{NEVER, Tables, TaxelReading};
 use crate::model_set::ModelSet;
 
 /// Taxels that are compared at a time.
@@ -21,10 +21,8 @@ pub struct Evaluator {
     tables: Arc<Tables>,
     /// Which taxels count in the sum now: usable, fresh and free of faults.
     selected: Vec<bool>,
-    /// The threshold code of each taxel; 255 for a taxel that does not count now.
-    threshold: Vec<u8>,
-    /// The same of counts of more than eight bits; empty for bytes.
-    wide: Vec<WideThreshold>,
+    /// The threshold of each taxel; [`NEVER`] for one that does not count now.
+    threshold: Vec<u16>,
     /// What the history of each taxel adds to its pressure; `None` where hysteresis is not compensated.
     offsets: Option<Offsets>,
 }
@@ -40,7 +38,7 @@ impl Evaluator {
     /// An evaluator that looks up in `tables`; every taxel with a usable model counts.
     pub fn of(tables: Tables) -> Self {
         let tables = Arc::new(tables);
-        let mut evaluator = Self { tables, selected: vec![], threshold: vec![], wide: vec![], offsets: None };
+        let mut evaluator = Self { tables, selected: vec![], threshold: vec![], offsets: None };
         evaluator.select(|_| true);
         evaluator
     }
@@ -54,10 +52,8 @@ impl Evaluator {
     pub fn select(&mut self, counts_now: impl Fn(usize) -> bool) {
         let tables = &self.tables;
         self.selected = (0..tables.taxels()).map(|taxel| tables.has(taxel) && counts_now(taxel)).collect();
-        let threshold = |(taxel, selected): (usize, &bool)| if *selected { tables.threshold(taxel) } else { u8::MAX };
+        let threshold = |(taxel, selected): (usize, &bool)| if *selected { tables.threshold(taxel) } else { NEVER };
         self.threshold = self.selected.iter().enumerate().map(threshold).collect();
-        let wide = self.selected.iter().zip(tables.wide());
-        self.wide = wide.map(|(selected, wide)| if *selected { *wide } else { WideThreshold::NEVER }).collect();
     }
 
     /// From now on the history of each taxel adds this to its pressure.
@@ -89,19 +85,15 @@ impl Evaluator {
 
     /// As [`Evaluator::active`], appended to `active`.
     pub fn find_active(&self, counts: Counts<'_>, active: &mut Vec<(usize, f64)>) {
-        let counts = match counts {
-            Counts::Bytes(bytes) => bytes,
-            Counts::Words(words, _) => return self.find_wide(words, active),
-        };
-        let mut look = |taxel: usize, count: u8| {
+        let mut look = |taxel: usize, count: u16| {
             if count ^ self.tables.polarity()[taxel] > self.threshold[taxel] {
-                let newton = self.with_hysteresis_n(taxel, self.tables.force_n()[taxel][usize::from(count)]);
+                let newton = self.with_hysteresis_n(taxel, self.tables.newton(taxel, count));
                 if newton > 0.0 {
                     active.push((taxel, newton));
                 }
             }
         };
-        let (blocks, rest) = counts.as_chunks::<BLOCK>();
+        let (blocks, rest) = counts.all().as_chunks::<BLOCK>();
         let thresholds =
             self.tables.polarity().as_chunks::<BLOCK>().0.iter().zip(self.threshold.as_chunks::<BLOCK>().0);
         for (block, (counts, (polarity, threshold))) in blocks.iter().zip(thresholds).enumerate() {
@@ -110,17 +102,6 @@ impl Evaluator {
             }
         }
         rest.iter().enumerate().for_each(|(i, &count)| look(blocks.len() * BLOCK + i, count));
-    }
-
-    fn find_wide(&self, words: &[u16], active: &mut Vec<(usize, f64)>) {
-        for (taxel, (&count, wide)) in words.iter().zip(&self.wide).enumerate() {
-            if wide.is_touched(count) {
-                let newton = self.with_hysteresis_n(taxel, self.tables.wide_n(taxel, count));
-                if newton > 0.0 {
-                    active.push((taxel, newton));
-                }
-            }
-        }
     }
 
     /// A force of the curve with what its history adds; no touch stays none.
@@ -133,10 +114,9 @@ impl Evaluator {
         }
     }
 
-    /// Force in newton of a taxel beside an activated one, where a weaker touch counts; `None` if it is not selected.
-    pub fn low_n(&self, taxel: usize, count: u16) -> Option<f64> {
-        let newton = self.tables.low_n(taxel, count)?;
-        self.selected[taxel].then(|| self.with_hysteresis_n(taxel, newton))
+    /// Force in newton of a taxel beside an activated one, where a weaker touch counts; nothing if it is not selected.
+    pub fn low_n(&self, taxel: usize, count: u16) -> f64 {
+        if self.selected[taxel] { self.with_hysteresis_n(taxel, self.tables.low_n(taxel, count)) } else { 0.0 }
     }
 
     /// What `count` means for `taxel`; `None` without a usable model.
@@ -147,10 +127,10 @@ impl Evaluator {
 
 /// Whether a taxel of the block is beyond its threshold. Arrays of a known length: the compiler makes a few vector
 /// instructions of it.
-fn any_touched(counts: &[u8; BLOCK], polarity: &[u8; BLOCK], threshold: &[u8; BLOCK]) -> bool {
+fn any_touched(counts: &[u16; BLOCK], polarity: &[u16; BLOCK], threshold: &[u16; BLOCK]) -> bool {
     let mut any = 0;
     for i in 0..BLOCK {
-        any |= u8::from(counts[i] ^ polarity[i] > threshold[i]);
+        any |= u16::from(counts[i] ^ polarity[i] > threshold[i]);
     }
     any != 0
 }

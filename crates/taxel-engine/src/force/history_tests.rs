@@ -55,7 +55,7 @@ fn averaged_over(smooth_s: f64) -> Arc<ModelSet> {
 struct Skin {
     force: Force,
     truth: PlayState,
-    pressed: u8,
+    pressed: u16,
     time: Time,
     sound: Vec<bool>,
     silent: Vec<bool>,
@@ -79,7 +79,7 @@ impl Skin {
         skin
     }
 
-    fn scan(&mut self, pressed: u8) -> ForceSample {
+    fn scan(&mut self, pressed: u16) -> ForceSample {
         self.pressed = pressed;
         self.time = self.time + PERIOD;
         plays().bend_kpa(&mut self.truth, f64::from(REST - pressed));
@@ -100,7 +100,7 @@ impl Skin {
     }
 
     /// Slowly to so many counts, and stays there.
-    fn go(&mut self, to: u8) -> &mut Self {
+    fn go(&mut self, to: u16) -> &mut Self {
         while self.pressed != to {
             let next = if to > self.pressed { self.pressed + 1 } else { self.pressed - 1 };
             (0..SCANS_A_COUNT).for_each(|_| drop(self.scan(next)));

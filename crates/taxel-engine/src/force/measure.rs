@@ -142,7 +142,7 @@ impl ForceModel {
         if touch.active.is_empty() {
             return;
         }
-        let low = |taxel: usize| counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count)).unwrap_or(0.0);
+        let low = |taxel: usize| counts.raw(taxel).map_or(0.0, |count| evaluator.low_n(taxel, count));
         let Touch { active, labels, ring, .. } = touch;
         let contacts = self.neighbours.as_ref().map_or(0, |all| all.grow(active, labels, ring, low));
         self.find_unread(evaluator.selection(), low, touch);
@@ -332,7 +332,7 @@ impl ForceModel {
             sums.own_n2 += f64::from(share.own_n2);
             sums.per_count_n += f64::from(share.per_count_n);
             sums.per_count_n2 += f64::from(share.per_count_n).powi(2);
-            sums.above += u32::from(share.above > 0.0);
+            sums.above += u32::from(share.is_above);
             sums.hysteresis_n += f64::from(share.hysteresis_n);
             sums.curve_n += f64::from(share.curve_n);
             sums.beyond_n += f64::from(share.beyond_n);

@@ -111,10 +111,7 @@ impl Remainder {
 
     /// The force of all raw counts, N.
     fn walk_n(&self, counts: Counts<'_>) -> f64 {
-        match counts {
-            Counts::Bytes(bytes) => dot(&self.newton_per_count, bytes),
-            Counts::Words(words, range) => dot(&self.newton_per_count, words) / range.per_unit(),
-        }
+        dot(&self.newton_per_count, counts.all()) / counts.range().per_unit()
     }
 
     /// What may press beside the taxels that are `summed` in a total, where the zero hides a load of `hides_n` on the whole skin,
@@ -151,21 +148,17 @@ impl Remainder {
 }
 
 /// Sum of the products, in a fixed order, sixteen chains at a time.
-fn dot<C: Copy + Into<f32> + Into<f64>>(weights: &[f32], counts: &[C]) -> f64 {
+fn dot(weights: &[f32], counts: &[u16]) -> f64 {
     const LANES: usize = 16;
     let mut lanes = [0.0_f32; LANES];
     let (weights, weights_rest) = weights.as_chunks::<LANES>();
     let (counts, counts_rest) = counts.as_chunks::<LANES>();
     for (weights, counts) in weights.iter().zip(counts) {
         for i in 0..LANES {
-            let count: f32 = counts[i].into();
-            lanes[i] += weights[i] * count;
+            lanes[i] += weights[i] * f32::from(counts[i]);
         }
     }
-    let product = |(&weight, &count): (&f32, &C)| -> f64 {
-        let count: f64 = count.into();
-        f64::from(weight) * count
-    };
+    let product = |(&weight, &count): (&f32, &u16)| f64::from(weight) * f64::from(count);
     let rest: f64 = weights_rest.iter().zip(counts_rest).map(product).sum();
     lanes.iter().fold(rest, |sum, lane| sum + f64::from(*lane))
 }
@@ -185,16 +178,16 @@ mod tests {
     }
 
     /// Count, selected, active.
-    fn taxels(counts: std::ops::RangeInclusive<u8>) -> impl Strategy<Value = Vec<(u8, bool, bool)>> {
+    fn taxels(counts: std::ops::RangeInclusive<u16>) -> impl Strategy<Value = Vec<(u16, bool, bool)>> {
         proptest::collection::vec((counts, prop::bool::weighted(0.9), prop::bool::weighted(0.2)), TAXELS)
     }
 
-    fn unseen(tables: &Tables, taxels: &[(u8, bool, bool)], zero_n: f64) -> Unseen {
+    fn unseen(tables: &Tables, taxels: &[(u16, bool, bool)], zero_n: f64) -> Unseen {
         unseen_of(tables, taxels, zero_n, 0.0)
     }
 
-    fn unseen_of(tables: &Tables, taxels: &[(u8, bool, bool)], zero_n: f64, relative_sigma: f64) -> Unseen {
-        let counts: Vec<u8> = taxels.iter().map(|t| t.0).collect();
+    fn unseen_of(tables: &Tables, taxels: &[(u16, bool, bool)], zero_n: f64, relative_sigma: f64) -> Unseen {
+        let counts: Vec<u16> = taxels.iter().map(|t| t.0).collect();
         let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
         let zero = rest(TAXELS);
@@ -249,7 +242,7 @@ mod tests {
         #[test]
         fn the_floor_holds_what_presses_below_the_thresholds(taxels in taxels(REST - 2..=REST), zero_n in 0.0..0.5_f64) {
             let tables = tables();
-            let below = |(taxel, &(count, selected, active)): (usize, &(u8, bool, bool))| {
+            let below = |(taxel, &(count, selected, active)): (usize, &(u16, bool, bool))| {
                 let kpa = tables.reading(taxel, count, 0.0).map_or(0.0, |reading| f64::from(reading.pressure_kpa));
                 if selected && !active { kpa * AREA.0 * 1e-3 } else { 0.0 }
             };
@@ -277,14 +270,14 @@ mod tests {
     #[test]
     fn counts_of_more_than_eight_bits_leave_as_much_room() {
         let (zero, range) = (rest(TAXELS), taxel_skin::CountRange::to(65_535).unwrap());
-        let bytes: Vec<u8> = (0..TAXELS as u8).map(|taxel| REST - taxel % 4).collect();
+        let bytes: Vec<u16> = (0..TAXELS as u16).map(|taxel| REST - taxel % 4).collect();
         let words: Vec<u16> = bytes.iter().map(|&count| range.nearest(f64::from(count))).collect();
         let held = Rest { zero: &zero, taken: &zero, vouched: &[] };
         let remainder = Remainder::new(&tables(), held, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);
         let active = || [3, 7].into_iter();
         let (narrow, wide) = (
             remainder.unseen(&bytes, active(), [0.0, 0.1]),
-            remainder.unseen(Counts::Words(&words, range), active(), [0.0, 0.1]),
+            remainder.unseen(Counts::new(&words, range), active(), [0.0, 0.1]),
         );
         assert!(narrow.newton > 0.1, "{narrow:?}");
         for (narrow, wide) in [(narrow.newton, wide.newton), (narrow.sigma_n, wide.sigma_n)] {

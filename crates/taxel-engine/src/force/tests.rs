@@ -37,7 +37,7 @@ fn a_new_zero_of_a_skin_that_has_become_lighter_gives_the_force_at_once() {
 /// Noise must not decide which taxels at the rim of a contact are summed.
 #[test]
 fn what_lies_beside_a_touch_is_summed_with_its_sign() {
-    let total = |before: u8, after: u8| {
+    let total = |before: u16, after: u16| {
         let mut skin = Skin::new(Some(row(TAXELS))).press(24..25, 30);
         (skin.counts[23], skin.counts[25]) = (before, after);
         skin.measured().sample.total.unwrap().0
@@ -54,7 +54,7 @@ fn what_lies_beside_a_touch_is_summed_with_its_sign() {
 /// What has become lighter bears no load: all of the skin has. What has become heavier may.
 #[test]
 fn a_force_is_read_from_where_the_untouched_skin_lies_if_that_is_lighter() {
-    let total = |rest: u8| {
+    let total = |rest: u16| {
         let mut skin = Skin::new(Some(row(TAXELS)));
         skin.counts.fill(rest);
         skin.counts[20..24].fill(REST - 30);
@@ -68,7 +68,7 @@ fn a_force_is_read_from_where_the_untouched_skin_lies_if_that_is_lighter() {
 }
 
 /// The count at rest.
-pub const REST: u8 = 240;
+pub const REST: u16 = 240;
 /// A taxel is touched from three counts on: below 237.
 pub const ACTIVATION: Activation = Activation { sigmas: 4.0, floor_counts: 3.0 };
 /// 1 kPa is 0.1 N.
@@ -140,7 +140,7 @@ const TAXELS: usize = 100;
 /// A skin of ten modules at rest.
 struct Skin {
     force: Force,
-    counts: Vec<u8>,
+    counts: Vec<u16>,
     sound: Vec<bool>,
     silent: Vec<bool>,
     zero: ZeroState,
@@ -171,7 +171,7 @@ impl Skin {
         }
     }
 
-    fn press(mut self, taxels: std::ops::Range<usize>, counts: u8) -> Self {
+    fn press(mut self, taxels: std::ops::Range<usize>, counts: u16) -> Self {
         self.counts[taxels].fill(REST - counts);
         self
     }
@@ -245,7 +245,7 @@ fn each_reason_has_a_code_and_names_the_taxels_that_it_is_about() {
 /// was taken for broken.
 #[test]
 fn a_taxel_beside_a_contact_that_cannot_be_used_and_reads_a_load_leaves_the_force_without_an_upper_bound() {
-    let judged = |counts: u8, has_fault: bool, geometry: Option<Geometry>| {
+    let judged = |counts: u16, has_fault: bool, geometry: Option<Geometry>| {
         let mut skin = Skin::new(geometry).press(20..24, 30).press(24..25, counts);
         if has_fault {
             skin.sound[24] = false;
@@ -365,7 +365,7 @@ fn paper_set() -> Arc<ModelSet> {
 #[test]
 fn a_curve_that_turns_is_served_as_it_is() {
     let curve = paper_set().taxels[0].clone();
-    let kpa = |counts: u8| curve.evaluate(f64::from(REST - counts)).unwrap().kpa;
+    let kpa = |counts: u16| curve.evaluate(f64::from(REST - counts)).unwrap().kpa;
     assert!((1..70).any(|counts| kpa(counts) < kpa(counts - 1) - 0.1), "it does not turn");
     for counts in 0..=120 {
         let mut skin = Skin::with_models(Some(row(TAXELS)), paper_set()).press(20..26, counts);
@@ -404,7 +404,7 @@ fn the_step_of_the_total_at_another_zero_is_told_until_the_next_one() {
 proptest! {
     #[test]
     fn without_positions_the_total_is_the_sum_of_the_active_taxels(
-        pressed in proptest::collection::vec(0..70_u8, TAXELS), faulty in proptest::collection::vec(0..TAXELS, 0..20)
+        pressed in proptest::collection::vec(0..70_u16, TAXELS), faulty in proptest::collection::vec(0..TAXELS, 0..20)
     ) {
         let mut skin = faulty.into_iter().fold(Skin::new(None), Skin::fault);
         skin.counts.iter_mut().zip(&pressed).for_each(|(count, pressed)| *count -= pressed);
@@ -417,7 +417,7 @@ proptest! {
     /// A reader of taxels sees as active those that the total is of: to their forces comes only what those beside them read.
     #[test]
     fn the_active_taxels_are_those_in_the_total(
-        pressed in proptest::collection::vec(prop_oneof![3 => Just(0_u8), 1 => 0..5_u8, 1 => 0..70_u8], TAXELS)
+        pressed in proptest::collection::vec(prop_oneof![3 => Just(0_u16), 1 => 0..5_u16, 1 => 0..70_u16], TAXELS)
     ) {
         let mut skin = Skin::new(Some(row(TAXELS))).fault(33);
         skin.counts.iter_mut().zip(&pressed).for_each(|(count, pressed)| *count -= pressed);

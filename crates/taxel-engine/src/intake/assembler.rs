@@ -1,10 +1,10 @@
 //! Live counts of one patch: whole modules come in, scans come out, silence is noticed.
 
 use std::time::Duration;
-use taxel_skin::{Patch, Time};
+use taxel_skin::{CountRange, Patch, Time};
 use taxel_wire::icub::{ModuleScan, Pairer};
 
-use crate::counts::{CountBuffer, Counts};
+use crate::counts::Counts;
 
 /// A head and its tail are a few frames apart; half the board's period keeps them from pairing across scans.
 const PAIRING_SHARE: u32 = 2;
@@ -30,7 +30,8 @@ pub struct ModuleState {
 #[derive(Debug)]
 pub struct ScanAssembler {
     modules: Vec<ModuleState>,
-    counts: CountBuffer,
+    counts: Vec<u16>,
+    range: CountRange,
     /// Thermal pads of each module as last received.
     pads: Vec<[u8; 2]>,
     fresh: usize,
@@ -69,7 +70,8 @@ impl ScanAssembler {
         };
         Self {
             modules: patch.modules().iter().map(module).collect(),
-            counts: CountBuffer::new(patch.taxels().len(), patch.counts()),
+            counts: vec![0; patch.taxels().len()],
+            range: patch.counts(),
             pads: vec![[0; 2]; patch.modules().len()],
             fresh: 0,
             expected: patch.modules().len(),
@@ -92,10 +94,8 @@ impl ScanAssembler {
     pub fn on_module(&mut self, patch: &Patch, index: usize, scan: &ModuleScan) -> Option<ScanEnd> {
         let site = &patch.modules()[index];
         let first = site.first_taxel as usize;
-        if let CountBuffer::Bytes(counts) = &mut self.counts {
-            for (taxel, &slot) in site.kind.taxel_slots().iter().enumerate() {
-                counts[first + taxel] = scan.values[slot as usize];
-            }
+        for (count, &slot) in self.counts[first..].iter_mut().zip(site.kind.taxel_slots()) {
+            *count = scan.values[slot as usize].into();
         }
         for (pad, &slot) in self.pads[index].iter_mut().zip(site.kind.thermal_slots()) {
             *pad = scan.values[slot as usize];
@@ -106,8 +106,10 @@ impl ScanAssembler {
     /// As [`ScanAssembler::on_module`], for a module of a sensor that is described by its signals: `raw` are its counts.
     pub fn on_cells(&mut self, patch: &Patch, index: usize, time: Time, raw: &[u16]) -> Option<ScanEnd> {
         let site = &patch.modules()[index];
-        let taxels = site.kind.taxel_slots().len().min(raw.len());
-        self.counts.write(usize::from(site.first_taxel), &raw[..taxels]);
+        let (first, taxels) = (usize::from(site.first_taxel), site.kind.taxel_slots().len());
+        for (count, &raw) in self.counts[first..].iter_mut().zip(raw).take(taxels) {
+            *count = raw.min(self.range.top());
+        }
         self.note_module(index, time)
     }
 
@@ -209,7 +211,7 @@ impl ScanAssembler {
 
     /// One raw count per taxel as last received.
     pub fn counts(&self) -> Counts<'_> {
-        self.counts.counts()
+        Counts::new(&self.counts, self.range)
     }
 
     /// All modules, in the patch's order.

@@ -112,7 +112,8 @@ fn run(scene: &Scene) -> Run {
         run.all.counts.push(count);
         run.all.kpa.push(kpa + spike);
         for _ in 0..scene.times {
-            run.session.on_scan(Some(Pending { time: now, counts: [count as u8].as_slice().into() }));
+            run.session
+                .on_scan(Some(Pending { time: now, counts: [count.clamp(0.0, 255.0) as u16].as_slice().into() }));
         }
         let progress = run.session.advance(now, &run.gauge, &mut Vec::new());
         if progress != Progress::On {

@@ -32,7 +32,7 @@ pub(super) fn cases() -> Vec<Case> {
 }
 
 /// Mostly short steps, and now and then one of none, of an hour, or back by an hour.
-fn steps(seed: u64, n: u32) -> impl Iterator<Item = (i64, u8)> {
+fn steps(seed: u64, n: u32) -> impl Iterator<Item = (i64, u16)> {
     let (mut random, mut time_ns) = (random(seed), 0_i64);
     (0..n).map(move |_| {
         let step_ns = match random.random_range(0..20) {
@@ -86,7 +86,7 @@ fn hysteresis() -> Option<Hysteresis> {
 }
 
 /// The offset in kPa after a count that lasts until each of the times, seen first at time 0; NaN without a hysteresis.
-fn offset_kpa(count: u8, times_ns: impl IntoIterator<Item = i64>) -> f64 {
+fn offset_kpa(count: u16, times_ns: impl IntoIterator<Item = i64>) -> f64 {
     let Some(mut hysteresis) = hysteresis() else { return f64::NAN };
     for time_ns in std::iter::once(0).chain(times_ns) {
         hysteresis.follow(Time::from_nanos(time_ns), &[count], |_| true);

@@ -3,7 +3,6 @@
 use taxel_skin::CountRange;
 
 use crate::baseline::TaxelBaseline;
-use crate::counts::Counts;
 use crate::scan::Scan;
 
 /// Sums of the sound counts of each taxel. 64 bits hold four billion scans.
@@ -46,14 +45,9 @@ impl CountSums {
     /// Takes a scan.
     pub fn push(&mut self, scan: &Scan<'_>) {
         self.scans = self.scans.saturating_add(1);
-        let taxels = self.taxels.iter_mut().zip(scan.sound);
-        match scan.counts {
-            Counts::Bytes(bytes) => taxels.zip(bytes).for_each(|((sums, &sound), &n)| sums.push(u32::from(n), sound)),
-            Counts::Words(words, range) => {
-                self.range = range;
-                taxels.zip(words).for_each(|((sums, &sound), &n)| sums.push(u32::from(n), sound));
-            }
-        }
+        self.range = scan.counts.range();
+        let taxels = self.taxels.iter_mut().zip(scan.sound).zip(scan.counts.all());
+        taxels.for_each(|((sums, &sound), &count)| sums.push(count.into(), sound));
     }
 
     /// Scans taken.
@@ -81,6 +75,7 @@ impl CountSums {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::counts::Counts;
     use crate::zero::rest::statistics::RestStatistics;
     use proptest::prelude::*;
     use taxel_skin::Time;
@@ -93,7 +88,7 @@ mod tests {
     proptest! {
         #[test]
         fn mean_and_noise_are_those_of_the_running_statistics(
-            scans in proptest::collection::vec(prop::array::uniform3((any::<u8>(), prop::bool::weighted(0.7))), 1..60),
+            scans in proptest::collection::vec(prop::array::uniform3((0..=255_u16, prop::bool::weighted(0.7))), 1..60),
             fine in 0..256_u16
         ) {
             let range = CountRange::to(u16::MAX).unwrap();
@@ -102,8 +97,8 @@ mod tests {
                 let (counts, sound) = (counts.map(|input| input.0), counts.map(|input| input.1));
                 sums.push(&scan(&counts, &sound));
                 running.push(scan(&counts, &sound).sound_counts());
-                let counts = counts.map(|count| 256 * u16::from(count) + fine);
-                wide.push(&scan(Counts::Words(&counts, range), &sound));
+                let counts = counts.map(|count| 256 * count + fine);
+                wide.push(&scan(Counts::new(&counts, range), &sound));
             }
             prop_assert_eq!((sums.scans(), wide.scans()), (running.count(), running.count()));
             let fine = f64::from(fine) / 256.0;

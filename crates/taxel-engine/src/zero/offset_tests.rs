@@ -53,9 +53,9 @@ impl Watched {
     fn seconds(&mut self, seconds: f64, load: impl Fn(usize) -> f64) {
         for _ in 0..(20.0 * seconds).round() as usize {
             self.scans += 1;
-            let mut count = |mean: f64| (mean + 0.8 * self.noise.normal()).round() as u8;
-            let counts: Vec<u8> = (0..TAXELS).map(|taxel| count(ZERO - load(taxel))).collect();
-            let pads: Vec<[u8; 2]> = (0..MODULES).map(|_| [count(self.pads), count(self.pads)]).collect();
+            let mut count = |mean: f64| (mean + 0.8 * self.noise.normal()).round() as u16;
+            let counts: Vec<u16> = (0..TAXELS).map(|taxel| count(ZERO - load(taxel))).collect();
+            let pads: Vec<[u8; 2]> = (0..MODULES).map(|_| [0; 2].map(|_: u8| count(self.pads) as u8)).collect();
             let scan = Scan {
                 time: Time::from_nanos(self.scans * 50_000_000),
                 whole: true,

@@ -135,7 +135,7 @@ impl Skin {
         for _ in 0..scans {
             self.scans += 1;
             let wiggle = |taxel: usize| if (self.scans as usize + taxel).is_multiple_of(2) { 1 } else { -1 };
-            let counts: Vec<u8> = (0..TAXELS).map(|taxel| (240 - load(taxel) + wiggle(taxel)) as u8).collect();
+            let counts: Vec<u16> = (0..TAXELS).map(|taxel| (240 - load(taxel) + wiggle(taxel)) as u16).collect();
             let now = self.now();
             let scan = Scan {
                 time: now.time,

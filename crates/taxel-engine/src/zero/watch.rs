@@ -118,7 +118,7 @@ mod tests {
     fn watched(scans: u32) -> Watch {
         let mut watch = Watch::new(Time::default(), SECOND, RestWindow::new(1, &[]), Purpose::AtStart);
         (0..scans).for_each(|scan| {
-            let (time, counts, sound) = (Time::default() + scan * SECOND / 10, [240_u8], [true]);
+            let (time, counts, sound) = (Time::default() + scan * SECOND / 10, [240_u16], [true]);
             let counts = (&counts).into();
             let scan =
                 Scan { time, whole: true, counts, pads: &[], silent: &[], sound: &sound, soundness: 0, jumps: &[] };

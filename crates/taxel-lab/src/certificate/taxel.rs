@@ -3,7 +3,6 @@
 use serde_json::{Value, json};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::SessionSamples;
-use taxel_engine::counts::Counts;
 use taxel_model::{Curve, TaxelModel};
 
 use super::course::{Course, Figures};
@@ -83,10 +82,7 @@ pub(super) fn examine(
 
 /// Raw counts in a unit of the counts that models are in.
 pub(super) fn per_unit(samples: &SessionSamples) -> f64 {
-    match samples.samples.first().map(|sample| sample.counts.counts()) {
-        Some(Counts::Words(_, range)) => range.per_unit(),
-        _ => 1.0,
-    }
+    samples.samples.first().map_or(1.0, |sample| sample.counts.counts().range().per_unit())
 }
 
 /// Greatest distance of a curve from the straight line between its ends, kPa.

@@ -197,7 +197,7 @@ fn insole(folder: &Path, quick: bool) -> anyhow::Result<Source> {
 fn scan_us(recording: &Recording, live: &mut Live) -> f64 {
     let step = (recording.scans() / 1000).max(1);
     let time = |scan: usize| {
-        let counts: Vec<u8> = recording.counts.iter().map(|column| column[scan] as u8).collect();
+        let counts: Vec<u16> = recording.counts.iter().map(|column| column[scan] as u16).collect();
         let begun = Instant::now();
         std::hint::black_box(live.read(&counts));
         1e6 * begun.elapsed().as_secs_f64()

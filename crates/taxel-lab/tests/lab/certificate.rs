@@ -45,9 +45,9 @@ fn case() -> Case {
     for ramp in 0..2_u16 {
         let rise = (0..=70).map(|kpa| (kpa, 0));
         for (kpa, hysteresis) in rise.chain((0..70).rev().map(|kpa| (kpa, 2))) {
-            let count = (241 - kpa - hysteresis - i32::from(ramp)) as u8;
+            let count = (241 - kpa - hysteresis - i32::from(ramp)) as u16;
             let time_ns = samples.len() as i64 * 1_000_000_000;
-            let counts = [count, count, 7].as_slice().into();
+            let counts = [count, count, 7].into();
             samples.push(Sample { ramp, time_ns, pressure_kpa: f64::from(kpa), counts });
         }
     }
@@ -81,7 +81,7 @@ fn certificate(case: &Case) -> anyhow::Result<Certificate> {
     let mut table = table_head(&case.about, &case.samples);
     for sample in &case.samples.samples {
         let counts = sample.counts.counts();
-        let raw = (0..counts.len()).filter_map(|taxel| counts.raw(taxel)).map(u32::from);
+        let raw = counts.all().iter().map(|&raw| raw.into());
         table += &sample_row(sample.time_ns, sample.pressure_kpa, raw, u32::from(sample.ramp) + 1);
     }
     let mut session = case.session.clone();

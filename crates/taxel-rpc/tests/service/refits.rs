@@ -19,12 +19,12 @@ type Client = CalibrationServiceClient<tonic::transport::Channel>;
 /// A ramp to 70 kPa of taxels that lose counts as they are pressed; session 3 has damaged samples.
 fn samples() -> Store {
     let samples = |session: u64, told: Told<SessionSamples>| {
-        let count = |kpa: f64| (240.0 - 80.0 * kpa / (kpa + 40.0)).round() as u8;
+        let count = |kpa: f64| (240.0 - 80.0 * kpa / (kpa + 40.0)).round() as u16;
         let sample = |k: i64| Sample {
             ramp: 0,
             time_ns: 50_000_000 * k,
             pressure_kpa: k as f64 / 10.0,
-            counts: vec![count(k as f64 / 10.0); TAXELS].as_slice().into(),
+            counts: [count(k as f64 / 10.0); TAXELS].into(),
         };
         let rest = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS];
         told(match session {

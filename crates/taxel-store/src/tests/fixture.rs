@@ -82,7 +82,7 @@ pub fn sample(index: u64) -> Sample {
         ramp: 0,
         time_ns: index as i64 * 50_000_000,
         pressure_kpa: index as f64 / 7.0,
-        counts: (0..4).map(|taxel| (index * 31 + taxel * 7) as u8).collect(),
+        counts: [0, 1, 2, 3].map(|taxel| (index * 31 + taxel * 7) as u16 % 256).into(),
     }
 }
 

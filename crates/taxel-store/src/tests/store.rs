@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::calibration::SessionState;
-use taxel_engine::counts::SharedCounts;
+use taxel_engine::counts::Counts;
 use taxel_engine::record::{KeptZero, Record, Sample, TakenZero};
 use taxel_skin::CountRange;
 
@@ -112,9 +112,9 @@ fn counts_of_every_width_come_back_as_they_were() {
     let range = CountRange::to(4095).unwrap();
     let wide = |index: u64| {
         let words: Vec<u16> = (0..4).map(|taxel| ((index * 797 + taxel * 1021) % 4096) as u16).collect();
-        Sample { counts: SharedCounts::Words(words.into(), range), ..sample(index) }
+        Sample { counts: Counts::new(&words, range).into(), ..sample(index) }
     };
-    let bytes = Sample { counts: vec![0xFF, 0x0F, 0x01, 0x02].into(), pressure_kpa: -0.0, ..sample(60) };
+    let bytes = Sample { counts: [0xFF, 0x0F, 0x01, 0x02].into(), pressure_kpa: -0.0, ..sample(60) };
     let mut all: Vec<Sample> = (40..60).map(wide).collect();
     all.push(bytes);
     let record = |(index, sample): (u64, Sample)| Record::Sample { session: 2, index, sample };
@@ -150,9 +150,10 @@ fn samples_that_nobody_waits_for_become_durable_and_are_counted() {
 fn what_was_deleted_is_in_no_file_and_its_number_is_not_used_again() {
     let (dir, path) = place();
     let [first, _] = filled(&path);
-    let counts = b"these are the counts of a session".to_vec();
+    let counts = b"these are the counts of a session!".to_vec();
     let (store, ..) = open(&path);
-    let sample = Sample { counts: counts.clone().into(), ..sample(0) };
+    let words: Vec<u16> = counts.as_chunks().0.iter().map(|pair| u16::from_le_bytes(*pair)).collect();
+    let sample = Sample { counts: words.into(), ..sample(0) };
     write(&store, vec![session(5, SessionState::Ramping), Record::Sample { session: 5, index: 0, sample }]).unwrap();
     write(&store, vec![session(5, SessionState::Aborted)]).unwrap();
     samples_of(&store, 5).unwrap();

@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     fn sample(ramp: u16, ms: i64, pressure_kpa: f64) -> Sample {
-        Sample { ramp, time_ns: ms * 1_000_000, pressure_kpa, counts: [0_u8].as_slice().into() }
+        Sample { ramp, time_ns: ms * 1_000_000, pressure_kpa, counts: [0].into() }
     }
 
     /// Ramps to 20 kPa and back down to `end`, a sample each 50 ms and 0.5 kPa.

@@ -117,7 +117,7 @@ impl Force {
         let above = |&taxel: &u16| {
             let taxel = usize::from(taxel);
             let share = scan.counts.raw(taxel).and_then(|count| evaluator.tables().share(taxel, count));
-            share.is_some_and(|share| share.above > 0.0)
+            share.is_some_and(|share| share.is_above)
         };
         active.iter().copied().filter(above).collect()
     }

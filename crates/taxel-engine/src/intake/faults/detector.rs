@@ -101,13 +101,6 @@ impl FaultDetector {
     /// Returns whether the faults of any taxel of the module changed. An unknown module is ignored.
     pub fn push_module<'a>(&mut self, now: Time, module: usize, counts: impl Into<Counts<'a>>, status: u16) -> bool {
         let counts = counts.into();
-        if let Counts::Bytes(bytes) = counts
-            && bytes.len() <= VALUES_PER_MODULE
-        {
-            let mut reals = [0.0; VALUES_PER_MODULE];
-            reals.iter_mut().zip(bytes).for_each(|(real, &count)| *real = f32::from(count));
-            return self.push_reals(now, module, &reals[..bytes.len()], status);
-        }
         let mut units = std::mem::take(&mut self.units);
         units.clear();
         units.extend(counts.iter_units().map(|count| count as f32));

@@ -343,7 +343,7 @@ fn a_status_bit_blames_the_taxel_of_its_value() {
 fn a_module_jumps_by_what_its_sound_taxels_move_together() {
     let mut detector = detector();
     let mut scans = 0;
-    let mut push = |detector: &mut FaultDetector, module: usize, count: u8, hanging: u8| {
+    let mut push = |detector: &mut FaultDetector, module: usize, count: u16, hanging: u16| {
         let mut counts = [count; 10];
         counts[3] = hanging;
         scans += 1;
@@ -382,7 +382,7 @@ fn a_module_that_is_known_to_be_noisy_has_to_jump_further_and_a_scan_without_val
 fn sound_scans(detector: &mut FaultDetector, from: Time) {
     for scan in 0..1_500_u32 {
         let count = |taxel: u32| if (scan / 2 + taxel).is_multiple_of(3) { 234 } else { 235 };
-        let counts: Vec<u8> = (0..10).map(count).collect();
+        let counts: Vec<u16> = (0..10).map(count).collect();
         for module in 0..4 {
             detector.push_module(from + Duration::from_millis(20) * scan, module, &counts, 0);
         }
@@ -394,7 +394,7 @@ proptest! {
     /// Whatever comes, nothing panics, and 30 s of sound scans later nothing is left.
     #[test]
     fn every_fault_ends(
-        garbage in prop::collection::vec((0usize..6, prop::collection::vec(any::<u8>(), 0..14), any::<u16>(), 0i64..3000), 0..60),
+        garbage in prop::collection::vec((0usize..6, prop::collection::vec(0..=255_u16, 0..14), any::<u16>(), 0i64..3000), 0..60),
     ) {
         let (mut detector, mut now) = (detector(), at(0.0));
         for (module, counts, status, millis) in garbage {

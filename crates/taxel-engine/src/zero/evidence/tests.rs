@@ -43,9 +43,9 @@ impl Watched {
         let mut found = None;
         for after in 0..scans {
             self.scans += 1;
-            let mut count = |mean: f64| (mean + 0.8 * self.noise.normal()).round() as u8;
-            let counts: Vec<u8> = (0..10 * MODULES).map(|taxel| count(ZERO - load(taxel))).collect();
-            let pads: Vec<[u8; 2]> = (0..MODULES).map(|_| [count(self.pads), count(self.pads)]).collect();
+            let mut count = |mean: f64| (mean + 0.8 * self.noise.normal()).round() as u16;
+            let counts: Vec<u16> = (0..10 * MODULES).map(|taxel| count(ZERO - load(taxel))).collect();
+            let pads: Vec<[u8; 2]> = (0..MODULES).map(|_| [0; 2].map(|_: u8| count(self.pads) as u8)).collect();
             let sound: Vec<bool> =
                 (0..counts.len()).map(|taxel| !self.silent[taxel / 10] && (taxel < 5 || !self.is_deaf)).collect();
             let scan = Scan {

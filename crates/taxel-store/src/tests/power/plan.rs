@@ -67,7 +67,8 @@ pub fn signature(session: u64) -> Vec<u8> {
 }
 
 pub fn signed(session: u64, index: u64) -> Sample {
-    Sample { counts: signature(session).into(), ..sample(index) }
+    let words: Vec<u16> = signature(session).as_chunks().0.iter().map(|pair| u16::from_le_bytes(*pair)).collect();
+    Sample { counts: words.into(), ..sample(index) }
 }
 
 /// All events of a run.
