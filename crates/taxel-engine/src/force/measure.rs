@@ -317,9 +317,9 @@ impl ForceModel {
         for &(taxel, beside) in &touch.ring {
             let Some(count) = counts.units(taxel).filter(|_| selected[taxel]) else { continue };
             let light = tables.light(taxel);
-            let pressed = tables.sign(taxel) * (count - light.zero) - off_counts;
+            let pressed = light.pressed(count) - off_counts;
             touch.added_n[beside] += light.newton_per_count * pressed;
-            sums.own_n2 += SHARED_NOISE * (light.newton_per_count * light.noise_counts).powi(2);
+            sums.own_n2 += SHARED_NOISE * light.noise_n().powi(2);
             sums.per_count_n += light.newton_per_count;
             sums.per_count_n2 += light.newton_per_count.powi(2);
         }

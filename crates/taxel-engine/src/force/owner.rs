@@ -17,7 +17,7 @@ use crate::force::hysteresis::Hysteresis;
 use crate::force::measure::{ForceModel, Layout, Present, Touch};
 use crate::force::offsets::Offsets;
 use crate::force::reason::{Reason, ReasonCode};
-use crate::force::remainder::{Remainder, Rest, newton_per_count};
+use crate::force::remainder::{Remainder, Rest};
 use crate::force::sample::{ForceSample, ForceState, Undetected};
 use crate::force::tables::Tables;
 use crate::force::unloading::Unloading;
@@ -276,11 +276,11 @@ impl Force {
         let (tables, zero) = (evaluator.tables(), self.zero.as_deref().unwrap_or_default());
         let watched = |taxel| Watched::new(tables, zero, self.activation, taxel, scan.sound[taxel]);
         self.watched = unread.filter_map(watched).collect();
-        if let Some(zero) = &self.zero {
-            let zero = Rest { zero, taken: &self.taken, vouched: self.vouched.as_deref().unwrap_or_default() };
+        if self.zero.is_some() {
+            let zero = Rest { taken: &self.taken, vouched: self.vouched.as_deref().unwrap_or_default() };
             let relative_sigma = tables.set().gauge_gain_rel.hypot(layout.area_uncertainty);
             let selected = evaluator.selection();
-            self.remainder = Remainder::new(tables, zero, self.activation, selected, &layout.modules, relative_sigma);
+            self.remainder = Remainder::new(tables, zero, selected, &layout.modules, relative_sigma);
         }
     }
 
@@ -367,11 +367,14 @@ impl Force {
         Measured { sample, ..Measured::default() }
     }
 
-    /// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; empty
-    /// without models or zero.
+    /// How much a count more of each taxel weighs below its threshold, N; empty without models or zero.
     pub fn newton_per_count(&self) -> Vec<f64> {
-        let known = self.evaluator.as_ref().zip(self.zero.as_ref());
-        known.map_or_else(Vec::new, |(e, zero)| newton_per_count(e.tables(), zero, self.activation))
+        let tables = self.evaluator.as_ref().map(Evaluator::tables);
+        let of = |tables: &Arc<Tables>| {
+            let newton = (0..tables.taxels()).map(|taxel| tables.light(taxel).newton_per_count);
+            newton.map(|newton| if newton.is_finite() { newton } else { 0.0 }).collect()
+        };
+        tables.map_or_else(Vec::new, of)
     }
 
     /// The tables at the present zero and what each taxel's history adds, for readers of taxels.

@@ -1,8 +1,7 @@
 //! What presses below the activation thresholds: the force that a scan cannot show as a touch.
 //!
 //! The counts of all taxels that are not in the total still say how much may lie there. With `w` the force per count of a taxel
-//! (area times threshold pressure, or its uncertainty if that is more, over threshold distance) and `c` its counts from
-//! the zero towards pressure, the remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`,
+//! below its threshold (`Light`) and `c` its counts from the zero towards pressure, the remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`,
 //! and what the zero's uncertainty weighs on the whole skin.
 //!
 //! A zero is taken where nothing seems to lie on the skin, so what the zero itself may hide counts, too: `H`, with an
@@ -18,17 +17,14 @@
 //! modules that have most of it, `sqrt(sum (w s)^2)`, is uncertain.
 
 mod hidden;
-mod share;
 
 use std::ops::Range;
 
 pub use self::hidden::Rest;
-pub use self::share::newton_per_count;
 
 use self::hidden::Hidden;
-use self::share::{CONTACT_MODULES, Share};
-use crate::baseline::Activation;
 use crate::counts::Counts;
+use crate::force::source::Light;
 use crate::force::tables::Tables;
 
 /// The remainder of a patch at one zero and one selection.
@@ -36,7 +32,8 @@ use crate::force::tables::Tables;
 pub struct Remainder {
     /// Force per raw count of every taxel, N, for the walk over all.
     newton_per_count: Vec<f32>,
-    shares: Vec<Share>,
+    /// By taxel; of one that is not selected nothing.
+    taxels: Vec<Light>,
     /// Force of all zeros: what the walk over raw counts has too much.
     zeros_n: f64,
     /// Sum of the squared noises, N squared.
@@ -49,9 +46,12 @@ pub struct Remainder {
     hidden: Hidden,
     /// Standard uncertainty that all forces share, relative to them.
     relative_sigma: f64,
-    /// How many taxels have a share.
+    /// How many taxels are selected.
     selected: usize,
 }
+
+/// A contact touches so many modules at the most that a fingertip or a known mass does.
+const CONTACT_MODULES: usize = 3;
 
 /// So many taxels that are in no total tell how far all of them lie from their zero.
 const FAR_TAXELS_MIN: usize = 20;
@@ -81,31 +81,26 @@ impl Remainder {
     pub fn new(
         tables: &Tables,
         rest: Rest<'_>,
-        activation: Activation,
         selected: &[bool],
         modules: &[Range<usize>],
         relative_sigma: f64,
     ) -> Self {
-        let share = |taxel: usize| Share::of(tables, rest.zero[taxel], activation, taxel);
-        let shares: Vec<Share> =
-            (0..selected.len()).map(|t| selected[t].then(|| share(t)).flatten().unwrap_or_default()).collect();
-        let sum = |of: &dyn Fn(&Share) -> f64| shares.iter().map(of).sum::<f64>();
-        let contact = |of: &dyn Fn(&Share) -> f64| {
-            let of_module = |range: &Range<usize>| range.clone().filter_map(|taxel| shares.get(taxel)).map(of).sum();
-            let mut by_module: Vec<f64> = modules.iter().map(of_module).collect();
-            by_module.sort_by(|a, b| b.total_cmp(a));
-            by_module.iter().take(CONTACT_MODULES).sum::<f64>()
-        };
+        let light = |taxel: usize| if selected[taxel] { *tables.light(taxel) } else { Light::default() };
+        let taxels: Vec<Light> = (0..selected.len()).map(light).collect();
+        let sum = |of: &dyn Fn(&Light) -> f64| taxels.iter().map(of).sum::<f64>();
+        let of_module = |range: &Range<usize>| taxels[range.clone()].iter().map(|light| light.noise_n().powi(2)).sum();
+        let mut noise_n2: Vec<f64> = modules.iter().map(of_module).collect();
+        noise_n2.sort_by(|a, b| b.total_cmp(a));
         Self {
-            newton_per_count: shares.iter().map(|s| s.newton_per_count).collect(),
-            zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
-            hidden: Hidden::of(tables, &shares, rest, modules),
-            noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
-            contact_noise_n2: contact(&|s| f64::from(s.noise_n).powi(2)),
-            per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
+            newton_per_count: taxels.iter().map(|light| (light.sign * light.newton_per_count) as f32).collect(),
+            zeros_n: sum(&|light| light.sign * light.newton_per_count * light.zero),
+            hidden: Hidden::of(tables, &taxels, rest, modules),
+            noise_n2: sum(&|light| light.noise_n().powi(2)),
+            contact_noise_n2: noise_n2.iter().take(CONTACT_MODULES).sum(),
+            per_count_n: sum(&|light| light.newton_per_count),
             relative_sigma,
-            selected: shares.iter().filter(|share| share.newton_per_count != 0.0).count(),
-            shares,
+            selected: taxels.iter().filter(|light| light.newton_per_count > 0.0).count(),
+            taxels,
         }
     }
 
@@ -127,13 +122,13 @@ impl Remainder {
             (self.walk_n(counts) - self.zeros_n, self.noise_n2, self.per_count_n);
         let (mut untouched, mut strongest) = (self.selected, 0.0_f64);
         for taxel in summed {
-            let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { continue };
-            let pressed_n = f64::from(share.newton_per_count) * (count - f64::from(share.zero));
-            rest_n -= pressed_n;
-            strongest = strongest.max(pressed_n / f64::from(share.newton_per_count.abs() * share.threshold));
-            noise_n2 -= f64::from(share.noise_n).powi(2);
-            per_count_n -= f64::from(share.newton_per_count).abs();
-            untouched -= usize::from(share.newton_per_count != 0.0);
+            let (Some(light), Some(count)) = (self.taxels.get(taxel), counts.units(taxel)) else { continue };
+            let pressed = light.pressed(count);
+            rest_n -= light.newton_per_count * pressed;
+            strongest = strongest.max(pressed / light.threshold_counts);
+            noise_n2 -= light.noise_n().powi(2);
+            per_count_n -= light.newton_per_count;
+            untouched -= usize::from(light.newton_per_count > 0.0);
         }
         // Of none nothing but rounding is left of these sums.
         let tell = untouched >= FAR_TAXELS_MIN && per_count_n > 0.0;
@@ -191,8 +186,8 @@ mod tests {
         let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
         let zero = rest(TAXELS);
-        let rest = Rest { zero: &zero, taken: &zero, vouched: &[] };
-        let remainder = Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES, relative_sigma);
+        let rest = Rest { taken: &zero, vouched: &[] };
+        let remainder = Remainder::new(tables, rest, &selected, &MODULES, relative_sigma);
         remainder.unseen(&counts, active, [0.0, zero_n])
     }
 
@@ -208,8 +203,7 @@ mod tests {
             let mut of_modules = [0.0; 4];
             for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
                 let distance = ACTIVATION.distance_counts(0.5);
-                let at = |distance: f64| tables.threshold_n(taxel, distance).unwrap() / distance;
-                let newton_per_count = at(distance).max(at(0.5 * distance));
+                let newton_per_count = tables.light(taxel).newton_per_count;
                 if selected {
                     of_modules[taxel / 10] += (newton_per_count * 0.5).powi(2);
                 }
@@ -258,8 +252,8 @@ mod tests {
         let mut zero = rest(TAXELS);
         zero.iter_mut().for_each(|taxel| taxel.mean -= 1.0);
         let found = |relative_sigma: f64| {
-            let rest = Rest { zero: &zero, taken: &zero, vouched: &[] };
-            let remainder = Remainder::new(&tables(), rest, ACTIVATION, &[true; TAXELS], &MODULES, relative_sigma);
+            let rest = Rest { taken: &zero, vouched: &[] };
+            let remainder = Remainder::new(&tables(), rest, &[true; TAXELS], &MODULES, relative_sigma);
             remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), [0.0; 2])
         };
         let (alone, shared) = (found(0.0), found(0.2));
@@ -272,8 +266,8 @@ mod tests {
         let (zero, range) = (rest(TAXELS), taxel_skin::CountRange::to(65_535).unwrap());
         let bytes: Vec<u16> = (0..TAXELS as u16).map(|taxel| REST - taxel % 4).collect();
         let words: Vec<u16> = bytes.iter().map(|&count| range.nearest(f64::from(count))).collect();
-        let held = Rest { zero: &zero, taken: &zero, vouched: &[] };
-        let remainder = Remainder::new(&tables(), held, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);
+        let held = Rest { taken: &zero, vouched: &[] };
+        let remainder = Remainder::new(&tables(), held, &[true; TAXELS], &MODULES, 0.1);
         let active = || [3, 7].into_iter();
         let (narrow, wide) = (
             remainder.unseen(&bytes, active(), [0.0, 0.1]),
@@ -291,16 +285,14 @@ mod tests {
         unknown[3] = TaxelBaseline::UNKNOWN;
         unknown[4].noise = f64::NAN;
         unknown[5].mean = f64::NAN;
-        // With tables of an earlier zero, too.
-        for tables in [Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION), tables()] {
-            let unseen = |selected: &[bool; TAXELS]| {
-                let rest = Rest { zero: &unknown, taken: &unknown, vouched: &[] };
-                let remainder = Remainder::new(&tables, rest, ACTIVATION, selected, &MODULES, 0.1);
-                remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), [0.0, 0.1])
-            };
-            let found = unseen(&[true; TAXELS]);
-            assert!(found.newton > 0.1 && found.choice_n > 0.0, "{found:?}");
-            assert_eq!(found, unseen(&std::array::from_fn(|taxel| taxel != 3 && taxel != 5)), "those do not count");
-        }
+        let tables = Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION);
+        let unseen = |selected: &[bool; TAXELS]| {
+            let rest = Rest { taken: &unknown, vouched: &[] };
+            let remainder = Remainder::new(&tables, rest, selected, &MODULES, 0.1);
+            remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), [0.0, 0.1])
+        };
+        let found = unseen(&[true; TAXELS]);
+        assert!(found.newton > 0.1 && found.choice_n > 0.0, "{found:?}");
+        assert_eq!(found, unseen(&std::array::from_fn(|taxel| taxel != 3 && taxel != 5)), "those do not count");
     }
 }

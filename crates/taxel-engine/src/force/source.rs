@@ -92,17 +92,34 @@ pub(super) struct Source<'a> {
     pub(super) sign: Sign,
 }
 
-/// What a count of a taxel weighs that lies beside a touch and is none itself.
+/// What the counts of a taxel weigh that is not touched: one model for those beside a touch, for what may lie on the others without
+/// being seen, and for what a zero hides.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Light {
     /// The present zero, counts.
     pub(crate) zero: f64,
-    /// So many counts from it towards load suffice for a touch beside an activated taxel.
+    /// +1 where the count rises with pressure, -1 where it falls.
+    pub(crate) sign: f64,
+    /// So many counts from it towards load are a touch,
+    pub(crate) threshold_counts: f64,
+    /// and so many beside an activated taxel.
     pub(crate) touched_counts: f64,
-    /// N per count towards load below that.
+    /// N per count towards load below that; 0 without a usable model.
     pub(crate) newton_per_count: f64,
     /// Of a single reading.
     pub(crate) noise_counts: f64,
+}
+
+impl Light {
+    /// How far a count lies from the zero towards load.
+    pub(crate) fn pressed(&self, count: f64) -> f64 {
+        self.sign * (count - self.zero)
+    }
+
+    /// Noise of a single reading, N.
+    pub(crate) fn noise_n(&self) -> f64 {
+        self.newton_per_count * self.noise_counts
+    }
 }
 
 /// What one count means.
@@ -222,16 +239,21 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Newton per count and noise in counts below the threshold that suffices beside an activated taxel: there the reading is not
-    /// taken for a pressure, and adds up over taxels without a preference for those that noise favours.
-    pub(super) fn light(&self, area: SquareMillimetre, activation: Activation) -> Light {
-        let low = LOW_SHARE * activation.distance_counts(self.now.noise);
-        let kpa = |counts: f64| f64::from(self.pressure_kpa(self.now.mean + self.sign.as_f64() * counts)).max(0.0);
-        let newton_per_count = area.0 * 1e-3 * (kpa(low) - kpa(0.0)).max(0.0) / low;
+    /// Below the threshold that suffices beside an activated taxel a reading is not taken for a pressure, and adds up over taxels
+    /// without a preference for those that noise favours. Where the curve is flat there, its uncertainty says what may lie on it.
+    pub(super) fn light(&self, table: &TaxelTable, area: SquareMillimetre, activation: Activation) -> Light {
+        let threshold_counts = activation.distance_counts(self.now.noise);
+        let low = LOW_SHARE * threshold_counts;
+        let at = |counts: f64| self.now.mean + self.sign.as_f64() * counts;
+        let kpa = |counts: f64| f64::from(self.pressure_kpa(at(counts))).max(0.0);
+        let sigma_kpa = || f64::from(table.sigma_kpa[at(low).round().clamp(0.0, (ENTRIES - 1) as f64) as usize]);
+        let rise_kpa = Some(kpa(low) - kpa(0.0)).filter(|rise| *rise > 0.0).unwrap_or_else(sigma_kpa);
         Light {
             zero: self.now.mean,
+            sign: self.sign.as_f64(),
+            threshold_counts,
             touched_counts: low,
-            newton_per_count,
+            newton_per_count: area.0 * 1e-3 * rise_kpa / low,
             noise_counts: self.now.noise.max(NOISE_FLOOR_COUNTS),
         }
     }

@@ -113,7 +113,7 @@ impl Tables {
                 let (set, more_counts) = (&tables.set, RESIDUE_SHARE * residue_counts);
                 let source = Source::new(set, taxel, extension, doubt_kpa, (*now, *then), more_counts);
                 let (table, force_n) = source.tabulate(*area, counts);
-                tables.light[taxel] = source.light(*area, activation);
+                tables.light[taxel] = source.light(&table, *area, activation);
                 tables.polarity[taxel] = if source.sign == Sign::Falling { u16::MAX } else { 0 };
                 tables.threshold[taxel] = source.threshold(activation, counts);
                 tables.force_n[taxel] = force_n;
@@ -191,9 +191,9 @@ impl Tables {
     /// Force in newton of a taxel beside an activated one, where a weaker touch counts.
     #[inline]
     pub(crate) fn low_n(&self, taxel: usize, count: u16) -> f32 {
-        let light = self.light[taxel];
-        let pressed = self.sign(taxel) * (self.counts.units(count) - light.zero);
-        if pressed > light.touched_counts { self.newton(taxel, count) } else { 0.0 }
+        let light = &self.light[taxel];
+        let is_touched = light.pressed(self.counts.units(count)) > light.touched_counts;
+        if is_touched { self.newton(taxel, count) } else { 0.0 }
     }
 
     /// What `count` of a taxel contributes to the uncertainty of a force; `None` without a usable model.
@@ -202,9 +202,9 @@ impl Tables {
         Some(&self.taxels.get(taxel)?.as_ref()?.shares[self.nearest(count)])
     }
 
-    /// What a count weighs beside a touch; nothing without a usable model.
-    pub(crate) fn light(&self, taxel: usize) -> Light {
-        self.light[taxel]
+    /// What a count weighs where it is no touch; nothing without a usable model.
+    pub(crate) fn light(&self, taxel: usize) -> &Light {
+        &self.light[taxel]
     }
 
     /// What a raw count is combined with so that it grows with pressure, one per taxel.
@@ -216,17 +216,12 @@ impl Tables {
         self.threshold[taxel]
     }
 
-    /// +1 where the count of a taxel rises with pressure, -1 where it falls.
-    pub(crate) fn sign(&self, taxel: usize) -> f64 {
-        if self.polarity[taxel] == 0 { 1.0 } else { -1.0 }
-    }
-
     /// Force in newton that may press on a taxel up to `distance` counts from its zero: the most that its curve says on
     /// the way, for the paper's may turn there, or the curve's own uncertainty at that distance where that is more, as
     /// where it is flat. `None` without a usable model.
     pub(crate) fn threshold_n(&self, taxel: usize, distance: f64) -> Option<f64> {
-        let (table, zero) = (self.taxels.get(taxel)?.as_ref()?, self.light[taxel].zero);
-        let unit = |distance: f64| (zero + self.sign(taxel) * distance).round().clamp(0.0, 255.0) as usize;
+        let (table, light) = (self.taxels.get(taxel)?.as_ref()?, &self.light[taxel]);
+        let unit = |distance: f64| (light.zero + light.sign * distance).round().clamp(0.0, 255.0) as usize;
         let (zero, end) = (unit(0.0), unit(distance));
         let on_the_way = &table.pressure_kpa[zero.min(end)..=zero.max(end)];
         let kpa = on_the_way.iter().copied().fold(table.sigma_kpa[end].max(0.0), f32::max);

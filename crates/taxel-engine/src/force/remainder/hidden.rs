@@ -12,17 +12,19 @@
 
 use std::ops::Range;
 
-use super::share::{CONTACT_MODULES, FLOOR_SIGMAS, Share};
+use super::CONTACT_MODULES;
 use crate::baseline::TaxelBaseline;
+use crate::force::source::Light;
 use crate::force::tables::Tables;
 use crate::statistics::{MEDIAN_DEVIATIONS, median, median_error};
 
-/// The zero that holds, and what it took for rest.
+/// Standard uncertainties to the most that may be hidden: 95 %.
+const SIGMAS: f64 = 2.0;
+
+/// What the zero that holds took for rest.
 #[derive(Clone, Copy, Debug)]
 pub struct Rest<'a> {
-    /// One per taxel.
-    pub zero: &'a [TaxelBaseline],
-    /// As it was taken, without what has left the skin since: not moved by what follows the temperature.
+    /// It as it was taken, without what has left the skin since: not moved by what follows the temperature. One per taxel.
     pub taken: &'a [TaxelBaseline],
     /// The zero that somebody confirmed since the boards took theirs, one per taxel; empty without one.
     pub vouched: &'a [TaxelBaseline],
@@ -38,37 +40,37 @@ pub(super) struct Hidden {
 
 impl Hidden {
     /// The more of what it may hide beside the models' rest, and beside a zero that somebody confirmed.
-    pub(super) fn of(tables: &Tables, shares: &[Share], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
-        let models = Self::beside(tables, shares, &tables.set().baseline, rest, modules);
+    pub(super) fn of(tables: &Tables, taxels: &[Light], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
+        let models = Self::beside(tables, taxels, &tables.set().baseline, rest, modules);
         if rest.vouched.is_empty() {
             return models;
         }
-        let vouched = Self::beside(tables, shares, rest.vouched, rest, modules);
+        let vouched = Self::beside(tables, taxels, rest.vouched, rest, modules);
         if vouched.upper_n() > models.upper_n() { vouched } else { models }
     }
 
     /// What it may hide if the skin is at rest where it reads `other`.
     fn beside(
         tables: &Tables,
-        shares: &[Share],
+        taxels: &[Light],
         other: &[TaxelBaseline],
         rest: Rest<'_>,
         modules: &[Range<usize>],
     ) -> Self {
         let moved = |taxel: usize| {
-            let then = other.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
-            let counts = (rest.taken.get(taxel)?.mean - then.mean) * tables.sign(taxel);
+            let light = taxels.get(taxel).filter(|light| light.newton_per_count > 0.0)?;
+            let counts = (rest.taken.get(taxel)?.mean - other.get(taxel)?.mean) * light.sign;
             counts.is_finite().then_some(counts)
         };
-        let all: Vec<Option<f64>> = (0..shares.len()).map(moved).collect();
+        let all: Vec<Option<f64>> = (0..taxels.len()).map(moved).collect();
         let middle = median(all.iter().copied().flatten()).unwrap_or(0.0);
         let apart = MEDIAN_DEVIATIONS * median(all.iter().flatten().map(|moved| (moved - middle).abs())).unwrap_or(0.0);
         let newton = |taxel: usize, moved: f64| {
-            let share = &shares[taxel];
-            let linear = f64::from(share.newton_per_count).abs() * moved;
+            let light = &taxels[taxel];
+            let linear = light.newton_per_count * moved;
             // Beyond the threshold skin becomes stiffer: the curve says more than its beginning.
             let curve = || tables.threshold_n(taxel, moved).unwrap_or(linear).max(linear);
-            if moved > f64::from(share.threshold) { curve() } else { linear }
+            if moved > light.threshold_counts { curve() } else { linear }
         };
         // A contact on a skin that lies away from load is told from the median taxel, whose error its taxels have in common.
         let median_off = if middle < 0.0 { median_error(apart, all.iter().flatten().count()) } else { 0.0 };
@@ -76,7 +78,7 @@ impl Hidden {
         let of_module = |range: &Range<usize>| {
             let moved = range.clone().filter_map(|taxel| Some((taxel, all.get(taxel).copied()??)));
             moved.fold([0.0; 4], |[force, contact, squared, per_count], (taxel, moved)| {
-                let weight = f64::from(shares[taxel].newton_per_count).abs();
+                let weight = taxels[taxel].newton_per_count;
                 let sigma = weight * apart;
                 let beside = newton(taxel, moved - middle.min(0.0));
                 [force + newton(taxel, moved), contact + beside, squared + sigma * sigma, per_count + weight]
@@ -94,7 +96,7 @@ impl Hidden {
     }
 
     fn upper_n(self) -> f64 {
-        self.newton + FLOOR_SIGMAS * self.sigma_n
+        self.newton + SIGMAS * self.sigma_n
     }
 }
 
@@ -122,17 +124,16 @@ mod tests {
             Self { tables, zero, vouched: Vec::new() }
         }
 
-        fn force_n(&self, counts: f64) -> f64 {
-            self.tables.threshold_n(0, counts).unwrap()
+        /// What a count weighs.
+        fn weight(&self) -> f64 {
+            self.tables.light(0).newton_per_count
         }
 
         fn hidden(&self) -> Hidden {
-            let shares: Vec<Share> = (0..TAXELS)
-                .map(|taxel| Share::of(&self.tables, self.zero[taxel], ACTIVATION, taxel).unwrap_or_default())
-                .collect();
+            let taxels: Vec<Light> = (0..TAXELS).map(|taxel| *self.tables.light(taxel)).collect();
             let modules: Vec<Range<usize>> = (0..TAXELS / 10).map(|module| 10 * module..10 * module + 10).collect();
-            let rest = Rest { zero: &self.zero, taken: &self.zero, vouched: &self.vouched };
-            Hidden::of(&self.tables, &shares, rest, &modules)
+            let rest = Rest { taken: &self.zero, vouched: &self.vouched };
+            Hidden::of(&self.tables, &taxels, rest, &modules)
         }
     }
 
@@ -165,7 +166,7 @@ mod tests {
         ];
         for (what, moved, counts, deviations) in table {
             let zero = Zero::new(moved);
-            let (weight, found) = (zero.force_n(3.0) / 3.0, zero.hidden());
+            let (weight, found) = (zero.weight(), zero.hidden());
             let (is, sigma) = (found.newton / weight, found.sigma_n / weight);
             let fits = (is - counts).abs() < 1e-4 && (sigma - 1.4826 * deviations).abs() < 1e-4;
             assert!(fits, "{what}: {is} +- {sigma} counts");
@@ -175,21 +176,20 @@ mod tests {
     #[test]
     fn beyond_the_threshold_skin_is_stiffer_and_the_curve_says_how_much() {
         let zero = Zero::new(|taxel| if taxel == 7 { 20.0 } else { 0.0 });
-        let linear = 20.0 * zero.force_n(3.0) / 3.0;
-        let curve = zero.force_n(20.0);
+        let linear = 20.0 * zero.weight();
+        let curve = zero.tables.threshold_n(0, 20.0).unwrap();
         assert!((zero.hidden().newton - curve.max(linear)).abs() < 1e-6, "{:?} {curve} {linear}", zero.hidden());
     }
 
     #[test]
     fn beside_a_zero_that_somebody_confirmed_it_may_be_more_and_is_never_less() {
-        let weight = |zero: &Zero| zero.force_n(3.0) / 3.0;
         for (confirmed_at, counts) in [(0.5, 25.0), (-0.5, 50.0), (f64::NAN, 25.0)] {
             let mut zero = Zero::new(|_| 0.5);
             zero.vouched = Zero::new(|_| confirmed_at).zero;
-            assert!((zero.hidden().newton - counts * weight(&zero)).abs() < 1e-6, "{:?}", zero.hidden());
+            assert!((zero.hidden().newton - counts * zero.weight()).abs() < 1e-6, "{:?}", zero.hidden());
         }
         // Of a taxel without a zero nothing is.
         let unknown = Zero::new(|taxel| if taxel == 0 { f64::NAN } else { 0.5 });
-        assert!((unknown.hidden().newton - 24.5 * weight(&unknown)).abs() < 1e-6, "{:?}", unknown.hidden());
+        assert!((unknown.hidden().newton - 24.5 * unknown.weight()).abs() < 1e-6, "{:?}", unknown.hidden());
     }
 }
