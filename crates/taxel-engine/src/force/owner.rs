@@ -21,7 +21,7 @@ use crate::force::remainder::{Remainder, Rest};
 use crate::force::sample::{ForceSample, ForceState, Undetected};
 use crate::force::tables::Tables;
 use crate::force::unloading::Unloading;
-use crate::model_set::ModelSet;
+use crate::model_set::{GAIN_OF_DAY_REL, ModelSet};
 use crate::scan::Scan;
 
 /// The offset of untouched taxels is a mean over about so many scans, and what is left of it where it was taken off, counts.
@@ -278,7 +278,7 @@ impl Force {
         self.watched = unread.filter_map(watched).collect();
         if self.zero.is_some() {
             let zero = Rest { taken: &self.taken, vouched: self.vouched.as_deref().unwrap_or_default() };
-            let relative_sigma = tables.set().gauge_gain_rel.hypot(layout.area_uncertainty);
+            let relative_sigma = tables.set().gauge_gain_rel.hypot(layout.area_uncertainty).hypot(GAIN_OF_DAY_REL);
             let selected = evaluator.selection();
             self.remainder = Remainder::new(tables, zero, selected, &layout.modules, relative_sigma);
         }

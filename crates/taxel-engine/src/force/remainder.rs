@@ -11,7 +11,7 @@
 //! is known to the zero, and comes on top.
 //!
 //! What is undetected is `max(R, 0) + max(H, 0)` with the uncertainties of both, to which comes what all forces have: that of the
-//! areas and of the gauge's gain, relative to the sum of the two.
+//! areas, of the gauge's gain and of the day's, relative to the sum of the two.
 //!
 //! Whether anything is touched hangs on noise, too: of a total of which no taxel reads three times its threshold that of a contact on the
 //! modules that have most of it, `sqrt(sum (w s)^2)`, is uncertain.
@@ -22,7 +22,7 @@ use std::ops::Range;
 
 pub use self::hidden::Rest;
 
-use self::hidden::Hidden;
+use self::hidden::{CONTACT_MODULES, Hidden};
 use crate::counts::Counts;
 use crate::force::source::Light;
 use crate::force::tables::Tables;
@@ -49,9 +49,6 @@ pub struct Remainder {
     /// How many taxels are selected.
     selected: usize,
 }
-
-/// A contact touches so many modules at the most that a fingertip or a known mass does.
-const CONTACT_MODULES: usize = 3;
 
 /// So many taxels that are in no total tell how far all of them lie from their zero.
 const FAR_TAXELS_MIN: usize = 20;

@@ -5,19 +5,20 @@
 //! over a module (beyond the threshold what the taxel's curve says instead), `H` is the sum of all `h`, a load on
 //! everything, or that of the three greatest, a contact, whichever is more. What has left the skin since its zero was taken
 //! hides in it no longer. A skin that lies away from load as a whole, as a colder one does, hides a contact by as much, so a
-//! contact is told from the median taxel then, and has its error. Boards that took a zero of their own since the models were
+//! contact is told from the median taxel of the other modules then, and has its error. Boards that took a zero of their own since the models were
 //! gathered leave a residue on every taxel, which may hide a load as well: how far the taxels lie apart is how large these
 //! are, `H` has the standard uncertainty `sqrt(sum (w d)^2)` of its taxels, `d` from the median deviation. Where somebody has
 //! confirmed a zero since, the same is told from that zero, and what is more counts.
 
 use std::ops::Range;
 
-use super::CONTACT_MODULES;
 use crate::baseline::TaxelBaseline;
 use crate::force::source::Light;
 use crate::force::tables::Tables;
 use crate::statistics::{MEDIAN_DEVIATIONS, median, median_error};
 
+/// A contact touches so many modules at the most that a fingertip or a known mass does.
+pub(super) const CONTACT_MODULES: usize = 3;
 /// Standard uncertainties to the most that may be hidden: 95 %.
 const SIGMAS: f64 = 2.0;
 
@@ -72,15 +73,26 @@ impl Hidden {
             let curve = || tables.threshold_n(taxel, moved).unwrap_or(linear).max(linear);
             if moved > light.threshold_counts { curve() } else { linear }
         };
-        // A contact on a skin that lies away from load is told from the median taxel, whose error its taxels have in common.
-        let median_off = if middle < 0.0 { median_error(apart, all.iter().flatten().count()) } else { 0.0 };
+        // A contact on a skin that lies away from load is told from the median of the modules beside it, whose error its taxels have
+        // in common.
+        let of_module = |range: &Range<usize>| all[range.clone()].iter().copied().flatten();
+        let mut medians: Vec<(f64, usize)> = modules
+            .iter()
+            .enumerate()
+            .filter_map(|(module, range)| Some((median(of_module(range))?, module)))
+            .collect();
+        medians.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let beside: Vec<f64> =
+            medians.iter().skip(CONTACT_MODULES).flat_map(|&(_, module)| of_module(&modules[module])).collect();
+        let level = median(beside.iter().copied()).unwrap_or(middle).min(0.0);
+        let level_off = if level < 0.0 { median_error(apart, beside.len()) } else { 0.0 };
         // Of each module its force, that beside what moved the whole skin away from load, its squared uncertainty, and N per count.
         let of_module = |range: &Range<usize>| {
             let moved = range.clone().filter_map(|taxel| Some((taxel, all.get(taxel).copied()??)));
             moved.fold([0.0; 4], |[force, contact, squared, per_count], (taxel, moved)| {
                 let weight = taxels[taxel].newton_per_count;
                 let sigma = weight * apart;
-                let beside = newton(taxel, moved - middle.min(0.0));
+                let beside = newton(taxel, moved - level);
                 [force + newton(taxel, moved), contact + beside, squared + sigma * sigma, per_count + weight]
             })
         };
@@ -90,7 +102,7 @@ impl Hidden {
         let everything = Self { newton: everything.max(0.0), sigma_n: sum(&by_module, 2).sqrt() };
         by_module.sort_by(|a, b| b[1].total_cmp(&a[1]));
         by_module.truncate(CONTACT_MODULES);
-        let sigma_n = sum(&by_module, 2).sqrt().hypot(median_off * sum(&by_module, 3));
+        let sigma_n = sum(&by_module, 2).sqrt().hypot(level_off * sum(&by_module, 3));
         let contact = Self { newton: sum(&by_module, 1), sigma_n };
         if everything.upper_n() > contact.upper_n() { everything } else { contact }
     }
@@ -142,25 +154,27 @@ mod tests {
         type Moved = fn(usize) -> f64;
         // How far each taxel has moved, what may lie there in counts of a taxel, and its uncertainty in median deviations of one.
         let all = 50.0_f64.sqrt();
+        // Of a contact 30 taxels of residues, and the median of 20 that it is told from is off by 1.25 / sqrt(20).
+        let of_contact = 30.0_f64.sqrt().hypot(30.0 * 1.2533 / 20.0_f64.sqrt());
         let table: [(&str, Moved, f64, f64); 8] = [
             ("a load on everything", |_| 1.0, 50.0, 0.0),
             ("on one module, which is as much as everything", |t| if t / 10 == 2 { 2.0 } else { 0.0 }, 20.0, 0.0),
-            // The median is 1, and half of the taxels lie 0.5 or less from it.
+            // The median is 1, and half of the taxels lie 0.5 or less from it; the median of the other two modules is -1.25.
             (
                 "the three greatest of four, where the fifth is lighter",
                 |t| [1.0, 2.0, 1.5, 0.5, -3.0][t / 10],
-                45.0,
-                30.0_f64.sqrt() * 0.5,
+                82.5,
+                0.5 * of_contact,
             ),
             ("a colder skin, of which one module is not", |t| if t / 10 == 4 { 0.0 } else { -1.0 }, 10.0, 0.0),
             ("a warmer one, of which one is not", |t| if t / 10 == 4 { 0.0 } else { 1.0 }, 40.0, 0.0),
             ("residues", |t| if t % 2 == 0 { 1.0 } else { -1.0 }, 0.0, all),
-            // A contact may hide 4.8 counts, and 30 taxels of residues; the median of 50 that it is told from is off by 1.25 / sqrt(50).
+            // The median of the other two modules is -0.1.
             (
                 "residues, and one module that is lighter",
                 |t| [0.12, 0.12, 0.12, 0.0, -0.2][t / 10] + if t % 2 == 0 { 1.0 } else { -1.0 },
-                4.8,
-                30.0_f64.sqrt().hypot(30.0 * 1.2533 / all),
+                6.6,
+                of_contact,
             ),
             ("residues under a load", |t| if t % 2 == 0 { 2.0 } else { 0.0 }, 50.0, all),
         ];
