@@ -12,47 +12,39 @@ use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
-    pub(super) fn on_command(&mut self, now: Now, request: RequestId, command: Command, out: &mut Vec<Output>) {
+    pub(super) fn on_command(&mut self, now: Now, request: RequestId, command: Command) {
         let answer = match command {
-            Command::Tare { patch, confirmed_by } => self.tare(now, request, &patch, confirmed_by, out),
+            Command::Tare { patch, confirmed_by } => self.tare(now, request, &patch, confirmed_by),
             Command::RecordLoad { patch, load } => self.start_load(now, request, &patch, load),
             Command::BringUp { patch, confirmed_by } => {
-                self.bring_up(now, &patch, confirmed_by.is_some(), out).map(Answer::Now)
+                self.bring_up(now, &patch, confirmed_by.is_some()).map(Answer::Now)
             }
-            Command::BeginPush { patch } => self.begin_push(now, &patch, out).map(Answer::Now),
+            Command::BeginPush { patch } => self.begin_push(now, &patch).map(Answer::Now),
             Command::StartSession { patch, target, branches, confirmed_by, leave_out } => {
                 let asked = SessionRequest { target, branches, confirmed_by, leave_out };
-                self.start_session(now, &patch, asked, out).map(Answer::Now)
+                self.start_session(now, &patch, asked).map(Answer::Now)
             }
-            Command::StartRamp { session } => {
-                self.command_session(now, request, session, (Trigger::StartRamp, ""), out)
-            }
-            Command::Plateau { session, kpa } => self.plateau(now, session, kpa.0, out).map(Answer::Now),
-            Command::FinishRamp { session } => {
-                self.command_session(now, request, session, (Trigger::FinishRamp, ""), out)
-            }
+            Command::StartRamp { session } => self.command_session(now, request, session, (Trigger::StartRamp, "")),
+            Command::Plateau { session, kpa } => self.plateau(now, session, kpa.0).map(Answer::Now),
+            Command::FinishRamp { session } => self.command_session(now, request, session, (Trigger::FinishRamp, "")),
             Command::AbortSession { session, reason } => {
                 let why = reason.as_deref().unwrap_or(Trigger::Abort.reason());
-                self.command_session(now, request, session, (Trigger::Abort, why), out)
+                self.command_session(now, request, session, (Trigger::Abort, why))
             }
-            Command::DiscardSession { session } => self.discard(now, request, session, out),
-            Command::DeleteSession { session } => self.delete_session(now, request, session, out),
-            Command::DeleteModelSet { model_set } => self.delete_model_set(now, request, model_set, out),
+            Command::DiscardSession { session } => self.discard(now, request, session),
+            Command::DeleteSession { session } => self.delete_session(now, request, session),
+            Command::DeleteModelSet { model_set } => self.delete_model_set(now, request, model_set),
             Command::Activate { patch, model_set, expected } => {
-                self.activate(now, request, (&patch, model_set, expected), out)
+                self.activate(now, request, (&patch, model_set, expected))
             }
-            Command::Import { model_set, insist } => {
-                self.keep(Some(request), model_set, Origin::Import { insist }, out)
-            }
-            Command::KeepRefit { model_set, sessions } => {
-                self.keep(Some(request), model_set, Origin::Refit(sessions), out)
-            }
-            Command::KeepRecalibration { model_set } => self.keep(Some(request), model_set, Origin::Loads, out),
+            Command::Import { model_set, insist } => self.keep(Some(request), model_set, Origin::Import { insist }),
+            Command::KeepRefit { model_set, sessions } => self.keep(Some(request), model_set, Origin::Refit(sessions)),
+            Command::KeepRecalibration { model_set } => self.keep(Some(request), model_set, Origin::Loads),
         };
         match answer {
-            Ok(Answer::Now(done)) => out.push(Output::Reply(request, Ok(done))),
+            Ok(Answer::Now(done)) => self.out.push(Output::Reply(request, Ok(done))),
             Ok(Answer::Later) => {}
-            Err(rejection) => out.push(Output::Reply(request, Err(rejection))),
+            Err(rejection) => self.out.push(Output::Reply(request, Err(rejection))),
         }
     }
 
@@ -84,11 +76,10 @@ impl Engine {
         request: RequestId,
         patch: &str,
         confirmed_by: Option<String>,
-        out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         let index = self.patch_named(patch)?;
         self.store_takes_records()?;
-        self.with_patch(now, index, out, |patch, effects| patch.tare(now, request, confirmed_by, effects))?;
+        self.with_patch(now, index, |patch| patch.tare(now, request, confirmed_by))?;
         Ok(Answer::Later)
     }
 
@@ -102,15 +93,15 @@ impl Engine {
     }
 
     /// It has been listened for long enough whether the boards stream: those that have to be configured are.
-    pub(super) fn begin_bring_up(&mut self, now: Now, out: &mut Vec<Output>) {
+    pub(super) fn begin_bring_up(&mut self, now: Now) {
         let mut wanted: Vec<Vec<bool>> = self.patches.iter().map(|patch| patch.boards_to_configure(now.time)).collect();
         self.shared.spread(&mut wanted);
         for (index, wanted) in wanted.iter().enumerate() {
-            self.with_patch(now, index, out, |patch, effects| patch.begin(now, wanted, effects));
+            self.with_patch(now, index, |patch| patch.begin(now, wanted));
         }
     }
 
-    fn bring_up(&mut self, now: Now, patch: &str, confirmed: bool, out: &mut Vec<Output>) -> Reply {
+    fn bring_up(&mut self, now: Now, patch: &str, confirmed: bool) -> Reply {
         let index = self.patch_named(patch)?;
         if !self.patches[index].plan().configures() {
             let why = "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
@@ -133,7 +124,7 @@ impl Engine {
         }
         for member in members {
             let (confirmed, wanted) = (confirmed && member == index, &wanted[member]);
-            self.with_patch(now, member, out, |patch, effects| patch.configure(now, wanted, confirmed, effects));
+            self.with_patch(now, member, |patch| patch.configure(now, wanted, confirmed));
         }
         self.health_dirty.0 = true; // boards that were verified are not any more
         Ok(Done::BringUpStarted)

@@ -34,13 +34,7 @@ pub(super) struct SessionRequest {
 }
 
 impl Engine {
-    pub(super) fn start_session(
-        &mut self,
-        now: Now,
-        patch: &str,
-        asked: SessionRequest,
-        out: &mut Vec<Output>,
-    ) -> Reply {
+    pub(super) fn start_session(&mut self, now: Now, patch: &str, asked: SessionRequest) -> Reply {
         let index = self.patch_named(patch)?;
         self.store_takes_records()?;
         let patch = self.check_begin(now, index)?;
@@ -71,10 +65,8 @@ impl Engine {
             ..SessionView::default()
         };
         self.next_session += 1;
-        self.with_patch(now, index, out, |patch, effects| {
-            patch.with_session(now, effects, |calibration, intake, events| {
-                calibration.start(now, view, intake.gauge(), events);
-            });
+        self.with_patch(now, index, |patch| {
+            patch.with_session(now, |calibration, _| calibration.start(now, view));
         });
         self.patches[index].held_session().map(Done::Session)
     }
@@ -101,32 +93,25 @@ impl Engine {
         request: RequestId,
         number: u64,
         (command, why): (Trigger, &str),
-        out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
-        Ok(match self.go_on(now, number, (command, why), None, out)? {
+        Ok(match self.go_on(now, number, (command, why), None)? {
             Some(done) => Answer::Now(done),
-            None if command == Trigger::Abort => return self.end_on_disk(now, request, number, (command, why), out),
+            None if command == Trigger::Abort => return self.end_on_disk(now, request, number, (command, why)),
             None => {
                 let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
-                out.push(Output::Load { ticket, session: number });
+                self.out.push(Output::Load { ticket, session: number });
                 Answer::Later
             }
         })
     }
 
     /// The samples of a session were read, or why not: the command that needs them goes on.
-    pub(super) fn on_loaded(
-        &mut self,
-        now: Now,
-        ticket: u64,
-        result: Result<SessionSamples, NotLoaded>,
-        out: &mut Vec<Output>,
-    ) {
+    pub(super) fn on_loaded(&mut self, now: Now, ticket: u64, result: Result<SessionSamples, NotLoaded>) {
         let Some((request, Effect::TakeUp(number, command))) = self.pending.take(ticket) else { return };
         let fault = "the samples were read, and are still missing, which is a fault of this program";
         let fault = || ErrorReason::ProgramFault.because(fault.to_owned());
-        let reply = self.go_on(now, number, (command, ""), Some(result), out).and_then(|done| done.ok_or_else(fault));
-        out.extend(request.map(|request| Output::Reply(request, reply)));
+        let reply = self.go_on(now, number, (command, ""), Some(result)).and_then(|done| done.ok_or_else(fault));
+        self.out.extend(request.map(|request| Output::Reply(request, reply)));
     }
 
     /// Does what is asked of a session, with its samples if they were `read`. `None` if they have to be, or are not needed for a session
@@ -137,7 +122,6 @@ impl Engine {
         number: u64,
         (command, why): (Trigger, &str),
         read: Option<Result<SessionSamples, NotLoaded>>,
-        out: &mut Vec<Output>,
     ) -> Result<Option<Done>, Rejection> {
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
@@ -147,7 +131,7 @@ impl Engine {
             self.check_settings(number)?;
         }
         if let Some(index) = self.held(number) {
-            return self.command_held(now, index, (command, why), out).map(Some);
+            return self.command_held(now, index, (command, why)).map(Some);
         }
         if command == Trigger::Abort {
             return Ok(None);
@@ -157,7 +141,7 @@ impl Engine {
         let samples = self.usable_samples(index, number, read)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.patches[index].calibration_mut().resume(now, SessionView::clone(view), samples);
-        self.command_held(now, index, (command, why), out).map(Some)
+        self.command_held(now, index, (command, why)).map(Some)
     }
 
     /// A session whose models are in use stays as it is.
@@ -180,13 +164,13 @@ impl Engine {
         Err(ErrorReason::LayoutChanged.because(why))
     }
 
-    fn command_held(&mut self, now: Now, index: usize, command: (Trigger, &str), out: &mut Vec<Output>) -> Reply {
-        let view = self.with_patch(now, index, out, |patch, effects| patch.command_session(now, command, effects))?;
+    fn command_held(&mut self, now: Now, index: usize, command: (Trigger, &str)) -> Reply {
+        let view = self.with_patch(now, index, |patch| patch.command_session(now, command))?;
         Ok(Done::Session(view))
     }
 
     /// What a dial shows, of a session that a patch holds.
-    pub(super) fn plateau(&mut self, now: Now, number: u64, kpa: f64, out: &mut Vec<Output>) -> Reply {
+    pub(super) fn plateau(&mut self, now: Now, number: u64, kpa: f64) -> Reply {
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
@@ -194,17 +178,11 @@ impl Engine {
             let why = format!("session {number} is {}; a plateau is typed only in RAMPING", view.state.name());
             return Err(ErrorReason::SessionWrongState.because(why));
         };
-        let view = self.with_patch(now, index, out, |patch, effects| patch.take_plateau(now, kpa, effects))?;
+        let view = self.with_patch(now, index, |patch| patch.take_plateau(now, kpa))?;
         Ok(Done::Session(view))
     }
 
-    pub(super) fn discard(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        number: u64,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    pub(super) fn discard(&mut self, now: Now, request: RequestId, number: u64) -> Result<Answer, Rejection> {
         self.refuse_if_session_ends(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
@@ -213,7 +191,7 @@ impl Engine {
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
         self.store_takes_records()?;
-        self.end_on_disk(now, request, number, (Trigger::Discard, Trigger::Discard.reason()), out)
+        self.end_on_disk(now, request, number, (Trigger::Discard, Trigger::Discard.reason()))
     }
 
     /// A session that gathers nothing ends once that is on disk.
@@ -223,7 +201,6 @@ impl Engine {
         request: RequestId,
         number: u64,
         (command, why): (Trigger, &str),
-        out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         let held = self.held(number).and_then(|index| self.patches[index].calibration().session());
         let view = held.or_else(|| self.sessions.get(&number).map(Arc::as_ref));
@@ -237,25 +214,19 @@ impl Engine {
         view.changed_wall_ns = now.wall_ns;
         let view = Arc::new(view);
         let record = Record::Session(Arc::clone(&view));
-        self.commit(Some(request), Effect::End(command, view), vec![record], out);
+        self.commit(Some(request), Effect::End(command, view), vec![record]);
         Ok(Answer::Later)
     }
 
     /// That it has ended is on disk. One that a patch holds stays there, with its samples.
-    pub(super) fn end_session(
-        &mut self,
-        now: Now,
-        command: Trigger,
-        view: Arc<SessionView>,
-        out: &mut Vec<Output>,
-    ) -> Reply {
+    pub(super) fn end_session(&mut self, now: Now, command: Trigger, view: Arc<SessionView>) -> Reply {
         if let Some(index) = self.held(view.number) {
             // Everybody sees the time that is on disk.
             let then = Now { wall_ns: view.changed_wall_ns, ..now };
-            let mut follows = Vec::new();
-            self.command_held(then, index, (command, &view.reason), &mut follows)?;
-            let is_known = |output: &Output| matches!(output, Output::Record(Record::Session(known)) if known.number == view.number);
-            out.extend(follows.into_iter().filter(|output| !is_known(output)));
+            let before = self.out.len();
+            self.command_held(then, index, (command, &view.reason))?;
+            let is_known = |output: &mut Output| matches!(output, Output::Record(Record::Session(known)) if known.number == view.number);
+            self.out.extract_if(before.., is_known).for_each(drop);
         }
         self.sessions.insert(view.number, Arc::clone(&view));
         self.catalogue_dirty = true;
@@ -304,13 +275,7 @@ impl Engine {
         self.patches.iter().position(|p| p.calibration().session().is_some_and(|s| s.number == number))
     }
 
-    pub(super) fn delete_session(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        number: u64,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    pub(super) fn delete_session(&mut self, now: Now, request: RequestId, number: u64) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.refuse_if_session_ends(number)?;
@@ -322,19 +287,19 @@ impl Engine {
             self.refuse_if_set_is_used(id)?;
         }
         let record = Record::SessionDeleted { session: number, wall_ns: now.wall_ns };
-        self.commit(Some(request), Effect::Forget(Forgotten::Session(number)), vec![record], out);
+        self.commit(Some(request), Effect::Forget(Forgotten::Session(number)), vec![record]);
         Ok(Answer::Later)
     }
 
     /// It is gone from the disk.
-    pub(super) fn forget(&mut self, what: &Forgotten, out: &mut Vec<Output>) {
+    pub(super) fn forget(&mut self, what: &Forgotten) {
         match what {
             Forgotten::ModelSet(id) => self.model_sets.retain(|known| known.id != *id),
             Forgotten::Session(number) => {
                 self.sessions.remove(number);
                 if let Some(index) = self.held(*number) {
                     self.patches[index].calibration_mut().forget();
-                    out.push(Output::SessionGone(index));
+                    self.out.push(Output::SessionGone(index));
                 }
             }
         }

@@ -71,7 +71,6 @@ impl Engine {
         request: Option<RequestId>,
         set: Arc<ModelSet>,
         origin: Origin,
-        out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
         let index = self.patch_named(&set.patch)?;
@@ -95,7 +94,7 @@ impl Engine {
             self.room_for_model_set()?;
         }
         let record = Record::ModelSet(Arc::clone(&set));
-        self.commit(request, Effect::Keep(set, origin), vec![record], out);
+        self.commit(request, Effect::Keep(set, origin), vec![record]);
         Ok(Answer::Later)
     }
 
@@ -143,7 +142,7 @@ impl Engine {
     }
 
     /// A set is on disk.
-    pub(super) fn on_kept(&mut self, now: Now, set: Arc<ModelSet>, origin: Origin, out: &mut Vec<Output>) -> Done {
+    pub(super) fn on_kept(&mut self, now: Now, set: Arc<ModelSet>, origin: Origin) -> Done {
         let known = self.known_set(&set.id).cloned();
         let was_known = known.is_some();
         let id = set.id.clone();
@@ -156,7 +155,7 @@ impl Engine {
         match origin {
             Origin::Import { .. } => return Done::Imported { model_set: id },
             Origin::Refit(_) | Origin::Loads => {}
-            Origin::Session(patch, outcome) => self.end_fit(now, patch, &outcome, out),
+            Origin::Session(patch, outcome) => self.end_fit(now, patch, &outcome),
         }
         Done::RefitKept { model_set: known, known: was_known }
     }
@@ -166,36 +165,29 @@ impl Engine {
         now: Now,
         request: RequestId,
         (patch, model_set, expected): (&str, String, Option<String>),
-        out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         let patch = self.patch_named(patch)?;
         let loading = ReadSet { patch, model_set, expected };
         match self.check_activation(&loading)?.at_hand {
             Some(set) => {
                 self.check_fit(patch, &set)?;
-                self.commit_activation(now, Some(request), patch, set, out);
+                self.commit_activation(now, Some(request), patch, set);
             }
             None => {
                 let model_set = loading.model_set.clone();
                 let ticket = self.pending.keep(Some(request), Effect::ReadSet(loading));
-                out.push(Output::LoadSet { ticket, model_set });
+                self.out.push(Output::LoadSet { ticket, model_set });
             }
         }
         Ok(Answer::Later)
     }
 
     /// The set was read, or why not.
-    pub(super) fn on_set_loaded(
-        &mut self,
-        now: Now,
-        ticket: u64,
-        result: Result<Arc<ModelSet>, NotLoaded>,
-        out: &mut Vec<Output>,
-    ) {
+    pub(super) fn on_set_loaded(&mut self, now: Now, ticket: u64, result: Result<Arc<ModelSet>, NotLoaded>) {
         let Some((request, Effect::ReadSet(loading))) = self.pending.take(ticket) else { return };
         match self.loaded(&loading, result) {
-            Ok(set) => self.commit_activation(now, request, loading.patch, set, out),
-            Err(rejection) => out.extend(request.map(|request| Output::Reply(request, Err(rejection)))),
+            Ok(set) => self.commit_activation(now, request, loading.patch, set),
+            Err(rejection) => self.out.extend(request.map(|request| Output::Reply(request, Err(rejection)))),
         }
     }
 
@@ -222,19 +214,12 @@ impl Engine {
         self.patches[patch].unfit(set).map_or(Ok(()), |why| Err(ErrorReason::LayoutChanged.because(why)))
     }
 
-    fn commit_activation(
-        &mut self,
-        now: Now,
-        request: Option<RequestId>,
-        patch: usize,
-        set: Arc<ModelSet>,
-        out: &mut Vec<Output>,
-    ) {
+    fn commit_activation(&mut self, now: Now, request: Option<RequestId>, patch: usize, set: Arc<ModelSet>) {
         let name = self.patches[patch].name().to_owned();
         // The set goes along: the store finds it there, or writes it again if what it has is damaged.
         let stored = Record::ModelSet(Arc::clone(&set));
         let activated = Record::Activated { patch: name, model_set: set.id.clone(), wall_ns: now.wall_ns };
-        self.commit(request, Effect::Activate(patch, set), vec![stored, activated], out);
+        self.commit(request, Effect::Activate(patch, set), vec![stored, activated]);
     }
 
     /// The set, if it may come into use on the patch now.
@@ -273,24 +258,18 @@ impl Engine {
     }
 
     /// A model set comes into use, and readers see the session that it came from in use.
-    pub(super) fn put_to_use(&mut self, now: Now, patch: usize, set: &Arc<ModelSet>, out: &mut Vec<Output>) -> Done {
+    pub(super) fn put_to_use(&mut self, now: Now, patch: usize, set: &Arc<ModelSet>) -> Done {
         let before = self.patches[patch].models().cloned();
-        self.with_patch(now, patch, out, |patch, _| patch.set_models(Arc::clone(set)));
+        self.with_patch(now, patch, |patch| patch.set_models(Arc::clone(set)));
         self.keep_at_hand();
         if let Some(view) = self.patches[patch].seen_session() {
-            out.push(Output::Session(patch, view));
+            self.out.push(Output::Session(patch, view));
         }
         self.catalogue_dirty = true;
         Done::Activated { model_set: set.id.clone(), previous: before.map(|set| set.id.clone()) }
     }
 
-    pub(super) fn delete_model_set(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        id: String,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    pub(super) fn delete_model_set(&mut self, now: Now, request: RequestId, id: String) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
         self.known_set(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
         self.refuse_if_set_is_deleted(&id)?;
@@ -301,7 +280,7 @@ impl Engine {
             return Err(ErrorReason::SessionOpen.because(why));
         }
         let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
-        self.commit(Some(request), Effect::Forget(Forgotten::ModelSet(id)), vec![record], out);
+        self.commit(Some(request), Effect::Forget(Forgotten::ModelSet(id)), vec![record]);
         Ok(Answer::Later)
     }
 

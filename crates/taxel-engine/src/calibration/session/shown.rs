@@ -11,11 +11,6 @@ use crate::intake::gauge::GaugeHistory;
 use crate::statistics::median;
 
 impl SessionRun {
-    /// Shows the pressure as it was shown before.
-    pub const fn keep_pressure(&mut self, kpa: Option<f64>) {
-        self.view.pressure_kpa = kpa;
-    }
-
     /// Brings pressure, rate, coverage and the time left up to date.
     pub fn refresh(&mut self, now: Time, gauge: &GaugeHistory) {
         let fresh = gauge.newest().filter(|&(time, _)| now.since(time) <= self.limits.gauge_timeout);
