@@ -114,7 +114,7 @@ fn sessions_that_do_not_go_together_are_refused_and_named() {
     let other = vec!["board 13: shift 3".to_owned(), "board 12: shift 3".to_owned()];
     with_view(&mut alone[1], |view| view.board_settings = other.into());
     let why = shelf().plan(alone).unwrap_err().to_string();
-    assert!(why.contains("session 1 (board 13: type 0 ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
+    assert!(why.contains("session 1 (board 13: type 0; ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
     let why = shelf().plan(Vec::new()).unwrap_err().to_string();
     assert_eq!(why, "sessions: 0 are named, expected 1 to 32");
 }
