@@ -1,6 +1,6 @@
 //! What five load points correct on another day of a real skin: the figures of crates/taxeld/doc/recalibration.md.
 
-use taxel_engine::calibration::fit::{Applied, ApplyRecipe, FitRecipe, OneByOne, apply, fit, judge};
+use taxel_engine::calibration::fit::{Applied, FitRecipe, OneByOne, Tare, apply, fit, judge};
 use taxel_engine::loads::places::LaidAt;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::recalibration::{Assumptions, Recalibration, corrected};
@@ -32,7 +32,7 @@ fn read(name: &str) -> Option<Recording> {
 }
 
 fn applied(recording: &Recording, set: &ModelSet) -> Applied {
-    apply(&recording.as_scans(), set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap()
+    apply(&recording.as_scans(), set, Tare::Auto).unwrap()
 }
 
 /// Mean over the taxels, scan by scan, kPa; NaN where none is read, or where it is a lower bound.

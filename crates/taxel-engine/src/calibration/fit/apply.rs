@@ -17,21 +17,6 @@ use crate::model_set::{GAIN_OF_DAY_REL, GAIN_OF_RECORDING_REL, ModelSet};
 /// How far taxels move between days, root mean square in counts: what an unproven zero may be off by.
 const DAY_COUNTS: f64 = 3.0;
 
-/// How models are applied.
-#[derive(Clone, Debug, Default)]
-pub struct ApplyRecipe {
-    /// What to do about the zero.
-    pub tare: Tare,
-    /// Counts are averaged over so many seconds; `None` is as the set was fitted.
-    pub smooth_s: Option<f64>,
-    /// Neighbouring taxels of a module; `None` is as the set was fitted, or 10.
-    pub module_size: Option<usize>,
-    /// Whether standard deviations are wanted.
-    pub sigma: bool,
-    /// Limits of the faults.
-    pub faults: FaultLimits,
-}
-
 /// Why a taxel has no pressure in the whole recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unread {
@@ -64,13 +49,13 @@ pub struct Applied {
     /// One column per taxel, kPa, beyond the calibrated range of a skin extended (see [`taxel_model::SkinSlope`]); NaN where the
     /// taxel is excluded. The column is empty where it is excluded throughout.
     pub pressure_kpa: Vec<Vec<f64>>,
-    /// Their standard deviations, kPa, likewise; all empty if they were not wanted. Infinite at an end of the converter
+    /// Their standard deviations, kPa, likewise. Infinite at an end of the converter
     /// towards pressure, and beyond the calibrated range of what is no skin: there the reading is a lower bound only.
     pub sigma_kpa: Vec<Vec<f64>>,
     /// Whether a reading is of more pressure than was calibrated, likewise.
     pub beyond: Vec<Vec<bool>>,
     /// Standard deviation of the mean pressure over the taxels that are read, kPa, one per scan: what they have in
-    /// common does not average out. Empty if deviations were not wanted.
+    /// common does not average out.
     pub area_sigma_kpa: Vec<f64>,
     /// Why a column is empty.
     pub unread: Vec<Option<Unread>>,
@@ -80,30 +65,29 @@ pub struct Applied {
     pub masked: (usize, usize),
 }
 
-/// Applies a model set. Faulty stretches are left out.
+/// Applies a model set with this zero. Faulty stretches are left out.
 ///
 /// # Errors
 /// [`RecordingError::Taxels`] if set and recording do not have the same number, [`RecordingError::TareTooLong`] if the zero
 /// is to be taken from more than is recorded.
-pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<Applied, RecordingError> {
+pub fn apply(scans: &Scans<'_>, set: &ModelSet, tare: Tare) -> Result<Applied, RecordingError> {
     let (recorded, models) = (scans.counts.len(), set.taxels.len());
     if recorded != models {
         return Err(RecordingError::Taxels { recorded, models });
     }
     let span_s = scans.time_s.last().zip(scans.time_s.first()).map_or(0.0, |(last, first)| last - first);
-    if let Tare::Seconds(tare_s) = recipe.tare
+    if let Tare::Seconds(tare_s) = tare
         && tare_s > span_s + scans.period_s()
     {
         return Err(RecordingError::TareTooLong { tare_s, span_s });
     }
-    let module_size = recipe.module_size.or(set.recorded.as_ref().map(|r| r.module_size)).unwrap_or(10);
+    let (module_size, smooth_s) = set.recorded.as_ref().map_or((10, 0.0), |of| (of.module_size, of.smooth_s));
     // Of anything but several 8-bit taxels over time nothing is known of faults or rest.
     let skin = scans.is_recording() || set.is_of_skin() && scans.has_bytes() && recorded > 1;
-    let masks =
-        if skin { Masks::find(scans, &modules(recorded, module_size), &recipe.faults) } else { Masks::missing(scans) };
-    let tare = if recipe.tare == Tare::Auto && !skin { Tare::None } else { recipe.tare };
+    let find = || Masks::find(scans, &modules(recorded, module_size), &FaultLimits::default());
+    let masks = if skin { find() } else { Masks::missing(scans) };
+    let tare = if tare == Tare::Auto && !skin { Tare::None } else { tare };
     let zero = Zero::find(tare, scans, &masks, set, module_size);
-    let smooth_s = recipe.smooth_s.or(set.recorded.as_ref().map(|r| r.smooth_s)).unwrap_or(0.0);
     let mut applied = Applied {
         pressure_kpa: vec![Vec::new(); models],
         sigma_kpa: vec![Vec::new(); models],
@@ -135,11 +119,9 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
                 applied.masked.0 += masked.iter().filter(|m| **m).count();
                 applied.masked.1 += masked.len();
                 let column = reader.column(taxel, counts, masked, moved);
-                if recipe.sigma {
-                    area.add(&column);
-                    applied.sigma_kpa[taxel] =
-                        column.own_kpa.iter().zip(&column.shared_kpa).map(|(o, s)| o.hypot(*s)).collect();
-                }
+                area.add(&column);
+                applied.sigma_kpa[taxel] =
+                    column.own_kpa.iter().zip(&column.shared_kpa).map(|(o, s)| o.hypot(*s)).collect();
                 applied.pressure_kpa[taxel] = column.kpa;
                 applied.beyond[taxel] = column.beyond;
             }
@@ -188,12 +170,6 @@ impl AreaSums {
     }
 }
 
-/// A standard uncertainty, what of it is a taxel's own and what it shares with all others.
-struct Doubt {
-    own_kpa: f64,
-    shared_kpa: f64,
-}
-
 struct Reader<'a> {
     set: &'a ModelSet,
     extensions: Vec<Option<Extension>>,
@@ -219,10 +195,10 @@ impl Reader<'_> {
         zero.moved(taxel).ok_or(if known { Unread::NoZero } else { Unread::NoBaseline })
     }
 
-    /// What a reading of a taxel is uncertain by because of its zero.
-    fn zero_doubt(&self, taxel: usize) -> Doubt {
+    /// What a reading of a taxel is uncertain by because of its zero, kPa: for itself, and together with all others.
+    fn zero_doubt_kpa(&self, taxel: usize) -> [f64; 2] {
         let Some((recorded, in_use)) = self.set.recorded.as_ref().zip(self.set.in_use(taxel)) else {
-            return Doubt { own_kpa: 0.0, shared_kpa: 0.0 };
+            return [0.0; 2];
         };
         // What nobody told may all be common, and the zero of another day mostly is.
         let day = if self.tared || !self.skin { 0.0 } else { DAY_COUNTS };
@@ -230,13 +206,13 @@ impl Reader<'_> {
         let [all, common] = [recorded.zero_return_counts(), recorded.zero_return_common_counts()]
             .map(|returned| returned / 3.0_f64.sqrt());
         let own = (all * all - common * common).max(0.0).sqrt();
-        Doubt { own_kpa: own / in_use.sensitivity, shared_kpa: common.hypot(day) / in_use.sensitivity }
+        [own, common.hypot(day)].map(|counts| counts / in_use.sensitivity)
     }
 
     /// Pressures of a taxel with their uncertainty.
     fn column(&self, taxel: usize, counts: &[f64], masked: &[bool], moved: f64) -> Column {
         let (model, plays) = (&self.set.taxels[taxel], self.set.plays(taxel));
-        let (zero, extension) = (self.zero_doubt(taxel), self.extensions[taxel]);
+        let ([zero_own_kpa, zero_shared_kpa], extension) = (self.zero_doubt_kpa(taxel), self.extensions[taxel]);
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let rail = if sign == Sign::Falling { 0.0 } else { 255.0 };
         // What corrected a set by known loads is in these, too.
@@ -263,8 +239,7 @@ impl Reader<'_> {
             let kpa = reading.kpa + bend_kpa + beyond.kpa;
             // Left-out readings of a skin fit show what the calibration leaves open, too.
             let in_sigma = if model.points.is_some() { self.doubts_kpa[taxel].min(reading.sigma_kpa) } else { 0.0 };
-            let own = (reading.sigma_kpa.powi(2) - in_sigma.powi(2)).sqrt().hypot(zero.own_kpa);
-            let shared = zero.shared_kpa;
+            let own = (reading.sigma_kpa.powi(2) - in_sigma.powi(2)).sqrt().hypot(zero_own_kpa);
             let range = plays.map_or(reading.range, |plays| plays.range_state(count)).in_pressure(sign);
             // Nothing tells how much more than at the range's end it is.
             let is_open = self.skin && counts[i] == rail || extension.is_none() && range == RangeState::Above;
@@ -272,7 +247,7 @@ impl Reader<'_> {
             let before_kpa = if range == RangeState::Below { kpa } else { 0.0 };
             column.kpa[i] = kpa;
             column.own_kpa[i] = own.hypot(beyond.own_kpa);
-            let shared = shared.hypot(self.doubts_kpa[taxel]).hypot(beyond.shared_kpa);
+            let shared = zero_shared_kpa.hypot(self.doubts_kpa[taxel]).hypot(beyond.shared_kpa);
             let shared = shared.hypot(gain * kpa).hypot(self.set.gauge_offset_kpa).hypot(before_kpa);
             column.shared_kpa[i] = if is_open { f64::INFINITY } else { shared };
             column.beyond[i] = beyond.sigma_kpa() > 0.0 || is_open;
