@@ -101,9 +101,6 @@ fn print_score(applied: &Applied, gauge_kpa: &[f64]) {
     if let Some(coverage) = score.coverage_beyond_percent {
         say!("    {coverage:.1} % of the {:.1} % that are beyond the calibrated range", score.beyond_percent);
     }
-    if let Some(coverage) = score.area_coverage_percent {
-        say!("    {coverage:.1} % of the area-means");
-    }
 }
 
 /// Refuses counts of another scale than the models', for example of 16 bits where the models are for 8.

@@ -8,7 +8,6 @@ use std::time::Duration;
 use taxel_skin::Time;
 
 use crate::baseline::TaxelBaseline;
-use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::calibration::job::{FitJob, FitOutcome};
 use crate::calibration::samples::{Pending, SessionSamples};
 use crate::calibration::session::{Progress, SessionEvent, SessionRun};
@@ -16,6 +15,7 @@ use crate::calibration::transition::{Trigger, commanded, transition};
 use crate::calibration::view::{SessionState, SessionView};
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
+use crate::plan::PatchPlan;
 use crate::request::{ErrorReason, Rejection};
 use crate::scan::Scan;
 
@@ -28,7 +28,7 @@ const REVIEW_STEP_KPA: f64 = 0.5;
 /// The calibration of one patch.
 #[derive(Debug)]
 pub struct Calibration {
-    plan: CalibrationPlan,
+    plan: Arc<PatchPlan>,
     session: Option<SessionRun>,
     /// How many fits were asked for: the number of the newest one.
     fits: u64,
@@ -40,7 +40,7 @@ pub struct Calibration {
 
 impl Calibration {
     /// No session.
-    pub const fn new(plan: CalibrationPlan) -> Self {
+    pub const fn new(plan: Arc<PatchPlan>) -> Self {
         Self { plan, session: None, fits: 0, dirty: false, shown: Time::from_nanos(i64::MIN), events: Vec::new() }
     }
 
@@ -59,8 +59,7 @@ impl Calibration {
     /// # Errors
     /// [`Rejection::FailedPrecondition`] with the session, its state and what to do.
     pub fn refuse_if_open(&self, then: &str) -> Result<(), Rejection> {
-        let Some(open) = self.open() else { return Ok(()) };
-        Err(ErrorReason::SessionOpen.because(format!("session {} is {}; {then}", open.number, open.state.name())))
+        self.session().map_or(Ok(()), |session| session.check_closed(then))
     }
 
     /// Refuses a command that cannot be given to the session in its present state.
@@ -84,14 +83,15 @@ impl Calibration {
 
     /// Begins a session. The caller has checked that none is open.
     pub fn start(&mut self, now: Now, view: SessionView) {
-        self.session = Some(SessionRun::new(now, view, self.plan.session, self.plan.taxels));
+        self.session = Some(SessionRun::new(now, view, self.plan.session, self.plan.patch.taxels().len()));
         self.enter(now, SessionState::Taring, "");
         self.events.push(SessionEvent::WantsZero);
     }
 
     /// Takes up a session of an earlier run with the samples that were on disk.
     pub fn resume(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
-        self.session = Some(SessionRun::resume(now, view, self.plan.session, self.plan.taxels, samples));
+        let taxels = self.plan.patch.taxels().len();
+        self.session = Some(SessionRun::resume(now, view, self.plan.session, taxels, samples));
     }
 
     /// The session was deleted. The caller has checked that it is not open.
@@ -221,19 +221,14 @@ impl Calibration {
     fn fit(&mut self, now: Now) {
         let Some(session) = &self.session else { return };
         self.fits += 1;
-        let (view, plan) = (&session.view, &self.plan);
+        let view = &session.view;
         let job = FitJob {
             session: view.number,
             fit: self.fits,
-            patch: plan.patch.clone(),
             wall_ns: now.wall_ns,
-            board_settings: view.known_settings().unwrap_or(&plan.board_settings).to_vec(),
-            samples: Arc::clone(&session.samples),
-            simulated: plan.simulated,
-            modules: plan.modules.clone(),
+            board_settings: view.board_settings.to_vec(),
             left_out: view.left_out.clone(),
-            together: Vec::new(),
-            recipe: plan.recipe(view.branches),
+            ..FitJob::new(&self.plan, view.branches, Arc::clone(&session.samples))
         };
         let ended_early = match view.state {
             SessionState::Ramping => view.reason.clone(),

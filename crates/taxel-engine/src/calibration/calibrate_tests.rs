@@ -1,21 +1,19 @@
 //! What follows from each thing that happens to a session, and how often it is shown.
 
 use std::time::Duration;
-use taxel_model::FitOptions;
-use taxel_skin::{Kilopascal, Time};
+use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Patch, Time};
 
 use super::branch::{Branch, Direction};
 use super::calibrate::Calibration;
-use super::calibration_plan::CalibrationPlan;
 use super::limits::SessionLimits;
 use super::session::SessionEvent;
 use super::transition::Trigger;
 use super::view::{SampleRefusal, SessionState, SessionView};
 use crate::baseline::TaxelBaseline;
 use crate::counts::Counts;
-use crate::intake::faults::limits::FaultLimits;
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
+use crate::plan::PatchPlan;
 use crate::scan::Scan;
 
 const TAXELS: usize = 4;
@@ -25,17 +23,12 @@ fn ms(ms: i64) -> Time {
     Time::from_nanos(ms * 1_000_000)
 }
 
-fn plan() -> CalibrationPlan {
-    CalibrationPlan {
-        simulated: false,
-        patch: "p".to_owned(),
-        modules: vec![0..2, 2..4],
-        taxels: TAXELS,
-        session: SessionLimits { patience: Duration::from_secs(3), ..SessionLimits::default() },
-        fit: FitOptions::default(),
-        faults: FaultLimits::default(),
-        board_settings: Vec::new(),
-    }
+/// A patch of two modules of two taxels.
+pub fn plan() -> PatchPlan {
+    let modules = [0, 1].map(|module| (Module::new(module).unwrap(), ModuleKind::Cells(2))).to_vec();
+    let board = Board { bus: BusIndex(0), address: BoardAddress::new(1).unwrap(), modules };
+    let session = SessionLimits { patience: Duration::from_secs(3), ..SessionLimits::default() };
+    PatchPlan { session, ..PatchPlan::new(Patch::new("p", vec![board]).unwrap()) }
 }
 
 /// The calibration of a patch, its gauge, and what followed last.
@@ -49,7 +42,7 @@ struct Scene {
 impl Scene {
     fn new() -> Self {
         let gauge = GaugeHistory::at_rest_until(ms(1_000));
-        Self { calibration: Calibration::new(plan()), gauge, events: Vec::new(), ms: 1_000 }
+        Self { calibration: Calibration::new(plan().into()), gauge, events: Vec::new(), ms: 1_000 }
     }
 
     /// A session that watches for its zero.

@@ -19,6 +19,7 @@ use crate::calibration::gauge_zero::GaugeZero;
 use crate::calibration::plateau::scatter_kpa;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::model_set::{Maker, ModelSet, ZeroReturn};
+use crate::plan::PatchPlan;
 use crate::statistics::root_mean_square;
 
 /// Between two ramps a zero that moved by more than this, root mean square in counts, did not return: the boards took a
@@ -26,7 +27,7 @@ use crate::statistics::root_mean_square;
 const RETURN_MAX_COUNTS: f64 = 3.0;
 
 /// A fit to be run outside the engine.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FitJob {
     /// Number of the session; of several together, of the newest.
     pub session: u64,
@@ -71,6 +72,18 @@ const BEGINS_MAX_KPA: f64 = 5.0;
 const GAP_MAX_SHARE: f64 = 0.3;
 
 impl FitJob {
+    /// The fit of samples of this patch over these branches.
+    pub(crate) fn new(plan: &PatchPlan, branches: Branch, samples: Arc<SessionSamples>) -> Self {
+        Self {
+            patch: plan.patch.name().to_owned(),
+            samples,
+            simulated: plan.simulated,
+            modules: plan.modules(),
+            recipe: plan.recipe(branches),
+            ..Self::default()
+        }
+    }
+
     /// Fits every taxel. `id_of` makes the id of the finished set from its content.
     #[must_use]
     pub fn run(&self, id_of: impl Fn(&ModelSet) -> String) -> FitOutcome {

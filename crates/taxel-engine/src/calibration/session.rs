@@ -15,7 +15,7 @@ use crate::calibration::job::{FitJob, refuse_gaps};
 use crate::calibration::limits::{PROBATION, SessionLimits};
 use crate::calibration::plateau::Plateaus;
 use crate::calibration::ramp::{Gate, Ramp};
-use crate::calibration::rise::{Rise, Stall};
+use crate::calibration::rise::Rise;
 use crate::calibration::samples::{Pending, RampBaseline, Sample, SessionSamples};
 use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
 use crate::counts::Counts;
@@ -143,7 +143,7 @@ impl SessionRun {
         let dropped = self.pending.len() as u64;
         self.pending.clear();
         self.plateaus.iter_mut().for_each(Plateaus::forget_scans);
-        self.view.refused.add_many(SampleRefusal::ZeroInDoubt, dropped);
+        self.view.refused.add(SampleRefusal::ZeroInDoubt, dropped);
     }
 
     /// Rest is proven: the ramp begins at this zero.
@@ -186,7 +186,7 @@ impl SessionRun {
         }
         let Some(scan) = scan else {
             self.stale_since_progress += 1;
-            self.view.refused.add(SampleRefusal::StaleModule);
+            self.view.refused.add(SampleRefusal::StaleModule, 1);
             return;
         };
         if self.pending.back().is_some_and(|newest| newest.time == scan.time) {
@@ -195,7 +195,7 @@ impl SessionRun {
         self.rise.on_scan(&scan.counts);
         if self.pending.len() >= PENDING_MAX {
             self.pending.pop_front();
-            self.view.refused.add(SampleRefusal::NoPressure);
+            self.view.refused.add(SampleRefusal::NoPressure, 1);
         }
         self.pending.push_back(scan);
     }
@@ -220,13 +220,11 @@ impl SessionRun {
             let Some(scan) = self.pending.pop_front() else { break };
             match gate {
                 Gate::Accept(pressure) => {
-                    if self.samples.samples.len() >= self.limits.scans_max {
-                        self.view.refused.add(SampleRefusal::Full);
+                    if !self.accept(scan, pressure, events) {
                         return Progress::RampEnded;
                     }
-                    events.push(self.accept(scan, pressure));
                 }
-                Gate::Refuse(reason) => self.view.refused.add(reason),
+                Gate::Refuse(reason) => self.view.refused.add(reason, 1),
                 Gate::Wait => {}
             }
             if let Some(why) = self.ramp.why_void(time, gauge, &self.limits) {
@@ -259,7 +257,12 @@ impl SessionRun {
         self.samples.ramps.last().and_then(|ramp| ramp.gauge_kpa).unwrap_or(0.0)
     }
 
-    fn accept(&mut self, scan: Pending, pressure: Kilopascal) -> SessionEvent {
+    /// A scan enters; false if the session is full.
+    fn accept(&mut self, scan: Pending, pressure: Kilopascal, events: &mut Vec<SessionEvent>) -> bool {
+        if self.samples.samples.len() >= self.limits.scans_max {
+            self.view.refused.add(SampleRefusal::Full, 1);
+            return false;
+        }
         self.cover(pressure.0 - self.gauge_zero_kpa());
         self.note_extremes(scan.counts.counts());
         self.stale_since_progress = 0;
@@ -272,7 +275,8 @@ impl SessionRun {
         let index = self.view.accepted;
         self.view.accepted += 1;
         Arc::make_mut(&mut self.samples).samples.push(sample.clone());
-        SessionEvent::Sample { index, sample }
+        events.push(SessionEvent::Sample { index, sample });
+        true
     }
 
     fn cover(&mut self, kpa: f64) {
@@ -344,12 +348,7 @@ impl SessionRun {
                     "the pressure did not fall for {seconds} s: it is {kpa:.1} kPa, the branch ends at {end:.1} kPa"
                 )
             }
-            Some((_, Kilopascal(kpa))) => self.rise.why(Stall {
-                patience,
-                kpa: kpa - self.gauge_zero_kpa(),
-                target_kpa: self.limits.target.0,
-                responding_counts: f64::from(self.limits.responding_counts),
-            }),
+            Some((_, Kilopascal(kpa))) => self.rise.why(kpa - self.gauge_zero_kpa(), patience, &self.limits),
         }
     }
 }

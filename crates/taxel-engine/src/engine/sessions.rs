@@ -10,7 +10,6 @@ use crate::calibration::branch::Branch;
 use crate::calibration::samples::{NotLoaded, SessionSamples};
 use crate::calibration::transition::{Trigger, commanded};
 use crate::calibration::view::{SessionState, SessionView};
-use crate::counts::Counts;
 use crate::engine::pending::{Answer, Effect, Forgotten};
 use crate::engine::step::Engine;
 use crate::now::Now;
@@ -40,15 +39,14 @@ impl Engine {
         let patch = self.check_begin(now, index)?;
         let branches = asked.branches.unwrap_or(patch.plan().session.branches);
         if patch.plan().session.typed && branches == Branch::Both {
-            let problem = "a dial is typed while the pressure rises: expected RISING".to_owned();
-            return Err(Rejection::InvalidArgument { field: "branches", problem });
+            return Err(Rejection::invalid("branches", "a dial is typed while the pressure rises: expected RISING"));
         }
         let target = asked.target.unwrap_or(patch.plan().session.target).0;
         let most = patch.plan().session.target_max_kpa();
         if !(target > 0.0 && target <= most) {
             let why = if patch.plan().session.pressurised_chamber { "" } else { NO_CHAMBER };
             let problem = format!("{target} kPa is not above 0 and at most {most}{why}");
-            return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
+            return Err(Rejection::invalid("target_kpa", problem));
         }
         let left_out = left_out(patch, &asked.leave_out)?;
         let view = SessionView {
@@ -76,10 +74,9 @@ impl Engine {
         self.room_for_session()?;
         self.room_for_model_set()?;
         let patch = &self.patches[index];
-        if !patch.plan().can_calibrate() {
-            let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
-            return Err(ErrorReason::NoPressureSensor.because(why));
-        }
+        ErrorReason::NoPressureSensor.unless(patch.plan().can_calibrate(), || {
+            "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned()
+        })?;
         patch.calibration().refuse_if_open("finish or abort it first")?;
         patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
@@ -93,16 +90,16 @@ impl Engine {
         request: RequestId,
         number: u64,
         (command, why): (Trigger, &str),
-    ) -> Result<Answer, Rejection> {
-        Ok(match self.go_on(now, number, (command, why), None)? {
-            Some(done) => Answer::Now(done),
-            None if command == Trigger::Abort => return self.end_on_disk(now, request, number, (command, why)),
-            None => {
-                let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
-                self.out.push(Output::Load { ticket, session: number });
-                Answer::Later
-            }
-        })
+    ) -> Answer {
+        let done = self.go_on(now, number, (command, why), None)?;
+        if done.is_none() && command == Trigger::Abort {
+            return self.end_on_disk(now, request, number, (command, why));
+        }
+        if done.is_none() {
+            let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
+            self.out.push(Output::Load { ticket, session: number });
+        }
+        Ok(done)
     }
 
     /// The samples of a session were read, or why not: the command that needs them goes on.
@@ -122,7 +119,7 @@ impl Engine {
         number: u64,
         (command, why): (Trigger, &str),
         read: Option<Result<SessionSamples, NotLoaded>>,
-    ) -> Result<Option<Done>, Rejection> {
+    ) -> Answer {
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
         self.refuse_if_in_use(number, command)?;
@@ -182,7 +179,7 @@ impl Engine {
         Ok(Done::Session(view))
     }
 
-    pub(super) fn discard(&mut self, now: Now, request: RequestId, number: u64) -> Result<Answer, Rejection> {
+    pub(super) fn discard(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
         self.refuse_if_session_ends(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
@@ -195,13 +192,7 @@ impl Engine {
     }
 
     /// A session that gathers nothing ends once that is on disk.
-    fn end_on_disk(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        number: u64,
-        (command, why): (Trigger, &str),
-    ) -> Result<Answer, Rejection> {
+    fn end_on_disk(&mut self, now: Now, request: RequestId, number: u64, (command, why): (Trigger, &str)) -> Answer {
         let held = self.held(number).and_then(|index| self.patches[index].calibration().session());
         let view = held.or_else(|| self.sessions.get(&number).map(Arc::as_ref));
         let mut view = view.cloned().ok_or_else(|| Rejection::no_session(number))?;
@@ -215,7 +206,7 @@ impl Engine {
         let view = Arc::new(view);
         let record = Record::Session(Arc::clone(&view));
         self.commit(Some(request), Effect::End(command, view), vec![record]);
-        Ok(Answer::Later)
+        Ok(None)
     }
 
     /// That it has ended is on disk. One that a patch holds stays there, with its samples.
@@ -254,19 +245,13 @@ impl Engine {
         number: u64,
         read: Result<SessionSamples, NotLoaded>,
     ) -> Result<SessionSamples, Rejection> {
-        let samples = read.map_err(|why| match why {
-            NotLoaded::Damaged(what) => ErrorReason::DataDamaged.because(format!(
-                "session {number} cannot go on, its samples are damaged on disk: {what}; start a new one"
-            )),
-            NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
+        let damaged =
+            |what| format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one");
+        let samples = read.map_err(|why| why.refusal(damaged))?;
+        let patch = &self.patches[index].plan().patch;
+        ErrorReason::LayoutChanged.unless(samples.is_of(patch), || {
+            format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name())
         })?;
-        let patch = &self.patches[index];
-        let fits = |counts: Counts<'_>| counts.len() == patch.taxels() && counts.fits(patch.plan().patch.counts());
-        if !samples.samples.iter().all(|sample| fits(sample.counts.counts())) {
-            let name = patch.name();
-            let why = format!("session {number} is of another layout of patch `{name}` and cannot go on");
-            return Err(ErrorReason::LayoutChanged.because(why));
-        }
         Ok(samples)
     }
 
@@ -275,20 +260,17 @@ impl Engine {
         self.patches.iter().position(|p| p.calibration().session().is_some_and(|s| s.number == number))
     }
 
-    pub(super) fn delete_session(&mut self, now: Now, request: RequestId, number: u64) -> Result<Answer, Rejection> {
+    pub(super) fn delete_session(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
         self.store_takes_records()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.refuse_if_session_ends(number)?;
-        if view.state.is_open() {
-            let why = format!("session {number} is {}; abort it first", view.state.name());
-            return Err(ErrorReason::SessionOpen.because(why));
-        }
+        view.check_closed("abort it first")?;
         if let Some(id) = view.model_set.as_deref() {
             self.refuse_if_set_is_used(id)?;
         }
         let record = Record::SessionDeleted { session: number, wall_ns: now.wall_ns };
         self.commit(Some(request), Effect::Forget(Forgotten::Session(number)), vec![record]);
-        Ok(Answer::Later)
+        Ok(None)
     }
 
     /// It is gone from the disk.
@@ -330,7 +312,7 @@ fn session_is_being(number: u64, what: &str) -> Rejection {
 /// The positions of the modules that an operator leaves out, given as board address and module number.
 fn left_out(patch: &Patch, names: &[(u8, u8)]) -> Result<Vec<u16>, Rejection> {
     let layout = &patch.plan().patch;
-    let invalid = |problem: String| Err(Rejection::InvalidArgument { field: "leave_out", problem });
+    let invalid = |problem: String| Err(Rejection::invalid("leave_out", problem));
     let mut positions = Vec::new();
     for &(board, module) in names {
         let found = layout.modules().iter().position(|site| {

@@ -240,74 +240,54 @@ impl Engine {
             let refused = self.on_frame(now.at(frame.time), bus, frame);
             let Some(state) = self.buses.get_mut(usize::from(bus.0)) else { return };
             match refused {
-                Taken::Ours => state.health.frames += 1,
-                Taken::Foreign => state.health.foreign += 1,
-                Taken::Malformed(why) => state.refuse(format!("{}: {why}", frame.frame.id)),
+                Ok(true) => state.health.frames += 1,
+                Ok(false) => state.health.foreign += 1,
+                Err(why) => state.refuse(format!("{}: {why}", frame.frame.id)),
             }
         }
         self.health_dirty.1 |= !frames.is_empty();
     }
 
-    fn on_frame(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame) -> Taken {
-        let refused = match self.routes.of(bus, frame.frame.id) {
-            Route::Foreign => return Taken::Foreign,
-            Route::Module { patch, module } => {
-                let taken = self.with_intake(now, usize::from(patch), |intake, events| {
-                    intake.on_module_frame(usize::from(module), frame, events)
-                });
-                taken.err().map(|refusal| refusal.to_string())
-            }
-            Route::Board { patch, board } => {
-                let taken = self.with_intake(now, usize::from(patch), |intake, events| {
-                    intake.on_board_frame(usize::from(board), &frame.frame, events)
-                });
-                taken.err().map(|refusal| refusal.to_string())
-            }
-            Route::Gauge => self.on_gauge(now, bus, frame),
-            Route::Device => return self.on_device(now, bus, frame),
+    /// Whether a frame is for anybody here, or what is wrong with one that is.
+    fn on_frame(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame) -> Result<bool, String> {
+        let taken = match self.routes.of(bus, frame.frame.id) {
+            Route::Foreign => return Ok(false),
+            Route::Described => return self.on_described(now, bus, frame),
+            Route::Module { patch, module } => self.with_intake(now, usize::from(patch), |intake, events| {
+                intake.on_module_frame(usize::from(module), frame, events)
+            }),
+            Route::Board { patch, board } => self.with_intake(now, usize::from(patch), |intake, events| {
+                intake.on_board_frame(usize::from(board), &frame.frame, events)
+            }),
         };
-        refused.map_or(Taken::Ours, Taken::Malformed)
+        taken.map(|()| true).map_err(|refusal| refusal.to_string())
     }
 
-    /// One gauge may serve several patches, each with its own idea of scale and meaning: what one refuses may well be
-    /// right for the next.
-    fn on_gauge(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame) -> Option<String> {
-        let mut refused = None;
-        for index in 0..self.patches.len() {
-            let plan = Arc::clone(&self.plan);
-            let gauge = plan.patches[index].gauge.as_ref();
-            let Some(gauge) = gauge.filter(|g| g.bus == bus && g.signal.id == frame.frame.id) else { continue };
-            match gauge.signal.decode(&frame.frame) {
-                Ok(pressure) => self.with_patch(now, index, |patch| patch.on_pressure(now, frame.time, pressure)),
-                Err(why) => refused = Some(why.to_string()),
-            }
-        }
-        refused
-    }
-
-    /// A frame of devices, which may have numbers of several patches, and of a gauge, in it.
-    fn on_device(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame) -> Taken {
+    /// A frame of gauges and devices, which may have numbers of several patches in it. One gauge may serve several, each with its
+    /// own idea of scale and meaning: what one refuses may well be right for the next.
+    fn on_described(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame) -> Result<bool, String> {
         let (mut ours, mut refused) = (false, None);
-        let mut gauges = self.plan.patches.iter().filter_map(|plan| plan.gauge.as_ref());
-        if gauges.any(|gauge| gauge.bus == bus && gauge.signal.id == frame.frame.id) {
-            refused = self.on_gauge(now, bus, frame);
-            ours = true;
-        }
         for index in 0..self.patches.len() {
             let plan = &self.plan.patches[index];
-            if plan.devices.is_empty() || !plan.patch.is_on(bus) {
-                continue;
+            let gauge = plan.gauge.as_ref().filter(|gauge| gauge.bus == bus && gauge.signal.id == frame.frame.id);
+            let (pressure, has_devices) = (
+                gauge.map(|gauge| gauge.signal.decode(&frame.frame)),
+                !plan.devices.is_empty() && plan.patch.is_on(bus),
+            );
+            ours |= pressure.is_some();
+            match pressure {
+                Some(Ok(kpa)) => self.with_patch(now, index, |patch| patch.on_pressure(now, frame.time, kpa)),
+                Some(Err(why)) => refused = Some(why.to_string()),
+                None => {}
             }
-            match self.with_intake(now, index, |intake, events| intake.on_device_frame(frame, events)) {
-                Ok(theirs) => ours |= theirs,
-                Err(short) => refused = Some(short.to_string()),
+            if has_devices {
+                match self.with_intake(now, index, |intake, events| intake.on_device_frame(frame, events)) {
+                    Ok(theirs) => ours |= theirs,
+                    Err(short) => refused = Some(short.to_string()),
+                }
             }
         }
-        match refused {
-            Some(why) => Taken::Malformed(why),
-            None if ours => Taken::Ours,
-            None => Taken::Foreign,
-        }
+        refused.map_or(Ok(ours), Err)
     }
 
     fn on_bus(&mut self, now: Now, bus: BusIndex, notice: BusNotice) {
@@ -407,14 +387,4 @@ impl Engine {
             validations,
         }
     }
-}
-
-/// What became of a frame.
-enum Taken {
-    /// It was understood.
-    Ours,
-    /// It concerns nobody here.
-    Foreign,
-    /// Its identifier is ours and its content is not.
-    Malformed(String),
 }

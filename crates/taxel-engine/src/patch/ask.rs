@@ -55,11 +55,9 @@ impl Patch {
     /// # Errors
     /// [`Rejection::FailedPrecondition`].
     pub fn check_set_up(&self) -> Result<(), Rejection> {
-        if self.has_begun && self.intake.bring_up().is_done() {
-            return Ok(());
-        }
-        let why = format!("{BEING_CONFIGURED}: ask again when they are verified");
-        Err(ErrorReason::BoardsNotConfigured.because(why))
+        let set_up = self.has_begun && self.intake.bring_up().is_done();
+        ErrorReason::BoardsNotConfigured
+            .unless(set_up, || format!("{BEING_CONFIGURED}: ask again when they are verified"))
     }
 
     /// Refuses to configure boards while a load is felt: they would take it for nothing, and nobody could tell later.
@@ -235,12 +233,10 @@ impl Patch {
     pub fn begin_load(&mut self, now: Now, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
         self.calibration.refuse_if_open("finish or abort it first")?;
         self.check_vented(now)?;
-        if self.force.models().is_none() {
-            return Err(ErrorReason::NoModelSet.because("no model set is in use: there is no force to compare"));
-        }
-        if !self.force.is_ready() {
-            return Err(ErrorReason::ZeroLost.because(format!("there is no valid zero: {}", self.zero.view().reason)));
-        }
+        let no_models = || "no model set is in use: there is no force to compare".to_owned();
+        ErrorReason::NoModelSet.unless(self.force.models().is_some(), no_models)?;
+        let no_zero = || format!("there is no valid zero: {}", self.zero.view().reason);
+        ErrorReason::ZeroLost.unless(self.force.is_ready(), no_zero)?;
         self.loads.begin(now.time, request, load)
     }
 

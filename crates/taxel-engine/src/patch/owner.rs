@@ -59,7 +59,7 @@ pub enum Intent {
 #[derive(Debug)]
 pub struct Patch {
     pub(super) index: usize,
-    pub(super) plan: PatchPlan,
+    pub(super) plan: Arc<PatchPlan>,
     pub(super) intake: Intake,
     pub(super) zero: Zero,
     pub(super) force: Force,
@@ -91,6 +91,7 @@ impl Patch {
     /// Nothing heard, nothing sent; `loads` are those of earlier runs, `known` what was known then of its zero,
     /// `shared` says which boards other patches have, too.
     pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, known: KeptZero, shared: Vec<bool>) -> Self {
+        let plan = Arc::new(plan);
         let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
         let regions = intake.regions().clone();
         let mut zero = Zero::new(plan.zero(), regions.clone());
@@ -99,7 +100,7 @@ impl Patch {
             index,
             zero,
             force: Force::new(plan.force()),
-            calibration: Calibration::new(plan.calibration()),
+            calibration: Calibration::new(Arc::clone(&plan)),
             loads: Loads::new(plan.loads(), loads),
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
@@ -117,7 +118,7 @@ impl Patch {
     }
 
     /// Its plan.
-    pub const fn plan(&self) -> &PatchPlan {
+    pub fn plan(&self) -> &PatchPlan {
         &self.plan
     }
 
@@ -148,9 +149,7 @@ impl Patch {
 
     /// Why this set says nothing of the boards or the areas that are configured, in words.
     pub fn unfit(&self, set: &ModelSet) -> Option<String> {
-        self.plan
-            .unfit_for_settings(set)
-            .or_else(|| set.unfit_for_sum(self.loads.plan().mean_area_mm2, self.loads.plan().fills))
+        self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_sum(self.loads.plan()))
     }
 
     /// How many known loads are kept.
@@ -284,11 +283,9 @@ impl Patch {
 
     fn offer_to_session(&mut self, now: Now, left_out: bool) {
         let fresh_within = self.plan.period + self.plan.period / 2;
-        let complete = if left_out {
-            self.intake.is_whole_without(fresh_within, |module| self.calibration.leaves_out(module))
-        } else {
-            self.intake.scan().whole && self.intake.is_whole_without(fresh_within, |_| false)
-        };
+        let whole =
+            self.intake.is_whole_without(fresh_within, |module| left_out && self.calibration.leaves_out(module));
+        let complete = whole && (left_out || self.intake.scan().whole);
         self.calibration.on_scan(&self.intake.scan(), complete && self.zero.holds());
         self.advance_session(now);
     }

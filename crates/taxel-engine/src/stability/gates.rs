@@ -131,17 +131,10 @@ impl Run {
     /// The model of the one taxel, by the session's own fit.
     fn model(&self) -> Option<TaxelModel> {
         let job = FitJob {
-            simulated: true,
-            session: 1,
-            together: Vec::new(),
-            fit: 1,
-            patch: String::new(),
-            wall_ns: 0,
-            board_settings: Vec::new(),
             samples: Arc::clone(&self.session.samples),
             modules: std::iter::once(0..1).collect(),
-            left_out: Vec::new(),
             recipe: FitRecipe { branch: Branch::Rising, ..FitRecipe::default() },
+            ..FitJob::default()
         };
         job.run(|_| String::new()).result.ok()?.taxels.first().cloned()
     }

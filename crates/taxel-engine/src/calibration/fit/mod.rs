@@ -39,4 +39,4 @@ pub use taxel_model::{OneByOne, Workers};
 pub use zero::Tare;
 
 #[cfg(test)]
-use self::{apply::Unread, masks::Masks, smooth::running_median, smooth::smooth, zero::Zero};
+use self::{masks::Masks, smooth::running_median, smooth::smooth, zero::Zero};

@@ -236,7 +236,6 @@ fn beyond_the_calibrated_range_readings_go_on_and_their_interval_grows() {
     assert!((245.0..340.0).contains(&highest), "{highest}");
     // This skin stiffens without end: its curves bend more and more, always to the same side of a straight line.
     assert!(score.beyond_percent > 10.0 && score.coverage_beyond_percent.unwrap() > 75.0, "{score:?}");
-    assert!(score.area_coverage_percent.unwrap() > 95.0, "{score:?}");
     // Too far for a straight line: the pressure stays, and the uncertainty goes on.
     let (_, applied) = read(900.0);
     let widest = applied.sigma_kpa.iter().flatten().copied().fold(0.0, f64::max);

@@ -5,7 +5,6 @@ use taxel_skin::{Kilopascal, Time};
 
 use super::{Progress, SessionEvent, SessionRun};
 use crate::calibration::plateau::{PLATEAU_PATIENCE, PLATEAUS_MIN};
-use crate::calibration::view::SampleRefusal;
 
 impl SessionRun {
     /// The dial shows `kpa`, and the skin has settled there. New samples go to `events`.
@@ -25,11 +24,9 @@ impl SessionRun {
         let reached = kpa - self.gauge_zero_kpa();
         (0..reached.max(0.0) as usize).for_each(|step| self.cover(step as f64));
         for scan in scans {
-            if self.samples.samples.len() >= self.limits.scans_max {
-                self.view.refused.add(SampleRefusal::Full);
+            if !self.accept(scan, Kilopascal(kpa), events) {
                 return Ok(Progress::RampEnded);
             }
-            events.push(self.accept(scan, Kilopascal(kpa)));
         }
         self.view.reason.clear();
         let ends = reached >= self.limits.target.0 && self.has_enough();
