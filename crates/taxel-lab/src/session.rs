@@ -49,7 +49,7 @@ pub fn fit(recording: &Recording, mut recipe: FitRecipe, branch: Option<Branch>)
     let (samples, simulated) = (Arc::new(samples), recording.figure("simulated").is_some());
     let job = FitJob { samples, simulated, modules, left_out, recipe, ..FitJob::default() };
     let set = job.run(|_| String::new()).result.map_err(|why| anyhow!(why))?;
-    Ok(ModelSet { session: None, ..ModelSet::clone(&set) })
+    Ok(ModelSet::clone(&set))
 }
 
 /// What is said of a table that somebody has changed.

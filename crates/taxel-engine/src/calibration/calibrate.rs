@@ -223,7 +223,7 @@ impl Calibration {
         self.fits += 1;
         let view = &session.view;
         let job = FitJob {
-            session: view.number,
+            sessions: vec![view.number],
             fit: self.fits,
             wall_ns: now.wall_ns,
             board_settings: view.board_settings.to_vec(),

@@ -29,10 +29,8 @@ const RETURN_MAX_COUNTS: f64 = 3.0;
 /// A fit to be run outside the engine.
 #[derive(Clone, Debug, Default)]
 pub struct FitJob {
-    /// Number of the session; of several together, of the newest.
-    pub session: u64,
-    /// The numbers of all sessions whose samples are fitted, where these are several; else empty.
-    pub together: Vec<u64>,
+    /// The numbers of all sessions whose samples are fitted, ascending.
+    pub sessions: Vec<u64>,
     /// Which fit of the patch it is: a session may ask for another one after an abort, while the first still runs.
     pub fit: u64,
     /// The patch.
@@ -98,7 +96,13 @@ impl FitJob {
             Err("the fit ended with an internal error, which is a fault of this program; the samples are kept"
                 .to_owned())
         });
-        FitOutcome { session: self.session, fit: self.fit, result }
+        FitOutcome { session: self.session(), fit: self.fit, result }
+    }
+
+    /// Number of the session, of several of the newest.
+    #[must_use]
+    pub fn session(&self) -> u64 {
+        self.sessions.last().copied().unwrap_or_default()
     }
 
     fn model_set(&self) -> Result<ModelSet, String> {
@@ -140,7 +144,7 @@ impl FitJob {
         Ok(ModelSet {
             patch: self.patch.clone(),
             created_wall_ns: self.wall_ns,
-            session: Some(self.session),
+            session: self.sessions.last().copied(),
             method: format!("{}{falls}{}{}", set.method, self.together_in_words(), gauge_zero.told()),
             board_settings: self.board_settings.clone(),
             baseline: rest.to_vec(),
@@ -191,8 +195,8 @@ impl FitJob {
     }
 
     fn together_in_words(&self) -> String {
-        let numbers: Vec<String> = self.together.iter().map(u64::to_string).collect();
-        if numbers.is_empty() { String::new() } else { format!(", of sessions {} together", numbers.join(", ")) }
+        let numbers: Vec<String> = self.sessions.iter().map(u64::to_string).collect();
+        if numbers.len() < 2 { String::new() } else { format!(", of sessions {} together", numbers.join(", ")) }
     }
 }
 

@@ -36,7 +36,7 @@ fn gathered(zeros: &[u8], falls: bool) -> SessionSamples {
 
 fn job(samples: SessionSamples, branch: Branch) -> FitJob {
     FitJob {
-        session: 7,
+        sessions: vec![7],
         fit: 1,
         wall_ns: 5,
         board_settings: vec!["as they are".to_owned()],
@@ -123,7 +123,7 @@ fn a_set_says_what_it_was_fitted_of() {
     let rising = job(gathered(&[240], false), Branch::Rising);
     assert_eq!(set(&rising).method, "monotone, order 1 in pressure");
     let both = job(gathered(&[240], true), Branch::Both);
-    let several = FitJob { together: vec![3, 7], ..both.clone() };
+    let several = FitJob { sessions: vec![3, 7], ..both.clone() };
     assert_eq!(set(&both).method, "monotone, order 1 in pressure, hysteresis from falling");
     let together = "monotone, order 1 in pressure, hysteresis from falling, of sessions 3, 7 together";
     assert_eq!(set(&several).method, together);

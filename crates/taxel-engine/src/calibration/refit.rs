@@ -59,14 +59,12 @@ impl Refit {
             let both = session.branches == Branch::Both;
             fitted.push(if both { samples.of_branch(branches) } else { samples });
         }
-        let numbers = self.numbers();
         let mut left_out: Vec<u16> =
             self.sessions.iter().flat_map(|session| session.left_out.iter().copied()).collect();
         left_out.sort_unstable();
         left_out.dedup();
         Ok(FitJob {
-            session: numbers.last().copied().unwrap_or_default(),
-            together: if numbers.len() > 1 { numbers } else { Vec::new() },
+            sessions: self.numbers(),
             wall_ns,
             board_settings: self.sessions.first().map_or_else(Vec::new, |session| session.board_settings.to_vec()),
             left_out,

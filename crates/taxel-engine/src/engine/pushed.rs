@@ -18,13 +18,10 @@ impl Engine {
             self.health_dirty.0 = true;
             return Ok(Done::PushBegun);
         }
-        if plan.pushed.is_none() {
+        ErrorReason::NotPushed.unless(plan.pushed.is_some(), || {
             let name = self.patches[index].name();
-            let why = format!(
-                "the scans of patch `{name}` come over its bus, and its gauge's readings too: nobody can push any"
-            );
-            return Err(ErrorReason::NotPushed.because(why));
-        }
+            format!("the scans of patch `{name}` come over its bus, and its gauge's readings too: nobody can push any")
+        })?;
         if let Some(line) = self.line_of(index) {
             line.on_notice(now.time, BusNotice::Up);
         }

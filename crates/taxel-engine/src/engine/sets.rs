@@ -280,8 +280,8 @@ impl Engine {
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
         let in_use = |set: &KnownSet| {
-            let active = self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id);
-            active || self.pending.activates_set(&set.id)
+            self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id)
+                || self.pending.activates_set(&set.id)
         };
         let comes_of_it = |set: &KnownSet| set.origins.iter().any(|origin| origin == id);
         if let Some(set) = self.model_sets.iter().find(|set| in_use(set) && comes_of_it(set)) {
