@@ -38,8 +38,7 @@ WORDS = {
 EXCEPTED = (
     ("crates/taxel-lab/src/paper/figures.rs", "aseline", "the paper's own word"),
     ("crates/taxel-store/src/models_json.rs", "baseline", "a field of MODELS.json"),
-    ("crates/taxel-engine/src/calibration/fit/recipe.rs", "that the gauge reads at rest", "part of a method: ids of sets depend on it"),
-    ("crates/taxel-engine/src/calibration/gauge_zero.rs", "that the gauge read at rest", "likewise"),
+    ("crates/taxel-engine/src/calibration/gauge_zero.rs", "that the gauge read at rest", "part of a method: ids of sets depend on it"),
     ("crates/taxel-lab/README.md", "--only force,stability,scenes", "the name of a section of the report"),
     ("crates/taxel-lab/src/report/args.rs", "scenes", "likewise"),
     ("crates/taxel-lab/src/report/mod.rs", "scenes", "likewise"),

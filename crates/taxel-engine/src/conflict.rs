@@ -5,7 +5,7 @@ use std::fmt;
 use taxel_skin::{BusIndex, Module};
 use taxel_wire::CanId;
 
-use crate::engine::routes::{Route, Routes};
+use crate::engine::routes::{Route, Routes, ids_of_board, ids_of_module};
 use crate::plan::{PatchPlan, Plan};
 
 /// A plan that contradicts itself.
@@ -86,16 +86,14 @@ fn identifier_conflict(a: &PatchPlan, b: &PatchPlan) -> Option<Conflict> {
     Some(Conflict { patch, why })
 }
 
-/// Skin frames of class 3, 4 and 6 carry board and module in their identifiers, replies the board alone.
+/// A frame of a gauge that a skin board sends, too.
 fn gauge_conflict(gauged: &PatchPlan, with: &PatchPlan) -> Option<Conflict> {
     let gauge = gauged.gauge.as_ref().filter(|_| with.devices.is_empty())?;
     let CanId::Standard(id) = gauge.signal.id else { return None };
-    let board = with.patch.boards().iter().find(|board| {
-        let low = u16::from(board.address.get()) << 4;
-        let modules = board.modules.iter().map(|(module, _)| low | u16::from(module.get()));
-        let skin = modules.flat_map(|low| [0x400 | low, 0x300 | low, 0x600 | low]);
-        let replies = [0x200 | low, 0x300 | low | 0xE, 0x300 | low | 0xF, 0x700 | low | 0x5];
-        board.bus == gauge.bus && skin.chain(replies).any(|used| used == id)
+    let mut boards = with.patch.boards().iter().filter(|board| board.bus == gauge.bus);
+    let board = boards.find(|board| {
+        let mut modules = board.modules.iter().flat_map(|(module, _)| ids_of_module(board, *module));
+        ids_of_board(board).contains(&id) || modules.any(|used| used == id)
     })?;
     let (patch, board_of, board) = (gauged.patch.name().to_owned(), with.patch.name(), board.address.get());
     let why = format!(

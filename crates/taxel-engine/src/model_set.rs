@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 
 use crate::baseline::TaxelBaseline;
+use crate::loads::load::LoadsPlan;
 use crate::recalibration::points::LoadPoint;
 use crate::statistics::{mean, root_mean_square};
 
@@ -73,9 +74,6 @@ impl Maker {
 /// So often a set may be corrected after a correction.
 pub const EARLIER_MAX: usize = 32;
 
-/// Areas that differ by less than this share are the same, but for rounding.
-const SAME_AREA_SHARE: f64 = 1e-9;
-
 /// How a set came of another one by known loads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -84,12 +82,10 @@ pub struct Recalibrated {
     pub derived_from: String,
     /// Ids of the sets that this one was made of in the same way, the nearest first; at most [`EARLIER_MAX`].
     pub earlier: Vec<String>,
-    /// Mean area of the taxels that the loads were read with, in mm2: with other areas the gain says nothing. `None` if
-    /// pressures were compared.
-    pub area_mm2: Option<f64>,
-    /// Whether the loads were read with taxels filled by their neighbours: without that, what lacks is in the gain. `None` if
-    /// pressures were compared, or that was not noted yet.
-    pub filled: Option<bool>,
+    /// Mean area of the taxels that the loads were read with, in mm2: with other areas the gain says nothing.
+    pub area_mm2: f64,
+    /// Whether the loads were read with taxels filled by their neighbours: without that, what lacks is in the gain.
+    pub filled: bool,
     /// What its pressures were multiplied by.
     pub gain: f64,
     /// Standard uncertainty of the gain.
@@ -153,24 +149,15 @@ impl ModelSet {
         self.recalibrated.iter().flat_map(|of| std::iter::once(&of.derived_from).chain(&of.earlier)).map(String::as_str)
     }
 
-    /// Why the set says nothing of a patch whose taxels have this mean area and are `filled` by their neighbours or not, in
-    /// words: the loads that corrected it were read with other areas, or without that, and what was in these is in the gain.
+    /// Why the set says nothing of a patch whose loads are read so, in words: those that corrected it were read otherwise, and what
+    /// was in these is in the gain.
     #[must_use]
-    pub fn unfit_for_sum(&self, area_mm2: f64, filled: bool) -> Option<String> {
-        let recalibrated = self.recalibrated.as_ref()?;
-        if recalibrated.filled.is_some_and(|then| then != filled) {
-            let (then, now) = if filled { ("without", "with") } else { ("with", "without") };
-            return Some(format!(
-                "the loads that corrected `{}` were read {then} faulty taxels filled by their neighbours, now they would be \
-                 read {now}: activate `{}`, which it was made of, or set `outputs` as it was",
-                self.id, recalibrated.derived_from
-            ));
-        }
-        let read_with = recalibrated.area_mm2.filter(|with| (with / area_mm2 - 1.0).abs() > SAME_AREA_SHARE)?;
+    pub fn unfit_for_sum(&self, plan: &LoadsPlan) -> Option<String> {
+        let of = self.recalibrated.as_ref()?;
+        let differs = plan.differs_from(of.area_mm2, of.filled)?;
         Some(format!(
-            "the loads that corrected `{}` were read with areas of {read_with:.3} mm2 in the mean, now they are \
-             {area_mm2:.3} mm2: activate `{}`, which it was made of, or set the areas as they were",
-            self.id, recalibrated.derived_from
+            "when the loads that corrected `{}` were read, {differs}: activate `{}`, which it was made of, or set it as it was",
+            self.id, of.derived_from
         ))
     }
 

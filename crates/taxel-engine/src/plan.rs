@@ -1,5 +1,6 @@
 //! What the engine is asked to do: everything here comes from the configuration, and nothing changes at run time.
 
+use std::ops::Range;
 use std::time::Duration;
 
 use taxel_model::FitOptions;
@@ -16,9 +17,8 @@ pub use crate::zero::plan::{DriftPlan, TarePlan};
 
 use crate::baseline::Activation;
 use crate::board_settings::{difference, line};
-use crate::calibration::calibration_plan::CalibrationPlan;
-use crate::calibration::export::About;
-use crate::calibration::view::SessionView;
+use crate::calibration::branch::Branch;
+use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::force::measure::Layout;
 use crate::force::owner::ForcePlan;
 use crate::intake::faults::limits::FaultLimits;
@@ -190,7 +190,7 @@ impl PatchPlan {
                 area_uncertainty: self.area_uncertainty,
                 outputs: self.outputs,
                 geometry: self.geometry.clone(),
-                modules: Regions::new(&self.patch).modules().to_vec(),
+                modules: self.modules(),
                 contact_reach_m: self.live.contact_reach_m,
             },
             counts: self.patch.counts(),
@@ -199,33 +199,22 @@ impl PatchPlan {
         }
     }
 
-    /// What of it the calibration needs.
-    #[must_use]
-    pub fn calibration(&self) -> CalibrationPlan {
-        CalibrationPlan {
-            patch: self.patch.name().to_owned(),
-            modules: Regions::new(&self.patch).modules().to_vec(),
-            taxels: self.patch.taxels().len(),
-            session: self.session,
-            fit: self.fit,
+    /// How a session over these branches is fitted.
+    pub(crate) fn recipe(&self, branch: Branch) -> FitRecipe {
+        FitRecipe {
+            options: self.fit,
+            branch,
+            plays: self.session.plays,
             faults: self.fault_limits(),
-            board_settings: self.board_settings(),
-            simulated: self.simulated,
+            // What a table of counts is cut into when this set is applied to one; live, each module has its own.
+            module_size: self.modules().iter().map(ExactSizeIterator::len).max().unwrap_or(1),
+            ..FitRecipe::default()
         }
     }
 
-    /// What the table of a session's samples says of it.
-    #[must_use]
-    pub fn about(&self, session: &SessionView) -> About {
-        About {
-            patch: self.patch.name().to_owned(),
-            modules: Regions::new(&self.patch).modules().to_vec(),
-            left_out: session.left_out.clone(),
-            branches: session.branches,
-            counts: self.patch.counts(),
-            gauge: self.fit.gauge,
-            simulated: self.simulated,
-        }
+    /// Which taxels form each module.
+    pub(crate) fn modules(&self) -> Vec<Range<usize>> {
+        Regions::new(&self.patch).modules().to_vec()
     }
 
     /// What of it the known loads need.

@@ -29,6 +29,11 @@ pub enum Rejection {
 }
 
 impl Rejection {
+    /// A field is not what it can be.
+    pub(crate) fn invalid(field: &'static str, problem: impl Into<String>) -> Self {
+        Self::InvalidArgument { field, problem: problem.into() }
+    }
+
     /// There is no session of this number.
     pub(crate) fn no_session(number: u64) -> Self {
         Self::NotFound(ErrorReason::SessionUnknown, format!("session {number}"))
@@ -53,6 +58,11 @@ impl ErrorReason {
     /// Refuses what cannot be in this state.
     pub(crate) fn because(self, why: impl Into<String>) -> Rejection {
         Rejection::FailedPrecondition(self, why.into())
+    }
+
+    /// Refuses it unless something `holds`.
+    pub(crate) fn unless(self, holds: bool, why: impl FnOnce() -> String) -> Result<(), Rejection> {
+        if holds { Ok(()) } else { Err(self.because(why())) }
     }
 }
 

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use taxel_engine::calibration::fit::{Applied, ApplyRecipe, Tare, judge};
+use taxel_engine::calibration::fit::{Applied, Tare, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_files::{Output, quiet_end};
 use taxel_store::models_json;
@@ -73,12 +73,7 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     let named = || args.data.display().to_string();
     refuse_other_counts(&set, &recording).with_context(named)?;
     let notes = if set.is_of_skin() { check(&mut recording, Purpose::Apply).with_context(named)? } else { Vec::new() };
-    let recipe = ApplyRecipe {
-        tare: args.tare,
-        sigma: args.sigma.is_some() || recording.pressure_kpa.is_some(),
-        ..ApplyRecipe::default()
-    };
-    let applied = taxel_engine::calibration::fit::apply(&recording.as_scans(), &set, &recipe)
+    let applied = taxel_engine::calibration::fit::apply(&recording.as_scans(), &set, args.tare)
         .with_context(|| format!("{} with {}", args.data.display(), args.models.display()))?;
     print_applied(&args.data, &notes, &applied);
     if applied.unread.iter().all(Option::is_some) {
@@ -105,9 +100,6 @@ fn print_score(applied: &Applied, gauge_kpa: &[f64]) {
     }
     if let Some(coverage) = score.coverage_beyond_percent {
         say!("    {coverage:.1} % of the {:.1} % that are beyond the calibrated range", score.beyond_percent);
-    }
-    if let Some(coverage) = score.area_coverage_percent {
-        say!("    {coverage:.1} % of the area-means");
     }
 }
 

@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, RECORDING_SCANS_MIN, Workers, fit as fit_skin};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, RECORDING_SCANS_MIN, Workers, fit as fit_skin};
 use taxel_engine::model_set::ModelSet;
 use taxel_model::{FitOptions, MAX_ORDER};
 use taxel_store::models_json;
@@ -47,8 +47,8 @@ pub struct FitArgs {
     branch: Option<Branch>,
     /// Compensation of hysteresis: `auto` is on if there is enough of it and it wins on a branch that no fit saw [default: auto,
     /// and off for a session, whose curves are those of its rise].
-    #[arg(long, value_parser = one_of(["auto", "on", "off"], [PlaysChoice::Auto, PlaysChoice::On, PlaysChoice::Off]))]
-    plays: Option<PlaysChoice>,
+    #[arg(long, value_parser = one_of(["auto", "off"], [true, false]))]
+    plays: Option<bool>,
     /// Seconds over which counts are averaged, here and when the models are applied; 0 is not at all.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = parse_number)]
     smooth: f64,
@@ -115,18 +115,13 @@ impl FitArgs {
         let is_session = session::is_session(recording);
         let notes = if is_session { Vec::new() } else { check(recording, Purpose::Fit)? };
         let is_skin = !is_session && recording.as_scans().is_recording();
-        let of_skin = [
-            (self.module_size.is_some(), "--module-size"),
-            (self.plays == Some(PlaysChoice::On) && !is_session, "--plays on"),
-        ];
-        if let Some((_, option)) = of_skin.iter().find(|(asked, _)| *asked && !is_skin) {
-            bail!(
-                "{option} needs a recording of a skin, {RECORDING_SCANS_MIN} rows and more of 8-bit counts in two columns \
-                 and more; this is an export of a session or another recording: leave {option} out"
-            );
-        }
+        ensure!(
+            self.module_size.is_none() || is_skin,
+            "--module-size needs a recording of a skin, {RECORDING_SCANS_MIN} rows and more of 8-bit counts in two columns and \
+             more; this is an export of a session or another recording: leave --module-size out"
+        );
         let set = if is_session {
-            let plays = self.plays.unwrap_or(PlaysChoice::Off);
+            let plays = self.plays.unwrap_or(false);
             session::fit(recording, FitRecipe { plays, ..self.recipe() }, self.branch)?
         } else {
             fit_skin(&recording.as_scans(), &self.recipe(), &AllCores)?
@@ -138,7 +133,7 @@ impl FitArgs {
         FitRecipe {
             options: self.options(),
             branch: self.branch.unwrap_or(Branch::Both),
-            plays: self.plays.unwrap_or_default(),
+            plays: self.plays.unwrap_or(true),
             module_size: usize::from(self.module_size.unwrap_or(10)),
             smooth_s: self.smooth,
             ..FitRecipe::default()

@@ -46,21 +46,10 @@ pub fn fit(recording: &Recording, mut recipe: FitRecipe, branch: Option<Branch>)
     );
     recipe.branch = branch.unwrap_or(gathered);
     let samples = if gathered == Branch::Both { samples.of_branch(recipe.branch) } else { samples };
-    let job = FitJob {
-        session: 0,
-        together: Vec::new(),
-        fit: 0,
-        patch: String::new(),
-        wall_ns: 0,
-        board_settings: Vec::new(),
-        samples: Arc::new(samples),
-        simulated: recording.figure("simulated").is_some(),
-        modules,
-        left_out,
-        recipe,
-    };
+    let (samples, simulated) = (Arc::new(samples), recording.figure("simulated").is_some());
+    let job = FitJob { samples, simulated, modules, left_out, recipe, ..FitJob::default() };
     let set = job.run(|_| String::new()).result.map_err(|why| anyhow!(why))?;
-    Ok(ModelSet { session: None, ..ModelSet::clone(&set) })
+    Ok(ModelSet::clone(&set))
 }
 
 /// What is said of a table that somebody has changed.

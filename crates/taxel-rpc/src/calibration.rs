@@ -116,7 +116,7 @@ impl CalibrationService for Service {
         };
         let view = self.session(session)?; // as it is now that the samples are read
         let plan = self.handle.plan.patches.iter().find(|plan| plan.patch.name() == view.patch);
-        let head = plan.map(|plan| table_head(&plan.about(&view), &samples)).unwrap_or_default();
+        let head = plan.map(|plan| table_head(plan, &view, &samples)).unwrap_or_default();
         let pieces = samples.samples.len().div_ceil(PIECE_SCANS);
         let rows = stream::iter(0..pieces).map(move |number| rows(&samples, number, first_ns));
         let pieces = stream::once(std::future::ready(head)).chain(rows);

@@ -83,8 +83,8 @@ impl ModelService for Service {
         let set = aside(move || backend.read_foreign_json(&json)).await?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
         let done = self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await?;
-        let Done::Imported { model_set } = done else { return Err(misfit()) };
-        Ok(Response::new(v1::ImportModelSetResponse { model_set }))
+        let Done::Kept { model_set, .. } = done else { return Err(misfit()) };
+        Ok(Response::new(v1::ImportModelSetResponse { model_set: model_set.id.clone() }))
     }
 
     async fn delete_model_set(&self, request: Request<v1::DeleteModelSetRequest>) -> Reply<()> {

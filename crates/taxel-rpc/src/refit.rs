@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use taxel_engine::calibration::{Refit, SessionState, SessionView, StoredSession, TOGETHER_MAX};
+use taxel_engine::calibration::{Refit, SessionState, SessionView, TOGETHER_MAX};
 use taxel_engine::command::{Command, Done};
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
@@ -28,7 +28,7 @@ impl Service {
             let words = format!("session {} {discarded}", view.number);
             return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, words).into());
         }
-        let refit = self.plan_refit(views).await?;
+        let refit = self.plan_refit(views)?;
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
         let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
             let why = "another fit is under way, which ends within seconds: try again then";
@@ -49,24 +49,15 @@ impl Service {
         let model_set = aside(fit).await?.map_err(|why| of_rejection(&why))?;
         let model_set = model_set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         let done = self.command(caller, "RefitSessions", Command::KeepRefit { model_set, sessions }).await?;
-        let Done::RefitKept { model_set, known } = done else { return Err(misfit()) };
+        let Done::Kept { model_set, known } = done else { return Err(misfit()) };
         Ok(v1::Refit { model_set: Some(self.summary(model_set.summary())), known, scans })
     }
 
-    /// What is to be fitted. The settings of the boards are those that each session's own model set tells.
-    async fn plan_refit(&self, views: Vec<Arc<SessionView>>) -> Result<Refit, Status> {
+    /// What is to be fitted.
+    fn plan_refit(&self, views: Vec<Arc<SessionView>>) -> Result<Refit, Status> {
         let first = views.first().ok_or_else(|| invalid("sessions", "none is named"))?;
         let plan = self.plan(self.patch(&first.patch)?);
-        let mut sessions = Vec::with_capacity(views.len());
-        for view in views {
-            let own = view.model_set.as_deref().filter(|id| self.known_set(id).is_some());
-            let board_settings = match own {
-                Some(id) => Some(self.model_set(id, "").await?.board_settings.clone()),
-                None => None,
-            };
-            sessions.push(StoredSession { board_settings, view });
-        }
-        let planned = Refit::plan(plan.calibration(), plan.patch.counts(), sessions);
+        let planned = Refit::plan(plan.clone(), views);
         Ok(planned.map_err(|why| of_rejection(&why).about("patch", plan.patch.name()))?)
     }
 }

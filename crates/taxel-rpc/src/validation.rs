@@ -163,7 +163,7 @@ impl Service {
             return Err(refusal.about("model_set", wanted).into());
         }
         let done = self.command(caller, "Recalibrate", Command::KeepRecalibration { model_set }).await?;
-        let Done::RefitKept { .. } = done else { return Err(misfit()) };
+        let Done::Kept { .. } = done else { return Err(misfit()) };
         Ok(message)
     }
 }

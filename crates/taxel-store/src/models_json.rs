@@ -335,7 +335,7 @@ fn check_recalibrated(of: &Recalibrated) -> Result<(), ModelsJsonError> {
     for (name, value, least) in [
         ("gain", of.gain, above),
         ("gain_in_all", of.gain_in_all, above),
-        ("area_mm2", of.area_mm2.unwrap_or(above), above),
+        ("area_mm2", of.area_mm2, above),
         ("gain_sigma", of.gain_sigma, sigma),
         ("place_rel", of.place_rel, sigma),
         ("relative_sigma", of.relative_sigma, sigma),

@@ -1,23 +1,24 @@
-//! Which modules of a board belong to the patch, in the words of its line: `0-3, 5 fingertip`. Triangles have no word.
+//! Modules of a board in the words of its line: `0-3, 5 fingertip`. Triangles have no word.
 //!
 //! They number the taxels: models of other modules would be applied to taxels that they say nothing of, and nothing at rest
 //! would tell.
 
 use taxel_skin::{Module, ModuleKind};
 
-/// The enabled modules of a board, ascending.
-pub fn in_words(modules: &[(Module, ModuleKind)]) -> String {
-    let runs = modules.chunk_by(|a, b| a.0.get() + 1 == b.0.get() && a.1 == b.1);
-    let told = |run: &[(Module, ModuleKind)]| {
-        let (first, last, kind) = (run[0].0, run[run.len() - 1].0, run[0].1);
-        let numbers = if first == last { first.to_string() } else { format!("{first}-{last}") };
-        format!("{numbers}{}", word(kind))
-    };
-    runs.map(told).collect::<Vec<_>>().join(", ")
+/// Modules, ascending, with a word for each; those in a row that have the same word are told together.
+pub fn in_words(modules: &[(Module, ModuleKind)], word: impl Fn(Module, ModuleKind) -> String) -> String {
+    let told: Vec<(Module, String)> = modules.iter().map(|&(module, kind)| (module, word(module, kind))).collect();
+    let runs = told.chunk_by(|a, b| a.0.get() + 1 == b.0.get() && a.1 == b.1);
+    let in_words = runs.map(|run| match run {
+        [(only, word)] => format!("{only}{word}"),
+        [(first, word), .., (last, _)] => format!("{first}-{last}{word}"),
+        [] => String::new(),
+    });
+    in_words.collect::<Vec<_>>().join(", ")
 }
 
 /// The word behind the numbers of modules of this kind, with the blank before it.
-fn word(kind: ModuleKind) -> String {
+pub fn kind(_: Module, kind: ModuleKind) -> String {
     match kind {
         ModuleKind::Triangle => String::new(),
         ModuleKind::Fingertip => " fingertip".to_owned(),
@@ -42,6 +43,6 @@ mod tests {
             (module(9), ModuleKind::PalmPad7),
             (module(15), ModuleKind::Cells(16)),
         ];
-        assert_eq!(in_words(&hand), "0-1 fingertip, 3, 8 palm-pad11, 9 palm-pad7, 15 of 16 taxels");
+        assert_eq!(in_words(&hand, kind), "0-1 fingertip, 3, 8 palm-pad11, 9 palm-pad7, 15 of 16 taxels");
     }
 }

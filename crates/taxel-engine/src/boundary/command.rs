@@ -149,13 +149,8 @@ pub enum Done {
     LoadRecorded(Arc<Load>),
     /// What was to be deleted is gone from the disk.
     Deleted,
-    /// The model set is stored under its id.
-    Imported {
-        /// The set's id.
-        model_set: String,
-    },
-    /// The model set of a fit of stored samples, or of known loads, is on disk, now or since before.
-    RefitKept {
+    /// The model set that was imported, or made of stored samples or known loads, is on disk, now or since before.
+    Kept {
         /// The set.
         model_set: KnownSet,
         /// Whether it was there already: the same samples or loads were used in the same way before.

@@ -12,18 +12,6 @@ pub enum Branch {
     Both,
 }
 
-/// Whether hysteresis is compensated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PlaysChoice {
-    /// If it wins on what no fit saw: the last falling branch, or of a single one the lower half.
-    #[default]
-    Auto,
-    /// Wherever a taxel carries it.
-    On,
-    /// Nowhere.
-    Off,
-}
-
 /// Which way the pressure goes while samples enter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Direction {

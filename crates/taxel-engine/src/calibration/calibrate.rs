@@ -1,21 +1,21 @@
 //! The calibration of one patch: at most one session holds it at a time.
 //!
 //! Order of calls: a command, [`Calibration::on_scan`] for each scan, [`Calibration::advance`] whenever pressure or time
-//! moved on, and what the zero says as it says it. All that follows comes back as [`CalibrationEvent`]s, in order.
+//! moved on, and what the zero says as it says it; after each [`Calibration::take_events`]: all that follows, in order.
 
 use std::sync::Arc;
 use std::time::Duration;
 use taxel_skin::Time;
 
 use crate::baseline::TaxelBaseline;
-use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::calibration::job::{FitJob, FitOutcome};
 use crate::calibration::samples::{Pending, SessionSamples};
-use crate::calibration::session::{Progress, SessionRecord, SessionRun};
+use crate::calibration::session::{Progress, SessionEvent, SessionRun};
 use crate::calibration::transition::{Trigger, commanded, transition};
 use crate::calibration::view::{SessionState, SessionView};
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
+use crate::plan::PatchPlan;
 use crate::request::{ErrorReason, Rejection};
 use crate::scan::Scan;
 
@@ -25,47 +25,28 @@ const SHOW_EVERY: Duration = Duration::from_millis(200);
 /// In review a pressure that moved by less is not shown anew: that is the gauge's noise.
 const REVIEW_STEP_KPA: f64 = 0.5;
 
-/// What follows from a step of the calibration.
-#[derive(Clone, Debug)]
-pub enum CalibrationEvent {
-    /// The skin is to be watched at rest, for the zero of a ramp.
-    WantsZero {
-        /// Who vouches that nothing touches the skin.
-        confirmed_by: Option<String>,
-    },
-    /// No zero is wanted any more.
-    ZeroNotWanted,
-    /// Something must be on disk.
-    Record(SessionRecord),
-    /// The session reached another state or its view changed for good: to disk and to readers.
-    Session(Arc<SessionView>),
-    /// Its progress, for readers alone.
-    Progress(Arc<SessionView>),
-    /// This is to be computed outside the engine.
-    Fit(Box<FitJob>),
-}
-
 /// The calibration of one patch.
 #[derive(Debug)]
 pub struct Calibration {
-    plan: CalibrationPlan,
+    plan: Arc<PatchPlan>,
     session: Option<SessionRun>,
     /// How many fits were asked for: the number of the newest one.
     fits: u64,
     /// The view has changed since it was last shown.
     dirty: bool,
     shown: Time,
+    events: Vec<SessionEvent>,
 }
 
 impl Calibration {
     /// No session.
-    pub const fn new(plan: CalibrationPlan) -> Self {
-        Self { plan, session: None, fits: 0, dirty: false, shown: Time::from_nanos(i64::MIN) }
+    pub const fn new(plan: Arc<PatchPlan>) -> Self {
+        Self { plan, session: None, fits: 0, dirty: false, shown: Time::from_nanos(i64::MIN), events: Vec::new() }
     }
 
     /// The session that holds the patch or was the last to.
     pub fn session(&self) -> Option<&SessionView> {
-        self.session.as_ref().map(SessionRun::view)
+        self.session.as_ref().map(|session| &session.view)
     }
 
     /// The session that holds the patch now.
@@ -78,8 +59,7 @@ impl Calibration {
     /// # Errors
     /// [`Rejection::FailedPrecondition`] with the session, its state and what to do.
     pub fn refuse_if_open(&self, then: &str) -> Result<(), Rejection> {
-        let Some(open) = self.open() else { return Ok(()) };
-        Err(ErrorReason::SessionOpen.because(format!("session {} is {}; {then}", open.number, open.state.name())))
+        self.session().map_or(Ok(()), |session| session.check_closed(then))
     }
 
     /// Refuses a command that cannot be given to the session in its present state.
@@ -87,8 +67,7 @@ impl Calibration {
     /// # Errors
     /// [`Rejection`] if there is no session, or not in its present state.
     pub fn refuse_unless_possible(&self, command: Trigger) -> Result<(), Rejection> {
-        let view =
-            self.session().ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))?;
+        let view = self.session().ok_or_else(no_session)?;
         commanded(view.number, view.state, command).map(|_| ())
     }
 
@@ -103,15 +82,16 @@ impl Calibration {
     }
 
     /// Begins a session. The caller has checked that none is open.
-    pub fn start(&mut self, now: Now, view: SessionView, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
-        self.session = Some(SessionRun::new(now, view, self.plan.session, self.plan.taxels));
-        self.enter(now, SessionState::Taring, "", gauge, events);
-        self.want_zero(events);
+    pub fn start(&mut self, now: Now, view: SessionView) {
+        self.session = Some(SessionRun::new(now, view, self.plan.session, self.plan.patch.taxels().len()));
+        self.enter(now, SessionState::Taring, "");
+        self.events.push(SessionEvent::WantsZero);
     }
 
     /// Takes up a session of an earlier run with the samples that were on disk.
     pub fn resume(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
-        self.session = Some(SessionRun::resume(now, view, self.plan.session, self.plan.taxels, samples));
+        let taxels = self.plan.patch.taxels().len();
+        self.session = Some(SessionRun::resume(now, view, self.plan.session, taxels, samples));
     }
 
     /// The session was deleted. The caller has checked that it is not open.
@@ -123,35 +103,28 @@ impl Calibration {
     ///
     /// # Errors
     /// [`Rejection`] if there is no session, or not in its present state.
-    pub fn command(
-        &mut self,
-        now: Now,
-        (command, why): (Trigger, &str),
-        gauge: &GaugeHistory,
-        events: &mut Vec<CalibrationEvent>,
-    ) -> Result<(), Rejection> {
-        let Some(session) = &mut self.session else {
-            return Err(Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()));
-        };
-        let next = commanded(session.view().number, session.view().state, command)?;
+    pub fn command(&mut self, now: Now, command: Trigger, why: &str) -> Result<(), Rejection> {
+        let session = self.session.as_mut().ok_or_else(no_session)?;
+        let next = commanded(session.view.number, session.view.state, command)?;
         if matches!(command, Trigger::FinishRamp | Trigger::StartRamp) {
-            session.view().check_trusted()?;
+            session.view.check_trusted()?;
         }
         match command {
-            Trigger::FinishRamp if session.check_plateaus().is_err() => {
-                let why = session.check_plateaus().err().unwrap_or_default();
-                return Err(ErrorReason::SessionWrongState.because(why));
+            Trigger::FinishRamp => {
+                session.check_plateaus().map_err(|why| ErrorReason::SessionWrongState.because(why))?;
+                if session.plateaus.is_some() {
+                    session.view.reason.clear(); // what was to be done next
+                    self.fit(now);
+                } else if session.turn(now.time) {
+                    self.events.push(SessionEvent::Changed);
+                } else {
+                    self.fit(now);
+                }
             }
-            Trigger::FinishRamp if session.is_typed() => {
-                session.explain(String::new()); // what was to be done next
-                self.fit(now, gauge, events);
-            }
-            Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),
-            Trigger::FinishRamp => self.fit(now, gauge, events),
-            Trigger::Discard | Trigger::Abort => self.enter(now, next, why, gauge, events),
+            Trigger::Discard | Trigger::Abort => self.enter(now, next, why),
             _ => {
-                self.enter(now, next, "", gauge, events);
-                self.want_zero(events);
+                self.enter(now, next, "");
+                self.events.push(SessionEvent::WantsZero);
             }
         }
         Ok(())
@@ -161,75 +134,50 @@ impl Calibration {
     ///
     /// # Errors
     /// [`Rejection`] if no ramp is under way, or why it is no plateau.
-    pub fn take_plateau(
-        &mut self,
-        now: Now,
-        kpa: f64,
-        gauge: &GaugeHistory,
-        events: &mut Vec<CalibrationEvent>,
-    ) -> Result<(), Rejection> {
-        let Some(session) = self.session.as_mut().filter(|session| session.view().state == SessionState::Ramping)
-        else {
-            let why = "no ramp is under way: taxeld calibrate".to_owned();
-            return Err(ErrorReason::SessionWrongState.because(why));
+    pub fn take_plateau(&mut self, now: Now, kpa: f64) -> Result<(), Rejection> {
+        let session = self.session.as_mut().filter(|session| session.view.state == SessionState::Ramping);
+        let taken = match session {
+            Some(session) => session.take_plateau(now.time, kpa, &mut self.events),
+            None => Err("no ramp is under way: taxeld calibrate".to_owned()),
         };
-        let mut records = Vec::new();
-        let taken = session.take_plateau(now.time, kpa, &mut records);
-        events.extend(records.into_iter().map(CalibrationEvent::Record));
-        match taken {
-            Ok(Progress::RampEnded) => self.fit(now, gauge, events),
-            Ok(_) => self.tell(now, gauge, events),
-            Err(why) => return Err(ErrorReason::SessionWrongState.because(why)),
+        match taken.map_err(|why| ErrorReason::SessionWrongState.because(why))? {
+            Progress::RampEnded => self.fit(now),
+            _ => self.events.push(SessionEvent::Changed),
         }
         Ok(())
     }
 
-    fn want_zero(&self, events: &mut Vec<CalibrationEvent>) {
-        let confirmed_by = self.session().and_then(|view| view.confirmed_by.clone());
-        events.push(CalibrationEvent::WantsZero { confirmed_by });
-    }
-
     /// The zero that was wanted was taken: the ramp begins.
-    pub fn on_zero_taken(
-        &mut self,
-        now: Now,
-        baseline: Vec<TaxelBaseline>,
-        gauge: &GaugeHistory,
-        events: &mut Vec<CalibrationEvent>,
-    ) {
+    pub fn on_zero_taken(&mut self, now: Now, baseline: Vec<TaxelBaseline>, gauge: &GaugeHistory) {
         let Some(session) = self.session.as_mut() else { return };
-        if transition(session.view().state, Trigger::Zeroed).is_none() {
-            return;
+        if transition(session.view.state, Trigger::Zeroed).is_some() {
+            self.events.extend([session.begin_ramp(now, baseline, gauge), SessionEvent::Changed]);
         }
-        let ramp = session.begin_ramp(now, baseline, gauge);
-        events.push(CalibrationEvent::Record(ramp));
-        self.tell(now, gauge, events);
     }
 
     /// The zero that the models of the session will refer to, as far as it has come.
     pub fn rest(&self) -> Option<&[TaxelBaseline]> {
-        self.session.as_ref()?.samples().rest()
+        self.session.as_ref()?.samples.rest()
     }
 
     /// The zero that was wanted could not be taken: the session goes on watching until its patience ends.
-    pub fn on_zero_refused(&mut self, now: Now, why: &str, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
+    pub fn on_zero_refused(&mut self, now: Now, why: &str) {
         let Some(session) = self.session.as_mut() else { return };
-        let Some(failed) = transition(session.view().state, Trigger::NeverAtRest) else { return };
-        if now.time.since(session.entered()) > self.plan.session.patience {
-            self.enter(now, failed, format!("rest was never proven: {why}"), gauge, events);
+        let Some(failed) = transition(session.view.state, Trigger::NeverAtRest) else { return };
+        if now.time.since(session.entered) > self.plan.session.patience {
+            self.enter(now, failed, format!("rest was never proven: {why}"));
         } else {
-            session.explain(format!("waiting for an unloaded skin: {why}"));
+            session.view.reason = format!("waiting for an unloaded skin: {why}");
             self.dirty = true;
-            self.want_zero(events);
+            self.events.push(SessionEvent::WantsZero);
         }
     }
 
     /// The zero was lost: counts of two zeros in one ramp would make a wrong model. What was gathered before is kept.
-    pub fn on_zero_lost(&mut self, now: Now, why: &str, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
-        let Some(session) = self.session.as_mut() else { return };
-        session.drop_waiting();
-        if let Some(failed) = transition(session.view().state, Trigger::ZeroLost) {
-            self.enter(now, failed, format!("the ramp's zero was lost: {why}"), gauge, events);
+    pub fn on_zero_lost(&mut self, now: Now, why: &str) {
+        if let Some(session) = self.session.as_mut() {
+            session.drop_waiting();
+            self.trigger(now, Trigger::ZeroLost, format!("the ramp's zero was lost: {why}"));
         }
     }
 
@@ -243,71 +191,51 @@ impl Calibration {
 
     /// A scan ended. `complete`: every module that the session needs is in it, and the zero holds.
     pub fn on_scan(&mut self, scan: &Scan<'_>, complete: bool) {
-        let Some(session) = self.session.as_mut().filter(|s| s.view().state == SessionState::Ramping) else { return };
+        let Some(session) = self.session.as_mut().filter(|s| s.view.state == SessionState::Ramping) else { return };
         session.on_scan(complete.then(|| Pending { time: scan.time, counts: scan.counts.into() }));
         self.dirty = true;
     }
 
     /// Moves waiting scans on, as far as pressure and time have come. `silence` says which modules are silent.
-    pub fn advance(
-        &mut self,
-        now: Now,
-        gauge: &GaugeHistory,
-        silence: impl FnOnce() -> String,
-        events: &mut Vec<CalibrationEvent>,
-    ) {
+    pub fn advance(&mut self, now: Now, gauge: &GaugeHistory, silence: impl FnOnce() -> String) {
         let Some(session) = &mut self.session else { return };
-        let mut records = Vec::new();
-        let progress = session.advance(now.time, gauge, &mut records);
-        events.extend(records.into_iter().map(CalibrationEvent::Record));
+        let progress = session.advance(now.time, gauge, &mut self.events);
+        let mut reason = session.view.reason.clone();
         match progress {
             Progress::On => {}
-            Progress::Turned => self.tell(now, gauge, events),
-            Progress::RampEnded => self.fit(now, gauge, events),
-            Progress::Void => {
-                let reason = session.view().reason.clone();
-                // The models of earlier ramps are good, and may be in use.
-                let trigger = if session.view().model_set.is_some() { Trigger::Hopeless } else { Trigger::Void };
-                if let Some(ended) = transition(session.view().state, trigger) {
-                    self.enter(now, ended, reason, gauge, events);
-                }
-            }
+            Progress::Turned => self.events.push(SessionEvent::Changed),
+            Progress::RampEnded => self.fit(now),
+            // The models of earlier ramps are good, and may be in use.
+            Progress::Void if session.view.model_set.is_none() => self.trigger(now, Trigger::Void, reason),
+            Progress::Void => self.trigger(now, Trigger::Hopeless, reason),
             Progress::Failed => {
-                let mut reason = session.view().reason.clone();
-                if session.lacks_modules() {
+                if session.stale_since_progress > 0 {
                     reason = format!("{reason}: {}; leave them out of the session or mend them", silence());
                 }
-                if let Some(failed) = transition(session.view().state, Trigger::Hopeless) {
-                    self.enter(now, failed, reason, gauge, events);
-                }
+                self.trigger(now, Trigger::Hopeless, reason);
             }
         }
     }
 
     /// Ends the ramp and hands the samples to the fit.
-    fn fit(&mut self, now: Now, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
+    fn fit(&mut self, now: Now) {
         let Some(session) = &self.session else { return };
         self.fits += 1;
-        let (view, plan) = (session.view(), &self.plan);
+        let view = &session.view;
         let job = FitJob {
-            session: view.number,
+            sessions: vec![view.number],
             fit: self.fits,
-            patch: plan.patch.clone(),
             wall_ns: now.wall_ns,
-            board_settings: view.known_settings().unwrap_or(&plan.board_settings).to_vec(),
-            samples: Arc::clone(session.samples()),
-            simulated: plan.simulated,
-            modules: plan.modules.clone(),
+            board_settings: view.board_settings.to_vec(),
             left_out: view.left_out.clone(),
-            together: Vec::new(),
-            recipe: plan.recipe(view.branches),
+            ..FitJob::new(&self.plan, view.branches, Arc::clone(&session.samples))
         };
         let ended_early = match view.state {
             SessionState::Ramping => view.reason.clone(),
             _ => String::new(),
         };
-        self.enter(now, SessionState::Fitting, ended_early, gauge, events);
-        events.push(CalibrationEvent::Fit(Box::new(job)));
+        self.enter(now, SessionState::Fitting, ended_early);
+        self.events.push(SessionEvent::Fit(Box::new(job)));
     }
 
     /// Whether the outcome of a fit is the one that this session waits for.
@@ -319,98 +247,72 @@ impl Calibration {
 
     /// A fit came back with a model set that is on disk, or why there is none. One that is not awaited changes nothing:
     /// its session was aborted meanwhile.
-    pub fn on_fitted(
-        &mut self,
-        now: Now,
-        outcome: &FitOutcome,
-        gauge: &GaugeHistory,
-        events: &mut Vec<CalibrationEvent>,
-    ) {
-        if !self.awaits(outcome) {
-            return;
-        }
-        let Some(session) = &mut self.session else { return };
-        let result = &outcome.result;
-        let trigger = if result.is_ok() { Trigger::Fitted } else { Trigger::FitFailed };
-        let Some(next) = transition(session.view().state, trigger) else { return };
-        match result {
+    pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome) {
+        let awaited = self.awaits(outcome);
+        let Some(session) = self.session.as_mut().filter(|_| awaited) else { return };
+        match &outcome.result {
             Ok(set) => {
-                session.set_model_set(Arc::from(set.id.as_str()));
-                let ended_early = session.view().reason.clone();
-                self.enter(now, next, ended_early, gauge, events);
+                session.view.model_set = Some(Arc::from(set.id.as_str()));
+                let ended_early = session.view.reason.clone();
+                self.trigger(now, Trigger::Fitted, ended_early);
             }
-            Err(reason) => self.enter(now, next, reason.clone(), gauge, events),
+            Err(reason) => self.trigger(now, Trigger::FitFailed, reason.clone()),
         }
     }
 
     /// Samples of a session are on disk, perhaps after it has ended.
     pub fn on_durable(&mut self, number: u64, samples: u64) {
-        if let Some(session) = self.session.as_mut().filter(|s| s.view().number == number) {
-            session.set_durable(samples);
+        if let Some(session) = self.session.as_mut().filter(|s| s.view.number == number) {
+            session.view.durable = session.view.durable.max(samples);
             self.dirty = true;
         }
     }
 
-    /// Something from outside changes the session's state, if it can in its present one.
-    pub fn trigger(
-        &mut self,
-        now: Now,
-        trigger: Trigger,
-        reason: &str,
-        gauge: &GaugeHistory,
-        events: &mut Vec<CalibrationEvent>,
-    ) {
-        let next = self.session().and_then(|view| transition(view.state, trigger));
-        if let Some(next) = next {
-            self.enter(now, next, reason, gauge, events);
+    /// Something changes the session's state, if it can in its present one.
+    pub fn trigger(&mut self, now: Now, trigger: Trigger, reason: impl Into<String>) {
+        if let Some(next) = self.session().and_then(|view| transition(view.state, trigger)) {
+            self.enter(now, next, reason);
         }
     }
 
     /// Changes the session's state, on disk and for readers.
-    fn enter(
-        &mut self,
-        now: Now,
-        state: SessionState,
-        reason: impl Into<String>,
-        gauge: &GaugeHistory,
-        events: &mut Vec<CalibrationEvent>,
-    ) {
+    fn enter(&mut self, now: Now, state: SessionState, reason: impl Into<String>) {
         let Some(session) = &mut self.session else { return };
-        let was_taring = session.view().state == SessionState::Taring;
+        if session.view.state == SessionState::Taring && state != SessionState::Taring {
+            self.events.push(SessionEvent::ZeroNotWanted);
+        }
         session.enter(now, state, reason);
-        if was_taring && state != SessionState::Taring {
-            events.push(CalibrationEvent::ZeroNotWanted);
-        }
-        self.tell(now, gauge, events);
+        self.events.push(SessionEvent::Changed);
     }
 
-    fn tell(&mut self, now: Now, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
-        let Some(session) = &mut self.session else { return };
-        session.refresh(now.time, gauge);
-        events.push(CalibrationEvent::Session(Arc::new(session.view().clone())));
-        self.dirty = false;
-        self.shown = now.time;
+    /// What followed of what has happened since this was asked last, in order.
+    pub fn take_events(&mut self) -> Vec<SessionEvent> {
+        std::mem::take(&mut self.events)
     }
 
-    /// Shows an open session's progress, a few times a second. In review it goes on while the bag is being vented.
-    pub fn show(&mut self, now: Time, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
-        let due = self.deadline().is_some_and(|deadline| now >= deadline);
+    /// The session with pressure, rate, coverage and the time left as they are now.
+    pub fn refreshed(&mut self, now: Time, gauge: &GaugeHistory) -> Option<Arc<SessionView>> {
+        let session = self.session.as_mut()?;
+        session.refresh(now, gauge);
+        (self.dirty, self.shown) = (false, now);
+        Some(Arc::new(session.view.clone()))
+    }
+
+    /// An open session's progress for readers, a few times a second. In review it goes on while the bag is being vented.
+    pub fn show(&mut self, now: Time, gauge: &GaugeHistory) -> Option<Arc<SessionView>> {
+        self.deadline().filter(|deadline| now >= *deadline)?;
         let idle = !self.dirty && self.open().is_none();
-        if let Some(session) = self.session.as_mut().filter(|_| due) {
-            self.shown = now;
-            let before = session.view().pressure_kpa;
-            session.refresh(now, gauge);
-            let moved = match (before, session.view().pressure_kpa) {
-                (Some(before), Some(kpa)) => (before - kpa).abs() > REVIEW_STEP_KPA,
-                (before, kpa) => before.is_some() != kpa.is_some(),
-            };
-            if idle && !moved {
-                session.keep_pressure(before);
-                return;
-            }
-            events.push(CalibrationEvent::Progress(Arc::new(session.view().clone())));
-            self.dirty = false;
+        let before = self.session()?.pressure_kpa;
+        let view = self.refreshed(now, gauge)?;
+        let moved = match (before, view.pressure_kpa) {
+            (Some(before), Some(kpa)) => (before - kpa).abs() > REVIEW_STEP_KPA,
+            (before, kpa) => before.is_some() != kpa.is_some(),
+        };
+        if idle && !moved {
+            self.session.as_mut()?.view.pressure_kpa = before; // the next one is compared with what was shown
+            return None;
         }
+        Some(view)
     }
 
     /// When the progress is to be shown next; a session that holds its patch is looked at then, too.
@@ -418,4 +320,8 @@ impl Calibration {
         let reviewed = || self.session().is_some_and(|view| view.state == SessionState::Review);
         (self.dirty || self.open().is_some() || reviewed()).then(|| self.shown.max(Time::default()) + SHOW_EVERY)
     }
+}
+
+fn no_session() -> Rejection {
+    Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned())
 }

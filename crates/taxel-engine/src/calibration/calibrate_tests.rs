@@ -1,20 +1,19 @@
 //! What follows from each thing that happens to a session, and how often it is shown.
 
 use std::time::Duration;
-use taxel_model::FitOptions;
-use taxel_skin::{Kilopascal, Time};
+use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Patch, Time};
 
 use super::branch::{Branch, Direction};
-use super::calibrate::{Calibration, CalibrationEvent};
-use super::calibration_plan::CalibrationPlan;
+use super::calibrate::Calibration;
 use super::limits::SessionLimits;
+use super::session::SessionEvent;
 use super::transition::Trigger;
 use super::view::{SampleRefusal, SessionState, SessionView};
 use crate::baseline::TaxelBaseline;
 use crate::counts::Counts;
-use crate::intake::faults::limits::FaultLimits;
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
+use crate::plan::PatchPlan;
 use crate::scan::Scan;
 
 const TAXELS: usize = 4;
@@ -24,38 +23,34 @@ fn ms(ms: i64) -> Time {
     Time::from_nanos(ms * 1_000_000)
 }
 
-fn plan() -> CalibrationPlan {
-    CalibrationPlan {
-        simulated: false,
-        patch: "p".to_owned(),
-        modules: vec![0..2, 2..4],
-        taxels: TAXELS,
-        session: SessionLimits { patience: Duration::from_secs(3), ..SessionLimits::default() },
-        fit: FitOptions::default(),
-        faults: FaultLimits::default(),
-        board_settings: Vec::new(),
-    }
+/// A patch of two modules of two taxels.
+pub fn plan() -> PatchPlan {
+    let modules = [0, 1].map(|module| (Module::new(module).unwrap(), ModuleKind::Cells(2))).to_vec();
+    let board = Board { bus: BusIndex(0), address: BoardAddress::new(1).unwrap(), modules };
+    let session = SessionLimits { patience: Duration::from_secs(3), ..SessionLimits::default() };
+    PatchPlan { session, ..PatchPlan::new(Patch::new("p", vec![board]).unwrap()) }
 }
 
 /// The calibration of a patch, its gauge, and what followed last.
 struct Scene {
     calibration: Calibration,
     gauge: GaugeHistory,
-    events: Vec<CalibrationEvent>,
+    events: Vec<SessionEvent>,
     ms: i64,
 }
 
 impl Scene {
     fn new() -> Self {
         let gauge = GaugeHistory::at_rest_until(ms(1_000));
-        Self { calibration: Calibration::new(plan()), gauge, events: Vec::new(), ms: 1_000 }
+        Self { calibration: Calibration::new(plan().into()), gauge, events: Vec::new(), ms: 1_000 }
     }
 
     /// A session that watches for its zero.
     fn started(branches: Branch) -> Self {
         let mut scene = Self::new();
         let view = SessionView { number: 3, target_kpa: 50.0, branches, left_out: vec![1], ..SessionView::default() };
-        scene.calibration.start(scene.now(), view, &scene.gauge, &mut scene.events);
+        scene.calibration.start(scene.now(), view);
+        scene.settle();
         scene
     }
 
@@ -65,13 +60,34 @@ impl Scene {
         scene
     }
 
+    /// What followed is done.
+    fn settle(&mut self) {
+        for event in self.calibration.take_events() {
+            if matches!(event, SessionEvent::Changed) {
+                self.calibration.refreshed(ms(self.ms), &self.gauge);
+            }
+            self.events.push(event);
+        }
+    }
+
+    fn command(&mut self, command: Trigger) {
+        self.calibration.command(self.now(), command, "").unwrap();
+        self.settle();
+    }
+
+    fn refuse_zero(&mut self) {
+        self.calibration.on_zero_refused(self.now(), "it moves");
+        self.settle();
+    }
+
     fn now(&self) -> Now {
         Now { time: ms(self.ms), wall_ns: self.ms }
     }
 
     fn take_zero(&mut self) {
         let baseline = vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS];
-        self.calibration.on_zero_taken(self.now(), baseline, &self.gauge, &mut self.events);
+        self.calibration.on_zero_taken(self.now(), baseline, &self.gauge);
+        self.settle();
     }
 
     fn scan(&mut self) {
@@ -89,45 +105,40 @@ impl Scene {
             if i % 5 == 0 {
                 self.scan();
             }
-            self.calibration.advance(self.now(), &self.gauge, String::new, &mut self.events);
+            self.calibration.advance(self.now(), &self.gauge, String::new);
+            self.settle();
         }
     }
 
     /// What is shown after so much time.
     fn shown_after(&mut self, ms_later: i64) -> Option<SessionView> {
         self.ms += ms_later;
-        let mut events = Vec::new();
-        self.calibration.show(ms(self.ms), &self.gauge, &mut events);
-        events.into_iter().next_back().map(|event| match event {
-            CalibrationEvent::Progress(view) => SessionView::clone(&view),
-            other => panic!("{other:?}"),
-        })
+        let view = self.calibration.show(ms(self.ms), &self.gauge)?;
+        Some(SessionView::clone(&view))
     }
 
     fn state(&self) -> SessionState {
         self.calibration.session().unwrap().state
     }
 
-    fn count(&self, which: impl Fn(&CalibrationEvent) -> bool) -> usize {
+    fn count(&self, which: impl Fn(&SessionEvent) -> bool) -> usize {
         self.events.iter().filter(|event| which(event)).count()
     }
 }
 
-fn wants_zero(event: &CalibrationEvent) -> bool {
-    matches!(event, CalibrationEvent::WantsZero { .. })
+fn wants_zero(event: &SessionEvent) -> bool {
+    matches!(event, SessionEvent::WantsZero)
 }
 
 #[test]
 fn rest_that_is_not_proven_is_waited_for_as_long_as_patience_goes() {
     let mut scene = Scene::started(Branch::Rising);
     scene.ms += 3_000;
-    let now = scene.now();
-    scene.calibration.on_zero_refused(now, "it moves", &scene.gauge, &mut scene.events);
+    scene.refuse_zero();
     assert_eq!((scene.state(), scene.count(wants_zero)), (SessionState::Taring, 2));
     assert_eq!(scene.calibration.session().unwrap().reason, "waiting for an unloaded skin: it moves");
     scene.ms += 1;
-    let now = scene.now();
-    scene.calibration.on_zero_refused(now, "it moves", &scene.gauge, &mut scene.events);
+    scene.refuse_zero();
     assert_eq!((scene.state(), scene.count(wants_zero)), (SessionState::Failed, 2));
 }
 
@@ -146,8 +157,7 @@ fn scans_that_wait_while_the_zero_comes_into_doubt_never_enter() {
 fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_went_well_says_nothing() {
     let mut scene = Scene::ramping(Branch::Both);
     scene.go(0.0, 4.0, 5.0);
-    let now = scene.now();
-    scene.calibration.command(now, (Trigger::FinishRamp, ""), &scene.gauge, &mut scene.events).unwrap();
+    scene.command(Trigger::FinishRamp);
     assert_eq!(scene.calibration.session().unwrap().direction, Direction::Falling);
     scene.go(20.0, 0.0, 4.2);
     let view = scene.calibration.session().unwrap();
@@ -157,8 +167,7 @@ fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_wen
     let mut scene = Scene::ramping(Branch::Rising);
     scene.go(0.0, 0.0, 4.2);
     assert_eq!(scene.state(), SessionState::Failed);
-    let now = scene.now();
-    scene.calibration.command(now, (Trigger::FinishRamp, ""), &scene.gauge, &mut scene.events).unwrap();
+    scene.command(Trigger::FinishRamp);
     let view = scene.calibration.session().unwrap();
     assert_eq!((view.state, view.reason.as_str()), (SessionState::Fitting, ""));
 }
@@ -172,7 +181,7 @@ fn an_open_session_is_shown_five_times_a_second_and_one_that_is_over_when_someth
     assert!(scene.shown_after(199).is_none());
     assert!(scene.shown_after(1).is_some() && scene.shown_after(199).is_none() && scene.shown_after(1).is_some());
     let now = scene.now();
-    scene.calibration.command(now, (Trigger::Abort, ""), &scene.gauge, &mut scene.events).unwrap();
+    scene.command(Trigger::Abort);
     assert_eq!(scene.calibration.deadline(), None, "nothing of it changes any more ...");
     scene.calibration.on_durable(4, 7);
     assert_eq!(scene.calibration.deadline(), None);

@@ -18,39 +18,20 @@
 //! | `noise` | | standard deviation at rest, in units |
 
 use std::fmt::Write;
-use std::ops::Range;
 
 use taxel_model::GaugeUncertainty;
-use taxel_skin::CountRange;
 
 use crate::calibration::branch::Branch;
 use crate::calibration::samples::{RampBaseline, SessionSamples};
+use crate::calibration::view::SessionView;
+use crate::plan::PatchPlan;
 
 /// The columns after the counts.
 pub const LAST_COLUMNS: [&str; 2] = ["ramp", "figure"];
 
-/// What is known of a session beside what it gathered.
-#[derive(Clone, Debug, Default)]
-pub struct About {
-    /// Its patch.
-    pub patch: String,
-    /// Taxels of each module.
-    pub modules: Vec<Range<usize>>,
-    /// Positions of the modules that the session was without.
-    pub left_out: Vec<u16>,
-    /// Which branches it gathered.
-    pub branches: Branch,
-    /// Range of the converters.
-    pub counts: CountRange,
-    /// What is stated of the gauge.
-    pub gauge: GaugeUncertainty,
-    /// Whether a simulator or a replayed log sent them.
-    pub simulated: bool,
-}
-
-/// What the table begins with: its header, and the rows of figures.
+/// What the table of a session of this patch begins with: its header, and the rows of figures.
 #[must_use]
-pub fn table_head(about: &About, samples: &SessionSamples) -> String {
+pub fn table_head(plan: &PatchPlan, session: &SessionView, samples: &SessionSamples) -> String {
     let of_samples = samples.samples.first().map(|sample| sample.counts.counts().len());
     let taxels = of_samples.or_else(|| samples.ramps.first().map(|ramp| ramp.taxels.len())).unwrap_or_default();
     let names: String = (0..taxels).map(|taxel| format!(",c{taxel}")).collect();
@@ -60,23 +41,21 @@ pub fn table_head(about: &About, samples: &SessionSamples) -> String {
         let cells: String = (0..taxels).map(|taxel| format!(",{}", cell(cells(taxel)))).collect();
         let _ = writeln!(head, ",{}{cells},{ramp},{figure}", cell(kpa)); // writing to a string cannot fail
     };
-    if !about.patch.is_empty() {
-        row(None, &|_| None, "", &format!("patch {}", about.patch));
-    }
-    row(None, &|_| None, "", if about.branches == Branch::Both { "both" } else { "rising" });
-    if about.simulated {
+    row(None, &|_| None, "", &format!("patch {}", plan.patch.name()));
+    row(None, &|_| None, "", if session.branches == Branch::Both { "both" } else { "rising" });
+    if plan.simulated {
         row(None, &|_| None, "", "simulated");
     }
     // Modules of another layout of the patch say nothing of these samples.
-    if about.modules.last().is_some_and(|last| last.end == taxels) {
+    if plan.patch.taxels().len() == taxels {
         let module = |taxel: usize| {
-            let module = about.modules.iter().position(|module| module.contains(&taxel))?;
-            (!about.left_out.iter().any(|left| usize::from(*left) == module)).then_some(module as f64)
+            let module = plan.patch.taxels().get(taxel)?.module;
+            (!session.left_out.contains(&module)).then_some(f64::from(module))
         };
         row(None, &module, "", "module");
     }
-    row(None, &|_| Some(f64::from(about.counts.top())), "", "count_max");
-    let GaugeUncertainty { gain_rel, offset_kpa, noise_kpa } = about.gauge;
+    row(None, &|_| Some(f64::from(plan.patch.counts().top())), "", "count_max");
+    let GaugeUncertainty { gain_rel, offset_kpa, noise_kpa } = plan.fit.gauge;
     for (value, figure) in [(gain_rel, "gauge_gain"), (offset_kpa, "gauge_offset"), (noise_kpa, "gauge_noise")] {
         row(Some(value), &|_| None, "", figure);
     }
@@ -104,6 +83,7 @@ mod tests {
     use super::*;
     use crate::baseline::TaxelBaseline;
     use crate::calibration::samples::Sample;
+    use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind};
 
     #[test]
     fn a_table_has_what_a_fit_needs_to_the_last_bit_and_leaves_unknown_cells_empty() {
@@ -111,19 +91,17 @@ mod tests {
         let ramp = |ramp, gauge_kpa| RampBaseline { ramp, taxels: vec![rest, TaxelBaseline::UNKNOWN], gauge_kpa };
         let sample = Sample { ramp: 0, time_ns: 0, pressure_kpa: 0.0, counts: vec![240, 7].into() };
         let samples = SessionSamples { ramps: vec![ramp(0, Some(5.75)), ramp(1, None)], samples: vec![sample] };
-        let gauge = GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.0 };
-        let patch = "palm".to_owned();
-        let about = About {
-            patch,
-            modules: vec![0..1, 1..2],
-            left_out: vec![1],
-            branches: Branch::Rising,
-            counts: CountRange::BYTE,
-            gauge,
-            simulated: true,
+        let board = Board {
+            bus: BusIndex(0),
+            address: BoardAddress::new(1).unwrap(),
+            modules: [0, 1].map(|module| (Module::new(module).unwrap(), ModuleKind::Cells(1))).to_vec(),
         };
+        let mut plan = PatchPlan::new(taxel_skin::Patch::new("palm", vec![board]).unwrap());
+        plan.simulated = true;
+        plan.fit.gauge = GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.0 };
+        let session = SessionView { left_out: vec![1], ..SessionView::default() };
         assert_eq!(
-            table_head(&about, &samples),
+            table_head(&plan, &session, &samples),
             "t_s,pressure_kpa,c0,c1,ramp,figure\n,,,,,patch palm\n,,,,,rising\n,,,,,simulated\n,,0,,,module\n,,255,255,,count_max\n,0.0025,,,,gauge_gain\n\
              ,0.05,,,,gauge_offset\n,0,,,,gauge_noise\n,5.75,240.25,,1,zero\n,,0.5,,1,noise\n,,240.25,,2,zero\n\
              ,,0.5,,2,noise\n"

@@ -20,12 +20,9 @@ const STEEPER_MAX: f64 = 10.0;
 /// Less is not worth a word, kPa: the last digit of many gauges.
 const TOLD_FROM_KPA: f64 = 0.1;
 
-/// The zeros of more ramps are told by the least and the greatest.
-const TOLD_MAX: usize = 3;
-
 /// The gauge's zeros of a session.
 #[derive(Clone, Debug, Default)]
-pub(super) struct GaugeZero {
+pub(crate) struct GaugeZero {
     /// By ramp; `None` where it is not known.
     ramps: Vec<(u16, Option<f64>)>,
     /// Mean of those that are known, for the others: a gauge that is off stays so for days.
@@ -41,6 +38,11 @@ impl GaugeZero {
         Self { ramps, mean_kpa: if mean_kpa.is_finite() { mean_kpa } else { 0.0 } }
     }
 
+    /// One for all readings.
+    pub fn of_all(kpa: f64) -> Self {
+        Self { ramps: vec![(0, Some(kpa))], mean_kpa: kpa }
+    }
+
     /// The pressure of a sample, kPa, beyond what the gauge read before its ramp.
     pub fn pressure_kpa(&self, sample: &Sample) -> f64 {
         let zero = self.ramps.iter().find(|(ramp, _)| *ramp == sample.ramp);
@@ -54,24 +56,11 @@ impl GaugeZero {
 
     /// In words, for the method of a set; nothing where it is as good as none.
     pub fn told(&self) -> String {
-        let zeros: Vec<String> = self.ramps.iter().filter_map(|(_, kpa)| *kpa).map(|kpa| format!("{kpa:.1}")).collect();
-        if self.greatest_kpa() < TOLD_FROM_KPA {
-            return String::new();
-        }
-        let told = if let [first, .., last] = self.sorted().as_slice()
-            && zeros.len() > TOLD_MAX
-        {
-            format!("{first:.1} to {last:.1}")
-        } else {
-            zeros.join(" and ")
-        };
-        format!(", less {told} kPa that the gauge read at rest")
-    }
-
-    fn sorted(&self) -> Vec<f64> {
-        let mut known: Vec<f64> = self.ramps.iter().filter_map(|(_, kpa)| *kpa).collect();
-        known.sort_by(f64::total_cmp);
-        known
+        let zeros = || self.ramps.iter().filter_map(|(_, kpa)| *kpa);
+        let (least, greatest) = (zeros().fold(f64::INFINITY, f64::min), zeros().fold(f64::NEG_INFINITY, f64::max));
+        let told = if least == greatest { format!("{least:.1}") } else { format!("{least:.1} to {greatest:.1}") };
+        let is_worth_it = self.greatest_kpa() >= TOLD_FROM_KPA;
+        if is_worth_it { format!(", less {told} kPa that the gauge read at rest") } else { String::new() }
     }
 
     fn greatest_kpa(&self) -> f64 {
@@ -126,7 +115,7 @@ mod tests {
         let zero = GaugeZero::of(&[begun(0, Some(-0.3)), begun(1, Some(6.0))]);
         assert_eq!([0, 1].map(|ramp| zero.pressure_kpa(&read(ramp, 20.0))), [20.3, 14.0]);
         assert!((zero.doubt_kpa() - 6.0 / 3.0_f64.sqrt()).abs() < 1e-12);
-        assert_eq!(zero.told(), ", less -0.3 and 6.0 kPa that the gauge read at rest");
+        assert_eq!(zero.told(), ", less -0.3 to 6.0 kPa that the gauge read at rest");
     }
 
     #[test]

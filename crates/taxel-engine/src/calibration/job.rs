@@ -12,14 +12,14 @@ use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
 use crate::calibration::fit::course::{falling, session_clock};
 use crate::calibration::fit::masks::Masks;
-use crate::calibration::fit::paper;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::SkinScans;
-use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
+use crate::calibration::gauge_zero::GaugeZero;
 use crate::calibration::plateau::scatter_kpa;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
-use crate::model_set::{Maker, ModelSet, Recorded, ZeroReturn};
+use crate::model_set::{Maker, ModelSet, ZeroReturn};
+use crate::plan::PatchPlan;
 use crate::statistics::root_mean_square;
 
 /// Between two ramps a zero that moved by more than this, root mean square in counts, did not return: the boards took a
@@ -27,12 +27,10 @@ use crate::statistics::root_mean_square;
 const RETURN_MAX_COUNTS: f64 = 3.0;
 
 /// A fit to be run outside the engine.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FitJob {
-    /// Number of the session; of several together, of the newest.
-    pub session: u64,
-    /// The numbers of all sessions whose samples are fitted, where these are several; else empty.
-    pub together: Vec<u64>,
+    /// The numbers of all sessions whose samples are fitted, ascending.
+    pub sessions: Vec<u64>,
     /// Which fit of the patch it is: a session may ask for another one after an abort, while the first still runs.
     pub fit: u64,
     /// The patch.
@@ -72,6 +70,18 @@ const BEGINS_MAX_KPA: f64 = 5.0;
 const GAP_MAX_SHARE: f64 = 0.3;
 
 impl FitJob {
+    /// The fit of samples of this patch over these branches.
+    pub(crate) fn new(plan: &PatchPlan, branches: Branch, samples: Arc<SessionSamples>) -> Self {
+        Self {
+            patch: plan.patch.name().to_owned(),
+            samples,
+            simulated: plan.simulated,
+            modules: plan.modules(),
+            recipe: plan.recipe(branches),
+            ..Self::default()
+        }
+    }
+
     /// Fits every taxel. `id_of` makes the id of the finished set from its content.
     #[must_use]
     pub fn run(&self, id_of: impl Fn(&ModelSet) -> String) -> FitOutcome {
@@ -86,7 +96,13 @@ impl FitJob {
             Err("the fit ended with an internal error, which is a fault of this program; the samples are kept"
                 .to_owned())
         });
-        FitOutcome { session: self.session, fit: self.fit, result }
+        FitOutcome { session: self.session(), fit: self.fit, result }
+    }
+
+    /// Number of the session, of several of the newest.
+    #[must_use]
+    pub fn session(&self) -> u64 {
+        self.sessions.last().copied().unwrap_or_default()
     }
 
     fn model_set(&self) -> Result<ModelSet, String> {
@@ -94,7 +110,7 @@ impl FitJob {
         let (Some(first), Some(rest)) = (samples.first(), self.samples.rest()) else {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
-        let kpa = self.samples.pressures_kpa();
+        let mut kpa = self.samples.pressures_kpa();
         let (falling, recipe) = (falling(samples, self.recipe.branch), &self.recipe);
         refuse_gaps(&kpa)?;
         refuse_rise_alone(recipe.branch, &falling)?;
@@ -103,55 +119,39 @@ impl FitJob {
         let time_s = session_clock(samples, f64::from(recipe.faults.stale_after_s));
         let raw = scans(&time_s, &columns);
         let masks = if recipe.is_paper() {
+            kpa.iter_mut().zip(falling).filter(|(_, falls)| *falls).for_each(|(p, _)| *p = f64::NAN);
             Masks::missing(&raw)
         } else {
             Masks::find(&raw, &self.modules, &recipe.faults).without_dropouts(&raw, &OneByOne)
         };
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_last_zero(taxel, column));
         let scans = scans(&time_s, &columns);
-        let (mut models, method, recorded) = if recipe.is_paper() {
-            let models = paper::models(&scans, &kpa, &falling, recipe, &OneByOne);
-            (models, paper::method(&recipe.options), None)
-        } else {
-            let fitted = SkinScans { scans: &scans, masks: &masks, kpa: &kpa, zeros: Some(rest), smooth_s: 0.0 }
-                .fit(recipe, &OneByOne)
-                .map_err(|why| why.to_string())?;
-            let recorded = (recipe.branch == Branch::Both).then(|| Recorded {
-                smooth_s: 0.0,
-                plays_mean_s: fitted.plays_mean_s,
-                module_size: recipe.module_size,
-                zero_return: self.zero_between_ramps(&fitted.models),
-                plays_error_ratio: fitted.plays_error_ratio,
-                taxels: fitted.in_use,
-            });
-            let falls = if recorded.is_some() { ", hysteresis from falling" } else { "" };
-            (fitted.models, format!("{}{falls}", fitted.method), recorded)
-        };
+        let fit = SkinScans { scans: &scans, masks: &masks, kpa: &kpa, zeros: Some(rest), smooth_s: 0.0 };
+        let mut fitted = fit.fit(recipe, &OneByOne).map_err(|why| why.to_string())?;
+        let models = &fitted.models;
         if !models.iter().any(TaxelModel::is_usable) {
             let why = models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
             let samples = samples.len();
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
+        let zero_return = self.zero_between_ramps(models);
+        let has_falls = recipe.branch == Branch::Both && !recipe.is_paper();
+        let recorded = has_falls.then(|| fitted.recorded(recipe, 0.0, zero_return));
+        let falls = if has_falls { ", hysteresis from falling" } else { "" };
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
-        let doubt_kpa = gauge_zero.doubt_kpa() * steeper_at_rest(&models, rest);
         // All taxels share what was typed wrong, as they share the gauge.
-        let offset_kpa = doubt_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(scatter_kpa(&self.samples));
-        models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
+        let set = fitted.set(recipe, &gauge_zero, scatter_kpa(&self.samples));
         Ok(ModelSet {
-            id: String::new(),
             patch: self.patch.clone(),
             created_wall_ns: self.wall_ns,
-            session: Some(self.session),
-            method: format!("{method}{}{}", self.together_in_words(), gauge_zero.told()),
+            session: self.sessions.last().copied(),
+            method: format!("{}{falls}{}{}", set.method, self.together_in_words(), gauge_zero.told()),
             board_settings: self.board_settings.clone(),
             baseline: rest.to_vec(),
             pressure_max_kpa: kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            gauge_gain_rel: recipe.options.gauge.gain_rel,
-            gauge_offset_kpa: offset_kpa,
             recorded,
-            taxels: models,
-            recalibrated: None,
             maker: Maker::this(self.simulated),
+            ..set
         })
     }
 
@@ -195,8 +195,8 @@ impl FitJob {
     }
 
     fn together_in_words(&self) -> String {
-        let numbers: Vec<String> = self.together.iter().map(u64::to_string).collect();
-        if numbers.is_empty() { String::new() } else { format!(", of sessions {} together", numbers.join(", ")) }
+        let numbers: Vec<String> = self.sessions.iter().map(u64::to_string).collect();
+        if numbers.len() < 2 { String::new() } else { format!(", of sessions {} together", numbers.join(", ")) }
     }
 }
 

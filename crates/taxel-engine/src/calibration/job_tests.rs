@@ -3,14 +3,12 @@
 use std::sync::Arc;
 
 use super::branch::Branch;
-use super::calibration_plan::CalibrationPlan;
+use super::calibrate_tests::plan;
 use super::job::{FitJob, refuse_gaps};
-use super::limits::SessionLimits;
 use super::samples::{RampBaseline, Sample, SessionSamples};
 use super::view::{SampleRefusal, SessionState};
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::tables::Tables;
-use crate::intake::faults::limits::FaultLimits;
 use crate::model_set::ModelSet;
 use taxel_skin::SquareMillimetre;
 
@@ -37,28 +35,12 @@ fn gathered(zeros: &[u16], falls: bool) -> SessionSamples {
 }
 
 fn job(samples: SessionSamples, branch: Branch) -> FitJob {
-    let plan = CalibrationPlan {
-        simulated: false,
-        patch: "p".to_owned(),
-        modules: vec![0..2, 2..4],
-        taxels: TAXELS,
-        session: SessionLimits::default(),
-        fit: taxel_model::FitOptions::default(),
-        faults: FaultLimits::default(),
-        board_settings: vec!["as they are".to_owned()],
-    };
     FitJob {
-        simulated: false,
-        session: 7,
-        together: Vec::new(),
+        sessions: vec![7],
         fit: 1,
         wall_ns: 5,
-        samples: Arc::new(samples),
-        left_out: Vec::new(),
-        recipe: plan.recipe(branch),
-        patch: plan.patch,
-        board_settings: plan.board_settings,
-        modules: plan.modules,
+        board_settings: vec!["as they are".to_owned()],
+        ..FitJob::new(&plan(), branch, Arc::new(samples))
     }
 }
 
@@ -141,7 +123,7 @@ fn a_set_says_what_it_was_fitted_of() {
     let rising = job(gathered(&[240], false), Branch::Rising);
     assert_eq!(set(&rising).method, "monotone, order 1 in pressure");
     let both = job(gathered(&[240], true), Branch::Both);
-    let several = FitJob { together: vec![3, 7], ..both.clone() };
+    let several = FitJob { sessions: vec![3, 7], ..both.clone() };
     assert_eq!(set(&both).method, "monotone, order 1 in pressure, hysteresis from falling");
     let together = "monotone, order 1 in pressure, hysteresis from falling, of sessions 3, 7 together";
     assert_eq!(set(&several).method, together);
@@ -251,12 +233,12 @@ fn what_a_curve_reads_at_its_own_zero_is_as_much_where_counts_rise() {
 
 #[test]
 fn states_and_refusals_have_the_words_of_the_service() {
-    for state in SessionState::ALL {
-        assert_eq!(SessionState::from_name(state.name()), Some(state));
-    }
-    assert_eq!(SessionState::from_name("SLEEPING"), None);
+    let words = SessionState::ALL.map(SessionState::name).join(" ");
+    assert_eq!(words, "TARING RAMPING FITTING REVIEW ACTIVE DISCARDED ABORTED FAILED INTERRUPTED");
     let words = SampleRefusal::ALL.map(SampleRefusal::name).join(" ");
     let expected =
         "not_rising too_fast no_pressure stale_module full gauge_spike not_falling zero_in_doubt gauge_stuck";
     assert_eq!(words, expected);
+    let on_disk = SampleRefusal::ALL.map(|reason| serde_json::to_string(&reason).unwrap());
+    assert_eq!(on_disk.join(" ").replace('"', ""), expected);
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 use taxel_skin::Kilopascal;
 
-use crate::calibration::branch::{Branch, PlaysChoice};
+use crate::calibration::branch::Branch;
 use crate::intake::gauge::RestLimits;
 
 /// A spike is so many noise bands high.
@@ -32,8 +32,8 @@ pub struct SessionLimits {
     pub fall_max_kpa_per_s: f64,
     /// The falling branch of a ramp ends by itself here.
     pub fall_end: Kilopascal,
-    /// Whether the hysteresis of a session over both branches is compensated.
-    pub plays: PlaysChoice,
+    /// Whether the hysteresis of a session over both branches is compensated, if that wins on what no fit saw.
+    pub plays: bool,
     /// Without a pressure frame for so long no scan can be paired.
     pub gauge_timeout: Duration,
     /// Without any pressure frame, or any rise, for so long the session fails; without any fall the ramp ends.
@@ -86,7 +86,7 @@ impl Default for SessionLimits {
             rise_max_kpa_per_s: 5.0,
             fall_max_kpa_per_s: 5.0,
             fall_end: Kilopascal(1.0),
-            plays: PlaysChoice::Off,
+            plays: false,
             gauge_timeout: Duration::from_millis(500),
             patience: Duration::from_secs(60),
             vented_below: Kilopascal(10.0),

@@ -4,7 +4,6 @@ pub(crate) mod branch;
 pub(crate) mod calibrate;
 #[cfg(test)]
 mod calibrate_tests;
-pub(crate) mod calibration_plan;
 pub mod export;
 pub mod fit;
 mod gauge_zero;
@@ -27,6 +26,6 @@ pub use branch::{Branch, Direction};
 pub use job::{FitJob, FitOutcome};
 pub use limits::SessionLimits;
 pub use plateau::{PLATEAUS_MIN, PlateauView};
-pub use refit::{Refit, StoredSession, TOGETHER_MAX};
+pub use refit::{Refit, TOGETHER_MAX};
 pub use samples::{NotLoaded, RampBaseline, Sample, SessionSamples};
 pub use view::{RefusalCounts, SampleRefusal, SessionState, SessionView};

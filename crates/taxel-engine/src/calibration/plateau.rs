@@ -3,10 +3,11 @@
 
 use std::collections::VecDeque;
 use std::time::Duration;
-use taxel_skin::{Kilopascal, Time};
+use taxel_skin::Time;
 
 use crate::calibration::limits::{PROBATION, SessionLimits};
-use crate::calibration::samples::{Pending, SessionSamples};
+use crate::calibration::samples::{Pending, Sample, SessionSamples};
+use crate::statistics::{mean, root_mean_square};
 
 /// So many plateaus above the vented bag make a calibration.
 pub const PLATEAUS_MIN: usize = 8;
@@ -82,9 +83,7 @@ impl Plateaus {
 
     /// Takes a scan.
     pub fn push(&mut self, scan: Pending) {
-        let (sum, taxels) =
-            scan.counts.counts().iter_units().fold((0.0, 0_u32), |(sum, n), count| (sum + count, n + 1));
-        let mean = sum / f64::from(taxels.max(1));
+        let (mean, _) = mean(scan.counts.counts().iter_units());
         self.furthest = self.last.map_or(0.0, |(_, last)| self.furthest.max((mean - last).abs()));
         self.scans.push_back((scan, mean));
         while self.scans.len() > SCANS_MIN && self.span() > WATCHED {
@@ -134,7 +133,7 @@ impl Plateaus {
     /// Why it is none, in words.
     pub fn take(&mut self, now: Time, kpa: f64, limits: &SessionLimits) -> Result<Vec<Pending>, String> {
         self.check(kpa, limits)?;
-        let mean = mean(self.scans.iter());
+        let (mean, _) = mean(self.scans.iter().map(|(_, mean)| *mean));
         let scans = std::mem::take(&mut self.scans).into_iter().map(|(scan, _)| scan);
         // Those whose zero may still turn out to be wrong stay out.
         let scans = scans.filter(|scan| now.since(scan.time) >= PROBATION).collect();
@@ -191,9 +190,9 @@ impl Plateaus {
             return Holding::Short;
         }
         let third = self.scans.len() / 3;
-        let (first, newest) = (mean(self.scans.iter().take(third)), mean(self.scans.iter().rev().take(third)));
-        let steps = self.scans.iter().zip(self.scans.iter().skip(1)).map(|(a, b)| (b.1 - a.1).powi(2));
-        let scan_sd = (steps.sum::<f64>() / (2.0 * (self.scans.len() - 1) as f64)).sqrt();
+        let means = || self.scans.iter().map(|(_, mean)| *mean);
+        let (first, newest) = (mean(means().take(third)).0, mean(means().rev().take(third)).0);
+        let scan_sd = root_mean_square(means().zip(means().skip(1)).map(|(a, b)| b - a)) / 2.0_f64.sqrt();
         let chance = NOISE_SIGMAS * scan_sd * (2.0 / third as f64).sqrt();
         let moved = self.last.map(|(_, last)| (newest - last).abs());
         let limit = DRIFT_COUNTS.max(chance).max(DRIFT_SHARE * moved.unwrap_or(0.0));
@@ -217,11 +216,6 @@ impl Plateaus {
     }
 }
 
-fn mean<'a>(scans: impl Iterator<Item = &'a (Pending, f64)>) -> f64 {
-    let (sum, n) = scans.fold((0.0, 0_u32), |(sum, n), (_, mean)| (sum + mean, n + 1));
-    sum / f64::from(n.max(1))
-}
-
 impl SessionSamples {
     /// How many plateaus there are above those of the vented bag: runs of samples of one ramp at one pressure, of which the first of
     /// each ramp is the vented bag's.
@@ -234,29 +228,18 @@ impl SessionSamples {
 /// Of what was typed, how far the pressure may have moved within a plateau, root mean square over all, in kPa: the scatter of the
 /// skin's mean within each, by what it moves from plateau to plateau. 0 of samples that a gauge came with.
 pub fn scatter_kpa(samples: &SessionSamples) -> f64 {
-    let runs: Vec<(Kilopascal, f64, f64)> = samples
-        .samples
-        .chunk_by(|a, b| a.ramp == b.ramp && a.pressure_kpa == b.pressure_kpa)
-        .filter(|run| run.len() >= SCANS_MIN / 3)
-        .map(|run| {
-            let means: Vec<f64> = run
-                .iter()
-                .map(|sample| {
-                    let counts = sample.counts.counts();
-                    counts.iter_units().sum::<f64>() / counts.len().max(1) as f64
-                })
-                .collect();
-            let mean = means.iter().sum::<f64>() / means.len() as f64;
-            let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / means.len() as f64;
-            (Kilopascal(run[0].pressure_kpa), mean, variance)
-        })
-        .collect();
-    let of = |pair: &[(Kilopascal, f64, f64)]| {
-        let per_kpa = (pair[1].1 - pair[0].1) / (pair[1].0.0 - pair[0].0.0);
-        (pair[1].0.0 > pair[0].0.0 && per_kpa != 0.0).then(|| pair[1].2 / per_kpa.powi(2))
+    let of_run = |run: &[Sample]| {
+        let means: Vec<f64> = run.iter().map(|sample| mean(sample.counts.counts().iter_units()).0).collect();
+        let (level, _) = mean(means.iter().copied());
+        (run[0].pressure_kpa, level, root_mean_square(means.iter().map(|m| m - level)))
     };
-    let squares: Vec<f64> = runs.windows(2).filter_map(of).collect();
-    if squares.is_empty() { 0.0 } else { (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() }
+    let runs = samples.samples.chunk_by(|a, b| a.ramp == b.ramp && a.pressure_kpa == b.pressure_kpa);
+    let runs: Vec<_> = runs.filter(|run| run.len() >= SCANS_MIN / 3).map(of_run).collect();
+    let scatters = runs.windows(2).filter_map(|pair| {
+        let per_kpa = (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0);
+        (pair[1].0 > pair[0].0 && per_kpa != 0.0).then(|| pair[1].2 / per_kpa)
+    });
+    Some(root_mean_square(scatters)).filter(|kpa| kpa.is_finite()).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -5,73 +5,45 @@
 
 use std::sync::Arc;
 
-use taxel_skin::CountRange;
-
 use crate::board_settings::differ_in;
 use crate::calibration::branch::Branch;
-use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::calibration::fit::course::falling;
-use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::job::FitJob;
 use crate::calibration::samples::{RampBaseline, SessionSamples};
 use crate::calibration::view::SessionView;
+use crate::plan::PatchPlan;
 use crate::request::{ErrorReason, Rejection};
 
 /// Most sessions that are fitted together: their numbers are kept with the model set.
 pub const TOGETHER_MAX: usize = 32;
 
-/// A session whose samples are fitted once more.
-#[derive(Clone, Debug)]
-pub struct StoredSession {
-    /// What is known of it.
-    pub view: Arc<SessionView>,
-    /// The settings of the boards while it gathered, where its own model set still tells them.
-    pub board_settings: Option<Vec<String>>,
-}
-
 /// A fit of stored samples that can be.
 #[derive(Clone, Debug)]
 pub struct Refit {
-    plan: CalibrationPlan,
-    counts: CountRange,
-    recipe: FitRecipe,
-    board_settings: Vec<String>,
+    plan: PatchPlan,
     /// Ascending by number, at least one.
-    sessions: Vec<StoredSession>,
-}
-
-impl StoredSession {
-    /// How the boards were set, where that is known.
-    fn settings(&self) -> Option<&[String]> {
-        self.board_settings.as_deref().or_else(|| self.view.known_settings())
-    }
+    sessions: Vec<Arc<SessionView>>,
 }
 
 impl Refit {
-    /// What is to be fitted, and how. `counts` is the range of the patch's converters.
+    /// What is to be fitted, and how.
     ///
     /// # Errors
     /// [`Rejection`] if no session or one twice is named, one is under way or has no
     /// samples, or the sessions do not go together; it says which of them.
-    pub fn plan(
-        plan: CalibrationPlan,
-        counts: CountRange,
-        mut sessions: Vec<StoredSession>,
-    ) -> Result<Self, Rejection> {
-        sessions.sort_by_key(|session| session.view.number);
+    pub fn plan(plan: PatchPlan, mut sessions: Vec<Arc<SessionView>>) -> Result<Self, Rejection> {
+        sessions.sort_by_key(|session| session.number);
         check_names(&sessions)?;
-        sessions.iter().try_for_each(|session| check_session(&plan, &session.view))?;
-        let gathered = sessions.iter().map(|session| session.view.accepted).sum();
-        check_size(&plan, gathered)?;
-        let board_settings = board_settings(&plan, &sessions)?;
-        let recipe = plan.recipe(branch(&sessions));
-        Ok(Self { plan, counts, recipe, board_settings, sessions })
+        sessions.iter().try_for_each(|session| check_session(&plan, session))?;
+        check_size(&plan, sessions.iter().map(|session| session.accepted).sum())?;
+        check_settings(&sessions)?;
+        Ok(Self { plan, sessions })
     }
 
     /// The numbers of the sessions, in the order in which [`Refit::job`] takes their samples.
     #[must_use]
     pub fn numbers(&self) -> Vec<u64> {
-        self.sessions.iter().map(|session| session.view.number).collect()
+        self.sessions.iter().map(|session| session.number).collect()
     }
 
     /// The fit of what the sessions gathered, one entry each, in the order of [`Refit::numbers`]. `wall_ns`: the present.
@@ -80,118 +52,84 @@ impl Refit {
     /// [`Rejection`] if samples are of another layout of the patch, or too many; it says of which session.
     pub fn job(self, samples: Vec<SessionSamples>, wall_ns: i64) -> Result<FitJob, Rejection> {
         check_size(&self.plan, samples.iter().map(|samples| samples.samples.len() as u64).sum())?;
-        for (session, samples) in self.sessions.iter().zip(&samples) {
-            self.check_layout(session.view.number, samples)?;
+        let branches = branch(&self.sessions);
+        let mut fitted = Vec::with_capacity(samples.len());
+        for (session, samples) in self.sessions.iter().zip(samples) {
+            self.check_layout(session.number, &samples)?;
+            let both = session.branches == Branch::Both;
+            fitted.push(if both { samples.of_branch(branches) } else { samples });
         }
-        let both = self.sessions.iter().map(|session| session.view.branches == Branch::Both);
-        let samples = samples.into_iter().zip(both);
-        let samples = samples.map(|(samples, both)| if both { samples.of_branch(self.recipe.branch) } else { samples });
-        let samples: Vec<SessionSamples> = samples.collect();
-        let numbers = self.numbers();
-        let mut left_out: Vec<u16> = self.sessions.iter().flat_map(|s| s.view.left_out.iter().copied()).collect();
+        let mut left_out: Vec<u16> =
+            self.sessions.iter().flat_map(|session| session.left_out.iter().copied()).collect();
         left_out.sort_unstable();
         left_out.dedup();
         Ok(FitJob {
-            session: numbers.last().copied().unwrap_or_default(),
-            together: if numbers.len() > 1 { numbers } else { Vec::new() },
-            fit: 0,
-            patch: self.plan.patch,
+            sessions: self.numbers(),
             wall_ns,
-            board_settings: self.board_settings,
-            samples: Arc::new(joined(samples)?),
-            simulated: self.plan.simulated,
-            modules: self.plan.modules,
+            board_settings: self.sessions.first().map_or_else(Vec::new, |session| session.board_settings.to_vec()),
             left_out,
-            recipe: self.recipe,
+            ..FitJob::new(&self.plan, branches, Arc::new(joined(fitted)?))
         })
     }
 
     fn check_layout(&self, number: u64, samples: &SessionSamples) -> Result<(), Rejection> {
         let patch = &self.plan.patch;
-        let wrong = samples
-            .samples
-            .iter()
-            .map(|sample| sample.counts.counts())
-            .find(|counts| counts.len() != self.plan.taxels || counts.range() != self.counts);
-        let Some(wrong) = wrong else { return Ok(()) };
-        let (has, wants) = (wrong.len(), self.plan.taxels);
-        let why = if has == wants {
-            format!("session {number} has counts of another width than patch `{patch}`")
-        } else {
-            format!(
-                "session {number} has samples of {has} taxels, patch `{patch}` has {wants}: it is of another layout"
-            )
-        };
-        Err(ErrorReason::LayoutChanged.because(why))
+        ErrorReason::LayoutChanged.unless(samples.is_of(patch), || {
+            format!("session {number} is of another layout of patch `{}`, or has counts of another width", patch.name())
+        })
     }
-}
-
-fn invalid<T>(field: &'static str, problem: String) -> Result<T, Rejection> {
-    Err(Rejection::InvalidArgument { field, problem })
 }
 
 /// Each session once, and not too many. They are in the order of their numbers.
-fn check_names(sessions: &[StoredSession]) -> Result<(), Rejection> {
+fn check_names(sessions: &[Arc<SessionView>]) -> Result<(), Rejection> {
+    let invalid = |problem: String| Err(Rejection::invalid("sessions", problem));
     if !(1..=TOGETHER_MAX).contains(&sessions.len()) {
-        return invalid("sessions", format!("{} are named, expected 1 to {TOGETHER_MAX}", sessions.len()));
+        return invalid(format!("{} are named, expected 1 to {TOGETHER_MAX}", sessions.len()));
     }
-    match sessions.windows(2).find(|pair| pair[0].view.number == pair[1].view.number) {
-        Some(pair) => invalid("sessions", format!("session {} is named twice", pair[0].view.number)),
+    match sessions.windows(2).find(|pair| pair[0].number == pair[1].number) {
+        Some(pair) => invalid(format!("session {} is named twice", pair[0].number)),
         None => Ok(()),
     }
 }
 
-fn check_session(plan: &CalibrationPlan, view: &SessionView) -> Result<(), Rejection> {
-    let (number, patch) = (view.number, &plan.patch);
-    if view.patch != *patch {
-        let why = format!("session {number} is of patch `{}`, the others are of `{patch}`", view.patch);
-        return Err(ErrorReason::SessionsDiffer.because(why));
-    }
-    if view.state.is_open() {
-        let why = format!("session {number} is {}; finish or abort it first", view.state.name());
-        return Err(ErrorReason::SessionOpen.because(why));
-    }
+fn check_session(plan: &PatchPlan, view: &SessionView) -> Result<(), Rejection> {
+    let (number, patch) = (view.number, plan.patch.name());
+    ErrorReason::SessionsDiffer.unless(view.patch == patch, || {
+        format!("session {number} is of patch `{}`, the others are of `{patch}`", view.patch)
+    })?;
+    view.check_closed("finish or abort it first")?;
     view.check_trusted()?;
-    let modules = plan.modules.len();
-    match view.left_out.iter().find(|module| usize::from(**module) >= modules) {
-        Some(module) => {
-            let place = usize::from(*module) + 1;
-            let why =
-                format!("session {number} was without module {place} of patch `{patch}`, which has {modules} now");
-            Err(ErrorReason::LayoutChanged.because(why))
-        }
-        None => Ok(()),
-    }
+    let modules = plan.patch.modules().len();
+    let gone = view.left_out.iter().map(|module| usize::from(*module) + 1).find(|module| *module > modules);
+    ErrorReason::LayoutChanged.unless(gone.is_none(), || {
+        let module = gone.unwrap_or_default();
+        format!("session {number} was without module {module} of patch `{patch}`, which has {modules} now")
+    })
 }
 
 /// As many as a session may have: so much memory and time is there for one fit.
-fn check_size(plan: &CalibrationPlan, samples: u64) -> Result<(), Rejection> {
+fn check_size(plan: &PatchPlan, samples: u64) -> Result<(), Rejection> {
     let most = plan.session.scans_max as u64;
-    if samples <= most {
-        return Ok(());
-    }
-    let why = format!("the sessions have {samples} scans together, and {most} is the most that are fitted at once");
-    Err(ErrorReason::SessionsTooLarge.because(why))
+    ErrorReason::SessionsTooLarge.unless(samples <= most, || {
+        format!("the sessions have {samples} scans together, and {most} is the most that are fitted at once")
+    })
 }
 
-/// Counts depend on the settings of the boards, so these must be the same. The lines that tell most are those of the fit.
-fn board_settings(plan: &CalibrationPlan, sessions: &[StoredSession]) -> Result<Vec<String>, Rejection> {
-    let known = sessions.iter().filter_map(|session| Some((session.view.number, session.settings()?)));
-    let known: Vec<(u64, &[String])> = known.collect();
-    for (n, (first, settings)) in known.iter().enumerate() {
-        let differs = known[n + 1..].iter().find_map(|(other, theirs)| Some((other, differ_in(settings, theirs)?)));
-        if let Some((other, (a, b))) = differs {
-            let why = format!("the boards had other settings in session {first} ({a}) than in session {other} ({b})");
-            return Err(ErrorReason::SessionsDiffer.because(why));
-        }
-    }
-    let tells_most = known.iter().max_by_key(|(_, settings)| settings.iter().map(String::len).sum::<usize>());
-    Ok(tells_most.map_or_else(|| plan.board_settings.clone(), |(_, settings)| settings.to_vec()))
+/// Counts depend on the settings of the boards, so these must be the same.
+fn check_settings(sessions: &[Arc<SessionView>]) -> Result<(), Rejection> {
+    let pairs =
+        sessions.iter().enumerate().flat_map(|(n, one)| sessions[n + 1..].iter().map(move |other| (one, other)));
+    let differs = |(one, other): (&Arc<SessionView>, &Arc<SessionView>)| {
+        let (a, b) = differ_in(&one.board_settings, &other.board_settings)?;
+        let (first, second) = (one.number, other.number);
+        Some(format!("the boards had other settings in session {first} ({a}) than in session {second} ({b})"))
+    };
+    pairs.into_iter().find_map(differs).map_or(Ok(()), |why| Err(ErrorReason::SessionsDiffer.because(why)))
 }
 
 /// The branches that are fitted: both where every session gathered both.
-fn branch(sessions: &[StoredSession]) -> Branch {
-    let both = sessions.iter().all(|session| session.view.branches == Branch::Both);
+fn branch(sessions: &[Arc<SessionView>]) -> Branch {
+    let both = sessions.iter().all(|session| session.branches == Branch::Both);
     if both { Branch::Both } else { Branch::Rising }
 }
 

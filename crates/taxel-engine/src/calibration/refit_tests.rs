@@ -3,16 +3,15 @@
 use super::*;
 use crate::calibration::samples::Sample;
 
-fn session(number: u64, branches: Branch) -> StoredSession {
-    let view = SessionView { number, branches, ..SessionView::default() };
-    StoredSession { view: Arc::new(view), board_settings: None }
+fn session(number: u64, branches: Branch) -> Arc<SessionView> {
+    Arc::new(SessionView { number, branches, ..SessionView::default() })
 }
 
 #[test]
 fn both_branches_are_fitted_where_every_session_gathered_both() {
     use Branch::{Both, Rising};
     for (gathered, fitted) in [([Both, Both], Both), ([Both, Rising], Rising), ([Rising, Rising], Rising)] {
-        let sessions: Vec<StoredSession> = (1..).zip(gathered).map(|(n, of)| session(n, of)).collect();
+        let sessions: Vec<Arc<SessionView>> = (1..).zip(gathered).map(|(n, of)| session(n, of)).collect();
         assert_eq!(branch(&sessions), fitted, "{gathered:?}");
     }
 }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::calibration::limits::SessionLimits;
 use crate::counts::SharedCounts;
 
 /// A gauge that moved by less than this stood still.
@@ -16,19 +17,6 @@ pub struct Rise {
     counts: Option<(SharedCounts, SharedCounts)>,
 }
 
-/// A rise that nothing enters any more.
-#[derive(Clone, Copy, Debug)]
-pub struct Stall {
-    /// For how long nothing has.
-    pub patience: Duration,
-    /// What the gauge reads, in kPa.
-    pub kpa: f64,
-    /// Where the rise was to end, in kPa.
-    pub target_kpa: f64,
-    /// A taxel that moved by so many counts responds.
-    pub responding_counts: f64,
-}
-
 impl Rise {
     /// The gauge reads so much now.
     pub fn on_gauge(&mut self, kpa: f64) {
@@ -41,26 +29,25 @@ impl Rise {
         self.counts.get_or_insert_with(|| (counts.clone(), counts.clone())).1 = counts.clone();
     }
 
-    /// Why nothing enters, in words.
-    pub fn why(&self, stall: Stall) -> String {
-        let Stall { kpa, target_kpa, .. } = stall;
-        let seconds = stall.patience.as_secs();
+    /// Why nothing has entered for so long, in words; the gauge reads `kpa` now.
+    pub fn why(&self, kpa: f64, patience: Duration, limits: &SessionLimits) -> String {
+        let (target_kpa, seconds) = (limits.target.0, patience.as_secs());
         if kpa >= target_kpa {
             return format!(
                 "nothing entered for {seconds} s: the gauge reads {kpa:.1} kPa, beyond the target of {target_kpa:.1} kPa; the \
                  rise was too fast, or the gauge's scale is wrong"
             );
         }
-        let cause = self.cause(stall);
+        let cause = self.cause(kpa, f64::from(limits.responding_counts));
         format!(
             "the pressure did not rise for {seconds} s: it is {kpa:.1} kPa, the target is {target_kpa:.1} kPa; {cause}"
         )
     }
 
-    fn cause(&self, stall: Stall) -> String {
-        let (low, high) = self.gauge_kpa.unwrap_or((stall.kpa, stall.kpa));
-        let (moved, all) = self.moved(stall.responding_counts);
-        if high - stall.kpa > FELL_KPA {
+    fn cause(&self, kpa: f64, responding_counts: f64) -> String {
+        let (low, high) = self.gauge_kpa.unwrap_or((kpa, kpa));
+        let (moved, all) = self.moved(responding_counts);
+        if high - kpa > FELL_KPA {
             format!("it has been {high:.1} kPa: the bag leaks, or the pump has stopped")
         } else if high - low > STILL_KPA {
             "as much leaks into the bag as the pump takes out, or the pump has stopped".to_owned()
@@ -85,8 +72,11 @@ impl Rise {
 mod tests {
     use super::*;
 
-    fn stall(kpa: f64) -> Stall {
-        Stall { patience: Duration::from_secs(60), kpa, target_kpa: 70.0, responding_counts: 4.0 }
+    impl Rise {
+        fn told(&self, kpa: f64) -> String {
+            let limits = SessionLimits { responding_counts: 4, ..SessionLimits::default() };
+            self.why(kpa, Duration::from_secs(60), &limits)
+        }
     }
 
     fn rise(gauge_kpa: &[f64], counts: [u16; 2]) -> Rise {
@@ -98,20 +88,20 @@ mod tests {
 
     #[test]
     fn a_gauge_whose_scale_is_wrong_is_not_told_as_a_pump_that_is() {
-        let small = rise(&[0.0, 0.03, 0.07], [200, 120]).why(stall(0.07));
+        let small = rise(&[0.0, 0.03, 0.07], [200, 120]).told(0.07);
         assert!(small.contains("4 of 4 taxels have moved, and the gauge only from 0.000 to 0.070 kPa"), "{small}");
-        let large = rise(&[0.0, 30.0, 70_000.0], [200, 120]).why(stall(70_000.0));
+        let large = rise(&[0.0, 30.0, 70_000.0], [200, 120]).told(70_000.0);
         assert!(large.contains("70000.0 kPa, beyond the target of 70.0 kPa"), "{large}");
         assert!(large.contains("scale"), "{large}");
     }
 
     #[test]
     fn a_leak_a_weak_pump_and_a_pump_that_is_off_are_told_apart() {
-        let leak = rise(&[0.0, 32.0, 12.0], [200, 160]).why(stall(12.0));
+        let leak = rise(&[0.0, 32.0, 12.0], [200, 160]).told(12.0);
         assert!(leak.contains("it has been 32.0 kPa: the bag leaks"), "{leak}");
-        let weak = rise(&[0.0, 30.0, 31.0], [200, 160]).why(stall(31.0));
+        let weak = rise(&[0.0, 30.0, 31.0], [200, 160]).told(31.0);
         assert!(weak.contains("as much leaks into the bag"), "{weak}");
-        let off = rise(&[0.1, 0.2], [200, 199]).why(stall(0.2));
+        let off = rise(&[0.1, 0.2], [200, 199]).told(0.2);
         assert!(off.contains("0 of 4 taxels have moved: is the bag closed"), "{off}");
         assert!(off.starts_with("the pressure did not rise for 60 s: it is 0.2 kPa, the target is 70.0 kPa"), "{off}");
     }
@@ -120,7 +110,7 @@ mod tests {
     fn what_is_said_of_a_rise_changes_at_what_can_be_told_from_noise() {
         let says = |gauge_kpa: &[f64], counts: [u16; 2]| {
             let last = gauge_kpa[gauge_kpa.len() - 1];
-            rise(gauge_kpa, counts).why(stall(last))
+            rise(gauge_kpa, counts).told(last)
         };
         // 2 kPa below its highest the pressure has escaped.
         assert!(says(&[0.0, 32.0, 29.9], [200, 160]).contains("the bag leaks"));
@@ -141,7 +131,7 @@ mod tests {
         let says = |moved: u16| {
             let mut rise = rise(&[5.0, 5.0], [200, 200]);
             rise.on_scan(&[0, 1, 2, 3].map(|taxel| if taxel < moved { 180 } else { 200 }).into());
-            rise.why(stall(5.0))
+            rise.told(5.0)
         };
         assert!(says(2).contains("2 of 4 taxels have moved: is the bag closed"), "{}", says(2));
         assert!(says(3).contains("3 of 4 taxels have moved, and the gauge only"), "{}", says(3));

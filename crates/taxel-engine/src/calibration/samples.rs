@@ -1,9 +1,10 @@
 //! The samples of a session.
 
-use taxel_skin::Time;
+use taxel_skin::{Patch, Time};
 
 use crate::baseline::TaxelBaseline;
 use crate::counts::SharedCounts;
+use crate::request::{ErrorReason, Rejection};
 
 /// The zero at which a ramp began, of the taxels and of the gauge.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +35,14 @@ impl SessionSamples {
     }
 }
 
+impl SessionSamples {
+    /// Whether all are of a patch as it is now.
+    pub(crate) fn is_of(&self, patch: &Patch) -> bool {
+        let mut counts = self.samples.iter().map(|sample| sample.counts.counts());
+        counts.all(|counts| counts.len() == patch.taxels().len() && counts.range() == patch.counts())
+    }
+}
+
 /// Why the samples of a session cannot be had.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NotLoaded {
@@ -41,6 +50,16 @@ pub enum NotLoaded {
     Damaged(String),
     /// The store cannot read now; why.
     Unavailable(String),
+}
+
+impl NotLoaded {
+    /// What is refused because of it; `damaged` says what is on disk, and what to do.
+    pub(crate) fn refusal(self, damaged: impl FnOnce(String) -> String) -> Rejection {
+        match self {
+            Self::Damaged(what) => ErrorReason::DataDamaged.because(damaged(what)),
+            Self::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
+        }
+    }
 }
 
 /// One scan that entered a session.

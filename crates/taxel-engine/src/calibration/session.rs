@@ -11,11 +11,11 @@ use taxel_skin::{Kilopascal, Time};
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, Direction};
 use crate::calibration::fit::scans::RECORDING_SCANS_MIN;
-use crate::calibration::job::refuse_gaps;
+use crate::calibration::job::{FitJob, refuse_gaps};
 use crate::calibration::limits::{PROBATION, SessionLimits};
 use crate::calibration::plateau::Plateaus;
 use crate::calibration::ramp::{Gate, Ramp};
-use crate::calibration::rise::{Rise, Stall};
+use crate::calibration::rise::Rise;
 use crate::calibration::samples::{Pending, RampBaseline, Sample, SessionSamples};
 use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
 use crate::counts::Counts;
@@ -44,41 +44,49 @@ pub enum Progress {
     Void,
 }
 
-/// What of a session must be on disk beside its view.
+/// What follows of what happens to a session.
 #[derive(Clone, Debug)]
-pub enum SessionRecord {
-    /// A ramp began at this zero.
+pub enum SessionEvent {
+    /// The skin is to be watched at rest, for the zero of a ramp.
+    WantsZero,
+    /// No zero is wanted any more.
+    ZeroNotWanted,
+    /// A ramp began at this zero: to disk.
     Ramp(RampBaseline),
-    /// A scan entered.
+    /// A scan entered: to disk.
     Sample {
         /// Position of the sample in the session, from 0.
         index: u64,
         /// The sample.
         sample: Sample,
     },
+    /// It reached another state, or its view changed for good: to disk and to readers.
+    Changed,
+    /// This is to be computed outside the engine.
+    Fit(Box<FitJob>),
 }
 
 /// A session that holds its patch or waits for review.
 #[derive(Debug)]
 pub struct SessionRun {
-    view: SessionView,
+    pub(crate) view: SessionView,
     limits: SessionLimits,
-    samples: Arc<SessionSamples>,
+    pub(crate) samples: Arc<SessionSamples>,
     ramp: Ramp,
     rise: Rise,
     /// Where a dial is typed: the plateaus of the present ramp.
-    plateaus: Option<Plateaus>,
+    pub(super) plateaus: Option<Plateaus>,
     pending: VecDeque<Pending>,
     /// One flag per 1 kPa step from 0 to the target.
     covered: Vec<bool>,
     /// Least and greatest count per taxel so far, in units.
     extremes: Vec<(f64, f64)>,
     /// Scans whose modules were not all fresh, since the last sample: they explain a failure.
-    stale_since_progress: u64,
+    pub(super) stale_since_progress: u64,
     /// Whether it was told that the rise cannot get further.
     stalled: bool,
     /// When it reached its present state, on the run's clock.
-    entered: Time,
+    pub(super) entered: Time,
 }
 
 impl SessionRun {
@@ -118,16 +126,6 @@ impl SessionRun {
         run
     }
 
-    /// What the world sees.
-    pub const fn view(&self) -> &SessionView {
-        &self.view
-    }
-
-    /// Everything gathered so far.
-    pub const fn samples(&self) -> &Arc<SessionSamples> {
-        &self.samples
-    }
-
     /// Changes the state; the reason is for people.
     pub fn enter(&mut self, now: Now, state: SessionState, reason: impl Into<String>) {
         self.view.state = state;
@@ -140,36 +138,16 @@ impl SessionRun {
         }
     }
 
-    /// When it reached its present state, on the run's clock.
-    pub const fn entered(&self) -> Time {
-        self.entered
-    }
-
     /// The scans that wait are not to be believed: the zero was lost or is in doubt.
     pub fn drop_waiting(&mut self) {
         let dropped = self.pending.len() as u64;
         self.pending.clear();
         self.plateaus.iter_mut().for_each(Plateaus::forget_scans);
-        self.view.refused.add_many(SampleRefusal::ZeroInDoubt, dropped);
-    }
-
-    /// Says why the session waits, without a change of state.
-    pub fn explain(&mut self, reason: String) {
-        self.view.reason = reason;
-    }
-
-    /// The model set of the fit.
-    pub fn set_model_set(&mut self, id: Arc<str>) {
-        self.view.model_set = Some(id);
-    }
-
-    /// Samples on disk.
-    pub fn set_durable(&mut self, samples: u64) {
-        self.view.durable = self.view.durable.max(samples);
+        self.view.refused.add(SampleRefusal::ZeroInDoubt, dropped);
     }
 
     /// Rest is proven: the ramp begins at this zero.
-    pub fn begin_ramp(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) -> SessionRecord {
+    pub fn begin_ramp(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) -> SessionEvent {
         let (gauge_kpa, newest) = match gauge.at_rest(now.time, self.limits.gauge_rest()) {
             GaugeAtRest::Still { kpa, newest } => (Some(kpa.0), Some(newest)),
             GaugeAtRest::Moves(..) | GaugeAtRest::NotHeard => (None, None),
@@ -180,7 +158,7 @@ impl SessionRun {
         self.begin_branch(Ramp::new(now.time, Direction::Rising, newest));
         Arc::make_mut(&mut self.samples).ramps.push(ramp.clone());
         self.enter(now, SessionState::Ramping, "");
-        SessionRecord::Ramp(ramp)
+        SessionEvent::Ramp(ramp)
     }
 
     /// Ends the rise: the falling branch begins. False if the session gathers none, or it has begun.
@@ -208,7 +186,7 @@ impl SessionRun {
         }
         let Some(scan) = scan else {
             self.stale_since_progress += 1;
-            self.view.refused.add(SampleRefusal::StaleModule);
+            self.view.refused.add(SampleRefusal::StaleModule, 1);
             return;
         };
         if self.pending.back().is_some_and(|newest| newest.time == scan.time) {
@@ -217,14 +195,14 @@ impl SessionRun {
         self.rise.on_scan(&scan.counts);
         if self.pending.len() >= PENDING_MAX {
             self.pending.pop_front();
-            self.view.refused.add(SampleRefusal::NoPressure);
+            self.view.refused.add(SampleRefusal::NoPressure, 1);
         }
         self.pending.push_back(scan);
     }
 
     /// Moves waiting scans through the gates, as far as the gauge has come and their probation is over. New samples go
-    /// to `records`.
-    pub fn advance(&mut self, now: Time, gauge: &GaugeHistory, records: &mut Vec<SessionRecord>) -> Progress {
+    /// to `events`.
+    pub fn advance(&mut self, now: Time, gauge: &GaugeHistory, events: &mut Vec<SessionEvent>) -> Progress {
         if self.view.state != SessionState::Ramping {
             return Progress::On;
         }
@@ -242,13 +220,11 @@ impl SessionRun {
             let Some(scan) = self.pending.pop_front() else { break };
             match gate {
                 Gate::Accept(pressure) => {
-                    if self.samples.samples.len() >= self.limits.scans_max {
-                        self.view.refused.add(SampleRefusal::Full);
+                    if !self.accept(scan, pressure, events) {
                         return Progress::RampEnded;
                     }
-                    records.push(self.accept(scan, pressure));
                 }
-                Gate::Refuse(reason) => self.view.refused.add(reason),
+                Gate::Refuse(reason) => self.view.refused.add(reason, 1),
                 Gate::Wait => {}
             }
             if let Some(why) = self.ramp.why_void(time, gauge, &self.limits) {
@@ -281,7 +257,12 @@ impl SessionRun {
         self.samples.ramps.last().and_then(|ramp| ramp.gauge_kpa).unwrap_or(0.0)
     }
 
-    fn accept(&mut self, scan: Pending, pressure: Kilopascal) -> SessionRecord {
+    /// A scan enters; false if the session is full.
+    fn accept(&mut self, scan: Pending, pressure: Kilopascal, events: &mut Vec<SessionEvent>) -> bool {
+        if self.samples.samples.len() >= self.limits.scans_max {
+            self.view.refused.add(SampleRefusal::Full, 1);
+            return false;
+        }
         self.cover(pressure.0 - self.gauge_zero_kpa());
         self.note_extremes(scan.counts.counts());
         self.stale_since_progress = 0;
@@ -294,7 +275,8 @@ impl SessionRun {
         let index = self.view.accepted;
         self.view.accepted += 1;
         Arc::make_mut(&mut self.samples).samples.push(sample.clone());
-        SessionRecord::Sample { index, sample }
+        events.push(SessionEvent::Sample { index, sample });
+        true
     }
 
     fn cover(&mut self, kpa: f64) {
@@ -308,11 +290,6 @@ impl SessionRun {
             *low = count.min(*low);
             *high = count.max(*high);
         }
-    }
-
-    /// Whether scans with silent modules are what keeps samples out.
-    pub const fn lacks_modules(&self) -> bool {
-        self.stale_since_progress > 0
     }
 
     /// Says that nothing enters any more, and ends the ramp after a while. What a rise has gathered is fitted where it is enough; a
@@ -371,12 +348,7 @@ impl SessionRun {
                     "the pressure did not fall for {seconds} s: it is {kpa:.1} kPa, the branch ends at {end:.1} kPa"
                 )
             }
-            Some((_, Kilopascal(kpa))) => self.rise.why(Stall {
-                patience,
-                kpa: kpa - self.gauge_zero_kpa(),
-                target_kpa: self.limits.target.0,
-                responding_counts: f64::from(self.limits.responding_counts),
-            }),
+            Some((_, Kilopascal(kpa))) => self.rise.why(kpa - self.gauge_zero_kpa(), patience, &self.limits),
         }
     }
 }

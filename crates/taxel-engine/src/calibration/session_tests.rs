@@ -6,7 +6,7 @@ use super::branch::{Branch, Direction};
 use super::limits::SessionLimits;
 use super::samples::Pending;
 use super::samples::{Sample, SessionSamples};
-use super::session::{Progress, SessionRecord, SessionRun};
+use super::session::{Progress, SessionEvent, SessionRun};
 use super::view::{SampleRefusal, SessionView};
 use crate::baseline::TaxelBaseline;
 use crate::counts::SharedCounts;
@@ -31,7 +31,7 @@ fn scan(time: Time, counts: [u16; TAXELS]) -> Option<Pending> {
 struct Scene {
     run: SessionRun,
     gauge: GaugeHistory,
-    records: Vec<SessionRecord>,
+    records: Vec<SessionEvent>,
     /// The newest pressure, and when it was read.
     kpa: f64,
     ms: i64,
@@ -76,11 +76,11 @@ impl Scene {
 
     fn shown(&mut self) -> &SessionView {
         self.run.refresh(ms(self.ms), &self.gauge);
-        self.run.view()
+        &self.run.view
     }
 
     fn refused(&self, why: SampleRefusal) -> u64 {
-        self.run.view().refused.get(why)
+        self.run.view.refused.get(why)
     }
 }
 
@@ -90,10 +90,10 @@ fn a_scan_enters_when_the_zero_has_stood_for_a_second_after_it() {
     (1..=200).for_each(|i| scene.gauge.push(ms(10 * i), Kilopascal(0.02 * i as f64)));
     scene.run.on_scan(scan(ms(1_500), [200; TAXELS]));
     scene.advance(2_499);
-    assert_eq!(scene.run.view().accepted, 0);
+    assert_eq!(scene.run.view.accepted, 0);
     scene.advance(2_500);
-    assert_eq!(scene.run.view().accepted, 1);
-    let Some(SessionRecord::Sample { index, sample }) = scene.records.pop() else { panic!("no sample") };
+    assert_eq!(scene.run.view.accepted, 1);
+    let Some(SessionEvent::Sample { index, sample }) = scene.records.pop() else { panic!("no sample") };
     assert_eq!((index, sample.ramp, sample.time_ns), (0, 0, 1_500_000_000));
     assert!((sample.pressure_kpa - 3.0).abs() < 1e-9, "{}", sample.pressure_kpa);
 }
@@ -114,7 +114,7 @@ fn no_more_than_512_scans_wait_and_the_oldest_goes_first() {
 fn a_ramp_ends_when_the_session_is_full() {
     let mut scene = Scene::with(Branch::Rising, 50.0, |limits| limits.scans_max = 5);
     assert_eq!(scene.go(2.0, 10.0), Progress::RampEnded);
-    assert_eq!((scene.run.view().accepted, scene.run.samples().samples.len()), (5, 5));
+    assert_eq!((scene.run.view.accepted, scene.run.samples.samples.len()), (5, 5));
     assert_eq!(scene.refused(SampleRefusal::Full), 1);
 }
 
@@ -122,18 +122,18 @@ fn a_ramp_ends_when_the_session_is_full() {
 fn a_rise_ends_at_its_target_and_a_fall_where_the_bag_is_vented() {
     let mut scene = Scene::new(Branch::Both, 10.0);
     assert_eq!(scene.go(2.0, 7.0), Progress::Turned);
-    assert_eq!(scene.run.view().direction, Direction::Falling);
-    let highest = scene.run.samples().samples.iter().map(|s| s.pressure_kpa).fold(0.0, f64::max);
+    assert_eq!(scene.run.view.direction, Direction::Falling);
+    let highest = scene.run.samples.samples.iter().map(|s| s.pressure_kpa).fold(0.0, f64::max);
     assert!((10.0..10.2).contains(&highest), "{highest}");
     assert_eq!(scene.go(-2.0, 10.0), Progress::RampEnded);
-    let last = scene.run.samples().samples.last().unwrap().pressure_kpa;
+    let last = scene.run.samples.samples.last().unwrap().pressure_kpa;
     assert!((0.9..1.2).contains(&last), "the branch ends at 1 kPa: {last}");
     assert!(!scene.run.turn(ms(scene.ms)), "a fall turns no more");
 }
 
 #[test]
 fn why_nothing_enters_is_told_from_what_is_missing() {
-    let why = |scene: &Scene| scene.run.view().reason.clone();
+    let why = |scene: &Scene| scene.run.view.reason.clone();
     let mut deaf = Scene::new(Branch::Rising, 50.0);
     assert_eq!(deaf.advance(62_000), Progress::Failed);
     assert_eq!(why(&deaf), "the last pressure frame came 62.0 s ago");
@@ -142,12 +142,12 @@ fn why_nothing_enters_is_told_from_what_is_missing() {
     (0..3).for_each(|_| silent.run.on_scan(None));
     assert_eq!(silent.advance(62_000), Progress::Failed);
     assert_eq!(why(&silent), "3 scans in 60 s had silent modules");
-    assert!(silent.run.lacks_modules());
+    assert!(silent.run.stale_since_progress > 0);
     let mut still = Scene::new(Branch::Rising, 50.0);
     still.gauge.push(ms(61_500), Kilopascal(0.0));
     assert_eq!(still.advance(62_000), Progress::Failed);
     assert!(why(&still).starts_with("the pressure did not rise for 60 s"), "{}", why(&still));
-    assert!(!still.run.lacks_modules());
+    assert!(still.run.stale_since_progress == 0);
     assert_eq!(still.refused(SampleRefusal::StaleModule), 0);
 }
 
@@ -156,12 +156,12 @@ fn why_nothing_enters_is_told_from_what_is_missing() {
 fn what_was_silent_before_the_last_sample_explains_nothing() {
     let mut scene = Scene::new(Branch::Rising, 50.0);
     scene.run.on_scan(None);
-    assert!(scene.run.lacks_modules());
+    assert!(scene.run.stale_since_progress > 0);
     scene.go(2.0, 3.0);
-    assert!(scene.run.view().accepted > 0 && !scene.run.lacks_modules());
+    assert!(scene.run.view.accepted > 0 && scene.run.stale_since_progress == 0);
     scene.run.on_scan(None);
     scene.run.begin_ramp(at(ms(scene.ms)), Vec::new(), &scene.gauge);
-    assert!(!scene.run.lacks_modules(), "nor what was silent in an earlier ramp");
+    assert!(scene.run.stale_since_progress == 0, "nor what was silent in an earlier ramp");
 }
 
 #[test]
@@ -196,10 +196,10 @@ fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_count
     let samples = SessionSamples { ramps: Vec::new(), samples };
     let view = SessionView { target_kpa: 9.5, ..SessionView::default() };
     let mut run = SessionRun::resume(at(ms(0)), view, SessionLimits::default(), TAXELS, samples);
-    assert_eq!((run.view().responding, &*run.view().not_responding), ((2, 3), [0_u16].as_slice()));
-    assert_eq!((run.view().accepted, run.view().durable), (6, 6));
+    assert_eq!((run.view.responding, &*run.view.not_responding), ((2, 3), [0_u16].as_slice()));
+    assert_eq!((run.view.accepted, run.view.durable), (6, 6));
     run.refresh(ms(0), &GaugeHistory::default());
-    assert!((run.view().coverage - 0.3).abs() < 1e-9, "steps 0, 1 and 3 of ten: {}", run.view().coverage);
+    assert!((run.view.coverage - 0.3).abs() < 1e-9, "steps 0, 1 and 3 of ten: {}", run.view.coverage);
 }
 
 #[test]
@@ -213,5 +213,5 @@ fn a_taxel_that_moved_by_less_than_the_fit_asks_for_does_not_respond() {
     let samples = vec![sample(1.0, [200, 200, 200]), sample(60.0, [181, 120, 100])];
     let samples = SessionSamples { ramps: Vec::new(), samples };
     let run = SessionRun::resume(at(ms(0)), SessionView::default(), SessionLimits::default(), TAXELS, samples);
-    assert_eq!((run.view().responding, &*run.view().not_responding), ((2, 3), [0_u16].as_slice()));
+    assert_eq!((run.view.responding, &*run.view.not_responding), ((2, 3), [0_u16].as_slice()));
 }

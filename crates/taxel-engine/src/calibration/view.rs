@@ -56,12 +56,6 @@ impl SessionState {
         }
     }
 
-    /// The state that [`SessionState::name`] names.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|state| state.name() == name)
-    }
-
     /// Every state.
     pub const ALL: [Self; 9] = [
         Self::Taring,
@@ -77,7 +71,8 @@ impl SessionState {
 }
 
 /// Why a scan did not enter the session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum SampleRefusal {
     /// On the rising branch the pressure was not above what had been reached.
     NotRising,
@@ -100,7 +95,7 @@ pub enum SampleRefusal {
 }
 
 impl SampleRefusal {
-    /// Every reason, in the order of [`RefusalCounts`].
+    /// Every reason.
     pub const ALL: [Self; 9] = [
         Self::NotRising,
         Self::TooFast,
@@ -131,38 +126,20 @@ impl SampleRefusal {
 }
 
 /// How many scans were refused, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "BTreeMap<String, u64>", into = "BTreeMap<String, u64>")]
-pub struct RefusalCounts(pub [u64; SampleRefusal::ALL.len()]);
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct RefusalCounts(BTreeMap<SampleRefusal, u64>);
 
 impl RefusalCounts {
-    /// Counts one refusal.
-    pub fn add(&mut self, reason: SampleRefusal) {
-        self.add_many(reason, 1);
-    }
-
-    /// Counts several.
-    pub fn add_many(&mut self, reason: SampleRefusal, scans: u64) {
-        self.0[reason as usize] += scans;
+    /// Counts so many.
+    pub fn add(&mut self, reason: SampleRefusal, scans: u64) {
+        *self.0.entry(reason).or_default() += scans;
     }
 
     /// How many scans were refused for this reason.
     #[must_use]
     pub fn get(&self, reason: SampleRefusal) -> u64 {
-        self.0[reason as usize]
-    }
-}
-
-/// By the names of the reasons; one that this version does not know is left out.
-impl From<BTreeMap<String, u64>> for RefusalCounts {
-    fn from(named: BTreeMap<String, u64>) -> Self {
-        Self(SampleRefusal::ALL.map(|why| named.get(why.name()).copied().unwrap_or_default()))
-    }
-}
-
-impl From<RefusalCounts> for BTreeMap<String, u64> {
-    fn from(counts: RefusalCounts) -> Self {
-        SampleRefusal::ALL.into_iter().map(|why| (why.name().to_owned(), counts.get(why))).collect()
+        self.0.get(&reason).copied().unwrap_or_default()
     }
 }
 
@@ -186,11 +163,9 @@ pub struct SessionView {
     pub confirmed_by: Option<String>,
     /// Modules that the operator left out: positions in the patch, ascending. Their taxels get no model.
     pub left_out: Vec<u16>,
-    /// How the boards were set when it began, in words, a line a board: all its samples were gathered so. Empty in sessions of
-    /// before this was kept.
+    /// How the boards were set when it began, in words, a line a board: all its samples were gathered so.
     pub board_settings: Arc<[String]>,
-    /// How the gauge was read when it began, in words: all its pressures were read so. Empty where they came with the scans, and
-    /// in sessions of before this was kept.
+    /// How the gauge was read when it began, in words: all its pressures were read so. Empty where they came with the scans.
     pub gauge: String,
     /// Where the rise of a ramp ends by itself, in kPa.
     pub target_kpa: f64,
@@ -241,12 +216,6 @@ pub struct SessionView {
 }
 
 impl SessionView {
-    /// How the boards were set, where that was kept.
-    #[must_use]
-    pub fn known_settings(&self) -> Option<&[String]> {
-        Some(&*self.board_settings).filter(|lines| !lines.is_empty())
-    }
-
     /// The session as readers see it while the set of this id is in use on its patch.
     #[must_use]
     pub fn seen(self: &Arc<Self>, in_use: Option<&str>) -> Arc<Self> {
@@ -262,10 +231,17 @@ impl SessionView {
     /// # Errors
     /// [`Rejection::FailedPrecondition`] with the session and the reason.
     pub fn check_trusted(&self) -> Result<(), Rejection> {
-        if self.untrusted.is_empty() {
-            return Ok(());
-        }
-        let why = format!("what session {} gathered is not fitted: {}", self.number, self.untrusted);
-        Err(ErrorReason::SessionWrongState.because(why))
+        ErrorReason::SessionWrongState.unless(self.untrusted.is_empty(), || {
+            format!("what session {} gathered is not fitted: {}", self.number, self.untrusted)
+        })
+    }
+
+    /// Refuses what cannot be while it holds its patch; `then` says what to do.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with the session and its state.
+    pub(crate) fn check_closed(&self, then: &str) -> Result<(), Rejection> {
+        let closed = !self.state.is_open();
+        ErrorReason::SessionOpen.unless(closed, || format!("session {} is {}; {then}", self.number, self.state.name()))
     }
 }

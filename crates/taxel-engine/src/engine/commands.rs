@@ -12,48 +12,34 @@ use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
-    pub(super) fn on_command(&mut self, now: Now, request: RequestId, command: Command, out: &mut Vec<Output>) {
+    pub(super) fn on_command(&mut self, now: Now, request: RequestId, command: Command) {
         let answer = match command {
-            Command::Tare { patch, confirmed_by } => self.tare(now, request, &patch, confirmed_by, out),
+            Command::Tare { patch, confirmed_by } => self.tare(now, request, &patch, confirmed_by),
             Command::RecordLoad { patch, load } => self.start_load(now, request, &patch, load),
-            Command::BringUp { patch, confirmed_by } => {
-                self.bring_up(now, &patch, confirmed_by.is_some(), out).map(Answer::Now)
-            }
-            Command::BeginPush { patch } => self.begin_push(now, &patch, out).map(Answer::Now),
+            Command::BringUp { patch, confirmed_by } => self.bring_up(now, &patch, confirmed_by.is_some()).map(Some),
+            Command::BeginPush { patch } => self.begin_push(now, &patch).map(Some),
             Command::StartSession { patch, target, branches, confirmed_by, leave_out } => {
                 let asked = SessionRequest { target, branches, confirmed_by, leave_out };
-                self.start_session(now, &patch, asked, out).map(Answer::Now)
+                self.start_session(now, &patch, asked).map(Some)
             }
-            Command::StartRamp { session } => {
-                self.command_session(now, request, session, (Trigger::StartRamp, ""), out)
-            }
-            Command::Plateau { session, kpa } => self.plateau(now, session, kpa.0, out).map(Answer::Now),
-            Command::FinishRamp { session } => {
-                self.command_session(now, request, session, (Trigger::FinishRamp, ""), out)
-            }
+            Command::StartRamp { session } => self.command_session(now, request, session, (Trigger::StartRamp, "")),
+            Command::Plateau { session, kpa } => self.plateau(now, session, kpa.0).map(Some),
+            Command::FinishRamp { session } => self.command_session(now, request, session, (Trigger::FinishRamp, "")),
             Command::AbortSession { session, reason } => {
                 let why = reason.as_deref().unwrap_or(Trigger::Abort.reason());
-                self.command_session(now, request, session, (Trigger::Abort, why), out)
+                self.command_session(now, request, session, (Trigger::Abort, why))
             }
-            Command::DiscardSession { session } => self.discard(now, request, session, out),
-            Command::DeleteSession { session } => self.delete_session(now, request, session, out),
-            Command::DeleteModelSet { model_set } => self.delete_model_set(now, request, model_set, out),
+            Command::DiscardSession { session } => self.discard(now, request, session),
+            Command::DeleteSession { session } => self.delete_session(now, request, session),
+            Command::DeleteModelSet { model_set } => self.delete_model_set(now, request, model_set),
             Command::Activate { patch, model_set, expected } => {
-                self.activate(now, request, (&patch, model_set, expected), out)
+                self.activate(now, request, (&patch, model_set, expected))
             }
-            Command::Import { model_set, insist } => {
-                self.keep(Some(request), model_set, Origin::Import { insist }, out)
-            }
-            Command::KeepRefit { model_set, sessions } => {
-                self.keep(Some(request), model_set, Origin::Refit(sessions), out)
-            }
-            Command::KeepRecalibration { model_set } => self.keep(Some(request), model_set, Origin::Loads, out),
+            Command::Import { model_set, insist } => self.keep(Some(request), model_set, Origin::Import { insist }),
+            Command::KeepRefit { model_set, sessions } => self.keep(Some(request), model_set, Origin::Refit(sessions)),
+            Command::KeepRecalibration { model_set } => self.keep(Some(request), model_set, Origin::Loads),
         };
-        match answer {
-            Ok(Answer::Now(done)) => out.push(Output::Reply(request, Ok(done))),
-            Ok(Answer::Later) => {}
-            Err(rejection) => out.push(Output::Reply(request, Err(rejection))),
-        }
+        self.out.extend(answer.transpose().map(|reply| Output::Reply(request, reply)));
     }
 
     /// The patch of this name; an empty name stands for the only one.
@@ -63,8 +49,7 @@ impl Engine {
         }
         let names = || self.patches.iter().map(Patch::name).collect::<Vec<_>>().join(", ");
         if name.is_empty() {
-            let problem = format!("must name one of the patches: {}", names());
-            return Err(Rejection::InvalidArgument { field: "patch", problem });
+            return Err(Rejection::invalid("patch", format!("must name one of the patches: {}", names())));
         }
         let found = self.patches.iter().position(|p| p.name() == name);
         found.ok_or_else(|| {
@@ -78,44 +63,35 @@ impl Engine {
             .map_or(Ok(()), |why| Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why.clone())))
     }
 
-    fn tare(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        patch: &str,
-        confirmed_by: Option<String>,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    fn tare(&mut self, now: Now, request: RequestId, patch: &str, confirmed_by: Option<String>) -> Answer {
         let index = self.patch_named(patch)?;
         self.store_takes_records()?;
-        self.with_patch(now, index, out, |patch, effects| patch.tare(now, request, confirmed_by, effects))?;
-        Ok(Answer::Later)
+        self.with_patch(now, index, |patch| patch.tare(now, request, confirmed_by))?;
+        Ok(None)
     }
 
-    fn start_load(&mut self, now: Now, request: RequestId, patch: &str, load: KnownLoad) -> Result<Answer, Rejection> {
+    fn start_load(&mut self, now: Now, request: RequestId, patch: &str, load: KnownLoad) -> Answer {
         let index = self.patch_named(patch)?;
         load.force()?;
         self.store_takes_records()?;
         self.room_for_load()?;
         self.patches[index].begin_load(now, request, load)?;
-        Ok(Answer::Later)
+        Ok(None)
     }
 
     /// It has been listened for long enough whether the boards stream: those that have to be configured are.
-    pub(super) fn begin_bring_up(&mut self, now: Now, out: &mut Vec<Output>) {
+    pub(super) fn begin_bring_up(&mut self, now: Now) {
         let mut wanted: Vec<Vec<bool>> = self.patches.iter().map(|patch| patch.boards_to_configure(now.time)).collect();
         self.shared.spread(&mut wanted);
         for (index, wanted) in wanted.iter().enumerate() {
-            self.with_patch(now, index, out, |patch, effects| patch.begin(now, wanted, effects));
+            self.with_patch(now, index, |patch| patch.begin(now, wanted));
         }
     }
 
-    fn bring_up(&mut self, now: Now, patch: &str, confirmed: bool, out: &mut Vec<Output>) -> Reply {
+    fn bring_up(&mut self, now: Now, patch: &str, confirmed: bool) -> Reply {
         let index = self.patch_named(patch)?;
-        if !self.patches[index].plan().configures() {
-            let why = "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
-            return Err(ErrorReason::ListenOnly.because(why));
-        }
+        let why = || "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
+        ErrorReason::ListenOnly.unless(self.patches[index].plan().configures(), why)?;
         // A board that is configured forgets the modules of all its patches.
         let mut wanted: Vec<Vec<bool>> =
             self.plan.patches.iter().map(|plan| vec![false; plan.patch.boards().len()]).collect();
@@ -133,7 +109,7 @@ impl Engine {
         }
         for member in members {
             let (confirmed, wanted) = (confirmed && member == index, &wanted[member]);
-            self.with_patch(now, member, out, |patch, effects| patch.configure(now, wanted, confirmed, effects));
+            self.with_patch(now, member, |patch| patch.configure(now, wanted, confirmed));
         }
         self.health_dirty.0 = true; // boards that were verified are not any more
         Ok(Done::BringUpStarted)

@@ -12,45 +12,43 @@ use crate::request::{ErrorReason, Rejection};
 
 impl Engine {
     /// A fit came back. A model set is written down before the session says that it has one.
-    pub(super) fn on_fitted(&mut self, now: Now, outcome: FitOutcome, out: &mut Vec<Output>) {
+    pub(super) fn on_fitted(&mut self, now: Now, outcome: FitOutcome) {
         // Aborted meanwhile: the samples are kept, the fit is not. Also asked again once the model set is on disk.
         let Some(patch) = self.patches.iter().position(|p| p.calibration().awaits(&outcome)) else { return };
-        let Ok(set) = &outcome.result else { return self.end_fit(now, patch, &outcome, out) };
+        let Ok(set) = &outcome.result else { return self.end_fit(now, patch, &outcome) };
         let set = Arc::clone(set);
-        if let Err(refusal) = self.keep(None, set, Origin::Session(patch, outcome.clone()), out) {
+        if let Err(refusal) = self.keep(None, set, Origin::Session(patch, outcome.clone())) {
             let outcome = FitOutcome { result: Err(format!("the model set: {refusal}")), ..outcome };
-            self.end_fit(now, patch, &outcome, out);
+            self.end_fit(now, patch, &outcome);
         }
     }
 
-    pub(super) fn end_fit(&mut self, now: Now, patch: usize, outcome: &FitOutcome, out: &mut Vec<Output>) {
-        self.with_patch(now, patch, out, |patch, effects| {
-            patch.with_session(now, effects, |calibration, intake, events| {
-                calibration.on_fitted(now, outcome, intake.gauge(), events)
-            });
+    pub(super) fn end_fit(&mut self, now: Now, patch: usize, outcome: &FitOutcome) {
+        self.with_patch(now, patch, |patch| {
+            patch.with_session(now, |calibration, _| calibration.on_fitted(now, outcome));
         });
     }
 
     /// Records that were handed out under a ticket are on disk, or why not.
-    pub(super) fn on_committed(&mut self, now: Now, ticket: u64, result: Result<(), String>, out: &mut Vec<Output>) {
+    pub(super) fn on_committed(&mut self, now: Now, ticket: u64, result: Result<(), String>) {
         let Some((request, effect)) = self.pending.take(ticket) else { return };
         let reply = match result {
-            Ok(()) => self.take_effect(now, effect, out),
-            Err(why) => Err(self.leave_undone(now, effect, &why, out)),
+            Ok(()) => self.take_effect(now, effect),
+            Err(why) => Err(self.leave_undone(now, effect, &why)),
         };
-        out.extend(request.map(|request| Output::Reply(request, reply)));
+        self.out.extend(request.map(|request| Output::Reply(request, reply)));
     }
 
-    fn take_effect(&mut self, now: Now, effect: Effect, out: &mut Vec<Output>) -> Reply {
+    fn take_effect(&mut self, now: Now, effect: Effect) -> Reply {
         match effect {
-            Effect::Activate(patch, set) => Ok(self.put_to_use(now, patch, &set, out)),
-            Effect::Keep(set, origin) => Ok(self.on_kept(now, set, origin, out)),
+            Effect::Activate(patch, set) => Ok(self.put_to_use(now, patch, &set)),
+            Effect::Keep(set, origin) => Ok(self.on_kept(now, set, origin)),
             Effect::TakeUp(..) | Effect::ReadSet(_) => {
                 let why = "what waits to be read was written, which is a fault of this program".to_owned();
                 Err(ErrorReason::ProgramFault.because(why))
             }
             Effect::Zero(patch, request) => {
-                self.with_patch(now, patch, out, |patch, _| patch.adopt_zero(now, request)).map(Done::Tared)
+                self.with_patch(now, patch, |patch| patch.adopt_zero(now, request)).map(Done::Tared)
             }
             Effect::Load(patch, load) => {
                 self.patches[patch].keep_load(Arc::clone(&load));
@@ -58,19 +56,19 @@ impl Engine {
                 Ok(Done::LoadRecorded(load))
             }
             Effect::Forget(what) => {
-                self.forget(&what, out);
+                self.forget(&what);
                 Ok(Done::Deleted)
             }
-            Effect::End(command, view) => self.end_session(now, command, view, out),
+            Effect::End(command, view) => self.end_session(now, command, view),
         }
     }
 
-    fn leave_undone(&mut self, now: Now, effect: Effect, why: &str, out: &mut Vec<Output>) -> Rejection {
+    fn leave_undone(&mut self, now: Now, effect: Effect, why: &str) -> Rejection {
         let why = format!("it could not be written to disk, and nothing has changed: {why}");
         match effect {
             Effect::Keep(_, Origin::Session(patch, outcome)) => {
                 let outcome = FitOutcome { result: Err(format!("the model set: {why}")), ..outcome };
-                self.end_fit(now, patch, &outcome, out);
+                self.end_fit(now, patch, &outcome);
             }
             Effect::Zero(patch, request) => self.patches[patch].reject_zero(request),
             _ => {}

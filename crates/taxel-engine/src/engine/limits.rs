@@ -32,8 +32,6 @@ impl Engine {
 }
 
 fn limited(there: usize, max: usize, what: &str, then: &str) -> Result<(), Rejection> {
-    if there < max {
-        return Ok(());
-    }
-    Err(ErrorReason::LimitReached.because(format!("there are {there} {what}, and {max} is the limit: {then}")))
+    let why = || format!("there are {there} {what}, and {max} is the limit: {then}");
+    ErrorReason::LimitReached.unless(there < max, why)
 }

@@ -9,15 +9,10 @@ use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
-use crate::request::RequestId;
+use crate::request::{Rejection, RequestId};
 
-/// A command is answered at once, or its effect answers it later.
-pub(super) enum Answer {
-    /// With this.
-    Now(Done),
-    /// When it is on disk, or read from there.
-    Later,
-}
+/// What a command did; `None` if its effect answers it later, when it is on disk or read from there.
+pub(super) type Answer = Result<Option<Done>, Rejection>;
 
 /// The effect that something will have.
 #[derive(Clone, Debug)]

@@ -1,7 +1,6 @@
 //! Scans that a program hands over: they enter a patch as those of described devices do.
 
 use crate::boundary::command::{Done, Reply};
-use crate::boundary::output::Output;
 use crate::boundary::pushed::PushedScan;
 use crate::engine::step::Engine;
 use crate::intake::health::{BusNotice, BusState};
@@ -10,7 +9,7 @@ use crate::plan::PatchPlan;
 use crate::request::ErrorReason;
 
 impl Engine {
-    pub(super) fn begin_push(&mut self, now: Now, patch: &str, out: &mut Vec<Output>) -> Reply {
+    pub(super) fn begin_push(&mut self, now: Now, patch: &str) -> Reply {
         let index = self.patch_named(patch)?;
         let plan = &self.plan.patches[index];
         if let Some(gauge) = plan.gauge.as_ref().filter(|gauge| gauge.pushed) {
@@ -19,22 +18,19 @@ impl Engine {
             self.health_dirty.0 = true;
             return Ok(Done::PushBegun);
         }
-        if plan.pushed.is_none() {
+        ErrorReason::NotPushed.unless(plan.pushed.is_some(), || {
             let name = self.patches[index].name();
-            let why = format!(
-                "the scans of patch `{name}` come over its bus, and its gauge's readings too: nobody can push any"
-            );
-            return Err(ErrorReason::NotPushed.because(why));
-        }
+            format!("the scans of patch `{name}` come over its bus, and its gauge's readings too: nobody can push any")
+        })?;
         if let Some(line) = self.line_of(index) {
             line.on_notice(now.time, BusNotice::Up);
         }
         self.health_dirty.0 = true;
-        self.with_patch(now, index, out, |patch, effects| patch.begin_push(now, effects));
+        self.with_patch(now, index, |patch| patch.begin_push(now));
         Ok(Done::PushBegun)
     }
 
-    pub(super) fn on_pushed(&mut self, now: Now, scan: &PushedScan, out: &mut Vec<Output>) {
+    pub(super) fn on_pushed(&mut self, now: Now, scan: &PushedScan) {
         let Some(plan) = self.plan.patches.get(scan.patch) else { return };
         let refused = problem(plan, scan);
         self.health_dirty.1 = true;
@@ -49,7 +45,7 @@ impl Engine {
         if refused.is_none() {
             // As with frames: what it brings about happens at its own time.
             let now = now.at(scan.time);
-            self.with_patch(now, scan.patch, out, |patch, effects| patch.on_pushed(now, scan, effects));
+            self.with_patch(now, scan.patch, |patch| patch.on_pushed(now, scan));
         }
     }
 

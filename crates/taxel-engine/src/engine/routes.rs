@@ -1,6 +1,8 @@
 //! From a frame's identifier to whom it concerns, in one table look-up a frame; the kernel's filters come from it too.
 
-use taxel_skin::BusIndex;
+use std::collections::BTreeSet;
+
+use taxel_skin::{Board, BusIndex, Module};
 use taxel_wire::CanId;
 
 use crate::plan::Plan;
@@ -24,71 +26,64 @@ pub enum Route {
         /// Position of the board in the patch.
         board: u8,
     },
-    /// The gauge of one patch or several.
-    Gauge,
-    /// Devices of one patch or several, which are described by their signals; perhaps a gauge as well.
-    Device,
+    /// Gauges or devices that are described by their signals, of one patch or several.
+    Described,
 }
 
 /// Standard identifiers have 11 bits.
 const STANDARD_IDS: usize = 0x800;
+
+/// With which a skin board sends for itself: firmware reply, thermometer (two type nibbles are in use), overflow notice.
+pub fn ids_of_board(board: &Board) -> [u16; 4] {
+    [0x200, 0x30E, 0x30F, 0x705].map(|id| id | u16::from(board.address.get()) << 4)
+}
+
+/// With which it sends the counts of a module: periodic skin, legacy skin, and the class in which one firmware build sends its tails.
+pub fn ids_of_module(board: &Board, module: Module) -> [u16; 3] {
+    [0x400, 0x300, 0x600].map(|class| class | u16::from(board.address.get()) << 4 | u16::from(module.get()))
+}
 
 /// The routes of all buses.
 #[derive(Clone, Debug)]
 pub struct Routes {
     /// Per bus, by standard identifier.
     standard: Vec<[Route; STANDARD_IDS]>,
-    /// Extended identifiers of gauges and devices, ascending; skin boards have none.
-    extended: Vec<(BusIndex, u32, Route)>,
+    /// Extended identifiers of gauges and devices; skin boards have none.
+    extended: BTreeSet<(BusIndex, u32)>,
 }
 
 impl Routes {
     /// The routes that a plan needs and no others.
     #[must_use]
     pub fn new(plan: &Plan) -> Self {
-        let mut routes = Self { standard: vec![[Route::Foreign; STANDARD_IDS]; plan.buses], extended: Vec::new() };
+        let mut routes = Self { standard: vec![[Route::Foreign; STANDARD_IDS]; plan.buses], extended: BTreeSet::new() };
         for (p, patch) in plan.patches.iter().enumerate() {
             for (device, board) in patch.devices.iter().zip(patch.patch.boards()) {
-                device.ids().for_each(|id| routes.set_any(board.bus, id, Route::Device));
+                device.ids().for_each(|id| routes.set_any(board.bus, id));
             }
             let boards = if patch.devices.is_empty() { patch.patch.boards() } else { &[] };
             for (b, board) in boards.iter().enumerate() {
-                let address = u16::from(board.address.get()) << 4;
                 let route = Route::Board { patch: p as u8, board: b as u8 };
-                // firmware reply, thermometer (two type nibbles are in use), overflow notice
-                for id in [0x200 | address, 0x300 | address | 0xE, 0x300 | address | 0xF] {
-                    routes.set(board.bus, id, route);
-                }
-                routes.set(board.bus, 0x700 | address | 0x5, route);
+                ids_of_board(board).into_iter().for_each(|id| routes.set(board.bus, id, route));
             }
             let modules = if patch.devices.is_empty() { patch.patch.modules() } else { &[] };
             for (m, site) in modules.iter().enumerate() {
                 let board = &patch.patch.boards()[site.board as usize];
-                let low = u16::from(board.address.get()) << 4 | u16::from(site.module.get());
                 let route = Route::Module { patch: p as u8, module: m as u16 };
-                // periodic skin, legacy skin, and the class in which one firmware build sends its tails
-                for class in [0x400, 0x300, 0x600] {
-                    routes.set(board.bus, class | low, route);
-                }
+                ids_of_module(board, site.module).into_iter().for_each(|id| routes.set(board.bus, id, route));
             }
             if let Some(gauge) = &patch.gauge {
-                routes.set_any(gauge.bus, gauge.signal.id, Route::Gauge);
+                routes.set_any(gauge.bus, gauge.signal.id);
             }
         }
         routes
     }
 
-    /// A device may have its gauge in a frame with its taxels: that frame concerns both.
-    fn set_any(&mut self, bus: BusIndex, id: CanId, route: Route) {
-        let route = if self.of(bus, id) == Route::Device { Route::Device } else { route };
+    fn set_any(&mut self, bus: BusIndex, id: CanId) {
         match id {
-            CanId::Standard(id) => self.set(bus, id, route),
+            CanId::Standard(id) => self.set(bus, id, Route::Described),
             CanId::Extended(id) => {
-                let place = self.extended.partition_point(|&(b, other, _)| (b, other) < (bus, id));
-                match self.extended.get_mut(place).filter(|(b, other, _)| (*b, *other) == (bus, id)) {
-                    Some(known) => known.2 = route,
-                    None => self.extended.insert(place, (bus, id, route)),
-                }
+                self.extended.insert((bus, id));
             }
         }
     }
@@ -107,10 +102,8 @@ impl Routes {
                 let ids = self.standard.get(bus.0 as usize);
                 ids.and_then(|ids| ids.get(id as usize)).copied().unwrap_or(Route::Foreign)
             }
-            CanId::Extended(id) => {
-                let place = self.extended.binary_search_by(|&(b, other, _)| (b, other).cmp(&(bus, id)));
-                place.map_or(Route::Foreign, |place| self.extended[place].2)
-            }
+            CanId::Extended(id) if self.extended.contains(&(bus, id)) => Route::Described,
+            CanId::Extended(_) => Route::Foreign,
         }
     }
 
@@ -120,7 +113,7 @@ impl Routes {
         let standard = self.standard.get(bus.0 as usize).into_iter().flatten().enumerate();
         let standard =
             standard.filter(|(_, route)| **route != Route::Foreign).map(|(id, _)| CanId::Standard(id as u16));
-        let extended = self.extended.iter().filter(|(b, ..)| *b == bus).map(|&(_, id, _)| CanId::Extended(id));
+        let extended = self.extended.iter().filter(|(b, _)| *b == bus).map(|&(_, id)| CanId::Extended(id));
         standard.chain(extended).collect()
     }
 }
@@ -128,7 +121,7 @@ impl Routes {
 #[cfg(test)]
 mod tests {
     use taxel_sim::GaugeConfig;
-    use taxel_skin::{Board, BoardAddress, Module, ModuleKind, Patch};
+    use taxel_skin::{BoardAddress, ModuleKind, Patch};
     use taxel_wire::signal::SignalSpec;
 
     use super::*;
@@ -150,7 +143,7 @@ mod tests {
         let patches = (10..14).zip(gauges).map(|(address, gauge)| patch(address, gauge)).collect();
         let routes = Routes::new(&Plan { buses: 2, patches });
         for gauge in gauges {
-            assert_eq!([0, 1].map(|bus| routes.of(BusIndex(bus), gauge)), [Route::Gauge, Route::Foreign]);
+            assert_eq!([0, 1].map(|bus| routes.of(BusIndex(bus), gauge)), [Route::Described, Route::Foreign]);
         }
         assert_eq!(routes.of(BusIndex(0), Extended(0x2000)), Route::Foreign);
         assert_eq!(routes.of(BusIndex(0), Standard(0x4B0)), Route::Module { patch: 1, module: 0 });

@@ -10,7 +10,6 @@ use crate::calibration::branch::Branch;
 use crate::calibration::samples::{NotLoaded, SessionSamples};
 use crate::calibration::transition::{Trigger, commanded};
 use crate::calibration::view::{SessionState, SessionView};
-use crate::counts::Counts;
 use crate::engine::pending::{Answer, Effect, Forgotten};
 use crate::engine::step::Engine;
 use crate::now::Now;
@@ -34,27 +33,20 @@ pub(super) struct SessionRequest {
 }
 
 impl Engine {
-    pub(super) fn start_session(
-        &mut self,
-        now: Now,
-        patch: &str,
-        asked: SessionRequest,
-        out: &mut Vec<Output>,
-    ) -> Reply {
+    pub(super) fn start_session(&mut self, now: Now, patch: &str, asked: SessionRequest) -> Reply {
         let index = self.patch_named(patch)?;
         self.store_takes_records()?;
         let patch = self.check_begin(now, index)?;
         let branches = asked.branches.unwrap_or(patch.plan().session.branches);
         if patch.plan().session.typed && branches == Branch::Both {
-            let problem = "a dial is typed while the pressure rises: expected RISING".to_owned();
-            return Err(Rejection::InvalidArgument { field: "branches", problem });
+            return Err(Rejection::invalid("branches", "a dial is typed while the pressure rises: expected RISING"));
         }
         let target = asked.target.unwrap_or(patch.plan().session.target).0;
         let most = patch.plan().session.target_max_kpa();
         if !(target > 0.0 && target <= most) {
             let why = if patch.plan().session.pressurised_chamber { "" } else { NO_CHAMBER };
             let problem = format!("{target} kPa is not above 0 and at most {most}{why}");
-            return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
+            return Err(Rejection::invalid("target_kpa", problem));
         }
         let left_out = left_out(patch, &asked.leave_out)?;
         let view = SessionView {
@@ -71,10 +63,8 @@ impl Engine {
             ..SessionView::default()
         };
         self.next_session += 1;
-        self.with_patch(now, index, out, |patch, effects| {
-            patch.with_session(now, effects, |calibration, intake, events| {
-                calibration.start(now, view, intake.gauge(), events);
-            });
+        self.with_patch(now, index, |patch| {
+            patch.with_session(now, |calibration, _| calibration.start(now, view));
         });
         self.patches[index].held_session().map(Done::Session)
     }
@@ -84,10 +74,9 @@ impl Engine {
         self.room_for_session()?;
         self.room_for_model_set()?;
         let patch = &self.patches[index];
-        if !patch.plan().can_calibrate() {
-            let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
-            return Err(ErrorReason::NoPressureSensor.because(why));
-        }
+        ErrorReason::NoPressureSensor.unless(patch.plan().can_calibrate(), || {
+            "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned()
+        })?;
         patch.calibration().refuse_if_open("finish or abort it first")?;
         patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
@@ -101,32 +90,25 @@ impl Engine {
         request: RequestId,
         number: u64,
         (command, why): (Trigger, &str),
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
-        Ok(match self.go_on(now, number, (command, why), None, out)? {
-            Some(done) => Answer::Now(done),
-            None if command == Trigger::Abort => return self.end_on_disk(now, request, number, (command, why), out),
-            None => {
-                let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
-                out.push(Output::Load { ticket, session: number });
-                Answer::Later
-            }
-        })
+    ) -> Answer {
+        let done = self.go_on(now, number, (command, why), None)?;
+        if done.is_none() && command == Trigger::Abort {
+            return self.end_on_disk(now, request, number, (command, why));
+        }
+        if done.is_none() {
+            let ticket = self.pending.keep(Some(request), Effect::TakeUp(number, command));
+            self.out.push(Output::Load { ticket, session: number });
+        }
+        Ok(done)
     }
 
     /// The samples of a session were read, or why not: the command that needs them goes on.
-    pub(super) fn on_loaded(
-        &mut self,
-        now: Now,
-        ticket: u64,
-        result: Result<SessionSamples, NotLoaded>,
-        out: &mut Vec<Output>,
-    ) {
+    pub(super) fn on_loaded(&mut self, now: Now, ticket: u64, result: Result<SessionSamples, NotLoaded>) {
         let Some((request, Effect::TakeUp(number, command))) = self.pending.take(ticket) else { return };
         let fault = "the samples were read, and are still missing, which is a fault of this program";
         let fault = || ErrorReason::ProgramFault.because(fault.to_owned());
-        let reply = self.go_on(now, number, (command, ""), Some(result), out).and_then(|done| done.ok_or_else(fault));
-        out.extend(request.map(|request| Output::Reply(request, reply)));
+        let reply = self.go_on(now, number, (command, ""), Some(result)).and_then(|done| done.ok_or_else(fault));
+        self.out.extend(request.map(|request| Output::Reply(request, reply)));
     }
 
     /// Does what is asked of a session, with its samples if they were `read`. `None` if they have to be, or are not needed for a session
@@ -137,8 +119,7 @@ impl Engine {
         number: u64,
         (command, why): (Trigger, &str),
         read: Option<Result<SessionSamples, NotLoaded>>,
-        out: &mut Vec<Output>,
-    ) -> Result<Option<Done>, Rejection> {
+    ) -> Answer {
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
         self.refuse_if_in_use(number, command)?;
@@ -147,7 +128,7 @@ impl Engine {
             self.check_settings(number)?;
         }
         if let Some(index) = self.held(number) {
-            return self.command_held(now, index, (command, why), out).map(Some);
+            return self.command_held(now, index, (command, why)).map(Some);
         }
         if command == Trigger::Abort {
             return Ok(None);
@@ -157,7 +138,7 @@ impl Engine {
         let samples = self.usable_samples(index, number, read)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.patches[index].calibration_mut().resume(now, SessionView::clone(view), samples);
-        self.command_held(now, index, (command, why), out).map(Some)
+        self.command_held(now, index, (command, why)).map(Some)
     }
 
     /// A session whose models are in use stays as it is.
@@ -180,13 +161,13 @@ impl Engine {
         Err(ErrorReason::LayoutChanged.because(why))
     }
 
-    fn command_held(&mut self, now: Now, index: usize, command: (Trigger, &str), out: &mut Vec<Output>) -> Reply {
-        let view = self.with_patch(now, index, out, |patch, effects| patch.command_session(now, command, effects))?;
+    fn command_held(&mut self, now: Now, index: usize, command: (Trigger, &str)) -> Reply {
+        let view = self.with_patch(now, index, |patch| patch.command_session(now, command))?;
         Ok(Done::Session(view))
     }
 
     /// What a dial shows, of a session that a patch holds.
-    pub(super) fn plateau(&mut self, now: Now, number: u64, kpa: f64, out: &mut Vec<Output>) -> Reply {
+    pub(super) fn plateau(&mut self, now: Now, number: u64, kpa: f64) -> Reply {
         self.store_takes_records()?;
         self.refuse_if_session_ends(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
@@ -194,17 +175,11 @@ impl Engine {
             let why = format!("session {number} is {}; a plateau is typed only in RAMPING", view.state.name());
             return Err(ErrorReason::SessionWrongState.because(why));
         };
-        let view = self.with_patch(now, index, out, |patch, effects| patch.take_plateau(now, kpa, effects))?;
+        let view = self.with_patch(now, index, |patch| patch.take_plateau(now, kpa))?;
         Ok(Done::Session(view))
     }
 
-    pub(super) fn discard(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        number: u64,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    pub(super) fn discard(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
         self.refuse_if_session_ends(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
@@ -213,18 +188,11 @@ impl Engine {
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
         self.store_takes_records()?;
-        self.end_on_disk(now, request, number, (Trigger::Discard, Trigger::Discard.reason()), out)
+        self.end_on_disk(now, request, number, (Trigger::Discard, Trigger::Discard.reason()))
     }
 
     /// A session that gathers nothing ends once that is on disk.
-    fn end_on_disk(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        number: u64,
-        (command, why): (Trigger, &str),
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    fn end_on_disk(&mut self, now: Now, request: RequestId, number: u64, (command, why): (Trigger, &str)) -> Answer {
         let held = self.held(number).and_then(|index| self.patches[index].calibration().session());
         let view = held.or_else(|| self.sessions.get(&number).map(Arc::as_ref));
         let mut view = view.cloned().ok_or_else(|| Rejection::no_session(number))?;
@@ -237,25 +205,19 @@ impl Engine {
         view.changed_wall_ns = now.wall_ns;
         let view = Arc::new(view);
         let record = Record::Session(Arc::clone(&view));
-        self.commit(Some(request), Effect::End(command, view), vec![record], out);
-        Ok(Answer::Later)
+        self.commit(Some(request), Effect::End(command, view), vec![record]);
+        Ok(None)
     }
 
     /// That it has ended is on disk. One that a patch holds stays there, with its samples.
-    pub(super) fn end_session(
-        &mut self,
-        now: Now,
-        command: Trigger,
-        view: Arc<SessionView>,
-        out: &mut Vec<Output>,
-    ) -> Reply {
+    pub(super) fn end_session(&mut self, now: Now, command: Trigger, view: Arc<SessionView>) -> Reply {
         if let Some(index) = self.held(view.number) {
             // Everybody sees the time that is on disk.
             let then = Now { wall_ns: view.changed_wall_ns, ..now };
-            let mut follows = Vec::new();
-            self.command_held(then, index, (command, &view.reason), &mut follows)?;
-            let is_known = |output: &Output| matches!(output, Output::Record(Record::Session(known)) if known.number == view.number);
-            out.extend(follows.into_iter().filter(|output| !is_known(output)));
+            let before = self.out.len();
+            self.command_held(then, index, (command, &view.reason))?;
+            let is_known = |output: &mut Output| matches!(output, Output::Record(Record::Session(known)) if known.number == view.number);
+            self.out.extract_if(before.., is_known).for_each(drop);
         }
         self.sessions.insert(view.number, Arc::clone(&view));
         self.catalogue_dirty = true;
@@ -283,19 +245,13 @@ impl Engine {
         number: u64,
         read: Result<SessionSamples, NotLoaded>,
     ) -> Result<SessionSamples, Rejection> {
-        let samples = read.map_err(|why| match why {
-            NotLoaded::Damaged(what) => ErrorReason::DataDamaged.because(format!(
-                "session {number} cannot go on, its samples are damaged on disk: {what}; start a new one"
-            )),
-            NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
+        let damaged =
+            |what| format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one");
+        let samples = read.map_err(|why| why.refusal(damaged))?;
+        let patch = &self.patches[index].plan().patch;
+        ErrorReason::LayoutChanged.unless(samples.is_of(patch), || {
+            format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name())
         })?;
-        let patch = &self.patches[index];
-        let fits = |counts: Counts<'_>| counts.len() == patch.taxels() && counts.range() == patch.plan().patch.counts();
-        if !samples.samples.iter().all(|sample| fits(sample.counts.counts())) {
-            let name = patch.name();
-            let why = format!("session {number} is of another layout of patch `{name}` and cannot go on");
-            return Err(ErrorReason::LayoutChanged.because(why));
-        }
         Ok(samples)
     }
 
@@ -304,37 +260,28 @@ impl Engine {
         self.patches.iter().position(|p| p.calibration().session().is_some_and(|s| s.number == number))
     }
 
-    pub(super) fn delete_session(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        number: u64,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    pub(super) fn delete_session(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
         self.store_takes_records()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.refuse_if_session_ends(number)?;
-        if view.state.is_open() {
-            let why = format!("session {number} is {}; abort it first", view.state.name());
-            return Err(ErrorReason::SessionOpen.because(why));
-        }
+        view.check_closed("abort it first")?;
         if let Some(id) = view.model_set.as_deref() {
             self.refuse_if_set_is_used(id)?;
         }
         let record = Record::SessionDeleted { session: number, wall_ns: now.wall_ns };
-        self.commit(Some(request), Effect::Forget(Forgotten::Session(number)), vec![record], out);
-        Ok(Answer::Later)
+        self.commit(Some(request), Effect::Forget(Forgotten::Session(number)), vec![record]);
+        Ok(None)
     }
 
     /// It is gone from the disk.
-    pub(super) fn forget(&mut self, what: &Forgotten, out: &mut Vec<Output>) {
+    pub(super) fn forget(&mut self, what: &Forgotten) {
         match what {
             Forgotten::ModelSet(id) => self.model_sets.retain(|known| known.id != *id),
             Forgotten::Session(number) => {
                 self.sessions.remove(number);
                 if let Some(index) = self.held(*number) {
                     self.patches[index].calibration_mut().forget();
-                    out.push(Output::SessionGone(index));
+                    self.out.push(Output::SessionGone(index));
                 }
             }
         }
@@ -365,7 +312,7 @@ fn session_is_being(number: u64, what: &str) -> Rejection {
 /// The positions of the modules that an operator leaves out, given as board address and module number.
 fn left_out(patch: &Patch, names: &[(u8, u8)]) -> Result<Vec<u16>, Rejection> {
     let layout = &patch.plan().patch;
-    let invalid = |problem: String| Err(Rejection::InvalidArgument { field: "leave_out", problem });
+    let invalid = |problem: String| Err(Rejection::invalid("leave_out", problem));
     let mut positions = Vec::new();
     for &(board, module) in names {
         let found = layout.modules().iter().position(|site| {

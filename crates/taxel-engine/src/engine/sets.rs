@@ -66,20 +66,14 @@ impl Engine {
     ///
     /// # Errors
     /// [`Rejection`] of a set that cannot be one of its patch, or is not of what is in use.
-    pub(super) fn keep(
-        &mut self,
-        request: Option<RequestId>,
-        set: Arc<ModelSet>,
-        origin: Origin,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    pub(super) fn keep(&mut self, request: Option<RequestId>, set: Arc<ModelSet>, origin: Origin) -> Answer {
         self.store_takes_records()?;
         let index = self.patch_named(&set.patch)?;
         let (given, taxels) = (set.taxels.len(), self.patches[index].taxels());
         if given != taxels {
             let why = format!("the model set has {given} taxels, patch `{}` has {taxels}", set.patch);
             return Err(match origin {
-                Origin::Import { .. } => Rejection::InvalidArgument { field: "json", problem: why },
+                Origin::Import { .. } => Rejection::invalid("json", why),
                 _ => ErrorReason::LayoutChanged.because(why),
             });
         }
@@ -95,8 +89,8 @@ impl Engine {
             self.room_for_model_set()?;
         }
         let record = Record::ModelSet(Arc::clone(&set));
-        self.commit(request, Effect::Keep(set, origin), vec![record], out);
-        Ok(Answer::Later)
+        self.commit(request, Effect::Keep(set, origin), vec![record]);
+        Ok(None)
     }
 
     fn check_plausible(&self, index: usize, set: &ModelSet, insist: bool) -> Result<(), Rejection> {
@@ -104,8 +98,7 @@ impl Engine {
         match implausible(set, plan.session.target, plan.patch.counts().top()).filter(|_| !insist) {
             None => Ok(()),
             Some(problem) => {
-                let problem = format!("{problem}; if the set is right all the same, set `insist`");
-                Err(Rejection::InvalidArgument { field: "json", problem })
+                Err(Rejection::invalid("json", format!("{problem}; if the set is right all the same, set `insist`")))
             }
         }
     }
@@ -115,10 +108,9 @@ impl Engine {
         for number in sessions {
             self.refuse_if_session_goes(*number)?;
             let view = self.sessions.get(number).ok_or_else(|| Rejection::no_session(*number))?;
-            if view.patch != set.patch {
-                let why = format!("session {number} is of patch `{}`, the model set is of `{}`", view.patch, set.patch);
-                return Err(ErrorReason::SessionsDiffer.because(why));
-            }
+            ErrorReason::SessionsDiffer.unless(view.patch == set.patch, || {
+                format!("session {number} is of patch `{}`, the model set is of `{}`", view.patch, set.patch)
+            })?;
         }
         Ok(())
     }
@@ -130,35 +122,28 @@ impl Engine {
         };
         let source = recalibrated.derived_from.as_str();
         let active = self.patches[index].models().map(|active| active.id.as_str());
-        if active != Some(source) {
+        ErrorReason::ActiveSetChanged.unless(active == Some(source), || {
             let is = active.unwrap_or("none");
-            let why = format!("the loads were read with `{source}`, and {is} is active now: propose it again");
-            return Err(ErrorReason::ActiveSetChanged.because(why));
-        }
-        if self.comes_of_discarded(&SetSummary::of(set)) {
-            let why = format!("the session of `{source}` is DISCARDED: its models are not to be used");
-            return Err(ErrorReason::ModelSetDiscarded.because(why));
-        }
+            format!("the loads were read with `{source}`, and {is} is active now: propose it again")
+        })?;
+        self.refuse_if_discarded(&SetSummary::of(set), source)?;
         self.check_fit(index, set)
     }
 
     /// A set is on disk.
-    pub(super) fn on_kept(&mut self, now: Now, set: Arc<ModelSet>, origin: Origin, out: &mut Vec<Output>) -> Done {
+    pub(super) fn on_kept(&mut self, now: Now, set: Arc<ModelSet>, origin: Origin) -> Done {
         let known = self.known_set(&set.id).cloned();
         let was_known = known.is_some();
-        let id = set.id.clone();
-        let known = known.unwrap_or_else(|| set.into());
+        let model_set = known.unwrap_or_else(|| set.into());
         if !was_known {
             self.keep_at_hand();
-            self.model_sets.push(known.clone());
+            self.model_sets.push(model_set.clone());
             self.catalogue_dirty = true;
         }
-        match origin {
-            Origin::Import { .. } => return Done::Imported { model_set: id },
-            Origin::Refit(_) | Origin::Loads => {}
-            Origin::Session(patch, outcome) => self.end_fit(now, patch, &outcome, out),
+        if let Origin::Session(patch, outcome) = origin {
+            self.end_fit(now, patch, &outcome);
         }
-        Done::RefitKept { model_set: known, known: was_known }
+        Done::Kept { model_set, known: was_known }
     }
 
     pub(super) fn activate(
@@ -166,48 +151,41 @@ impl Engine {
         now: Now,
         request: RequestId,
         (patch, model_set, expected): (&str, String, Option<String>),
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    ) -> Answer {
         let patch = self.patch_named(patch)?;
         let loading = ReadSet { patch, model_set, expected };
         match self.check_activation(&loading)?.at_hand {
             Some(set) => {
                 self.check_fit(patch, &set)?;
-                self.commit_activation(now, Some(request), patch, set, out);
+                self.commit_activation(now, Some(request), patch, set);
             }
             None => {
                 let model_set = loading.model_set.clone();
                 let ticket = self.pending.keep(Some(request), Effect::ReadSet(loading));
-                out.push(Output::LoadSet { ticket, model_set });
+                self.out.push(Output::LoadSet { ticket, model_set });
             }
         }
-        Ok(Answer::Later)
+        Ok(None)
     }
 
     /// The set was read, or why not.
-    pub(super) fn on_set_loaded(
-        &mut self,
-        now: Now,
-        ticket: u64,
-        result: Result<Arc<ModelSet>, NotLoaded>,
-        out: &mut Vec<Output>,
-    ) {
+    pub(super) fn on_set_loaded(&mut self, now: Now, ticket: u64, result: Result<Arc<ModelSet>, NotLoaded>) {
         let Some((request, Effect::ReadSet(loading))) = self.pending.take(ticket) else { return };
         match self.loaded(&loading, result) {
-            Ok(set) => self.commit_activation(now, request, loading.patch, set, out),
-            Err(rejection) => out.extend(request.map(|request| Output::Reply(request, Err(rejection)))),
+            Ok(set) => self.commit_activation(now, request, loading.patch, set),
+            Err(rejection) => self.out.extend(request.map(|request| Output::Reply(request, Err(rejection)))),
         }
     }
 
     /// Everything may have changed while the set was read, so that everything is asked again.
     fn loaded(&self, loading: &ReadSet, result: Result<Arc<ModelSet>, NotLoaded>) -> Result<Arc<ModelSet>, Rejection> {
         let id = &loading.model_set;
-        let set = result.map_err(|why| match why {
-            NotLoaded::Damaged(what) => ErrorReason::DataDamaged.because(format!(
+        let damaged = |what| {
+            format!(
                 "model set `{id}` is damaged on disk and cannot be used: {what}; import it again, or activate another one"
-            )),
-            NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
-        })?;
+            )
+        };
+        let set = result.map_err(|why| why.refusal(damaged))?;
         let known = self.check_activation(loading)?;
         if (&set.id, &set.patch, set.taxels.len()) != (&known.id, &known.patch, known.taxels) {
             let why = format!("the store gave another model set than `{id}`, which is a fault of this program");
@@ -222,19 +200,12 @@ impl Engine {
         self.patches[patch].unfit(set).map_or(Ok(()), |why| Err(ErrorReason::LayoutChanged.because(why)))
     }
 
-    fn commit_activation(
-        &mut self,
-        now: Now,
-        request: Option<RequestId>,
-        patch: usize,
-        set: Arc<ModelSet>,
-        out: &mut Vec<Output>,
-    ) {
+    fn commit_activation(&mut self, now: Now, request: Option<RequestId>, patch: usize, set: Arc<ModelSet>) {
         let name = self.patches[patch].name().to_owned();
         // The set goes along: the store finds it there, or writes it again if what it has is damaged.
         let stored = Record::ModelSet(Arc::clone(&set));
         let activated = Record::Activated { patch: name, model_set: set.id.clone(), wall_ns: now.wall_ns };
-        self.commit(request, Effect::Activate(patch, set), vec![stored, activated], out);
+        self.commit(request, Effect::Activate(patch, set), vec![stored, activated]);
     }
 
     /// The set, if it may come into use on the patch now.
@@ -246,51 +217,41 @@ impl Engine {
         let patch = &self.patches[index];
         let name = patch.name();
         if set.patch != name {
-            let problem = format!("`{id}` is for patch `{}`, not for `{name}`", set.patch);
-            return Err(Rejection::InvalidArgument { field: "model_set", problem });
+            return Err(Rejection::invalid(
+                "model_set",
+                format!("`{id}` is for patch `{}`, not for `{name}`", set.patch),
+            ));
         }
         let (given, taxels) = (set.taxels, patch.taxels());
-        if given != taxels {
-            return Err(ErrorReason::LayoutChanged
-                .because(format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed")));
-        }
-        if self.pending.activates(index) {
-            return Err(ErrorReason::ActivationUnderWay
-                .because(format!("another model set of patch `{name}` is being activated: ask again")));
-        }
+        ErrorReason::LayoutChanged.unless(given == taxels, || {
+            format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed")
+        })?;
+        ErrorReason::ActivationUnderWay.unless(!self.pending.activates(index), || {
+            format!("another model set of patch `{name}` is being activated: ask again")
+        })?;
         let is = patch.models().map_or("none", |set| set.id.as_str());
-        let wrong = |expected: &&String| if expected.is_empty() { is != "none" } else { expected.as_str() != is };
-        if let Some(expected) = asked.expected.as_ref().filter(wrong) {
-            return Err(
-                ErrorReason::ActiveSetChanged.because(format!("expected `{expected}` to be active, but it is {is}"))
-            );
+        if let Some(expected) = &asked.expected {
+            let as_expected = if expected.is_empty() { is == "none" } else { expected == is };
+            ErrorReason::ActiveSetChanged
+                .unless(as_expected, || format!("expected `{expected}` to be active, but it is {is}"))?;
         }
-        if self.comes_of_discarded(set) {
-            return Err(ErrorReason::ModelSetDiscarded
-                .because(format!("the session of `{id}` is DISCARDED: its models are not to be used")));
-        }
+        self.refuse_if_discarded(set, id)?;
         Ok(set.clone())
     }
 
     /// A model set comes into use, and readers see the session that it came from in use.
-    pub(super) fn put_to_use(&mut self, now: Now, patch: usize, set: &Arc<ModelSet>, out: &mut Vec<Output>) -> Done {
+    pub(super) fn put_to_use(&mut self, now: Now, patch: usize, set: &Arc<ModelSet>) -> Done {
         let before = self.patches[patch].models().cloned();
-        self.with_patch(now, patch, out, |patch, _| patch.set_models(Arc::clone(set)));
+        self.with_patch(now, patch, |patch| patch.set_models(Arc::clone(set)));
         self.keep_at_hand();
         if let Some(view) = self.patches[patch].seen_session() {
-            out.push(Output::Session(patch, view));
+            self.out.push(Output::Session(patch, view));
         }
         self.catalogue_dirty = true;
         Done::Activated { model_set: set.id.clone(), previous: before.map(|set| set.id.clone()) }
     }
 
-    pub(super) fn delete_model_set(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        id: String,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
+    pub(super) fn delete_model_set(&mut self, now: Now, request: RequestId, id: String) -> Answer {
         self.store_takes_records()?;
         self.known_set(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
         self.refuse_if_set_is_deleted(&id)?;
@@ -301,16 +262,14 @@ impl Engine {
             return Err(ErrorReason::SessionOpen.because(why));
         }
         let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
-        self.commit(Some(request), Effect::Forget(Forgotten::ModelSet(id)), vec![record], out);
-        Ok(Answer::Later)
+        self.commit(Some(request), Effect::Forget(Forgotten::ModelSet(id)), vec![record]);
+        Ok(None)
     }
 
     /// Refuses what needs a model set that is on its way out.
     pub(super) fn refuse_if_set_is_deleted(&self, id: &str) -> Result<(), Rejection> {
-        if self.pending.forgets(&Forgotten::ModelSet(id.to_owned())) {
-            return Err(ErrorReason::BeingDeleted.because(format!("model set `{id}` is being deleted")));
-        }
-        Ok(())
+        let gone = Forgotten::ModelSet(id.to_owned());
+        ErrorReason::BeingDeleted.unless(!self.pending.forgets(&gone), || format!("model set `{id}` is being deleted"))
     }
 
     /// Refuses what cannot be while a model set is in use or about to be.
@@ -321,18 +280,16 @@ impl Engine {
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
         let in_use = |set: &KnownSet| {
-            let active = self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id);
-            active || self.pending.activates_set(&set.id)
+            self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id)
+                || self.pending.activates_set(&set.id)
         };
         let comes_of_it = |set: &KnownSet| set.origins.iter().any(|origin| origin == id);
         if let Some(set) = self.model_sets.iter().find(|set| in_use(set) && comes_of_it(set)) {
             let why = format!("`{}`, which is in use, was made of model set `{id}` by known loads", set.id);
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
-        if self.pending.activates_set(id) {
-            return Err(ErrorReason::ModelSetInUse.because(format!("model set `{id}` is being activated")));
-        }
-        Ok(())
+        let comes = self.pending.activates_set(id);
+        ErrorReason::ModelSetInUse.unless(!comes, || format!("model set `{id}` is being activated"))
     }
 
     /// The session of this daemon that a set came from, which names the set. It may have come back from a file since, which
@@ -354,6 +311,13 @@ impl Engine {
             self.sessions.values().any(|view| of(view) && self.is_discarded(view))
         };
         discarded(&set.id) || set.origins.iter().any(|origin| discarded(origin))
+    }
+
+    /// Refuses a set that comes of a session which was laid aside.
+    fn refuse_if_discarded(&self, set: &SetSummary, named: &str) -> Result<(), Rejection> {
+        ErrorReason::ModelSetDiscarded.unless(!self.comes_of_discarded(set), || {
+            format!("the session of `{named}` is DISCARDED: its models are not to be used")
+        })
     }
 
     /// Whether a session was laid aside, or is about to be.

@@ -23,7 +23,7 @@ use crate::intake::receive::{Intake, IntakeEvent};
 use crate::known_set::KnownSet;
 use crate::loads::load::Load;
 use crate::now::Now;
-use crate::patch::owner::{Effects, Intent, Patch};
+use crate::patch::owner::{Intent, Patch};
 use crate::plan::Plan;
 use crate::request::RequestId;
 
@@ -61,6 +61,8 @@ pub struct Engine {
     begins: Option<Time>,
     health: Arc<Health>,
     health_shown: Option<Time>,
+    /// What follows of the present step.
+    pub(super) out: Vec<Output>,
     /// Something but a counter changed since the health was shown, or a counter did.
     pub(super) health_dirty: (bool, bool),
 }
@@ -100,6 +102,7 @@ impl Engine {
             begins: None,
             health: Arc::default(),
             health_shown: None,
+            out: Vec::new(),
             health_dirty: (true, true),
             plan,
         };
@@ -129,58 +132,53 @@ impl Engine {
 
     /// Takes one input; what has to be done because of it is appended to `out`, in order.
     pub fn step(&mut self, now: Now, input: Input<'_>, out: &mut Vec<Output>) {
-        let before = out.len();
         if self.health_shown.is_none() {
             self.health_shown = Some(now.time);
-            self.each_patch(now, out, |patch, effects| patch.start(now, effects));
+            self.each_patch(now, |patch| patch.start(now));
             self.begins = Some(now.time + SILENT_AFTER);
         }
         match input {
-            Input::Frames(bus, frames) => self.on_frames(now, bus, frames, out),
-            Input::Pushed(scan) => self.on_pushed(now, scan, out),
-            Input::Bus(bus, notice) => self.on_bus(now, bus, notice, out),
-            Input::Tick => self.tick(now, out),
-            Input::Resumed(gap) => self.on_resumed(now, gap, out),
-            Input::Command(request, command) => self.on_command(now, request, command, out),
-            Input::Fitted(outcome) => self.on_fitted(now, outcome, out),
-            Input::Committed { ticket, result } => self.on_committed(now, ticket, result, out),
-            Input::Loaded { ticket, result } => self.on_loaded(now, ticket, result, out),
-            Input::SetLoaded { ticket, result } => self.on_set_loaded(now, ticket, result, out),
+            Input::Frames(bus, frames) => self.on_frames(now, bus, frames),
+            Input::Pushed(scan) => self.on_pushed(now, scan),
+            Input::Bus(bus, notice) => self.on_bus(now, bus, notice),
+            Input::Tick => self.tick(now),
+            Input::Resumed(gap) => self.on_resumed(now, gap),
+            Input::Command(request, command) => self.on_command(now, request, command),
+            Input::Fitted(outcome) => self.on_fitted(now, outcome),
+            Input::Committed { ticket, result } => self.on_committed(now, ticket, result),
+            Input::Loaded { ticket, result } => self.on_loaded(now, ticket, result),
+            Input::SetLoaded { ticket, result } => self.on_set_loaded(now, ticket, result),
             Input::StoreDamaged(damage) => self.on_store_damaged(now, damage),
             Input::Durable { session, samples } => {
                 self.patches.iter_mut().for_each(|patch| patch.calibration_mut().on_durable(session, samples));
             }
-            Input::StoreFailed(why) => self.on_store_failed(now, &why, out),
+            Input::StoreFailed(why) => self.on_store_failed(now, &why),
         }
-        self.note_sessions(&out[before..]);
+        self.note_sessions();
         if std::mem::take(&mut self.catalogue_dirty) {
             // Before the sessions of this step: whoever reads that one is in review asks for its model set.
-            let session = out[before..].iter().position(|output| matches!(output, Output::Session(..)));
+            let session = self.out.iter().position(|output| matches!(output, Output::Session(..)));
             let catalogue = Output::Catalogue(Arc::new(self.catalogue()));
-            out.insert(session.map_or(out.len(), |at| before + at), catalogue);
+            self.out.insert(session.unwrap_or(self.out.len()), catalogue);
         }
+        out.append(&mut self.out);
     }
 
     /// Does something to every patch, and what it intends.
-    fn each_patch(&mut self, now: Now, out: &mut Vec<Output>, mut act: impl FnMut(&mut Patch, &mut Effects<'_>)) {
+    fn each_patch(&mut self, now: Now, mut act: impl FnMut(&mut Patch)) {
         for index in 0..self.patches.len() {
-            self.with_patch(now, index, out, &mut act);
+            self.with_patch(now, index, &mut act);
         }
     }
 
     /// Does something to one patch, and then what it intends.
-    pub(super) fn with_patch<T>(
-        &mut self,
-        now: Now,
-        index: usize,
-        out: &mut Vec<Output>,
-        act: impl FnOnce(&mut Patch, &mut Effects<'_>) -> T,
-    ) -> T {
-        let mut intents = Vec::new();
-        let result = act(&mut self.patches[index], &mut Effects { out, intents: &mut intents });
-        self.patches[index].note_zero(now, out);
-        for intent in intents {
-            self.intend(now, index, intent, out);
+    pub(super) fn with_patch<T>(&mut self, now: Now, index: usize, act: impl FnOnce(&mut Patch) -> T) -> T {
+        let patch = &mut self.patches[index];
+        let result = act(patch);
+        patch.note_zero(now);
+        self.out.append(&mut patch.out);
+        for intent in std::mem::take(&mut patch.intents) {
+            self.intend(now, index, intent);
         }
         result
     }
@@ -190,18 +188,17 @@ impl Engine {
         &mut self,
         now: Now,
         index: usize,
-        out: &mut Vec<Output>,
         act: impl FnOnce(&mut Intake, &mut Vec<IntakeEvent>) -> T,
     ) -> T {
-        self.with_patch(now, index, out, |patch, effects| patch.with_intake(now, effects, act))
+        self.with_patch(now, index, |patch| patch.with_intake(now, act))
     }
 
     /// Has written down what a patch intends, before it takes effect, and tells others what concerns them, too.
-    fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
+    fn intend(&mut self, now: Now, index: usize, intent: Intent) {
         let (request, planned) = match intent {
             Intent::News { board, news } => {
                 for (other, board) in self.shared.others(index, board).to_vec() {
-                    self.with_intake(now, other, out, |intake, events| intake.on_news(board, &news, events));
+                    self.with_intake(now, other, |intake, events| intake.on_news(board, &news, events));
                 }
                 return;
             }
@@ -220,108 +217,80 @@ impl Engine {
             }
         };
         match planned {
-            Ok((effect, record)) => self.commit(Some(request), effect, vec![record], out),
+            Ok((effect, record)) => self.commit(Some(request), effect, vec![record]),
             Err(rejection) => {
                 self.patches[index].reject_zero(request);
-                out.push(Output::Reply(request, Err(rejection)));
+                self.out.push(Output::Reply(request, Err(rejection)));
             }
         }
     }
 
     /// Hands records to the shell; the effect follows once they are on disk.
-    pub(super) fn commit(
-        &mut self,
-        request: Option<RequestId>,
-        effect: Effect,
-        records: Vec<Record>,
-        out: &mut Vec<Output>,
-    ) {
+    pub(super) fn commit(&mut self, request: Option<RequestId>, effect: Effect, records: Vec<Record>) {
         let ticket = self.pending.keep(request, effect);
-        out.push(Output::Commit { ticket, records });
+        self.out.push(Output::Commit { ticket, records });
     }
 
-    fn on_frames(&mut self, now: Now, bus: BusIndex, frames: &[TimedFrame], out: &mut Vec<Output>) {
+    fn on_frames(&mut self, now: Now, bus: BusIndex, frames: &[TimedFrame]) {
         if let (Some(state), Some(newest)) = (self.buses.get_mut(usize::from(bus.0)), frames.last()) {
             self.health_dirty.0 |= state.on_frames(newest.time);
         }
         for frame in frames {
             // What a frame brings about happens at its own time, so that it does not matter how frames were batched.
-            let refused = self.on_frame(now.at(frame.time), bus, frame, out);
+            let refused = self.on_frame(now.at(frame.time), bus, frame);
             let Some(state) = self.buses.get_mut(usize::from(bus.0)) else { return };
             match refused {
-                Taken::Ours => state.health.frames += 1,
-                Taken::Foreign => state.health.foreign += 1,
-                Taken::Malformed(why) => state.refuse(format!("{}: {why}", frame.frame.id)),
+                Ok(true) => state.health.frames += 1,
+                Ok(false) => state.health.foreign += 1,
+                Err(why) => state.refuse(format!("{}: {why}", frame.frame.id)),
             }
         }
         self.health_dirty.1 |= !frames.is_empty();
     }
 
-    fn on_frame(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame, out: &mut Vec<Output>) -> Taken {
-        let refused = match self.routes.of(bus, frame.frame.id) {
-            Route::Foreign => return Taken::Foreign,
-            Route::Module { patch, module } => {
-                let taken = self.with_intake(now, usize::from(patch), out, |intake, events| {
-                    intake.on_module_frame(usize::from(module), frame, events)
-                });
-                taken.err().map(|refusal| refusal.to_string())
-            }
-            Route::Board { patch, board } => {
-                let taken = self.with_intake(now, usize::from(patch), out, |intake, events| {
-                    intake.on_board_frame(usize::from(board), &frame.frame, events)
-                });
-                taken.err().map(|refusal| refusal.to_string())
-            }
-            Route::Gauge => self.on_gauge(now, bus, frame, out),
-            Route::Device => return self.on_device(now, bus, frame, out),
+    /// Whether a frame is for anybody here, or what is wrong with one that is.
+    fn on_frame(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame) -> Result<bool, String> {
+        let taken = match self.routes.of(bus, frame.frame.id) {
+            Route::Foreign => return Ok(false),
+            Route::Described => return self.on_described(now, bus, frame),
+            Route::Module { patch, module } => self.with_intake(now, usize::from(patch), |intake, events| {
+                intake.on_module_frame(usize::from(module), frame, events)
+            }),
+            Route::Board { patch, board } => self.with_intake(now, usize::from(patch), |intake, events| {
+                intake.on_board_frame(usize::from(board), &frame.frame, events)
+            }),
         };
-        refused.map_or(Taken::Ours, Taken::Malformed)
+        taken.map(|()| true).map_err(|refusal| refusal.to_string())
     }
 
-    /// One gauge may serve several patches, each with its own idea of scale and meaning: what one refuses may well be
-    /// right for the next.
-    fn on_gauge(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame, out: &mut Vec<Output>) -> Option<String> {
-        let mut refused = None;
-        for index in 0..self.patches.len() {
-            let plan = Arc::clone(&self.plan);
-            let gauge = plan.patches[index].gauge.as_ref();
-            let Some(gauge) = gauge.filter(|g| g.bus == bus && g.signal.id == frame.frame.id) else { continue };
-            match gauge.signal.decode(&frame.frame) {
-                Ok(pressure) => self.with_patch(now, index, out, |patch, effects| {
-                    patch.on_pressure(now, frame.time, pressure, effects);
-                }),
-                Err(why) => refused = Some(why.to_string()),
-            }
-        }
-        refused
-    }
-
-    /// A frame of devices, which may have numbers of several patches, and of a gauge, in it.
-    fn on_device(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame, out: &mut Vec<Output>) -> Taken {
+    /// A frame of gauges and devices, which may have numbers of several patches in it. One gauge may serve several, each with its
+    /// own idea of scale and meaning: what one refuses may well be right for the next.
+    fn on_described(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame) -> Result<bool, String> {
         let (mut ours, mut refused) = (false, None);
-        let mut gauges = self.plan.patches.iter().filter_map(|plan| plan.gauge.as_ref());
-        if gauges.any(|gauge| gauge.bus == bus && gauge.signal.id == frame.frame.id) {
-            refused = self.on_gauge(now, bus, frame, out);
-            ours = true;
-        }
         for index in 0..self.patches.len() {
             let plan = &self.plan.patches[index];
-            if plan.devices.is_empty() || !plan.patch.is_on(bus) {
-                continue;
+            let gauge = plan.gauge.as_ref().filter(|gauge| gauge.bus == bus && gauge.signal.id == frame.frame.id);
+            let (pressure, has_devices) = (
+                gauge.map(|gauge| gauge.signal.decode(&frame.frame)),
+                !plan.devices.is_empty() && plan.patch.is_on(bus),
+            );
+            ours |= pressure.is_some();
+            match pressure {
+                Some(Ok(kpa)) => self.with_patch(now, index, |patch| patch.on_pressure(now, frame.time, kpa)),
+                Some(Err(why)) => refused = Some(why.to_string()),
+                None => {}
             }
-            match self.with_intake(now, index, out, |intake, events| intake.on_device_frame(frame, events)) {
-                Ok(theirs) => ours |= theirs,
-                Err(short) => refused = Some(short.to_string()),
+            if has_devices {
+                match self.with_intake(now, index, |intake, events| intake.on_device_frame(frame, events)) {
+                    Ok(theirs) => ours |= theirs,
+                    Err(short) => refused = Some(short.to_string()),
+                }
             }
         }
-        match refused {
-            Some(why) => Taken::Malformed(why),
-            None if ours => Taken::Ours,
-            None => Taken::Foreign,
-        }
+        refused.map_or(Ok(ours), Err)
     }
 
-    fn on_bus(&mut self, now: Now, bus: BusIndex, notice: BusNotice, out: &mut Vec<Output>) {
+    fn on_bus(&mut self, now: Now, bus: BusIndex, notice: BusNotice) {
         let Some(state) = self.buses.get_mut(usize::from(bus.0)) else { return };
         let dropped = matches!(notice, BusNotice::Dropped(_));
         let lost = state.on_notice(now.time, notice);
@@ -335,14 +304,14 @@ impl Engine {
             }
             if let Some(why) = &lost {
                 let why = format!("bus {}: {why}", bus.0);
-                self.with_patch(now, index, out, |patch, effects| patch.on_bus_lost(now, bus, &why, effects));
+                self.with_patch(now, index, |patch| patch.on_bus_lost(now, bus, &why));
             }
         }
     }
 
     /// A short pause says nothing of the boards: the kernel kept their frames. After a long one, as when the machine was
     /// suspended, they may have been without power or have taken a new zero.
-    fn on_resumed(&mut self, now: Now, gap: Duration, out: &mut Vec<Output>) {
+    fn on_resumed(&mut self, now: Now, gap: Duration) {
         self.patches.iter_mut().for_each(|patch| patch.on_frames_lost(now.time, None, gap));
         if gap <= PAUSE_MAX {
             return;
@@ -352,31 +321,29 @@ impl Engine {
         for index in 0..self.patches.len() {
             for bus in (0..self.buses.len()).map(|bus| BusIndex(bus as u8)) {
                 if self.plan.patches[index].patch.is_on(bus) {
-                    self.with_patch(now, index, out, |patch, effects| patch.on_bus_lost(now, bus, &why, effects));
+                    self.with_patch(now, index, |patch| patch.on_bus_lost(now, bus, &why));
                 }
             }
         }
     }
 
-    fn on_store_failed(&mut self, now: Now, why: &str, out: &mut Vec<Output>) {
+    fn on_store_failed(&mut self, now: Now, why: &str) {
         let reason = format!("the store failed: {why}");
-        self.each_patch(now, out, |patch, effects| {
-            patch.with_session(now, effects, |calibration, intake, events| {
-                calibration.trigger(now, Trigger::StoreFailed, &reason, intake.gauge(), events)
-            });
+        self.each_patch(now, |patch| {
+            patch.with_session(now, |calibration, _| calibration.trigger(now, Trigger::StoreFailed, &reason));
         });
         self.store_problem = Some(format!("the store failed and takes nothing until a restart: {why}"));
         self.health_dirty.0 = true;
     }
 
-    fn tick(&mut self, now: Now, out: &mut Vec<Output>) {
-        let before = out.len();
+    fn tick(&mut self, now: Now) {
+        let before = self.out.len();
         let heard = self.patches.iter().all(Patch::is_heard);
         if self.begins.take_if(|at| heard || *at <= now.time).is_some() {
-            self.begin_bring_up(now, out);
+            self.begin_bring_up(now);
         }
-        self.each_patch(now, out, |patch, effects| patch.tick(now, effects));
-        self.health_dirty.0 |= out.len() > before; // silence and bring-up show without a frame
+        self.each_patch(now, |patch| patch.tick(now));
+        self.health_dirty.0 |= self.out.len() > before; // silence and bring-up show without a frame
         let since = self.health_shown.map_or(Duration::MAX, |shown| now.time.since(shown));
         // Boards change with their frames; what they say is looked at with the counters.
         let (changed, counted) = self.health_dirty;
@@ -386,7 +353,7 @@ impl Engine {
             let health = self.look_at_health(now.time);
             if health != *self.health {
                 self.health = Arc::new(health);
-                out.push(Output::Health(Arc::clone(&self.health)));
+                self.out.push(Output::Health(Arc::clone(&self.health)));
             }
         }
     }
@@ -401,8 +368,8 @@ impl Engine {
     }
 
     /// Keeps the list of sessions in step with what was recorded of them.
-    fn note_sessions(&mut self, out: &[Output]) {
-        for output in out {
+    fn note_sessions(&mut self) {
+        for output in &self.out {
             if let Output::Record(Record::Session(view)) = output {
                 let old = self.sessions.insert(view.number, Arc::clone(view));
                 self.catalogue_dirty |= old.is_none_or(|old| old != *view);
@@ -420,14 +387,4 @@ impl Engine {
             validations,
         }
     }
-}
-
-/// What became of a frame.
-enum Taken {
-    /// It was understood.
-    Ours,
-    /// It concerns nobody here.
-    Foreign,
-    /// Its identifier is ours and its content is not.
-    Malformed(String),
 }

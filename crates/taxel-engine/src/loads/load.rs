@@ -50,21 +50,20 @@ impl KnownLoad {
     pub fn force(&self) -> Result<Newton, Rejection> {
         let within = |field, value: f64, max: f64| {
             let problem = || format!("{value} is not above 0 and at most {max}");
-            if value > 0.0 && value <= max { Ok(value) } else { Err(invalid(field, problem())) }
+            if value > 0.0 && value <= max { Ok(value) } else { Err(Rejection::invalid(field, problem())) }
         };
         let sigma = self.relative_sigma;
         if !(0.0..=RELATIVE_SIGMA_MAX).contains(&sigma) {
-            return Err(invalid("relative_uncertainty", format!("{sigma} is not in 0 to {RELATIVE_SIGMA_MAX}")));
+            return Err(Rejection::invalid(
+                "relative_uncertainty",
+                format!("{sigma} is not in 0 to {RELATIVE_SIGMA_MAX}"),
+            ));
         }
         match self.weight {
             Weight::Kilogram(kg) => Ok(Newton(within("mass_kg", kg, MASS_MAX_KG)? * STANDARD_GRAVITY_M_PER_S2)),
             Weight::Force(force) => Ok(Newton(within("force_n", force.0, FORCE_MAX_N)?)),
         }
     }
-}
-
-fn invalid(field: &'static str, problem: String) -> Rejection {
-    Rejection::InvalidArgument { field, problem }
 }
 
 /// What the live force was over the time of the watch.
@@ -82,7 +81,7 @@ pub struct Reading {
     pub out_of_range: u32,
     /// Why the last sample was not good, in words; empty if it was.
     pub reasons: Vec<String>,
-    /// Taxels that felt it in the last scan, ascending; empty if that is not known, as of earlier versions.
+    /// Taxels that felt it in the last scan, ascending.
     pub taxels: Vec<u16>,
 }
 
@@ -113,8 +112,8 @@ pub struct Load {
     pub model_set: String,
     /// Mean area of the patch's taxels in mm2, as configured.
     pub mean_area_mm2: f64,
-    /// Whether faulty taxels were filled by their neighbours; not known of earlier versions.
-    pub filled: Option<bool>,
+    /// Whether faulty taxels were filled by their neighbours.
+    pub filled: bool,
 }
 
 impl Load {
@@ -195,7 +194,7 @@ fn unfit(load: &Load) -> String {
     if read.out_of_range > 0 {
         counted(read.out_of_range as usize, "taxel was", "taxels were") + " beyond the calibrated range"
     } else if !read.reasons.is_empty() {
-        format!("the force had a shortcoming: {}", read.reasons.join("; "))
+        format!("the force was DEGRADED: {}", read.reasons.join("; "))
     } else {
         String::new()
     }
@@ -212,23 +211,30 @@ pub struct LoadsPlan {
     pub fills: bool,
 }
 
+impl LoadsPlan {
+    /// How loads that were read with this mean area, in mm2, and `filled` taxels or not, were summed otherwise, in words.
+    #[must_use]
+    pub fn differs_from(&self, area_mm2: f64, filled: bool) -> Option<String> {
+        let now_mm2 = self.mean_area_mm2;
+        if (area_mm2 / now_mm2 - 1.0).abs() > SAME_AREA_SHARE {
+            return Some(format!("the configured areas were {area_mm2:.3} mm2 in the mean, now {now_mm2:.3}"));
+        }
+        let [then, now] = if self.fills { ["not ", ""] } else { ["", "not "] };
+        (filled != self.fills).then(|| format!("faulty taxels were {then}filled by their neighbours, and are {now}now"))
+    }
+}
+
 /// The loads of a patch, oldest first, judged by its active model set and the mean of its configured areas.
 #[must_use]
 pub fn judge(plan: &LoadsPlan, all: &[Arc<Load>], model_set: Option<String>) -> Validation {
-    let area_mm2 = plan.mean_area_mm2;
     let replaced: BTreeMap<u64, u64> = all.iter().filter_map(|load| Some((load.replaces?, load.number))).collect();
     let outdated = |load: &Load| {
         if let Some(by) = replaced.get(&load.number) {
             format!("load {by} replaces it")
         } else if Some(&load.model_set) != model_set.as_ref() {
             "another model set is active now".to_owned()
-        } else if (load.mean_area_mm2 / area_mm2 - 1.0).abs() > SAME_AREA_SHARE {
-            format!("the configured areas were {:.3} mm2 in the mean, now {area_mm2:.3}", load.mean_area_mm2)
-        } else if load.filled.is_some_and(|then| then != plan.fills) {
-            let [then, now] = if plan.fills { ["not ", ""] } else { ["", "not "] };
-            format!("faulty taxels were {then}filled by their neighbours, and are {now}now")
         } else {
-            String::new()
+            plan.differs_from(load.mean_area_mm2, load.filled).unwrap_or_default()
         }
     };
     let judged = |load: &Arc<Load>| {

@@ -60,10 +60,8 @@ impl Loads {
                 format!("load {number} of patch `{}`", self.plan.patch),
             ));
         }
-        if self.watch.is_some() {
-            let why = "another load of this patch is being read: wait a second".to_owned();
-            return Err(ErrorReason::LoadBeingRead.because(why));
-        }
+        let why = || "another load of this patch is being read: wait a second".to_owned();
+        ErrorReason::LoadBeingRead.unless(self.watch.is_none(), why)?;
         self.watch = Some(LoadWatch::new(now, request, load, force.0));
         Ok(())
     }
@@ -115,7 +113,7 @@ impl Loads {
             read,
             model_set: model_set.to_owned(),
             mean_area_mm2: self.plan.mean_area_mm2,
-            filled: Some(self.plan.fills),
+            filled: self.plan.fills,
         })
     }
 

@@ -8,6 +8,7 @@ use crate::force::owner::Measured;
 use crate::force::sample::{ForceSample, ForceState};
 use crate::loads::load::{KnownLoad, Reading};
 use crate::request::{ErrorReason, RequestId};
+use crate::statistics::{mean, root_mean_square};
 
 /// The force is read for so long,
 const SPAN: Duration = Duration::from_secs(1);
@@ -108,9 +109,10 @@ impl LoadWatch {
 
     fn conclude(&mut self) -> Result<Reading, Unread> {
         let scans = self.totals_n.len();
-        let mean_n = mean(&self.totals_n);
-        let scatter_n =
-            (self.totals_n.iter().map(|total| (total - mean_n).powi(2)).sum::<f64>() / (scans - 1) as f64).sqrt();
+        let mean_of = |totals_n: &[f64]| mean(totals_n.iter().copied()).0;
+        let mean_n = mean_of(&self.totals_n);
+        let unbiased = (scans as f64 / (scans - 1) as f64).sqrt();
+        let scatter_n = unbiased * root_mean_square(self.totals_n.iter().map(|total| total - mean_n));
         let felt = self.totals_n.iter().filter(|total| **total > 0.0).count();
         if felt < scans {
             let why = format!("the skin feels nothing in {} of {scans} scans: no taxel is active", scans - felt);
@@ -126,7 +128,7 @@ impl LoadWatch {
             return Err((ErrorReason::LoadUnsteady, why));
         }
         let (early, late) = self.totals_n.split_at(scans / 2);
-        let (early_n, late_n) = (mean(early), mean(late));
+        let (early_n, late_n) = (mean_of(early), mean_of(late));
         let error_n = 2.0 * scatter_n / (scans as f64).sqrt();
         let drift_max_n = (DRIFT_SHARE_MAX * mean_n).max(DRIFT_ERRORS_MAX * error_n);
         if (late_n - early_n).abs() > drift_max_n {
@@ -136,10 +138,6 @@ impl LoadWatch {
         let (sigma_n, reading) = (self.sigmas_n / scans as f64, std::mem::take(&mut self.reading));
         Ok(Reading { scans: scans as u32, mean_n, scatter_n, sigma_n, ..reading })
     }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use crate::loads::load::{KnownLoad, Load};
 use crate::loads::owner::LoadRead;
 use crate::model_set::ModelSet;
 use crate::now::Now;
-use crate::patch::owner::{BEING_CONFIGURED, Effects, Patch};
+use crate::patch::owner::{BEING_CONFIGURED, Patch};
 use crate::request::{ErrorReason, Rejection, RequestId};
 use crate::zero::view::TareView;
 use crate::zero::watch::Purpose;
@@ -26,18 +26,10 @@ impl Patch {
     ///
     /// # Errors
     /// [`Rejection`] while a session takes the zero itself, or while the boards are being configured.
-    pub fn tare(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        confirmed_by: Option<String>,
-        effects: &mut Effects<'_>,
-    ) -> Result<(), Rejection> {
+    pub fn tare(&mut self, now: Now, request: RequestId, confirmed_by: Option<String>) -> Result<(), Rejection> {
         self.calibration.refuse_if_open("it takes the zero itself; abort it first")?;
         self.check_set_up()?;
-        self.with_zero(now, effects, |zero, events| {
-            zero.watch(now.time, Purpose::Operator { request, confirmed_by }, events)
-        });
+        self.with_zero(now, |zero, events| zero.watch(now.time, Purpose::Operator { request, confirmed_by }, events));
         Ok(())
     }
 
@@ -63,11 +55,9 @@ impl Patch {
     /// # Errors
     /// [`Rejection::FailedPrecondition`].
     pub fn check_set_up(&self) -> Result<(), Rejection> {
-        if self.has_begun && self.intake.bring_up().is_done() {
-            return Ok(());
-        }
-        let why = format!("{BEING_CONFIGURED}: ask again when they are verified");
-        Err(ErrorReason::BoardsNotConfigured.because(why))
+        let set_up = self.has_begun && self.intake.bring_up().is_done();
+        ErrorReason::BoardsNotConfigured
+            .unless(set_up, || format!("{BEING_CONFIGURED}: ask again when they are verified"))
     }
 
     /// Refuses to configure boards while a load is felt: they would take it for nothing, and nobody could tell later.
@@ -190,16 +180,13 @@ impl Patch {
         &mut self,
         now: Now,
         (command, why): (Trigger, &str),
-        effects: &mut Effects<'_>,
     ) -> Result<Arc<SessionView>, Rejection> {
         self.calibration.refuse_unless_possible(command)?; // before what only matters in the right state
         if command == Trigger::StartRamp {
             self.check_gauge_heard(now)?;
             self.check_vented(now)?;
         }
-        let mut events = Vec::new();
-        self.calibration.command(now, (command, why), self.intake.gauge(), &mut events)?;
-        self.on_calibration_events(now, events, effects);
+        self.with_session(now, |calibration, _| calibration.command(now, command, why))?;
         self.held_session()
     }
 
@@ -216,16 +203,9 @@ impl Patch {
     ///
     /// # Errors
     /// [`Rejection`] if no ramp is under way, or why it is no plateau.
-    pub fn take_plateau(
-        &mut self,
-        now: Now,
-        kpa: f64,
-        effects: &mut Effects<'_>,
-    ) -> Result<Arc<SessionView>, Rejection> {
-        let mut events = Vec::new();
-        let taken = self.calibration.take_plateau(now, kpa, self.intake.gauge(), &mut events);
-        self.on_calibration_events(now, events, effects);
-        taken.and_then(|()| self.held_session())
+    pub fn take_plateau(&mut self, now: Now, kpa: f64) -> Result<Arc<SessionView>, Rejection> {
+        self.with_session(now, |calibration, _| calibration.take_plateau(now, kpa))?;
+        self.held_session()
     }
 
     /// Another model set is in use from now on.
@@ -253,12 +233,10 @@ impl Patch {
     pub fn begin_load(&mut self, now: Now, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
         self.calibration.refuse_if_open("finish or abort it first")?;
         self.check_vented(now)?;
-        if self.force.models().is_none() {
-            return Err(ErrorReason::NoModelSet.because("no model set is in use: there is no force to compare"));
-        }
-        if !self.force.is_ready() {
-            return Err(ErrorReason::ZeroLost.because(format!("there is no valid zero: {}", self.zero.view().reason)));
-        }
+        let no_models = || "no model set is in use: there is no force to compare".to_owned();
+        ErrorReason::NoModelSet.unless(self.force.models().is_some(), no_models)?;
+        let no_zero = || format!("there is no valid zero: {}", self.zero.view().reason);
+        ErrorReason::ZeroLost.unless(self.force.is_ready(), no_zero)?;
         self.loads.begin(now.time, request, load)
     }
 

@@ -7,7 +7,7 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::force::reason::ReasonCode;
 use crate::now::Now;
-use crate::patch::owner::{BEING_CONFIGURED, Effects, Patch};
+use crate::patch::owner::{BEING_CONFIGURED, Patch};
 
 /// What is held against the zeros of boards that were configured while nothing could show what lay on them.
 const CONFIGURED_UNSEEN: &str =
@@ -15,9 +15,9 @@ const CONFIGURED_UNSEEN: &str =
 
 impl Patch {
     /// Begins to listen.
-    pub fn start(&mut self, now: Now, effects: &mut Effects<'_>) {
+    pub fn start(&mut self, now: Now) {
         self.started = now.time;
-        self.with_zero(now, effects, |zero, events| {
+        self.with_zero(now, |zero, events| {
             zero.lose(ReasonCode::ZeroNotTaken, "no zero has been taken since start", events)
         });
         self.has_begun = !self.plan.configures() && self.noted.zero.is_none(); // there is nothing to listen for
@@ -38,29 +38,27 @@ impl Patch {
 
     /// It has been listened whether the boards stream. Those that are `wanted` are configured; if none is, the patch goes on with
     /// the zero of before the start.
-    pub fn begin(&mut self, now: Now, wanted: &[bool], effects: &mut Effects<'_>) {
+    pub fn begin(&mut self, now: Now, wanted: &[bool]) {
         if wanted.contains(&true) {
-            return self.configure(now, wanted, false, effects);
+            return self.configure(now, wanted, false);
         }
         if std::mem::replace(&mut self.has_begun, true) {
             return;
         }
         self.intake.start_bring_up(now.time, wanted);
         if let Some(kept) = self.noted.zero.clone().filter(|_| self.noted.configured == Some(self.settings)) {
-            self.with_zero(now, effects, |zero, events| zero.go_on(now, kept, events));
+            self.with_zero(now, |zero, events| zero.go_on(now, kept, events));
         }
     }
 
     /// Configures the boards that are `wanted`: the zero is lost. Boards that stream may have borne a load, which only a force
     /// would have shown, unless it is `confirmed` that nothing touches the skin. What is held against the zero stays until that is.
-    pub fn configure(&mut self, now: Now, wanted: &[bool], confirmed: bool, effects: &mut Effects<'_>) {
+    pub fn configure(&mut self, now: Now, wanted: &[bool], confirmed: bool) {
         let streams = self.intake.streams(now.time);
         let streaming = streams.iter().zip(wanted).any(|(streams, wanted)| *streams && *wanted);
         let shows_loads = self.force.is_ready() && self.felt.is_some();
         let unseen = streaming && !confirmed && !shows_loads;
-        self.with_zero(now, effects, |zero, events| {
-            zero.lose(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, events)
-        });
+        self.with_zero(now, |zero, events| zero.lose(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, events));
         self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
         self.zero.on_bring_up(confirmed, unseen.then_some(CONFIGURED_UNSEEN));
         self.intake.start_bring_up(now.time, wanted);
@@ -68,14 +66,14 @@ impl Patch {
     }
 
     /// What is known of zeros outlives the daemon, as those of the boards do.
-    pub fn note_zero(&mut self, now: Now, out: &mut Vec<Output>) {
+    pub fn note_zero(&mut self, now: Now) {
         if !self.has_begun {
             return; // the zero of before the start may be valid yet
         }
         if let Some(zero) = self.zero.news(self.settings, &self.noted) {
             self.noted = zero.clone();
             let patch = self.name().to_owned();
-            out.push(Output::Record(Record::Zero { patch, zero, wall_ns: now.wall_ns }));
+            self.out.push(Output::Record(Record::Zero { patch, zero, wall_ns: now.wall_ns }));
         }
     }
 }

@@ -4,7 +4,7 @@ use taxel_sim::HOST_BOARD_CONFIG;
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Time};
 use taxel_wire::icub::{StatusWord, TriangleConfig};
 
-use super::owner::{Effects, Intent, Patch};
+use super::owner::Patch;
 use crate::boundary::output::Output;
 use crate::force;
 use crate::intake::boards::BoardNews;
@@ -36,36 +36,15 @@ pub fn configuring() -> PatchPlan {
     PatchPlan { bring_up: vec![setup], ..listening() }
 }
 
-/// A patch, and what it put out last.
-struct Scene {
-    patch: Patch,
-    out: Vec<Output>,
-    intents: Vec<Intent>,
+fn knowing(plan: PatchPlan, known: KeptZero) -> Patch {
+    Patch::new(0, plan, Vec::new(), known, vec![false])
 }
 
-impl Scene {
-    fn new(plan: PatchPlan, with_models: bool, shares_its_board: bool) -> Self {
-        let mut patch = Patch::new(0, plan, Vec::new(), KeptZero::default(), vec![shares_its_board]);
-        if with_models {
-            patch.set_models(force::tests::set(TAXELS));
-        }
-        Self { patch, out: Vec::new(), intents: Vec::new() }
-    }
-
-    fn knowing(plan: PatchPlan, known: KeptZero) -> Self {
-        Self { patch: Patch::new(0, plan, Vec::new(), known, vec![false]), out: Vec::new(), intents: Vec::new() }
-    }
-
-    fn act<T>(&mut self, act: impl FnOnce(&mut Patch, &mut Effects<'_>) -> T) -> T {
-        (self.out, self.intents) = (Vec::new(), Vec::new());
-        act(&mut self.patch, &mut Effects { out: &mut self.out, intents: &mut self.intents })
-    }
-
-    /// Whether anything is sent to the boards with the tick at this time.
-    fn sends(&mut self, ms: i64) -> bool {
-        self.act(|patch, effects| patch.tick(now(ms), effects));
-        self.out.iter().any(|output| matches!(output, Output::Send(..)))
-    }
+/// Whether anything is sent to the boards with the tick at this time.
+fn sends(patch: &mut Patch, ms: i64) -> bool {
+    patch.out.clear();
+    patch.tick(now(ms));
+    patch.out.iter().any(|output| matches!(output, Output::Send(..)))
 }
 
 #[test]
@@ -78,22 +57,21 @@ fn a_board_is_configured_if_it_is_silent_or_was_configured_otherwise() {
         (KeptZero { configured: Some(1), ..same }, true, true),
         (KeptZero::default(), true, true),
     ] {
-        let mut scene = Scene::knowing(plan.clone(), known);
-        scene.act(|patch, effects| patch.start(now(1_000), effects));
+        let mut patch = knowing(plan.clone(), known);
+        patch.start(now(1_000));
         if streams {
-            scene.act(|patch, effects| {
-                let heard = BoardNews::Heard(now(1_250).time, StatusWord(0));
-                patch.with_intake(now(1_250), effects, |intake, events| intake.on_news(0, &heard, events))
-            });
+            let heard = BoardNews::Heard(now(1_250).time, StatusWord(0));
+            patch.with_intake(now(1_250), |intake, events| intake.on_news(0, &heard, events));
         }
-        assert_eq!(scene.patch.boards_to_configure(now(1_300).time), [wanted]);
-        assert!(scene.patch.check_set_up().is_err(), "it is still listened");
-        scene.act(|patch, effects| patch.begin(now(1_300), &[wanted], effects));
-        assert_eq!(scene.sends(1_300), wanted);
+        assert_eq!(patch.boards_to_configure(now(1_300).time), [wanted]);
+        assert!(patch.check_set_up().is_err(), "it is still listened");
+        patch.begin(now(1_300), &[wanted]);
+        assert_eq!(sends(&mut patch, 1_300), wanted);
         // Something may have lain on a board that streamed.
-        assert_eq!(scene.patch.zero.needs_confirmation().is_some(), wanted && streams);
+        assert_eq!(patch.zero.needs_confirmation().is_some(), wanted && streams);
     }
-    let mut scene = Scene::new(listening(), true, false);
-    scene.act(|patch, effects| patch.start(now(1_000), effects));
-    assert!(scene.patch.boards_to_configure(now(1_300).time) == [false] && scene.patch.check_set_up().is_ok());
+    let mut patch = knowing(listening(), KeptZero::default());
+    patch.set_models(force::tests::set(TAXELS));
+    patch.start(now(1_000));
+    assert!(patch.boards_to_configure(now(1_300).time) == [false] && patch.check_set_up().is_ok());
 }

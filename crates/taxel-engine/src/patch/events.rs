@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
-use crate::calibration::calibrate::{Calibration, CalibrationEvent};
-use crate::calibration::session::SessionRecord;
+use crate::calibration::calibrate::Calibration;
+use crate::calibration::session::SessionEvent;
 use crate::calibration::view::SessionView;
 use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::intake::receive::Intake;
 use crate::now::Now;
-use crate::patch::owner::{Effects, Intent, Patch};
+use crate::patch::owner::{Intent, Patch};
 use crate::request::ErrorReason;
 use crate::zero::events::ZeroEvent;
 use crate::zero::holder::Zero;
@@ -19,48 +19,36 @@ use crate::zero::watch::Purpose;
 
 impl Patch {
     /// Does something to the zero, and what follows from it.
-    pub(super) fn with_zero(
-        &mut self,
-        now: Now,
-        effects: &mut Effects<'_>,
-        act: impl FnOnce(&mut Zero, &mut Vec<ZeroEvent>),
-    ) {
+    pub(super) fn with_zero(&mut self, now: Now, act: impl FnOnce(&mut Zero, &mut Vec<ZeroEvent>)) {
         let mut events = Vec::new();
         act(&mut self.zero, &mut events);
-        self.on_zero_events(now, events, effects);
+        self.on_zero_events(now, events);
     }
 
     /// Does something to the session that the patch holds, and what follows from it.
-    pub fn with_session(
-        &mut self,
-        now: Now,
-        effects: &mut Effects<'_>,
-        act: impl FnOnce(&mut Calibration, &Intake, &mut Vec<CalibrationEvent>),
-    ) {
-        let mut events = Vec::new();
-        act(&mut self.calibration, &self.intake, &mut events);
-        self.on_calibration_events(now, events, effects);
+    pub fn with_session<T>(&mut self, now: Now, act: impl FnOnce(&mut Calibration, &Intake) -> T) -> T {
+        let result = act(&mut self.calibration, &self.intake);
+        self.on_session_events(now);
+        result
     }
 
     /// What the zero says goes to whoever depends on it.
-    pub(super) fn on_zero_events(&mut self, now: Now, events: Vec<ZeroEvent>, effects: &mut Effects<'_>) {
+    pub(super) fn on_zero_events(&mut self, now: Now, events: Vec<ZeroEvent>) {
         for event in events {
             self.dirty = true;
-            let mut follows = Vec::new();
-            let gauge = self.intake.gauge();
             match event {
                 ZeroEvent::Proven { request, view, baseline } => {
                     let patch = self.name().to_owned();
                     let record = Record::Tared { patch, tare: view, baseline };
-                    effects.intents.push(Intent::Zero { request, record });
+                    self.intents.push(Intent::Zero { request, record });
                 }
                 ZeroEvent::Taken(purpose) => {
                     self.use_zero();
                     let baseline = self.zero.baseline().unwrap_or_default().to_vec();
                     let (patch, tare) = (self.name().to_owned(), self.zero.view());
-                    effects.out.push(Output::Record(Record::Tared { patch, tare, baseline: baseline.clone() }));
+                    self.out.push(Output::Record(Record::Tared { patch, tare, baseline: baseline.clone() }));
                     if matches!(purpose, Purpose::Session { .. }) {
-                        self.calibration.on_zero_taken(now, baseline, self.intake.gauge(), &mut follows);
+                        self.calibration.on_zero_taken(now, baseline, self.intake.gauge());
                         if let Some(rest) = self.calibration.rest() {
                             self.zero.note_session_rest(rest);
                         }
@@ -82,17 +70,17 @@ impl Patch {
                     let without = lacks.map(|lacks| (ErrorReason::NoModelSet, lacks.text().to_owned()));
                     let (reason, why) = without.unwrap_or((reason, why));
                     let why = format!("tare refused: {why}{}", remedy(reason));
-                    effects.out.push(Output::Reply(request, Err(reason.because(why))));
+                    self.out.push(Output::Reply(request, Err(reason.because(why))));
                 }
                 ZeroEvent::Refused(Purpose::Session { .. }, _, why) => {
-                    self.calibration.on_zero_refused(now, &why, gauge, &mut follows);
+                    self.calibration.on_zero_refused(now, &why);
                 }
                 ZeroEvent::Lost(why) => {
                     self.force.set_zero(None, 0.0);
-                    self.calibration.on_zero_lost(now, &why, gauge, &mut follows);
+                    self.calibration.on_zero_lost(now, &why);
                 }
                 ZeroEvent::BoardMoved { board, why } => {
-                    effects.intents.push(Intent::News { board, news: BoardNews::Moved(why) });
+                    self.intents.push(Intent::News { board, news: BoardNews::Moved(why) });
                 }
                 ZeroEvent::Doubted => {
                     self.force.move_zero(None, None, self.zero.residue_counts());
@@ -103,7 +91,7 @@ impl Patch {
                     self.zero.weigh(&self.force.newton_per_count());
                 }
             }
-            self.on_calibration_events(now, follows, effects);
+            self.on_session_events(now);
         }
     }
 
@@ -121,7 +109,7 @@ impl Patch {
         }
     }
 
-    fn seen(&self, view: &Arc<SessionView>) -> Arc<SessionView> {
+    pub(super) fn seen(&self, view: &Arc<SessionView>) -> Arc<SessionView> {
         view.seen(self.models().map(|set| set.id.as_str()))
     }
 
@@ -130,29 +118,27 @@ impl Patch {
         self.calibration.session().map(|view| self.seen(&Arc::new(view.clone())))
     }
 
-    /// What the calibration wants goes to the zero, to disk and to readers.
-    pub(super) fn on_calibration_events(&mut self, now: Now, events: Vec<CalibrationEvent>, effects: &mut Effects<'_>) {
-        for event in events {
+    /// What the session wants goes to the zero, to disk and to readers.
+    fn on_session_events(&mut self, now: Now) {
+        for event in self.calibration.take_events() {
+            let session = self.calibration.session();
+            let number = session.map_or(0, |view| view.number);
             match event {
-                CalibrationEvent::WantsZero { confirmed_by } => {
-                    let mut follows = Vec::new();
-                    self.zero.watch(now.time, Purpose::Session { confirmed_by }, &mut follows);
-                    self.on_zero_events(now, follows, effects);
+                SessionEvent::WantsZero => {
+                    let confirmed_by = session.and_then(|view| view.confirmed_by.clone());
+                    self.with_zero(now, |zero, events| zero.watch(now.time, Purpose::Session { confirmed_by }, events));
                 }
-                CalibrationEvent::ZeroNotWanted => self.zero.end_watch_of_session(),
-                CalibrationEvent::Record(record) => {
-                    let session = self.calibration.session().map_or(0, |view| view.number);
-                    effects.out.push(Output::Record(match record {
-                        SessionRecord::Ramp(ramp) => Record::Ramp { session, ramp },
-                        SessionRecord::Sample { index, sample } => Record::Sample { session, index, sample },
-                    }));
+                SessionEvent::ZeroNotWanted => self.zero.end_watch_of_session(),
+                SessionEvent::Ramp(ramp) => self.out.push(Output::Record(Record::Ramp { session: number, ramp })),
+                SessionEvent::Sample { index, sample } => {
+                    self.out.push(Output::Record(Record::Sample { session: number, index, sample }));
                 }
-                CalibrationEvent::Session(view) => {
-                    effects.out.push(Output::Record(Record::Session(Arc::clone(&view))));
-                    effects.out.push(Output::Session(self.index, self.seen(&view)));
+                SessionEvent::Changed => {
+                    let Some(view) = self.calibration.refreshed(now.time, self.intake.gauge()) else { continue };
+                    self.out.push(Output::Record(Record::Session(Arc::clone(&view))));
+                    self.out.push(Output::Session(self.index, self.seen(&view)));
                 }
-                CalibrationEvent::Progress(view) => effects.out.push(Output::Session(self.index, self.seen(&view))),
-                CalibrationEvent::Fit(job) => effects.out.push(Output::Fit(*job)),
+                SessionEvent::Fit(job) => self.out.push(Output::Fit(*job)),
             }
         }
     }

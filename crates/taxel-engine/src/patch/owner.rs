@@ -55,19 +55,11 @@ pub enum Intent {
     },
 }
 
-/// What a patch puts out in a step.
-pub struct Effects<'a> {
-    /// To be done by the shell.
-    pub out: &'a mut Vec<Output>,
-    /// To be written down first.
-    pub intents: &'a mut Vec<Intent>,
-}
-
 /// One patch.
 #[derive(Debug)]
 pub struct Patch {
     pub(super) index: usize,
-    pub(super) plan: PatchPlan,
+    pub(super) plan: Arc<PatchPlan>,
     pub(super) intake: Intake,
     pub(super) zero: Zero,
     pub(super) force: Force,
@@ -89,12 +81,17 @@ pub struct Patch {
     pub(super) settings: u32,
     /// What is known of zeros, as last written down.
     pub(super) noted: KeptZero,
+    /// What follows of what happened last, to be done by the shell.
+    pub out: Vec<Output>,
+    /// What of it is to be written down first, or concerns other patches.
+    pub intents: Vec<Intent>,
 }
 
 impl Patch {
     /// Nothing heard, nothing sent; `loads` are those of earlier runs, `known` what was known then of its zero,
     /// `shared` says which boards other patches have, too.
     pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, known: KeptZero, shared: Vec<bool>) -> Self {
+        let plan = Arc::new(plan);
         let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
         let regions = intake.regions().clone();
         let mut zero = Zero::new(plan.zero(), regions.clone());
@@ -103,7 +100,7 @@ impl Patch {
             index,
             zero,
             force: Force::new(plan.force()),
-            calibration: Calibration::new(plan.calibration()),
+            calibration: Calibration::new(Arc::clone(&plan)),
             loads: Loads::new(plan.loads(), loads),
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
@@ -113,13 +110,15 @@ impl Patch {
             felt: None,
             settings: plan.settings_sum(),
             noted: known,
+            out: Vec::new(),
+            intents: Vec::new(),
             intake,
             plan,
         }
     }
 
     /// Its plan.
-    pub const fn plan(&self) -> &PatchPlan {
+    pub fn plan(&self) -> &PatchPlan {
         &self.plan
     }
 
@@ -150,9 +149,7 @@ impl Patch {
 
     /// Why this set says nothing of the boards or the areas that are configured, in words.
     pub fn unfit(&self, set: &ModelSet) -> Option<String> {
-        self.plan
-            .unfit_for_settings(set)
-            .or_else(|| set.unfit_for_sum(self.loads.plan().mean_area_mm2, self.loads.plan().fills))
+        self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_sum(self.loads.plan()))
     }
 
     /// How many known loads are kept.
@@ -167,73 +164,68 @@ impl Patch {
 
     /// A bus was lost for a time, and with it what its boards did meanwhile: they may have taken new zeros under what lies
     /// on them.
-    pub fn on_bus_lost(&mut self, now: Now, bus: BusIndex, why: &str, effects: &mut Effects<'_>) {
-        self.lose_zeros(now, |board| board.bus == bus, why, effects);
+    pub fn on_bus_lost(&mut self, now: Now, bus: BusIndex, why: &str) {
+        self.lose_zeros(now, |board| board.bus == bus, why);
     }
 
-    fn lose_zeros(&mut self, now: Now, of: impl Fn(&Board) -> bool, why: &str, effects: &mut Effects<'_>) {
+    fn lose_zeros(&mut self, now: Now, of: impl Fn(&Board) -> bool, why: &str) {
         let boards: Vec<bool> = self.plan.patch.boards().iter().map(of).collect();
-        self.with_zero(now, effects, |zero, events| {
+        self.with_zero(now, |zero, events| {
             (0..boards.len()).filter(|&board| boards[board]).for_each(|board| zero.lose_by_board(board, why, events));
         });
     }
 
     /// Something comes in, such as a frame, and what follows from it.
-    pub fn with_intake<T>(
-        &mut self,
-        now: Now,
-        effects: &mut Effects<'_>,
-        act: impl FnOnce(&mut Intake, &mut Vec<IntakeEvent>) -> T,
-    ) -> T {
+    pub fn with_intake<T>(&mut self, now: Now, act: impl FnOnce(&mut Intake, &mut Vec<IntakeEvent>) -> T) -> T {
         let mut events = Vec::new();
         let result = act(&mut self.intake, &mut events);
-        self.on_intake_events(now, events, effects);
+        self.on_intake_events(now, events);
         result
     }
 
     /// A program begins to hand over scans. Whatever handed them over before may have been another device, or the same
     /// with another zero.
-    pub fn begin_push(&mut self, now: Now, effects: &mut Effects<'_>) {
+    pub fn begin_push(&mut self, now: Now) {
         if self.intake.newest().is_some() {
             let why = "another stream of scans has begun: what pushes them may have taken a new zero";
-            self.lose_zeros(now, |_| true, why, effects);
+            self.lose_zeros(now, |_| true, why);
         }
     }
 
     /// A scan that was handed over whole, with one count per taxel.
-    pub fn on_pushed(&mut self, now: Now, scan: &PushedScan, effects: &mut Effects<'_>) {
+    pub fn on_pushed(&mut self, now: Now, scan: &PushedScan) {
         if let Some(pressure) = scan.pressure {
-            self.on_pressure(now, scan.time, pressure, effects);
+            self.on_pressure(now, scan.time, pressure);
         }
-        self.with_intake(now, effects, |intake, events| intake.on_pushed(scan, events));
+        self.with_intake(now, |intake, events| intake.on_pushed(scan, events));
     }
 
     /// A reading of the gauge that this patch's bag has.
-    pub fn on_pressure(&mut self, now: Now, time: Time, pressure: Kilopascal, effects: &mut Effects<'_>) {
+    pub fn on_pressure(&mut self, now: Now, time: Time, pressure: Kilopascal) {
         self.intake.on_pressure(time, pressure);
-        effects.out.push(Output::Gauge(self.index, GaugeReading { time, kpa: pressure.0 }));
-        self.advance_session(now, effects);
+        self.out.push(Output::Gauge(self.index, GaugeReading { time, kpa: pressure.0 }));
+        self.advance_session(now);
     }
 
-    fn on_intake_events(&mut self, now: Now, events: Vec<IntakeEvent>, effects: &mut Effects<'_>) {
+    fn on_intake_events(&mut self, now: Now, events: Vec<IntakeEvent>) {
         for event in events {
             match event {
-                IntakeEvent::Scan => self.on_scan(now, effects),
-                IntakeEvent::Board(board, sign) => self.with_zero(now, effects, |zero, events| match sign {
+                IntakeEvent::Scan => self.on_scan(now),
+                IntakeEvent::Board(board, sign) => self.with_zero(now, |zero, events| match sign {
                     ZeroSign::Doubted(BoardDoubt { why, certain: true }) => zero.lose_by_board(board, &why, events),
                     ZeroSign::Doubted(doubt) => zero.doubt(board, &doubt.why, events),
                     ZeroSign::Unwell => zero.on_unwell(board),
                     ZeroSign::Well(doubt) => zero.on_well(board, &doubt.why, doubt.certain, events),
                     ZeroSign::Moved(why) => zero.lose_by_another(board, &why, events),
                 }),
-                IntakeEvent::News(board, news) => effects.intents.push(Intent::News { board, news }),
+                IntakeEvent::News(board, news) => self.intents.push(Intent::News { board, news }),
                 IntakeEvent::Changed => self.dirty = true,
             }
         }
     }
 
-    fn on_scan(&mut self, now: Now, effects: &mut Effects<'_>) {
-        let no_rest = self.end_watch_of_no_rest(now, effects);
+    fn on_scan(&mut self, now: Now) {
+        let no_rest = self.end_watch_of_no_rest(now);
         let mut events = Vec::new();
         let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
         let around = Surroundings {
@@ -250,16 +242,16 @@ impl Patch {
             },
         };
         self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
-        self.on_zero_events(now, events, effects);
-        self.offer_to_session(now, left_out, effects);
+        self.on_zero_events(now, events);
+        self.offer_to_session(now, left_out);
         self.force.follow(&self.intake.scan());
-        self.publish(now, effects);
+        self.publish(now);
     }
 
     /// A ramp's zero is taken of boards that keep theirs, and of a skin that nothing presses on. In its first session a
     /// skin has no models that would show a bag that stands at a pressure, but the gauge does.
     /// Returns whether that is not so.
-    fn end_watch_of_no_rest(&mut self, now: Now, effects: &mut Effects<'_>) -> bool {
+    fn end_watch_of_no_rest(&mut self, now: Now) -> bool {
         if !matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
             return false;
         }
@@ -269,7 +261,7 @@ impl Patch {
             self.take_ambient(now);
             return false;
         };
-        self.with_zero(now, effects, |zero, events| zero.end_watch(refusal.reason(), refusal.to_string(), events));
+        self.with_zero(now, |zero, events| zero.end_watch(refusal.reason(), refusal.to_string(), events));
         true
     }
 
@@ -289,45 +281,43 @@ impl Patch {
         newest.is_some_and(|(time, kpa)| now.time.since(time) <= limits.gauge_timeout && kpa > limits.vented_below)
     }
 
-    fn offer_to_session(&mut self, now: Now, left_out: bool, effects: &mut Effects<'_>) {
+    fn offer_to_session(&mut self, now: Now, left_out: bool) {
         let fresh_within = self.plan.period + self.plan.period / 2;
-        let complete = if left_out {
-            self.intake.is_whole_without(fresh_within, |module| self.calibration.leaves_out(module))
-        } else {
-            self.intake.scan().whole && self.intake.is_whole_without(fresh_within, |_| false)
-        };
+        let whole =
+            self.intake.is_whole_without(fresh_within, |module| left_out && self.calibration.leaves_out(module));
+        let complete = whole && (left_out || self.intake.scan().whole);
         self.calibration.on_scan(&self.intake.scan(), complete && self.zero.holds());
-        self.advance_session(now, effects);
+        self.advance_session(now);
     }
 
-    fn advance_session(&mut self, now: Now, effects: &mut Effects<'_>) {
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.advance(now, intake.gauge(), || intake.silence(now.time), events);
+    fn advance_session(&mut self, now: Now) {
+        self.with_session(now, |calibration, intake| {
+            calibration.advance(now, intake.gauge(), || intake.silence(now.time));
         });
     }
 
     /// Time passed.
-    pub fn tick(&mut self, now: Now, effects: &mut Effects<'_>) {
+    pub fn tick(&mut self, now: Now) {
         let (mut frames, mut events) = (Vec::new(), Vec::new());
         self.intake.tick(now.time, &mut frames, &mut events);
         for (board, frame) in frames {
-            effects.out.push(Output::Send(self.plan.patch.boards()[board].bus, frame));
+            self.out.push(Output::Send(self.plan.patch.boards()[board].bus, frame));
         }
-        self.on_intake_events(now, events, effects);
+        self.on_intake_events(now, events);
         let mut events = Vec::new();
         let intake = &self.intake;
         self.zero.tick(now.time, || intake.silence(now.time), &mut events);
-        self.on_zero_events(now, events, effects);
-        self.advance_session(now, effects);
+        self.on_zero_events(now, events);
+        self.advance_session(now);
         if self.dirty {
-            self.publish(now, effects);
+            self.publish(now);
         }
         if let Some(read) = self.loads.tick(now.time) {
-            effects.intents.push(Intent::Load(read));
+            self.intents.push(Intent::Load(read));
         }
-        self.with_session(now, effects, |calibration, intake, events| {
-            calibration.show(now.time, intake.gauge(), events)
-        });
+        if let Some(view) = self.calibration.show(now.time, self.intake.gauge()) {
+            self.out.push(Output::Session(self.index, self.seen(&view)));
+        }
     }
 
     /// When [`Patch::tick`] has something to do at the latest, if nothing comes before.

@@ -10,12 +10,12 @@ use crate::force::owner::ZeroState;
 use crate::force::reason::ReasonCode;
 use crate::force::taxels::{Basis, ModuleAge, Taxels};
 use crate::now::Now;
-use crate::patch::owner::{Effects, Intent, Patch};
+use crate::patch::owner::{Intent, Patch};
 use crate::zero::view::TareView;
 
 impl Patch {
     /// Publishes the present state under the next sequence number.
-    pub(super) fn publish(&mut self, now: Now, effects: &mut Effects<'_>) {
+    pub(super) fn publish(&mut self, now: Now) {
         self.dirty = false;
         self.sequence += 1;
         let scan = self.intake.scan();
@@ -27,7 +27,7 @@ impl Patch {
         let tare = self.tare_view();
         measured.sample.zero_epoch = tare.epoch;
         if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured) {
-            effects.intents.push(Intent::Load(read));
+            self.intents.push(Intent::Load(read));
         }
         if self.faults.0 != Some(scan.soundness) {
             self.faults = (Some(scan.soundness), (0..self.taxels()).map(|t| self.intake.faults(t)).collect());
@@ -43,7 +43,7 @@ impl Patch {
             force: measured.sample,
             tare: Some(tare),
         };
-        effects.out.push(Output::Patch(self.index, Arc::new(snapshot)));
+        self.out.push(Output::Patch(self.index, Arc::new(snapshot)));
     }
 
     /// Without models a zero is of no use, and a tare cannot be proven: a calibration takes its own.

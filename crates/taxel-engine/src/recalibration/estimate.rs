@@ -22,13 +22,15 @@ use std::ops::RangeInclusive;
 
 use taxel_skin::counted;
 
-use crate::loads::places::LaidAt;
 use crate::recalibration::line::{Line, LinePoint, chi2_quantile, normal_quantile};
 use crate::recalibration::points::{Assumptions, LoadPoint};
 use crate::statistics::median;
 
 /// Fewer points do not show a wrong one among them with certainty.
 pub const POINTS_MIN: usize = 5;
+
+/// Loads at fewer places tell nothing of how much the skin differs from place to place.
+const PLACES_MIN: usize = 3;
 
 /// More are not needed, and all of them are kept with the set.
 pub const POINTS_MAX: usize = 100;
@@ -85,11 +87,11 @@ pub struct Recalibration {
 }
 
 impl Recalibration {
-    /// What these points say that lie at these places.
+    /// What these points say that lie at these places, counted from 0.
     ///
     /// # Errors
     /// In words: too few or too many points, or figures that are none.
-    pub fn of(points: &[LoadPoint], laid: &LaidAt, assumptions: Assumptions) -> Result<Self, String> {
+    pub fn of(points: &[LoadPoint], places: &[usize], assumptions: Assumptions) -> Result<Self, String> {
         let count = points.len();
         if count < POINTS_MIN {
             let so_far = counted(count, "known load", "known loads");
@@ -103,7 +105,7 @@ impl Recalibration {
         if let Some(problem) = assumptions.problem().or_else(|| points.iter().find_map(LoadPoint::problem)) {
             return Err(problem);
         }
-        let weighed = weighed(points, &laid.place, &assumptions);
+        let weighed = weighed(points, places, &assumptions);
         let line = Line::through(&weighed).ok_or("the loads give no gain that is a number")?;
         let judged: Vec<(JudgedPoint, f64)> =
             points.iter().zip(&weighed).map(|(of, on)| judge(&line, *of, on)).collect();
@@ -111,7 +113,7 @@ impl Recalibration {
         let mut of = Self {
             line,
             shared: line.shared(&weighed),
-            places: laid.known,
+            places: places.iter().max().map_or(0, |last| last + 1),
             points: judged.iter().map(|(point, _)| *point).collect(),
             deviation_max,
             contradicts: None,
@@ -125,7 +127,13 @@ impl Recalibration {
                  loads like it"
             ));
         }
-        of.refused_because.extend(laid.too_few());
+        if of.places < PLACES_MIN {
+            let known = of.places;
+            of.refused_because.push(format!(
+                "the {count} loads lie at {known} of at least {PLACES_MIN} places, and another place may differ: lay loads where \
+                 other taxels feel them"
+            ));
+        }
         of.find_contradiction(&weighed);
         of.find_implausible();
         Ok(of)

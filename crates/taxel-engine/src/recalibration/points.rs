@@ -76,14 +76,9 @@ impl Assumptions {
     /// What is wrong with them, in words.
     #[must_use]
     pub fn problem(&self) -> Option<String> {
-        let (place, floor) = (self.place_rel, self.floor);
-        if !(PLACE_REL_MIN..=PLACE_REL_MAX).contains(&place) {
-            return Some(format!(
-                "the scatter from place to place is {place}, expected {PLACE_REL_MIN} to {PLACE_REL_MAX}"
-            ));
-        }
-        let wrong = !(floor.is_finite() && floor >= 0.0);
-        wrong.then(|| format!("the least scatter is {floor}, expected a number of 0 or more"))
+        let (place, is_one) = (self.place_rel, (PLACE_REL_MIN..=PLACE_REL_MAX).contains(&self.place_rel));
+        (!is_one)
+            .then(|| format!("the scatter from place to place is {place}, expected {PLACE_REL_MIN} to {PLACE_REL_MAX}"))
     }
 }
 

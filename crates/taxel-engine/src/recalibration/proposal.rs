@@ -1,7 +1,7 @@
 //! What the known loads of a patch propose for its active model set, and the set that comes of it.
 
 use crate::loads::load::{Load, Validation};
-use crate::loads::places::LaidAt;
+use crate::loads::places::places;
 use crate::model_set::{EARLIER_MAX, ModelSet, Recalibrated, RecordedTaxel};
 use crate::recalibration::estimate::{GAINS, POINTS_MAX, Recalibration};
 use crate::recalibration::points::{Assumptions, LoadPoint};
@@ -44,14 +44,7 @@ pub fn propose(
         if chosen.leave_out.contains(number) || judged.counts() {
             continue;
         }
-        let why = match (&judged.outdated_because, &judged.load.read) {
-            (outdated, _) if !outdated.is_empty() => outdated.clone(),
-            (_, read) if read.out_of_range > 0 => {
-                "it went beyond the calibrated range, so what was read is a lower bound".to_owned()
-            }
-            (_, read) => format!("the force was DEGRADED under it: {}", read.reasons.join("; ")),
-        };
-        return Err(format!("load {number} cannot be taken: {why}"));
+        return Err(format!("load {number} cannot be taken: {}{}", judged.outdated_because, judged.left_out_because));
     }
     let taken = |load: &Load| {
         (chosen.loads.is_empty() || chosen.loads.contains(&load.number))
@@ -62,25 +55,25 @@ pub fn propose(
     let mut loads: Vec<&Load> = counted.filter(|load| taken(load)).take(POINTS_MAX).collect();
     loads.sort_by_key(|load| load.number);
     let points: Vec<LoadPoint> = loads.iter().copied().map(LoadPoint::of).collect();
-    let found = Recalibration::of(&points, &LaidAt::of(&loads), assumptions)?;
-    let first = view.loads.iter().find(|judged| judged.counts()).map(|judged| &judged.load);
-    // Of an earlier version that is not known, and one that is known says it of all: the others are outdated.
-    let filled = loads.iter().find_map(|load| load.filled);
-    let set = corrected(source, &found, first.map(|load| (load.mean_area_mm2, filled)), now_wall_ns);
+    let places = places(loads.iter().map(|load| load.read.taxels.as_slice()));
+    let found = Recalibration::of(&points, &places, assumptions)?;
+    // All were read with the same areas, or they would not count.
+    let read_with = loads.first().map_or((0.0, false), |load| (load.mean_area_mm2, load.filled));
+    let set = corrected(source, &found, read_with, now_wall_ns);
     Ok(Proposal { found, set })
 }
 
 /// The corrected set, without an id: which taxels are usable, the counts at rest and the settings of the boards are those
 /// of `source`; every pressure is corrected, and the uncertainty of the correction is in `gauge_gain_rel`, which the whole
 /// skin shares. `read_with`: the mean area that the loads were read with, and whether
-/// faulty taxels were filled then, as far as that is known; if the points are forces.
+/// faulty taxels were filled then.
 ///
 /// # Errors
 /// In words: the recalibration is refused, or the gains of all corrections so far go beyond what a skin ages by.
 pub fn corrected(
     source: &ModelSet,
     found: &Recalibration,
-    read_with: Option<(f64, Option<bool>)>,
+    (area_mm2, filled): (f64, bool),
     created_wall_ns: i64,
 ) -> Result<ModelSet, String> {
     if let Some(why) = found.refused_because.first() {
@@ -115,8 +108,8 @@ pub fn corrected(
     let recalibrated = Recalibrated {
         derived_from: source.id.clone(),
         earlier,
-        area_mm2: read_with.map(|(area_mm2, _)| area_mm2),
-        filled: read_with.and_then(|(_, filled)| filled),
+        area_mm2,
+        filled,
         gain,
         gain_sigma: found.gain_sigma(),
         place_rel: found.assumptions.place_rel,
@@ -126,19 +119,16 @@ pub fn corrected(
     };
     Ok(ModelSet {
         id: String::new(),
-        patch: source.patch.clone(),
         created_wall_ns,
         session: None,
         method: method(source, found),
-        board_settings: source.board_settings.clone(),
-        baseline: source.baseline.clone(),
         pressure_max_kpa: gain * source.pressure_max_kpa,
         gauge_gain_rel: source.gauge_gain_rel.hypot(found.relative_sigma()),
         gauge_offset_kpa: gain * source.gauge_offset_kpa,
         taxels: source.taxels.iter().map(|model| model.scaled(gain, 0.0)).collect(),
         recorded,
         recalibrated: Some(recalibrated),
-        maker: source.maker.clone(),
+        ..source.clone()
     })
 }
 

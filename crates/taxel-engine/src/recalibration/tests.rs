@@ -1,13 +1,12 @@
 //! What a recalibration promises, tried on loads that are drawn at random: the seed of each trial is printed.
 
-use crate::loads::places::LaidAt;
 use crate::recalibration::estimate::{POINTS_MIN, Recalibration};
 use crate::recalibration::points::{Assumptions, LoadPoint};
 
 /// What these points say, each of which lies at a place of its own.
 fn of(points: &[LoadPoint], assumptions: Assumptions) -> Result<Recalibration, String> {
-    let laid = LaidAt { place: (0..points.len()).collect(), known: points.len(), unplaced: 0 };
-    Recalibration::of(points, &laid, assumptions)
+    let places: Vec<usize> = (0..points.len()).collect();
+    Recalibration::of(points, &places, assumptions)
 }
 
 const TRIALS: u64 = 4_000;

@@ -126,23 +126,16 @@ fn run(scene: &Scene) -> Run {
 
 impl Run {
     fn refused(&self, reason: SampleRefusal) -> u64 {
-        self.session.view().refused.get(reason)
+        self.session.view.refused.get(reason)
     }
 
     /// The model of the one taxel, by the session's own fit.
     fn model(&self) -> Option<TaxelModel> {
         let job = FitJob {
-            simulated: true,
-            session: 1,
-            together: Vec::new(),
-            fit: 1,
-            patch: String::new(),
-            wall_ns: 0,
-            board_settings: Vec::new(),
-            samples: Arc::clone(self.session.samples()),
+            samples: Arc::clone(&self.session.samples),
             modules: std::iter::once(0..1).collect(),
-            left_out: Vec::new(),
             recipe: FitRecipe { branch: Branch::Rising, ..FitRecipe::default() },
+            ..FitJob::default()
         };
         job.run(|_| String::new()).result.ok()?.taxels.first().cloned()
     }
@@ -206,7 +199,7 @@ fn duplicates() -> Outcome {
 
 fn too_fast() -> Outcome {
     let run = run(&Scene { kpa: |t| 9.0 * t, seconds: 7, ..STEADY });
-    let mut outcome = Outcome::of_figure(run.session.view().accepted as f64);
+    let mut outcome = Outcome::of_figure(run.session.view.accepted as f64);
     let refused = run.refused(SampleRefusal::TooFast);
     outcome.require(refused > 100, || format!("{refused} scans were refused as too fast"));
     outcome
@@ -214,7 +207,7 @@ fn too_fast() -> Outcome {
 
 fn falling() -> Outcome {
     let run = run(&Scene { kpa: |t| 60.0 - t, seconds: 50, ..STEADY });
-    let mut outcome = Outcome::of_figure(run.session.view().accepted as f64);
+    let mut outcome = Outcome::of_figure(run.session.view.accepted as f64);
     let refused = run.refused(SampleRefusal::NotRising);
     outcome.require(refused > 900, || format!("{refused} scans were refused as not rising"));
     outcome
@@ -222,7 +215,7 @@ fn falling() -> Outcome {
 
 fn full() -> Outcome {
     let run = run(&Scene { scans_max: 500, ..STEADY });
-    let mut outcome = Outcome::of_figure(run.session.samples().samples.len().abs_diff(500) as f64);
+    let mut outcome = Outcome::of_figure(run.session.samples.samples.len().abs_diff(500) as f64);
     outcome.require(run.ended == Some(Progress::RampEnded), || format!("the ramp ended with {:?}", run.ended));
     outcome.require(run.refused(SampleRefusal::Full) == 1, || "the refusal is not counted".to_owned());
     outcome
@@ -234,5 +227,5 @@ fn dropouts() -> Outcome {
 
 fn no_gauge() -> Outcome {
     let run = run(&Scene { times: 0, seconds: 70, ..STEADY });
-    Outcome::of_figure(run.session.view().accepted as f64)
+    Outcome::of_figure(run.session.view.accepted as f64)
 }

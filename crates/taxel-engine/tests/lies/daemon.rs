@@ -238,8 +238,7 @@ fn in_words(reply: &Reply) -> String {
         Ok(Done::Session(view)) => format!("session {} is {}", view.number, view.state.name()),
         Ok(Done::Activated { model_set, .. }) => format!("{model_set} is active"),
         Ok(Done::LoadRecorded(_)) => "load recorded".to_owned(),
-        Ok(Done::Imported { model_set }) => format!("{model_set} imported"),
-        Ok(Done::RefitKept { model_set, .. }) => format!("{} kept", model_set.id),
+        Ok(Done::Kept { model_set, .. }) => format!("{} kept", model_set.id),
         Ok(Done::Deleted) => "deleted".to_owned(),
         Err(rejection) => format!("refused: {rejection}"),
     }

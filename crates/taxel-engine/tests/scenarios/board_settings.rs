@@ -106,8 +106,8 @@ fn after_a_restart_with_another_shift_there_is_no_force_and_the_board_is_named()
     assert_eq!(
         why,
         format!(
-            "model set `{id}` of patch `small` is not used: `{id}` was gathered with shift 1 on module 0 of board 13, where \
-             the configuration has shift 2 (and 7 more): set it as it was, activate a set that was gathered as it is now, or \
+            "model set `{id}` of patch `small` is not used: `{id}` was gathered with shift 0-5 = 1 on board 13, where \
+             the configuration has shift 0-5 = 2 (and 1 more): set it as it was, activate a set that was gathered as it is now, or \
              calibrate again"
         )
     );
@@ -156,7 +156,7 @@ fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     let answer = bench.ask(say::activate("m-other"));
     let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
     let said =
-        "`m-other` was gathered with shift 1 on module 0 of board 13, where the configuration has shift 2 (and 7 more)";
+        "`m-other` was gathered with shift 0-5 = 1 on board 13, where the configuration has shift 0-5 = 2 (and 1 more)";
     assert!(why.starts_with(said), "{why}");
     assert_eq!(bench.host.catalogue.active[0].1.as_ref(), Some(&small().set.id), "what is refused has no effect");
     weighs(&mut bench, "another set was refused");
@@ -171,7 +171,7 @@ fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
 fn where_the_settings_of_one_side_are_not_known_nothing_changes() {
     let calibrated = at_shift_1();
     // Of a file, or of a daemon that only listened.
-    let listened = ["board 13: settings unknown", "board 12: settings unknown"].map(str::to_owned).to_vec();
+    let listened = ["board 13: modules 0-5", "board 12: modules 0-1"].map(str::to_owned).to_vec();
     for lines in [Vec::new(), listened] {
         let set = other("m-unknown", |set| set.board_settings.clone_from(&lines));
         let mut bench = calibrated.restarted_with(with_shift(1), set);

@@ -148,7 +148,7 @@ fn at_the_limit_of_model_sets_an_operator_is_told_to_delete_some() {
     let why = bench.refused(import(other("m-too-much")));
     assert!(why.contains("1000 is the limit"), "what is being written counts: {why}");
     bench.host.commit(Ok(()));
-    assert!(matches!(bench.host.reply(first), Some(Ok(Done::Imported { .. }))));
+    assert!(matches!(bench.host.reply(first), Some(Ok(Done::Kept { .. }))));
     assert_eq!(known(&bench).len(), MODEL_SETS_MAX);
 }
 

@@ -190,7 +190,7 @@ fn a_described_array_is_calibrated_by_the_same_session_and_weighs() {
     let mut scene = Scene::in_use();
     assert!(scene.host.snapshot().taxels[0].count > 50_000, "raw counts are served");
     let told = &scene.host.newest_set().board_settings;
-    assert!(told[0].contains("counts from 0 to 65535, 256 to a unit"), "{told:?}");
+    assert!(told[0].contains("counts 0 to 65535, 256 to a unit"), "{told:?}");
     scene.weighs();
     scene.skin.load = (0, 0.0);
     scene.seconds(1.0);

@@ -9,8 +9,8 @@ use crate::prelude::*;
 /// The same set with these words for the commands; with none it is one of an earlier version, which did not tell them.
 fn told(set: &ModelSet, commands: &str) -> Arc<ModelSet> {
     let mut set = set.clone();
-    assert!(set.board_settings[0].contains("; no commands"), "{:?}", set.board_settings);
-    set.board_settings[0] = set.board_settings[0].replace("; no commands", commands);
+    assert!(set.board_settings[0].contains("; commands none"), "{:?}", set.board_settings);
+    set.board_settings[0] = set.board_settings[0].replace("; commands none", commands);
     Arc::new(set)
 }
 
@@ -53,7 +53,7 @@ fn a_device_that_is_read_or_sent_otherwise_than_at_the_calibration_has_no_force(
         (counts[0].1, counts[1].1) = (counts[1].1, counts[0].1);
     };
     for ((state, why), said) in [
-        (with(&set, command), "with no commands on device 1, where the configuration has commands 01"),
+        (with(&set, command), "with commands none on device 1, where the configuration has commands 01"),
         (with(&set, swapped), "on device 1, where the configuration has signals"),
     ] {
         assert_eq!(state, ForceState::Uncalibrated);

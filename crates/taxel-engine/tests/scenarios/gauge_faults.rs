@@ -1,6 +1,6 @@
 //! A gauge that is wrong for a while in a ramp: nothing of that while enters the models.
 
-use taxel_engine::calibration::{Refit, StoredSession};
+use taxel_engine::calibration::Refit;
 use taxel_engine::plan::Gauge;
 use taxel_sim::GaugeConfig;
 use taxel_wire::signal::{PressureMeaning, SignalSpec};
@@ -67,9 +67,7 @@ fn a_further_ramp_in_which_the_gauge_jumped_stays_out_of_every_fit() {
             assert!(why.contains(&said), "{when}, {again:?}: {why}");
         }
         let view = bench.host.catalogue.sessions.iter().find(|view| view.number == session).unwrap();
-        let stored = vec![StoredSession { view: Arc::clone(view), board_settings: None }];
-        let plan = &bench.host.plan.patches[0];
-        let refit = Refit::plan(plan.calibration(), plan.patch.counts(), stored);
+        let refit = Refit::plan(bench.host.plan.patches[0].clone(), vec![Arc::clone(view)]);
         let why = refit.unwrap_err().to_string();
         assert!(why.contains(&said), "{when}, refit: {why}");
     };

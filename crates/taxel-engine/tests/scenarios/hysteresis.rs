@@ -1,7 +1,6 @@
 //! Hysteresis, live: a session over both branches, its plays in use, and what they are worth on a further cycle.
 
 use taxel_engine::calibration::Direction;
-use taxel_engine::calibration::fit::PlaysChoice;
 use taxel_sim::BagConfig;
 
 use crate::prelude::*;
@@ -22,7 +21,7 @@ fn error(readings: &[(f64, f64)]) -> f64 {
 
 /// A skin with much friction and no creep, off the rails, calibrated over both branches up to 60 kPa: twice, so that
 /// the plays are tried on the second cycle, which they have not seen.
-fn calibrated(bag: BagConfig, plays: PlaysChoice) -> (Bench, Arc<ModelSet>) {
+fn calibrated(bag: BagConfig, plays: bool) -> (Bench, Arc<ModelSet>) {
     let dielectric = DielectricConfig {
         tare_bias_counts: 1.0,
         tare_residue_counts: 0.5,
@@ -86,7 +85,7 @@ fn cycle(bench: &mut Bench, set: &Arc<ModelSet>) -> Cycle {
 
 #[test]
 fn plays_of_a_session_take_the_hysteresis_out_of_the_live_force() {
-    let (mut bench, with) = calibrated(BagConfig::default(), PlaysChoice::Auto);
+    let (mut bench, with) = calibrated(BagConfig::default(), true);
     let recorded = with.recorded.as_ref().expect("a session over both branches knows the skin in use");
     assert!(recorded.taxels.iter().flatten().any(|taxel| taxel.plays.is_some()), "{:?}", recorded.plays_error_ratio);
     let bent = cycle(&mut bench, &with);
@@ -104,7 +103,7 @@ fn plays_of_a_session_take_the_hysteresis_out_of_the_live_force() {
 /// a few per cent further off than is stated. What unloading may hide has no term of its own yet.
 #[test]
 fn the_stated_uncertainty_holds_most_of_the_hysteresis_that_is_not_compensated() {
-    let (mut bench, set) = calibrated(BagConfig::default(), PlaysChoice::Off);
+    let (mut bench, set) = calibrated(BagConfig::default(), false);
     put_to_use(&mut bench, &set);
     let (mut within, mut all) = (0, 0);
     for target in [50.0, 10.0] {
@@ -125,7 +124,7 @@ fn the_stated_uncertainty_holds_most_of_the_hysteresis_that_is_not_compensated()
 #[test]
 fn a_squeeze_while_the_zero_is_in_doubt_is_not_forgotten() {
     let quick = BagConfig { pump_kpa_per_s: 1_000.0, vent_s: 0.05, ..BagConfig::default() };
-    let (mut bench, set) = calibrated(quick, PlaysChoice::Auto);
+    let (mut bench, set) = calibrated(quick, true);
     put_to_use(&mut bench, &set);
     let squeeze = |bench: &mut Bench, kpa: f64, kpa_per_s: f64| {
         bench.ramp(kpa, kpa_per_s);

@@ -1,7 +1,6 @@
 //! Known loads correct the gain of a model set: a new set that nobody uses before an operator says so, made once and never
 //! corrected twice.
 
-use taxel_engine::loads::places::LaidAt;
 use taxel_engine::loads::{KnownLoad, Load, LoadsPlan, Validation, Weight, judge};
 use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, Recalibration, propose};
 
@@ -84,7 +83,7 @@ fn five_masses_correct_a_gain_that_is_a_tenth_off_and_only_activation_uses_it() 
     assert!(found.found.is_sound() && found.found.is_needed(), "{:?}", found.found);
     assert!((gain / OFF - 1.0).abs() < 2.0 * found.found.relative_sigma(), "{gain}");
     let set = named(&found, "m-corrected");
-    let Ok(Done::RefitKept { known: false, .. }) = bench.ask(keep(&set)) else { panic!("it was not kept") };
+    let Ok(Done::Kept { known: false, .. }) = bench.ask(keep(&set)) else { panic!("it was not kept") };
     assert!(bench.host.records.iter().any(|r| matches!(r, Record::ModelSet(kept) if kept.id == "m-corrected")));
     let unused = ratio(&mut bench);
     assert!((unused / before - 1.0).abs() < 0.02, "kept and not used: {unused}, {before} before");
@@ -119,8 +118,8 @@ fn masses_at_fewer_than_three_places_correct_nothing() {
     assert!(found.found.is_sound() && found.found.places == 3, "{:?}", found.found);
     // Five of the seven are off together, so the gain is less certain than that of seven places.
     let points: Vec<_> = found.found.points.iter().map(|judged| judged.point).collect();
-    let laid = LaidAt { place: (0..points.len()).collect(), known: points.len(), unplaced: 0 };
-    let apart = Recalibration::of(&points, &laid, Assumptions::MASSES).unwrap();
+    let places: Vec<usize> = (0..points.len()).collect();
+    let apart = Recalibration::of(&points, &places, Assumptions::MASSES).unwrap();
     assert!(found.found.gain_sigma() > 1.3 * apart.gain_sigma(), "{:?}, {:?} apart", found.found, apart);
     assert_eq!(found.found.line, apart.line, "the gain itself is the same");
 }
@@ -161,7 +160,7 @@ fn the_set_that_a_correction_came_from_stays_while_the_corrected_one_is_in_use()
     let (mut bench, set) = corrected();
     assert_eq!((set.derived_from(), set.session), (Some(small().set.id.as_str()), None));
     bench.ask(keep(&set)).unwrap();
-    let Ok(Done::RefitKept { known: true, .. }) = bench.ask(keep(&set)) else { panic!("twice is once") };
+    let Ok(Done::Kept { known: true, .. }) = bench.ask(keep(&set)) else { panic!("twice is once") };
     bench.activate("m-corrected").unwrap();
     let refused = bench.refused(say::delete_set(&small().set.id));
     assert!(refused.contains("`m-corrected`, which is in use, was made of"), "{refused}");
@@ -210,7 +209,7 @@ fn a_correction_says_nothing_of_other_areas_than_its_loads_were_read_with() {
             let used = bench.host.snapshot().force.model_set.as_deref() == Some("m-corrected");
             assert_eq!(used, areas_as_they_were);
             let told =
-                bench.host.healths.last().unwrap().problems.iter().any(|p| p.contains("set the areas as they were"));
+                bench.host.healths.last().unwrap().problems.iter().any(|p| p.contains("the configured areas were"));
             assert_eq!(told, !areas_as_they_were);
         } else {
             let refused = bench.activate("m-corrected").err();
@@ -244,12 +243,10 @@ fn loads_and_their_correction_say_nothing_of_a_sum_that_is_made_in_another_way()
     let (bench, set) = corrected();
     let view = validation(&bench);
     let area_mm2 = view.loads[0].load.mean_area_mm2;
-    assert_eq!(set.unfit_for_sum(area_mm2, true), None);
-    let why = set.unfit_for_sum(area_mm2, false).unwrap();
-    assert!(
-        why.contains("read with faulty taxels filled by their neighbours, now they would be read without"),
-        "{why}"
-    );
+    let unfit = |fills| set.unfit_for_sum(&LoadsPlan { patch: view.patch.clone(), mean_area_mm2: area_mm2, fills });
+    assert_eq!(unfit(true), None);
+    let why = unfit(false).unwrap();
+    assert!(why.contains("were read, faulty taxels were filled by their neighbours, and are not now"), "{why}");
     let loads: Vec<Arc<Load>> = view.loads.iter().rev().map(|judged| Arc::clone(&judged.load)).collect();
     let counted = |loads: &[Arc<Load>], fills| {
         let plan = LoadsPlan { patch: view.patch.clone(), mean_area_mm2: area_mm2, fills };

@@ -1,6 +1,6 @@
 //! Stored samples fitted once more, alone or together.
 
-use taxel_engine::calibration::{Refit, SessionSamples, StoredSession};
+use taxel_engine::calibration::{Refit, SessionSamples};
 
 use crate::prelude::*;
 use crate::say::start;
@@ -8,7 +8,7 @@ use crate::say::start;
 /// Two sessions of one skin in review, the first to 30 kPa and the second to 40, and what is on disk of them.
 struct Shelf {
     plan: Arc<Plan>,
-    sessions: Vec<StoredSession>,
+    sessions: Vec<Arc<SessionView>>,
     samples: Vec<SessionSamples>,
     /// The set that each session's own fit gave.
     own: Vec<Arc<ModelSet>>,
@@ -28,23 +28,18 @@ fn shelf() -> &'static Shelf {
     static SHELF: OnceLock<Shelf> = OnceLock::new();
     SHELF.get_or_init(|| {
         let bench = two_sessions();
-        let views = bench.host.catalogue.sessions.clone();
-        let own: Vec<Arc<ModelSet>> = [0, 1].map(|position| bench.host.set(position)).into();
-        let settings = |k: usize| Some(own[k].board_settings.clone());
-        let sessions = views.into_iter().enumerate();
         Shelf {
             plan: Arc::clone(&bench.host.plan),
-            sessions: sessions.map(|(k, view)| StoredSession { board_settings: settings(k), view }).collect(),
+            sessions: bench.host.catalogue.sessions.clone(),
             samples: [1, 2].map(|number| bench.host.disk.samples[&number].clone()).into(),
-            own,
+            own: [0, 1].map(|position| bench.host.set(position)).into(),
         }
     })
 }
 
 impl Shelf {
-    fn plan(&self, sessions: Vec<StoredSession>) -> Result<Refit, Rejection> {
-        let plan = &self.plan.patches[0];
-        Refit::plan(plan.calibration(), plan.patch.counts(), sessions)
+    fn plan(&self, sessions: Vec<Arc<SessionView>>) -> Result<Refit, Rejection> {
+        Refit::plan(self.plan.patches[0].clone(), sessions)
     }
 
     /// The sessions of these positions, in this order.
@@ -55,9 +50,9 @@ impl Shelf {
     }
 
     /// Why the two cannot be fitted together after a change of the second.
-    fn refused(&self, change: impl FnOnce(&mut StoredSession)) -> String {
+    fn refused(&self, change: impl FnOnce(&mut SessionView)) -> String {
         let mut sessions = self.sessions.clone();
-        change(&mut sessions[1]);
+        change(Arc::make_mut(&mut sessions[1]));
         self.plan(sessions).unwrap_err().to_string()
     }
 }
@@ -65,10 +60,6 @@ impl Shelf {
 /// All of a set but its id and when it was made.
 fn content(set: &ModelSet) -> String {
     format!("{:?}", ModelSet { id: String::new(), created_wall_ns: 0, ..set.clone() })
-}
-
-fn with_view(session: &mut StoredSession, change: impl FnOnce(&mut SessionView)) {
-    change(Arc::make_mut(&mut session.view));
 }
 
 #[test]
@@ -96,25 +87,19 @@ fn two_sessions_together_give_one_set_in_whatever_order_they_are_named() {
 
 #[test]
 fn sessions_that_do_not_go_together_are_refused_and_named() {
-    let why = shelf().refused(|session| with_view(session, |view| view.patch = "other".to_owned()));
+    let why = shelf().refused(|view| view.patch = "other".to_owned());
     assert_eq!(why, "session 2 is of patch `other`, the others are of `small`");
-    let why = shelf().refused(|session| with_view(session, |view| view.number = 1));
+    let why = shelf().refused(|view| view.number = 1);
     assert_eq!(why, "sessions: session 1 is named twice");
-    let why = shelf().refused(|session| with_view(session, |view| view.state = SessionState::Ramping));
+    let why = shelf().refused(|view| view.state = SessionState::Ramping);
     assert_eq!(why, "session 2 is RAMPING; finish or abort it first");
-    let why = shelf().refused(|session| with_view(session, |view| view.accepted = 36_000));
+    let why = shelf().refused(|view| view.accepted = 36_000);
     assert!(why.contains("36000 is the most that are fitted at once"), "{why}");
-    let why = shelf().refused(|session| with_view(session, |view| view.left_out = vec![8]));
+    let why = shelf().refused(|view| view.left_out = vec![8]);
     assert_eq!(why, "session 2 was without module 9 of patch `small`, which has 8 now");
-    let why = shelf().refused(|session| session.board_settings.as_mut().unwrap()[0] = "board 13: shift 3".into());
-    assert!(why.contains("session 1 (board 13: ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
-    // The sets are deleted, and the sessions themselves know it.
-    let mut alone = shelf().sessions.clone();
-    alone.iter_mut().for_each(|session| session.board_settings = None);
-    let other = vec!["board 13: shift 3".to_owned(), "board 12: shift 3".to_owned()];
-    with_view(&mut alone[1], |view| view.board_settings = other.into());
-    let why = shelf().plan(alone).unwrap_err().to_string();
-    assert!(why.contains("session 1 (board 13: type 0 ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
+    let other = ["board 13: shift 3".to_owned(), "board 12: shift 3".to_owned()];
+    let why = shelf().refused(|view| view.board_settings = other.into());
+    assert!(why.contains("session 1 (board 13: type 0; ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
     let why = shelf().plan(Vec::new()).unwrap_err().to_string();
     assert_eq!(why, "sessions: 0 are named, expected 1 to 32");
 }
@@ -125,13 +110,13 @@ fn samples_of_another_layout_are_refused_and_named() {
     let mut samples = shelf().samples.clone();
     samples[1].samples[7].counts = samples[1].samples[7].counts.counts().slice(0..70).into();
     let why = refit.job(samples, 1).unwrap_err().to_string();
-    assert_eq!(why, "session 2 has samples of 70 taxels, patch `small` has 80: it is of another layout");
+    assert_eq!(why, "session 2 is of another layout of patch `small`, or has counts of another width");
 }
 
 #[test]
 fn a_module_that_one_session_was_without_gets_no_models_of_both() {
     let mut sessions = shelf().sessions.clone();
-    with_view(&mut sessions[1], |view| view.left_out = vec![2]);
+    Arc::make_mut(&mut sessions[1]).left_out = vec![2];
     let job = shelf().plan(sessions).unwrap().job(shelf().samples.clone(), 1).unwrap();
     let set = job.run(|_| String::new()).result.unwrap();
     assert!(set.taxels[20..30].iter().all(|model| !model.is_usable()));
@@ -156,7 +141,7 @@ fn a_refit_is_known_when_it_is_on_disk_and_is_not_in_use() {
         assert_eq!(format!("{:?}", bench.host.catalogue), before);
         bench.host.commit(result.clone());
         match (bench.host.reply(request).unwrap(), result) {
-            (Ok(Done::RefitKept { model_set, known }), Ok(())) => {
+            (Ok(Done::Kept { model_set, known }), Ok(())) => {
                 assert_eq!((model_set.id.as_str(), known), ("m-other", false))
             }
             (Err(Rejection::Unavailable(_, why)), Err(_)) => assert!(why.contains("nothing has changed"), "{why}"),
@@ -168,7 +153,7 @@ fn a_refit_is_known_when_it_is_on_disk_and_is_not_in_use() {
     assert_eq!(bench.host.catalogue.active[0].1, None, "it is not in use");
     let written = bench.host.records.iter().filter(|r| matches!(r, Record::ModelSet(set) if set.id == "m-other"));
     assert_eq!(written.count(), 2, "once refused, once taken");
-    let Ok(Done::RefitKept { model_set, known: true }) = bench.ask(keep(&own, &[1])) else { panic!("not known") };
+    let Ok(Done::Kept { model_set, known: true }) = bench.ask(keep(&own, &[1])) else { panic!("not known") };
     assert_eq!(model_set.id, own.id);
     assert_eq!(bench.host.catalogue.model_sets.len(), 2, "nothing is there twice");
 }

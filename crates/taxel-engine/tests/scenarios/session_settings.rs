@@ -22,8 +22,8 @@ fn is_refused(bench: &mut Bench, command: Command) {
     let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
     assert_eq!(
         why,
-        "session 1 cannot go on: it was gathered with shift 1 on module 0 of board 13, where the configuration has shift 2 \
-         (and 7 more): set it as it was, or start a new session"
+        "session 1 cannot go on: it was gathered with shift 0-5 = 1 on board 13, where the configuration has shift 0-5 = 2 \
+         (and 1 more): set it as it was, or start a new session"
     );
 }
 
@@ -97,9 +97,9 @@ fn what_an_interrupted_session_gathered_is_fitted_with_the_settings_that_it_was_
     let mut bench = ramped().restarted(with_shift(2), |_| ());
     bench.finish(1);
     let set = bench.host.newest_set();
-    assert!(set.board_settings[0].contains("shift 1 cdc_offset 0x2200"), "{:?}", set.board_settings);
+    assert!(set.board_settings[0].contains("shift 0-5 = 1; cdc_offset 0-5 = 0x2200"), "{:?}", set.board_settings);
     let why = bench.refused(say::activate(&set.id));
-    assert!(why.contains("shift 1 on module 0 of board 13, where the configuration has shift 2"), "{why}");
+    assert!(why.contains("shift 0-5 = 1 on board 13, where the configuration has shift 0-5 = 2"), "{why}");
     is_refused(&mut bench, RAMP);
     // With the boards as they were all of it goes on.
     let mut later = bench.restarted(with_shift(1), |_| ());

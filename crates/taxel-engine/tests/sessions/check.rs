@@ -127,7 +127,7 @@ fn survives(daemon: &Daemon) {
     for done in daemon.acknowledged() {
         let kept = on_disk.iter().any(|record| match (done, record) {
             (Done::Session(view), Record::Session(kept)) => (view.number, view.state) == (kept.number, kept.state),
-            (Done::Imported { model_set }, Record::ModelSet(set)) => *model_set == set.id,
+            (Done::Kept { model_set, .. }, Record::ModelSet(set)) => model_set.id == set.id,
             (Done::Activated { model_set, .. }, Record::Activated { model_set: kept, .. }) => model_set == kept,
             (Done::Tared(view), Record::Tared { tare, .. }) => view.wall_ns == tare.wall_ns,
             _ => false,

@@ -193,11 +193,11 @@ impl Daemon {
             let template = ModelSet::clone(template());
             let rest = job.samples.ramps.first().map(|ramp| ramp.taxels.clone());
             let baseline = rest.unwrap_or_else(|| elsewhere(&template));
-            Arc::new(ModelSet { id: id_of(Set::Fit(fit)), session: Some(job.session), baseline, ..template })
+            Arc::new(ModelSet { id: id_of(Set::Fit(fit)), session: Some(job.session()), baseline, ..template })
         };
         let job = &self.fits[fit];
         let result = if well { Ok(made(job)) } else { Err("none of the taxels gives a usable model".to_owned()) };
-        self.put(Input::Fitted(FitOutcome { session: job.session, fit: job.fit, result }));
+        self.put(Input::Fitted(FitOutcome { session: job.session(), fit: job.fit, result }));
     }
 
     fn restart(&mut self) {

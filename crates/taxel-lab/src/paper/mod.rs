@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, ensure};
-use taxel_engine::calibration::fit::{Branch, FitRecipe, OneByOne, PlaysChoice, fit};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, OneByOne, fit};
 
 use self::data::{Data, Weighing, Weighings};
 use self::figures::RUNS;
@@ -87,7 +87,7 @@ fn section(data: &Data, min_swing: f64) -> Section {
 fn simulate(seed: u64, min_swing_counts: f64) -> anyhow::Result<Data> {
     let tried = Tried::new(&[], seed, RUNS, 0)?;
     let read = |by: &str, paper| -> anyhow::Result<Weighings> {
-        let mut recipe = FitRecipe { branch: Branch::Rising, plays: PlaysChoice::Off, ..FitRecipe::default() };
+        let mut recipe = FitRecipe { branch: Branch::Rising, plays: false, ..FitRecipe::default() };
         recipe.options.paper = paper;
         recipe.options.min_swing_counts = min_swing_counts;
         let set = fit(&tried.calibration.as_scans(), &recipe, &OneByOne)?;

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use serde_json::Value;
-use taxel_engine::calibration::fit::{ApplyRecipe, Branch, FitRecipe, OneByOne, PlaysChoice, apply, fit, judge};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, OneByOne, Tare, apply, fit, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_model::FitOptions;
@@ -65,7 +65,7 @@ fn recipes() -> Vec<Recipe> {
         Recipe { name: "both branches (shipped default, recordings)", fit: shipped() },
         Recipe { name: "rising branch (shipped default, sessions)", fit: rising.clone() },
         Recipe { name: "the paper's equation, rising branch", fit: FitRecipe { options: paper, ..rising } },
-        Recipe { name: "both branches, no plays", fit: FitRecipe { plays: PlaysChoice::Off, ..shipped() } },
+        Recipe { name: "both branches, no plays", fit: FitRecipe { plays: false, ..shipped() } },
     ]
 }
 
@@ -173,8 +173,7 @@ fn insole(folder: &Path, quick: bool) -> anyhow::Result<Source> {
         let (mut error_percent, mut within_percent) = (Vec::new(), f64::NAN);
         for recording in &judged {
             let gauge = recording.pressure_kpa.as_deref().context("a recording has no pressure")?;
-            let how = ApplyRecipe { sigma: true, ..ApplyRecipe::default() };
-            let score = judge(&apply(&recording.as_scans(), &set, &how)?, gauge);
+            let score = judge(&apply(&recording.as_scans(), &set, Tare::Auto)?, gauge);
             error_percent.push(score.area_percent);
             within_percent = score.coverage_percent.unwrap_or(f64::NAN).min(within_percent);
         }

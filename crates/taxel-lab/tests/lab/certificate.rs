@@ -3,12 +3,14 @@
 
 use serde_json::Value;
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::calibration::export::{About, sample_row, table_head};
-use taxel_engine::calibration::{Branch, RampBaseline, Sample, SessionSamples};
+use taxel_engine::calibration::export::{sample_row, table_head};
+use taxel_engine::calibration::{Branch, RampBaseline, Sample, SessionSamples, SessionView};
 use taxel_engine::model_set::{Maker, ModelSet};
+use taxel_engine::plan::PatchPlan;
 use taxel_lab::certificate::{Certificate, Evidence, Stated};
 use taxel_model::{Curve, GaugeUncertainty, SigmaProfile, Sign, Status, TaxelModel};
 use taxel_proto::v1::{Load, Session, SessionState, Skin, TaxelLayout, Vector3};
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 use taxel_store::models_json;
 
 /// Everything that evidence is made of.
@@ -16,7 +18,8 @@ struct Case {
     set: ModelSet,
     session: Session,
     samples: SessionSamples,
-    about: About,
+    plan: PatchPlan,
+    view: SessionView,
     loads: Vec<Load>,
     stated: Stated,
 }
@@ -72,13 +75,16 @@ fn case() -> Case {
     };
     let session = Session { session: 4, patch: "palm".to_owned(), target_kpa: 70.0, ..Session::default() };
     let samples = SessionSamples { ramps, samples };
-    let about = About { branches: Branch::Both, ..About::default() };
-    Case { set, session, samples, about, loads: Vec::new(), stated: Stated::default() }
+    let modules = vec![(Module::from_nibble(0), ModuleKind::Cells(3))];
+    let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
+    let plan = PatchPlan::new(Patch::new("palm", vec![board]).unwrap());
+    let view = SessionView { branches: Branch::Both, ..SessionView::default() };
+    Case { set, session, samples, plan, view, loads: Vec::new(), stated: Stated::default() }
 }
 
 fn certificate(case: &Case) -> anyhow::Result<Certificate> {
     let set = ModelSet { id: models_json::content_id(&case.set), ..case.set.clone() };
-    let mut table = table_head(&case.about, &case.samples);
+    let mut table = table_head(&case.plan, &case.view, &case.samples);
     for sample in &case.samples.samples {
         let counts = sample.counts.counts();
         let raw = counts.all().iter().map(|&raw| raw.into());
@@ -193,7 +199,7 @@ fn the_same_evidence_gives_the_same_bytes_and_any_other_another_number() {
 #[test]
 fn what_was_not_measured_or_stated_is_said_and_not_invented() {
     let mut case = case();
-    case.about.branches = Branch::Rising;
+    case.view.branches = Branch::Rising;
     // The rise of the second ramp alone.
     case.samples.ramps.remove(0);
     case.samples.samples.drain(..141);
@@ -276,7 +282,7 @@ fn a_certificate_of_no_real_skin_says_so_first_and_cannot_be_signed() {
     assert!(real.contains("signature") && !real.contains("SIMULATED"), "{real}");
     let (mut by_set, mut by_session) = (case(), case());
     by_set.set.maker = Maker::this(true);
-    by_session.about.simulated = true;
+    by_session.plan.simulated = true;
     for case in [by_set, by_session] {
         let html = certificate(&case).unwrap().to_html().unwrap();
         assert!(!html.contains("signature") && html.matches("SIMULATED OR REPLAYED").count() == 2, "{html}");

@@ -1,7 +1,6 @@
 //! What five load points correct on another day of a real skin: the figures of crates/taxeld/doc/recalibration.md.
 
-use taxel_engine::calibration::fit::{Applied, ApplyRecipe, FitRecipe, OneByOne, apply, fit, judge};
-use taxel_engine::loads::places::LaidAt;
+use taxel_engine::calibration::fit::{Applied, FitRecipe, OneByOne, Tare, apply, fit, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::recalibration::{Assumptions, Recalibration, corrected};
 use taxel_lab::recording::Recording;
@@ -20,8 +19,8 @@ const PRESSURES: Assumptions = Assumptions { place_rel: 0.02, floor: 3.0 };
 
 /// What the points say, each of which says something of its own of the whole skin.
 fn recalibration(found: &RecordedPoints) -> Result<Recalibration, String> {
-    let laid = LaidAt { place: (0..found.points.len()).collect(), known: found.points.len(), unplaced: 0 };
-    Recalibration::of(&found.points, &laid, PRESSURES)
+    let places: Vec<usize> = (0..found.points.len()).collect();
+    Recalibration::of(&found.points, &places, PRESSURES)
 }
 
 fn read(name: &str) -> Option<Recording> {
@@ -32,20 +31,20 @@ fn read(name: &str) -> Option<Recording> {
 }
 
 fn applied(recording: &Recording, set: &ModelSet) -> Applied {
-    apply(&recording.as_scans(), set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap()
+    apply(&recording.as_scans(), set, Tare::Auto).unwrap()
 }
 
 /// Mean over the taxels, scan by scan, kPa; NaN where none is read, or where it is a lower bound.
 fn area_kpa(applied: &Applied) -> Vec<f64> {
     let of = |scan: usize| {
-        if applied.area_sigma_kpa.get(scan).is_some_and(|sigma| sigma.is_infinite()) {
+        if applied.sigma_kpa.iter().any(|column| column.get(scan) == Some(&f64::INFINITY)) {
             return f64::NAN;
         }
         let read = applied.pressure_kpa.iter().filter_map(|column| column.get(scan)).filter(|kpa| kpa.is_finite());
         let (sum, count) = read.fold((0.0, 0.0), |(sum, count), kpa| (sum + kpa, count + 1.0));
         sum / count
     };
-    (0..applied.area_sigma_kpa.len()).map(of).collect()
+    (0..applied.pressure_kpa.iter().map(Vec::len).max().unwrap_or(0)).map(of).collect()
 }
 
 #[test]
@@ -58,7 +57,7 @@ fn five_load_points_correct_the_gain_of_another_day_on_scans_that_none_of_them_i
         let found = points_of(&day.time_s, &area_kpa(&before), gauge, LOAD_POINTS).unwrap();
         let recalibration = recalibration(&found).unwrap();
         assert!(recalibration.refused_because.is_empty(), "{:?}", recalibration.refused_because);
-        let better = corrected(&set, &recalibration, None, 0).unwrap();
+        let better = corrected(&set, &recalibration, (1.0, true), 0).unwrap();
         // Of the day itself only the rest is scored.
         let rest = gauge.iter().zip(&found.taken).map(|(kpa, taken)| if *taken { f64::NAN } else { *kpa });
         let rest: Vec<f64> = rest.collect();

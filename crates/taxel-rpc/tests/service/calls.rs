@@ -286,7 +286,7 @@ async fn model_sets_are_shown_activated_exported_imported_and_deleted() {
     assert_eq!(exported.json, "set m-b");
 
     let request = v1::ImportModelSetRequest { json: "set m-c".to_owned(), insist: false };
-    let done = Done::Imported { model_set: "m-c".to_owned() };
+    let done = Done::Kept { model_set: model_set("m-c", FOREARM).into(), known: false };
     let (imported, ()) = tokio::join!(
         client.import_model_set(request),
         daemon.answer(Ok(done), |command| {

@@ -83,7 +83,7 @@ async fn what_is_accepted_is_what_was_proposed_and_reaches_the_engine_once() {
         let count = 200.0;
         let was = crate::fixture::model_set("m-1", FOREARM).taxels[0].evaluate(count).unwrap().kpa;
         assert!((model_set.taxels[0].evaluate(count).unwrap().kpa / was - got.gain).abs() < 1e-9);
-        request.reply.send(Ok(Done::RefitKept { model_set: model_set.into(), known: false })).unwrap();
+        request.reply.send(Ok(Done::Kept { model_set: model_set.into(), known: false })).unwrap();
     });
     let answer = answer.unwrap().into_inner();
     assert_eq!((answer.model_set, answer.source), (got.model_set.clone(), "m-1".to_owned()));

@@ -67,7 +67,7 @@ async fn kept(daemon: &mut Daemon, sessions: &[u64], known: bool) {
     assert_eq!(named, sessions);
     let asked = request.asked.unwrap();
     assert!(asked.what.contains(&model_set.id) && asked.patch == FOREARM, "{asked:?}");
-    request.reply.send(Ok(Done::RefitKept { model_set: model_set.into(), known })).unwrap();
+    request.reply.send(Ok(Done::Kept { model_set: model_set.into(), known })).unwrap();
 }
 
 #[tokio::test]

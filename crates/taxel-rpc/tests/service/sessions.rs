@@ -29,7 +29,7 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     let mut daemon = start().await;
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
     let mut refused = RefusalCounts::default();
-    refused.add(SampleRefusal::TooFast);
+    refused.add(SampleRefusal::TooFast, 1);
     let full = SessionView {
         refused,
         confirmed_by: Some("Ada".to_owned()),

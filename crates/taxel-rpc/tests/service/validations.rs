@@ -34,7 +34,7 @@ fn load(number: u64, error: f64) -> Arc<Load> {
         read,
         model_set: "m-1".to_owned(),
         mean_area_mm2: 32.4,
-        filled: None,
+        filled: true,
     })
 }
 

@@ -35,8 +35,8 @@ fn whole_set() -> ModelSet {
     let recalibrated = Recalibrated {
         derived_from: "m-1".to_owned(),
         earlier: vec!["m-0".to_owned()],
-        area_mm2: Some(19.5),
-        filled: None,
+        area_mm2: 19.5,
+        filled: true,
         gain: 1.04,
         gain_sigma: 0.02,
         place_rel: 0.05,

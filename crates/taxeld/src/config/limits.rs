@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use taxel_engine::SCANS_MIN;
-use taxel_engine::calibration::fit::{Branch, PlaysChoice};
+use taxel_engine::calibration::fit::Branch;
 use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
 use taxel_model::GaugeUncertainty;
 use taxel_skin::Kilopascal;
@@ -60,11 +60,7 @@ pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) 
             BranchesWord::Rising => Branch::Rising,
             BranchesWord::Both => Branch::Both,
         },
-        plays: match plays {
-            PlaysWord::Auto => PlaysChoice::Auto,
-            PlaysWord::On => PlaysChoice::On,
-            PlaysWord::Off => PlaysChoice::Off,
-        },
+        plays: plays == PlaysWord::Auto,
         ..defaults
     }
 }

@@ -257,8 +257,6 @@ pub struct FitSection {
 pub enum PlaysWord {
     /// If it wins on a branch that the fit did not see.
     Auto,
-    /// Always.
-    On,
     /// Never: the curve is that of rising pressure, and the hysteresis is in its uncertainty.
     #[default]
     Off,

@@ -191,7 +191,7 @@ impl Driver {
     }
 
     fn fit(&self, job: FitJob) {
-        let (of, done) = ((job.session, job.fit), self.tell_done.clone());
+        let (of, done) = ((job.session(), job.fit), self.tell_done.clone());
         let fits = self.publisher.fits();
         tokio::spawn(async move {
             let _turn = fits.acquire_owned().await; // nobody closes it

@@ -263,7 +263,7 @@ async fn a_commit_that_the_disk_refuses_is_refused_with_the_reason_and_changes_n
     let folder = tempfile::tempdir().unwrap();
     let [path, elsewhere] = ["store.db", "elsewhere.db"].map(|name| folder.path().join(name));
     let mut bench = Bench::with_store(|notify| Store::open(&path, notify).unwrap().0);
-    let Ok(taxel_engine::command::Done::Imported { model_set }) = bench.reply(import(1)).await else { panic!() };
+    let Ok(taxel_engine::command::Done::Kept { model_set, .. }) = bench.reply(import(1)).await else { panic!() };
     std::fs::rename(&path, &elsewhere).unwrap();
     let why = bench.refused_import(2).await;
     assert!(why.contains("nothing has changed: the store failed") && why.contains("was removed"), "{why}");
@@ -275,7 +275,7 @@ async fn a_commit_that_the_disk_refuses_is_refused_with_the_reason_and_changes_n
     let Bench { driver, .. } = bench;
     driver.store.close().unwrap_err();
     let (store, restored, quarantined) = Store::open(&path, Box::new(|_| ())).unwrap();
-    assert_eq!(restored.model_sets.iter().map(|set| set.id.clone()).collect::<Vec<_>>(), [model_set]);
+    assert_eq!(restored.model_sets.iter().map(|set| set.id.as_str()).collect::<Vec<_>>(), [model_set.id.as_str()]);
     assert_eq!(quarantined, []);
     store.close().unwrap();
 }

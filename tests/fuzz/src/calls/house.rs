@@ -135,7 +135,7 @@ async fn answer_all(mut requests: tokio::sync::mpsc::Receiver<Request>, note: mp
 fn answer(command: &Command) -> Reply {
     match command {
         Command::BeginPush { .. } => Ok(Done::PushBegun),
-        Command::Import { model_set, .. } => Ok(Done::Imported { model_set: model_set.id.clone() }),
+        Command::Import { model_set, .. } => Ok(Done::Kept { model_set: Arc::clone(model_set).into(), known: false }),
         Command::DeleteSession { .. } | Command::DeleteModelSet { .. } => Ok(Done::Deleted),
         _ => Err(Rejection::FailedPrecondition(ErrorReason::ListenOnly, "nothing is done here".to_owned())),
     }

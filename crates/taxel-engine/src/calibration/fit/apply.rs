@@ -1,9 +1,8 @@
 //! From the counts of a recording to pressures.
 
 use std::borrow::Cow;
-use std::fmt;
 
-use taxel_model::{Beyond, Extension, PlayState, RangeState, Sign, Status};
+use taxel_model::{Beyond, Extension, PlayState, RangeState, Sign};
 
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::RecordingError;
@@ -17,98 +16,52 @@ use crate::model_set::{GAIN_OF_DAY_REL, GAIN_OF_RECORDING_REL, ModelSet};
 /// How far taxels move between days, root mean square in counts: what an unproven zero may be off by.
 const DAY_COUNTS: f64 = 3.0;
 
-/// How models are applied.
-#[derive(Clone, Debug, Default)]
-pub struct ApplyRecipe {
-    /// What to do about the zero.
-    pub tare: Tare,
-    /// Counts are averaged over so many seconds; `None` is as the set was fitted.
-    pub smooth_s: Option<f64>,
-    /// Neighbouring taxels of a module; `None` is as the set was fitted, or 10.
-    pub module_size: Option<usize>,
-    /// Whether standard deviations are wanted.
-    pub sigma: bool,
-    /// Limits of the faults.
-    pub faults: FaultLimits,
-}
-
-/// Why a taxel has no pressure in the whole recording.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Unread {
-    /// Its model may not be used.
-    Model(Status),
-    /// The recording is tared, and the taxel was not sound then.
-    NoZero,
-    /// The recording is tared, and the models have no count of the taxel at rest to compare with.
-    NoBaseline,
-    /// It is faulty in every scan.
-    Faulty,
-}
-
-impl fmt::Display for Unread {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Model(status) => write!(f, "no usable model: {}", status.code()),
-            Self::NoZero => write!(f, "no zero: faulty while the others were tared"),
-            Self::NoBaseline => {
-                write!(f, "no zero: the models have no unloaded count of it; --tare none leaves theirs")
-            }
-            Self::Faulty => write!(f, "faulty in every scan"),
-        }
-    }
-}
-
 /// Pressures of a recording.
 #[derive(Clone, Debug)]
 pub struct Applied {
     /// One column per taxel, kPa, beyond the calibrated range of a skin extended (see [`taxel_model::SkinSlope`]); NaN where the
     /// taxel is excluded. The column is empty where it is excluded throughout.
     pub pressure_kpa: Vec<Vec<f64>>,
-    /// Their standard deviations, kPa, likewise; all empty if they were not wanted. Infinite at an end of the converter
+    /// Their standard deviations, kPa, likewise. Infinite at an end of the converter
     /// towards pressure, and beyond the calibrated range of what is no skin: there the reading is a lower bound only.
     pub sigma_kpa: Vec<Vec<f64>>,
     /// Whether a reading is of more pressure than was calibrated, likewise.
     pub beyond: Vec<Vec<bool>>,
-    /// Standard deviation of the mean pressure over the taxels that are read, kPa, one per scan: what they have in
-    /// common does not average out. Empty if deviations were not wanted.
-    pub area_sigma_kpa: Vec<f64>,
-    /// Why a column is empty.
-    pub unread: Vec<Option<Unread>>,
+    /// Why a column is empty, in words.
+    pub unread: Vec<Option<String>>,
     /// What was done about the zero.
     pub zero: Zero,
     /// Scans of readable taxels that are excluded as faulty, and all of them.
     pub masked: (usize, usize),
 }
 
-/// Applies a model set. Faulty stretches are left out.
+/// Applies a model set with this zero. Faulty stretches are left out.
 ///
 /// # Errors
 /// [`RecordingError::Taxels`] if set and recording do not have the same number, [`RecordingError::TareTooLong`] if the zero
 /// is to be taken from more than is recorded.
-pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<Applied, RecordingError> {
+pub fn apply(scans: &Scans<'_>, set: &ModelSet, tare: Tare) -> Result<Applied, RecordingError> {
     let (recorded, models) = (scans.counts.len(), set.taxels.len());
     if recorded != models {
         return Err(RecordingError::Taxels { recorded, models });
     }
     let span_s = scans.time_s.last().zip(scans.time_s.first()).map_or(0.0, |(last, first)| last - first);
-    if let Tare::Seconds(tare_s) = recipe.tare
+    if let Tare::Seconds(tare_s) = tare
         && tare_s > span_s + scans.period_s()
     {
         return Err(RecordingError::TareTooLong { tare_s, span_s });
     }
-    let module_size = recipe.module_size.or(set.recorded.as_ref().map(|r| r.module_size)).unwrap_or(10);
+    let (module_size, smooth_s) = set.recorded.as_ref().map_or((10, 0.0), |of| (of.module_size, of.smooth_s));
     // Of anything but several 8-bit taxels over time nothing is known of faults or rest.
     let skin = scans.is_recording() || set.is_of_skin() && scans.has_bytes() && recorded > 1;
-    let masks =
-        if skin { Masks::find(scans, &modules(recorded, module_size), &recipe.faults) } else { Masks::missing(scans) };
-    let tare = if recipe.tare == Tare::Auto && !skin { Tare::None } else { recipe.tare };
+    let find = || Masks::find(scans, &modules(recorded, module_size), &FaultLimits::default());
+    let masks = if skin { find() } else { Masks::missing(scans) };
+    let tare = if tare == Tare::Auto && !skin { Tare::None } else { tare };
     let zero = Zero::find(tare, scans, &masks, set, module_size);
-    let smooth_s = recipe.smooth_s.or(set.recorded.as_ref().map(|r| r.smooth_s)).unwrap_or(0.0);
     let mut applied = Applied {
         pressure_kpa: vec![Vec::new(); models],
         sigma_kpa: vec![Vec::new(); models],
         beyond: vec![Vec::new(); models],
-        area_sigma_kpa: Vec::new(),
         unread: vec![None; models],
         zero,
         masked: (0, 0),
@@ -126,7 +79,6 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
         skin,
         tared,
     };
-    let mut area = AreaSums::default();
     for (taxel, counts) in scans.counts.iter().enumerate() {
         match reader.readable(taxel, &applied.zero, &masks) {
             Err(why) => applied.unread[taxel] = Some(why),
@@ -135,63 +87,20 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
                 applied.masked.0 += masked.iter().filter(|m| **m).count();
                 applied.masked.1 += masked.len();
                 let column = reader.column(taxel, counts, masked, moved);
-                if recipe.sigma {
-                    area.add(&column);
-                    applied.sigma_kpa[taxel] =
-                        column.own_kpa.iter().zip(&column.shared_kpa).map(|(o, s)| o.hypot(*s)).collect();
-                }
+                applied.sigma_kpa[taxel] = column.sigma_kpa;
                 applied.pressure_kpa[taxel] = column.kpa;
                 applied.beyond[taxel] = column.beyond;
             }
         }
     }
-    applied.area_sigma_kpa = area.sigma_kpa();
     Ok(applied)
 }
 
-/// What one taxel reads, scan by scan, with the standard deviation that it has for itself and that which it shares with
-/// all others; NaN where it is excluded.
+/// What one taxel reads, scan by scan, with its standard deviation; NaN where it is excluded.
 struct Column {
     kpa: Vec<f64>,
-    own_kpa: Vec<f64>,
-    shared_kpa: Vec<f64>,
+    sigma_kpa: Vec<f64>,
     beyond: Vec<bool>,
-}
-
-/// Sums over the taxels, one per scan, that the uncertainty of their mean follows from.
-#[derive(Default)]
-struct AreaSums {
-    own_kpa2: Vec<f64>,
-    shared_kpa: Vec<f64>,
-    taxels: Vec<f64>,
-}
-
-impl AreaSums {
-    fn add(&mut self, column: &Column) {
-        for sums in [&mut self.own_kpa2, &mut self.shared_kpa, &mut self.taxels] {
-            sums.resize(column.kpa.len(), 0.0);
-        }
-        for (i, (own, shared)) in column.own_kpa.iter().zip(&column.shared_kpa).enumerate() {
-            if own.is_nan() || shared.is_nan() {
-                continue;
-            }
-            self.own_kpa2[i] += own * own;
-            self.shared_kpa[i] += shared;
-            self.taxels[i] += 1.0;
-        }
-    }
-
-    /// Own parts are independent, shared ones add up before they are squared.
-    fn sigma_kpa(&self) -> Vec<f64> {
-        let sums = self.own_kpa2.iter().zip(&self.shared_kpa).zip(&self.taxels);
-        sums.map(|((own, shared), n)| own.sqrt().hypot(*shared) / n).collect()
-    }
-}
-
-/// A standard uncertainty, what of it is a taxel's own and what it shares with all others.
-struct Doubt {
-    own_kpa: f64,
-    shared_kpa: f64,
 }
 
 struct Reader<'a> {
@@ -207,36 +116,36 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     /// By how many counts the taxel's zero has moved, or why it cannot be read.
-    fn readable(&self, taxel: usize, zero: &Zero, masks: &Masks) -> Result<f64, Unread> {
+    fn readable(&self, taxel: usize, zero: &Zero, masks: &Masks) -> Result<f64, String> {
         let model = &self.set.taxels[taxel];
         if !model.is_usable() {
-            return Err(Unread::Model(model.status));
+            return Err(format!("no usable model: {}", model.status.code()));
         }
         if masks.of(taxel).iter().all(|m| *m) {
-            return Err(Unread::Faulty);
+            return Err("faulty in every scan".to_owned());
         }
         let known = self.set.baseline.get(taxel).is_some_and(|rest| rest.mean.is_finite());
-        zero.moved(taxel).ok_or(if known { Unread::NoZero } else { Unread::NoBaseline })
+        let lacks = || match known {
+            true => "no zero: faulty while the others were tared".to_owned(),
+            false => "no zero: the models have no unloaded count of it; --tare none leaves theirs".to_owned(),
+        };
+        zero.moved(taxel).ok_or_else(lacks)
     }
 
-    /// What a reading of a taxel is uncertain by because of its zero.
-    fn zero_doubt(&self, taxel: usize) -> Doubt {
-        let Some((recorded, in_use)) = self.set.recorded.as_ref().zip(self.set.in_use(taxel)) else {
-            return Doubt { own_kpa: 0.0, shared_kpa: 0.0 };
-        };
+    /// What a reading of a taxel is uncertain by because of its zero, kPa.
+    fn zero_doubt_kpa(&self, taxel: usize) -> f64 {
+        let Some((recorded, in_use)) = self.set.recorded.as_ref().zip(self.set.in_use(taxel)) else { return 0.0 };
         // What nobody told may all be common, and the zero of another day mostly is.
         let day = if self.tared || !self.skin { 0.0 } else { DAY_COUNTS };
         // A tare finds the skin anywhere between its zero and where the last load has left it: a rectangle.
-        let [all, common] = [recorded.zero_return_counts(), recorded.zero_return_common_counts()]
-            .map(|returned| returned / 3.0_f64.sqrt());
-        let own = (all * all - common * common).max(0.0).sqrt();
-        Doubt { own_kpa: own / in_use.sensitivity, shared_kpa: common.hypot(day) / in_use.sensitivity }
+        (recorded.zero_return_counts() / 3.0_f64.sqrt()).hypot(day) / in_use.sensitivity
     }
 
     /// Pressures of a taxel with their uncertainty.
     fn column(&self, taxel: usize, counts: &[f64], masked: &[bool], moved: f64) -> Column {
         let (model, plays) = (&self.set.taxels[taxel], self.set.plays(taxel));
-        let (zero, extension) = (self.zero_doubt(taxel), self.extensions[taxel]);
+        let (zero_kpa, doubt_kpa, extension) =
+            (self.zero_doubt_kpa(taxel), self.doubts_kpa[taxel], self.extensions[taxel]);
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let rail = if sign == Sign::Falling { 0.0 } else { 255.0 };
         // What corrected a set by known loads is in these, too.
@@ -252,9 +161,8 @@ impl Reader<'_> {
             Cow::Owned(recent_means(&smoothed, masked, (recorded.plays_mean_s / self.period_s).round() as usize))
         });
         let mut state = PlayState::default();
-        let nothing = || vec![f64::NAN; counts.len()];
-        let (kpa, own_kpa, shared_kpa) = (nothing(), nothing(), nothing());
-        let mut column = Column { kpa, own_kpa, shared_kpa, beyond: vec![false; counts.len()] };
+        let (kpa, sigma_kpa) = (vec![f64::NAN; counts.len()], vec![f64::NAN; counts.len()]);
+        let mut column = Column { kpa, sigma_kpa, beyond: vec![false; counts.len()] };
         for i in (0..counts.len()).filter(|&i| !masked[i]) {
             let count = smoothed[i] - moved;
             let Some(reading) = model.evaluate(count) else { continue };
@@ -262,19 +170,17 @@ impl Reader<'_> {
             let bend_kpa = plays.map_or(0.0, |plays| plays.bend_kpa(&mut state, felt[i] - moved));
             let kpa = reading.kpa + bend_kpa + beyond.kpa;
             // Left-out readings of a skin fit show what the calibration leaves open, too.
-            let in_sigma = if model.points.is_some() { self.doubts_kpa[taxel].min(reading.sigma_kpa) } else { 0.0 };
-            let own = (reading.sigma_kpa.powi(2) - in_sigma.powi(2)).sqrt().hypot(zero.own_kpa);
-            let shared = zero.shared_kpa;
+            let in_sigma = if model.points.is_some() { doubt_kpa.min(reading.sigma_kpa) } else { 0.0 };
+            let own_kpa = (reading.sigma_kpa.powi(2) - in_sigma.powi(2)).sqrt();
             let range = plays.map_or(reading.range, |plays| plays.range_state(count)).in_pressure(sign);
             // Nothing tells how much more than at the range's end it is.
             let is_open = self.skin && counts[i] == rail || extension.is_none() && range == RangeState::Above;
             // Anything from there to nothing.
             let before_kpa = if range == RangeState::Below { kpa } else { 0.0 };
             column.kpa[i] = kpa;
-            column.own_kpa[i] = own.hypot(beyond.own_kpa);
-            let shared = shared.hypot(self.doubts_kpa[taxel]).hypot(beyond.shared_kpa);
-            let shared = shared.hypot(gain * kpa).hypot(self.set.gauge_offset_kpa).hypot(before_kpa);
-            column.shared_kpa[i] = if is_open { f64::INFINITY } else { shared };
+            let parts = [zero_kpa, doubt_kpa, beyond.sigma_kpa(), gain * kpa, self.set.gauge_offset_kpa, before_kpa];
+            let sigma_kpa = parts.into_iter().fold(own_kpa, f64::hypot);
+            column.sigma_kpa[i] = if is_open { f64::INFINITY } else { sigma_kpa };
             column.beyond[i] = beyond.sigma_kpa() > 0.0 || is_open;
         }
         column

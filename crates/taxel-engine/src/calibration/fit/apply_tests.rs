@@ -29,17 +29,13 @@ fn reader(set: &ModelSet, skin: bool, tared: bool) -> Reader<'_> {
 }
 
 #[test]
-fn a_zero_is_in_doubt_by_what_is_common_and_by_the_day_unless_it_was_tared() {
+fn a_zero_is_in_doubt_by_where_loads_leave_it_and_by_the_day_unless_it_was_tared() {
     let set = recorded();
     for (skin, tared, day) in [(true, true, 0.0), (true, false, 3.0), (false, false, 0.0)] {
-        let zero = reader(&set, skin, tared).zero_doubt(0);
-        near(zero.shared_kpa, (0.9 / 3.0_f64.sqrt()).hypot(day) / 2.0);
-        near(zero.own_kpa, ((1.2_f64.powi(2) - 0.9_f64.powi(2)) / 3.0).sqrt() / 2.0);
+        near(reader(&set, skin, tared).zero_doubt_kpa(0), (1.2 / 3.0_f64.sqrt()).hypot(day) / 2.0);
     }
-    let nothing = |set: &ModelSet, taxel: usize| {
-        let zero = reader(set, true, true).zero_doubt(taxel);
-        assert_eq!([zero.own_kpa, zero.shared_kpa], [0.0; 2]);
-    };
+    let nothing =
+        |set: &ModelSet, taxel: usize| assert_eq!(reader(set, true, true).zero_doubt_kpa(taxel), 0.0, "{taxel}");
     nothing(&set, 2);
     let mut unmeasured = set;
     unmeasured.recorded.as_mut().unwrap().zero_return = None;
@@ -53,20 +49,22 @@ fn the_gain_of_the_day_grows_with_the_pressure_and_is_a_skins_alone() {
     let counts = [rest - 10.0, rest - 60.0, f64::NAN];
     let masked = [false, false, true];
     let read = |set: &ModelSet, skin: bool| reader(set, skin, true).column(0, &counts, &masked, 0.0);
-    let shared = reader(&set, true, true).zero_doubt(0).shared_kpa;
+    let zero = reader(&set, true, true).zero_doubt_kpa(0);
+    let own =
+        counts.map(|count| set.taxels[0].evaluate(count).map_or(f64::NAN, |reading| reading.sigma_kpa.hypot(zero)));
     let skin = read(&set, true);
     for (i, kpa) in [10.0, 60.0].into_iter().enumerate() {
         assert!((skin.kpa[i] - kpa).abs() < 0.2, "{}", skin.kpa[i]);
-        near(skin.shared_kpa[i], shared.hypot(GAIN_OF_DAY_REL * skin.kpa[i]));
-        near(read(&set, false).shared_kpa[i], shared);
+        near(skin.sigma_kpa[i], own[i].hypot(GAIN_OF_DAY_REL * skin.kpa[i]));
+        near(read(&set, false).sigma_kpa[i], own[i]);
     }
-    assert!(skin.kpa[2].is_nan() && skin.own_kpa[2].is_nan() && skin.shared_kpa[2].is_nan() && !skin.beyond[2]);
+    assert!(skin.kpa[2].is_nan() && skin.sigma_kpa[2].is_nan() && !skin.beyond[2]);
     // What the gauge or known loads leave open is in all taxels alike, also in a table of other numbers.
     (set.gauge_gain_rel, set.gauge_offset_kpa) = (0.04, 7.8);
     set.recalibrated = Some(Recalibrated { relative_sigma: 0.04, ..corrected() });
     let skin = read(&set, true);
-    near(skin.shared_kpa[1], shared.hypot(GAIN_OF_DAY_REL.hypot(0.04) * skin.kpa[1]).hypot(7.8));
-    near(read(&set, false).shared_kpa[1], shared.hypot(0.04 * skin.kpa[1]).hypot(7.8));
+    near(skin.sigma_kpa[1], own[1].hypot(GAIN_OF_DAY_REL.hypot(0.04) * skin.kpa[1]).hypot(7.8));
+    near(read(&set, false).sigma_kpa[1], own[1].hypot(0.04 * skin.kpa[1]).hypot(7.8));
     // A zero that has moved is taken off the counts.
     let moved = reader(&set, true, true).column(0, &counts.map(|count| count + 7.0), &masked, 7.0);
     near(moved.kpa[0], skin.kpa[0]);
@@ -76,8 +74,8 @@ fn corrected() -> Recalibrated {
     Recalibrated {
         derived_from: "m-before".to_owned(),
         earlier: Vec::new(),
-        area_mm2: None,
-        filled: None,
+        area_mm2: 1.0,
+        filled: true,
         gain: 1.0,
         gain_sigma: 0.0,
         place_rel: 0.0,
@@ -95,14 +93,13 @@ fn at_the_rail_and_beyond_the_range_a_reading_says_so() {
     let column = |skin: bool| reader(&set, skin, true).column(0, &counts, &[false; 4], 0.0);
     let skin = column(true);
     assert_eq!(skin.beyond, [false, true, true, false]);
-    assert!(skin.kpa[1] > 80.0 && skin.shared_kpa[1].is_finite() && skin.shared_kpa[1] > skin.shared_kpa[0]);
-    assert!(skin.own_kpa[1] > skin.own_kpa[0], "{:?}", skin.own_kpa);
-    assert_eq!(skin.shared_kpa[2], f64::INFINITY, "nobody knows how much more");
-    assert!(skin.shared_kpa[3].is_finite(), "that rail is away from pressure");
+    assert!(skin.kpa[1] > 80.0 && skin.sigma_kpa[1].is_finite() && skin.sigma_kpa[1] > skin.sigma_kpa[0]);
+    assert_eq!(skin.sigma_kpa[2], f64::INFINITY, "nobody knows how much more");
+    assert!(skin.sigma_kpa[3].is_finite(), "that rail is away from pressure");
     // Of a table of numbers nothing tells how a curve goes on beyond its range, and no value is a rail.
     let table = column(false);
     assert_eq!(table.beyond, [false, true, true, false]);
-    assert_eq!(table.shared_kpa.iter().map(|kpa| kpa.is_finite()).collect::<Vec<_>>(), [true, false, false, true]);
+    assert_eq!(table.sigma_kpa.iter().map(|kpa| kpa.is_finite()).collect::<Vec<_>>(), [true, false, false, true]);
     assert!((table.kpa[1] - 70.0).abs() < 1.0, "the range's end: {}", table.kpa[1]);
 }
 
@@ -112,33 +109,16 @@ fn before_the_range_a_reading_is_as_uncertain_as_the_ranges_end_is_far_from_noth
     let mut set = recorded();
     let rest = f64::from(REST);
     let counts = [rest - 10.0, rest - 20.0, rest - 30.0];
-    let shared = |set: &ModelSet, skin: bool| reader(set, skin, true).column(0, &counts, &[false; 3], 0.0);
-    let whole = shared(&set, true);
+    let column = |set: &ModelSet, skin: bool| reader(set, skin, true).column(0, &counts, &[false; 3], 0.0);
+    let whole = column(&set, true);
     set.taxels[0].range = Some([rest - 70.0, rest - 20.0]);
     for skin in [true, false] {
-        let late = shared(&set, skin);
+        let late = column(&set, skin);
         assert!((late.kpa[0] - 20.0).abs() < 0.2, "{}", late.kpa[0]);
-        assert!((20.0..20.1).contains(&late.shared_kpa[0]) && !late.beyond[0], "{}", late.shared_kpa[0]);
-        assert!(late.shared_kpa[1] < 2.0 && late.shared_kpa[2] < 2.0, "{:?}", late.shared_kpa);
+        assert!((20.0..20.1).contains(&late.sigma_kpa[0]) && !late.beyond[0], "{}", late.sigma_kpa[0]);
+        assert!(late.sigma_kpa[1] < 2.0 && late.sigma_kpa[2] < 2.0, "{:?}", late.sigma_kpa);
     }
-    assert!(whole.shared_kpa[0] < 2.0);
-}
-
-#[test]
-fn of_a_mean_own_parts_average_out_and_common_ones_do_not() {
-    let column = |own: [f64; 3], shared: [f64; 3]| Column {
-        kpa: vec![0.0; 3],
-        own_kpa: own.to_vec(),
-        shared_kpa: shared.to_vec(),
-        beyond: vec![false; 3],
-    };
-    let mut area = AreaSums::default();
-    area.add(&column([3.0, 3.0, f64::NAN], [1.0, 1.0, 1.0]));
-    area.add(&column([4.0, f64::NAN, 1.0], [2.0, 2.0, f64::NAN]));
-    let sigma = area.sigma_kpa();
-    near(sigma[0], 5.0_f64.hypot(3.0) / 2.0);
-    near(sigma[1], 3.0_f64.hypot(1.0));
-    assert!(sigma[2].is_nan(), "no taxel is read: {}", sigma[2]);
+    assert!(whole.sigma_kpa[0] < 2.0);
 }
 
 #[test]
@@ -146,20 +126,18 @@ fn what_is_left_out_is_counted_and_one_column_or_other_numbers_are_no_skin() {
     let set = recorded();
     let (time, rest) = ([0.0, 0.05, 0.10], f64::from(REST));
     let (a, b) = ([rest, f64::NAN, rest - 90.0], [rest - 20.0, rest - 20.5, rest - 90.0]);
-    let recipe = ApplyRecipe { tare: Tare::None, sigma: true, ..ApplyRecipe::default() };
     let two = Scans { time_s: &time, pressure_kpa: None, counts: vec![&a, &b] };
-    let applied = apply(&two, &set, &recipe).unwrap();
+    let applied = apply(&two, &set, Tare::None).unwrap();
     assert_eq!(applied.masked, (1, 6));
     let is_skin = |applied: &Applied| applied.sigma_kpa[0][2].is_finite(); // that goes on beyond the range
     assert!(!is_skin(&applied), "half a count is none of a skin's");
-    assert_eq!(applied.area_sigma_kpa.len(), 3);
     let set_of_two = set.clone();
     let one = ModelSet { taxels: set.taxels[..1].to_vec(), baseline: set.baseline[..1].to_vec(), ..set };
     let alone = Scans { time_s: &time, pressure_kpa: None, counts: vec![&a] };
-    let applied = apply(&alone, &one, &recipe).unwrap();
+    let applied = apply(&alone, &one, Tare::None).unwrap();
     assert_eq!(applied.masked, (1, 3));
     assert!(!is_skin(&applied), "nor is one column a skin");
     let bytes = [rest - 20.0, rest - 20.0, rest - 90.0];
     let skin = Scans { counts: vec![&bytes, &bytes], ..two };
-    assert!(is_skin(&apply(&skin, &set_of_two, &recipe).unwrap()));
+    assert!(is_skin(&apply(&skin, &set_of_two, Tare::None).unwrap()));
 }

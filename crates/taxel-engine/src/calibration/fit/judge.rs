@@ -29,9 +29,6 @@ pub struct Score {
     pub coverage_beyond_percent: Option<f64>,
     /// How many readings those are, in percent of all with a known deviation.
     pub beyond_percent: f64,
-    /// Share of the scans in which the mean over the taxels is within 1.96 of its standard deviations of the gauge, in
-    /// percent; `None` without deviations.
-    pub area_coverage_percent: Option<f64>,
 }
 
 /// Judges `applied` against the gauge, kPa, one value per scan.
@@ -48,8 +45,6 @@ pub fn judge(applied: &Applied, gauge_kpa: &[f64]) -> Score {
             if *is_beyond { beyond.add(read - p, *sigma) } else { inside.add(read - p, *sigma) }
         }
     }
-    let mut mean_of_taxels = Tally::default();
-    applied.area_sigma_kpa.iter().enumerate().for_each(|(i, sigma)| mean_of_taxels.add(area(i), *sigma));
     let both = Tally { within: inside.within + beyond.within, all: inside.all + beyond.all };
     Score {
         area_percent: 100.0 * mean(high().map(|i| area(i).abs() / gauge_kpa[i])).0,
@@ -60,7 +55,6 @@ pub fn judge(applied: &Applied, gauge_kpa: &[f64]) -> Score {
         coverage_percent: both.percent(),
         coverage_beyond_percent: beyond.percent(),
         beyond_percent: 100.0 * beyond.all as f64 / both.all.max(1) as f64,
-        area_coverage_percent: mean_of_taxels.percent(),
     }
 }
 

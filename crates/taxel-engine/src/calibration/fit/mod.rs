@@ -17,7 +17,7 @@ mod gauge_zero;
 pub(crate) mod judge;
 pub mod legs;
 pub(crate) mod masks;
-pub(crate) mod paper;
+mod paper;
 #[cfg(test)]
 mod plays_tests;
 pub(crate) mod recipe;
@@ -29,8 +29,8 @@ pub(crate) mod smooth;
 mod tests;
 pub(crate) mod zero;
 
-pub use crate::calibration::branch::{Branch, PlaysChoice};
-pub use apply::{Applied, ApplyRecipe, apply};
+pub use crate::calibration::branch::Branch;
+pub use apply::{Applied, apply};
 pub use judge::{Score, judge};
 pub use recipe::fit;
 pub use recipe_options::{FitRecipe, RecordingError};
@@ -39,4 +39,4 @@ pub use taxel_model::{OneByOne, Workers};
 pub use zero::Tare;
 
 #[cfg(test)]
-use self::{apply::Unread, masks::Masks, smooth::running_median, smooth::smooth, zero::Zero};
+use self::{masks::Masks, smooth::running_median, smooth::smooth, zero::Zero};

@@ -81,9 +81,9 @@ fn path(turns: &[f64]) -> Vec<f64> {
 
 /// Root mean square error of the area-mean from scan `first` on, kPa, by a set that was fitted with these plays, and
 /// whether it has any.
-fn error_kpa(calibration: &Recorded, plays: PlaysChoice, judged: &Recorded, first: usize) -> (f64, bool) {
+fn error_kpa(calibration: &Recorded, plays: bool, judged: &Recorded, first: usize) -> (f64, bool) {
     let set = fit(&calibration.scans(), &FitRecipe { plays, ..FitRecipe::default() }, &OneByOne).unwrap();
-    let applied = apply(&judged.scans(), &set, &ApplyRecipe::default()).unwrap();
+    let applied = apply(&judged.scans(), &set, Tare::Auto).unwrap();
     let read = || applied.pressure_kpa.iter().filter(|column| !column.is_empty());
     assert!(read().count() == TAXELS, "{}", applied.zero);
     let area = |i: usize| read().map(|column| column[i]).sum::<f64>() / TAXELS as f64 - judged.kpa[i];
@@ -105,7 +105,7 @@ fn plays_make_neither_light_touches_nor_minor_loops_nor_the_time_after_an_overlo
             let judged = Recorded::new(truth, kpa.clone(), 2);
             let over = kpa.iter().rposition(|p| *p > TOP_KPA).map_or(200, |last| last + 1);
             let error = |plays| error_kpa(&calibration, plays, &judged, over);
-            let ((auto, on), (off, _)) = (error(PlaysChoice::Auto), error(PlaysChoice::Off));
+            let ((auto, on), (off, _)) = (error(true), error(false));
             assert!(auto <= 1.02 * off, "{truth:?}, {name}: {auto} kPa with plays {on}, {off} kPa without");
             let pure = matches!(truth, Truth::Plays | Truth::Virgin);
             assert!(

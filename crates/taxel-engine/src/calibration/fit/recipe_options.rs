@@ -4,7 +4,7 @@ use taxel_model::FitOptions;
 use taxel_model::skin::SkinError;
 use thiserror::Error;
 
-use crate::calibration::branch::{Branch, PlaysChoice};
+use crate::calibration::branch::Branch;
 use crate::intake::faults::limits::FaultLimits;
 
 /// How a recording is fitted.
@@ -14,8 +14,8 @@ pub struct FitRecipe {
     pub options: FitOptions,
     /// Which part is fitted.
     pub branch: Branch,
-    /// Whether hysteresis is compensated.
-    pub plays: PlaysChoice,
+    /// Whether hysteresis is compensated, if that wins on what no fit saw: the last falling branch, or of a single one the lower half.
+    pub plays: bool,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
     /// Counts are averaged over so many seconds for the plays and in use; 0 is not at all.
@@ -29,7 +29,7 @@ impl Default for FitRecipe {
         Self {
             options: FitOptions::default(),
             branch: Branch::Both,
-            plays: PlaysChoice::default(),
+            plays: true,
             module_size: 10,
             smooth_s: 0.5,
             faults: FaultLimits::default(),

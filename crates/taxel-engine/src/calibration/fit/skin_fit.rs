@@ -4,13 +4,15 @@ use taxel_model::skin::{Form, Gathered, SkinError, SkinFit, Warp, fit};
 use taxel_model::{Flag, Status, TaxelModel, Workers, map};
 
 use crate::baseline::TaxelBaseline;
-use crate::calibration::branch::PlaysChoice;
 use crate::calibration::fit::masks::Masks;
+use crate::calibration::fit::paper;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::smooth::{half_width, smooth};
+use crate::calibration::fit::zero::{baseline, rest_scans};
+use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::intake::faults::fault::Fault;
-use crate::model_set::RecordedTaxel;
+use crate::model_set::{ModelSet, Recorded, RecordedTaxel, ZeroReturn};
 
 /// A taxel that must be left out of more of the scans than this is not fitted.
 pub(crate) const MASKED_MAX: f64 = 0.3;
@@ -53,13 +55,16 @@ impl SkinScans<'_> {
     /// # Errors
     /// [`SkinError`]: the scans say nothing.
     pub(crate) fn fit(&self, recipe: &FitRecipe, workers: &dyn Workers) -> Result<FittedSkin, SkinError> {
+        if recipe.is_paper() {
+            return Ok(self.fit_paper(recipe, workers));
+        }
         let taxels = self.scans.counts.len();
         let columns = map(workers, taxels, |taxel| self.column(taxel));
         let counts: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let zeros: Option<Vec<(f64, f64)>> = self.zeros.map(|z| z.iter().map(|zero| (zero.mean, zero.noise)).collect());
         let gathered =
             Gathered { time_s: self.scans.time_s, pressure_kpa: self.kpa, counts: &counts, zeros: zeros.as_deref() };
-        let skin = fit(&gathered, recipe.plays != PlaysChoice::Off, workers)?;
+        let skin = fit(&gathered, recipe.plays, workers)?;
         let models = map(workers, taxels, |taxel| self.model(&skin, taxel, counts[taxel], recipe));
         let zero =
             |taxel| skin.zero(taxel).map_or(TaxelBaseline::UNKNOWN, |(mean, noise)| TaxelBaseline { mean, noise });
@@ -72,6 +77,20 @@ impl SkinScans<'_> {
             method: method(&skin.form),
             models,
         })
+    }
+
+    fn fit_paper(&self, recipe: &FitRecipe, workers: &dyn Workers) -> FittedSkin {
+        let rest = rest_scans(self.kpa);
+        let of = |taxel: usize| baseline(self.scans.counts[taxel], self.masks.of(taxel), &rest);
+        FittedSkin {
+            models: paper::models(self.scans, self.kpa, &recipe.options, workers),
+            in_use: Vec::new(),
+            zeros: self.zeros.map_or_else(|| (0..self.scans.counts.len()).map(of).collect(), <[_]>::to_vec),
+            plays_mean_s: 0.0,
+            plays_error_ratio: None,
+            pressure_max_kpa: self.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            method: paper::method(&recipe.options),
+        }
     }
 
     /// The counts of a taxel as they are in use, NaN where they must not be believed; empty where too many must not be.
@@ -98,6 +117,37 @@ impl SkinScans<'_> {
             model.flags.push(Flag::Dropouts { samples: u64::from(dropouts) });
         }
         model
+    }
+}
+
+impl FittedSkin {
+    /// What was recorded of hysteresis and of the zero, of counts that are averaged over so many seconds.
+    pub(crate) fn recorded(&mut self, recipe: &FitRecipe, smooth_s: f64, zero_return: Option<ZeroReturn>) -> Recorded {
+        Recorded {
+            smooth_s,
+            plays_mean_s: self.plays_mean_s,
+            module_size: recipe.module_size,
+            zero_return,
+            plays_error_ratio: self.plays_error_ratio,
+            taxels: std::mem::take(&mut self.in_use),
+        }
+    }
+
+    /// The models, which all share what was taken off the gauge's readings, and `doubt_kpa` beside that. The set comes without id,
+    /// patch and time of making.
+    pub(crate) fn set(mut self, recipe: &FitRecipe, gauge_zero: &GaugeZero, doubt_kpa: f64) -> ModelSet {
+        let zero_kpa = gauge_zero.doubt_kpa() * steeper_at_rest(&self.models, &self.zeros);
+        let gauge_offset_kpa = zero_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(doubt_kpa);
+        self.models.iter_mut().for_each(|model| model.gauge.offset_kpa = gauge_offset_kpa);
+        ModelSet {
+            method: self.method,
+            baseline: self.zeros,
+            pressure_max_kpa: self.pressure_max_kpa,
+            gauge_gain_rel: recipe.options.gauge.gain_rel,
+            gauge_offset_kpa,
+            taxels: self.models,
+            ..ModelSet::default()
+        }
     }
 }
 

@@ -30,27 +30,17 @@ pub fn running_median(values: &[f64], width: usize) -> Vec<f64> {
 ///
 /// Half of a taxel's error is one count of noise, 8 to 12 kPa. A centred mean has no lag; live there is none of this.
 pub fn smooth(values: &[f64], masked: &[bool], half: usize) -> Vec<f64> {
-    let usable = |i: usize| values[i].is_finite() && !masked[i];
-    let (mut sum, mut n) = (0.0, 0_usize);
-    let (mut begin, mut end) = (0, 0);
-    (0..values.len())
-        .map(|i| {
-            while end < values.len().min(i + half + 1) {
-                if usable(end) {
-                    (sum, n) = (sum + values[end], n + 1);
-                }
-                end += 1;
-            }
-            while begin + half < i {
-                if usable(begin) {
-                    (sum, n) = (sum - values[begin], n - 1);
-                }
-                begin += 1;
-            }
-            // Counts are integers: the running sum is exact.
-            if n > 0 { sum / n as f64 } else { f64::NAN }
-        })
-        .collect()
+    // Sums of the values before each one, and how many; exact, as counts are integers.
+    let mut before = vec![(0.0, 0_usize)];
+    for (value, masked) in values.iter().zip(masked) {
+        let (sum, n) = before.last().copied().unwrap_or_default();
+        before.push(if value.is_finite() && !masked { (sum + value, n + 1) } else { (sum, n) });
+    }
+    let mean = |i: usize| {
+        let (from, to) = (before[i.saturating_sub(half)], before[(i + half + 1).min(values.len())]);
+        if to.1 > from.1 { (to.0 - from.0) / (to.1 - from.1) as f64 } else { f64::NAN }
+    };
+    (0..values.len()).map(mean).collect()
 }
 
 /// Scans on each side of a centred mean over `seconds`.

@@ -201,14 +201,14 @@ fn pure_play() -> Skin {
 #[test]
 fn a_taxel_is_judged_with_its_plays() {
     let skin = pure_play();
-    let error = |plays: PlaysChoice| {
+    let error = |plays: bool| {
         let set = fitted(&skin, &FitRecipe { plays, ..FitRecipe::default() });
         assert!(set.taxels.iter().all(taxel_model::TaxelModel::is_usable), "{:?}", set.taxels[0].status);
         let recorded = set.recorded.unwrap();
-        assert!(recorded.taxels.iter().flatten().all(|taxel| taxel.plays.is_some() == (plays != PlaysChoice::Off)));
+        assert!(recorded.taxels.iter().flatten().all(|taxel| taxel.plays.is_some() == plays));
         recorded.taxels.iter().flatten().map(|taxel| taxel.rmse_kpa).fold(0.0, f64::max)
     };
-    let (with, without) = (error(PlaysChoice::Auto), error(PlaysChoice::Off));
+    let (with, without) = (error(true), error(false));
     assert!(with < 3.0 && without > 2.0 * with, "{with} {without}");
     // What plays cannot take out still excludes.
     let mut noisy = skin.clone();
@@ -225,10 +225,9 @@ fn a_taxel_is_judged_with_its_plays() {
 #[test]
 fn beyond_the_calibrated_range_readings_go_on_and_their_interval_grows() {
     let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
-    let sigma = ApplyRecipe { sigma: true, ..ApplyRecipe::default() };
     let read = |top: f64| {
         let skin = Skin::new([vec![4.0; 300], cycle(4.0, top)].concat(), 0.0, 0.0, 3);
-        let applied = apply(&skin.scans(), &set, &sigma).unwrap();
+        let applied = apply(&skin.scans(), &set, Tare::Auto).unwrap();
         let beyond: Vec<f64> = skin.kpa.iter().map(|p| p - 4.0).collect();
         (judge(&applied, &beyond), applied)
     };
@@ -237,7 +236,6 @@ fn beyond_the_calibrated_range_readings_go_on_and_their_interval_grows() {
     assert!((245.0..340.0).contains(&highest), "{highest}");
     // This skin stiffens without end: its curves bend more and more, always to the same side of a straight line.
     assert!(score.beyond_percent > 10.0 && score.coverage_beyond_percent.unwrap() > 75.0, "{score:?}");
-    assert!(score.area_coverage_percent.unwrap() > 95.0, "{score:?}");
     // Too far for a straight line: the pressure stays, and the uncertainty goes on.
     let (_, applied) = read(900.0);
     let widest = applied.sigma_kpa.iter().flatten().copied().fold(0.0, f64::max);
@@ -249,7 +247,7 @@ fn at_an_end_of_the_converter_a_reading_is_a_lower_bound() {
     let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
     let mut skin = Skin::cycle(0.0);
     skin.spoil(3, 30.0..30.02, |_| 0.0);
-    let applied = apply(&skin.scans(), &set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap();
+    let applied = apply(&skin.scans(), &set, Tare::Auto).unwrap();
     let railed: Vec<usize> = (0..skin.kpa.len()).filter(|&i| skin.counts[3][i] == 0.0).collect();
     assert!(!railed.is_empty());
     for i in railed {
@@ -269,13 +267,13 @@ fn a_recording_without_pressure_or_scans_is_no_panic() {
     assert!(none.contains("0 distinct pressures"), "{none}");
     let set = fitted(&skin, &FitRecipe::default());
     let empty = Scans { time_s: &[], pressure_kpa: None, counts: vec![&[]; TAXELS] };
-    let applied = apply(&empty, &set, &ApplyRecipe::default()).unwrap();
+    let applied = apply(&empty, &set, Tare::Auto).unwrap();
     assert!(!applied.zero.is_tared());
     for scans in 1..30 {
         let time_s = vec![0.0; scans];
         let short =
             Scans { time_s: &time_s, pressure_kpa: None, counts: skin.counts.iter().map(|c| &c[..scans]).collect() };
-        apply(&short, &set, &ApplyRecipe::default()).unwrap();
+        apply(&short, &set, Tare::Auto).unwrap();
     }
 }
 
@@ -337,7 +335,7 @@ proptest! {
         let time_s: Vec<f64> = (0..300).map(|i| f64::from(if backwards { 300 - i } else { i }) * 0.02).collect();
         let scans = Scans { time_s: &time_s, pressure_kpa: Some(&kpa), counts: counts.iter().map(Vec::as_slice).collect() };
         let Ok(set) = fit(&scans, &FitRecipe::default(), &OneByOne) else { return Ok(()) };
-        let applied = apply(&scans, &set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap();
+        let applied = apply(&scans, &set, Tare::Auto).unwrap();
         prop_assert!(applied.pressure_kpa.iter().flatten().all(|p| p.is_nan() || p.is_finite()));
         for taxel in set.recorded.iter().flat_map(|recorded| &recorded.taxels).flatten() {
             let weights: [f64; PLAYS] = taxel.plays.as_ref().map_or([0.0; PLAYS], |plays| plays.weights_kpa);
@@ -351,7 +349,7 @@ fn what_the_gauge_reads_at_rest_is_taken_off_where_it_is_shown() {
     let less = fitted(&Skin::cycle(5.0), &FitRecipe::default());
     let top = running_median(&Skin::cycle(5.0).kpa, legs::GAUGE_MEDIAN_SCANS).into_iter().fold(0.0, f64::max);
     assert!((top - less.pressure_max_kpa - 4.0).abs() < 1e-9, "{}", less.pressure_max_kpa);
-    assert!(less.method.ends_with(", less 4.00 kPa that the gauge reads at rest"), "{}", less.method);
+    assert!(less.method.ends_with(", less 4.0 kPa that the gauge read at rest"), "{}", less.method);
     assert!(less.gauge_offset_kpa > 4.0 / 2.0, "and stays in doubt: {}", less.gauge_offset_kpa);
     // A rise from the first scan on, a pressure that is no gauge's zero, and rest that comes after the load.
     let (rise, high) = (cycle(0.0, 200.0)[401..].to_vec(), cycle(12.0, 200.0));

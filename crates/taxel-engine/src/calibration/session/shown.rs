@@ -11,11 +11,6 @@ use crate::intake::gauge::GaugeHistory;
 use crate::statistics::median;
 
 impl SessionRun {
-    /// Shows the pressure as it was shown before.
-    pub const fn keep_pressure(&mut self, kpa: Option<f64>) {
-        self.view.pressure_kpa = kpa;
-    }
-
     /// Brings pressure, rate, coverage and the time left up to date.
     pub fn refresh(&mut self, now: Time, gauge: &GaugeHistory) {
         let fresh = gauge.newest().filter(|&(time, _)| now.since(time) <= self.limits.gauge_timeout);
@@ -34,15 +29,10 @@ impl SessionRun {
             self.view.pressure_kpa = last_kpa.filter(|_| ramping).map(|kpa| kpa - self.view.gauge_zero_kpa);
             return;
         }
-        let pressure = self.view.pressure_kpa;
-        let (left, rate) = match self.ramp.direction() {
-            Direction::Rising => (pressure.map(|kpa| self.limits.target.0 - kpa), self.view.rate_kpa_per_s),
-            Direction::Falling => {
-                let falls = self.view.rate_kpa_per_s.map(|rate| -rate);
-                (pressure.map(|kpa| kpa - self.limits.fall_end.0), falls)
-            }
-        };
-        let (left, rate) = (left.map(|left| left.max(0.0)), rate.filter(|&rate| rate > 0.02));
+        let direction = self.ramp.direction();
+        let end = if direction == Direction::Rising { self.limits.target } else { self.limits.fall_end };
+        let left = self.view.pressure_kpa.map(|kpa| (direction.sign() * (end.0 - kpa)).max(0.0));
+        let rate = self.view.rate_kpa_per_s.map(|rate| direction.sign() * rate).filter(|rate| *rate > 0.02);
         let ramping = self.view.state == SessionState::Ramping;
         self.view.remaining_s = left.zip(rate).filter(|_| ramping).map(|(left, rate)| left / rate);
     }

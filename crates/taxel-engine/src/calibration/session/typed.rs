@@ -3,21 +3,15 @@
 use std::sync::Arc;
 use taxel_skin::{Kilopascal, Time};
 
-use super::{Progress, SessionRecord, SessionRun};
+use super::{Progress, SessionEvent, SessionRun};
 use crate::calibration::plateau::{PLATEAU_PATIENCE, PLATEAUS_MIN};
-use crate::calibration::view::SampleRefusal;
 
 impl SessionRun {
-    /// Whether a dial is typed.
-    pub const fn is_typed(&self) -> bool {
-        self.plateaus.is_some()
-    }
-
-    /// The dial shows `kpa`, and the skin has settled there. New samples go to `records`.
+    /// The dial shows `kpa`, and the skin has settled there. New samples go to `events`.
     ///
     /// # Errors
     /// Why it is no plateau, in words.
-    pub fn take_plateau(&mut self, now: Time, kpa: f64, records: &mut Vec<SessionRecord>) -> Result<Progress, String> {
+    pub fn take_plateau(&mut self, now: Time, kpa: f64, events: &mut Vec<SessionEvent>) -> Result<Progress, String> {
         let Some(plateaus) = &mut self.plateaus else {
             return Err("a gauge says the pressure of this patch: nothing is typed".to_owned());
         };
@@ -25,16 +19,14 @@ impl SessionRun {
         let scans = plateaus.take(now, kpa, &self.limits)?;
         if let (true, Some(ramp)) = (is_first, Arc::make_mut(&mut self.samples).ramps.last_mut()) {
             ramp.gauge_kpa = Some(kpa); // what the dial shows of the vented bag
-            records.push(SessionRecord::Ramp(ramp.clone()));
+            events.push(SessionEvent::Ramp(ramp.clone()));
         }
         let reached = kpa - self.gauge_zero_kpa();
         (0..reached.max(0.0) as usize).for_each(|step| self.cover(step as f64));
         for scan in scans {
-            if self.samples.samples.len() >= self.limits.scans_max {
-                self.view.refused.add(SampleRefusal::Full);
+            if !self.accept(scan, Kilopascal(kpa), events) {
                 return Ok(Progress::RampEnded);
             }
-            records.push(self.accept(scan, Kilopascal(kpa)));
         }
         self.view.reason.clear();
         let ends = reached >= self.limits.target.0 && self.has_enough();
@@ -60,7 +52,7 @@ impl SessionRun {
     /// How many there are, and what to do.
     pub fn check_plateaus(&self) -> Result<(), String> {
         let taken = self.samples.plateaus();
-        if !self.is_typed() || taken >= PLATEAUS_MIN {
+        if self.plateaus.is_none() || taken >= PLATEAUS_MIN {
             return Ok(());
         }
         let number = self.view.number;

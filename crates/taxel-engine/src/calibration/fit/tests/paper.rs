@@ -5,7 +5,7 @@ use super::*;
 fn paper() -> FitRecipe {
     // What the paper has no word of is not done, whatever else is asked for.
     let options = FitOptions { paper: true, ..FitOptions::default() };
-    FitRecipe { options, branch: Branch::Both, plays: PlaysChoice::On, ..FitRecipe::default() }
+    FitRecipe { options, branch: Branch::Both, plays: true, ..FitRecipe::default() }
 }
 
 #[test]

@@ -7,11 +7,10 @@ fn a_recording_at_rest_is_tared_and_read_right() {
     let set = fitted(&Skin::cycle(8.0), &FitRecipe::default());
     let mut skin = Skin::new(cycle(4.0, 150.0), 8.0, 2.0, 77);
     skin.spoil(11, 0.5..1.0, |_| 255.0);
-    let recipe = ApplyRecipe { sigma: true, ..ApplyRecipe::default() };
-    let applied = apply(&skin.scans(), &set, &recipe).unwrap();
+    let applied = apply(&skin.scans(), &set, Tare::Auto).unwrap();
     assert!(applied.zero.is_tared(), "{}", applied.zero);
     assert!((applied.zero.moved(0).unwrap() - 2.0).abs() < 0.4);
-    assert_eq!(applied.unread[11], Some(Unread::NoZero));
+    assert_eq!(applied.unread[11].as_deref(), Some("no zero: faulty while the others were tared"));
     assert!(applied.pressure_kpa[11].is_empty());
     // What the gauge reads at rest is no pressure.
     let beyond: Vec<f64> = skin.kpa.iter().map(|p| p - 4.0).collect();
@@ -19,14 +18,14 @@ fn a_recording_at_rest_is_tared_and_read_right() {
     assert_eq!(score.taxels, TAXELS - 1);
     assert!(score.area_percent < 3.0 && score.taxel_rmse_kpa < 6.0, "{score:?}");
     assert!(score.coverage_percent.unwrap() > 93.0, "{score:?}");
-    let untared = apply(&skin.scans(), &set, &ApplyRecipe { tare: Tare::None, ..recipe }).unwrap();
+    let untared = apply(&skin.scans(), &set, Tare::None).unwrap();
     assert!(judge(&untared, &beyond).area_percent > 3.0 * score.area_percent);
 }
 
 #[test]
 fn a_beginning_under_load_is_refused_a_tare() {
     let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
-    let verdict = |kpa: Vec<f64>| apply(&Skin::new(kpa, 0.0, 0.0, 5).scans(), &set, &ApplyRecipe::default()).unwrap();
+    let verdict = |kpa: Vec<f64>| apply(&Skin::new(kpa, 0.0, 0.0, 5).scans(), &set, Tare::Auto).unwrap();
     let loaded = verdict([vec![197.0; 600], cycle(150.0, 190.0)].concat()).zero;
     assert!(matches!(loaded, Zero::NotAtRest(RestVerdict::Loaded { .. })), "{loaded}");
     assert_eq!(loaded.moved(0), Some(0.0), "the zero of the calibration stays");
@@ -41,11 +40,11 @@ fn a_beginning_under_load_is_refused_a_tare() {
 fn the_operators_word_is_taken_and_another_skin_is_not() {
     let set = fitted(&Skin::cycle(8.0), &FitRecipe::default());
     let skin = Skin::new(vec![197.0; 600], 8.0, 0.0, 5);
-    let by_word = ApplyRecipe { tare: Tare::Seconds(3.0), ..ApplyRecipe::default() };
-    let applied = apply(&skin.scans(), &set, &by_word).unwrap();
+    let by_word = Tare::Seconds(3.0);
+    let applied = apply(&skin.scans(), &set, by_word).unwrap();
     assert!(matches!(applied.zero, Zero::Tared { proof: None, window_s: 3.0, .. }));
     let mut fewer = skin.scans();
     fewer.counts.pop();
-    let error = apply(&fewer, &set, &by_word).unwrap_err();
+    let error = apply(&fewer, &set, by_word).unwrap_err();
     assert_eq!(error, RecordingError::Taxels { recorded: TAXELS - 1, models: TAXELS });
 }
