@@ -41,20 +41,17 @@ pub struct FaultDetector {
     modules: Vec<ModuleWatch>,
     /// Taxels that changed within the freezing time, as of their last scan.
     pub(super) lively: usize,
-    /// No module that is not stale was heard last before this time.
-    heard_since: Option<Time>,
     /// Counts of a module in units; kept so that no scan has to ask for memory.
     units: Vec<f32>,
 }
 
 impl FaultDetector {
     /// `modules` are ranges of taxel numbers; those beyond `taxel_count` are cut off.
-    /// Modules of 10, 11 and 12 taxels are taken for triangles, palms with pad 11 and fingertips.
     pub fn new(taxel_count: usize, modules: &[Range<usize>], limits: FaultLimits) -> Self {
         let clip = |r: &Range<usize>| r.start.min(taxel_count)..r.end.min(taxel_count).max(r.start.min(taxel_count));
         let watch = |range: &Range<usize>| ModuleWatch {
             taxels: clip(range),
-            slots: slots_by_size(range.len()),
+            slots: &[],
             heard: None,
             not_connected_until: Time::from_nanos(i64::MIN),
             no_ack_until: Time::from_nanos(i64::MIN),
@@ -70,12 +67,11 @@ impl FaultDetector {
             taxels: vec![TaxelWatch::default(); taxel_count],
             modules: modules.iter().map(watch).collect(),
             lively: 0,
-            heard_since: None,
             units: Vec::new(),
         }
     }
 
-    /// Says what each module's values are, where their number leaves it open.
+    /// Says which of each module's values are its taxels, for the bits of its status.
     pub fn with_kinds(mut self, kinds: impl IntoIterator<Item = ModuleKind>) -> Self {
         for (module, kind) in self.modules.iter_mut().zip(kinds) {
             module.slots = kind.taxel_slots();
@@ -121,7 +117,6 @@ impl FaultDetector {
         let Some(watch) = self.modules.get_mut(module) else { return false };
         let silent = watch.heard.is_some_and(|last| now.seconds_since(last) > f64::from(self.limits.stale_after_s));
         watch.heard = Some(now);
-        self.heard_since = Some(self.heard_since.map_or(now, |since| since.min(now)));
         watch.take_status(now + self.hold, status);
         let others_change = 4 * self.lively >= self.taxels.len();
         let (mut broken, mut changed) = (0, false);
@@ -187,46 +182,24 @@ impl FaultDetector {
 
     /// The module's scans come faster than its board can send them: none of its values can be trusted until then.
     pub fn doubt_module(&mut self, now: Time, module: usize, until: Time) {
+        if let Some(watch) = self.modules.get_mut(module) {
+            watch.too_fast_until = watch.too_fast_until.max(until);
+            self.blame(now, module, Fault::TooFast);
+        }
+    }
+
+    /// The module has fallen silent.
+    pub fn on_silent(&mut self, now: Time, module: usize) {
+        self.blame(now, module, Fault::Stale);
+    }
+
+    fn blame(&mut self, now: Time, module: usize, fault: Fault) {
         let Some(watch) = self.modules.get_mut(module) else { return };
-        watch.too_fast_until = watch.too_fast_until.max(until);
         watch.marked = true;
         for taxel in &mut self.taxels[watch.taxels.clone()] {
-            taxel.faults.set(Fault::TooFast, true);
+            taxel.faults.set(fault, true);
             taxel.note_onset(now);
         }
-    }
-
-    /// Time passed: modules that have been silent for too long are stale. Returns whether any became so.
-    pub fn tick(&mut self, now: Time) -> bool {
-        let stale_after_s = f64::from(self.limits.stale_after_s);
-        let is_silent = |last| now.seconds_since(last) > stale_after_s;
-        if !self.heard_since.is_some_and(is_silent) {
-            return false; // nearly always
-        }
-        let mut changed = false;
-        self.heard_since = None;
-        for module in &mut self.modules {
-            let Some(heard) = module.heard else { continue };
-            if !is_silent(heard) {
-                self.heard_since = Some(self.heard_since.map_or(heard, |since| since.min(heard)));
-                continue;
-            }
-            module.marked = true;
-            for taxel in &mut self.taxels[module.taxels.clone()] {
-                changed |= !taxel.faults.contains(Fault::Stale);
-                taxel.faults.set(Fault::Stale, true);
-                taxel.note_onset(now);
-            }
-        }
-        changed
-    }
-
-    /// When the next module becomes stale if it is not heard before.
-    pub fn deadline(&self) -> Option<Time> {
-        let limit = Duration::from_secs_f32(self.limits.stale_after_s.clamp(0.0, 1e6)) + Duration::from_millis(1);
-        let is_stale = |module: &ModuleWatch| self.faults(module.taxels.start).contains(Fault::Stale);
-        let heard = self.modules.iter().filter(|module| !is_stale(module)).filter_map(|module| module.heard);
-        heard.min().map(|heard| heard + limit)
     }
 
     /// The faults of a taxel now; none for an unknown taxel.
@@ -275,9 +248,4 @@ fn sum_of(counts: &[f32]) -> f32 {
     let lanes =
         fours.iter().fold([0.0; 4], |lanes: [f32; 4], four| std::array::from_fn(|lane| lanes[lane] + four[lane]));
     lanes.iter().chain(rest).sum()
-}
-
-fn slots_by_size(taxels: usize) -> &'static [u8] {
-    // The first eleven of a fingertip are those of a palm with pad 11.
-    if taxels == 10 { ModuleKind::Triangle.taxel_slots() } else { ModuleKind::Fingertip.taxel_slots() }
 }
