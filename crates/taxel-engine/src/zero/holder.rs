@@ -16,7 +16,7 @@ use crate::regions::Regions;
 use crate::request::ErrorReason;
 use crate::scan::Scan;
 use crate::zero::events::{Surroundings, ZeroEvent};
-use crate::zero::evidence::{Evidence, Finding};
+use crate::zero::evidence::Evidence;
 use crate::zero::ground::Ground;
 use crate::zero::kept::{TakenZero, Unjudged};
 use crate::zero::offset::Offset;
@@ -255,7 +255,7 @@ impl Zero {
         let needs_confirmation = self.evidence.unproven().filter(|_| self.configuring).map(str::to_owned);
         let found = self.evidence.on_scan(scan, around.bag);
         if self.held().is_some()
-            && let Some((board, Finding::NewZero(why))) = found
+            && let Some((board, why)) = found
         {
             self.vouched = None;
             self.lose(ReasonCode::ZeroLost, why.clone(), events);
