@@ -23,11 +23,12 @@ use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::regions::Regions;
 use crate::scan::Scan;
 use crate::statistics::{exponential_share, median};
-use crate::zero::count_sums::CountSums;
 use crate::zero::ground::Ground;
 use crate::zero::module_offset::{ModuleOffset, coefficient_of_all};
 use crate::zero::plan::DriftPlan;
-use crate::zero::rest::moves::Unloading;
+use crate::zero::rest::RestStatistics;
+use crate::zero::rest::judge::lighter;
+use crate::zero::rest::verdict::Beyond;
 use crate::zero::view::{DriftState, DriftView};
 
 /// Standard uncertainty of a new zero, counts.
@@ -65,7 +66,7 @@ pub struct Offset {
     taxels: Vec<Range<usize>>,
     beside: Vec<Vec<usize>>,
     modules: Vec<ModuleOffset>,
-    window: CountSums,
+    window: RestStatistics,
     /// Whether the counts of all scans of the window count.
     counts: bool,
     /// N per count of each module as a whole; empty while nobody knows.
@@ -86,7 +87,7 @@ pub struct Told {
     /// The tables have to be made anew.
     pub moves: bool,
     /// The skin is lighter than its zero may be.
-    pub lighter: Option<Unloading>,
+    pub lighter: Option<Beyond>,
 }
 
 impl Offset {
@@ -97,7 +98,7 @@ impl Offset {
             taxels: regions.modules().to_vec(),
             modules: vec![ModuleOffset::default(); regions.modules().len()],
             beside,
-            window: CountSums::new(regions.taxels()),
+            window: RestStatistics::new(regions.taxels()),
             counts: true,
             newton_per_count: Vec::new(),
             last: None,
@@ -178,16 +179,16 @@ impl Offset {
             self.modules.iter_mut().for_each(|module| module.untouched_s = 0.0);
             return Told::default();
         }
-        self.window.push(scan);
+        self.window.push(scan.sound_counts());
         self.window_s += dt_s;
         self.counts &= count;
         let mut told = Told::default();
         if self.window_s >= WINDOW_S {
-            let (seen, scans) = (self.window.baseline(), self.window.scans());
+            let (seen, scans) = (self.window.baseline(), self.window.count());
             if self.counts {
                 self.read(&seen, taken, ground);
             }
-            told.lighter = Unloading::find(ground.zero(), (&seen, scans), &self.taxels, ground.signs());
+            told.lighter = lighter(ground.zero(), (&seen, scans), &self.taxels, ground.signs());
             self.restart();
             self.describe();
         }
