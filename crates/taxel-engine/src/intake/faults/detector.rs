@@ -15,17 +15,21 @@ use super::jumps::ModuleJumps;
 use super::limits::FaultLimits;
 use super::taxel::TaxelWatch;
 
+/// Bits of the status word of a tail frame: a conversion was not acknowledged, nothing is connected, and from here on that each
+/// value is out of range.
+const NO_ACK_BIT: usize = 0;
+const NOT_CONNECTED_BIT: usize = 1;
+const OUT_OF_RANGE_BIT: usize = 4;
+
 #[derive(Clone, Debug)]
 struct ModuleWatch {
     taxels: Range<usize>,
     /// Which of the module's twelve values each taxel is.
     slots: &'static [u8],
     heard: Option<Time>,
-    not_connected_until: Time,
-    no_ack_until: Time,
     too_fast_until: Time,
-    out_of_range_until: [Time; VALUES_PER_MODULE],
-    /// The last of these.
+    /// Until when each bit of its status word counts, and any of them.
+    bits_until: [Time; u16::BITS as usize],
     status_until: Time,
     /// Its taxels carry faults that they share.
     marked: bool,
@@ -53,10 +57,8 @@ impl FaultDetector {
             taxels: clip(range),
             slots: &[],
             heard: None,
-            not_connected_until: Time::from_nanos(i64::MIN),
-            no_ack_until: Time::from_nanos(i64::MIN),
             too_fast_until: Time::from_nanos(i64::MIN),
-            out_of_range_until: [Time::from_nanos(i64::MIN); VALUES_PER_MODULE],
+            bits_until: [Time::from_nanos(i64::MIN); u16::BITS as usize],
             status_until: Time::from_nanos(i64::MIN),
             marked: false,
             jumps: ModuleJumps::default(),
@@ -163,15 +165,15 @@ impl FaultDetector {
     /// Sets the faults that a whole module shares.
     fn mark(&mut self, now: Time, module: usize, flicker: bool) -> bool {
         let watch = &self.modules[module];
+        let says = |bit: usize| watch.bits_until.get(bit).is_some_and(|until| now < *until);
         let mut changed = false;
         for (i, taxel) in self.taxels[watch.taxels.clone()].iter_mut().enumerate() {
             let before = taxel.faults;
-            let out = watch.slots.get(i).and_then(|&slot| watch.out_of_range_until.get(usize::from(slot)));
-            let out = out.is_some_and(|until| now < *until);
+            let out = watch.slots.get(i).is_some_and(|slot| says(OUT_OF_RANGE_BIT + usize::from(*slot)));
             taxel.faults.set(Fault::ModuleFlicker, flicker);
             taxel.faults.set(Fault::StatusOutOfRange, out);
-            taxel.faults.set(Fault::NotConnected, now < watch.not_connected_until);
-            taxel.faults.set(Fault::NoAck, now < watch.no_ack_until);
+            taxel.faults.set(Fault::NotConnected, says(NOT_CONNECTED_BIT));
+            taxel.faults.set(Fault::NoAck, says(NO_ACK_BIT));
             taxel.faults.set(Fault::TooFast, now < watch.too_fast_until);
             taxel.faults.set(Fault::Stale, false);
             taxel.note_onset(now);
@@ -221,24 +223,13 @@ impl FaultDetector {
 }
 
 impl ModuleWatch {
-    /// Status word of a tail frame: bit 4 + i says that value i is out of range, bit 1 that nothing is connected,
-    /// bit 0 that a conversion was not acknowledged.
     fn take_status(&mut self, until: Time, status: u16) {
         if status == 0 {
             return; // nearly always
         }
         self.status_until = until;
-        if status & 1 != 0 {
-            self.no_ack_until = until;
-        }
-        if status & 2 != 0 {
-            self.not_connected_until = until;
-        }
-        for (value, out) in self.out_of_range_until.iter_mut().enumerate() {
-            if status & (16 << value) != 0 {
-                *out = until;
-            }
-        }
+        let said = self.bits_until.iter_mut().enumerate().filter(|(bit, _)| status >> bit & 1 != 0);
+        said.for_each(|(_, said)| *said = until);
     }
 }
 
