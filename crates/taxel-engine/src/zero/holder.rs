@@ -186,7 +186,7 @@ impl Zero {
     }
 
     /// How much of a load that lies on the whole patch the zero may hide since it was taken.
-    pub const fn hides(&self) -> Newton {
+    pub fn hides(&self) -> Newton {
         self.offset.hides()
     }
 

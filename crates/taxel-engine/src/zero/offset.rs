@@ -77,8 +77,6 @@ pub struct Offset {
     window_s: f64,
     tables_s: f64,
     view: DriftView,
-    hides: Newton,
-    sigma: Newton,
 }
 
 /// What a scan says of the offset.
@@ -106,8 +104,6 @@ impl Offset {
             window_s: 0.0,
             tables_s: 0.0,
             view: DriftView::default(),
-            hides: Newton(0.0),
-            sigma: Newton(0.0),
         }
     }
 
@@ -243,19 +239,16 @@ impl Offset {
         after.zip(&self.newton_per_count).map(|(counts, weighs)| counts * weighs).sum::<f64>() < ABSORBED_MAX.0
     }
 
-    fn absorbed(&self) -> Newton {
-        Newton(self.weighed(|module| module.unexplained(module.offset())))
-    }
-
     /// How much of a load on everything does not show: what may have been absorbed, and by how much the tables lag behind a
     /// skin that has become lighter.
-    pub const fn hides(&self) -> Newton {
-        self.hides
+    pub fn hides(&self) -> Newton {
+        let behind = self.weighed(|module| (module.followed - module.offset()).max(0.0));
+        Newton(behind + self.view.absorbed.0)
     }
 
     /// Standard uncertainty of what the offsets weigh on the whole skin. Modules have it in common, as warmth is.
-    pub const fn sigma(&self) -> Newton {
-        self.sigma
+    pub fn sigma(&self) -> Newton {
+        Newton(self.weighed(|module| module.variance().sqrt()))
     }
 
     fn weighed(&self, of: impl Fn(&ModuleOffset) -> f64) -> f64 {
@@ -338,13 +331,10 @@ impl Offset {
     }
 
     fn describe(&mut self) {
-        self.hides = Newton(self.weighed(|module| (module.followed - module.offset()).max(0.0)));
-        self.sigma = Newton(self.weighed(|module| module.variance().sqrt()));
         if !self.plan.follow {
             return;
         }
-        self.view.absorbed = self.absorbed();
-        self.hides.0 += self.view.absorbed.0;
+        self.view.absorbed = Newton(self.weighed(|module| module.unexplained(module.offset())));
         for module in &mut self.modules {
             // A little below its bound it is free again, so that noise does not make it come and go.
             let at = if module.is_bounded { 0.9 } else { 1.0 };
