@@ -48,7 +48,7 @@ impl Engine {
                 Err(ErrorReason::ProgramFault.because(why))
             }
             Effect::Zero(patch, request) => {
-                self.with_patch(now, patch, |patch| patch.adopt_zero(now, request)).map(Done::Tared)
+                self.with_patch(now, patch, |patch| patch.adopt_zero(request)).map(Done::Tared)
             }
             Effect::Load(patch, load) => {
                 self.patches[patch].keep_load(Arc::clone(&load));

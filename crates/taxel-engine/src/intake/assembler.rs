@@ -40,8 +40,6 @@ pub struct ScanAssembler {
     begun: Option<Time>,
     /// No module of the scan being assembled was received before this time.
     earliest_fresh: Option<Time>,
-    /// No module that is listened for was received last before this time; `None` if nobody knows.
-    heard_since: Option<Time>,
     /// Modules of one scan should lie within this.
     span_max: Duration,
     /// Whether the scans were cut anew; they are not again until one is overrun.
@@ -78,7 +76,6 @@ impl ScanAssembler {
             newest: Time::default(),
             begun: None,
             earliest_fresh: None,
-            heard_since: None,
             span_max: period / 2,
             realigned: false,
         }
@@ -125,7 +122,6 @@ impl ScanAssembler {
         self.fresh += 1;
         self.newest = self.newest.max(time);
         self.earliest_fresh = Some(self.earliest_fresh.map_or(time, |earliest| earliest.min(time)));
-        self.heard_since = self.heard_since.map(|since| since.min(time));
         self.begun.get_or_insert(time);
         self.realigned &= overrun.is_none();
         if self.fresh < self.expected || self.realign() {
@@ -176,10 +172,9 @@ impl ScanAssembler {
     /// Marks modules that have been silent for longer than `limit`; returns the positions of those that fell silent now.
     pub fn mark_stale(&mut self, now: Time, limit: Duration) -> Vec<usize> {
         let mut silent = Vec::new();
-        if self.heard_since.is_some_and(|since| now.since(since) <= limit) {
+        if self.first_silence(limit).is_none_or(|silence| now < silence) {
             return silent; // nearly always
         }
-        let mut heard_since = None;
         for (index, module) in self.modules.iter_mut().enumerate() {
             let since = module.last.or(self.begun);
             if module.expected && since.is_some_and(|since| now.since(since) > limit) {
@@ -188,12 +183,9 @@ impl ScanAssembler {
                 self.expected -= 1;
                 self.fresh -= usize::from(std::mem::take(&mut module.fresh));
                 silent.push(index);
-            } else if module.expected {
-                heard_since = heard_since.min(since).or(since);
             }
             module.pairer.expire(now);
         }
-        self.heard_since = heard_since;
         silent
     }
 

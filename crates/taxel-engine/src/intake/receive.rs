@@ -322,7 +322,8 @@ impl Intake {
         }
         let incomplete = self.bring_up.tick(now);
         let silent = self.assembler.mark_stale(now, self.plan.stale_after);
-        let unsound = self.faults.tick(now) || !silent.is_empty();
+        let unsound = !silent.is_empty();
+        silent.into_iter().for_each(|module| self.faults.on_silent(now, module));
         if unsound {
             self.refresh_soundness();
         }
@@ -334,7 +335,7 @@ impl Intake {
     /// When [`Intake::tick`] has something to do at the latest, if nothing comes before.
     pub fn deadline(&self) -> Option<Time> {
         let silence = self.assembler.first_silence(self.plan.stale_after);
-        [self.bring_up.deadline(), silence, self.faults.deadline()].into_iter().flatten().min()
+        [self.bring_up.deadline(), silence].into_iter().flatten().min()
     }
 
     /// What the counts of each taxel scatter by at rest, counts (NaN: not known).

@@ -37,9 +37,9 @@ impl Patch {
     ///
     /// # Errors
     /// [`Rejection`] if something moved the zero meanwhile.
-    pub fn adopt_zero(&mut self, now: Now, request: RequestId) -> Result<TareView, Rejection> {
+    pub fn adopt_zero(&mut self, request: RequestId) -> Result<TareView, Rejection> {
         let lost = |why| ErrorReason::ZeroLost.because(format!("the zero was lost while it was written down: {why}"));
-        let view = self.zero.adopt(now, request).map_err(lost)?;
+        let view = self.zero.adopt(request).map_err(lost)?;
         self.use_zero();
         self.dirty = true;
         Ok(view)

@@ -47,7 +47,7 @@ impl Patch {
         }
         self.intake.start_bring_up(now.time, wanted);
         if let Some(kept) = self.noted.zero.clone().filter(|_| self.noted.configured == Some(self.settings)) {
-            self.with_zero(now, |zero, events| zero.go_on(now, kept, events));
+            self.with_zero(now, |zero, events| zero.go_on(kept, events));
         }
     }
 

@@ -31,7 +31,6 @@ use std::ops::Range;
 use taxel_skin::ModuleKind;
 
 use self::account::Board;
-pub use self::account::Finding;
 use self::inputs::{Pad, Taxel, is_vanished, sum};
 use crate::regions::Regions;
 use crate::scan::Scan;
@@ -196,9 +195,9 @@ impl Evidence {
         self.boards.iter_mut().for_each(Board::begin);
     }
 
-    /// Takes a scan. Returns what is found, the worst of all boards, and on which of them. Without a zero only boards that
-    /// take a new one under a load are of interest, which would read as an unloaded skin.
-    pub fn on_scan(&mut self, scan: &Scan<'_>, bag: Bag) -> Option<(usize, Finding)> {
+    /// Takes a scan. Returns which board has taken a new zero, or may have and nobody can tell any more, and why. Without a zero
+    /// only boards that take a new one under a load are of interest, which would read as an unloaded skin.
+    pub fn on_scan(&mut self, scan: &Scan<'_>, bag: Bag) -> Option<(usize, String)> {
         self.scans = self.scans.saturating_add(1);
         for ((taxel, count), sound) in self.taxels.iter_mut().zip(scan.counts.iter_units()).zip(scan.sound) {
             taxel.push(count as f32, *sound);
@@ -207,19 +206,11 @@ impl Evidence {
         for ((pad, count), heard) in self.pads.iter_mut().zip(scan.pads.as_flattened()).zip(heard) {
             pad.push(*count, heard);
         }
-        let mut worst = None;
-        for index in 0..self.boards.len() {
-            match self.judge(index, scan, bag) {
-                Some(finding @ Finding::NewZero(_)) => return Some((index, finding)),
-                Some(doubt) => worst = worst.or(Some((index, doubt))),
-                None => {}
-            }
-        }
-        worst
+        (0..self.boards.len()).find_map(|index| Some((index, self.judge(index, scan, bag)?)))
     }
 
     /// What the newest scan says of one board.
-    fn judge(&mut self, index: usize, scan: &Scan<'_>, bag: Bag) -> Option<Finding> {
+    fn judge(&mut self, index: usize, scan: &Scan<'_>, bag: Bag) -> Option<String> {
         let board = &mut self.boards[index];
         if board.falls_silent(scan, bag, &self.taxels) {
             return None; // nothing to be judged by, and nothing of it in the force
@@ -227,7 +218,7 @@ impl Evidence {
         if board.has_lost_its_load(&self.taxels) {
             let why = format!("{}{SINCE_SILENT}", board.name);
             self.distrust(why.clone());
-            return Some(Finding::NewZero(why));
+            return Some(why);
         }
         let taxels = &self.taxels[board.taxels.clone()];
         let sound = || taxels.iter().filter(|taxel| taxel.is_sound());
@@ -246,11 +237,11 @@ impl Evidence {
         let load = sum(sound().map(|taxel| taxel.load(taxel.quick[2])));
         let vanishes = is_vanished(load);
         if vanishes && bag.holds && load[2] >= IN_BAG_SHARE * inputs[0] {
-            return Some(Finding::NewZero(format!("{}{IN_BAG}", board.name)));
+            return Some(format!("{}{IN_BAG}", board.name));
         }
         let under_a_load = self.at_rest && (board.vanished_lately > 0 || vanishes);
         let finding = board.pay(evidence, inputs, vanishes);
-        if let Some(Finding::NewZero(why)) = finding.as_ref().filter(|_| under_a_load) {
+        if let Some(why) = finding.as_ref().filter(|_| under_a_load) {
             self.distrust(why.clone());
         }
         finding

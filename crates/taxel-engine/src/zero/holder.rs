@@ -16,7 +16,7 @@ use crate::regions::Regions;
 use crate::request::ErrorReason;
 use crate::scan::Scan;
 use crate::zero::events::{Surroundings, ZeroEvent};
-use crate::zero::evidence::{Evidence, Finding};
+use crate::zero::evidence::Evidence;
 use crate::zero::ground::Ground;
 use crate::zero::kept::{TakenZero, Unjudged};
 use crate::zero::offset::Offset;
@@ -57,7 +57,6 @@ pub(super) struct Held {
     pub(super) baseline: Vec<TaxelBaseline>,
     /// The same as it outlives the daemon.
     pub(super) kept: Arc<TakenZero>,
-    pub(super) since: Time,
     /// Whether the zero of a board is in doubt, as last told.
     pub(super) doubted: bool,
     /// It is of before the start, and the counts have not shown yet that the boards still have theirs.
@@ -187,7 +186,7 @@ impl Zero {
     }
 
     /// How much of a load that lies on the whole patch the zero may hide since it was taken.
-    pub const fn hides(&self) -> Newton {
+    pub fn hides(&self) -> Newton {
         self.offset.hides()
     }
 
@@ -255,7 +254,7 @@ impl Zero {
         let needs_confirmation = self.evidence.unproven().filter(|_| self.configuring).map(str::to_owned);
         let found = self.evidence.on_scan(scan, around.bag);
         if self.held().is_some()
-            && let Some((board, Finding::NewZero(why))) = found
+            && let Some((board, why)) = found
         {
             self.vouched = None;
             self.lose(ReasonCode::ZeroLost, why.clone(), events);
@@ -293,7 +292,7 @@ impl Zero {
         let taken = if let Trust::Held(held) = &self.trust { Some(held.baseline.as_slice()) } else { None };
         let told = self.offset.on_scan(scan, counts, &self.ground, taken);
         if let Some(found) = told.lighter.filter(|_| self.holds() && self.watch.is_none()) {
-            let found = found.told(|module| self.plan.module_name(module));
+            let found = found.told_lighter(|module| self.plan.module_name(module));
             let why = "the zero was taken under a load, or is another; unload the skin and tare";
             self.lose(ReasonCode::ZeroLost, format!("{found}: {why}"), events);
         } else if told.moves
@@ -306,13 +305,13 @@ impl Zero {
     }
 
     /// A zero is held from now on, of which `kept` outlives the daemon.
-    pub(super) fn hold(&mut self, since: Time, view: TareView, baseline: Vec<TaxelBaseline>, kept: Arc<TakenZero>) {
+    pub(super) fn hold(&mut self, view: TareView, baseline: Vec<TaxelBaseline>, kept: Arc<TakenZero>) {
         self.view = view;
         self.ground.take(&baseline);
         self.offset.begin(&kept.pads);
         self.evidence.begin(self.view.at_rest);
         self.evidence.compare_with(&self.ground);
-        self.trust = Trust::Held(Held { baseline, kept, since, doubted: false, on_trial: false });
+        self.trust = Trust::Held(Held { baseline, kept, doubted: false, on_trial: false });
     }
 
     /// Time passed: a watch that gets no scans ends. `silence` says which modules are silent.

@@ -1,6 +1,7 @@
 //! What outlives the daemon of a patch's zero. The boards keep theirs while it is away, and go on with it.
 
-use std::collections::VecDeque;
+use std::collections::BTreeSet;
+use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize};
@@ -8,9 +9,6 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::baseline::TaxelBaseline;
 use crate::model_set::ModelSet;
 use crate::zero::view::TareView;
-
-/// So many zeros of sessions are remembered, the newest.
-const SESSION_RESTS: usize = 64;
 
 /// What is known of the zero of a patch, and of the zeros that its boards take when they are configured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -78,6 +76,12 @@ pub(super) fn have_same_rest(a: &[TaxelBaseline], b: &[TaxelBaseline]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.mean.to_bits() == b.mean.to_bits())
 }
 
+fn fingerprint(rest: &[TaxelBaseline]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    rest.iter().for_each(|taxel| hasher.write_u64(taxel.mean.to_bits()));
+    hasher.finish()
+}
+
 /// A zero that no models were there to judge: that of a first session.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Unjudged {
@@ -86,8 +90,8 @@ pub(super) struct Unjudged {
     pub(super) models: Models,
     /// Of the models of such a session those that were in use last, perhaps before the daemon started.
     pub(super) own: Option<String>,
-    /// The zeros that sessions have taken since, the newest last: models of the boards as they are refer to one of these.
-    pub(super) rests: VecDeque<Vec<TaxelBaseline>>,
+    /// Fingerprints of the zeros that sessions have taken since: models of the boards as they are refer to one of these.
+    pub(super) rests: BTreeSet<u64>,
 }
 
 /// Which models are in use at a zero that none have judged.
@@ -113,22 +117,12 @@ impl Unjudged {
 
     /// A session took a zero to which the models refer that it makes.
     pub(super) fn note_rest(&mut self, rest: &[TaxelBaseline]) {
-        if self.has_rest(rest) {
-            return;
-        }
-        if self.rests.len() == SESSION_RESTS {
-            self.rests.pop_front();
-        }
-        self.rests.push_back(rest.to_vec());
-    }
-
-    fn has_rest(&self, rest: &[TaxelBaseline]) -> bool {
-        self.rests.iter().any(|of_session| have_same_rest(of_session, rest))
+        self.rests.insert(fingerprint(rest));
     }
 
     /// Another set is in use. Returns whether it was made in such a session, or by known loads of one that was.
     pub(super) fn owns(&mut self, set: &ModelSet) -> bool {
-        let is_own = self.own.as_ref() == Some(&set.id) || self.has_rest(&set.baseline);
+        let is_own = self.own.as_ref() == Some(&set.id) || self.rests.contains(&fingerprint(&set.baseline));
         if is_own {
             self.own = Some(set.id.clone());
             self.note_rest(&set.baseline);

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use crate::baseline::TaxelBaseline;
 use crate::force::reason::ReasonCode;
 use crate::model_set::ModelSet;
-use crate::now::Now;
 use crate::request::ErrorReason;
 use crate::zero::events::ZeroEvent;
 use crate::zero::holder::{Trust, Zero};
@@ -100,7 +99,7 @@ impl Zero {
 
     /// The boards still have the zeros of before the daemon started, as far as is known: the patch goes on with its own. The
     /// next scans have to show that no board has taken another meanwhile.
-    pub fn go_on(&mut self, now: Now, kept: Arc<TakenZero>, events: &mut Vec<ZeroEvent>) {
+    pub fn go_on(&mut self, kept: Arc<TakenZero>, events: &mut Vec<ZeroEvent>) {
         let taxels = self.regions.taxels();
         if (kept.mean.len(), kept.noise.len()) != (taxels, taxels) || self.needs_confirmation().is_some() {
             return; // of another layout, or nobody can tell
@@ -110,7 +109,7 @@ impl Zero {
         if kept.confirmed {
             self.vouched = Some(baseline.as_slice().into());
         }
-        self.hold(now.time, view, baseline, kept);
+        self.hold(view, baseline, kept);
         (0..self.regions.boards().len()).for_each(|board| self.evidence.doubt(board, AWAY.to_owned()));
         if let Trust::Held(held) = &mut self.trust {
             held.on_trial = true;

@@ -1,7 +1,6 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
 pub(crate) mod bag;
-mod count_sums;
 pub(crate) mod events;
 pub(crate) mod evidence;
 mod ground;

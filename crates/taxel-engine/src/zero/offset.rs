@@ -23,11 +23,12 @@ use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::regions::Regions;
 use crate::scan::Scan;
 use crate::statistics::{exponential_share, median};
-use crate::zero::count_sums::CountSums;
 use crate::zero::ground::Ground;
 use crate::zero::module_offset::{ModuleOffset, coefficient_of_all};
 use crate::zero::plan::DriftPlan;
-use crate::zero::rest::moves::Unloading;
+use crate::zero::rest::RestStatistics;
+use crate::zero::rest::judge::lighter;
+use crate::zero::rest::verdict::Beyond;
 use crate::zero::view::{DriftState, DriftView};
 
 /// Standard uncertainty of a new zero, counts.
@@ -65,7 +66,7 @@ pub struct Offset {
     taxels: Vec<Range<usize>>,
     beside: Vec<Vec<usize>>,
     modules: Vec<ModuleOffset>,
-    window: CountSums,
+    window: RestStatistics,
     /// Whether the counts of all scans of the window count.
     counts: bool,
     /// N per count of each module as a whole; empty while nobody knows.
@@ -76,8 +77,6 @@ pub struct Offset {
     window_s: f64,
     tables_s: f64,
     view: DriftView,
-    hides: Newton,
-    sigma: Newton,
 }
 
 /// What a scan says of the offset.
@@ -86,7 +85,7 @@ pub struct Told {
     /// The tables have to be made anew.
     pub moves: bool,
     /// The skin is lighter than its zero may be.
-    pub lighter: Option<Unloading>,
+    pub lighter: Option<Beyond>,
 }
 
 impl Offset {
@@ -97,7 +96,7 @@ impl Offset {
             taxels: regions.modules().to_vec(),
             modules: vec![ModuleOffset::default(); regions.modules().len()],
             beside,
-            window: CountSums::new(regions.taxels()),
+            window: RestStatistics::new(regions.taxels()),
             counts: true,
             newton_per_count: Vec::new(),
             last: None,
@@ -105,8 +104,6 @@ impl Offset {
             window_s: 0.0,
             tables_s: 0.0,
             view: DriftView::default(),
-            hides: Newton(0.0),
-            sigma: Newton(0.0),
         }
     }
 
@@ -178,16 +175,16 @@ impl Offset {
             self.modules.iter_mut().for_each(|module| module.untouched_s = 0.0);
             return Told::default();
         }
-        self.window.push(scan);
+        self.window.push(scan.sound_counts());
         self.window_s += dt_s;
         self.counts &= count;
         let mut told = Told::default();
         if self.window_s >= WINDOW_S {
-            let (seen, scans) = (self.window.baseline(), self.window.scans());
+            let (seen, scans) = (self.window.baseline(), self.window.count());
             if self.counts {
                 self.read(&seen, taken, ground);
             }
-            told.lighter = Unloading::find(ground.zero(), (&seen, scans), &self.taxels, ground.signs());
+            told.lighter = lighter(ground.zero(), (&seen, scans), &self.taxels, ground.signs());
             self.restart();
             self.describe();
         }
@@ -242,19 +239,16 @@ impl Offset {
         after.zip(&self.newton_per_count).map(|(counts, weighs)| counts * weighs).sum::<f64>() < ABSORBED_MAX.0
     }
 
-    fn absorbed(&self) -> Newton {
-        Newton(self.weighed(|module| module.unexplained(module.offset())))
-    }
-
     /// How much of a load on everything does not show: what may have been absorbed, and by how much the tables lag behind a
     /// skin that has become lighter.
-    pub const fn hides(&self) -> Newton {
-        self.hides
+    pub fn hides(&self) -> Newton {
+        let behind = self.weighed(|module| (module.followed - module.offset()).max(0.0));
+        Newton(behind + self.view.absorbed.0)
     }
 
     /// Standard uncertainty of what the offsets weigh on the whole skin. Modules have it in common, as warmth is.
-    pub const fn sigma(&self) -> Newton {
-        self.sigma
+    pub fn sigma(&self) -> Newton {
+        Newton(self.weighed(|module| module.variance().sqrt()))
     }
 
     fn weighed(&self, of: impl Fn(&ModuleOffset) -> f64) -> f64 {
@@ -337,13 +331,10 @@ impl Offset {
     }
 
     fn describe(&mut self) {
-        self.hides = Newton(self.weighed(|module| (module.followed - module.offset()).max(0.0)));
-        self.sigma = Newton(self.weighed(|module| module.variance().sqrt()));
         if !self.plan.follow {
             return;
         }
-        self.view.absorbed = self.absorbed();
-        self.hides.0 += self.view.absorbed.0;
+        self.view.absorbed = Newton(self.weighed(|module| module.unexplained(module.offset())));
         for module in &mut self.modules {
             // A little below its bound it is free again, so that noise does not make it come and go.
             let at = if module.is_bounded { 0.9 } else { 1.0 };

@@ -38,7 +38,7 @@ fn a_vouched_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_t
         skin.scan(30, |_| 0);
         if for_operator {
             assert!(skin.zero.vouched().is_none(), "it does not hold before it is on disk");
-            skin.zero.adopt(skin.now(), request).unwrap();
+            skin.zero.adopt(request).unwrap();
         }
         assert!(skin.zero.holds());
         assert_eq!(skin.zero.vouched().map(|zero| zero[0].mean), Some(240.0));
@@ -63,7 +63,7 @@ fn a_zero_of_before_the_start_is_valid_once_its_counts_have_shown_that_no_board_
         let mut skin = Skin::new();
         skin.zero.remember(&known);
         skin.zero.on_models(earlier.models.as_ref().unwrap());
-        skin.zero.go_on(skin.now(), known.zero.unwrap(), &mut skin.events);
+        skin.zero.go_on(known.zero.unwrap(), &mut skin.events);
         assert!(!skin.zero.holds(), "it is in doubt at first");
         // Where a load lies on half of the skin, or what has become lighter.
         skin.scan(21, |taxel| if taxel < TAXELS / 2 { load } else { 0 });
@@ -81,7 +81,7 @@ fn a_zero_of_another_layout_or_one_that_needs_confirmation_is_not_gone_on_with()
         let zero = TakenZero { mean: numbers.clone(), noise: numbers, ..TakenZero::default() };
         let mut skin = Skin::new();
         skin.zero.remember(&KeptZero { unproven, ..KeptZero::default() });
-        skin.zero.go_on(skin.now(), Arc::new(zero), &mut skin.events);
+        skin.zero.go_on(Arc::new(zero), &mut skin.events);
         assert!(!skin.zero.view().valid && skin.events.is_empty(), "{taxels} taxels");
     }
 }

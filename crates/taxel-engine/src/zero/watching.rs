@@ -1,7 +1,6 @@
 //! The zero while somebody watches the skin for one: what a watch takes in, and what follows from it.
 
 use std::sync::Arc;
-use taxel_skin::Time;
 
 use crate::baseline::{TaxelBaseline, with_noise_known};
 use crate::model_set::ModelSet;
@@ -46,10 +45,9 @@ impl Zero {
         let Watch { purpose, window, .. } = watch;
         // Models without a rest of their own have nothing to compare with.
         let models = models.filter(|set| set.knows_rest());
-        let minutes = |since: Time| now.time.seconds_since(since) / 60.0;
         let reference = Reference {
             models: models.map(|set| set.baseline.as_slice()),
-            zero: self.zero().zip(self.held()).map(|(zero, held)| (zero, minutes(held.since))),
+            zero: self.zero(),
             sign: self.ground.signs(),
         };
         let verdict = judge(&window, reference);
@@ -87,7 +85,7 @@ impl Zero {
                 let held = self.held_over_restarts().map(str::to_owned);
                 self.unjudged = Some(Unjudged::after(self.unjudged.take(), held));
             }
-            self.take(now.time, view, baseline, vouched, !first);
+            self.take(view, baseline, vouched, !first);
             events.push(ZeroEvent::Taken(purpose));
         }
     }
@@ -96,11 +94,11 @@ impl Zero {
     ///
     /// # Errors
     /// What has moved the zero meanwhile, in words.
-    pub fn adopt(&mut self, now: Now, request: RequestId) -> Result<TareView, String> {
+    pub fn adopt(&mut self, request: RequestId) -> Result<TareView, String> {
         let writing = self.writing.take_if(|writing| writing.request == request).ok_or("a newer zero was taken")?;
         let (mut view, baseline) = writing.zero?;
         view.epoch = self.view.epoch + 1;
-        self.take(now.time, view.clone(), baseline, writing.vouched, true);
+        self.take(view.clone(), baseline, writing.vouched, true);
         Ok(view)
     }
 
@@ -111,12 +109,12 @@ impl Zero {
 
     /// A zero holds from now on that somebody vouched for, or models have `judged`. Until a board takes another, what a zero may hide
     /// is told from one that somebody vouched for, too.
-    fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>, vouched: bool, judged: bool) {
+    fn take(&mut self, view: TareView, baseline: Vec<TaxelBaseline>, vouched: bool, judged: bool) {
         if vouched {
             self.vouched = Some(baseline.as_slice().into());
         }
         self.unjudged.take_if(|unjudged| vouched || (judged && unjudged.is_of_other_models()));
         let kept = TakenZero::of(&view, &baseline, self.is_vouched(&baseline), self.offset.pads());
-        self.hold(now, view, baseline, Arc::new(kept));
+        self.hold(view, baseline, Arc::new(kept));
     }
 }

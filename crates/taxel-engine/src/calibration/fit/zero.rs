@@ -8,9 +8,8 @@ use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::scans::{Scans, modules};
 use crate::model_set::{ModelSet, ZeroReturn};
 use crate::statistics::{mean, root_mean_square};
-use crate::zero::rest::judge::{Reference, judge};
-use crate::zero::rest::moves::Unloading;
-use crate::zero::rest::verdict::RestVerdict;
+use crate::zero::rest::judge::{Reference, judge, lighter};
+use crate::zero::rest::verdict::{Beyond, RestVerdict};
 use crate::zero::rest::window::RestWindow;
 
 /// Within this share of the range above the least pressure the rig is at rest.
@@ -93,7 +92,7 @@ pub enum Zero {
     /// It was left because something later is lighter than the beginning.
     Lifted {
         /// How much lighter.
-        lift: Unloading,
+        lift: Beyond,
         /// When, seconds after the beginning.
         after_s: f64,
     },
@@ -161,7 +160,9 @@ impl Zero {
             .map(|(t, now)| if sound(&t) { now } else { TaxelBaseline { mean: f64::NAN, noise: f64::NAN } })
             .collect();
         for first in (n..scans.len().saturating_sub(n - 1)).step_by(n) {
-            if let Some(lift) = window(first, true).lighter_than(&zero, &sign) {
+            let later = window(first, true);
+            let seen = (later.all().baseline(), later.all().count());
+            if let Some(lift) = lighter(&zero, (&seen.0, seen.1), &modules, &sign) {
                 return Self::Lifted { lift, after_s: scans.time_s[first] - scans.time_s[0] };
             }
         }
@@ -181,8 +182,9 @@ impl fmt::Display for Zero {
             }
             Self::Lifted { lift, after_s } => write!(
                 f,
-                "not tared, the zero is that of the calibration: the beginning is not unloaded; {lift} {after_s:.1} s \
-                 later"
+                "not tared, the zero is that of the calibration: the beginning is not unloaded; {} {after_s:.1} s \
+                 later",
+                lift.told_lighter(|module| format!("module {module}"))
             ),
             Self::Tared { window_s, proof, moved } => {
                 let without = moved.iter().filter(|m| !m.is_finite()).count();

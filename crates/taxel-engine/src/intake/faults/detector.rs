@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 use std::time::Duration;
-use taxel_skin::{ModuleKind, Time, VALUES_PER_MODULE};
+use taxel_skin::{ModuleKind, Time};
 
 use crate::counts::Counts;
 
@@ -15,17 +15,21 @@ use super::jumps::ModuleJumps;
 use super::limits::FaultLimits;
 use super::taxel::TaxelWatch;
 
+/// Bits of the status word of a tail frame: a conversion was not acknowledged, nothing is connected, and from here on that each
+/// value is out of range.
+const NO_ACK_BIT: usize = 0;
+const NOT_CONNECTED_BIT: usize = 1;
+const OUT_OF_RANGE_BIT: usize = 4;
+
 #[derive(Clone, Debug)]
 struct ModuleWatch {
     taxels: Range<usize>,
     /// Which of the module's twelve values each taxel is.
     slots: &'static [u8],
     heard: Option<Time>,
-    not_connected_until: Time,
-    no_ack_until: Time,
     too_fast_until: Time,
-    out_of_range_until: [Time; VALUES_PER_MODULE],
-    /// The last of these.
+    /// Until when each bit of its status word counts, and any of them.
+    bits_until: [Time; u16::BITS as usize],
     status_until: Time,
     /// Its taxels carry faults that they share.
     marked: bool,
@@ -41,25 +45,20 @@ pub struct FaultDetector {
     modules: Vec<ModuleWatch>,
     /// Taxels that changed within the freezing time, as of their last scan.
     pub(super) lively: usize,
-    /// No module that is not stale was heard last before this time.
-    heard_since: Option<Time>,
     /// Counts of a module in units; kept so that no scan has to ask for memory.
     units: Vec<f32>,
 }
 
 impl FaultDetector {
     /// `modules` are ranges of taxel numbers; those beyond `taxel_count` are cut off.
-    /// Modules of 10, 11 and 12 taxels are taken for triangles, palms with pad 11 and fingertips.
     pub fn new(taxel_count: usize, modules: &[Range<usize>], limits: FaultLimits) -> Self {
         let clip = |r: &Range<usize>| r.start.min(taxel_count)..r.end.min(taxel_count).max(r.start.min(taxel_count));
         let watch = |range: &Range<usize>| ModuleWatch {
             taxels: clip(range),
-            slots: slots_by_size(range.len()),
+            slots: &[],
             heard: None,
-            not_connected_until: Time::from_nanos(i64::MIN),
-            no_ack_until: Time::from_nanos(i64::MIN),
             too_fast_until: Time::from_nanos(i64::MIN),
-            out_of_range_until: [Time::from_nanos(i64::MIN); VALUES_PER_MODULE],
+            bits_until: [Time::from_nanos(i64::MIN); u16::BITS as usize],
             status_until: Time::from_nanos(i64::MIN),
             marked: false,
             jumps: ModuleJumps::default(),
@@ -70,12 +69,11 @@ impl FaultDetector {
             taxels: vec![TaxelWatch::default(); taxel_count],
             modules: modules.iter().map(watch).collect(),
             lively: 0,
-            heard_since: None,
             units: Vec::new(),
         }
     }
 
-    /// Says what each module's values are, where their number leaves it open.
+    /// Says which of each module's values are its taxels, for the bits of its status.
     pub fn with_kinds(mut self, kinds: impl IntoIterator<Item = ModuleKind>) -> Self {
         for (module, kind) in self.modules.iter_mut().zip(kinds) {
             module.slots = kind.taxel_slots();
@@ -114,7 +112,6 @@ impl FaultDetector {
         let Some(watch) = self.modules.get_mut(module) else { return false };
         let silent = watch.heard.is_some_and(|last| now.seconds_since(last) > f64::from(self.limits.stale_after_s));
         watch.heard = Some(now);
-        self.heard_since = Some(self.heard_since.map_or(now, |since| since.min(now)));
         watch.take_status(now + self.hold, status);
         let others_change = 4 * self.lively >= self.taxels.len();
         let (mut broken, mut changed) = (0, false);
@@ -161,15 +158,15 @@ impl FaultDetector {
     /// Sets the faults that a whole module shares.
     fn mark(&mut self, now: Time, module: usize, flicker: bool) -> bool {
         let watch = &self.modules[module];
+        let says = |bit: usize| watch.bits_until.get(bit).is_some_and(|until| now < *until);
         let mut changed = false;
         for (i, taxel) in self.taxels[watch.taxels.clone()].iter_mut().enumerate() {
             let before = taxel.faults;
-            let out = watch.slots.get(i).and_then(|&slot| watch.out_of_range_until.get(usize::from(slot)));
-            let out = out.is_some_and(|until| now < *until);
+            let out = watch.slots.get(i).is_some_and(|slot| says(OUT_OF_RANGE_BIT + usize::from(*slot)));
             taxel.faults.set(Fault::ModuleFlicker, flicker);
             taxel.faults.set(Fault::StatusOutOfRange, out);
-            taxel.faults.set(Fault::NotConnected, now < watch.not_connected_until);
-            taxel.faults.set(Fault::NoAck, now < watch.no_ack_until);
+            taxel.faults.set(Fault::NotConnected, says(NOT_CONNECTED_BIT));
+            taxel.faults.set(Fault::NoAck, says(NO_ACK_BIT));
             taxel.faults.set(Fault::TooFast, now < watch.too_fast_until);
             taxel.faults.set(Fault::Stale, false);
             taxel.note_onset(now);
@@ -180,46 +177,24 @@ impl FaultDetector {
 
     /// The module's scans come faster than its board can send them: none of its values can be trusted until then.
     pub fn doubt_module(&mut self, now: Time, module: usize, until: Time) {
+        if let Some(watch) = self.modules.get_mut(module) {
+            watch.too_fast_until = watch.too_fast_until.max(until);
+            self.blame(now, module, Fault::TooFast);
+        }
+    }
+
+    /// The module has fallen silent.
+    pub fn on_silent(&mut self, now: Time, module: usize) {
+        self.blame(now, module, Fault::Stale);
+    }
+
+    fn blame(&mut self, now: Time, module: usize, fault: Fault) {
         let Some(watch) = self.modules.get_mut(module) else { return };
-        watch.too_fast_until = watch.too_fast_until.max(until);
         watch.marked = true;
         for taxel in &mut self.taxels[watch.taxels.clone()] {
-            taxel.faults.set(Fault::TooFast, true);
+            taxel.faults.set(fault, true);
             taxel.note_onset(now);
         }
-    }
-
-    /// Time passed: modules that have been silent for too long are stale. Returns whether any became so.
-    pub fn tick(&mut self, now: Time) -> bool {
-        let stale_after_s = f64::from(self.limits.stale_after_s);
-        let is_silent = |last| now.seconds_since(last) > stale_after_s;
-        if !self.heard_since.is_some_and(is_silent) {
-            return false; // nearly always
-        }
-        let mut changed = false;
-        self.heard_since = None;
-        for module in &mut self.modules {
-            let Some(heard) = module.heard else { continue };
-            if !is_silent(heard) {
-                self.heard_since = Some(self.heard_since.map_or(heard, |since| since.min(heard)));
-                continue;
-            }
-            module.marked = true;
-            for taxel in &mut self.taxels[module.taxels.clone()] {
-                changed |= !taxel.faults.contains(Fault::Stale);
-                taxel.faults.set(Fault::Stale, true);
-                taxel.note_onset(now);
-            }
-        }
-        changed
-    }
-
-    /// When the next module becomes stale if it is not heard before.
-    pub fn deadline(&self) -> Option<Time> {
-        let limit = Duration::from_secs_f32(self.limits.stale_after_s.clamp(0.0, 1e6)) + Duration::from_millis(1);
-        let is_stale = |module: &ModuleWatch| self.faults(module.taxels.start).contains(Fault::Stale);
-        let heard = self.modules.iter().filter(|module| !is_stale(module)).filter_map(|module| module.heard);
-        heard.min().map(|heard| heard + limit)
     }
 
     /// The faults of a taxel now; none for an unknown taxel.
@@ -241,24 +216,13 @@ impl FaultDetector {
 }
 
 impl ModuleWatch {
-    /// Status word of a tail frame: bit 4 + i says that value i is out of range, bit 1 that nothing is connected,
-    /// bit 0 that a conversion was not acknowledged.
     fn take_status(&mut self, until: Time, status: u16) {
         if status == 0 {
             return; // nearly always
         }
         self.status_until = until;
-        if status & 1 != 0 {
-            self.no_ack_until = until;
-        }
-        if status & 2 != 0 {
-            self.not_connected_until = until;
-        }
-        for (value, out) in self.out_of_range_until.iter_mut().enumerate() {
-            if status & (16 << value) != 0 {
-                *out = until;
-            }
-        }
+        let said = self.bits_until.iter_mut().enumerate().filter(|(bit, _)| status >> bit & 1 != 0);
+        said.for_each(|(_, said)| *said = until);
     }
 }
 
@@ -268,9 +232,4 @@ fn sum_of(counts: &[f32]) -> f32 {
     let lanes =
         fours.iter().fold([0.0; 4], |lanes: [f32; 4], four| std::array::from_fn(|lane| lanes[lane] + four[lane]));
     lanes.iter().chain(rest).sum()
-}
-
-fn slots_by_size(taxels: usize) -> &'static [u8] {
-    // The first eleven of a fingertip are those of a palm with pad 11.
-    if taxels == 10 { ModuleKind::Triangle.taxel_slots() } else { ModuleKind::Fingertip.taxel_slots() }
 }

@@ -211,7 +211,7 @@ fn after_how_many_seconds_a_taxel_that_never_changed_is_dead() {
 /// Four triangles.
 fn detector() -> FaultDetector {
     let modules: Vec<_> = (0..4).map(|m| 10 * m..10 * m + 10).collect();
-    FaultDetector::new(40, &modules, FaultLimits::default())
+    FaultDetector::new(40, &modules, FaultLimits::default()).with_kinds([ModuleKind::Triangle; 4])
 }
 
 fn says(detector: &FaultDetector, taxel: usize) -> String {
@@ -253,22 +253,14 @@ fn seven_of_ten_at_a_rail_condemn_their_module() {
 }
 
 #[test]
-fn a_second_of_silence_is_told_of_each_module_once() {
+fn a_module_that_fell_silent_is_so_until_it_is_heard() {
     let mut detector = detector();
-    assert_eq!((detector.deadline(), detector.tick(at(9.0))), (None, false), "none was heard yet");
-    for (module, seconds) in [(0, 0.5), (1, 0.0), (2, 0.5)] {
-        assert!(!detector.push_reals(at(seconds), module, &[100.0; 10], 0));
-    }
-    assert_eq!(detector.deadline(), Some(at(1.001)));
-    assert!(!detector.tick(at(1.0)) && detector.tick(at(1.001)) && !detector.tick(at(1.002)));
+    assert!(!detector.push_reals(at(0.0), 1, &[100.0; 10], 0));
+    [1, 9].into_iter().for_each(|module| detector.on_silent(at(1.0), module));
     assert_eq!([0, 10, 19, 20, 30].map(|taxel| says(&detector, taxel)), ["", "silent", "silent", "", ""]);
-    assert_eq!((detector.deadline(), detector.wrong_since(10)), (Some(at(1.501)), Some(at(1.001))));
-    assert!(!detector.tick(at(1.5)) && detector.tick(at(1.6)) && !detector.tick(at(1.7)));
-    assert_eq!((detector.deadline(), says(&detector, 30)), (None, String::new()));
-    assert!(detector.push_reals(at(1.8), 1, &[100.0; 10], 0), "it is not stale any more");
-    assert_eq!((says(&detector, 10), says(&detector, 20)), (String::new(), "silent".to_owned()));
-    assert_eq!(detector.deadline(), Some(at(2.801)));
-    assert!(!detector.tick(at(2.8)) && detector.tick(at(2.81)));
+    assert_eq!(detector.wrong_since(10), Some(at(1.0)));
+    assert!(detector.push_reals(at(1.8), 1, &[100.0; 10], 0), "it is not silent any more");
+    assert_eq!(says(&detector, 10), String::new());
 }
 
 /// The counts before and after more than a second of silence do not belong together.
@@ -323,14 +315,14 @@ fn what_a_status_word_or_a_doubt_says_ends_after_its_time() {
 #[test]
 fn a_status_bit_blames_the_taxel_of_its_value() {
     for (taxels, kind, blamed) in [
-        (10, None, [Some(6), None, Some(9)]),
-        (11, None, [Some(7), Some(10), None]),
-        (12, None, [Some(7), Some(10), Some(11)]),
-        (11, Some(ModuleKind::PalmPad7), [None, Some(9), Some(10)]),
+        (10, ModuleKind::Triangle, [Some(6), None, Some(9)]),
+        (11, ModuleKind::PalmPad11, [Some(7), Some(10), None]),
+        (12, ModuleKind::Fingertip, [Some(7), Some(10), Some(11)]),
+        (11, ModuleKind::PalmPad7, [None, Some(9), Some(10)]),
     ] {
         for (value, blamed) in [7, 10, 11].into_iter().zip(blamed) {
             let module = std::slice::from_ref(&(0..taxels)).to_vec();
-            let mut detector = FaultDetector::new(taxels, &module, FaultLimits::default()).with_kinds(kind);
+            let mut detector = FaultDetector::new(taxels, &module, FaultLimits::default()).with_kinds([kind]);
             detector.push_reals(at(0.0), 0, &vec![100.0; taxels], 16 << value);
             let found = (0..taxels).find(|taxel| detector.faults(*taxel).contains(Fault::StatusOutOfRange));
             assert_eq!(found, blamed, "value {value} of {taxels}");
@@ -400,7 +392,7 @@ proptest! {
         for (module, counts, status, millis) in garbage {
             now = now + Duration::from_millis(millis as u64);
             detector.push_module(now, module, &counts, status);
-            detector.tick(now);
+            detector.on_silent(now, module);
         }
         sound_scans(&mut detector, now + Duration::from_millis(20));
         prop_assert!((0..40).all(|taxel| detector.faults(taxel).is_empty()));

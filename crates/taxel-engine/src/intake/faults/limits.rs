@@ -20,7 +20,7 @@ pub struct FaultLimits {
     pub module_share: f32,
     /// A fault is over when its cause has been absent for so many seconds.
     pub hold_s: f32,
-    /// A module is stale after so many seconds of silence.
+    /// What was before so many seconds of silence says nothing of what comes.
     pub stale_after_s: f32,
 }
 

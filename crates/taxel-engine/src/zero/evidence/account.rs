@@ -33,15 +33,6 @@ const BY_COUNTS: &str = "reads less than its zero on taxels that nothing touches
 const MAYBE_BY_COUNTS: &str = "reads less than its zero on taxels that nothing touches, or its thermal pads stepped: it may have \
                                taken a new zero";
 
-/// What the test says of a board.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Finding {
-    /// It has taken a new zero, or nobody can tell any more; in words that name the board.
-    NewZero(String),
-    /// It may have; in words.
-    Doubt(String),
-}
-
 /// A board and its account.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Board {
@@ -136,8 +127,9 @@ impl Board {
         f64::from(2.0 * enough * (1.25 * self.witnesses).sqrt() / self.per_variance)
     }
 
-    /// Pays in what a scan shows: evidence of so many taxels and pads, and whether the load vanished with it.
-    pub(super) fn pay(&mut self, evidence: f32, [taxels, pads]: [f32; 2], vanishes: bool) -> Option<Finding> {
+    /// Pays in what a scan shows: evidence of so many taxels and pads, and whether the load vanished with it. Returns why its
+    /// zero is another, or nobody can tell any more.
+    pub(super) fn pay(&mut self, evidence: f32, [taxels, pads]: [f32; 2], vanishes: bool) -> Option<String> {
         self.vanished_lately = self.vanished_lately.saturating_sub(1);
         if vanishes && self.vanished_lately <= VANISHED_LATELY_SCANS - UNCLEAR_SCANS {
             (self.unclear, self.vanished_lately) = (SUSPECT, VANISHED_LATELY_SCANS);
@@ -145,9 +137,7 @@ impl Board {
         if taxels + 2.0 * pads < WITNESSES_MIN {
             self.blind += 1;
             let why = self.suspect.as_ref().filter(|_| self.blind > BLIND_SCANS_MAX)?;
-            return Some(Finding::NewZero(format!(
-                "{why}, and too few of its taxels are sound to show that it has not"
-            )));
+            return Some(format!("{why}, and too few of its taxels are sound to show that it has not"));
         }
         self.blind = 0;
         let (by_chance, sd) = (0.5 * taxels + pads, (1.25 * taxels + 2.0 * pads).sqrt());
@@ -164,15 +154,13 @@ impl Board {
             self.unclear = if lasts { left } else { 0.0 };
         }
         if self.account >= LOST {
-            return Some(Finding::NewZero(format!("{}{BY_COUNTS}", self.name)));
+            return Some(format!("{}{BY_COUNTS}", self.name));
         }
         if self.account < CLEAR {
             self.suspect = None;
         }
         if self.account >= SUSPECT && self.suspect.is_none() {
-            let why = format!("{}{MAYBE_BY_COUNTS}", self.name);
-            self.suspect = Some(why.clone());
-            return Some(Finding::Doubt(why));
+            self.suspect = Some(format!("{}{MAYBE_BY_COUNTS}", self.name));
         }
         None
     }

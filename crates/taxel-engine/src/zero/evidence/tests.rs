@@ -22,6 +22,8 @@ struct Watched {
     /// Only five taxels are sound.
     is_deaf: bool,
     bag: Bag,
+    /// What the last scan showed of a new zero.
+    lost: Option<String>,
 }
 
 impl Watched {
@@ -35,11 +37,11 @@ impl Watched {
         ground.take(&vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; regions.taxels()]);
         evidence.compare_with(&ground);
         let (silent, bag) = ([false; MODULES], Bag::default());
-        Self { evidence, noise: Noise(11), scans: 0, pads: 100.4, silent, is_deaf: false, bag }
+        Self { evidence, noise: Noise(11), scans: 0, pads: 100.4, silent, is_deaf: false, bag, lost: None }
     }
 
-    /// Takes so many scans in which each taxel feels `load` counts; when the first finding came, and what it is.
-    fn scan(&mut self, scans: usize, load: impl Fn(usize) -> f64) -> Option<(usize, Finding)> {
+    /// Takes so many scans in which each taxel feels `load` counts; when a new zero or a doubt came first, and why.
+    fn scan(&mut self, scans: usize, load: impl Fn(usize) -> f64) -> Option<(usize, String)> {
         let mut found = None;
         for after in 0..scans {
             self.scans += 1;
@@ -58,16 +60,18 @@ impl Watched {
                 soundness: self.silent.iter().filter(|silent| **silent).count() as u64,
                 jumps: &[],
             };
-            let finding = self.evidence.on_scan(&scan, self.bag);
-            found = found.or(finding.map(|(_, finding)| (after, finding)));
+            let doubted = self.evidence.doubted().is_some();
+            self.lost = self.evidence.on_scan(&scan, self.bag).map(|(_, why)| why);
+            let doubt = self.evidence.doubted().filter(|_| !doubted).map(str::to_owned);
+            found = found.or_else(|| Some((after, self.lost.clone().or(doubt)?)));
         }
         found
     }
 
     fn lost(&mut self, scans: usize, load: impl Fn(usize) -> f64) -> Option<String> {
-        (0..scans).find_map(|_| match self.scan(1, &load)?.1 {
-            Finding::NewZero(why) => Some(why),
-            Finding::Doubt(_) => None,
+        (0..scans).find_map(|_| {
+            self.scan(1, &load);
+            self.lost.take()
         })
     }
 }

@@ -1,11 +1,11 @@
 //! Where each limit of the test of rest lies: a little less is rest, a little more is not.
 
-use super::judge::{Reference, judge};
+use super::judge::{Reference, judge, lighter};
 use super::verdict::RestVerdict;
 use super::window::RestWindow;
 use crate::baseline::TaxelBaseline;
 use crate::zero::rest::moves::Moves;
-use crate::zero::rest::verdict::{Beyond, Unsteadiness};
+use crate::zero::rest::verdict::{Beyond, Figure};
 
 const TAXELS: usize = 150;
 const SCANS: usize = 20;
@@ -44,17 +44,23 @@ fn models() -> Vec<TaxelBaseline> {
     vec![TaxelBaseline { mean: 240.0, noise: NOISE }; TAXELS]
 }
 
-/// The verdict by the models, and by a zero like them so many minutes ago that lies `zero` counts away from load.
-fn say(window: &RestWindow, zero: Option<(f64, f64)>) -> RestVerdict {
+/// The verdict by the models, and by a zero like them that lies `zero` counts away from load.
+fn say(window: &RestWindow, zero: Option<f64>) -> RestVerdict {
     let models = models();
-    let at = |away: f64| vec![TaxelBaseline { mean: 240.0 + away, noise: NOISE }; TAXELS];
-    let zero = zero.map(|(away, minutes)| (at(away), minutes));
-    let zero = zero.as_ref().map(|(zero, minutes)| (zero.as_slice(), *minutes));
-    judge(window, Reference { models: Some(&models), zero, sign: &[-1; TAXELS] })
+    let zero = zero.map(|away| vec![TaxelBaseline { mean: 240.0 + away, noise: NOISE }; TAXELS]);
+    judge(window, Reference { models: Some(&models), zero: zero.as_deref(), sign: &[-1; TAXELS] })
 }
 
-fn is_rest(window: &RestWindow, zero: Option<(f64, f64)>) -> bool {
+fn is_rest(window: &RestWindow, zero: Option<f64>) -> bool {
     matches!(say(window, zero), RestVerdict::Rest { .. })
+}
+
+/// What moved or presses by the models.
+fn figure(window: &RestWindow) -> Option<Figure> {
+    match say(window, None) {
+        RestVerdict::Moved(beyond) | RestVerdict::Loaded(beyond) => Some(beyond.figure),
+        _ => None,
+    }
 }
 
 /// `common` counts everywhere and `own` on so many taxels of module 3.
@@ -77,10 +83,11 @@ fn what_a_day_may_move_counts_by() {
         for (common, from) in [(0.0, 0.0), (2.0, 2.0), (-2.0, 0.0)] {
             assert!(is_rest(&on(taxels, common, from + max - 0.05), None), "{taxels} from {common}");
             let verdict = say(&on(taxels, common, from + max + 0.05), None);
-            let RestVerdict::LoadedInPart(said, Beyond { module: Some(3), seen, limit }) = verdict else {
+            let RestVerdict::Loaded(Beyond { figure, module: Some(3), seen, limit }) = verdict else {
                 panic!("{taxels} from {common}: {verdict}");
             };
-            assert!((usize::from(said), limit) == (taxels, max) && (seen - max - 0.05).abs() < 0.01, "{verdict}");
+            assert_eq!((figure, limit), (Figure::Taxels(taxels), max));
+            assert!((seen - max - 0.05).abs() < 0.01, "{verdict}");
         }
     }
     assert!(is_rest(&on(1, 0.0, 60.0), None), "one taxel may be odd");
@@ -88,91 +95,57 @@ fn what_a_day_may_move_counts_by() {
     assert!(matches!(say(&on(0, -10.05, 0.0), None), RestVerdict::OtherZero { .. }));
 }
 
-/// By the zero that holds, beyond what all taxels have in common as far as time explains that: 0.4 counts at once and a
-/// count a minute, at most 3.5.
+/// By the zero that holds, beyond what all taxels have in common, at most 3.5 counts.
 #[test]
 fn what_temperature_may_move_counts_by_since_the_zero() {
-    for (minutes, common, explained) in
-        [(0.0, 0.0, 0.0), (0.0, 0.3, 0.3), (0.0, 1.0, 0.4), (-5.0, 1.0, 0.4), (0.5, 2.0, 0.9), (1.0, 1.0, 1.0)]
-    {
+    for common in [0.0, 0.3, 1.0, 2.0] {
         for (taxels, max) in [(3, 2.5), (2, 8.0)] {
-            let limit = explained + max;
-            assert!(is_rest(&on(taxels, common, limit - 0.05), Some((0.0, minutes))), "{taxels}: {minutes} {common}");
-            let verdict = say(&on(taxels, common, limit + 0.05), Some((0.0, minutes)));
-            let RestVerdict::LoadedInPart(said, Beyond { module: Some(3), limit, .. }) = verdict else {
-                panic!("{taxels}: {minutes} {common}: {verdict}");
+            let limit = common + max;
+            assert!(is_rest(&on(taxels, common, limit - 0.05), Some(0.0)), "{taxels}: {common}");
+            let verdict = say(&on(taxels, common, limit + 0.05), Some(0.0));
+            let RestVerdict::Loaded(Beyond { figure, module: Some(3), limit, .. }) = verdict else {
+                panic!("{taxels}: {common}: {verdict}");
             };
-            assert_eq!((usize::from(said), limit), (taxels, max));
+            assert_eq!((figure, limit), (Figure::Taxels(taxels), max));
         }
     }
     // Three counts towards load by the models are five by a zero that lies two away from load.
-    assert!(is_rest(&on(3, 3.0, 3.95), Some((2.0, 60.0))), "{}", say(&on(3, 3.0, 3.95), Some((2.0, 60.0))));
-    assert!(!is_rest(&on(3, 3.0, 4.05), Some((2.0, 60.0))), "3.5 counts are the most that is put down to time");
+    assert!(is_rest(&on(3, 3.0, 3.95), Some(2.0)), "{}", say(&on(3, 3.0, 3.95), Some(2.0)));
+    assert!(!is_rest(&on(3, 3.0, 4.05), Some(2.0)), "3.5 counts are the most that is put down to temperature");
     // What lies away from load explains nothing.
-    assert!(is_rest(&on(3, -1.0, 2.45), Some((0.0, 60.0))) && !is_rest(&on(3, -1.0, 2.55), Some((0.0, 60.0))));
+    assert!(is_rest(&on(3, -1.0, 2.45), Some(0.0)) && !is_rest(&on(3, -1.0, 2.55), Some(0.0)));
 }
 
 #[test]
 fn how_still_a_skin_is_at_rest() {
     let ramp = |counts: f64| window(move |_, scan| counts * scan as f64 / SCANS as f64);
     assert!(is_rest(&ramp(0.4), None));
-    assert!(matches!(say(&ramp(0.75), None), RestVerdict::Restless { .. }));
-    assert!(matches!(say(&ramp(-0.75), None), RestVerdict::Restless { .. }));
-    // Of ten taxels that step with the second half, the median may move by 0.5 and four standard errors of a median.
+    assert_eq!(figure(&ramp(0.75)), Some(Figure::Drift));
+    assert_eq!(figure(&ramp(-0.75)), Some(Figure::Drift));
     let step = |taxels: usize, counts: f64| {
         window(move |t, scan| if scan >= SCANS / 2 && (30..30 + taxels).contains(&t) { counts } else { 0.0 })
     };
     for way in [1.0, -1.0] {
         // Of all ten together, chi-square may be 58.9 of 15 modules, their means taken to have a noise of 0.22 counts.
         assert!(is_rest(&step(10, 1.07 * way), None), "{}", say(&step(10, 1.07 * way), None));
-        for counts in [1.10, 1.59] {
-            let verdict = say(&step(10, counts * way), None);
-            assert!(matches!(verdict, RestVerdict::Unlike { .. }), "{verdict}");
-        }
-        let verdict = say(&step(10, 1.61 * way), None);
-        assert!(matches!(verdict, RestVerdict::Unsteady(3, Unsteadiness::Median(..))), "{verdict}");
-        // Of three, by 3.3 standard errors.
-        assert!(is_rest(&step(3, 2.28 * way), None), "{}", say(&step(3, 2.28 * way), None));
-        let verdict = say(&step(3, 2.32 * way), None);
-        assert!(matches!(verdict, RestVerdict::Unsteady(3, Unsteadiness::Third(..))), "{verdict}");
+        assert_eq!(figure(&step(10, 1.10 * way)), Some(Figure::Unlike));
+        // Of each of two, by five standard errors of 0.5 counts.
+        assert_eq!(figure(&step(2, 1.55 * way)), None);
+        assert_eq!(figure(&step(2, 1.61 * way)), Some(Figure::Jumps));
     }
-    assert!(is_rest(&step(2, 2.32), None), "two may be odd");
+    assert!(is_rest(&step(1, 30.0), None), "one may be broken");
     // The noise of three, 1.9 times the models'.
     let shaking = |taxels: usize, counts: f64| {
         wiggling(SCANS, move |t| if (30..30 + taxels).contains(&t) { counts } else { 0.4 }, |_, _| 0.0)
     };
     assert!(is_rest(&shaking(3, 2.02), None) && is_rest(&shaking(2, 2.06), None));
-    let verdict = say(&shaking(3, 2.06), None);
-    assert!(matches!(verdict, RestVerdict::Unsteady(3, Unsteadiness::Noise(..))), "{verdict}");
+    assert_eq!(figure(&shaking(3, 2.06)), Some(Figure::Noise));
     assert!(!is_rest(&wiggling(9, |_| 0.4, |_, _| 0.0), None) && is_rest(&wiggling(10, |_| 0.4, |_, _| 0.0), None));
 }
 
-/// A load that lands at the end of a watch, on two taxels of a module or one of each of two: 5 standard errors of 1.08 counts.
 #[test]
-fn a_load_on_few_taxels_of_each_module_is_no_rest() {
-    let step = |taxels: &'static [usize], counts: f64| {
-        window(move |t, scan| if scan >= SCANS / 2 && taxels.contains(&t) { counts } else { 0.0 })
-    };
-    let single = |taxels, all| if all { Unsteadiness::JumpsOfSkin(taxels) } else { Unsteadiness::Jumps(taxels) };
-    for (taxels, counts, found) in [
-        (&[31, 32][..], 3.6, Some((3, single(2, false)))),
-        (&[31, 32], -3.6, Some((3, single(2, false)))),
-        (&[31, 32], 3.3, None),
-        (&[31], 30.0, None),
-        (&[31, 41], 3.6, Some((4, single(2, true)))),
-        (&[31, 41], 3.3, None),
-    ] {
-        let verdict = say(&step(taxels, counts), None);
-        match found {
-            None => assert!(matches!(verdict, RestVerdict::Rest { .. }), "{taxels:?} {counts}: {verdict}"),
-            Some((module, what)) => assert_eq!(verdict, RestVerdict::Unsteady(module, what), "{taxels:?} {counts}"),
-        }
-    }
-}
-
-#[test]
-fn a_half_of_a_single_scan_says_nothing_of_the_other() {
-    for (late_from, says) in [(SCANS - 1, false), (SCANS - 2, true), (1, false), (2, true)] {
+fn halves_of_any_length_are_compared() {
+    for late_from in [SCANS - 1, SCANS - 2, 1, 2] {
         let mut window = RestWindow::new(TAXELS, &modules());
         for scan in 0..SCANS {
             let late = scan >= late_from;
@@ -180,19 +153,8 @@ fn a_half_of_a_single_scan_says_nothing_of_the_other() {
             let count = |t: usize| Some(240.0 + wiggle(t) - if late && (30..40).contains(&t) { 3.0 } else { 0.0 });
             window.push(late, (0..TAXELS).map(count));
         }
-        assert_eq!(!is_rest(&window, None), says, "{late_from}: {}", say(&window, None));
+        assert!(!is_rest(&window, None), "{late_from}: {}", say(&window, None));
     }
-}
-
-/// Three taxels cannot speak for a module of two: the noise of the median taxel of all does, 2.5 times the models'.
-#[test]
-fn how_much_noise_a_skin_of_small_modules_has_at_rest() {
-    let pairs: Vec<_> = (0..TAXELS / 2).map(|module| 2 * module..2 * module + 2).collect();
-    let shaking = |counts: f64| wiggling_in(&pairs, SCANS, move |_| counts, |_, _| 0.0);
-    assert!(is_rest(&shaking(2.66), None), "{}", say(&shaking(2.66), None));
-    let verdict = say(&shaking(2.70), None);
-    let RestVerdict::Trembling(noise_ratio) = verdict else { panic!("{verdict}") };
-    assert!((noise_ratio - 2.518).abs() < 0.001, "{noise_ratio}");
 }
 
 /// Without models the quieter half says what a taxel's noise is.
@@ -213,33 +175,39 @@ fn how_still_a_skin_without_models_is() {
     // 0.63 counts in the first half, of which 1.9 times is 1.2; with 1.4 in the second half it is 1.1 in all, with 1.7 it is 1.3.
     assert!(matches!(said(&shaken_late(0.8)), RestVerdict::Unproven { taxels: TAXELS, .. }));
     let verdict = said(&shaken_late(1.1));
-    assert!(matches!(verdict, RestVerdict::Unsteady(3, Unsteadiness::Noise(..))), "{verdict}");
+    assert!(matches!(verdict, RestVerdict::Moved(Beyond { figure: Figure::Noise, .. })), "{verdict}");
 }
 
 #[test]
 fn how_much_lighter_than_its_zero_a_skin_may_become() {
     let zero = models();
-    let found = |window: &RestWindow| window.lighter_than(&zero, &[-1; TAXELS]);
-    for (taxels, max) in [(TAXELS, 0.75), (10, 1.5), (3, 2.5)] {
+    let found = |window: &RestWindow| lighter_than(&zero, window);
+    let (all, module, three) = ((Figure::Median, None), (Figure::Median, Some(0)), (Figure::Taxels(3), Some(0)));
+    for (taxels, max, what) in [(TAXELS, 0.75, all), (10, 1.5, module), (3, 2.5, three)] {
         let lighter = |by: f64| window(move |t, _| if t < taxels { -by } else { 0.0 });
         assert_eq!(found(&lighter(max - 0.02)), None, "{taxels}");
-        let unloading = found(&lighter(max + 0.02)).expect("a load has gone");
-        let expected = [if taxels == TAXELS { max + 0.02 } else { 0.0 }, if taxels == 3 { 0.0 } else { max + 0.02 }];
-        let is = [unloading.median, unloading.module_median];
-        assert!(is.iter().zip(expected).all(|(is, expected)| (is - expected).abs() < 1e-9), "{unloading:?}");
-        assert!((unloading.third - max - 0.02).abs() < 1e-9, "{unloading:?}");
+        let beyond = found(&lighter(max + 0.02)).expect("a load has gone");
+        assert_eq!((beyond.figure, beyond.module), what);
+        assert!((beyond.seen - max - 0.02).abs() < 1e-9, "{beyond:?}");
         let of_scans = |scans: usize| found(&wiggling(scans, |_| 0.4, |t, _| if t < taxels { -9.0 } else { 0.0 }));
         assert!(of_scans(9).is_none() && of_scans(10).is_some(), "nine scans say nothing");
     }
 }
 
+fn lighter_than(zero: &[TaxelBaseline], window: &RestWindow) -> Option<Beyond> {
+    lighter(zero, (&window.all().baseline(), window.all().count()), &modules(), &[-1; TAXELS])
+}
+
 #[test]
 fn what_a_skin_that_became_lighter_says() {
-    let lighter = window(|t, _| if (30..40).contains(&t) { -2.0 } else { -1.0 });
-    let said = lighter.lighter_than(&models(), &[-1; TAXELS]).expect("a load has gone");
-    let expected = "the skin is 1.00 counts lighter than its zero in the median, module 3 by 2.00, three taxels of a \
-                    module by 2.00 and more";
-    assert_eq!(said.to_string(), expected);
+    let said = |taxels: usize, by: f64| {
+        let lighter = window(|t, _| if (30..30 + taxels).contains(&t) { -by } else { 0.0 });
+        let beyond = lighter_than(&models(), &lighter).expect("a load has gone");
+        beyond.told_lighter(|module| format!("module {module}"))
+    };
+    assert_eq!(said(10, 2.0), "module 3 is 2.0 counts lighter than its zero");
+    assert_eq!(said(4, 3.0), "module 3 is 3.0 counts lighter than its zero on three taxels");
+    assert_eq!(said(100, 1.0), "most of the skin is 1.0 counts lighter than its zero");
 }
 
 /// Fewer taxels than five do not speak for a module, and one that reads a single value for ten scans is broken.
@@ -286,28 +254,20 @@ fn how_far_a_taxel_may_move_and_have_a_zero() {
 
 #[test]
 fn what_is_said_of_a_skin_that_is_not_at_rest() {
-    let unsteady = |what| RestVerdict::Unsteady(3, what);
-    let beyond = |seen, limit| Beyond { module: Some(3), seen, limit };
-    let in_part = |taxels| RestVerdict::LoadedInPart(taxels, beyond(2.6, 2.5));
+    let beyond = |figure, seen, limit| Beyond { figure, module: Some(3), seen, limit };
+    let moved = |figure, seen, limit| RestVerdict::Moved(beyond(figure, seen, limit));
+    let in_part = |taxels| RestVerdict::Loaded(beyond(Figure::Taxels(taxels), 2.6, 2.5));
     let said = [
+        (moved(Figure::Jumps, 2.0, 1.0), "something moved on module 3 (2 taxels by more than 5 standard errors)"),
         (
-            unsteady(Unsteadiness::Median(1.61, 1.6)),
-            "something moved on module 3 (1.6 counts between the halves of the watch, limit 1.6)",
-        ),
-        (
-            unsteady(Unsteadiness::Third(3.4)),
-            "something moved on module 3 (three taxels by 3.4 standard errors, limit 3.3)",
-        ),
-        (
-            unsteady(Unsteadiness::Noise(2.0)),
+            moved(Figure::Noise, 2.0, 1.9),
             "something moved on module 3 (three taxels have 2.0 times their noise, limit 1.9)",
         ),
         (
-            RestVerdict::Unlike(beyond(5.24, 5.0)),
+            moved(Figure::Unlike, 5.24, 5.0),
             "something moved on several modules (5.2 standard deviations apart, limit 5)",
         ),
-        (RestVerdict::Restless(beyond(0.5, 0.45)), "the whole skin moved (+0.5 counts in the median, limit 0.5)"),
-        (RestVerdict::Trembling(2.6), "the whole skin trembled (2.6 times its noise, limit 2.5)"),
+        (moved(Figure::Drift, 0.5, 0.45), "the whole skin moved (+0.5 counts in the median, limit 0.5)"),
         (in_part(2), "something presses on module 3 (2.6 counts on two taxels, limit 2.5)"),
         (in_part(3), "something presses on module 3 (2.6 counts on three taxels, limit 2.5)"),
         (RestVerdict::TooShort(9), "too little was seen (9 scans, at least 10)"),
@@ -337,7 +297,7 @@ fn what_is_said_of_a_load() {
 /// under a load, whether their fault has been found already or not.
 #[test]
 fn two_taxels_of_a_module_that_stand_far_towards_load_are_no_rest() {
-    let two = || RestVerdict::Standing(2, Beyond { module: Some(3), seen: 16.0, limit: 16.0 });
+    let two = || RestVerdict::Loaded(Beyond { figure: Figure::Standing, module: Some(3), seen: 2.0, limit: 1.0 });
     let standing = |taxels: &[usize], level: f64, sound: bool, flutter: f64| {
         let mut seen = RestWindow::new(TAXELS, &modules());
         for scan in 0..SCANS {
@@ -366,13 +326,21 @@ fn two_taxels_of_a_module_that_stand_far_towards_load_are_no_rest() {
         for (broken, loaded) in [(5, true), (6, false), (10, false)] {
             let module: Vec<usize> = (30..30 + broken).collect();
             let verdict = standing(&module, 200.0, sound, 0.0);
-            assert_eq!(matches!(verdict, RestVerdict::Standing { .. }), loaded, "{sound}, {broken}: {verdict}");
+            assert_eq!(
+                matches!(verdict, RestVerdict::Loaded(Beyond { figure: Figure::Standing, .. })),
+                loaded,
+                "{sound}, {broken}: {verdict}"
+            );
         }
     }
     // At the end of its range a taxel flutters by its noise; what goes back and forth by more is broken.
     for (flutter, loaded) in [(2.5 * NOISE, true), (7.0 * NOISE, false)] {
         let verdict = standing(&[32, 37], 200.0, false, flutter);
-        assert_eq!(matches!(verdict, RestVerdict::Standing { .. }), loaded, "{flutter}: {verdict}");
+        assert_eq!(
+            matches!(verdict, RestVerdict::Loaded(Beyond { figure: Figure::Standing, .. })),
+            loaded,
+            "{flutter}: {verdict}"
+        );
     }
     let words = two().to_string();
     assert!(words.starts_with("something presses on module 3, or 2 taxels are broken"), "{words}");

@@ -17,7 +17,7 @@
 //! 94 % at 60, 100 % from 100 kPa on; of loads on a tenth of the skin 75 % at 60 kPa, 100 % at 100 (these are figures of
 //! the comparison with another day, by medians alone).
 //!
-//! A lighter load cannot be told from a day's drift at one instant. It shows when it goes: see `moves.rs`.
+//! A lighter load cannot be told from a day's drift at one instant. It shows when it goes: see `lighter`.
 
 #[cfg(test)]
 mod edge_tests;

@@ -1,9 +1,8 @@
 //! How far each taxel of a skin has moved towards load since its zero was taken.
 
-use std::fmt;
 use std::ops::Range;
 
-use super::limits::{LIFT_MEDIAN_MAX, LIFT_MODULE_MAX, LIFT_THIRD_MAX, SCANS_MIN, SOUND_SHARE_MIN};
+use super::limits::SOUND_SHARE_MIN;
 use crate::baseline::TaxelBaseline;
 use crate::statistics::median;
 
@@ -112,55 +111,4 @@ pub(super) fn greatest(values: &[f64], greater: usize) -> Option<f64> {
     let mut finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     finite.sort_by(|a, b| b.total_cmp(a));
     finite.get(greater).copied()
-}
-
-/// By how much a skin is lighter than its zero, counts: that was taken under a load, or is another.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unloading {
-    pub(super) median: f64,
-    pub(super) module: Option<usize>,
-    pub(super) module_median: f64,
-    /// The third taxel of some module.
-    pub(super) third: f64,
-}
-
-impl Unloading {
-    /// What was seen of each taxel in so many scans, if that is lighter than `zero` by more than a true zero allows: then that was
-    /// taken under a load that has gone since. True zeros of recordings stay within 0.07 counts in the median, where a load of
-    /// 30 kPa leaves 0.9. The window is as long as that of the zero; who has a whole file asks for each of its windows.
-    pub fn find(
-        zero: &[TaxelBaseline],
-        (seen, scans): (&[TaxelBaseline], u64),
-        modules: &[Range<usize>],
-        sign: &[i8],
-    ) -> Option<Self> {
-        if scans < SCANS_MIN {
-            return None;
-        }
-        let away: Vec<i8> = sign.iter().map(|sign| -sign).collect();
-        let lighter = Moves::between(zero, seen, scans, &away);
-        if !lighter.are_enough() {
-            return None;
-        }
-        let (module, module_median) = lighter.worst_module(modules, 0.0);
-        let (median, (_, third)) = (lighter.median(), lighter.worst_few(modules, 0.0, 2));
-        let found = median > LIFT_MEDIAN_MAX || module_median > LIFT_MODULE_MAX || third > LIFT_THIRD_MAX;
-        found.then_some(Self { median, module, module_median, third })
-    }
-
-    /// In words, with the modules by the names that they have for whoever looks for them.
-    pub fn told(&self, name: impl Fn(usize) -> String) -> String {
-        let by_module = |module| format!(", {} by {:.2}", name(module), self.module_median);
-        let module = self.module.map(by_module).unwrap_or_default();
-        format!(
-            "the skin is {:.2} counts lighter than its zero in the median{module}, three taxels of a module by {:.2} and more",
-            self.median, self.third
-        )
-    }
-}
-
-impl fmt::Display for Unloading {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.told(|module| format!("module {module}")))
-    }
 }

@@ -1,42 +1,51 @@
-//! Mean, noise and drift per taxel over some scans, in one pass.
+//! Mean and noise per taxel over some scans, in one pass.
 
 use crate::baseline::TaxelBaseline;
 
 /// Half of the scans repeat a conversion of the boards, so half of them count.
-pub(super) const INDEPENDENT_SHARE: f64 = 0.5;
+const INDEPENDENT_SHARE: f64 = 0.5;
 
-/// Running mean, variance and drift per taxel over a window of scans.
+/// Running mean and variance per taxel over a window of scans.
 #[derive(Clone, Debug, Default)]
 pub struct RestStatistics {
     scans: u64,
-    taxels: Vec<Moments>,
+    taxels: Vec<Sums>,
 }
 
-/// Welford's recurrences, also for the covariance with the number of the scan.
+/// Sums of how far values lie from the first: exactly no noise for a taxel that always reads the same.
 #[derive(Clone, Copy, Debug, Default)]
-struct Moments {
+struct Sums {
     n: f64,
-    mean: f64,
-    sum_squares: f64,
-    scan_mean: f64,
-    scan_sum_squares: f64,
-    cross: f64,
+    first: f64,
+    sum: f64,
+    squares: f64,
 }
 
 impl RestStatistics {
     /// Statistics of `taxels` taxels over no scan yet.
     #[must_use]
     pub fn new(taxels: usize) -> Self {
-        Self { scans: 0, taxels: vec![Moments::default(); taxels] }
+        Self { scans: 0, taxels: vec![Sums::default(); taxels] }
+    }
+
+    /// Begins anew.
+    pub(in crate::zero) fn restart(&mut self) {
+        self.scans = 0;
+        self.taxels.fill(Sums::default());
     }
 
     /// Takes one scan; `None` where a taxel gave nothing usable.
     pub fn push(&mut self, scan: impl IntoIterator<Item = Option<f64>>) {
-        let number = self.scans as f64;
         self.scans += 1;
-        for (moments, count) in self.taxels.iter_mut().zip(scan) {
+        for (sums, count) in self.taxels.iter_mut().zip(scan) {
             let Some(count) = count.filter(|c| c.is_finite()) else { continue };
-            moments.push(number, count);
+            if sums.n == 0.0 {
+                sums.first = count;
+            }
+            let away = count - sums.first;
+            sums.n += 1.0;
+            sums.sum += away;
+            sums.squares += away * away;
         }
     }
 
@@ -51,18 +60,13 @@ impl RestStatistics {
     #[must_use]
     pub fn baseline(&self) -> Vec<TaxelBaseline> {
         let least = 0.5 * self.scans as f64;
-        let of = |m: &Moments| match m.n {
-            n if n == 0.0 || n < least => TaxelBaseline::UNKNOWN,
-            n if n >= 2.0 => TaxelBaseline { mean: m.mean, noise: (m.sum_squares / (n - 1.0)).sqrt() },
-            _ => TaxelBaseline { mean: m.mean, noise: 0.0 },
+        let of = |&Sums { n, first, sum, squares }: &Sums| {
+            if n == 0.0 || n < least {
+                return TaxelBaseline::UNKNOWN;
+            }
+            let variance = (squares - sum * sum / n).max(0.0) / (n - 1.0).max(1.0);
+            TaxelBaseline { mean: first + sum / n, noise: variance.sqrt() }
         };
-        self.taxels.iter().map(of).collect()
-    }
-
-    /// Least-squares drift per taxel from the first to the last scan, in counts; 0 where it cannot be known.
-    pub(super) fn drift(&self) -> Vec<f64> {
-        let length = self.scans as f64;
-        let of = |m: &Moments| if m.scan_sum_squares > 0.0 { m.cross / m.scan_sum_squares * length } else { 0.0 };
         self.taxels.iter().map(of).collect()
     }
 
@@ -70,17 +74,5 @@ impl RestStatistics {
     pub(super) fn error_between(halves: &[Self; 2]) -> f64 {
         let independent = |half: &Self| (INDEPENDENT_SHARE * half.scans as f64).max(1.0);
         halves.iter().map(|half| 1.0 / independent(half)).sum::<f64>().sqrt()
-    }
-}
-
-impl Moments {
-    fn push(&mut self, scan: f64, count: f64) {
-        self.n += 1.0;
-        let (ahead, later) = (count - self.mean, scan - self.scan_mean);
-        self.mean += ahead / self.n;
-        self.scan_mean += later / self.n;
-        self.sum_squares += ahead * (count - self.mean);
-        self.scan_sum_squares += later * (scan - self.scan_mean);
-        self.cross += later * (count - self.mean);
     }
 }

@@ -2,23 +2,42 @@
 
 use std::fmt;
 
-use taxel_skin::counted;
-
-use super::limits::{MOVED_AWAY_MAX, NOISE_RATIO_MAX, SCANS_MIN, STEADY_ERRORS_MAX, THIRD_ERRORS_MAX, THIRD_NOISE_MAX};
+use super::limits::{MOVED_AWAY_MAX, MOVED_FEW_MAX, SCANS_MIN, STEADY_ERRORS_MAX};
 use crate::request::ErrorReason;
 
 /// From here on a zero lies so far towards load that what pressed before may still be in it, counts.
 const RECOVERING_COUNTS: f64 = 0.3;
 
-/// A figure beyond its limit, and on which module; on most of the skin without one.
+/// A figure beyond its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beyond {
-    /// Position of the module.
+    /// Of what.
+    pub figure: Figure,
+    /// Position of the module; most of the skin without one.
     pub module: Option<usize>,
     /// What was measured.
     pub seen: f64,
     /// The limit.
     pub limit: f64,
+}
+
+/// What is measured of a watch. Counts are positive towards load.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Figure {
+    /// How far the median taxel drifted over the watch, counts.
+    Drift,
+    /// How many taxels of a module moved from the first half of the watch to the second.
+    Jumps,
+    /// The noise of a module's third taxel, over what it is known to be.
+    Noise,
+    /// How unlike each other the modules moved, in standard deviations: a load may be spread over many.
+    Unlike,
+    /// How far the median taxel lies towards load, counts.
+    Median,
+    /// The same of so many taxels of a module, two or three, too few to move its median.
+    Taxels(usize),
+    /// How many taxels of a module stand still further towards load: they are broken, or beyond their range under a load.
+    Standing,
 }
 
 /// What the test says. Counts are positive towards load.
@@ -32,25 +51,13 @@ pub enum RestVerdict {
         /// The module that lies furthest towards load beyond that, and how far.
         worst: Option<(usize, f64)>,
     },
-    /// Something lies on a module, or on most of the skin; in counts of the median taxel.
+    /// Something lies on the skin.
     Loaded(Beyond),
-    /// Something lies on so many taxels of a module, two or three, too few to move its median; in counts.
-    LoadedInPart(u8, Beyond),
-    /// So many taxels of a module stand still further towards load than the limit: they are broken, or beyond their range under a
-    /// load.
-    Standing(usize, Beyond),
     /// The median lies so many counts away from load, which no day moves it: the baseline is of another zero of the boards, or
     /// was itself taken under load.
     OtherZero(f64),
-    /// Something came or went on a module while the skin was watched.
-    Unsteady(usize, Unsteadiness),
-    /// Something came or went that may be spread over many modules: each moved within its noise, all together by more standard
-    /// deviations than the limit.
-    Unlike(Beyond),
-    /// The median taxel drifted over the window, counts.
-    Restless(Beyond),
-    /// The median taxel has so many times its noise at rest.
-    Trembling(f64),
+    /// Something came or went while the skin was watched.
+    Moved(Beyond),
     /// The skin is still, but there is no baseline to compare it with.
     Unproven {
         /// Taxels that took part.
@@ -71,33 +78,46 @@ pub enum RestVerdict {
     },
 }
 
-/// How a module moved while it was watched.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Unsteadiness {
-    /// Its median taxel, from the first half to the second, in counts, and the limit.
-    Median(f64, f64),
-    /// Its third taxel, from the first half to the second, in standard errors.
-    Third(f64),
-    /// The noise of its third taxel, over what it is known to be.
-    Noise(f64),
-    /// So many of its taxels each by far more than its noise.
-    Jumps(usize),
-    /// So many taxels of all modules.
-    JumpsOfSkin(usize),
-}
+impl Beyond {
+    /// The first of these figures that is beyond its limit; each with the module that it is of, and what was measured.
+    pub(super) fn first<const N: usize>(figures: [(Figure, (Option<usize>, f64), f64); N]) -> Option<Self> {
+        let found = figures.into_iter().find(|(_, (_, seen), limit)| seen > limit)?;
+        let (figure, (module, seen), limit) = found;
+        Some(Self { figure, module, seen, limit })
+    }
 
-impl fmt::Display for Unsteadiness {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Median(moved, max) => write!(f, "{moved:.1} counts between the halves of the watch, limit {max:.1}"),
-            Self::Third(errors) => write!(f, "three taxels by {errors:.1} standard errors, limit {THIRD_ERRORS_MAX}"),
-            Self::Noise(ratio) => write!(f, "three taxels have {ratio:.1} times their noise, limit {THIRD_NOISE_MAX}"),
-            Self::Jumps(taxels) => {
-                write!(f, "{} by more than {STEADY_ERRORS_MAX} standard errors", counted(*taxels, "taxel", "taxels"))
+    fn place(&self, name: impl Fn(usize) -> String) -> String {
+        self.module.map_or_else(|| "most of the skin".to_owned(), name)
+    }
+
+    /// Of what is lighter than its zero, in words.
+    pub fn told_lighter(&self, name: impl Fn(usize) -> String) -> String {
+        let on = if matches!(self.figure, Figure::Taxels(_)) { " on three taxels" } else { "" };
+        format!("{} is {:.1} counts lighter than its zero{on}", self.place(name), self.seen)
+    }
+
+    /// In words, with the modules by the names that they have for whoever looks for them.
+    fn told(&self, name: impl Fn(usize) -> String) -> String {
+        let (Self { figure, seen, limit, .. }, place) = (*self, self.place(name));
+        match figure {
+            Figure::Drift => format!("the whole skin moved ({seen:+.1} counts in the median, limit {limit:.1})"),
+            Figure::Jumps => {
+                format!("something moved on {place} ({seen} taxels by more than {STEADY_ERRORS_MAX} standard errors)")
             }
-            Self::JumpsOfSkin(taxels) => {
-                let taxels = counted(*taxels, "taxel", "taxels");
-                write!(f, "{taxels} of the skin by more than {STEADY_ERRORS_MAX} standard errors")
+            Figure::Noise => {
+                format!("something moved on {place} (three taxels have {seen:.1} times their noise, limit {limit})")
+            }
+            Figure::Unlike => {
+                format!("something moved on several modules ({seen:.1} standard deviations apart, limit {limit})")
+            }
+            Figure::Median => format!("something presses on {place} ({seen:.1} counts, limit {limit})"),
+            Figure::Standing => format!(
+                "something presses on {place}, or {seen} taxels are broken (they stand more than {} counts towards load)",
+                MOVED_FEW_MAX[0]
+            ),
+            Figure::Taxels(taxels) => {
+                let taxels = if taxels == 2 { "two" } else { "three" };
+                format!("something presses on {place} ({seen:.1} counts on {taxels} taxels, limit {limit})")
             }
         }
     }
@@ -117,8 +137,8 @@ impl RestVerdict {
     /// Why no zero is taken of a skin that this was said of, unless somebody vouches for it.
     pub const fn refusal(&self) -> ErrorReason {
         match self {
-            Self::Loaded(_) | Self::LoadedInPart(..) | Self::Standing(..) => ErrorReason::TareLoaded,
-            Self::Restless(_) | Self::Trembling(_) | Self::Unsteady(..) | Self::Unlike(_) => ErrorReason::TareUnsteady,
+            Self::Loaded(_) => ErrorReason::TareLoaded,
+            Self::Moved(_) => ErrorReason::TareUnsteady,
             Self::Rest { .. } | Self::OtherZero(_) | Self::Unproven { .. } => ErrorReason::TareUnproven,
             Self::TooShort(_) | Self::TooFew { .. } => ErrorReason::SkinSilent,
         }
@@ -126,7 +146,6 @@ impl RestVerdict {
 
     /// In words, with the modules by the names that they have for whoever looks for them.
     pub fn told(&self, name: impl Fn(usize) -> String) -> String {
-        let place = |beyond: &Beyond| beyond.module.map_or_else(|| "most of the skin".to_owned(), &name);
         match self {
             Self::Rest { median, worst } => {
                 // What a module moved beyond the others is said with what all moved: the largest is never less than the median.
@@ -138,32 +157,11 @@ impl RestVerdict {
                 let worst = worst.unwrap_or_default();
                 format!("unloaded: median shift from the models' zero {median:.2} counts{worst}{recovers}")
             }
-            Self::Loaded(beyond @ Beyond { seen, limit, .. }) => {
-                format!("something presses on {} ({seen:.1} counts, limit {limit})", place(beyond))
-            }
-            Self::LoadedInPart(taxels, beyond @ Beyond { seen, limit, .. }) => {
-                let taxels = if *taxels == 2 { "two" } else { "three" };
-                format!("something presses on {} ({seen:.1} counts on {taxels} taxels, limit {limit})", place(beyond))
-            }
-            Self::Standing(taxels, beyond) => format!(
-                "something presses on {}, or {taxels} taxels are broken (they stand more than {} counts towards load)",
-                place(beyond),
-                beyond.limit
-            ),
+            Self::Loaded(beyond) | Self::Moved(beyond) => beyond.told(name),
             Self::OtherZero(away) => {
                 format!(
                     "the boards have another zero than the models ({away:.1} counts away from load, limit {MOVED_AWAY_MAX})"
                 )
-            }
-            Self::Unsteady(module, what) => format!("something moved on {} ({what})", name(*module)),
-            Self::Unlike(Beyond { seen, limit, .. }) => {
-                format!("something moved on several modules ({seen:.1} standard deviations apart, limit {limit})")
-            }
-            Self::Restless(Beyond { seen, limit, .. }) => {
-                format!("the whole skin moved ({seen:+.1} counts in the median, limit {limit:.1})")
-            }
-            Self::Trembling(ratio) => {
-                format!("the whole skin trembled ({ratio:.1} times its noise, limit {NOISE_RATIO_MAX})")
             }
             Self::Unproven { taxels, drift, noise } => format!(
                 "the counts stand still, but there is no calibration to compare with ({taxels} taxels, drift {drift:+.2} counts, noise {noise:.2})"

@@ -8,7 +8,6 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
 use super::limits::{NOISE_MIN_COUNTS, STEADY_COUNTS_MAX, STEADY_ERRORS_MAX};
-use super::moves::Unloading;
 use super::statistics::RestStatistics;
 use crate::baseline::TaxelBaseline;
 use crate::statistics::median;
@@ -88,11 +87,6 @@ impl RestWindow {
         RestStatistics::error_between(&self.halves)
     }
 
-    /// Whether each half has scans enough to be compared with the other.
-    pub(super) fn has_both_halves(&self) -> bool {
-        self.halves.iter().all(|half| half.count() > 1)
-    }
-
     /// Mean and noise per taxel. A taxel that moved while it was watched has none: one may move without the skin being called
     /// restless, and what it reads in the mean may hide a load that came meanwhile.
     pub fn steady_baseline(&self) -> Vec<TaxelBaseline> {
@@ -112,11 +106,6 @@ impl RestWindow {
         self.all.baseline().into_iter().zip(early.into_iter().zip(late)).map(steady).collect()
     }
 
-    /// As [`Unloading::find`].
-    pub fn lighter_than(&self, zero: &[TaxelBaseline], sign: &[i8]) -> Option<Unloading> {
-        Unloading::find(zero, (&self.all.baseline(), self.all.count()), &self.modules, sign)
-    }
-
     /// How unlike each other the modules moved from half to half, as a standard normal deviate; `None` where fewer than two
     /// modules can be read in both. A light load that comes over a wide part of a skin moves each module by less than its own
     /// noise explains, and all modules together tell.
@@ -124,7 +113,7 @@ impl RestWindow {
     /// What the median module moved by is taken off first: warmth moves all. The deviate is that of a chi-square with one
     /// degree of freedom less than there are modules (Wilson and Hilferty, The Distribution of Chi-Square, 1931).
     pub(super) fn unlikeness(&self) -> Option<f64> {
-        if !self.has_both_halves() {
+        if self.halves.iter().any(|half| half.count() < 2) {
             return None;
         }
         let [early, late] = self.means.each_ref().map(RestStatistics::baseline);
