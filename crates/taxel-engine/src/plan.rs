@@ -26,7 +26,7 @@ use crate::intake::receive::IntakePlan;
 use crate::loads::load::LoadsPlan;
 use crate::model_set::ModelSet;
 use crate::regions::Regions;
-use crate::zero::plan::{ZeroPlan, modules_beside};
+use crate::zero::plan::ZeroPlan;
 
 /// Everything one engine does.
 #[derive(Clone, Debug)]
@@ -170,11 +170,9 @@ impl PatchPlan {
     /// What of it the zero needs.
     #[must_use]
     pub fn zero(&self) -> ZeroPlan {
-        let (regions, reach_m) = (Regions::new(&self.patch), self.live.contact_reach_m);
         ZeroPlan {
             tare: self.tare,
             drift: self.drift,
-            beside: modules_beside(regions.modules(), self.geometry.as_ref(), reach_m),
             activation: self.live.activation(),
             board_names: self.patch.boards().iter().map(|board| board.address.to_string()).collect(),
             module_names: (0..self.patch.modules().len()).map(|module| self.patch.module_name(module)).collect(),

@@ -96,7 +96,7 @@ impl Zero {
             unjudged: None,
             configuring: false,
             evidence: Evidence::new(&regions, &plan.board_names),
-            offset: Offset::new(plan.drift, &regions, plan.beside.clone()),
+            offset: Offset::new(plan.drift, &regions),
             ground: Ground::new(&regions, plan.activation),
             plan,
             regions,

@@ -3,7 +3,7 @@
 //! Model. Counts are turned so that load is positive: `c_i = s_i (y_i - zero_i) = b_m(t) + g_i(p_i) + e_i` with `p_i >= 0`.
 //! The offset `b_m` of a module follows its thermal pads, which no load reaches, and wanders: `db = k dT + dW`
 //! (`ModuleOffset`). It is predicted from the pads and read as the trimmed mean of the taxels of a module that nothing has
-//! touched for `HOLD_OFF_S`, nor one beside it (PX4's estimators of biases have this form).
+//! touched for `HOLD_OFF_S` (PX4's estimators of biases have this form).
 //!
 //! Load is one-sided, and so is the gate. What is lighter than predicted is always taken. What is heavier is taken only
 //! within three standard deviations, and while what no warmth of the pads explains weighs less than `ABSORBED_MAX`: else
@@ -62,9 +62,8 @@ const TABLES_S: f64 = 10.0;
 #[derive(Clone, Debug)]
 pub struct Offset {
     plan: DriftPlan,
-    /// Of each module its taxels, and the modules beside it.
+    /// Of each module its taxels.
     taxels: Vec<Range<usize>>,
-    beside: Vec<Vec<usize>>,
     modules: Vec<ModuleOffset>,
     window: RestStatistics,
     /// Whether the counts of all scans of the window count.
@@ -90,12 +89,11 @@ pub struct Told {
 
 impl Offset {
     /// Of no zero yet.
-    pub fn new(plan: DriftPlan, regions: &Regions, beside: Vec<Vec<usize>>) -> Self {
+    pub fn new(plan: DriftPlan, regions: &Regions) -> Self {
         Self {
             plan,
             taxels: regions.modules().to_vec(),
             modules: vec![ModuleOffset::default(); regions.modules().len()],
-            beside,
             window: RestStatistics::new(regions.taxels()),
             counts: true,
             newton_per_count: Vec::new(),
@@ -205,14 +203,13 @@ impl Offset {
                     offsets.push((moved, zero.noise));
                 }
             }
-            (!touched && offsets.len() >= TAXELS_MIN.min(taxels.len())).then(|| trimmed(offsets))
+            if touched || offsets.len() < TAXELS_MIN.min(taxels.len()) {
+                return None;
+            }
+            let (seen, noise) = trimmed(offsets);
+            Some((seen, noise.hypot(READING_SIGMA)))
         };
-        let quiet: Vec<Option<(f64, f64)>> = self.taxels.iter().zip(&self.modules).map(offsets).collect();
-        let unless_near = |(beside, seen): (&Vec<usize>, &Option<(f64, f64)>)| {
-            let near = beside.iter().any(|&other| quiet.get(other).is_some_and(Option::is_none));
-            seen.filter(|_| !near).map(|(seen, noise)| (seen, noise.hypot(READING_SIGMA)))
-        };
-        let read: Vec<Option<(f64, f64)>> = self.beside.iter().zip(&quiet).map(unless_near).collect();
+        let read: Vec<Option<(f64, f64)>> = self.taxels.iter().zip(&self.modules).map(offsets).collect();
         let heavier_may = self.absorbs(&read);
         for (module, read) in self.modules.iter_mut().zip(&read) {
             module.untouched_s = if read.is_some() { module.untouched_s + WINDOW_S } else { 0.0 };

@@ -5,14 +5,13 @@ use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 use super::*;
 use crate::baseline::Activation;
 use crate::zero::module_offset::GUESS;
-use crate::zero::plan::modules_beside;
 use crate::zero::rest::tests::Noise;
 
 const MODULES: usize = 8;
 const TAXELS: usize = 10 * MODULES;
 const ZERO: f64 = 240.3;
 
-/// A board of eight triangles, all beside each other unless `apart`, scanned every 50 ms.
+/// A board of eight triangles, scanned every 50 ms.
 struct Watched {
     offset: Offset,
     ground: Ground,
@@ -23,20 +22,16 @@ struct Watched {
 }
 
 impl Watched {
-    fn new(follow: bool, apart: bool) -> Self {
+    fn new(follow: bool) -> Self {
         let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
         let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
         let patch = Patch::new("p", vec![board]).unwrap();
         let regions = Regions::new(&patch);
-        let mut beside = modules_beside(regions.modules(), None, 0.01);
-        if apart {
-            beside.iter_mut().for_each(Vec::clear);
-        }
         let taken = vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; TAXELS];
         let mut ground = Ground::new(&regions, Activation { sigmas: 4.0, floor_counts: 2.0 });
         ground.take(&taken);
         let plan = DriftPlan { follow, ..DriftPlan::default() };
-        let offset = Offset::new(plan, &regions, beside);
+        let offset = Offset::new(plan, &regions);
         let mut new = Self { offset, ground, taken, noise: Noise(5), scans: 0, pads: 100.4 };
         new.seconds(2.0, |_| 0.0);
         new.zero();
@@ -85,7 +80,7 @@ fn near(is: f64, expected: f64, within: f64) {
 
 #[test]
 fn what_a_module_learns_of_its_pads_it_and_the_others_know_later() {
-    let mut watched = Watched::new(true, true);
+    let mut watched = Watched::new(true);
     let touched = |taxel: usize| if taxel < 10 { 20.0 } else { 0.0 };
     for minute in 0..40 {
         watched.pads = 100.4 - 0.1 * f64::from(minute);
@@ -99,23 +94,21 @@ fn what_a_module_learns_of_its_pads_it_and_the_others_know_later() {
 }
 
 #[test]
-fn a_module_that_is_touched_and_those_beside_it_are_not_read_for_half_a_minute() {
-    for apart in [false, true] {
-        let mut watched = Watched::new(false, apart);
-        watched.seconds(4.0, |taxel| if taxel < 3 { 10.0 } else { 0.0 });
-        watched.seconds(20.0, |_| -0.4);
-        near(watched.offset(0), 0.0, 0.2); // as far as its pads are noisy
-        near(watched.offset(5), if apart { -0.4 } else { 0.0 }, 0.2);
-        watched.seconds(20.0, |_| -0.4);
-        near(watched.offset(0), -0.4, 0.2);
-    }
+fn a_module_that_is_touched_is_not_read_for_half_a_minute() {
+    let mut watched = Watched::new(false);
+    watched.seconds(4.0, |taxel| if taxel < 3 { 10.0 } else { 0.0 });
+    watched.seconds(20.0, |_| -0.4);
+    near(watched.offset(0), 0.0, 0.2); // as far as its pads are noisy
+    near(watched.offset(5), -0.4, 0.2);
+    watched.seconds(20.0, |_| -0.4);
+    near(watched.offset(0), -0.4, 0.2);
 }
 
 /// The tables follow lighter alone, unless the zero is to follow the temperature; then to its bound.
 #[test]
 fn the_tables_follow_what_no_load_can_be_and_the_rest_where_it_is_asked_for() {
     for (follow, drift, moved) in [(false, -0.5, -0.5), (false, 0.3, 0.0), (true, -0.5, -0.5), (true, -6.0, -3.0)] {
-        let mut watched = Watched::new(follow, false);
+        let mut watched = Watched::new(follow);
         watched.seconds(60.0, |_| drift);
         near(watched.offset.followed_counts(), moved, 0.1);
         assert_eq!(watched.offset.shortcoming().is_some(), follow && drift < -3.0, "{follow} {drift}");
@@ -126,7 +119,7 @@ fn the_tables_follow_what_no_load_can_be_and_the_rest_where_it_is_asked_for() {
 #[test]
 fn what_has_left_the_skin_hides_in_the_zero_no_longer_unless_cold_explains_it() {
     for (pads, left) in [(0.0, -0.8), (0.9, 0.0), (-0.9, -0.8 - 0.45)] {
-        let mut watched = Watched::new(false, false);
+        let mut watched = Watched::new(false);
         watched.pads += pads;
         watched.seconds(60.0, |_| -0.8);
         let stays = watched.offset.what_stays_of(&watched.taken, watched.ground.signs());
@@ -138,7 +131,7 @@ fn what_has_left_the_skin_hides_in_the_zero_no_longer_unless_cold_explains_it() 
 /// as much of a load.
 #[test]
 fn what_the_zero_hides_and_its_uncertainty_are_told_as_forces() {
-    let mut watched = Watched::new(false, false);
+    let mut watched = Watched::new(false);
     near(watched.offset.sigma().0, MODULES as f64 * ZERO_SIGMA, 1e-9);
     near(watched.offset.hides().0, 0.0, 1e-9);
     watched.seconds(8.0, |_| -0.1);
@@ -151,7 +144,7 @@ fn what_the_zero_hides_and_its_uncertainty_are_told_as_forces() {
 
 #[test]
 fn after_a_restart_the_first_scan_tells_what_the_pads_say_of_the_time_between() {
-    let mut watched = Watched::new(false, false);
+    let mut watched = Watched::new(false);
     let then = watched.offset.pads();
     watched.pads += 6.0;
     watched.seconds(2.0, |_| 0.0);

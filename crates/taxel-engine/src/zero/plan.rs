@@ -1,8 +1,6 @@
 //! What the zero needs to know of a patch.
 
-use std::ops::Range;
 use std::time::Duration;
-use taxel_skin::Geometry;
 
 use crate::baseline::Activation;
 
@@ -43,8 +41,6 @@ pub struct ZeroPlan {
     pub tare: TarePlan,
     /// Whether and how far it follows the temperature.
     pub drift: DriftPlan,
-    /// Of each module those that lie beside it.
-    pub beside: Vec<Vec<usize>>,
     /// When a taxel counts as touched.
     pub activation: Activation,
     /// What each board is called.
@@ -58,18 +54,4 @@ impl ZeroPlan {
     pub fn module_name(&self, module: usize) -> String {
         self.module_names.get(module).cloned().unwrap_or_else(|| format!("module {module}"))
     }
-}
-
-/// Of each module of a patch those that lie beside it: with taxels closer than `reach_m`. Without positions of both, two modules
-/// count as beside each other.
-pub fn modules_beside(modules: &[Range<usize>], geometry: Option<&Geometry>, reach_m: f64) -> Vec<Vec<usize>> {
-    let place = |taxel: usize| geometry?.poses.get(taxel).copied().flatten().map(|pose| pose.position);
-    let places: Vec<Vec<[f64; 3]>> = modules.iter().map(|taxels| taxels.clone().filter_map(place).collect()).collect();
-    let near = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>() <= reach_m.powi(2);
-    let beside = |a: usize, b: usize| {
-        let (a, b) = (&places[a], &places[b]);
-        a.is_empty() || b.is_empty() || a.iter().any(|a| b.iter().any(|b| near(a, b)))
-    };
-    let of = |one: usize| (0..modules.len()).filter(|&other| other != one && beside(one, other)).collect();
-    (0..modules.len()).map(of).collect()
 }

@@ -17,7 +17,7 @@ use crate::zero::bag::Bag;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::{Trust, Zero};
 use crate::zero::kept::{KeptZero, TakenZero};
-use crate::zero::plan::{DriftPlan, TarePlan, ZeroPlan, modules_beside};
+use crate::zero::plan::{DriftPlan, TarePlan, ZeroPlan};
 use crate::zero::view::DriftState;
 use crate::zero::watch::Purpose;
 
@@ -110,7 +110,6 @@ impl Skin {
         let plan = ZeroPlan {
             tare: TarePlan { at_start: false, ..TarePlan::default() },
             drift,
-            beside: modules_beside(regions.modules(), None, 0.01),
             activation: Activation { sigmas: 4.0, floor_counts: 2.0 },
             board_names: vec!["12".to_owned()],
             module_names: Vec::new(),
