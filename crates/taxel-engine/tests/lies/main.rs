@@ -50,9 +50,9 @@ const BOUNDS: Bounds = Bounds {
     ok_min: 0.945,
     force_min: 0.88,
     open_max: 0.05,
-    undetected_max_n: 0.8,
+    undetected_max_n: 0.75,
     sigma_max_n: 0.57, // grows with the loads that are weighed, so also with the time that has a force
-    width_max_n: 2.15,
+    width_max_n: 2.05,
     error_max: 0.2,
     sigma_over_error_max: 1.3,
     covered_min: 0.93,
