@@ -6,11 +6,12 @@ use super::form::Form;
 use super::lag::{RADII, SCANS};
 use super::numbers::mean;
 use super::sigma::SigmaByReading;
+use crate::fit::fit as fit_polynomial;
 use crate::model::{Quality, Sign, TaxelModel};
 use crate::options::FitOptions;
 use crate::plays::Plays;
 use crate::points::Points;
-use crate::samples::{Samples, fit as fit_polynomial};
+use crate::samples::Samples;
 use crate::status::{Flag, Status};
 use crate::uncertainty::SigmaProfile;
 
