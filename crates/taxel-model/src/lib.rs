@@ -32,6 +32,7 @@ mod extension;
 mod figure;
 mod fit;
 mod model;
+mod numbers;
 mod options;
 mod orthogonal;
 mod plays;
