@@ -2,92 +2,60 @@
 
 use crate::curve::Curve;
 use crate::model::TaxelModel;
-use crate::options::MAX_ORDER;
+use crate::options::TERMS_MAX;
 use crate::status::Flag;
-use thiserror::Error;
+use crate::uncertainty::KNOTS_MAX;
 
-/// Why a model cannot be served.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum ModelError {
-    /// A usable model needs a curve and a range.
-    #[error("status is `ok` but the model has no {missing}")]
-    Missing {
-        /// What is not there.
-        missing: &'static str,
-    },
-    /// A polynomial of order 0 to 10 has 1 to 11 coefficients.
-    #[error("the curve has {found} coefficients, 1 to {} are possible", MAX_ORDER + 1)]
-    Coefficients {
-        /// How many there are.
-        found: usize,
-    },
-    /// A number is not finite or not where it must be.
-    #[error("{name} is {value}, expected {expected}")]
-    Number {
-        /// Which number.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What is allowed.
-        expected: &'static str,
-    },
-    /// The curve turns within its range, or is none, and the model does not say so.
-    #[error("the curve is not monotone near count {count}")]
-    NotMonotone {
-        /// A count where the slope has the wrong sign.
-        count: f64,
-    },
+fn number(name: &str, value: f64, good: bool, expected: &str) -> Result<(), String> {
+    if good && value.is_finite() { Ok(()) } else { Err(format!("{name} is {value}, expected {expected}")) }
 }
 
-fn number(name: &'static str, value: f64, good: bool, expected: &'static str) -> Result<(), ModelError> {
-    if good && value.is_finite() { Ok(()) } else { Err(ModelError::Number { name, value, expected }) }
+fn entries(name: &str, found: usize, most: usize) -> Result<(), String> {
+    if (1..=most).contains(&found) {
+        Ok(())
+    } else {
+        Err(format!("{name} has {found} entries, 1 to {most} are possible"))
+    }
 }
 
 impl TaxelModel {
     /// Checks everything that evaluation relies on: finite numbers, an ordered range, a monotone curve.
     ///
     /// # Errors
-    /// [`ModelError`] names the first thing that is wrong. A model without a curve is sound unless its status is ok.
-    pub fn validate(&self) -> Result<(), ModelError> {
+    /// Names the first thing that is wrong. A model without a curve is sound unless its status is ok.
+    pub fn validate(&self) -> Result<(), String> {
+        let missing = |what| format!("status is `ok` but the model has no {what}");
         if self.served().is_none() {
-            return if self.status.is_ok() { Err(ModelError::Missing { missing: "curve" }) } else { Ok(()) };
+            return if self.status.is_ok() { Err(missing("curve")) } else { Ok(()) };
         }
-        let [low, high] = self.range.ok_or(ModelError::Missing { missing: "range" })?;
+        let [low, high] = self.range.ok_or_else(|| missing("range"))?;
         number("range[0]", low, true, "a finite count")?;
         number("range[1]", high, high >= low, "a finite count not below range[0]")?;
-        self.validate_sigma()?;
-        if let Some(curve) = &self.curve {
-            validate_numbers(curve)?;
+        if let Some(sigma) = &self.sigma {
+            number("sigma.first_count", sigma.first_count, true, "a finite count")?;
+            number("sigma.step_counts", sigma.step_counts, sigma.step_counts > 0.0, "a positive number of counts")?;
+            entries("sigma.sigma_kpa", sigma.sigma_kpa.len(), KNOTS_MAX)?;
+            let deviation = |s: &f64| number("sigma.sigma_kpa", *s, *s >= 0.0, "standard deviations of 0 kPa and more");
+            sigma.sigma_kpa.iter().try_for_each(deviation)?;
         }
+        self.curve.as_ref().map_or(Ok(()), validate_numbers)?;
         let told = self.flags.iter().any(|flag| matches!(flag, Flag::NotMonotone { .. }));
-        match (&self.points, &self.curve) {
+        let turns = match (&self.points, &self.curve) {
             (Some(points), _) => {
-                let problem = points.problem(self.sign.as_f64());
-                problem.map_or(Ok(()), |count| Err(ModelError::NotMonotone { count }))
+                entries("points.counts", points.counts.len(), KNOTS_MAX)?;
+                points.problem(self.sign.as_f64())
             }
-            (None, Some(curve)) if self.status.is_ok() && !told => {
-                let turns = curve.wrong_slope([low, high], self.sign.as_f64());
-                turns.map_or(Ok(()), |count| Err(ModelError::NotMonotone { count }))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn validate_sigma(&self) -> Result<(), ModelError> {
-        let Some(sigma) = &self.sigma else { return Ok(()) };
-        number("sigma.first_count", sigma.first_count, true, "a finite count")?;
-        number("sigma.step_counts", sigma.step_counts, sigma.step_counts > 0.0, "a positive number of counts")?;
-        let mut deviations = sigma.sigma_kpa.iter();
-        deviations.try_for_each(|s| number("sigma.sigma_kpa", *s, *s >= 0.0, "standard deviations of 0 kPa and more"))
+            (None, Some(curve)) if self.status.is_ok() && !told => curve.wrong_slope([low, high], self.sign.as_f64()),
+            _ => None,
+        };
+        turns.map_or(Ok(()), |count| Err(format!("the curve is not monotone near count {count}")))
     }
 }
 
-fn validate_numbers(curve: &Curve) -> Result<(), ModelError> {
+fn validate_numbers(curve: &Curve) -> Result<(), String> {
     number("curve.centre", curve.centre, true, "a finite count")?;
     number("curve.half_width", curve.half_width, curve.half_width > 0.0, "a positive number of counts")?;
-    if curve.chebyshev.is_empty() || curve.chebyshev.len() > usize::from(MAX_ORDER) + 1 {
-        return Err(ModelError::Coefficients { found: curve.chebyshev.len() });
-    }
+    entries("curve.chebyshev", curve.chebyshev.len(), TERMS_MAX)?;
     curve.chebyshev.iter().try_for_each(|c| number("curve.chebyshev", *c, true, "finite coefficients"))
 }
 
@@ -113,7 +81,9 @@ mod tests {
         assert!(with(&|m| m.curve = None).contains("no curve"));
         assert!(with(&|m| m.range = Some([2.0, 1.0])).contains("range[1] is 1"));
         assert!(with(&|m| m.curve = Some(Curve { half_width: 0.0, ..curve.clone() })).contains("half_width is 0"));
-        assert!(with_series(vec![1.0; 12]).contains("12 coefficients"));
+        assert!(with_series(vec![1.0; 12]).contains("has 12 entries, 1 to 11"));
+        let knots = |m: &mut TaxelModel| m.sigma.as_mut().unwrap().sigma_kpa = vec![1.0; KNOTS_MAX + 1];
+        assert!(with(&knots).contains("has 1026 entries, 1 to 1025"));
         assert!(with_series(vec![f64::NAN]).contains("NaN"));
         assert!(with_series(vec![0.0, 0.0, 1.0]).contains("monotone"));
     }

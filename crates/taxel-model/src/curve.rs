@@ -1,8 +1,5 @@
 //! A taxel's curve in the form it is served in.
 
-use crate::bounded;
-use crate::options::TERMS_MAX;
-use crate::series::{Chebyshev, powers_of, powers_of_raw};
 use serde::{Deserialize, Serialize};
 
 /// Places of a range at which the slope of a curve is looked at, eight and more a count of a converter of 8 bits.
@@ -22,7 +19,6 @@ pub struct Curve {
     /// Counts from the centre to the farther end of the range; positive.
     pub half_width: f64,
     /// Coefficients of T_0, T_1, ... in kPa; 1 to 11 of them.
-    #[serde(deserialize_with = "bounded::list::<_, _, TERMS_MAX>")]
     pub chebyshev: Vec<f64>,
 }
 
@@ -76,17 +72,6 @@ impl Curve {
     #[must_use]
     pub fn order(&self) -> usize {
         self.chebyshev.len().saturating_sub(1)
-    }
-
-    pub(crate) fn new(series: &Chebyshev, centre: f64, half_width: f64) -> Self {
-        Self { centre, half_width, chebyshev: series.iter().map(|c| c.to_f64()).collect() }
-    }
-
-    /// Coefficients in powers of the raw count of a series before its rounding to f64, each correctly rounded; none
-    /// if one of them is beyond f64.
-    pub(crate) fn raw_coefficients(series: &Chebyshev, centre: f64, half_width: f64) -> Vec<f64> {
-        let raw: Vec<f64> = powers_of_raw(&powers_of(series), centre, half_width).iter().map(|c| c.to_f64()).collect();
-        if raw.iter().all(|c| c.is_finite()) { raw } else { Vec::new() }
     }
 }
 

@@ -16,7 +16,6 @@ pub struct Dd {
 }
 
 /// `a + b` and its rounding error (Knuth).
-#[inline]
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let s = a + b;
     let v = s - a;
@@ -24,14 +23,12 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
 }
 
 /// `a + b` and its rounding error where |a| >= |b| (Dekker).
-#[inline]
 fn quick_two_sum(a: f64, b: f64) -> (f64, f64) {
     let s = a + b;
     (s, b - (s - a))
 }
 
 /// `a` as two halves of 26 bits (Veltkamp).
-#[inline]
 fn split(a: f64) -> (f64, f64) {
     const SPLITTER: f64 = 134_217_729.0; // 2^27 + 1
     let c = SPLITTER * a;
@@ -40,7 +37,6 @@ fn split(a: f64) -> (f64, f64) {
 }
 
 /// `a * b` and its rounding error (Dekker).
-#[inline]
 fn two_prod(a: f64, b: f64) -> (f64, f64) {
     let p = a * b;
     let (ah, al) = split(a);
@@ -52,37 +48,14 @@ impl Dd {
     /// Zero.
     pub const ZERO: Self = Self { hi: 0.0, lo: 0.0 };
 
-    /// The sum of two f64 of any size, exact.
-    #[inline]
-    pub fn sum(a: f64, b: f64) -> Self {
-        let (hi, lo) = two_sum(a, b);
-        Self { hi, lo }
-    }
-
-    /// The sum with an f64.
-    #[inline]
-    pub fn add_f64(self, b: f64) -> Self {
-        let (s, e) = two_sum(self.hi, b);
-        let (hi, lo) = quick_two_sum(s, e + self.lo);
-        Self { hi, lo }
-    }
-
     /// The product with an f64.
-    #[inline]
     pub fn scale(self, b: f64) -> Self {
         let (p, e) = two_prod(self.hi, b);
         let (hi, lo) = quick_two_sum(p, e + self.lo * b);
         Self { hi, lo }
     }
 
-    /// The product with a power of two, exact.
-    #[inline]
-    pub fn scale_exact(self, power_of_two: f64) -> Self {
-        Self { hi: self.hi * power_of_two, lo: self.lo * power_of_two }
-    }
-
     /// The quotient with an f64, good but for the last two bits.
-    #[inline]
     pub fn div_f64(self, b: f64) -> Self {
         let q1 = self.hi / b;
         let (p, e) = two_prod(q1, b);
@@ -90,16 +63,9 @@ impl Dd {
         let (hi, lo) = quick_two_sum(q1, rest / b);
         Self { hi, lo }
     }
-
-    /// The nearest f64.
-    #[inline]
-    pub const fn to_f64(self) -> f64 {
-        self.hi
-    }
 }
 
 impl From<f64> for Dd {
-    #[inline]
     fn from(hi: f64) -> Self {
         Self { hi, lo: 0.0 }
     }
@@ -107,7 +73,6 @@ impl From<f64> for Dd {
 
 impl Add for Dd {
     type Output = Self;
-    #[inline]
     fn add(self, b: Self) -> Self {
         let (s, e) = two_sum(self.hi, b.hi);
         let (t, f) = two_sum(self.lo, b.lo);
@@ -119,7 +84,6 @@ impl Add for Dd {
 
 impl Neg for Dd {
     type Output = Self;
-    #[inline]
     fn neg(self) -> Self {
         Self { hi: -self.hi, lo: -self.lo }
     }
@@ -127,7 +91,6 @@ impl Neg for Dd {
 
 impl Sub for Dd {
     type Output = Self;
-    #[inline]
     fn sub(self, b: Self) -> Self {
         self + -b
     }
@@ -135,7 +98,6 @@ impl Sub for Dd {
 
 impl Mul for Dd {
     type Output = Self;
-    #[inline]
     fn mul(self, b: Self) -> Self {
         let (p, e) = two_prod(self.hi, b.hi);
         let (hi, lo) = quick_two_sum(p, e + (self.hi * b.lo + self.lo * b.hi));
@@ -163,7 +125,7 @@ mod tests {
 
         #[test]
         fn sums_are_exact(a in -(1_i64 << 52)..(1_i64 << 52), b in -(1_i64 << 20)..(1_i64 << 20)) {
-            let s = Dd::sum(a as f64 * 1024.0, b as f64 / 4.0);
+            let s = Dd::from(a as f64 * 1024.0) + Dd::from(b as f64 / 4.0);
             prop_assert_eq!((s.hi * 4.0) as i128 + (s.lo * 4.0) as i128, i128::from(a) * 4096 + i128::from(b));
         }
     }

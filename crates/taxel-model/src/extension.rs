@@ -13,6 +13,7 @@
 //! The crate's README has what it gains on a real skin.
 
 use crate::model::Sign;
+use crate::numbers::median;
 use crate::points::Served;
 
 /// Share of the range over which an end's slope is taken.
@@ -95,10 +96,11 @@ impl SkinSlope {
             (pair.0.is_finite() && pair.1.is_finite()).then_some(pair)
         };
         let (last, before): (Vec<f64>, Vec<f64>) = ends.into_iter().filter_map(ratios).unzip();
-        let ratio = median(last.clone())?;
-        let deviation = median(last.iter().map(|r| (r - ratio).abs()).collect())?;
-        let bend = (ratio - median(before)?).abs();
-        Some(Self { ratio: ratio.max(0.0), scatter: (SIGMA_OF_MAD * deviation).max(SCATTER_REL), bend })
+        let ratio = median(last.clone());
+        let deviation = median(last.iter().map(|r| (r - ratio).abs()).collect());
+        let bend = (ratio - median(before)).abs();
+        let scatter = (SIGMA_OF_MAD * deviation).max(SCATTER_REL);
+        (!last.is_empty()).then_some(Self { ratio: ratio.max(0.0), scatter, bend })
     }
 
     /// How a taxel's curve goes on; `None` if it has no slope.
@@ -107,17 +109,9 @@ impl SkinSlope {
         let mean = end.mean_slope()?;
         let near = OWN_SLOPE_SIGMAS * self.scatter;
         let own = end.ratio(0.0, mean).max(self.ratio - near).min(self.ratio + near);
-        let width = end.range[1] - end.range[0];
-        Some(Extension {
-            from: end.count(),
-            sign: end.sign,
-            reach_counts: REACH * width,
-            slope_kpa: mean * (0.5 * (self.ratio + own)).max(0.0),
-            own_kpa: mean * self.scatter,
-            shared_kpa: mean * SLOPE_REL * self.ratio,
-            bend_kpa: mean * self.bend,
-            chord_counts: CHORD * width,
-        })
+        let slope_kpa = mean * (0.5 * (self.ratio + own)).max(0.0);
+        let (from, sign, width_counts) = (end.count(), end.sign, end.range[1] - end.range[0]);
+        Some(Extension { from, sign, width_counts, slope_kpa, mean_kpa: mean, skin: *self })
     }
 }
 
@@ -126,12 +120,10 @@ impl SkinSlope {
 pub struct Extension {
     from: f64,
     sign: Sign,
-    reach_counts: f64,
+    width_counts: f64,
     slope_kpa: f64,
-    own_kpa: f64,
-    shared_kpa: f64,
-    bend_kpa: f64,
-    chord_counts: f64,
+    mean_kpa: f64,
+    skin: SkinSlope,
 }
 
 /// What a count beyond the range adds to the pressure at the range's end.
@@ -161,24 +153,17 @@ impl Extension {
         if !(distance > 0.0 && distance.is_finite()) {
             return Beyond::default();
         }
-        let added = distance.min(self.reach_counts);
+        let added = distance.min(REACH * self.width_counts);
         // The chord's slope is that of its middle, half a chord before the end. Beyond that the slope may change at least
         // as fast as before: curves of skin that stiffens bend more and more.
-        let bend = added * self.bend_kpa * (0.5 + added / self.chord_counts);
+        let bend = added * self.mean_kpa * self.skin.bend * (0.5 + added / (CHORD * self.width_counts));
         let untold = (distance - added) * self.slope_kpa;
         Beyond {
             kpa: added * self.slope_kpa,
-            own_kpa: distance * self.own_kpa,
-            shared_kpa: (distance * self.shared_kpa).hypot(bend).hypot(untold),
+            own_kpa: distance * self.mean_kpa * self.skin.scatter,
+            shared_kpa: (distance * self.mean_kpa * SLOPE_REL * self.skin.ratio).hypot(bend).hypot(untold),
         }
     }
-}
-
-/// The median; `None` of nothing.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let (below, above) = (values.get(values.len().checked_sub(1)? / 2)?, values.get(values.len() / 2)?);
-    Some(0.5 * (below + above))
 }
 
 #[cfg(test)]

@@ -12,9 +12,9 @@
 //!
 //! Counts are read by the fit of their skin ([`skin`]). Beside it stands the paper's polynomial ([`fit()`]):
 //!
-//! 1. Reduce: the mean of each count stands for all of its samples (`reduce`).
+//! 1. Reduce: the mean of each count stands for all of its samples (`samples`).
 //! 2. Solve on polynomials orthonormal over the reduced rows, refined in double-double (`orthogonal`, `refine`).
-//! 3. Tell whether it is monotone (`curve`), and its error (`uncertainty`).
+//! 3. Tell whether it is monotone (`curve`), and its error (`fit`).
 //!
 //! Beyond its range a curve goes on as the skin's curves do ([`SkinSlope`]). [`Status`] says whether a curve may be used,
 //! [`Flag`]s what else there is to know.
@@ -25,7 +25,6 @@
 //! Nothing here does I/O, and nothing panics on data: what has no curve says why. Equal samples give bit-identical
 //! models in whatever order they come.
 
-mod bounded;
 mod check;
 mod curve;
 mod dd;
@@ -33,11 +32,11 @@ mod extension;
 mod figure;
 mod fit;
 mod model;
+mod numbers;
 mod options;
 mod orthogonal;
 mod plays;
 mod points;
-mod reduce;
 mod refine;
 mod samples;
 mod scale;
@@ -49,15 +48,15 @@ mod status;
 mod uncertainty;
 mod workers;
 
-pub use check::ModelError;
 pub use curve::Curve;
 pub use extension::{Beyond, End, Extension, SkinSlope};
 pub use figure::figure;
+pub use fit::fit;
 pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
 pub use options::{FitOptions, GaugeUncertainty, MAX_ORDER, TERMS_MAX};
 pub use plays::{PLAYS, PlayState, Plays};
 pub use points::{Points, Served};
-pub use samples::{Samples, fit};
+pub use samples::Samples;
 pub use status::{Flag, Status};
 pub use uncertainty::{SigmaProfile, student_975};
 pub use workers::{OneByOne, Workers, map};

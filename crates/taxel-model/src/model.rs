@@ -40,6 +40,16 @@ pub enum RangeState {
 }
 
 impl RangeState {
+    /// Of a count and the least and greatest calibrated one.
+    #[must_use]
+    pub fn of(count: f64, [low, high]: [f64; 2]) -> Self {
+        match count {
+            c if c < low => Self::Below,
+            c if c > high => Self::Above,
+            _ => Self::InRange,
+        }
+    }
+
     /// The same of pressure instead of counts: where these fall with pressure, few counts are much pressure.
     #[must_use]
     pub const fn in_pressure(self, sign: Sign) -> Self {
@@ -157,20 +167,9 @@ impl TaxelModel {
         if !count.is_finite() {
             return None;
         }
-        let range = match count {
-            c if c < low => RangeState::Below,
-            c if c > high => RangeState::Above,
-            _ => RangeState::InRange,
-        };
+        let range = RangeState::of(count, [low, high]);
         let inside = count.max(low).min(high);
         let sigma_kpa = self.sigma.as_ref().map_or(f64::INFINITY, |sigma| sigma.at(inside));
         Some(Reading { kpa: curve.evaluate(inside), sigma_kpa, range })
-    }
-
-    /// The pressure of [`Self::evaluate`] alone, kPa, for whole recordings.
-    #[must_use]
-    pub fn kpa(&self, count: f64) -> Option<f64> {
-        let (curve, [low, high]) = (self.served()?, self.range?);
-        count.is_finite().then(|| curve.evaluate(count.max(low).min(high)))
     }
 }

@@ -27,14 +27,6 @@ pub struct GaugeUncertainty {
     pub noise_kpa: f64,
 }
 
-impl GaugeUncertainty {
-    /// Standard uncertainty, in kPa, that the gauge adds to a pressure of `kpa`: sqrt((gain P)^2 + offset^2).
-    #[must_use]
-    pub fn sigma_kpa(&self, kpa: f64) -> f64 {
-        (self.gain_rel * kpa).hypot(self.offset_kpa)
-    }
-}
-
 /// How a taxel is fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {

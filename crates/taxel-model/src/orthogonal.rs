@@ -16,8 +16,6 @@ pub(crate) struct Basis {
     pub vectors: Vec<Vec<f64>>,
     pub alpha: Vec<f64>,
     pub beta: Vec<f64>,
-    /// 1 / beta.
-    pub gain: Vec<f64>,
     /// Sum of the weights.
     pub weight: f64,
 }
@@ -43,11 +41,8 @@ impl Basis {
     /// `t` are the abscissae, roughly within -1..1; `root_n` are the roots of positive weights. At least one row.
     pub fn new(t: &[f64], root_n: &[f64], max_order: usize) -> Self {
         let weight = dot(root_n, root_n);
-        let first = root_n.iter().map(|root| root / weight.sqrt()).collect();
-        let coefficients = || Vec::with_capacity(max_order);
-        let (alpha, beta, gain) = (coefficients(), coefficients(), coefficients());
-        let mut basis = Self { vectors: Vec::with_capacity(max_order + 1), alpha, beta, gain, weight };
-        basis.vectors.push(first);
+        let first: Vec<f64> = root_n.iter().map(|root| root / weight.sqrt()).collect();
+        let mut basis = Self { vectors: vec![first], alpha: Vec::new(), beta: Vec::new(), weight };
         for k in 0..max_order.min(t.len().saturating_sub(1)) {
             let mut v: Vec<f64> = t.iter().zip(&basis.vectors[k]).map(|(t, q)| t * q).collect();
             let before = dot(&v, &v).sqrt();
@@ -64,11 +59,9 @@ impl Basis {
             if length.is_nan() || length <= RANK_TOLERANCE * before {
                 break;
             }
-            let gain = 1.0 / length;
-            v.iter_mut().for_each(|v| *v *= gain);
+            v.iter_mut().for_each(|v| *v /= length);
             basis.alpha.push(alpha);
             basis.beta.push(length);
-            basis.gain.push(gain);
             basis.vectors.push(v);
         }
         basis
@@ -117,10 +110,10 @@ impl Basis {
         let mut last = vec![0.0; t.len()];
         let mut leverages = vec![(first * first, first); t.len()];
         for k in 0..order.min(self.order()) {
-            let (alpha, gain) = (self.alpha[k], self.gain[k]);
+            let (alpha, length) = (self.alpha[k], self.beta[k]);
             let beta = if k == 0 { 0.0 } else { self.beta[k - 1] };
             for ((t, last), (leverage, phi)) in t.iter().zip(&mut last).zip(&mut leverages) {
-                (*last, *phi) = (*phi, ((t - alpha) * *phi - beta * *last) * gain);
+                (*last, *phi) = (*phi, ((t - alpha) * *phi - beta * *last) / length);
                 *leverage += *phi * *phi;
             }
         }

@@ -9,7 +9,7 @@
 //!
 //! A play knows no time, so that neither the sampling rate nor a gap can make it unstable.
 
-use crate::model::{RangeState, Sign};
+use crate::model::Sign;
 use serde::{Deserialize, Serialize};
 
 /// How many plays a model has at most; the others have a radius of 0, and add nothing.
@@ -28,53 +28,9 @@ pub struct Plays {
     pub weights_kpa: [f64; PLAYS],
 }
 
-/// Where the plays of one taxel stand. The default is that nothing was read yet.
+/// Where the plays of one taxel stand, as loads: counts, turned so that load is positive. The default is that nothing was read yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlayState(Option<[f64; PLAYS]>);
-
-impl PlayState {
-    /// Follows the count, from where `frame` says that the plays may stand before the first one.
-    fn follow(&mut self, count: f64, frame: &Frame) -> [f64; PLAYS] {
-        let mut z = self.0.unwrap_or_else(|| frame.radii.map(|r| frame.unknown(count, r)));
-        for (z, r) in z.iter_mut().zip(&frame.radii) {
-            *z = z.max(count - r).min(count + r);
-        }
-        self.0 = Some(z);
-        z
-    }
-}
-
-/// What plays move in.
-#[derive(Clone, Copy, Debug)]
-struct Frame {
-    radii: [f64; PLAYS],
-    range: [f64; 2],
-    sign: Sign,
-}
-
-impl Frame {
-    /// Where a play stands at a count that a pressure came to that only rose from rest.
-    fn risen(&self, count: f64, r: f64) -> f64 {
-        let sign = self.sign.as_f64();
-        let rest = (sign * self.range[0]).min(sign * self.range[1]);
-        sign * (rest + r).max(sign * count - r)
-    }
-
-    /// Where a play stands at its first count, of whose past nothing is known: midway between where a pressure that only
-    /// rose from rest would have left it and where one that only fell from the top would have. At rest both are the same:
-    /// the last load has gone, and the play hangs back on the side of the load. Without this a touch that begins at rest
-    /// would begin in the middle of the loop, which at rest is too low.
-    fn unknown(&self, count: f64, r: f64) -> f64 {
-        let sign = self.sign.as_f64();
-        let (a, b) = (sign * self.range[0], sign * self.range[1]);
-        let (rest, top, load) = (a.min(b), a.max(b), sign * count);
-        if 2.0 * r >= top - rest {
-            return self.risen(count, r); // no load within the range moves it
-        }
-        let (risen, fallen) = ((rest + r).max(load - r), (top - r).min(load + r));
-        sign * (risen + (fallen - risen) / 2.0)
-    }
-}
 
 impl Plays {
     /// What the history adds to the curve at `count`: between -2 sum w_k r_k and 0, kPa.
@@ -86,31 +42,38 @@ impl Plays {
         }
         // A load beyond the calibrated range moves the plays, too: when it goes they turn where it turned. Beyond rest
         // there is no load.
-        let felt = self.followed(count);
-        let frame = Frame { radii: self.radii_counts, range: self.range, sign: self.sign };
-        let z = state.follow(felt, &frame);
-        let lag = z.iter().zip(&self.radii_counts).map(|(z, r)| z - frame.risen(felt, *r));
-        let bent: f64 = lag.zip(&self.weights_kpa).map(|(lag, w)| w * lag).sum();
-        -self.sign.as_f64() * bent
+        let load = (self.sign.as_f64() * count).max(self.ends()[0]);
+        let mut plays = state.0.unwrap_or_else(|| self.radii_counts.map(|r| self.unknown(load, r)));
+        let mut lag_kpa = 0.0;
+        for ((z, r), w) in plays.iter_mut().zip(self.radii_counts).zip(self.weights_kpa) {
+            *z = z.max(load - r).min(load + r);
+            lag_kpa += w * (*z - self.risen(load, r));
+        }
+        state.0 = Some(plays);
+        -lag_kpa
     }
 
-    /// Whether a count lies in the calibrated range.
-    #[must_use]
-    pub fn range_state(&self, count: f64) -> RangeState {
-        match count {
-            c if c < self.range[0] => RangeState::Below,
-            c if c > self.range[1] => RangeState::Above,
-            _ => RangeState::InRange,
-        }
+    /// Where the range ends, rest first, turned so that load is positive, as loads are here.
+    fn ends(&self) -> [f64; 2] {
+        let [a, b] = self.range.map(|count| self.sign.as_f64() * count);
+        [a.min(b), a.max(b)]
     }
 
-    /// What the plays follow: beyond the end of most pressure the skin goes on, and turns where it turns. Beyond the
-    /// other end a taxel is at rest.
-    fn followed(&self, count: f64) -> f64 {
-        match self.sign {
-            Sign::Rising => count.max(self.range[0]),
-            Sign::Falling => count.min(self.range[1]),
+    /// Where a play stands at a load that only rose from rest.
+    fn risen(&self, load: f64, r: f64) -> f64 {
+        (self.ends()[0] + r).max(load - r)
+    }
+
+    /// Where a play stands at its first load, of whose past nothing is known: midway between where a pressure that only
+    /// rose from rest would have left it and where one that only fell from the top would have. At rest both are the same:
+    /// the last load has gone, and the play hangs back on the side of the load. Without this a touch that begins at rest
+    /// would begin in the middle of the loop, which at rest is too low.
+    fn unknown(&self, load: f64, r: f64) -> f64 {
+        let ([rest, top], risen) = (self.ends(), self.risen(load, r));
+        if 2.0 * r >= top - rest {
+            return risen; // no load within the range moves it
         }
+        risen + ((top - r).min(load + r) - risen) / 2.0
     }
 }
 

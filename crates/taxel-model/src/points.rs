@@ -1,9 +1,7 @@
 //! A monotone curve as points, and the curve that a model serves.
 
-use crate::bounded;
 use crate::curve::Curve;
 use crate::options::MAX_MAGNITUDE;
-use crate::uncertainty::KNOTS_MAX;
 use serde::{Deserialize, Serialize};
 
 /// P(C) on straight lines between points, held beyond them.
@@ -11,11 +9,9 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Points {
     /// Counts, ascending.
-    #[serde(deserialize_with = "bounded::list::<_, _, KNOTS_MAX>")]
-    counts: Vec<f64>,
+    pub(crate) counts: Vec<f64>,
     /// The pressure at each of them, kPa.
-    #[serde(deserialize_with = "bounded::list::<_, _, KNOTS_MAX>")]
-    kpa: Vec<f64>,
+    pub(crate) kpa: Vec<f64>,
 }
 
 impl Points {
@@ -67,13 +63,6 @@ impl Points {
         let turns = |pair: &[f64]| sign * (pair[1] - pair[0]) < 0.0;
         let place = self.counts.windows(2).zip(self.kpa.windows(2)).find(|(c, p)| !is_good(c) || turns(p));
         place.map(|(counts, _)| counts[0])
-    }
-
-    /// The points of gain P + offset, the offset in kPa.
-    #[must_use]
-    pub fn scaled(&self, gain: f64, offset_kpa: f64) -> Self {
-        let kpa = self.kpa.iter().map(|kpa| gain * kpa + offset_kpa).collect();
-        Self { counts: self.counts.clone(), kpa }
     }
 }
 

@@ -9,7 +9,7 @@
 
 use crate::dd::Dd;
 use crate::orthogonal::Basis;
-use crate::reduce::Row;
+use crate::samples::Row;
 
 /// Most passes; each gains about 14 digits, fewer only on nearly dependent abscissae.
 const MAX_PASSES: usize = 8;
@@ -39,7 +39,7 @@ pub(crate) fn solve(basis: &Basis, rows: &[Row], t: &[Dd], start: &[f64], order:
         Recurrence { alpha: basis.alpha[..order].to_vec(), gamma: earlier.take(order).map(|b| b * b).collect() };
     // norm[k] phi_k has unit length.
     let norm: Vec<f64> = std::iter::successors(Some((0, 1.0 / basis.weight.sqrt())), |(k, norm)| {
-        basis.gain.get(*k).map(|gain| (k + 1, norm * gain))
+        basis.beta.get(*k).map(|beta| (k + 1, norm / beta))
     })
     .map(|(_, norm)| norm)
     .collect();
@@ -67,7 +67,7 @@ fn pull(recurrence: &Recurrence, rows: &[Row], t: &[Dd], d: &[Dd]) -> Vec<Dd> {
     phi[0] = Dd::from(1.0);
     for (row, t) in rows.iter().zip(t) {
         for (k, (alpha, gamma)) in recurrence.alpha.iter().zip(&recurrence.gamma).enumerate() {
-            phi[k + 1] = t.add_f64(-alpha) * phi[k] - phi[k.saturating_sub(1)].scale(*gamma);
+            phi[k + 1] = (*t - Dd::from(*alpha)) * phi[k] - phi[k.saturating_sub(1)].scale(*gamma);
         }
         let rest = d.iter().zip(&phi).fold(row.y, |rest, (d, phi)| rest - *d * *phi);
         let weighted = rest.scale(row.n);

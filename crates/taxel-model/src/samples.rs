@@ -1,10 +1,10 @@
-//! Samples of one taxel as slices, their reduction to rows of a least-squares problem, and its fit.
+//! Samples of one taxel, and the least that a fit needs to know of them.
+//!
+//! Weighted least squares on the mean pressure of each distinct count has the same solution as least squares on all
+//! samples, so that a few hundred rows stand for any number of scans without loss.
 
 use crate::dd::Dd;
-use crate::fit::fit_reduced;
-use crate::model::TaxelModel;
-use crate::options::{FitOptions, MAX_MAGNITUDE};
-use crate::reduce::{Reduced, Row};
+use crate::options::MAX_MAGNITUDE;
 
 /// The samples of one taxel, all slices of the same length; what is missing at the end of one counts as rejected.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,63 +27,50 @@ impl<'a> Samples<'a> {
     }
 }
 
-#[derive(Clone, Copy)]
-struct Sample {
-    x: Dd,
-    y: Dd,
+/// A row of the least-squares problem, all samples of one count.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    /// The count.
+    pub x: Dd,
+    /// How many samples.
+    pub n: f64,
+    /// Their mean pressure, kPa.
+    pub y: Dd,
+    /// Sum of squares about it, kPa^2.
+    pub ss: f64,
 }
 
-fn low(parts: Option<&[f64]>, i: usize) -> f64 {
-    parts.and_then(|parts| parts.get(i)).copied().filter(|low| low.is_finite()).unwrap_or(0.0)
-}
-
-/// The valid samples and the number of those that are not.
-fn valid(samples: &Samples<'_>) -> (Vec<Sample>, u64) {
-    let n = samples.counts.len().max(samples.pressure_kpa.len());
-    let good = |v: f64| v.abs() <= MAX_MAGNITUDE;
-    let list: Vec<Sample> = samples
-        .counts
-        .iter()
-        .zip(samples.pressure_kpa)
-        .enumerate()
-        .filter(|(_, (x, y))| good(**x) && good(**y))
-        .map(|(i, (&x, &y))| Sample {
-            // Adding zero makes -0 and 0 the same abscissa.
-            x: Dd { hi: x + 0.0, lo: low(samples.counts_low, i) },
-            y: Dd { hi: y + 0.0, lo: low(samples.pressure_low, i) },
-        })
-        .collect();
-    let rejected = (n - list.len()) as u64;
-    (list, rejected)
-}
-
-/// Fits the paper's polynomial of one taxel: the sum of (P - P(C))^2 over all samples. The curve is as it comes out over all
-/// counts that were seen, monotone or not. Never panics: [`TaxelModel::status`] says why there is no usable curve.
-#[must_use]
-pub fn fit(samples: &Samples<'_>, options: &FitOptions) -> TaxelModel {
-    fit_reduced(&reduce(samples), options)
+/// Samples reduced.
+#[derive(Clone, Debug)]
+pub(crate) struct Reduced {
+    /// Number of samples behind the rows.
+    pub samples: f64,
+    /// Ascending in count.
+    pub rows: Vec<Row>,
+    /// Samples that were not finite or out of range.
+    pub rejected: u64,
 }
 
 /// Reduces samples; sums run over sorted samples, so that their order does not matter.
-fn reduce(samples: &Samples<'_>) -> Reduced {
-    let (mut list, rejected) = valid(samples);
-    let integer = list.iter().all(|s| s.x.hi.fract() == 0.0 && s.x.lo == 0.0);
-    list.sort_unstable_by(|a, b| order(a.x, b.x).then(order(a.y, b.y)));
-    Reduced { samples: list.len() as f64, rows: rows(&list), rejected, integer }
-}
-
-fn order(a: Dd, b: Dd) -> std::cmp::Ordering {
-    a.hi.total_cmp(&b.hi).then(a.lo.total_cmp(&b.lo))
-}
-
-/// Means and scatter of the pressures at equal counts; `list` is sorted by count.
-fn rows(list: &[Sample]) -> Vec<Row> {
-    list.chunk_by(|a, b| a.x == b.x)
-        .map(|group| {
-            let n = group.len() as f64;
-            let mean = group.iter().fold(Dd::ZERO, |sum, s| sum + s.y).div_f64(n);
-            let ss = group.iter().map(|s| (s.y - mean).hi.powi(2)).sum();
-            Row { x: group[0].x, n, y: mean, ss }
-        })
-        .collect()
+pub(crate) fn reduce(samples: &Samples<'_>) -> Reduced {
+    let low = |parts: Option<&[f64]>, i: usize| {
+        parts.and_then(|parts| parts.get(i)).copied().filter(|low| low.is_finite()).unwrap_or(0.0)
+    };
+    // Adding zero makes -0 and 0 the same abscissa.
+    let exact = |value: f64, parts, i| Dd { hi: value + 0.0, lo: low(parts, i) };
+    let good = |value: f64| value.abs() <= MAX_MAGNITUDE;
+    let pairs = samples.counts.iter().zip(samples.pressure_kpa).enumerate();
+    let mut list: Vec<(Dd, Dd)> = pairs
+        .filter(|(_, (x, y))| good(**x) && good(**y))
+        .map(|(i, (x, y))| (exact(*x, samples.counts_low, i), exact(*y, samples.pressure_low, i)))
+        .collect();
+    let rejected = (samples.counts.len().max(samples.pressure_kpa.len()) - list.len()) as u64;
+    let order = |a: Dd, b: Dd| a.hi.total_cmp(&b.hi).then(a.lo.total_cmp(&b.lo));
+    list.sort_unstable_by(|a, b| order(a.0, b.0).then(order(a.1, b.1)));
+    let row = |group: &[(Dd, Dd)]| {
+        let n = group.len() as f64;
+        let mean = group.iter().fold(Dd::ZERO, |sum, (_, y)| sum + *y).div_f64(n);
+        Row { x: group[0].0, n, y: mean, ss: group.iter().map(|(_, y)| (*y - mean).hi.powi(2)).sum() }
+    };
+    Reduced { samples: list.len() as f64, rejected, rows: list.chunk_by(|a, b| a.0 == b.0).map(row).collect() }
 }

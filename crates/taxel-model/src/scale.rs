@@ -3,26 +3,8 @@
 //! Known loads tell by what factor a skin reads too little or too much, long after its curves were fitted. The curve, its
 //! plays, its error and every figure in kPa follow; the range of counts and whether a taxel may be used stay as they are.
 
-use crate::curve::Curve;
-use crate::model::{Quality, TaxelModel};
+use crate::model::TaxelModel;
 use crate::plays::Plays;
-use crate::uncertainty::SigmaProfile;
-
-impl Curve {
-    /// The curve of gain P + offset, the offset in kPa.
-    #[must_use]
-    pub fn scaled(&self, gain: f64, offset_kpa: f64) -> Self {
-        Self { chebyshev: scaled(&self.chebyshev, gain, offset_kpa), ..self.clone() }
-    }
-}
-
-impl SigmaProfile {
-    /// The standard deviation of readings that are multiplied by a positive `gain`.
-    #[must_use]
-    pub fn scaled(&self, gain: f64) -> Self {
-        Self { sigma_kpa: scaled(&self.sigma_kpa, gain, 0.0), ..self.clone() }
-    }
-}
 
 impl Plays {
     /// The plays about gain P.
@@ -36,35 +18,21 @@ impl TaxelModel {
     /// The model of gain P + offset, the offset in kPa; `gain` is positive.
     #[must_use]
     pub fn scaled(&self, gain: f64, offset_kpa: f64) -> Self {
-        let mut gauge = self.gauge;
-        gauge.offset_kpa *= gain;
-        gauge.noise_kpa *= gain;
-        Self {
-            curve: self.curve.as_ref().map(|curve| curve.scaled(gain, offset_kpa)),
-            points: self.points.as_ref().map(|points| points.scaled(gain, offset_kpa)),
-            raw_coefficients: scaled(&self.raw_coefficients, gain, offset_kpa),
-            sigma: self.sigma.as_ref().map(|sigma| sigma.scaled(gain)),
-            gauge,
-            quality: quality(&self.quality, gain),
-            ..self.clone()
+        let mut model = self.clone();
+        let times = |kpa: &mut f64| *kpa *= gain;
+        for coefficients in
+            model.curve.iter_mut().map(|curve| &mut curve.chebyshev).chain([&mut model.raw_coefficients])
+        {
+            coefficients.iter_mut().for_each(times);
+            coefficients.iter_mut().take(1).for_each(|constant| *constant += offset_kpa);
         }
+        model.points.iter_mut().flat_map(|points| &mut points.kpa).for_each(|kpa| *kpa = gain * *kpa + offset_kpa);
+        model.sigma.iter_mut().flat_map(|sigma| &mut sigma.sigma_kpa).for_each(times);
+        let (gauge, quality) = (&mut model.gauge, &mut model.quality);
+        [&mut gauge.offset_kpa, &mut gauge.noise_kpa, &mut quality.rmse_kpa].into_iter().for_each(times);
+        quality.repeatability_kpa.iter_mut().chain(&mut quality.interval_kpa).for_each(times);
+        model
     }
-}
-
-fn quality(quality: &Quality, gain: f64) -> Quality {
-    let times = |kpa: Option<f64>| kpa.map(|kpa| gain * kpa);
-    Quality {
-        rmse_kpa: gain * quality.rmse_kpa,
-        repeatability_kpa: times(quality.repeatability_kpa),
-        interval_kpa: times(quality.interval_kpa),
-        ..quality.clone()
-    }
-}
-
-/// Each coefficient times `gain`, and `offset` added to the first one, which is the constant.
-fn scaled(coefficients: &[f64], gain: f64, offset: f64) -> Vec<f64> {
-    let constant = |k: usize| if k == 0 { offset } else { 0.0 };
-    coefficients.iter().enumerate().map(|(k, c)| gain * c + constant(k)).collect()
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
-//! Polynomials in double-double, and the changes of basis between the forms in which a curve is solved, served
-//! and printed. Orders are small (10 at most), so the plain O(p^2) recurrences do.
+//! Polynomials in double-double: from the basis in which a curve is solved to the forms in which it is served and
+//! printed. Orders are small (10 at most), so the plain O(p^2) recurrences do.
 
 use crate::dd::Dd;
-use crate::options::MAX_ORDER;
 use crate::refine::Solution;
 
 /// Coefficients of T_0 .. T_p in s.
@@ -18,7 +17,7 @@ fn times_s(series: &[Dd]) -> Chebyshev {
         if k == 0 {
             out[1] = out[1] + *c;
         } else {
-            let half = c.scale_exact(0.5);
+            let half = c.scale(0.5);
             out[k + 1] = out[k + 1] + half;
             out[k - 1] = out[k - 1] + half;
         }
@@ -26,67 +25,43 @@ fn times_s(series: &[Dd]) -> Chebyshev {
     out
 }
 
-/// The least-squares solution as a Chebyshev series in s, where t = ratio s.
-pub(crate) fn chebyshev_of(solution: &Solution, ratio: f64) -> Chebyshev {
+/// s times a series of powers of s.
+fn times_s_of_powers(powers: &[Dd]) -> Powers {
+    std::iter::once(Dd::ZERO).chain(powers.iter().copied()).collect()
+}
+
+/// The least-squares solution as a series in s, where t = ratio s and `times_s` multiplies a series by s.
+fn series_of(solution: &Solution, ratio: f64, times_s: fn(&[Dd]) -> Vec<Dd>) -> Vec<Dd> {
     let recurrence = &solution.recurrence;
-    let mut last: Chebyshev = Vec::new();
-    let mut phi: Chebyshev = vec![Dd::from(1.0)];
+    let mut last = Vec::new();
+    let mut phi = vec![Dd::from(1.0)];
     let mut sum = vec![Dd::ZERO; solution.d.len()];
     for (k, d) in solution.d.iter().enumerate() {
         sum.iter_mut().zip(&phi).for_each(|(sum, c)| *sum = *sum + *c * *d);
         let (Some(alpha), Some(gamma)) = (recurrence.alpha.get(k), recurrence.gamma.get(k)) else { break };
-        let mut next: Chebyshev = times_s(&phi).iter().map(|c| c.scale(ratio)).collect();
+        let mut next: Vec<Dd> = times_s(&phi).iter().map(|c| c.scale(ratio)).collect();
         next.iter_mut().zip(&phi).for_each(|(next, c)| *next = *next - c.scale(*alpha));
-        next.iter_mut().zip(&last).for_each(|(next, c)| *next = *next - c.scale(*gamma));
+        next.iter_mut().zip(&last).for_each(|(next, c): (&mut Dd, &Dd)| *next = *next - c.scale(*gamma));
         last = std::mem::replace(&mut phi, next);
     }
     sum
 }
 
-/// Powers of s of a Chebyshev series.
-pub(crate) fn powers_of(series: &[Dd]) -> Powers {
-    let mut sum = vec![Dd::ZERO; series.len()];
-    let (mut last, mut t) = ([0.0; MAX_ORDER as usize + 1], [0.0; MAX_ORDER as usize + 1]);
-    t[0] = 1.0;
-    for (k, c) in series.iter().enumerate() {
-        for (sum, t) in sum.iter_mut().zip(&t).filter(|(_, t)| **t != 0.0) {
-            *sum = *sum + c.scale(*t);
-        }
-        // T_1 = s, T_{k+1} = 2 s T_k - T_{k-1}; the coefficients are small integers.
-        let factor = if k == 0 { 1.0 } else { 2.0 };
-        let mut next = [0.0; MAX_ORDER as usize + 1];
-        for j in 0..=(k + 1).min(MAX_ORDER as usize) {
-            let shifted = if j == 0 { 0.0 } else { factor * t[j - 1] };
-            next[j] = shifted - if k == 0 { 0.0 } else { last[j] };
-        }
-        last = std::mem::replace(&mut t, next);
-    }
-    sum
+/// The least-squares solution as a Chebyshev series in s, where t = ratio s.
+pub(crate) fn chebyshev_of(solution: &Solution, ratio: f64) -> Chebyshev {
+    series_of(solution, ratio, times_s)
 }
 
-/// A Chebyshev series of powers of s, by Horner's rule.
-#[cfg(test)]
-pub(crate) fn chebyshev_of_powers(powers: &[Dd]) -> Chebyshev {
-    let mut series: Chebyshev = Vec::new();
-    for c in powers.iter().rev() {
-        if series.is_empty() {
-            series.push(*c);
-        } else {
-            series = times_s(&series);
-            series[0] = series[0] + *c;
-        }
+/// The least-squares solution in powers of the raw count, where t = (count - centre) / scale, each coefficient correctly rounded;
+/// none if one of them is beyond f64.
+pub(crate) fn raw_powers_of(solution: &Solution, scale: f64, centre: f64) -> Vec<f64> {
+    let mut powers = series_of(solution, 1.0, times_s_of_powers);
+    for k in 1..powers.len() {
+        powers[k..].iter_mut().for_each(|a| *a = a.div_f64(scale));
     }
-    series
-}
-
-/// The coefficients in x of sum a_k ((x - centre) / half)^k.
-pub(crate) fn powers_of_raw(powers: &[Dd], centre: f64, half: f64) -> Powers {
-    let mut a = powers.to_vec();
-    for k in 1..a.len() {
-        a[k..].iter_mut().for_each(|a| *a = a.div_f64(half));
-    }
-    shift(&mut a, Dd::from(-centre));
-    a
+    shift(&mut powers, Dd::from(-centre));
+    let raw: Vec<f64> = powers.iter().map(|c| c.hi).collect();
+    if raw.iter().all(|c| c.is_finite()) { raw } else { Vec::new() }
 }
 
 /// p(x) -> p(x + by), by repeated synthetic division.
@@ -101,24 +76,32 @@ fn shift(a: &mut [Dd], by: Dd) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::refine::Recurrence;
     use proptest::prelude::*;
-
-    fn at(powers: &[Dd], x: f64) -> f64 {
-        powers.iter().rev().fold(Dd::ZERO, |sum, c| sum.scale(x) + *c).hi
-    }
 
     proptest! {
         #[test]
         fn every_change_of_basis_keeps_the_polynomial(
-            c in proptest::collection::vec(-9.0..9.0_f64, 1..11),
+            d in proptest::collection::vec(-9.0..9.0_f64, 1..11), alpha in proptest::array::uniform10(-0.5..0.5_f64),
+            gamma in proptest::array::uniform10(0.1..0.4_f64),
         ) {
-            let powers: Vec<Dd> = c.iter().copied().map(Dd::from).collect();
-            let back = powers_of(&chebyshev_of_powers(&powers));
-            for k in 0..c.len() {
-                prop_assert!((back[k] - powers[k]).hi.abs() < 1e-27, "chebyshev {k}");
-            }
-            let raw = powers_of_raw(&powers, 200.0, 32.0);
-            prop_assert!((at(&raw, 216.0) - at(&powers, 0.5)).abs() <= 1e-12);
+            let order = d.len() - 1;
+            let recurrence = Recurrence { alpha: alpha[..order].to_vec(), gamma: gamma[..order].to_vec() };
+            let solution = Solution { recurrence, d: d.iter().copied().map(Dd::from).collect() };
+            // T_k at s = 1/2.
+            let t = [1.0, 0.5, -0.5, -1.0, -0.5, 0.5];
+            let of_chebyshev = chebyshev_of(&solution, 0.75)
+                .iter()
+                .enumerate()
+                .fold(Dd::ZERO, |sum, (k, c)| sum + c.scale(t[k % 6]));
+            let powers = series_of(&solution, 0.75, times_s_of_powers);
+            let of_powers = powers.iter().rev().fold(Dd::ZERO, |sum, c| sum.scale(0.5) + *c);
+            prop_assert!((of_chebyshev - of_powers).hi.abs() < 1e-27, "{of_chebyshev:?} {of_powers:?}");
+            // t = 3/8 at count 212.
+            let raw = raw_powers_of(&solution, 32.0, 200.0);
+            let at_212 = raw.iter().rev().fold(Dd::ZERO, |sum, c| sum.scale(212.0) + Dd::from(*c)).hi;
+            let size = raw.iter().rev().fold(0.0, |sum, c| sum * 212.0 + c.abs());
+            prop_assert!((at_212 - of_powers.hi).abs() <= f64::EPSILON * size, "{at_212} {of_powers:?}");
         }
     }
 }

@@ -2,26 +2,32 @@
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use thiserror::Error;
 
 /// Whether a curve may be used, and if not, why.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Error, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "status", content = "figures", rename_all = "snake_case")]
 pub enum Status {
     /// The curve may be used.
+    #[error("ok")]
     Ok,
     /// No valid sample.
+    #[error("no valid sample")]
     NoData,
     /// The pressure did not vary.
+    #[error("the pressure did not vary (standard deviation {pressure_sd_kpa:.3} kPa)")]
     NoExcitation {
         /// Standard deviation of the pressure, kPa.
         pressure_sd_kpa: f64,
     },
     /// The count never changed.
+    #[error("the count stayed at {count}")]
     Dead {
         /// The one count seen.
         count: f64,
     },
     /// The counts move less than the threshold asks for.
+    #[error("the counts moved by {swing_counts:.1}, at least {needed_counts:.1} are needed")]
     InsufficientSwing {
         /// C_max - C_min, counts.
         swing_counts: f64,
@@ -29,11 +35,13 @@ pub enum Status {
         needed_counts: f64,
     },
     /// As many coefficients as samples: the curve passes through all of them and nothing tells its error.
+    #[error("{samples} samples leave nothing to tell the error of the curve")]
     Unproven {
         /// Valid samples.
         samples: u64,
     },
     /// The residuals are far larger than those of the other taxels in the same recording.
+    #[error("the RMSE of the fit is {rmse_kpa:.1} kPa, the limit is {limit_kpa:.1} kPa")]
     PoorFit {
         /// RMSE of the fit over the recording, kPa.
         rmse_kpa: f64,
@@ -41,26 +49,31 @@ pub enum Status {
         limit_kpa: f64,
     },
     /// On an end of the converter for too much of the recording.
+    #[error("saturated ({:.1} % of the scans left out)", 100.0 * .share)]
     Railed {
         /// Share of the scans that had to be left out.
         share: f64,
     },
     /// Without a change for too much of the recording.
+    #[error("frozen ({:.1} % of the scans left out)", 100.0 * .share)]
     Frozen {
         /// Share of the scans that had to be left out.
         share: f64,
     },
     /// Going back and forth for too much of the recording.
+    #[error("jumping ({:.1} % of the scans left out)", 100.0 * .share)]
     Jumping {
         /// Share of the scans that had to be left out.
         share: f64,
     },
     /// Part of a module that flickered for too much of the recording.
+    #[error("in a flickering module ({:.1} % of the scans left out)", 100.0 * .share)]
     ModuleFlicker {
         /// Share of the scans that had to be left out.
         share: f64,
     },
     /// Without a reading for too much of the recording.
+    #[error("without a reading in {:.1} % of the scans", 100.0 * .share)]
     Missing {
         /// Share of the scans that had to be left out.
         share: f64,
@@ -90,33 +103,6 @@ impl Status {
             Self::Jumping { .. } => "jumping",
             Self::ModuleFlicker { .. } => "module_flicker",
             Self::Missing { .. } => "missing",
-        }
-    }
-}
-
-impl fmt::Display for Status {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Ok => write!(f, "ok"),
-            Self::NoData => write!(f, "no valid sample"),
-            Self::NoExcitation { pressure_sd_kpa } => {
-                write!(f, "the pressure did not vary (standard deviation {pressure_sd_kpa:.3} kPa)")
-            }
-            Self::Dead { count } => write!(f, "the count stayed at {count}"),
-            Self::InsufficientSwing { swing_counts, needed_counts } => {
-                write!(f, "the counts moved by {swing_counts:.1}, at least {needed_counts:.1} are needed")
-            }
-            Self::Unproven { samples } => write!(f, "{samples} samples leave nothing to tell the error of the curve"),
-            Self::PoorFit { rmse_kpa, limit_kpa } => {
-                write!(f, "the RMSE of the fit is {rmse_kpa:.1} kPa, the limit is {limit_kpa:.1} kPa")
-            }
-            Self::Railed { share } => write!(f, "saturated ({:.1} % of the scans left out)", 100.0 * share),
-            Self::Frozen { share } => write!(f, "frozen ({:.1} % of the scans left out)", 100.0 * share),
-            Self::Jumping { share } => write!(f, "jumping ({:.1} % of the scans left out)", 100.0 * share),
-            Self::ModuleFlicker { share } => {
-                write!(f, "in a flickering module ({:.1} % of the scans left out)", 100.0 * share)
-            }
-            Self::Missing { share } => write!(f, "without a reading in {:.1} % of the scans", 100.0 * share),
         }
     }
 }

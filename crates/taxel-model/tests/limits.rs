@@ -51,8 +51,4 @@ fn the_polynomial_leaves_nothing_out_and_repairs_nothing() {
     swing.min_swing_counts = 255.5;
     let status = fit(&Samples::new(&counts, &kpa), &swing).status;
     assert_eq!(status, Status::InsufficientSwing { swing_counts: 255.0, needed_counts: 255.5 });
-    // The pressure alone is that of the reading, beyond the range and of no count, too.
-    for count in [f64::NAN, f64::INFINITY, -1.0, 0.0, 190.0, 200.5, 255.0, 1e300] {
-        assert_eq!(model.kpa(count), model.evaluate(count).map(|reading| reading.kpa), "{count}");
-    }
 }

@@ -348,8 +348,7 @@ fn check_recalibrated(of: &Recalibrated) -> Result<(), ModelsJsonError> {
 
 fn check_taxel(model: &TaxelModel) -> Result<(), String> {
     model.validate().map_err(|error| error.to_string())?;
-    let sigma = model.sigma.as_ref().map(|sigma| sigma.sigma_kpa.len());
-    if sigma == Some(0) || (model.status.is_ok() && sigma.is_none()) {
+    if model.status.is_ok() && model.sigma.is_none() {
         return Err("`sigma` has no values, which a model in use needs".to_owned());
     }
     let terms = model.curve.as_ref().map_or(0, |curve| curve.chebyshev.len());

@@ -75,7 +75,7 @@ pub(crate) fn steeper_at_rest(models: &[TaxelModel], rest: &[TaxelBaseline]) -> 
     let of = |(model, rest): (&TaxelModel, &TaxelBaseline)| {
         let [low, high] = model.range.filter(|_| model.is_usable())?;
         let (from, to) = if (rest.mean - low).abs() < (rest.mean - high).abs() { (low, high) } else { (high, low) };
-        let kpa = |part: f64| model.kpa(from + part * (to - from));
+        let kpa = |part: f64| model.evaluate(from + part * (to - from)).map(|reading| reading.kpa);
         Some((kpa(1.0)? - kpa(0.8)?) / (kpa(0.2)? - kpa(0.0)?)).filter(|s| s.is_finite() && *s > 0.0)
     };
     let steeper = quantile(models.iter().zip(rest).filter_map(of).collect(), 0.9).unwrap_or(1.0);

@@ -122,7 +122,7 @@ impl Skin {
     /// What truly presses, N.
     fn truth_n(&self) -> f64 {
         let count = f64::from(REST - self.pressed);
-        let kpa = model().kpa(count).unwrap() + plays().bend_kpa(&mut self.truth.clone(), count);
+        let kpa = model().evaluate(count).unwrap().kpa + plays().bend_kpa(&mut self.truth.clone(), count);
         TAXELS as f64 * AREA.0 * 1e-3 * kpa.max(0.0)
     }
 

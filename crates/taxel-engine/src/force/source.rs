@@ -183,7 +183,7 @@ impl<'a> Source<'a> {
             return kpa as f32;
         }
         let count = units + self.shift;
-        self.model.kpa(count).unwrap_or(0.0) as f32 + self.beyond(units).kpa as f32
+        self.model.evaluate(count).map_or(0.0, |reading| reading.kpa) as f32 + self.beyond(units).kpa as f32
     }
 
     fn range_at(&self, units: f64) -> RangeFlag {

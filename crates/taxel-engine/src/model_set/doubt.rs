@@ -5,7 +5,7 @@
 //! reads there was either not on the taxel (a bag that bridged it, a gauge ahead of the skin) or is the form of the curve.
 //! Neighbouring taxels share both, so neither averages out over a contact.
 
-use taxel_model::Sign;
+use taxel_model::{RangeState, Reading};
 
 use super::ModelSet;
 use crate::statistics::median;
@@ -31,8 +31,8 @@ impl ModelSet {
             return 0.0;
         };
         let model = &self.taxels[taxel];
-        let (Some([low, high]), Some(kpa)) = (model.range, model.kpa(zero)) else { return 0.0 };
-        let before = if model.sign == Sign::Rising { zero < low } else { zero > high };
+        let Some(Reading { kpa, range, .. }) = model.evaluate(zero) else { return 0.0 };
+        let before = range.in_pressure(model.sign) == RangeState::Below;
         if before && kpa > 0.0 { 0.0 } else { kpa.abs() }
     }
 }

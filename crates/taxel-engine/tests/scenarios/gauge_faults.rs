@@ -134,7 +134,7 @@ fn a_gauge_that_is_off_since_before_the_ramp_is_taken_from_what_it_read_at_rest_
         let apart = pairs.map(|(right, off)| {
             let curve = right.curve.as_ref().unwrap();
             let count = curve.centre + part * curve.half_width;
-            off.kpa(count).unwrap() - right.kpa(count).unwrap()
+            off.evaluate(count).unwrap().kpa - right.evaluate(count).unwrap().kpa
         });
         let apart: Vec<f64> = apart.collect();
         let mean = apart.iter().sum::<f64>() / apart.len() as f64;

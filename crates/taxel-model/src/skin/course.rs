@@ -1,6 +1,6 @@
 //! The course of the pressure in a recording: its legs, where it rests, and groups of scans at equal pressure.
 
-use super::numbers::mean;
+use crate::numbers::{distinct, mean, median};
 use crate::options::MAX_MAGNITUDE;
 use std::ops::Range;
 
@@ -74,7 +74,7 @@ impl Course {
         order.sort_by(|a, b| time_s[*a].total_cmp(&time_s[*b]));
         let read = |order: &[usize]| order.iter().map(|row| kpa[*row]).collect::<Vec<f64>>();
         let in_time = read(&order);
-        let distinct = distinct(&in_time);
+        let distinct = distinct(in_time.clone());
         if distinct < 3 {
             return Err(distinct);
         }
@@ -113,9 +113,9 @@ impl Course {
         if self.plateaus { group * READING_FOLDS / self.groups.len() } else { group % READING_FOLDS }
     }
 
-    /// The values of a column in the order of the scans, gaps filled between their neighbours; `Err` has the share of the
-    /// scans that are missing where it is more than `missing_max`.
-    pub fn column(&self, counts: &[f64], missing_max: f64) -> Result<Column, f64> {
+    /// The values of a column in the order of the scans, gaps filled between their neighbours, and the scans of the gaps,
+    /// ascending; `Err` has the share of the scans that are missing where it is more than `missing_max`.
+    pub fn column(&self, counts: &[f64], missing_max: f64) -> Result<(Vec<f64>, Vec<usize>), f64> {
         let good = |count: f64| count.abs() <= MAX_MAGNITUDE;
         let read = |row: &usize| counts.get(*row).copied().filter(|count| good(*count)).unwrap_or(f64::NAN);
         let mut filled: Vec<f64> = self.order.iter().map(read).collect();
@@ -125,7 +125,7 @@ impl Course {
             return Err(missing);
         }
         fill(&mut filled);
-        Ok(Column { filled, gaps })
+        Ok((filled, gaps))
     }
 
     /// Of `values`, one a group, those of the groups that the curve is fitted to.
@@ -139,15 +139,6 @@ impl Course {
         let of = |group: &Group| mean(group.scans.iter().filter(known).map(|scan| values[*scan]));
         self.groups.iter().map(of).collect()
     }
-}
-
-/// A column of counts in the order of the course.
-#[derive(Debug)]
-pub(super) struct Column {
-    /// Counts, those that are missing by their neighbours.
-    pub filled: Vec<f64>,
-    /// Scans of those, ascending.
-    pub gaps: Vec<usize>,
 }
 
 /// Puts on straight lines between their neighbours, by number, what is NaN; at the ends the nearest is held.
@@ -175,13 +166,6 @@ pub(super) fn fill(values: &mut [f64]) {
 fn extent(kpa: &[f64]) -> (f64, f64) {
     let (low, high) = kpa.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
     (low, high - low)
-}
-
-fn distinct(kpa: &[f64]) -> usize {
-    let mut sorted = kpa.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    sorted.dedup();
-    sorted.len()
 }
 
 /// A rising or falling part.
@@ -230,10 +214,7 @@ fn curve_leg(kpa: &[f64], legs: &[Leg], least: f64) -> Range<usize> {
 
 /// Scans of the last seconds before the pressure leaves its level at the beginning of the curve's leg.
 fn rest_scans(time_s: &[f64], kpa: &[f64], leg: &Range<usize>, range_kpa: f64) -> Vec<usize> {
-    let mut first: Vec<f64> = kpa[leg.start..(leg.start + 10).min(kpa.len())].to_vec();
-    first.sort_unstable_by(f64::total_cmp);
-    let median = 0.5 * (first[(first.len() - 1) / 2] + first[first.len() / 2]);
-    let level = median + REST_SHARE * range_kpa;
+    let level = median(kpa[leg.start..(leg.start + 10).min(kpa.len())].to_vec()) + REST_SHARE * range_kpa;
     let leaves = leg.start + kpa[leg.clone()].iter().position(|p| *p > level).unwrap_or(0);
     let end = leaves.max(leg.start + 1);
     let begin = kpa[..end].iter().rposition(|p| *p > level).map_or(0, |high| high + 1);

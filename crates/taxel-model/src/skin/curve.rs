@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::course::Course;
 use super::form::{Form, dot, moments};
 use super::least_squares::{Normal, Row};
-use super::numbers::interpolate;
+use crate::numbers::{distinct, interpolate};
 
 /// Dead zones that a taxel may have, shares of the range.
 const ZONES: [f64; 13] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0];
@@ -52,11 +52,9 @@ impl Problem {
     pub fn new(form: Form, course: &Course, chosen: impl Fn(usize) -> bool) -> Option<Self> {
         let of_curve = |g: &usize| course.groups[*g].on_curve && chosen(*g);
         let numbers: Vec<usize> = (0..course.groups.len()).filter(of_curve).collect();
-        let mut distinct: Vec<f64> = numbers.iter().map(|g| course.groups[*g].kpa).collect();
-        distinct.sort_unstable_by(f64::total_cmp);
-        distinct.dedup();
-        let top_kpa = distinct.last()? - course.rest_kpa;
-        if distinct.len() <= form.order || top_kpa <= 0.0 {
+        let kpa = || numbers.iter().map(|g| course.groups[*g].kpa);
+        let top_kpa = kpa().fold(f64::NEG_INFINITY, f64::max) - course.rest_kpa;
+        if distinct(kpa().collect()) <= form.order || top_kpa <= 0.0 {
             return None;
         }
         let x = |k: usize| k as f64 / (POINTS - 1) as f64;

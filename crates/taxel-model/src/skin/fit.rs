@@ -5,8 +5,8 @@ use super::curve::{LoadCurve, Problem};
 use super::fitted::{FittedTaxel, LOADED, SkinFit};
 use super::form::{self, Folds, Form, pilots};
 use super::lag::{self, Lag};
-use super::numbers::{mean, median, quantile, spread};
 use super::sigma::{Moments, Noise, PRIOR_GROUPS, SigmaByReading, Variance};
+use crate::numbers::{mean, median, quantile, spread};
 use crate::status::Status;
 use crate::workers::{Workers, map};
 use thiserror::Error;
@@ -160,14 +160,14 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
 
 /// What is seen of a column, whose `zero` (mean and noise) may be known.
 fn see(course: &Course, counts: &[f64], zero: Option<(f64, f64)>) -> Result<Seen, Status> {
-    let column = course.column(counts, MISSING_MAX).map_err(|share| match share {
+    let (filled, gaps) = course.column(counts, MISSING_MAX).map_err(|share| match share {
         share if share < 1.0 => Status::Missing { share },
         _ => Status::NoData,
     })?;
-    let (mean_kpa, mean_count) = (mean(course.kpa.iter().copied()), mean(column.filled.iter().copied()));
-    let cross: f64 = course.kpa.iter().zip(&column.filled).map(|(p, c)| (p - mean_kpa) * (c - mean_count)).sum();
+    let (mean_kpa, mean_count) = (mean(course.kpa.iter().copied()), mean(filled.iter().copied()));
+    let cross: f64 = course.kpa.iter().zip(&filled).map(|(p, c)| (p - mean_kpa) * (c - mean_count)).sum();
     let sign = if cross < 0.0 { -1.0 } else { 1.0 };
-    let at_rest = || course.rest.iter().map(|scan| column.filled[*scan]);
+    let at_rest = || course.rest.iter().map(|scan| filled[*scan]);
     let (zero_counts, noise_counts) = zero.unwrap_or_else(|| {
         let zero = mean(at_rest());
         (zero, mean(at_rest().map(|count| (count - zero).powi(2))).sqrt())
@@ -175,9 +175,9 @@ fn see(course: &Course, counts: &[f64], zero: Option<(f64, f64)>) -> Result<Seen
     if !zero_counts.is_finite() {
         return Err(Status::NoData);
     }
-    let load: Vec<f64> = column.filled.iter().map(|count| sign * (count - zero_counts)).collect();
-    let groups = course.means(&load, &column.gaps);
-    Ok(Seen { sign, zero_counts, noise_counts, swing: quantile(load, 0.998).max(0.0), gaps: column.gaps, groups })
+    let load: Vec<f64> = filled.iter().map(|count| sign * (count - zero_counts)).collect();
+    let groups = course.means(&load, &gaps);
+    Ok(Seen { sign, zero_counts, noise_counts, swing: quantile(load, 0.998).max(0.0), gaps, groups })
 }
 
 /// How the counts of a skin are read.
@@ -220,35 +220,24 @@ impl Fit<'_> {
             let curved = curved[taxel].as_ref().ok_or(Status::Dead { count: seen.zero_counts })?;
             Ok(self.taxel(taxel, seen, curved, shapes, &reading))
         });
-        let mut fit = SkinFit {
+        let taxels = judged(taxels, self.swing_min, spread(&self.course.kpa), self.course.kpa.len() as u64);
+        SkinFit {
             form: self.form,
             range_kpa: self.range_kpa,
-            shared_kpa: None,
-            apart_kpa: None,
-            fall_kpa: None,
+            shared_kpa: self.shared_kpa(&taxels),
+            apart_kpa: common_kpa(&taxels, &self.course.groups, true),
+            fall_kpa: common_kpa(&taxels, &self.course.groups, false),
             zero_known: self.zero_known,
             plays_error_ratio: reading.plays_error_ratio,
-            taxels: Vec::new(),
+            taxels,
             course: self.course,
-        };
-        fit.taxels = judged(taxels, self.swing_min, spread(&fit.course.kpa), fit.course.kpa.len() as u64);
-        let in_use = |taxel: &usize| fit.taxels[*taxel].as_ref().is_ok_and(|taxel| taxel.status.is_ok());
-        let used: Vec<(&[f64], f64)> = (0..fit.taxels.len())
-            .filter(in_use)
-            .filter_map(|taxel| {
-                Some((self.seen[taxel].as_ref().ok()?.groups.as_slice(), fit.taxels[taxel].as_ref().ok()?.noise_counts))
-            })
-            .collect();
-        fit.shared_kpa = shared_kpa(&fit.course, &self.without, &used);
-        let others = || fit.course.groups.iter().filter(|group| !group.on_curve);
-        fit.apart_kpa = common_kpa(&fit.taxels, &others().map(|group| group.rising).collect::<Vec<bool>>());
-        fit.fall_kpa = common_kpa(&fit.taxels, &others().map(|group| !group.rising).collect::<Vec<bool>>());
-        fit
+        }
     }
 
     /// A taxel's load counts, in the order of the course.
     fn load(&self, taxel: usize, seen: &Seen) -> Vec<f64> {
-        let column = self.course.column(self.counts[taxel], MISSING_MAX).map_or_else(|_| Vec::new(), |c| c.filled);
+        let column =
+            self.course.column(self.counts[taxel], MISSING_MAX).map_or_else(|_| Vec::new(), |(filled, _)| filled);
         column.iter().map(|count| seen.sign * (count - seen.zero_counts)).collect()
     }
 
@@ -256,11 +245,10 @@ impl Fit<'_> {
     fn curve(&self, taxel: usize) -> Option<Curved> {
         let seen = self.seen[taxel].as_ref().ok().filter(|seen| seen.swing > 0.0)?;
         let curve = self.whole.fit(&seen.groups);
-        let groups = || self.course.groups.iter().zip(&seen.groups).filter(|(g, count)| g.on_curve && !count.is_nan());
-        let on_curve = || groups().map(|(group, _)| group);
+        let on_curve = || self.on_curve(seen).map(|(group, _)| group);
         let row = |kpa: f64| self.whole.row(kpa, curve.zone_kpa);
         let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), self.form.free());
-        let left = folds.residuals(&groups().map(|(_, count)| *count).collect::<Vec<f64>>());
+        let left = folds.residuals(&self.on_curve(seen).map(|(_, count)| count).collect::<Vec<f64>>());
         let span = curve.span().max(SPAN_MIN * seen.swing);
         let at = |kpa: f64| curve.counts_at(kpa);
         let of_groups = Moments::of(left.iter().zip(on_curve()).map(|(r, g)| (*r, at(g.kpa))), span);
@@ -333,28 +321,48 @@ impl Fit<'_> {
         readings
     }
 
-    /// Greatest pressure of a group that tells of the curve, kPa.
-    fn top_kpa(&self, seen: &Seen) -> f64 {
-        let groups = self.course.groups.iter().zip(&seen.groups).filter(|(g, count)| g.on_curve && !count.is_nan());
-        groups.map(|(group, _)| group.kpa).fold(f64::NEG_INFINITY, f64::max)
+    /// The groups that tell of a taxel's curve, and its mean load counts in each.
+    fn on_curve<'s>(&'s self, seen: &'s Seen) -> impl Iterator<Item = (&'s Group, f64)> {
+        let groups = self.course.groups.iter().zip(seen.groups.iter().copied());
+        groups.filter(|(group, count)| group.on_curve && !count.is_nan())
     }
 
-    /// By how much a curve reads each group too high that it is not fitted to, kPa.
-    fn others_kpa(
-        &self,
-        curve: &LoadCurve,
-        seen: &Seen,
-        lags: Option<&[Lag]>,
-        plays_kpa: Option<[f64; 4]>,
-    ) -> Vec<f64> {
-        let others = self.course.groups.iter().zip(&seen.groups).filter(|(group, _)| !group.on_curve);
+    /// By how much a curve reads each group too high that it is not fitted to, kPa; NaN of the others.
+    fn others_kpa(&self, curve: &LoadCurve, seen: &Seen, plays: Option<(&[Lag], [f64; 4])>) -> Vec<f64> {
         let off_kpa = |(group, load): (&Group, &f64)| {
-            let taken = lags.zip(plays_kpa).map_or(0.0, |(lags, weights)| {
+            if group.on_curve || load.is_nan() {
+                return f64::NAN;
+            }
+            let taken = plays.map_or(0.0, |(lags, weights)| {
                 lag::mean(lags, &group.scans).iter().zip(weights).map(|(lag, weight)| lag * weight).sum::<f64>()
             });
-            if load.is_nan() { f64::NAN } else { curve.read(*load) - taken - group.kpa }
+            curve.read(*load) - taken - group.kpa
         };
-        others.map(off_kpa).collect()
+        self.course.groups.iter().zip(&seen.groups).map(off_kpa).collect()
+    }
+
+    /// Root mean square over light groups of what the left-out readings of the taxels in use have in common, of those that show
+    /// their load; kPa.
+    fn shared_kpa(&self, taxels: &[Result<FittedTaxel, Status>]) -> Option<f64> {
+        let groups = &self.course.groups;
+        let width = groups.iter().filter(|g| g.on_curve).map(|g| g.kpa).fold(0.0, f64::max) - self.course.rest_kpa;
+        let light = LIGHT.map(|share| self.course.rest_kpa + share * width);
+        let mut sums = vec![(0.0, 0.0); groups.len()];
+        for (k, problem) in self.without.iter().enumerate() {
+            let Some(problem) = problem else { continue };
+            let both =
+                self.seen.iter().zip(taxels).filter_map(|(seen, taxel)| seen.as_ref().ok().zip(taxel.as_ref().ok()));
+            for (seen, taxel) in both.filter(|(_, taxel)| taxel.status.is_ok()) {
+                let curve = problem.fit(&seen.groups);
+                for ((g, group), count) in groups.iter().enumerate().zip(&seen.groups) {
+                    let is_light = group.on_curve && group.kpa > light[0] && group.kpa < light[1];
+                    if is_light && self.course.reading_fold(g) == k && *count > SHOWN * taxel.noise_counts {
+                        sums[g] = (sums[g].0 + curve.read(*count) - group.kpa, sums[g].1 + 1.0);
+                    }
+                }
+            }
+        }
+        root_mean_square(sums.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| sum / n))
     }
 
     fn taxel(
@@ -382,11 +390,11 @@ impl Fit<'_> {
             noise_counts: if self.zero_known { seen.noise_counts } else { curved.rms_counts },
             swing_counts: seen.swing,
             soft: soft.map(|sigma| curve.soft(sigma)),
-            others_kpa: self.others_kpa(curve, seen, lags.as_deref(), plays_kpa),
+            others_kpa: self.others_kpa(curve, seen, lags.as_deref().zip(plays_kpa)),
             plays_kpa,
             sigma: SigmaByReading::new(curve, &noise, self.range_kpa, pairs(), prior_scans),
             error_kpa: mean(squares).sqrt(),
-            top_kpa: self.top_kpa(seen),
+            top_kpa: self.on_curve(seen).map(|(group, _)| group.kpa).fold(f64::NEG_INFINITY, f64::max),
             curve: curve.clone(),
         }
     }
@@ -416,37 +424,18 @@ fn judged(
     taxels
 }
 
-/// Root mean square over light groups of what the taxels' left-out readings have in common. Of each taxel its counts, one a
-/// group, and its noise: of those that show their load.
-fn shared_kpa(course: &Course, without: &[Option<Problem>; READING_FOLDS], taxels: &[(&[f64], f64)]) -> Option<f64> {
-    let width = course.groups.iter().filter(|g| g.on_curve).map(|g| g.kpa).fold(0.0, f64::max) - course.rest_kpa;
-    let is_light = |kpa: f64| kpa > LIGHT[0] * width && kpa < LIGHT[1] * width;
-    let mut sums = vec![(0.0, 0.0); course.groups.len()];
-    for (k, problem) in without.iter().enumerate() {
-        let Some(problem) = problem else { continue };
-        for (counts, noise) in taxels {
-            let curve = problem.fit(counts);
-            for (g, group) in course.groups.iter().enumerate() {
-                let light = course.reading_fold(g) == k && group.on_curve;
-                if light && is_light(group.kpa - course.rest_kpa) && counts[g] > SHOWN * noise {
-                    sums[g] = (sums[g].0 + curve.read(counts[g]) - group.kpa, sums[g].1 + 1.0);
-                }
-            }
-        }
-    }
-    let means: Vec<f64> = sums.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| (sum / n).powi(2)).collect();
-    (!means.is_empty()).then(|| mean(means.into_iter()).sqrt())
+/// Root mean square over the groups of a rising or a falling pressure of what the taxels in use have in common by which they
+/// read those wrong that the curve is not fitted to, kPa. `None` without any.
+fn common_kpa(taxels: &[Result<FittedTaxel, Status>], groups: &[Group], rising: bool) -> Option<f64> {
+    let used = || taxels.iter().flatten().filter(|taxel| taxel.status.is_ok());
+    let common = |g: usize| mean(used().map(|taxel| taxel.others_kpa[g]).filter(|off_kpa| off_kpa.is_finite()));
+    let chosen = (0..groups.len()).filter(|g| groups[*g].rising == rising);
+    root_mean_square(chosen.map(common).filter(|kpa| kpa.is_finite()))
 }
 
-/// Root mean square of what the taxels have in common by which they read the `chosen` of the groups wrong that the curve is not
-/// fitted to, kPa. `None` without any.
-fn common_kpa(taxels: &[Result<FittedTaxel, Status>], chosen: &[bool]) -> Option<f64> {
-    let used: Vec<&[f64]> =
-        taxels.iter().flatten().filter(|taxel| taxel.status.is_ok()).map(|taxel| taxel.others_kpa.as_slice()).collect();
-    let common = |group: usize| mean(used.iter().map(|off_kpa| off_kpa[group]).filter(|off_kpa| off_kpa.is_finite()));
-    let groups = (0..chosen.len()).filter(|group| chosen[*group] && !used.is_empty());
-    let squares: Vec<f64> = groups.map(common).filter(|kpa| kpa.is_finite()).map(|kpa| kpa * kpa).collect();
-    (!squares.is_empty()).then(|| mean(squares.into_iter()).sqrt())
+/// `None` of nothing.
+fn root_mean_square(values: impl Iterator<Item = f64>) -> Option<f64> {
+    Some(mean(values.map(|value| value * value)).sqrt()).filter(|root| !root.is_nan())
 }
 
 #[cfg(test)]

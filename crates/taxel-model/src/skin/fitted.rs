@@ -4,13 +4,14 @@ use super::course::Course;
 use super::curve::{LoadCurve, Soft};
 use super::form::Form;
 use super::lag::{RADII, SCANS};
-use super::numbers::mean;
 use super::sigma::SigmaByReading;
+use crate::fit::fit as fit_polynomial;
 use crate::model::{Quality, Sign, TaxelModel};
+use crate::numbers::mean;
 use crate::options::FitOptions;
 use crate::plays::Plays;
 use crate::points::Points;
-use crate::samples::{Samples, fit as fit_polynomial};
+use crate::samples::Samples;
 use crate::status::{Flag, Status};
 use crate::uncertainty::SigmaProfile;
 
@@ -65,12 +66,6 @@ pub(super) struct FittedTaxel {
 }
 
 impl SkinFit {
-    /// How many taxels there are.
-    #[must_use]
-    pub fn taxels(&self) -> usize {
-        self.taxels.len()
-    }
-
     /// Mean count and noise of the unloaded taxel; `None` where no unloaded skin was seen.
     #[must_use]
     pub fn zero(&self, taxel: usize) -> Option<(f64, f64)> {

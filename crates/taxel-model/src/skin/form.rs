@@ -5,7 +5,7 @@
 
 use super::course::Course;
 use super::least_squares::{NONE_FREE, Normal, Row, UNKNOWNS};
-use super::numbers::{median, spread};
+use crate::numbers::{distinct, median, spread};
 
 /// Highest order of a curve.
 const ORDER_MAX: usize = 7;
@@ -194,10 +194,7 @@ pub(super) fn choose(course: &Course, pilots: &[Vec<f64>], free_zero: bool, allo
     let on_curve = || course.groups.iter().filter(|group| group.on_curve);
     let top = on_curve().map(|group| group.kpa - course.rest_kpa).fold(0.0, f64::max);
     let spread: Vec<f64> = pilots.iter().map(|counts| spread(counts).powi(2)).collect();
-    let mut distinct: Vec<f64> = on_curve().map(|group| group.kpa).collect();
-    distinct.sort_unstable_by(f64::total_cmp);
-    distinct.dedup();
-    let largest = (distinct.len() / 2).clamp(1, ORDER_MAX);
+    let largest = (distinct(on_curve().map(|group| group.kpa).collect()) / 2).clamp(1, ORDER_MAX);
     let zones = if allow_zone { &ZONES_TRIED[..] } else { &ZONES_TRIED[..1] };
     let mut tried: Vec<(Form, f64)> = Vec::new();
     for warp in WARPS {

@@ -17,10 +17,8 @@ mod fitted;
 mod form;
 mod lag;
 mod least_squares;
-mod numbers;
 mod sigma;
 
 pub use fit::{Gathered, SWING_MIN, SkinError, fit};
 pub use fitted::SkinFit;
 pub use form::{Form, Warp};
-pub use sigma::SigmaByReading;

@@ -1,7 +1,8 @@
 //! How far a reading is off: the noise of the counts by load, and the errors of readings that were left out.
 
 use super::curve::LoadCurve;
-use super::numbers::median;
+use crate::numbers::median;
+use crate::uncertainty::between_knots;
 
 /// Knots of the uncertainty over the range of the pressure.
 pub(super) const KNOTS: usize = 13;
@@ -109,7 +110,7 @@ impl Noise {
 
 /// The standard deviation of a reading by its pressure.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SigmaByReading {
+pub(super) struct SigmaByReading {
     first_kpa: f64,
     step_kpa: f64,
     sigma_kpa: [f64; KNOTS],
@@ -118,7 +119,7 @@ pub struct SigmaByReading {
 impl SigmaByReading {
     /// From left-out `readings` of `kpa` (pairs, NaN where nothing was read). The prior, which weighs as `prior_scans`, is the
     /// curve's slope times the noise.
-    pub(super) fn new(
+    pub fn new(
         curve: &LoadCurve,
         noise: &Noise,
         range_kpa: [f64; 2],
@@ -148,16 +149,11 @@ impl SigmaByReading {
     }
 
     /// The standard deviation of a reading, both in kPa.
-    #[must_use]
     pub fn at(&self, kpa: f64) -> f64 {
-        let place = ((kpa - self.first_kpa) / self.step_kpa).clamp(0.0, (KNOTS - 1) as f64);
-        let k = (place as usize).min(KNOTS - 2);
-        let part = place - k as f64;
-        (1.0 - part) * self.sigma_kpa[k] + part * self.sigma_kpa[k + 1]
+        between_knots((kpa - self.first_kpa) / self.step_kpa, &self.sigma_kpa)
     }
 
     /// Its median over the range, kPa.
-    #[must_use]
     pub fn median_kpa(&self) -> f64 {
         median(self.sigma_kpa.to_vec())
     }

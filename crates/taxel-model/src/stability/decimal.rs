@@ -66,7 +66,7 @@ fn integer_and_exponent(mantissa: &str, exponent: i32) -> (Dd, i32) {
 fn integer(n: i128) -> Dd {
     let hi = n as f64;
     // The rounded value may exceed the type's range only for inputs near its end, which saturate.
-    Dd::sum(hi, n.saturating_sub(hi as i128) as f64)
+    Dd::from(hi) + Dd::from(n.saturating_sub(hi as i128) as f64)
 }
 
 /// `value * 10^exponent`; powers up to 10^22 are exact f64.

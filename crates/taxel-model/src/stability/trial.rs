@@ -53,7 +53,8 @@ pub(super) fn sound(recording: &Recording, options: &FitOptions, model: &TaxelMo
     }
     let flagged = outcome.flags.contains(&"not_monotone");
     let sign = model.sign.as_f64() as f32;
-    let table: Vec<f32> = (0..=u8::MAX).filter_map(|raw| model.kpa(raw.into())).map(|kpa| kpa as f32).collect();
+    let table: Vec<f32> =
+        (0..=u8::MAX).filter_map(|raw| model.evaluate(raw.into())).map(|reading| reading.kpa as f32).collect();
     let wrong = table.windows(2).find(|pair| (pair[1] - pair[0]) * sign < 0.0);
     outcome.require(flagged || !model.is_usable() || wrong.is_none(), || format!("the curve steps back: {wrong:?}"));
     outcome

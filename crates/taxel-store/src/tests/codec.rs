@@ -180,7 +180,7 @@ fn what_contradicts_itself_is_refused_with_its_place() {
         (|f| f["taxels"][0]["curve"] = Value::Null, "taxel 0: status is `ok` but the model has no curve"),
         (|f| f["taxels"][3]["order"] = json!(3), "taxel 3: `curve` has 0 terms"),
         (|f| f["taxels"][0]["sigma"] = Value::Null, "taxel 0: `sigma` has no values"),
-        (|f| f["taxels"][0]["sigma"]["sigma_kpa"] = json!([]), "taxel 0: `sigma` has no values"),
+        (|f| f["taxels"][0]["sigma"]["sigma_kpa"] = json!([]), "taxel 0: sigma.sigma_kpa has 0 entries"),
         (|f| f["taxels"][0]["sign"] = json!("up"), "`taxels[0].sign`: unknown variant `up`"),
         (|f| f["taxels"][0]["sign"] = json!("rising"), "taxel 0: the curve is not monotone"),
     ];

@@ -172,7 +172,7 @@ impl Reader<'_> {
             // Left-out readings of a skin fit show what the calibration leaves open, too.
             let in_sigma = if model.points.is_some() { doubt_kpa.min(reading.sigma_kpa) } else { 0.0 };
             let own_kpa = (reading.sigma_kpa.powi(2) - in_sigma.powi(2)).sqrt();
-            let range = plays.map_or(reading.range, |plays| plays.range_state(count)).in_pressure(sign);
+            let range = plays.map_or(reading.range, |plays| RangeState::of(count, plays.range)).in_pressure(sign);
             // Nothing tells how much more than at the range's end it is.
             let is_open = self.skin && counts[i] == rail || extension.is_none() && range == RangeState::Above;
             // Anything from there to nothing.
