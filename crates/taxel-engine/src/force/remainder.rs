@@ -1,8 +1,8 @@
 //! What presses below the activation thresholds: the force that a scan cannot show as a touch.
 //!
 //! The counts of all taxels that are not in the total still say how much may lie there. With `w` the force per count of a taxel
-//! below its threshold (`Light`) and `c` its counts from the zero towards pressure, the remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`,
-//! and what the zero's uncertainty weighs on the whole skin.
+//! below its threshold (`Light`) and `c` its counts from the zero towards pressure, the remainder is `R = sum w c`. Its standard
+//! uncertainty is the noise of single readings, `sum (w s)^2`, and what the zero's uncertainty weighs on the whole skin.
 //!
 //! A zero is taken where nothing seems to lie on the skin, so what the zero itself may hide counts, too: `H`, with an
 //! uncertainty of its own (`hidden.rs`).
@@ -13,8 +13,8 @@
 //! What is undetected is `max(R, 0) + max(H, 0)` with the uncertainties of both, to which comes what all forces have: that of the
 //! areas, of the gauge's gain and of the day's, relative to the sum of the two.
 //!
-//! Whether anything is touched hangs on noise, too: of a total of which no taxel reads three times its threshold that of a contact on the
-//! modules that have most of it, `sqrt(sum (w s)^2)`, is uncertain.
+//! Whether anything is touched hangs on noise, too: of a total of which no taxel reads three times its threshold that of a contact
+//! on the modules that have most of it, `sqrt(sum (w s)^2)`, is uncertain.
 
 mod hidden;
 

@@ -23,7 +23,7 @@ pub(super) const ENTRIES: usize = 257;
 /// of two apart, all those entries would compete for the same few sets of the cache (5,000 taxels: 7 us instead of 4).
 const FORCE_STRIDE: usize = 256 + 16;
 
-/// Force by whole units, N, where nothing is beneath a threshold; the entries beyond `ENTRIES` are never read.
+/// Force by whole units, N, whether or not it is a touch; the entries beyond `ENTRIES` are never read.
 pub(super) type ForceTable = [f32; FORCE_STRIDE];
 
 /// Beside an activated taxel this share of the threshold suffices: the low one of two thresholds.

@@ -89,8 +89,6 @@ pub struct GaugeHistory {
     /// What is taken off every reading, kPa: of a gauge that reads the bag's own pressure, how far the ambient pressure was guessed
     /// wrong.
     taken_off_kpa: f64,
-    /// Readings that were not later than the one before; counted and left out.
-    out_of_order: u64,
     changes: Changes,
     /// Single steps, the newest last.
     jumps: VecDeque<Jump>,
@@ -183,10 +181,9 @@ pub enum PressureAt {
 }
 
 impl GaugeHistory {
-    /// Takes one reading; one that is not later than its predecessor is counted and left out.
+    /// Takes one reading; one that is not later than its predecessor is left out.
     pub fn push(&mut self, time: Time, pressure: Kilopascal) {
         if self.readings.back().is_some_and(|&(last, _)| time <= last) {
-            self.out_of_order += 1;
             return;
         }
         let pressure = Kilopascal(pressure.0 - self.taken_off_kpa);
@@ -229,12 +226,6 @@ impl GaugeHistory {
         let pairs = within.clone().zip(within.skip(1));
         let steps = pairs.map(|(a, b)| (b.1 - a.1, steepest_kpa_per_s * b.0.seconds_since(a.0)));
         steps.filter(|(step, pressure)| step.abs() - pressure > JUMP_MIN_KPA).map(|(step, _)| step).sum()
-    }
-
-    /// Readings left out because they came out of order.
-    #[must_use]
-    pub const fn out_of_order(&self) -> u64 {
-        self.out_of_order
     }
 
     /// The newest reading.

@@ -5,8 +5,8 @@
 //! over a module (beyond the threshold what the taxel's curve says instead), `H` is the sum of all `h`, a load on
 //! everything, or that of the three greatest, a contact, whichever is more. What has left the skin since its zero was taken
 //! hides in it no longer. A skin that lies away from load as a whole, as a colder one does, hides a contact by as much, so a
-//! contact is told from the median taxel of the other modules then, and has its error. Boards that took a zero of their own since the models were
-//! gathered leave a residue on every taxel, which may hide a load as well: how far the taxels lie apart is how large these
+//! contact is told from the median taxel of the other modules then, and has its error. Boards that took a zero of their own
+//! since the models were gathered leave a residue on every taxel, which may hide a load as well: how far the taxels lie apart is how large these
 //! are, `H` has the standard uncertainty `sqrt(sum (w d)^2)` of its taxels, `d` from the median deviation. Where somebody has
 //! confirmed a zero since, the same is told from that zero, and what is more counts.
 
