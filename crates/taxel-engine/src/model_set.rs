@@ -207,14 +207,6 @@ impl ModelSet {
     }
 }
 
-impl RecordedTaxel {
-    /// Standard uncertainty in kPa of a reading whose zero is off by `zero_counts` (standard uncertainty).
-    #[must_use]
-    pub fn sigma_kpa(&self, zero_counts: f64) -> f64 {
-        self.rmse_kpa.hypot(zero_counts / self.sensitivity)
-    }
-}
-
 /// What a fit to rising and falling pressure, of a recording or a session, knows of the skin in use.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -227,6 +219,9 @@ pub struct Recorded {
     pub module_size: usize,
     /// How far the counts stay away from their zero when the load has gone; `None` where that was not measured.
     pub zero_return: Option<ZeroReturn>,
+    /// By how much all taxels alike read wrong while the pressure falls, less what plays take off, root mean square, kPa; `None`
+    /// without both branches.
+    pub hysteresis_kpa: Option<f64>,
     /// Median error with plays over that without, on the part of the falling branch that neither was fitted to.
     pub plays_error_ratio: Option<f64>,
     /// One entry per taxel; `None` where it was not fitted.
@@ -270,13 +265,8 @@ impl ZeroReturn {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedTaxel {
-    /// Root mean square of the pressure read, as it is read in use, less that of the gauge; kPa.
-    pub rmse_kpa: f64,
     /// Swing of the count over that of the pressure, counts per kPa; positive.
     pub sensitivity: f64,
-    /// By how much all taxels alike read wrong while the pressure falls, less what plays take off, root mean square, kPa; `None`
-    /// without both branches.
-    pub hysteresis_kpa: Option<f64>,
     /// The hysteresis as plays; `None` where they are off.
     pub plays: Option<Plays>,
 }

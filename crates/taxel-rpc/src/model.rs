@@ -158,8 +158,7 @@ fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelM
             ("swing_counts", Some(model.quality.swing_counts)),
             ("baseline_counts", rest.map(|rest| rest.mean)),
             ("noise_counts", rest.map(|rest| rest.noise)),
-            ("rmse_in_use_kpa", in_use.map(|taxel| taxel.rmse_kpa)),
-            ("hysteresis_kpa", in_use.and_then(|taxel| taxel.hysteresis_kpa)),
+            ("hysteresis_kpa", set.recorded.as_ref().filter(|_| in_use.is_some()).and_then(|of| of.hysteresis_kpa)),
             ("sensitivity_counts_per_kpa", in_use.map(|taxel| taxel.sensitivity)),
         ]),
     }

@@ -316,7 +316,6 @@ fn check_recorded(recorded: &Recorded) -> Result<(), ModelsJsonError> {
     for (number, taxel) in recorded.taxels.iter().enumerate() {
         let Some(taxel) = taxel else { continue };
         let of = |name: &str| format!("recorded.taxels[{number}].{name}");
-        at_least(&of("rmse_kpa"), taxel.rmse_kpa, 0.0)?;
         at_least(&of("sensitivity"), taxel.sensitivity, f64::MIN_POSITIVE)?;
         let Some(plays) = &taxel.plays else { continue };
         for value in plays.radii_counts.iter().chain(&plays.weights_kpa) {

@@ -129,7 +129,7 @@ mod tests {
     }
 
     fn set(pressure_max_kpa: f64, model: TaxelModel, plays: Option<Plays>) -> ModelSet {
-        let taxel = RecordedTaxel { rmse_kpa: 0.0, sensitivity: 1.0, hysteresis_kpa: None, plays };
+        let taxel = RecordedTaxel { sensitivity: 1.0, plays };
         let recorded = Recorded { taxels: vec![Some(taxel)], ..Recorded::default() };
         ModelSet {
             id: "m-1".to_owned(),

@@ -39,12 +39,13 @@ fn with_plays() -> Arc<ModelSet> {
 
 fn averaged_over(smooth_s: f64) -> Arc<ModelSet> {
     let mut models = ModelSet::clone(&set(TAXELS));
-    let taxel = RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: None, plays: Some(plays()) };
+    let taxel = RecordedTaxel { sensitivity: 1.0, plays: Some(plays()) };
     models.recorded = Some(Recorded {
         smooth_s,
         plays_mean_s: 0.0,
         module_size: 10,
         zero_return: None,
+        hysteresis_kpa: None,
         plays_error_ratio: Some(0.5),
         taxels: vec![Some(taxel); TAXELS],
     });

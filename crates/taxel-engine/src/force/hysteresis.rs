@@ -268,7 +268,7 @@ mod tests {
         let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
         let range = model.range.unwrap();
         let plays = Plays { range, sign: model.sign, radii_counts: RADII, weights_kpa: [0.8, 0.4, 0.0, 0.0] };
-        let taxel = |plays| RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays };
+        let taxel = |plays| RecordedTaxel { sensitivity: 1.0, plays };
         Arc::new(ModelSet {
             id: "m-test".to_owned(),
             patch: "p".to_owned(),
@@ -286,6 +286,7 @@ mod tests {
                 plays_mean_s: 0.0,
                 module_size: 10,
                 zero_return: None,
+                hysteresis_kpa: Some(7.0),
                 plays_error_ratio: Some(0.5),
                 taxels: vec![Some(taxel(Some(plays))), Some(taxel(None))],
             }),

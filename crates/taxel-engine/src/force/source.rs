@@ -155,13 +155,11 @@ impl<'a> Source<'a> {
         let kpa_per_count = (pressure_kpa[after] - pressure_kpa[before]).abs() / (after - before) as f32;
         let units = units as f64;
         let (count, top) = (units + self.shift, counts.units(counts.top()));
-        let sigma_kpa = self.sigma_in_use_kpa().unwrap_or_else(|| {
-            let inside = |[low, high]: [f64; 2]| count.max(low).min(high);
-            let slope = self.model.served().zip(self.model.range).map(|(curve, range)| curve.slope(inside(range)));
-            let rounding_kpa = slope.map_or(0.0, |slope| slope.abs() / (12.0_f64.sqrt() * counts.per_unit()));
-            let sigma_kpa = self.model.evaluate(count).map_or(f64::INFINITY, |reading| reading.sigma_kpa);
-            sigma_kpa.max(rounding_kpa).hypot(self.single_kpa())
-        });
+        let inside = |[low, high]: [f64; 2]| count.max(low).min(high);
+        let slope = self.model.served().zip(self.model.range).map(|(curve, range)| curve.slope(inside(range)));
+        let rounding_kpa = slope.map_or(0.0, |slope| slope.abs() / (12.0_f64.sqrt() * counts.per_unit()));
+        let sigma_kpa = self.model.evaluate(count).map_or(f64::INFINITY, |reading| reading.sigma_kpa);
+        let sigma_kpa = sigma_kpa.max(rounding_kpa).hypot(self.single_kpa());
         // Noise must not decide whether a reading near the end of the range says that it is beyond.
         let margin = RANGE_MARGIN_SIGMAS * self.now.noise.max(NOISE_FLOOR_COUNTS);
         let nearer = counts.units(counts.nearest((units + self.sign.as_f64() * margin).clamp(0.0, top)));
@@ -225,7 +223,7 @@ impl<'a> Source<'a> {
     /// shown, kPa. How far the zero stays away from where it was does not average out either.
     fn hysteresis_kpa(&self) -> f64 {
         let (Some(in_use), Some(recorded)) = (self.in_use, self.set.recorded.as_ref()) else { return 0.0 };
-        in_use.hysteresis_kpa.unwrap_or(0.0).hypot(recorded.zero_return_common_counts() / in_use.sensitivity)
+        recorded.hysteresis_kpa.unwrap_or(0.0).hypot(recorded.zero_return_common_counts() / in_use.sensitivity)
     }
 
     /// What a count contributes to the uncertainty of a force.
@@ -301,14 +299,5 @@ impl<'a> Source<'a> {
         let averaged = self.set.recorded.as_ref().is_some_and(|recorded| recorded.smooth_s > 0.0);
         let noise = if averaged { self.now.noise.max(NOISE_FLOOR_COUNTS) } else { 0.0 };
         self.in_use.map_or(0.0, |in_use| noise / in_use.sensitivity)
-    }
-
-    /// The error of a reading as a recording of both branches has shown it, and what is not in there: the noise of a
-    /// single count, which was averaged out when that error was taken.
-    fn sigma_in_use_kpa(&self) -> Option<f64> {
-        // A skin fit has the error by the reading, single scans and hysteresis included.
-        let recorded = self.set.recorded.as_ref().filter(|_| self.model.points.is_none())?;
-        let noise = if recorded.smooth_s > 0.0 { self.now.noise.max(NOISE_FLOOR_COUNTS) } else { 0.0 };
-        Some(self.in_use?.sigma_kpa(recorded.zero_return_counts().hypot(noise))).filter(|sigma| sigma.is_finite())
     }
 }

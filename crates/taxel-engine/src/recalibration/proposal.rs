@@ -95,13 +95,12 @@ pub fn corrected(
         return Err(format!("`{}` was corrected {EARLIER_MAX} times already: calibrate it in the bag", source.id));
     }
     let taxel = |taxel: &RecordedTaxel| RecordedTaxel {
-        rmse_kpa: gain * taxel.rmse_kpa,
         sensitivity: taxel.sensitivity / gain,
-        hysteresis_kpa: taxel.hysteresis_kpa.map(|kpa| gain * kpa),
         plays: taxel.plays.as_ref().map(|plays| plays.scaled(gain)),
     };
     let mut recorded = source.recorded.clone();
     if let Some(recorded) = &mut recorded {
+        recorded.hysteresis_kpa = recorded.hysteresis_kpa.map(|kpa| gain * kpa);
         recorded.taxels.iter_mut().flatten().for_each(|one| *one = taxel(one));
     }
     let points = found.points.iter().map(|judged| judged.point).collect();

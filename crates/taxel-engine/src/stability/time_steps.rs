@@ -58,7 +58,7 @@ fn hysteresis() -> Option<Hysteresis> {
         radii_counts: [4.0, 10.0, 0.0, 0.0],
         weights_kpa: [0.8, 0.4, 0.0, 0.0],
     };
-    let taxel = RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays: Some(plays) };
+    let taxel = RecordedTaxel { sensitivity: 1.0, plays: Some(plays) };
     let set = ModelSet {
         id: String::new(),
         patch: String::new(),
@@ -76,6 +76,7 @@ fn hysteresis() -> Option<Hysteresis> {
             plays_mean_s: 0.0,
             module_size: 1,
             zero_return: None,
+            hysteresis_kpa: Some(7.0),
             plays_error_ratio: Some(0.5),
             taxels: vec![Some(taxel)],
         }),

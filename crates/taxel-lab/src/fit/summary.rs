@@ -26,10 +26,10 @@ pub(super) fn print(set: &ModelSet) {
     };
     figure("RMSE of the static fit", usable().map(|model| model.quality.rmse_kpa).collect(), "kPa");
     let Some(recorded) = &set.recorded else { return };
-    let in_use = || recorded.taxels.iter().flatten();
-    figure("RMSE in use, smoothed", in_use().map(|taxel| taxel.rmse_kpa).collect(), "kPa");
-    figure("hysteresis", in_use().filter_map(|taxel| taxel.hysteresis_kpa).collect(), "kPa");
-    let plays = in_use().filter(|taxel| taxel.plays.is_some()).count();
+    if let Some(kpa) = recorded.hysteresis_kpa {
+        say!("  hysteresis: {kpa:.3} kPa");
+    }
+    let plays = recorded.taxels.iter().flatten().filter(|taxel| taxel.plays.is_some()).count();
     let left = recorded.plays_error_ratio.map(|ratio| {
         format!("; on the branch kept from the fit they leave {:.0} % of the static error", 100.0 * ratio)
     });

@@ -26,12 +26,13 @@ fn over_both_branches(id: &str) -> ModelSet {
         radii_counts: [4.0, 10.0, 0.0, 0.0],
         weights_kpa: [0.5, 0.25, 0.0, 0.0],
     };
-    let taxel = RecordedTaxel { rmse_kpa: 1.5, sensitivity: 0.9, hysteresis_kpa: Some(3.0), plays: Some(plays) };
+    let taxel = RecordedTaxel { sensitivity: 0.9, plays: Some(plays) };
     let mut taxels = vec![None; TAXELS];
     taxels[0] = Some(taxel);
     let recorded = Recorded {
         smooth_s: 0.5,
         zero_return: Some(ZeroReturn { rms: 0.4, common: 0.4 }),
+        hysteresis_kpa: Some(3.0),
         plays_error_ratio: Some(0.6),
         taxels,
         ..Recorded::default()
@@ -51,9 +52,9 @@ async fn hysteresis_and_quality_in_use_are_shown() {
     let figures = |all: &BTreeMap<String, f64>, names: &[&str]| names.iter().map(|name| all[*name]).collect::<Vec<_>>();
     let names = ["smooth_s", "zero_return_counts", "plays_error_ratio", "taxels_with_plays"];
     assert_eq!(figures(&set.in_use, &names), [0.5, 0.4, 0.6, 1.0]);
-    let names = ["rmse_in_use_kpa", "hysteresis_kpa", "sensitivity_counts_per_kpa"];
-    assert_eq!(figures(&set.taxels[0].figures, &names), [1.5, 3.0, 0.9]);
-    assert_eq!(set.taxels[1].figures.get("rmse_in_use_kpa"), None);
+    let names = ["hysteresis_kpa", "sensitivity_counts_per_kpa"];
+    assert_eq!(figures(&set.taxels[0].figures, &names), [3.0, 0.9]);
+    assert_eq!(set.taxels[1].figures.get("hysteresis_kpa"), None);
 
     let model = client.get_model_set(v1::GetModelSetRequest { curves: vec![0], ..Default::default() }).await;
     let model = model.unwrap().into_inner().curves.remove(0);

@@ -22,12 +22,13 @@ fn whole_set() -> ModelSet {
     let set = model_set(1);
     let plays =
         Plays { range: [170.0, 240.0], sign: Sign::Falling, radii_counts: [1.0; PLAYS], weights_kpa: [0.1; PLAYS] };
-    let taxel = RecordedTaxel { rmse_kpa: 0.5, sensitivity: 0.7, hysteresis_kpa: Some(-1.5), plays: Some(plays) };
+    let taxel = RecordedTaxel { sensitivity: 0.7, plays: Some(plays) };
     let recorded = Recorded {
         smooth_s: 0.2,
         plays_mean_s: 0.1,
         module_size: 10,
         zero_return: Some(ZeroReturn { rms: 0.4, common: 0.1 }),
+        hysteresis_kpa: Some(-1.5),
         plays_error_ratio: None,
         taxels: vec![Some(taxel), None, None, None],
     };
@@ -74,8 +75,8 @@ fn the_file_looks_as_documented() {
         (&json!({"mean": 240.0 + 2.0 / 3.0, "noise": 0.7}), &Value::Null)
     );
     let curve = "curve{centre chebyshev half_width}";
-    let recorded = "recorded{module_size plays_error_ratio plays_mean_s smooth_s \
-                    taxels{hysteresis_kpa plays{radii_counts range sign weights_kpa} rmse_kpa sensitivity} zero_return{common rms}}";
+    let recorded = "recorded{hysteresis_kpa module_size plays_error_ratio plays_mean_s smooth_s \
+                    taxels{plays{radii_counts range sign weights_kpa} sensitivity} zero_return{common rms}}";
     let quality = "quality{distinct_counts dof interval_kpa interval_share max_leverage rank repeatability_kpa rmse_kpa samples swing_counts}";
     let taxels = format!(
         "taxels{{coefficients {curve} flags gauge{{gain_rel noise_kpa offset_kpa}} order {quality} range \

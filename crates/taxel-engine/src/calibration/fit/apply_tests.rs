@@ -10,12 +10,13 @@ fn near(is: f64, expected: f64) {
 
 /// Two taxels that a recording of both branches told of.
 fn recorded() -> ModelSet {
-    let taxel = RecordedTaxel { rmse_kpa: 0.5, sensitivity: 2.0, hysteresis_kpa: Some(1.2), plays: None };
+    let taxel = RecordedTaxel { sensitivity: 2.0, plays: None };
     let recorded = Recorded {
         smooth_s: 0.0,
         plays_mean_s: 0.0,
         module_size: 10,
         zero_return: Some(ZeroReturn { rms: 1.2, common: 0.9 }),
+        hysteresis_kpa: Some(1.2),
         plays_error_ratio: None,
         taxels: vec![Some(taxel); 2],
     };

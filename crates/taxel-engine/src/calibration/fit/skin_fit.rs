@@ -41,6 +41,8 @@ pub(crate) struct FittedSkin {
     pub zeros: Vec<TaxelBaseline>,
     /// Seconds over whose mean plays follow.
     pub plays_mean_s: f64,
+    /// By how much all taxels alike read wrong while the pressure falls, kPa; `None` without a fall.
+    pub hysteresis_kpa: Option<f64>,
     /// Left-out error with plays over that without; `None` without a fall.
     pub plays_error_ratio: Option<f64>,
     /// Greatest calibrated pressure, kPa.
@@ -72,6 +74,7 @@ impl SkinScans<'_> {
             in_use: (0..taxels).map(|taxel| in_use(&skin, taxel, &models[taxel])).collect(),
             zeros: (0..taxels).map(zero).collect(),
             plays_mean_s: skin.play_scans() as f64 * self.scans.period_s(),
+            hysteresis_kpa: skin.fall_kpa,
             plays_error_ratio: skin.plays_error_ratio,
             pressure_max_kpa: skin.range_kpa[1],
             method: method(&skin.form),
@@ -87,6 +90,7 @@ impl SkinScans<'_> {
             in_use: Vec::new(),
             zeros: self.zeros.map_or_else(|| (0..self.scans.counts.len()).map(of).collect(), <[_]>::to_vec),
             plays_mean_s: 0.0,
+            hysteresis_kpa: None,
             plays_error_ratio: None,
             pressure_max_kpa: self.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             method: paper::method(&recipe.options),
@@ -128,6 +132,7 @@ impl FittedSkin {
             plays_mean_s: self.plays_mean_s,
             module_size: recipe.module_size,
             zero_return,
+            hysteresis_kpa: self.hysteresis_kpa,
             plays_error_ratio: self.plays_error_ratio,
             taxels: std::mem::take(&mut self.in_use),
         }
@@ -154,8 +159,7 @@ impl FittedSkin {
 /// What is known of a taxel in use.
 fn in_use(skin: &SkinFit, taxel: usize, model: &TaxelModel) -> Option<RecordedTaxel> {
     let sensitivity = skin.sensitivity(taxel).filter(|_| model.is_usable())?;
-    let (rmse_kpa, plays) = (model.quality.rmse_kpa, skin.plays(taxel));
-    Some(RecordedTaxel { rmse_kpa, sensitivity, hysteresis_kpa: skin.fall_kpa, plays })
+    Some(RecordedTaxel { sensitivity, plays: skin.plays(taxel) })
 }
 
 /// How the curves were fitted, in words.

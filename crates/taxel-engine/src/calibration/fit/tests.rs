@@ -204,9 +204,8 @@ fn a_taxel_is_judged_with_its_plays() {
     let error = |plays: bool| {
         let set = fitted(&skin, &FitRecipe { plays, ..FitRecipe::default() });
         assert!(set.taxels.iter().all(taxel_model::TaxelModel::is_usable), "{:?}", set.taxels[0].status);
-        let recorded = set.recorded.unwrap();
-        assert!(recorded.taxels.iter().flatten().all(|taxel| taxel.plays.is_some() == plays));
-        recorded.taxels.iter().flatten().map(|taxel| taxel.rmse_kpa).fold(0.0, f64::max)
+        assert!(set.recorded.unwrap().taxels.iter().flatten().all(|taxel| taxel.plays.is_some() == plays));
+        set.taxels.iter().map(|model| model.quality.rmse_kpa).fold(0.0, f64::max)
     };
     let (with, without) = (error(true), error(false));
     assert!(with < 3.0 && without > 2.0 * with, "{with} {without}");
