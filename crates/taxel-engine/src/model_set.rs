@@ -194,17 +194,6 @@ impl ModelSet {
         let skin = SkinSlope::of((0..self.taxels.len()).filter_map(end));
         (0..self.taxels.len()).map(|taxel| skin?.extend(&end(taxel)?)).collect()
     }
-
-    /// What plays leave of the error on a branch that they were not fitted to; 1 without a recording.
-    #[must_use]
-    pub fn plays_error_ratio(&self) -> f64 {
-        self.recorded
-            .as_ref()
-            .and_then(|r| r.plays_error_ratio)
-            .filter(|r| r.is_finite())
-            .unwrap_or(1.0)
-            .clamp(0.0, 1.0)
-    }
 }
 
 /// What a fit to rising and falling pressure, of a recording or a session, knows of the skin in use.

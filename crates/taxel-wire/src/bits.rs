@@ -71,19 +71,6 @@ impl BitField {
         Ok(Self { first, length_bits, byte_order, signed })
     }
 
-    /// The same number so many bits further on in the frame, in the order in which its bits follow each other.
-    ///
-    /// # Errors
-    /// [`PlaceError::OutsideFrame`] if that is beyond the longest frame.
-    pub fn shifted(self, bits: u16) -> Result<Self, PlaceError> {
-        let first = self.first.saturating_add(bits);
-        let start_bit = match self.byte_order {
-            ByteOrder::Little => first,
-            ByteOrder::Big => first ^ 7,
-        };
-        Self::new(start_bit, self.length_bits, self.byte_order, self.signed)
-    }
-
     /// Its bits in the frame, from the first on: two numbers of one byte order that share none do not overlap.
     pub fn bits(self) -> impl Iterator<Item = u16> {
         // As DBC files count, so that both byte orders are comparable.

@@ -76,15 +76,6 @@ fn a_place_that_no_frame_has_is_refused_with_its_figures() {
     assert!(new(510, 8, ByteOrder::Big).is_err() && new(u16::MAX, 64, ByteOrder::Big).is_err());
 }
 
-#[test]
-fn repetition_goes_on_where_the_bits_follow_each_other() {
-    let little = field(4, 12, 1, '+').shifted(12).unwrap();
-    assert_eq!(little, field(16, 12, 1, '+'));
-    let big = field(7, 12, 0, '+').shifted(12).unwrap();
-    assert_eq!(big, field(11, 12, 0, '+'), "the second of two that share a byte");
-    assert!(field(0, 16, 1, '+').shifted(500).is_err() && field(0, 16, 1, '+').shifted(u16::MAX).is_err());
-}
-
 /// Reads the number bit by bit, as the DBC format words it.
 fn bit_by_bit(start_bit: u16, length_bits: u16, order: ByteOrder, signed: bool, data: &[u8]) -> i128 {
     let bit_at = |position: u16| i128::from(data[usize::from(position / 8)] >> (position % 8) & 1);
