@@ -108,6 +108,8 @@ pub(crate) struct Light {
     pub(crate) newton_per_count: f64,
     /// Of a single reading.
     pub(crate) noise_counts: f64,
+    /// Its dead zone: what lies on it where its count begins to move, N.
+    pub(crate) dead_n: f64,
 }
 
 impl Light {
@@ -245,6 +247,10 @@ impl<'a> Source<'a> {
         let at = |counts: f64| self.now.mean + self.sign.as_f64() * counts;
         let kpa = |counts: f64| f64::from(self.pressure_kpa(at(counts))).max(0.0);
         let sigma_kpa = || f64::from(table.sigma_kpa[at(low).round().clamp(0.0, (ENTRIES - 1) as f64) as usize]);
+        // Where counts begin to move late, as under play, the chord from the threshold to twice that begins above no pressure. A
+        // polynomial may turn there, and tells nothing.
+        let chord_kpa = 2.0 * kpa(threshold_counts) - kpa(2.0 * threshold_counts);
+        let dead_kpa = if self.model.points.is_some() { chord_kpa.max(0.0) } else { 0.0 };
         let rise_kpa = Some(kpa(low) - kpa(0.0)).filter(|rise| *rise > 0.0).unwrap_or_else(sigma_kpa);
         Light {
             zero: self.now.mean,
@@ -253,6 +259,7 @@ impl<'a> Source<'a> {
             touched_counts: low,
             newton_per_count: area.0 * 1e-3 * rise_kpa / low,
             noise_counts: self.now.noise.max(NOISE_FLOOR_COUNTS),
+            dead_n: area.0 * 1e-3 * dead_kpa,
         }
     }
 

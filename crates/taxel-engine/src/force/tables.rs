@@ -13,10 +13,10 @@ use crate::force::source::{ENTRIES, ForceTable, Light, Share, Source, TaxelTable
 use crate::model_set::ModelSet;
 
 /// What of a residue touched taxels are read at more: on skins with a play all of it would be right, on skins that creep
-/// nothing. Half of it reads the former more too little than the latter too much.
-const RESIDUE_SHARE: f64 = 0.6;
-/// Standard deviation, about this share, of a share that may as well be anything from 0 to 1.
-const RESIDUE_SIGMA: f64 = 0.31;
+/// nothing. Nothing speaks for one share more than for another.
+const RESIDUE_SHARE: f64 = 0.5;
+/// Standard deviation of a share that may as well be anything from 0 to 1.
+const RESIDUE_SIGMA: f64 = 0.29;
 
 /// What a taxel's count means.
 #[derive(Clone, Copy, Debug, PartialEq)]
