@@ -33,9 +33,7 @@ impl SessionSamples {
     pub fn rest(&self) -> Option<&[TaxelBaseline]> {
         self.ramps.last().map(|ramp| ramp.taxels.as_slice())
     }
-}
 
-impl SessionSamples {
     /// Whether all are of a patch as it is now.
     pub(crate) fn is_of(&self, patch: &Patch) -> bool {
         let mut counts = self.samples.iter().map(|sample| sample.counts.counts());

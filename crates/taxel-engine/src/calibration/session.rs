@@ -163,7 +163,7 @@ impl SessionRun {
 
     /// The zero that was wanted was taken: the ramp begins.
     pub fn on_zero_taken(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) {
-        if transition(self.view.state, Trigger::Zeroed).is_none() {
+        if self.view.state != SessionState::Taring {
             return;
         }
         let (gauge_kpa, newest) = match gauge.at_rest(now.time, self.limits.gauge_rest()) {
@@ -173,7 +173,7 @@ impl SessionRun {
         self.plateaus.iter_mut().for_each(|plateaus| *plateaus = Plateaus::begin(now.time));
         let ramp = RampBaseline { ramp: self.view.ramps, taxels, gauge_kpa };
         self.view.ramps += 1;
-        self.begin_branch(Ramp::new(now.time, Direction::Rising, newest));
+        self.begin_branch(Direction::Rising, Ramp::new(now.time, Direction::Rising, newest));
         Arc::make_mut(&mut self.samples).ramps.push(ramp.clone());
         self.events.push(SessionEvent::Ramp(ramp));
         self.enter(now, SessionState::Ramping, "");
@@ -181,9 +181,11 @@ impl SessionRun {
 
     /// The zero that was wanted could not be taken: the session goes on watching until its patience ends.
     pub fn on_zero_refused(&mut self, now: Now, why: &str) {
-        let Some(failed) = transition(self.view.state, Trigger::NeverAtRest) else { return };
+        if self.view.state != SessionState::Taring {
+            return;
+        }
         if now.time.since(self.entered) > self.limits.patience {
-            self.enter(now, failed, format!("rest was never proven: {why}"));
+            self.enter(now, SessionState::Failed, format!("rest was never proven: {why}"));
         } else {
             self.view.reason = format!("waiting for an unloaded skin: {why}");
             self.dirty = true;
@@ -194,7 +196,9 @@ impl SessionRun {
     /// The zero was lost: counts of two zeros in one ramp would make a wrong model. What was gathered before is kept.
     pub fn on_zero_lost(&mut self, now: Now, why: &str) {
         self.drop_waiting();
-        self.trigger(now, Trigger::ZeroLost, format!("the ramp's zero was lost: {why}"));
+        if self.is_ramping() {
+            self.enter(now, SessionState::Failed, format!("the ramp's zero was lost: {why}"));
+        }
     }
 
     /// The zero was lost or is in doubt: the scans that wait are not to be believed.
@@ -211,15 +215,14 @@ impl SessionRun {
         let rising = self.is_ramping() && self.view.direction == Direction::Rising;
         let turns = rising && self.view.branches == Branch::Both;
         if turns {
-            self.begin_branch(self.ramp.turned(now, Direction::Falling));
+            self.begin_branch(Direction::Falling, self.ramp.turned(now, Direction::Falling));
             self.events.push(SessionEvent::Changed);
         }
         turns
     }
 
-    fn begin_branch(&mut self, branch: Ramp) {
-        self.view.direction = branch.direction();
-        self.ramp = branch;
+    fn begin_branch(&mut self, direction: Direction, branch: Ramp) {
+        (self.view.direction, self.ramp) = (direction, branch);
         self.rise = Rise::default();
         (self.stale_since_progress, self.stalled) = (0, false);
     }
@@ -254,7 +257,7 @@ impl SessionRun {
                 self.view.model_set = Some(Arc::from(set.id.as_str()));
                 self.trigger(now, Trigger::Fitted, self.view.reason.clone());
             }
-            Err(reason) => self.trigger(now, Trigger::FitFailed, reason.clone()),
+            Err(reason) => self.trigger(now, Trigger::Fail, reason.clone()),
         }
     }
 

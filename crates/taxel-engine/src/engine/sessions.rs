@@ -133,7 +133,13 @@ impl Engine {
         }
         let index = self.check_take_up(now, number, command)?;
         let Some(read) = read else { return self.room_for_model_set().map(|()| None) };
-        let samples = self.usable_samples(index, number, read)?;
+        let damaged =
+            |what| format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one");
+        let samples = read.map_err(|why| why.refusal(damaged))?;
+        let patch = &self.patches[index].plan().patch;
+        ErrorReason::LayoutChanged.unless(samples.is_of(patch), || {
+            format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name())
+        })?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.patches[index].resume_session(now, SessionView::clone(view), samples);
         self.command_held(now, index, (command, why)).map(Some)
@@ -234,23 +240,6 @@ impl Engine {
             self.patches[index].check_vented(now)?;
         }
         Ok(index)
-    }
-
-    /// The samples of a session that is to go on, if they were read and are of the patch as it is now.
-    fn usable_samples(
-        &self,
-        index: usize,
-        number: u64,
-        read: Result<SessionSamples, NotLoaded>,
-    ) -> Result<SessionSamples, Rejection> {
-        let damaged =
-            |what| format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one");
-        let samples = read.map_err(|why| why.refusal(damaged))?;
-        let patch = &self.patches[index].plan().patch;
-        ErrorReason::LayoutChanged.unless(samples.is_of(patch), || {
-            format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name())
-        })?;
-        Ok(samples)
     }
 
     /// The patch that holds a session.

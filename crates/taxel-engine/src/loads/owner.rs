@@ -5,7 +5,7 @@ use taxel_skin::Time;
 
 use crate::force::owner::Measured;
 use crate::loads::load::{KnownLoad, Load, LoadsPlan, Reading, Validation, Weight, judge};
-use crate::loads::watch::{LoadWatch, Unread};
+use crate::loads::watch::LoadWatch;
 use crate::now::Now;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
@@ -18,7 +18,7 @@ pub struct LoadRead {
     /// Whom to answer.
     pub request: RequestId,
     /// What was laid on and read, or why nothing was.
-    pub outcome: Result<(KnownLoad, Reading), Unread>,
+    pub outcome: Result<(KnownLoad, Reading), Rejection>,
 }
 
 /// The known loads of one patch.
@@ -55,10 +55,8 @@ impl Loads {
         if let Some(number) = load.replaces
             && !self.all.iter().any(|l| l.number == number)
         {
-            return Err(Rejection::NotFound(
-                ErrorReason::LoadUnknown,
-                format!("load {number} of patch `{}`", self.plan.patch),
-            ));
+            let what = format!("load {number} of patch `{}`", self.plan.patch);
+            return Err(Rejection::NotFound(ErrorReason::LoadUnknown, what));
         }
         let why = || "another load of this patch is being read: wait a second".to_owned();
         ErrorReason::LoadBeingRead.unless(self.watch.is_none(), why)?;
@@ -83,7 +81,7 @@ impl Loads {
         self.watch.as_ref().map(LoadWatch::give_up_at)
     }
 
-    fn end(&mut self, verdict: Result<Reading, Unread>) -> Option<LoadRead> {
+    fn end(&mut self, verdict: Result<Reading, Rejection>) -> Option<LoadRead> {
         let watch = self.watch.take()?;
         Some(LoadRead { request: watch.request, outcome: verdict.map(|reading| (watch.load, reading)) })
     }

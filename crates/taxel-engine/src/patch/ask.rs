@@ -255,8 +255,7 @@ impl Patch {
     /// [`Rejection`] if it could not be read.
     pub fn complete_load(&self, now: Now, number: u64, read: LoadRead) -> Result<Arc<Load>, Rejection> {
         let set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
-        let reading = read.outcome.map_err(|(reason, why)| reason.because(why))?;
-        self.loads.complete(now, number, &set, reading).map(Arc::new)
+        self.loads.complete(now, number, &set, read.outcome?).map(Arc::new)
     }
 
     /// A load that is on disk.

@@ -74,7 +74,7 @@ impl SessionRun {
             if let Some(why) = self.ramp.why_void(time, gauge, &self.limits) {
                 self.view.untrusted.clone_from(&why);
                 // The models of earlier ramps are good, and may be in use.
-                let end = if self.view.model_set.is_none() { Trigger::Void } else { Trigger::Hopeless };
+                let end = if self.view.model_set.is_none() { Trigger::Void } else { Trigger::Fail };
                 return self.trigger(now, end, why);
             }
             if self.is_over(time, gate, gauge) {
@@ -97,13 +97,13 @@ impl SessionRun {
             0 => String::new(),
             _ => format!(": {}; leave them out of the session or mend them", silence()),
         };
-        self.trigger(now, Trigger::Hopeless, why + &silence);
+        self.trigger(now, Trigger::Fail, why + &silence);
     }
 
     /// Whether the branch has reached its end with the scan at `time`. A fall has also where no sample entered any
     /// more: the bag was vented.
     fn is_over(&self, time: Time, gate: Gate, gauge: &GaugeHistory) -> bool {
-        match self.ramp.direction() {
+        match self.view.direction {
             Direction::Rising => {
                 matches!(gate, Gate::Accept(pressure) if pressure.0 - self.gauge_zero_kpa() >= self.limits.target.0)
             }
@@ -156,8 +156,8 @@ impl SessionRun {
     /// Says that nothing enters any more, and ends the ramp after a while. What a rise has gathered is fitted where it is enough; a
     /// fall leaves a whole rise to be fitted.
     fn give_up_if_hopeless(&mut self, now: Now, gauge: &GaugeHistory, silence: impl FnOnce() -> String) {
-        let nothing_for = now.time.since(self.ramp.progress());
-        let rising = self.ramp.direction() == Direction::Rising;
+        let nothing_for = now.time.since(self.ramp.progress);
+        let rising = self.view.direction == Direction::Rising;
         if nothing_for <= self.limits.patience + PROBATION {
             let stalled = rising && self.ramp.has_begun() && nothing_for > STALLED_AFTER + PROBATION;
             if stalled {
@@ -202,7 +202,7 @@ impl SessionRun {
             Some(_) if self.stale_since_progress > 0 => {
                 format!("{} scans in {seconds} s had silent modules", self.stale_since_progress)
             }
-            Some((_, Kilopascal(kpa))) if self.ramp.direction() == Direction::Falling => {
+            Some((_, Kilopascal(kpa))) if self.view.direction == Direction::Falling => {
                 let (kpa, end) = (kpa - self.gauge_zero_kpa(), self.limits.fall_end.0);
                 format!(
                     "the pressure did not fall for {seconds} s: it is {kpa:.1} kPa, the branch ends at {end:.1} kPa"

@@ -68,7 +68,7 @@ impl SessionRun {
             self.view.pressure_kpa = last_kpa.filter(|_| ramping).map(|kpa| kpa - self.view.gauge_zero_kpa);
             return;
         }
-        let direction = self.ramp.direction();
+        let direction = self.view.direction;
         let end = if direction == Direction::Rising { self.limits.target } else { self.limits.fall_end };
         let left = self.view.pressure_kpa.map(|kpa| (direction.sign() * (end.0 - kpa)).max(0.0));
         let rate = self.view.rate_kpa_per_s.map(|rate| direction.sign() * rate).filter(|rate| *rate > 0.02);

@@ -43,7 +43,7 @@ impl SessionRun {
         let waiting = std::mem::take(&mut self.pending);
         let Some(plateaus) = &mut self.plateaus else { return };
         waiting.into_iter().for_each(|scan| plateaus.push(scan));
-        if now.time.since(plateaus.since()) <= PLATEAU_PATIENCE {
+        if now.time.since(plateaus.since) <= PLATEAU_PATIENCE {
             return;
         }
         let why = format!("nothing was typed for {} minutes", PLATEAU_PATIENCE.as_secs() / 60);
