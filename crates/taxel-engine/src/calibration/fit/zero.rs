@@ -29,9 +29,15 @@ const SOUND_SHARE: f64 = 0.9;
 pub(super) fn rest_scans(kpa: &[f64]) -> Vec<bool> {
     let known = (0..kpa.len()).filter(|&scan| kpa[scan].is_finite());
     let top = known.max_by(|&a, &b| kpa[a].total_cmp(&kpa[b])).unwrap_or(0);
-    let low = kpa.iter().copied().fold(f64::INFINITY, f64::min);
-    let limit = low + REST_BAND * (kpa.get(top).copied().unwrap_or(low) - low);
+    let limit = rest_limit_kpa(kpa);
     kpa.iter().enumerate().map(|(i, p)| i <= top && *p <= limit).collect()
+}
+
+/// The rig is at rest up to this pressure, kPa.
+pub(super) fn rest_limit_kpa(kpa: &[f64]) -> f64 {
+    let known = || kpa.iter().copied().filter(|p| p.is_finite());
+    let (low, high) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
+    low + REST_BAND * (high - low)
 }
 
 /// Mean and noise over the `rest` scans that are sound; NaN if they are too few.
@@ -53,11 +59,9 @@ pub(crate) fn zero_return(
     baseline: &[TaxelBaseline],
     taxels: &[usize],
 ) -> Option<ZeroReturn> {
-    let low = kpa.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let tail = scans.len().saturating_sub(scans.scans_in(RETURN_S))..scans.len();
     let (pressure, _) = mean(kpa[tail.clone()].iter().copied());
-    if pressure.is_nan() || pressure > low + REST_BAND * (high - low) {
+    if pressure.is_nan() || pressure > rest_limit_kpa(kpa) {
         return None;
     }
     let moved = taxels.iter().map(|&t| {
