@@ -13,7 +13,7 @@ pub struct RampBaseline {
     pub ramp: u16,
     /// One per taxel.
     pub taxels: Vec<TaxelBaseline>,
-    /// What the gauge read while the skin rested, kPa: its own zero. `None` in sessions of before this was kept.
+    /// What the gauge read while the skin rested, kPa: its own zero. `None` where that is not known.
     pub gauge_kpa: Option<f64>,
 }
 

@@ -6,7 +6,7 @@ use taxel_skin::Time;
 
 use crate::force::owner::Measured;
 use crate::force::sample::{ForceSample, ForceState};
-use crate::loads::load::{KnownLoad, Reading};
+use crate::loads::load::{Load, Reading};
 use crate::request::{ErrorReason, Rejection, RequestId};
 use crate::statistics::{mean, root_mean_square};
 
@@ -35,9 +35,7 @@ pub struct LoadWatch {
     /// Whom to answer.
     pub request: RequestId,
     /// What lies on the skin.
-    pub load: KnownLoad,
-    /// What it presses with, in N.
-    pub force_n: f64,
+    pub load: Load,
     begun: Time,
     /// Receive time of the newest frame that was looked at.
     newest: Time,
@@ -50,9 +48,9 @@ pub struct LoadWatch {
 
 impl LoadWatch {
     /// Begins to read.
-    pub fn new(now: Time, request: RequestId, load: KnownLoad, force_n: f64) -> Self {
+    pub fn new(now: Time, request: RequestId, load: Load) -> Self {
         let (first, totals_n, reading) = (None, Vec::new(), Reading::default());
-        Self { request, load, force_n, begun: now, newest: now, first, totals_n, sigmas_n: 0.0, reading }
+        Self { request, load, begun: now, newest: now, first, totals_n, sigmas_n: 0.0, reading }
     }
 
     /// Takes what was published: the force of the scan at `time`, read at the zero with this epoch.
@@ -114,7 +112,7 @@ impl LoadWatch {
         not_felt.unless(felt == scans, || {
             format!("the skin feels nothing in {} of {scans} scans: no taxel is active", scans - felt)
         })?;
-        let laid_on_n = self.force_n;
+        let laid_on_n = self.load.force_n;
         not_felt.unless(mean_n >= READ_SHARE_MIN * laid_on_n, || {
             format!("{mean_n:.2} N were read under {laid_on_n:.2} N: does the load lie on this patch?")
         })?;
@@ -137,13 +135,10 @@ impl LoadWatch {
 mod tests {
     use super::*;
     use crate::force::reason::{Reason, ReasonCode};
-    use crate::loads::load::Weight;
     use taxel_skin::Newton;
 
     fn watch() -> LoadWatch {
-        let (note, by) = (String::new(), String::new());
-        let load = KnownLoad { weight: Weight::Force(Newton(5.0)), relative_sigma: 0.0, note, by, replaces: None };
-        LoadWatch::new(Time::default(), RequestId(1), load, 5.0)
+        LoadWatch::new(Time::default(), RequestId(1), Load { force_n: 5.0, ..Load::default() })
     }
 
     fn at(ms: i64) -> Time {

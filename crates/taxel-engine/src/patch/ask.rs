@@ -254,8 +254,8 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if it could not be read.
     pub fn complete_load(&self, now: Now, number: u64, read: LoadRead) -> Result<Arc<Load>, Rejection> {
-        let set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
-        self.loads.complete(now, number, &set, read.outcome?).map(Arc::new)
+        let model_set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
+        Ok(Arc::new(Load { number, wall_ns: now.wall_ns, model_set, ..read.outcome? }))
     }
 
     /// A load that is on disk.
