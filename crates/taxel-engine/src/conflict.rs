@@ -1,7 +1,5 @@
 //! Plans that contradict themselves.
 
-use std::fmt;
-
 use taxel_skin::{BusIndex, Module};
 use taxel_wire::CanId;
 
@@ -15,12 +13,6 @@ pub struct Conflict {
     pub patch: String,
     /// What contradicts itself, in words.
     pub why: String,
-}
-
-impl fmt::Display for Conflict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.why)
-    }
 }
 
 /// What contradicts itself in a plan, all of it; an engine for such a plan would mistake one thing for another.

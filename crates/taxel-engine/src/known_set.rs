@@ -62,12 +62,6 @@ impl KnownSet {
     pub fn stored(summary: SetSummary) -> Self {
         Self { summary: Arc::new(summary), at_hand: None }
     }
-
-    /// What lists show of it.
-    #[must_use]
-    pub fn summary(&self) -> &SetSummary {
-        &self.summary
-    }
 }
 
 impl From<Arc<ModelSet>> for KnownSet {

@@ -7,25 +7,9 @@ pub const MEDIAN_DEVIATIONS: f64 = 1.4826;
 #[must_use]
 pub fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.retain(|v| v.is_finite());
-    let at = place(values.len(), share)?;
+    let last = values.len().checked_sub(1)?;
+    let at = ((share * last as f64).round() as usize).min(last);
     Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
-}
-
-/// The quantiles at two `shares` (0 to 1, ascending) of the finite values; `None` without any.
-#[must_use]
-pub fn spread(values: impl Iterator<Item = f64>, [low, high]: [f64; 2]) -> Option<[f64; 2]> {
-    let mut finite: Vec<f64> = values.filter(|v| v.is_finite()).collect();
-    let (low, high) = (place(finite.len(), low)?, place(finite.len(), high)?);
-    let at_high = *finite.select_nth_unstable_by(high, f64::total_cmp).1;
-    // What is less lies before it now.
-    let below = &mut finite[..=high];
-    Some([*below.select_nth_unstable_by(low.min(high), f64::total_cmp).1, at_high])
-}
-
-/// Where the value at `share` stands among so many in ascending order; `None` among none.
-fn place(values: usize, share: f64) -> Option<usize> {
-    let last = values.checked_sub(1)?;
-    Some(((share * last as f64).round() as usize).min(last))
 }
 
 /// Median of the finite values, the mean of the middle two of an even number; `None` without any.
@@ -81,7 +65,6 @@ pub fn median_error(sigma: f64, n: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
 
     #[test]
     fn a_window_does_not_hang_on_how_a_period_was_rounded() {
@@ -90,17 +73,5 @@ mod tests {
         }
         assert_eq!([half_window(0.5, 0.051), half_window(0.0, 0.05), half_window(0.5, f64::INFINITY)], [4, 0, 0]);
         assert_eq!([half_window(0.5, 0.0), half_window(0.5, f64::NAN)], [0, 0]);
-    }
-
-    proptest! {
-        #[test]
-        fn a_spread_is_the_quantiles_at_both_shares(
-            values in proptest::collection::vec(prop_oneof![9 => -1e3..1e3_f64, 1 => Just(f64::NAN)], 0..50),
-            shares in (0.0..=1.0_f64, 0.0..=1.0_f64),
-        ) {
-            let (low, high) = (shares.0.min(shares.1), shares.0.max(shares.1));
-            let both = quantile(values.clone(), low).zip(quantile(values.clone(), high)).map(|(low, high)| [low, high]);
-            prop_assert_eq!(spread(values.into_iter(), [low, high]), both);
-        }
     }
 }

@@ -5,7 +5,7 @@
 
 use anyhow::{bail, ensure};
 use taxel_engine::calibration::fit::scans::{RECORDING_SCANS_MIN, is_byte};
-use taxel_engine::statistics::spread;
+use taxel_engine::statistics::quantile;
 
 use crate::numbers::median;
 use crate::recording::Recording;
@@ -132,7 +132,8 @@ fn check_pressure(recording: &Recording) -> anyhow::Result<()> {
              by 1000; if it is a single wrong value, empty its cell"
         );
     }
-    let Some([low, high]) = spread(kpa.iter().copied(), [0.01, 0.99]) else { return Ok(()) };
+    let at = |share: f64| quantile(kpa.to_vec(), share);
+    let Some((low, high)) = at(0.01).zip(at(0.99)) else { return Ok(()) };
     let least = known().min_by(|a, b| a.0.total_cmp(b.0));
     if let Some((kpa, line)) = least.filter(|_| low < 0.0 && high <= -POSITIVE_SHARE * low) {
         bail!(

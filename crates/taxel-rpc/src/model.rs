@@ -32,7 +32,7 @@ impl ModelService for Service {
             let wanted = |set: &&KnownSet| request.patch.is_empty() || set.patch == request.patch;
             let catalogue = Arc::clone(&service.handle.catalogue.borrow());
             let sets = catalogue.model_sets.iter().rev().filter(wanted).take(most);
-            v1::ListModelSetsResponse { model_sets: sets.map(|set| service.summary(set.summary())).collect() }
+            v1::ListModelSetsResponse { model_sets: sets.map(|set| service.summary(set)).collect() }
         })
         .await
     }

@@ -50,7 +50,7 @@ impl Service {
         let model_set = model_set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         let done = self.command(caller, "RefitSessions", Command::KeepRefit { model_set, sessions }).await?;
         let Done::Kept { model_set, known } = done else { return Err(misfit()) };
-        Ok(v1::Refit { model_set: Some(self.summary(model_set.summary())), known, scans })
+        Ok(v1::Refit { model_set: Some(self.summary(&model_set)), known, scans })
     }
 
     /// What is to be fitted.

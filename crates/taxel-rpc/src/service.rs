@@ -94,7 +94,7 @@ impl Service {
         if let Some(set) = known.at_hand {
             return Ok(set);
         }
-        self.stored_set(known.summary()).await
+        self.stored_set(&known).await
     }
 
     /// A model set that is not in memory, with this summary.

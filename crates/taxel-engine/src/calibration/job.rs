@@ -31,11 +31,9 @@ const RETURN_MAX_COUNTS: f64 = 3.0;
 pub struct FitJob {
     /// The numbers of all sessions whose samples are fitted, ascending.
     pub sessions: Vec<u64>,
-    /// Which fit of the patch it is: a session may ask for another one after an abort, while the first still runs.
-    pub fit: u64,
     /// The patch.
     pub patch: String,
-    /// When it was asked for, nanoseconds since 1970.
+    /// When it was asked for, nanoseconds since 1970. A session may ask for another one while the first still runs.
     pub wall_ns: i64,
     /// Board settings in words.
     pub board_settings: Vec<String>,
@@ -56,8 +54,8 @@ pub struct FitJob {
 pub struct FitOutcome {
     /// Number of the session.
     pub session: u64,
-    /// Which fit of the patch it was.
-    pub fit: u64,
+    /// When the fit was asked for, nanoseconds since 1970.
+    pub asked_wall_ns: i64,
     /// The model set, or why there is none.
     pub result: Result<Arc<ModelSet>, String>,
 }
@@ -96,7 +94,7 @@ impl FitJob {
             Err("the fit ended with an internal error, which is a fault of this program; the samples are kept"
                 .to_owned())
         });
-        FitOutcome { session: self.session(), fit: self.fit, result }
+        FitOutcome { session: self.session(), asked_wall_ns: self.wall_ns, result }
     }
 
     /// Number of the session, of several of the newest.

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::branch::Branch;
-use super::calibrate_tests::plan;
 use super::job::{FitJob, refuse_gaps};
 use super::samples::{RampBaseline, Sample, SessionSamples};
+use super::session::tests::plan;
 use super::view::{SampleRefusal, SessionState};
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::tables::Tables;
@@ -37,7 +37,6 @@ fn gathered(zeros: &[u16], falls: bool) -> SessionSamples {
 fn job(samples: SessionSamples, branch: Branch) -> FitJob {
     FitJob {
         sessions: vec![7],
-        fit: 1,
         wall_ns: 5,
         board_settings: vec!["as they are".to_owned()],
         ..FitJob::new(&plan(), branch, Arc::new(samples))

@@ -1,9 +1,6 @@
 //! From rising pressure to models: the session, its ramps, its fit, and the fit of whole recordings.
 
 pub(crate) mod branch;
-pub(crate) mod calibrate;
-#[cfg(test)]
-mod calibrate_tests;
 pub mod export;
 pub mod fit;
 mod gauge_zero;
@@ -17,8 +14,6 @@ mod refit;
 mod rise;
 pub(crate) mod samples;
 pub(crate) mod session;
-#[cfg(test)]
-mod session_tests;
 pub(crate) mod transition;
 pub(crate) mod view;
 

@@ -57,22 +57,7 @@ pub struct Plateaus {
     /// How far the skin has been from there since, in counts.
     furthest: f64,
     /// When it was taken, or the ramp began.
-    since: Time,
-}
-
-/// What the skin does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Holding {
-    /// It was not watched for long enough.
-    Short,
-    /// It moves, by so many counts in two seconds.
-    Moves(f64),
-    /// It is where it was at the plateau before.
-    Same,
-    /// It has been further.
-    Back,
-    /// It has settled.
-    Settled,
+    pub since: Time,
 }
 
 impl Plateaus {
@@ -96,11 +81,6 @@ impl Plateaus {
         self.scans.clear();
     }
 
-    /// When the plateau before was taken, or the ramp began.
-    pub const fn since(&self) -> Time {
-        self.since
-    }
-
     /// What was typed last, kPa.
     pub fn last_kpa(&self) -> Option<f64> {
         self.last.map(|(kpa, _)| kpa)
@@ -108,14 +88,14 @@ impl Plateaus {
 
     /// Whether the skin has settled at a new pressure.
     pub fn is_settled(&self) -> bool {
-        self.holding(1.0) == Holding::Settled
+        self.check_settled(1.0).is_ok()
     }
 
     /// What the operator is to do now, in words; `taken` plateaus of the session count.
     pub fn advice(&self, taken: usize, limits: &SessionLimits) -> String {
-        match (self.holding(1.0), self.last_kpa()) {
-            (Holding::Settled, _) => "the skin has settled: read the dial and type what it shows".to_owned(),
-            (Holding::Back, _) => BACK.to_owned(),
+        match (self.check_settled(1.0), self.last_kpa()) {
+            (Ok(()), _) => "the skin has settled: read the dial and type what it shows".to_owned(),
+            (Err(why), _) if why == BACK => why,
             (_, None) => "leave the bag vented: the skin is watched".to_owned(),
             (_, Some(last)) => {
                 let left = PLATEAUS_MIN.saturating_sub(taken).max(1) as f64;
@@ -166,28 +146,14 @@ impl Plateaus {
             }
             Some(_) => {}
         }
-        match self.holding(TYPING_SLACK) {
-            Holding::Settled => Ok(()),
-            Holding::Short => Err(format!("hold the pressure: the skin is watched for {} s", WATCHED.as_secs())),
-            Holding::Moves(counts) => Err(format!(
-                "hold the pressure: the skin still moves, by {:.2} counts in {} s. If it does not end, the bag leaks",
-                counts.abs(),
-                WATCHED.as_secs()
-            )),
-            Holding::Back => Err(BACK.to_owned()),
-            Holding::Same => {
-                let last = self.last_kpa().unwrap_or_default();
-                Err(format!(
-                    "the skin has not moved since {last} kPa: pump on. If you have, the dial is not of this bag"
-                ))
-            }
-        }
+        self.check_settled(TYPING_SLACK)
     }
 
-    /// What it does, where a settled skin may move by `slack` times the usual.
-    fn holding(&self, slack: f64) -> Holding {
+    /// Whether the skin has settled at a new pressure, where a settled one may move by `slack` times the usual; else what it does.
+    fn check_settled(&self, slack: f64) -> Result<(), String> {
+        let seconds = WATCHED.as_secs();
         if self.scans.len() < SCANS_MIN || self.span() + WATCHED / 10 < WATCHED {
-            return Holding::Short;
+            return Err(format!("hold the pressure: the skin is watched for {seconds} s"));
         }
         let third = self.scans.len() / 3;
         let means = || self.scans.iter().map(|(_, mean)| *mean);
@@ -196,17 +162,20 @@ impl Plateaus {
         let chance = NOISE_SIGMAS * scan_sd * (2.0 / third as f64).sqrt();
         let moved = self.last.map(|(_, last)| (newest - last).abs());
         let limit = DRIFT_COUNTS.max(chance).max(DRIFT_SHARE * moved.unwrap_or(0.0));
-        if (newest - first).abs() > slack * limit {
-            Holding::Moves(newest - first)
-        } else if moved.is_some_and(|moved| moved < MOVED_COUNTS.max(chance)) {
-            Holding::Same
-        } else if moved.is_some_and(|moved| {
-            self.furthest - moved > BACK_SHARE * self.furthest + MOVED_COUNTS + NOISE_SIGMAS * scan_sd
-        }) {
-            Holding::Back
-        } else {
-            Holding::Settled
+        let drift = (newest - first).abs();
+        if drift > slack * limit {
+            return Err(format!(
+                "hold the pressure: the skin still moves, by {drift:.2} counts in {seconds} s. If it does not end, the bag leaks"
+            ));
         }
+        let Some(((last, _), moved)) = self.last.zip(moved) else { return Ok(()) };
+        if moved < MOVED_COUNTS.max(chance) {
+            return Err(format!(
+                "the skin has not moved since {last} kPa: pump on. If you have, the dial is not of this bag"
+            ));
+        }
+        let back = BACK_SHARE * self.furthest + MOVED_COUNTS + NOISE_SIGMAS * scan_sd;
+        if self.furthest - moved > back { Err(BACK.to_owned()) } else { Ok(()) }
     }
 
     /// From the oldest scan to the newest.

@@ -34,7 +34,7 @@ pub struct Ramp {
     /// Furthest pressure of an accepted sample on this branch, kPa times the direction's sign.
     reached: f64,
     /// When the last sample was accepted, or the branch began.
-    progress: Time,
+    pub progress: Time,
 }
 
 /// What the gates say of a scan.
@@ -126,19 +126,9 @@ impl Ramp {
         Gate::Accept(pressure)
     }
 
-    /// Which branch this is.
-    pub const fn direction(&self) -> Direction {
-        self.direction
-    }
-
     /// Whether a sample was accepted on this branch.
     pub const fn has_begun(&self) -> bool {
         self.reached > f64::NEG_INFINITY
-    }
-
-    /// When the last sample was accepted, or the branch began.
-    pub const fn progress(&self) -> Time {
-        self.progress
     }
 }
 
@@ -320,9 +310,9 @@ mod tests {
         let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
         (0..=300).for_each(|i| gauge.push(ms(10 * i), Kilopascal(40.0 - 0.01 * i as f64)));
         let mut ramp = Ramp::new(ms(500), Direction::Falling, Some(ms(0)));
-        assert_eq!((ramp.direction(), ramp.progress()), (Direction::Falling, ms(500)));
+        assert_eq!((ramp.direction, ramp.progress), (Direction::Falling, ms(500)));
         assert!(enters(ramp.judge(ms(3_000), ms(2_000), &gauge, &limits)));
-        assert_eq!(ramp.progress(), ms(2_000));
+        assert_eq!(ramp.progress, ms(2_000));
         // Back by 0.2 kPa is the gauge's noise, back by 0.4 is not; neither moves what was reached.
         for (back_kpa, enter) in [(0.2, true), (0.4, false), (0.25, true)] {
             let mut later = GaugeHistory::default();

@@ -13,7 +13,7 @@ pub struct RampBaseline {
     pub ramp: u16,
     /// One per taxel.
     pub taxels: Vec<TaxelBaseline>,
-    /// What the gauge read while the skin rested, kPa: its own zero. `None` in sessions of before this was kept.
+    /// What the gauge read while the skin rested, kPa: its own zero. `None` where that is not known.
     pub gauge_kpa: Option<f64>,
 }
 
@@ -33,9 +33,7 @@ impl SessionSamples {
     pub fn rest(&self) -> Option<&[TaxelBaseline]> {
         self.ramps.last().map(|ramp| ramp.taxels.as_slice())
     }
-}
 
-impl SessionSamples {
     /// Whether all are of a patch as it is now.
     pub(crate) fn is_of(&self, patch: &Patch) -> bool {
         let mut counts = self.samples.iter().map(|sample| sample.counts.counts());

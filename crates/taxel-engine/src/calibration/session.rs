@@ -1,48 +1,34 @@
-//! One session under way: from scans and pressure to samples, and what the operator sees of it.
+//! One session: what is asked of it, what the zero and a fit say, and which state follows. What enters it is in `gather`.
+//!
+//! Order of calls: a command, [`SessionRun::on_scan`] for each scan, [`SessionRun::advance`] whenever pressure or time moved
+//! on, and what the zero says as it says it; after each [`SessionRun::take_events`]: all that follows, in order.
 
+mod gather;
+#[cfg(test)]
+mod gather_tests;
 mod shown;
+#[cfg(test)]
+pub mod tests;
 mod typed;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Duration;
 use taxel_skin::{Kilopascal, Time};
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, Direction};
-use crate::calibration::fit::scans::RECORDING_SCANS_MIN;
-use crate::calibration::job::{FitJob, refuse_gaps};
-use crate::calibration::limits::{PROBATION, SessionLimits};
+use crate::calibration::job::{FitJob, FitOutcome};
+use crate::calibration::limits::SessionLimits;
 use crate::calibration::plateau::Plateaus;
-use crate::calibration::ramp::{Gate, Ramp};
+use crate::calibration::ramp::Ramp;
 use crate::calibration::rise::Rise;
 use crate::calibration::samples::{Pending, RampBaseline, Sample, SessionSamples};
+use crate::calibration::transition::{Trigger, commanded, transition};
 use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
-use crate::counts::Counts;
 use crate::intake::gauge::{GaugeAtRest, GaugeHistory};
 use crate::now::Now;
-
-/// A rise that gains nothing for so long is told as one that cannot get further.
-const STALLED_AFTER: Duration = Duration::from_secs(5);
-
-/// Scans that wait for the gauge and for the end of their probation: at the longest gauge timeout of 1 s and the
-/// shortest period of 5 ms there are 400.
-const PENDING_MAX: usize = 512;
-
-/// What a step of the session came to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Progress {
-    /// It goes on.
-    On,
-    /// The rise has ended and the falling branch begins.
-    Turned,
-    /// The ramp reached its end, or the session is full; the view says why if it ended early.
-    RampEnded,
-    /// It can not succeed; the view has the reason.
-    Failed,
-    /// What it gathered cannot be trusted; the view has the reason.
-    Void,
-}
+use crate::plan::PatchPlan;
+use crate::request::Rejection;
 
 /// What follows of what happens to a session.
 #[derive(Clone, Debug)]
@@ -66,88 +52,120 @@ pub enum SessionEvent {
     Fit(Box<FitJob>),
 }
 
-/// A session that holds its patch or waits for review.
+/// The session that holds a patch, or was the last to.
 #[derive(Debug)]
 pub struct SessionRun {
+    plan: Arc<PatchPlan>,
     pub(crate) view: SessionView,
     limits: SessionLimits,
     pub(crate) samples: Arc<SessionSamples>,
     ramp: Ramp,
     rise: Rise,
     /// Where a dial is typed: the plateaus of the present ramp.
-    pub(super) plateaus: Option<Plateaus>,
+    plateaus: Option<Plateaus>,
     pending: VecDeque<Pending>,
     /// One flag per 1 kPa step from 0 to the target.
     covered: Vec<bool>,
     /// Least and greatest count per taxel so far, in units.
     extremes: Vec<(f64, f64)>,
     /// Scans whose modules were not all fresh, since the last sample: they explain a failure.
-    pub(super) stale_since_progress: u64,
+    stale_since_progress: u64,
     /// Whether it was told that the rise cannot get further.
     stalled: bool,
     /// When it reached its present state, on the run's clock.
-    pub(super) entered: Time,
+    entered: Time,
+    /// The view has changed since it was last shown, and when that was.
+    dirty: bool,
+    shown: Time,
+    events: Vec<SessionEvent>,
 }
 
 impl SessionRun {
-    /// A session that is about to watch the skin at rest.
-    pub fn new(now: Now, view: SessionView, mut limits: SessionLimits, taxels: usize) -> Self {
-        limits.target = Kilopascal(view.target_kpa);
+    /// Begins a session: the skin is watched at rest. The caller has checked that none is open.
+    pub fn start(now: Now, plan: &Arc<PatchPlan>, view: SessionView) -> Self {
+        let mut run = Self::resume(now, plan, view, SessionSamples::default());
+        run.watch_rest(now);
+        run
+    }
+
+    /// Takes up a session of an earlier run with the samples that were on disk.
+    pub fn resume(now: Now, plan: &Arc<PatchPlan>, mut view: SessionView, samples: SessionSamples) -> Self {
+        let taxels = plan.patch.taxels().len();
+        view.accepted = samples.samples.len() as u64;
+        view.durable = view.accepted;
+        view.ramps = samples.ramps.len() as u16;
+        view.responding = (0, taxels as u32);
         let mut run = Self {
             covered: vec![false; view.target_kpa.ceil().max(1.0) as usize],
             extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); taxels],
             ramp: Ramp::new(now.time, view.direction, None),
             rise: Rise::default(),
-            plateaus: limits.typed.then(|| Plateaus::begin(now.time)),
+            plateaus: plan.session.typed.then(|| Plateaus::begin(now.time)),
+            limits: SessionLimits { target: Kilopascal(view.target_kpa), ..plan.session },
             view,
-            limits,
-            samples: Arc::default(),
+            samples: Arc::new(samples),
             pending: VecDeque::new(),
             stale_since_progress: 0,
             stalled: false,
             entered: now.time,
+            dirty: false,
+            shown: Time::default(),
+            events: Vec::new(),
+            plan: Arc::clone(plan),
         };
-        run.view.responding = (0, taxels as u32);
-        run
-    }
-
-    /// Takes up an interrupted session with the samples that were on disk.
-    pub fn resume(now: Now, view: SessionView, limits: SessionLimits, taxels: usize, samples: SessionSamples) -> Self {
-        let mut run = Self::new(now, view, limits, taxels);
+        let samples = Arc::clone(&run.samples);
         samples.pressures_kpa().into_iter().for_each(|kpa| run.cover(kpa));
-        for sample in &samples.samples {
-            run.note_extremes(sample.counts.counts());
-        }
-        run.view.accepted = samples.samples.len() as u64;
-        run.view.durable = run.view.accepted;
-        run.view.ramps = samples.ramps.len() as u16;
-        run.samples = Arc::new(samples);
+        samples.samples.iter().for_each(|sample| run.note_extremes(sample.counts.counts()));
         run.count_responding();
         run
     }
 
-    /// Changes the state; the reason is for people.
-    pub fn enter(&mut self, now: Now, state: SessionState, reason: impl Into<String>) {
-        self.view.state = state;
-        self.view.reason = reason.into();
-        self.view.changed_wall_ns = now.wall_ns;
-        self.entered = now.time;
-        self.view.remaining_s = None;
-        if state != SessionState::Ramping {
-            self.pending.clear();
+    /// Whether scans are offered to a ramp now.
+    pub fn is_ramping(&self) -> bool {
+        self.view.state == SessionState::Ramping
+    }
+
+    /// Whether modules are left out of it while it holds its patch.
+    pub fn leaves_out_any(&self) -> bool {
+        self.view.state.is_open() && !self.view.left_out.is_empty()
+    }
+
+    /// What an operator asks of the session, and why.
+    ///
+    /// # Errors
+    /// [`Rejection`] if it is not possible in its present state.
+    pub fn command(&mut self, now: Now, command: Trigger, why: &str) -> Result<(), Rejection> {
+        let next = commanded(self.view.number, self.view.state, command)?;
+        match command {
+            Trigger::FinishRamp => {
+                self.view.check_trusted()?;
+                self.check_plateaus()?;
+                if self.plateaus.is_some() {
+                    self.view.reason.clear(); // what was to be done next
+                }
+                if !self.turn(now.time) {
+                    self.fit(now);
+                }
+            }
+            Trigger::StartRamp => {
+                self.view.check_trusted()?;
+                self.watch_rest(now);
+            }
+            _ => self.enter(now, next, why),
         }
+        Ok(())
     }
 
-    /// The scans that wait are not to be believed: the zero was lost or is in doubt.
-    pub fn drop_waiting(&mut self) {
-        let dropped = self.pending.len() as u64;
-        self.pending.clear();
-        self.plateaus.iter_mut().for_each(Plateaus::forget_scans);
-        self.view.refused.add(SampleRefusal::ZeroInDoubt, dropped);
+    fn watch_rest(&mut self, now: Now) {
+        self.enter(now, SessionState::Taring, "");
+        self.events.push(SessionEvent::WantsZero);
     }
 
-    /// Rest is proven: the ramp begins at this zero.
-    pub fn begin_ramp(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) -> SessionEvent {
+    /// The zero that was wanted was taken: the ramp begins.
+    pub fn on_zero_taken(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) {
+        if self.view.state != SessionState::Taring {
+            return;
+        }
         let (gauge_kpa, newest) = match gauge.at_rest(now.time, self.limits.gauge_rest()) {
             GaugeAtRest::Still { kpa, newest } => (Some(kpa.0), Some(newest)),
             GaugeAtRest::Moves(..) | GaugeAtRest::NotHeard => (None, None),
@@ -155,200 +173,127 @@ impl SessionRun {
         self.plateaus.iter_mut().for_each(|plateaus| *plateaus = Plateaus::begin(now.time));
         let ramp = RampBaseline { ramp: self.view.ramps, taxels, gauge_kpa };
         self.view.ramps += 1;
-        self.begin_branch(Ramp::new(now.time, Direction::Rising, newest));
+        self.begin_branch(Direction::Rising, Ramp::new(now.time, Direction::Rising, newest));
         Arc::make_mut(&mut self.samples).ramps.push(ramp.clone());
+        self.events.push(SessionEvent::Ramp(ramp));
         self.enter(now, SessionState::Ramping, "");
-        SessionEvent::Ramp(ramp)
+    }
+
+    /// The zero that was wanted could not be taken: the session goes on watching until its patience ends.
+    pub fn on_zero_refused(&mut self, now: Now, why: &str) {
+        if self.view.state != SessionState::Taring {
+            return;
+        }
+        if now.time.since(self.entered) > self.limits.patience {
+            self.enter(now, SessionState::Failed, format!("rest was never proven: {why}"));
+        } else {
+            self.view.reason = format!("waiting for an unloaded skin: {why}");
+            self.dirty = true;
+            self.events.push(SessionEvent::WantsZero);
+        }
+    }
+
+    /// The zero was lost: counts of two zeros in one ramp would make a wrong model. What was gathered before is kept.
+    pub fn on_zero_lost(&mut self, now: Now, why: &str) {
+        self.drop_waiting();
+        if self.is_ramping() {
+            self.enter(now, SessionState::Failed, format!("the ramp's zero was lost: {why}"));
+        }
+    }
+
+    /// The zero was lost or is in doubt: the scans that wait are not to be believed.
+    pub fn drop_waiting(&mut self) {
+        let dropped = self.pending.len() as u64;
+        self.pending.clear();
+        self.plateaus.iter_mut().for_each(Plateaus::forget_scans);
+        self.view.refused.add(SampleRefusal::ZeroInDoubt, dropped);
+        self.dirty = true;
     }
 
     /// Ends the rise: the falling branch begins. False if the session gathers none, or it has begun.
-    pub fn turn(&mut self, now: Time) -> bool {
-        let turns = self.view.state == SessionState::Ramping
-            && self.view.branches == Branch::Both
-            && self.view.direction == Direction::Rising;
+    fn turn(&mut self, now: Time) -> bool {
+        let rising = self.is_ramping() && self.view.direction == Direction::Rising;
+        let turns = rising && self.view.branches == Branch::Both;
         if turns {
-            self.begin_branch(self.ramp.turned(now, Direction::Falling));
+            self.begin_branch(Direction::Falling, self.ramp.turned(now, Direction::Falling));
+            self.events.push(SessionEvent::Changed);
         }
         turns
     }
 
-    fn begin_branch(&mut self, branch: Ramp) {
-        self.view.direction = branch.direction();
-        self.ramp = branch;
+    fn begin_branch(&mut self, direction: Direction, branch: Ramp) {
+        (self.view.direction, self.ramp) = (direction, branch);
         self.rise = Rise::default();
         (self.stale_since_progress, self.stalled) = (0, false);
     }
 
-    /// Takes one scan; `None` if some module was silent.
-    pub fn on_scan(&mut self, scan: Option<Pending>) {
-        if self.view.state != SessionState::Ramping {
-            return;
-        }
-        let Some(scan) = scan else {
-            self.stale_since_progress += 1;
-            self.view.refused.add(SampleRefusal::StaleModule, 1);
-            return;
+    /// Ends the ramp and hands the samples to the fit.
+    fn fit(&mut self, now: Now) {
+        let view = &self.view;
+        let job = FitJob {
+            sessions: vec![view.number],
+            wall_ns: now.wall_ns,
+            board_settings: view.board_settings.to_vec(),
+            left_out: view.left_out.clone(),
+            ..FitJob::new(&self.plan, view.branches, Arc::clone(&self.samples))
         };
-        if self.pending.back().is_some_and(|newest| newest.time == scan.time) {
-            return; // the same scan once more has nothing to say
-        }
-        self.rise.on_scan(&scan.counts);
-        if self.pending.len() >= PENDING_MAX {
-            self.pending.pop_front();
-            self.view.refused.add(SampleRefusal::NoPressure, 1);
-        }
-        self.pending.push_back(scan);
+        let ended_early = if self.is_ramping() { view.reason.clone() } else { String::new() };
+        self.enter(now, SessionState::Fitting, ended_early);
+        self.events.push(SessionEvent::Fit(Box::new(job)));
     }
 
-    /// Moves waiting scans through the gates, as far as the gauge has come and their probation is over. New samples go
-    /// to `events`.
-    pub fn advance(&mut self, now: Time, gauge: &GaugeHistory, events: &mut Vec<SessionEvent>) -> Progress {
-        if self.view.state != SessionState::Ramping {
-            return Progress::On;
-        }
-        if self.plateaus.is_some() {
-            return self.wait_for_plateau(now);
-        }
-        if let Some((_, Kilopascal(kpa))) = gauge.newest() {
-            self.rise.on_gauge(kpa - self.gauge_zero_kpa());
-        }
-        while let Some(time) = self.pending.front().map(|scan| scan.time).filter(|time| now.since(*time) >= PROBATION) {
-            let gate = self.ramp.judge(now, time, gauge, &self.limits);
-            if gate == Gate::Wait {
-                break;
-            }
-            let Some(scan) = self.pending.pop_front() else { break };
-            match gate {
-                Gate::Accept(pressure) => {
-                    if !self.accept(scan, pressure, events) {
-                        return Progress::RampEnded;
-                    }
-                }
-                Gate::Refuse(reason) => self.view.refused.add(reason, 1),
-                Gate::Wait => {}
-            }
-            if let Some(why) = self.ramp.why_void(time, gauge, &self.limits) {
-                self.view.reason.clone_from(&why);
-                self.view.untrusted = why;
-                return Progress::Void;
-            }
-            if self.is_over(time, gate, gauge) {
-                return if self.turn(time) { Progress::Turned } else { Progress::RampEnded };
-            }
-        }
-        self.give_up_if_hopeless(now, gauge)
+    /// Whether the outcome of a fit is the one that this session waits for. It may have asked for another one since.
+    pub fn awaits(&self, outcome: &FitOutcome) -> bool {
+        let asked = (outcome.session, outcome.asked_wall_ns);
+        self.view.state == SessionState::Fitting && (self.view.number, self.view.changed_wall_ns) == asked
     }
 
-    /// Whether the branch has reached its end with the scan at `time`. A fall has also where no sample entered any
-    /// more: the bag was vented.
-    fn is_over(&self, time: Time, gate: Gate, gauge: &GaugeHistory) -> bool {
-        match self.ramp.direction() {
-            Direction::Rising => {
-                matches!(gate, Gate::Accept(pressure) if pressure.0 - self.gauge_zero_kpa() >= self.limits.target.0)
+    /// A fit came back with a model set that is on disk, or why there is none. One that is not awaited changes nothing:
+    /// its session was aborted meanwhile.
+    pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome) {
+        match &outcome.result {
+            _ if !self.awaits(outcome) => {}
+            Ok(set) => {
+                self.view.model_set = Some(Arc::from(set.id.as_str()));
+                self.trigger(now, Trigger::Fitted, self.view.reason.clone());
             }
-            Direction::Falling => {
-                gauge.trend(time).is_some_and(|trend| trend.level_kpa - self.gauge_zero_kpa() <= self.limits.fall_end.0)
-            }
+            Err(reason) => self.trigger(now, Trigger::Fail, reason.clone()),
         }
     }
 
-    /// What the gauge read when the ramp began: the pressure is counted from there.
-    fn gauge_zero_kpa(&self) -> f64 {
-        self.samples.ramps.last().and_then(|ramp| ramp.gauge_kpa).unwrap_or(0.0)
-    }
-
-    /// A scan enters; false if the session is full.
-    fn accept(&mut self, scan: Pending, pressure: Kilopascal, events: &mut Vec<SessionEvent>) -> bool {
-        if self.samples.samples.len() >= self.limits.scans_max {
-            self.view.refused.add(SampleRefusal::Full, 1);
-            return false;
-        }
-        self.cover(pressure.0 - self.gauge_zero_kpa());
-        self.note_extremes(scan.counts.counts());
-        self.stale_since_progress = 0;
-        let sample = Sample {
-            ramp: self.view.ramps.saturating_sub(1),
-            time_ns: scan.time.as_nanos(),
-            pressure_kpa: pressure.0,
-            counts: scan.counts,
-        };
-        let index = self.view.accepted;
-        self.view.accepted += 1;
-        Arc::make_mut(&mut self.samples).samples.push(sample.clone());
-        events.push(SessionEvent::Sample { index, sample });
-        true
-    }
-
-    fn cover(&mut self, kpa: f64) {
-        if let Some(step) = self.covered.get_mut(kpa.max(0.0) as usize) {
-            *step = true;
+    /// Samples of a session are on disk, perhaps after it has ended.
+    pub fn on_durable(&mut self, number: u64, samples: u64) {
+        if self.view.number == number {
+            self.view.durable = self.view.durable.max(samples);
+            self.dirty = true;
         }
     }
 
-    fn note_extremes(&mut self, counts: Counts<'_>) {
-        for ((low, high), count) in self.extremes.iter_mut().zip(counts.iter_units()) {
-            *low = count.min(*low);
-            *high = count.max(*high);
+    /// Something changes the session's state, if it can in its present one.
+    pub fn trigger(&mut self, now: Now, trigger: Trigger, reason: impl Into<String>) {
+        if let Some(next) = transition(self.view.state, trigger) {
+            self.enter(now, next, reason);
         }
     }
 
-    /// Says that nothing enters any more, and ends the ramp after a while. What a rise has gathered is fitted where it is enough; a
-    /// fall leaves a whole rise to be fitted.
-    fn give_up_if_hopeless(&mut self, now: Time, gauge: &GaugeHistory) -> Progress {
-        let silence = now.since(self.ramp.progress());
-        let rising = self.ramp.direction() == Direction::Rising;
-        if silence <= self.limits.patience + PROBATION {
-            let stalled = rising && self.ramp.has_begun() && silence > STALLED_AFTER + PROBATION;
-            if stalled {
-                let why = self.why_nothing_enters(now, gauge, STALLED_AFTER);
-                let offer = if self.has_enough() { self.offer() } else { String::new() };
-                self.view.reason = why + &offer;
-            } else if std::mem::replace(&mut self.stalled, stalled) {
-                self.view.reason.clear();
-            }
-            self.stalled = stalled;
-            return Progress::On;
+    /// Changes the state, on disk and for readers; the reason is for people.
+    fn enter(&mut self, now: Now, state: SessionState, reason: impl Into<String>) {
+        if self.view.state == SessionState::Taring && !matches!(state, SessionState::Taring | SessionState::Ramping) {
+            self.events.push(SessionEvent::ZeroNotWanted);
         }
-        let why = self.why_nothing_enters(now, gauge, self.limits.patience);
-        let branch = if rising { "rise" } else { "falling branch" };
-        if rising && !self.has_enough() {
-            self.view.reason = why;
-            return Progress::Failed;
+        self.view.state = state;
+        self.view.reason = reason.into();
+        self.view.changed_wall_ns = now.wall_ns;
+        self.view.remaining_s = None;
+        self.entered = now.time;
+        if state != SessionState::Ramping {
+            self.pending.clear();
         }
-        self.view.reason = format!("the {branch} ended early: {why}");
-        if self.turn(now) { Progress::Turned } else { Progress::RampEnded }
+        self.events.push(SessionEvent::Changed);
     }
 
-    /// What an operator can do about a rise that cannot get further.
-    fn offer(&self) -> String {
-        let (scans, number) = (self.samples.samples.len(), self.view.number);
-        format!("; to end the ramp here, with {scans} scans: taxeld sessions end {number} --fit")
-    }
-
-    /// Whether a fit can come of what was gathered.
-    fn has_enough(&self) -> bool {
-        self.check_plateaus().is_ok()
-            && self.samples.samples.len() >= RECORDING_SCANS_MIN
-            && refuse_gaps(&self.samples.pressures_kpa()).is_ok()
-    }
-
-    fn why_nothing_enters(&self, now: Time, gauge: &GaugeHistory, patience: Duration) -> String {
-        let seconds = patience.as_secs();
-        match gauge.newest() {
-            None => format!("no pressure frame came in {seconds} s: is the gauge on, and is its CAN identifier right?"),
-            Some((time, _)) if now.since(time) > self.limits.gauge_timeout => {
-                format!("the last pressure frame came {:.1} s ago", now.since(time).as_secs_f64())
-            }
-            Some(_) if self.stale_since_progress > 0 => {
-                format!("{} scans in {seconds} s had silent modules", self.stale_since_progress)
-            }
-            Some((_, Kilopascal(kpa))) if self.ramp.direction() == Direction::Falling => {
-                let (kpa, end) = (kpa - self.gauge_zero_kpa(), self.limits.fall_end.0);
-                format!(
-                    "the pressure did not fall for {seconds} s: it is {kpa:.1} kPa, the branch ends at {end:.1} kPa"
-                )
-            }
-            Some((_, Kilopascal(kpa))) => self.rise.why(kpa - self.gauge_zero_kpa(), patience, &self.limits),
-        }
+    /// What followed of what has happened since this was asked last, in order.
+    pub fn take_events(&mut self) -> Vec<SessionEvent> {
+        std::mem::take(&mut self.events)
     }
 }

@@ -14,22 +14,12 @@ pub enum Trigger {
     Abort,
     /// An operator lays it aside.
     Discard,
-    /// The zero of a ramp was taken.
-    Zeroed,
-    /// Rest was not proven within the patience of the session.
-    NeverAtRest,
-    /// The zero was lost.
-    ZeroLost,
-    /// Nothing entered the ramp within the patience of the session.
-    Hopeless,
     /// What entered the ramp cannot be trusted.
     Void,
     /// The fit gave a model set.
     Fitted,
-    /// The fit gave none.
-    FitFailed,
-    /// The store takes nothing any more.
-    StoreFailed,
+    /// It cannot succeed: no zero, nothing that enters, no models, or no store.
+    Fail,
 }
 
 impl Trigger {
@@ -66,12 +56,8 @@ pub const fn transition(state: SessionState, trigger: Trigger) -> Option<Session
         (T::Abort, S::Taring | S::Ramping | S::Fitting | S::Interrupted) => Some(S::Aborted),
         (T::Discard, S::Review | S::Discarded | S::Aborted | S::Failed | S::Interrupted) => Some(S::Discarded),
         (T::Void, S::Ramping) => Some(S::Discarded),
-        (T::Zeroed, S::Taring) => Some(S::Ramping),
-        (T::NeverAtRest, S::Taring) | (T::ZeroLost | T::Hopeless, S::Ramping) | (T::FitFailed, S::Fitting) => {
-            Some(S::Failed)
-        }
         (T::Fitted, S::Fitting) => Some(S::Review),
-        (T::StoreFailed, S::Taring | S::Ramping | S::Fitting) => Some(S::Failed),
+        (T::Fail, S::Taring | S::Ramping | S::Fitting) => Some(S::Failed),
         _ => None,
     }
 }
@@ -103,20 +89,15 @@ mod tests {
     /// Every cell. A row is a trigger; where it leads from each state of [`SessionState::ALL`], by its first letters.
     #[test]
     fn the_table_is_this_one() {
-        const TABLE: [(Trigger, &str); 12] = [
+        const TABLE: [(Trigger, &str); 7] = [
             //                      Tar Ram Fit Rev Act Dis Abo Fai Int
             (Trigger::StartRamp, "    -   -   - TAR   -   - TAR TAR TAR"),
             (Trigger::FinishRamp, "   - FIT   -   -   -   -   - FIT FIT"),
             (Trigger::Abort, "      ABO ABO ABO   -   -   -   -   - ABO"),
             (Trigger::Discard, "      -   -   - DIS   - DIS DIS DIS DIS"),
-            (Trigger::Zeroed, "     RAM   -   -   -   -   -   -   -   -"),
-            (Trigger::NeverAtRest, "FAI   -   -   -   -   -   -   -   -"),
-            (Trigger::ZeroLost, "     - FAI   -   -   -   -   -   -   -"),
-            (Trigger::Hopeless, "     - FAI   -   -   -   -   -   -   -"),
             (Trigger::Void, "         - DIS   -   -   -   -   -   -   -"),
             (Trigger::Fitted, "       -   - REV   -   -   -   -   -   -"),
-            (Trigger::FitFailed, "    -   - FAI   -   -   -   -   -   -"),
-            (Trigger::StoreFailed, "FAI FAI FAI   -   -   -   -   -   -"),
+            (Trigger::Fail, "       FAI FAI FAI   -   -   -   -   -   -"),
         ];
         for (trigger, row) in TABLE {
             for (state, leads) in SessionState::ALL.into_iter().zip(row.split_whitespace()) {

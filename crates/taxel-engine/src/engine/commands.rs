@@ -100,7 +100,7 @@ impl Engine {
         let members: Vec<usize> = (0..wanted.len()).filter(|member| wanted[*member].contains(&true)).collect();
         for &member in &members {
             let patch = &self.patches[member];
-            patch.calibration().refuse_if_open("abort it first")?;
+            patch.check_no_session("abort it first")?;
             patch.check_vented(now)?; // a board that takes its zero under vacuum takes the load for rest
             // Who confirms that nothing touches one skin knows nothing of another that shares a board with it.
             if !confirmed || member != index {

@@ -14,7 +14,7 @@ impl Engine {
     /// A fit came back. A model set is written down before the session says that it has one.
     pub(super) fn on_fitted(&mut self, now: Now, outcome: FitOutcome) {
         // Aborted meanwhile: the samples are kept, the fit is not. Also asked again once the model set is on disk.
-        let Some(patch) = self.patches.iter().position(|p| p.calibration().awaits(&outcome)) else { return };
+        let Some(patch) = self.patches.iter().position(|p| p.awaits(&outcome)) else { return };
         let Ok(set) = &outcome.result else { return self.end_fit(now, patch, &outcome) };
         let set = Arc::clone(set);
         if let Err(refusal) = self.keep(None, set, Origin::Session(patch, outcome.clone())) {
@@ -25,7 +25,7 @@ impl Engine {
 
     pub(super) fn end_fit(&mut self, now: Now, patch: usize, outcome: &FitOutcome) {
         self.with_patch(now, patch, |patch| {
-            patch.with_session(now, |calibration, _| calibration.on_fitted(now, outcome));
+            patch.with_session(now, |session, _| session.on_fitted(now, outcome));
         });
     }
 

@@ -63,9 +63,7 @@ impl Engine {
             ..SessionView::default()
         };
         self.next_session += 1;
-        self.with_patch(now, index, |patch| {
-            patch.with_session(now, |calibration, _| calibration.start(now, view));
-        });
+        self.with_patch(now, index, |patch| patch.start_session(now, view));
         self.patches[index].held_session().map(Done::Session)
     }
 
@@ -77,7 +75,7 @@ impl Engine {
         ErrorReason::NoPressureSensor.unless(patch.plan().can_calibrate(), || {
             "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned()
         })?;
-        patch.calibration().refuse_if_open("finish or abort it first")?;
+        patch.check_no_session("finish or abort it first")?;
         patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
         Ok(patch)
@@ -135,9 +133,15 @@ impl Engine {
         }
         let index = self.check_take_up(now, number, command)?;
         let Some(read) = read else { return self.room_for_model_set().map(|()| None) };
-        let samples = self.usable_samples(index, number, read)?;
+        let damaged =
+            |what| format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one");
+        let samples = read.map_err(|why| why.refusal(damaged))?;
+        let patch = &self.patches[index].plan().patch;
+        ErrorReason::LayoutChanged.unless(samples.is_of(patch), || {
+            format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name())
+        })?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
-        self.patches[index].calibration_mut().resume(now, SessionView::clone(view), samples);
+        self.patches[index].resume_session(now, SessionView::clone(view), samples);
         self.command_held(now, index, (command, why)).map(Some)
     }
 
@@ -193,7 +197,7 @@ impl Engine {
 
     /// A session that gathers nothing ends once that is on disk.
     fn end_on_disk(&mut self, now: Now, request: RequestId, number: u64, (command, why): (Trigger, &str)) -> Answer {
-        let held = self.held(number).and_then(|index| self.patches[index].calibration().session());
+        let held = self.held(number).and_then(|index| self.patches[index].session());
         let view = held.or_else(|| self.sessions.get(&number).map(Arc::as_ref));
         let mut view = view.cloned().ok_or_else(|| Rejection::no_session(number))?;
         view.state = commanded(number, view.state, command)?;
@@ -230,7 +234,7 @@ impl Engine {
         commanded(number, view.state, command)?;
         view.check_trusted()?;
         let index = self.patch_named(&view.patch)?;
-        self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
+        self.patches[index].check_no_session("finish or abort it first")?;
         if command == Trigger::StartRamp {
             self.patches[index].check_gauge_heard(now)?;
             self.patches[index].check_vented(now)?;
@@ -238,26 +242,9 @@ impl Engine {
         Ok(index)
     }
 
-    /// The samples of a session that is to go on, if they were read and are of the patch as it is now.
-    fn usable_samples(
-        &self,
-        index: usize,
-        number: u64,
-        read: Result<SessionSamples, NotLoaded>,
-    ) -> Result<SessionSamples, Rejection> {
-        let damaged =
-            |what| format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one");
-        let samples = read.map_err(|why| why.refusal(damaged))?;
-        let patch = &self.patches[index].plan().patch;
-        ErrorReason::LayoutChanged.unless(samples.is_of(patch), || {
-            format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name())
-        })?;
-        Ok(samples)
-    }
-
     /// The patch that holds a session.
     pub(super) fn held(&self, number: u64) -> Option<usize> {
-        self.patches.iter().position(|p| p.calibration().session().is_some_and(|s| s.number == number))
+        self.patches.iter().position(|p| p.session().is_some_and(|s| s.number == number))
     }
 
     pub(super) fn delete_session(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
@@ -280,7 +267,7 @@ impl Engine {
             Forgotten::Session(number) => {
                 self.sessions.remove(number);
                 if let Some(index) = self.held(*number) {
-                    self.patches[index].calibration_mut().forget();
+                    self.patches[index].forget_session();
                     self.out.push(Output::SessionGone(index));
                 }
             }

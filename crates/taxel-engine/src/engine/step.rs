@@ -96,7 +96,7 @@ impl Engine {
             shared,
             pending: Pending::default(),
             store_problem: None,
-            problems: conflicts(&plan).iter().map(ToString::to_string).collect(),
+            problems: conflicts(&plan).into_iter().map(|conflict| conflict.why).collect(),
             damage: restored.problems,
             catalogue_dirty: true,
             begins: None,
@@ -150,7 +150,9 @@ impl Engine {
             Input::SetLoaded { ticket, result } => self.on_set_loaded(now, ticket, result),
             Input::StoreDamaged(damage) => self.on_store_damaged(now, damage),
             Input::Durable { session, samples } => {
-                self.patches.iter_mut().for_each(|patch| patch.calibration_mut().on_durable(session, samples));
+                self.each_patch(now, |patch| {
+                    patch.with_session(now, |held, _| held.on_durable(session, samples));
+                });
             }
             Input::StoreFailed(why) => self.on_store_failed(now, &why),
         }
@@ -330,7 +332,7 @@ impl Engine {
     fn on_store_failed(&mut self, now: Now, why: &str) {
         let reason = format!("the store failed: {why}");
         self.each_patch(now, |patch| {
-            patch.with_session(now, |calibration, _| calibration.trigger(now, Trigger::StoreFailed, &reason));
+            patch.with_session(now, |session, _| session.trigger(now, Trigger::Fail, &reason));
         });
         self.store_problem = Some(format!("the store failed and takes nothing until a restart: {why}"));
         self.health_dirty.0 = true;

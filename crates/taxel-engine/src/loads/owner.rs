@@ -5,8 +5,7 @@ use taxel_skin::Time;
 
 use crate::force::owner::Measured;
 use crate::loads::load::{KnownLoad, Load, LoadsPlan, Reading, Validation, Weight, judge};
-use crate::loads::watch::{LoadWatch, Unread};
-use crate::now::Now;
+use crate::loads::watch::LoadWatch;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
 /// Loads of all patches that one store is good for; laying them down takes an operator days.
@@ -17,8 +16,8 @@ pub const LOADS_MAX: usize = 10_000;
 pub struct LoadRead {
     /// Whom to answer.
     pub request: RequestId,
-    /// What was laid on and read, or why nothing was.
-    pub outcome: Result<(KnownLoad, Reading), Unread>,
+    /// What was laid on and read, without a number and a model set; or why nothing was.
+    pub outcome: Result<Load, Rejection>,
 }
 
 /// The known loads of one patch.
@@ -50,19 +49,29 @@ impl Loads {
     ///
     /// # Errors
     /// [`Rejection`] for a load that cannot be, a load to be replaced that is not there, or while another is being read.
-    pub fn begin(&mut self, now: Time, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
-        let force = load.force()?;
-        if let Some(number) = load.replaces
+    pub fn begin(&mut self, now: Time, request: RequestId, known: KnownLoad) -> Result<(), Rejection> {
+        let force_n = known.force()?.0;
+        if let Some(number) = known.replaces
             && !self.all.iter().any(|l| l.number == number)
         {
-            return Err(Rejection::NotFound(
-                ErrorReason::LoadUnknown,
-                format!("load {number} of patch `{}`", self.plan.patch),
-            ));
+            let what = format!("load {number} of patch `{}`", self.plan.patch);
+            return Err(Rejection::NotFound(ErrorReason::LoadUnknown, what));
         }
         let why = || "another load of this patch is being read: wait a second".to_owned();
         ErrorReason::LoadBeingRead.unless(self.watch.is_none(), why)?;
-        self.watch = Some(LoadWatch::new(now, request, load, force.0));
+        let load = Load {
+            patch: self.plan.patch.clone(),
+            by: known.by,
+            note: known.note,
+            mass_kg: if let Weight::Kilogram(kilogram) = known.weight { Some(kilogram) } else { None },
+            force_n,
+            force_sigma_n: force_n * known.relative_sigma,
+            replaces: known.replaces,
+            mean_area_mm2: self.plan.mean_area_mm2,
+            filled: self.plan.fills,
+            ..Load::default()
+        };
+        self.watch = Some(LoadWatch::new(now, request, load));
         Ok(())
     }
 
@@ -83,38 +92,9 @@ impl Loads {
         self.watch.as_ref().map(LoadWatch::give_up_at)
     }
 
-    fn end(&mut self, verdict: Result<Reading, Unread>) -> Option<LoadRead> {
+    fn end(&mut self, verdict: Result<Reading, Rejection>) -> Option<LoadRead> {
         let watch = self.watch.take()?;
-        Some(LoadRead { request: watch.request, outcome: verdict.map(|reading| (watch.load, reading)) })
-    }
-
-    /// The load with all that its reading depends on, under this number.
-    ///
-    /// # Errors
-    /// [`Rejection`] for a load that cannot be.
-    pub fn complete(
-        &self,
-        now: Now,
-        number: u64,
-        model_set: &str,
-        (known, read): (KnownLoad, Reading),
-    ) -> Result<Load, Rejection> {
-        let force_n = known.force()?.0;
-        Ok(Load {
-            number,
-            patch: self.plan.patch.clone(),
-            wall_ns: now.wall_ns,
-            by: known.by,
-            note: known.note,
-            mass_kg: if let Weight::Kilogram(kilogram) = known.weight { Some(kilogram) } else { None },
-            force_n,
-            force_sigma_n: force_n * known.relative_sigma,
-            replaces: known.replaces,
-            read,
-            model_set: model_set.to_owned(),
-            mean_area_mm2: self.plan.mean_area_mm2,
-            filled: self.plan.fills,
-        })
+        Some(LoadRead { request: watch.request, outcome: verdict.map(|read| Load { read, ..watch.load }) })
     }
 
     /// A load that is on disk.

@@ -6,8 +6,8 @@ use taxel_skin::Time;
 
 use crate::force::owner::Measured;
 use crate::force::sample::{ForceSample, ForceState};
-use crate::loads::load::{KnownLoad, Reading};
-use crate::request::{ErrorReason, RequestId};
+use crate::loads::load::{Load, Reading};
+use crate::request::{ErrorReason, Rejection, RequestId};
 use crate::statistics::{mean, root_mean_square};
 
 /// The force is read for so long,
@@ -29,18 +29,13 @@ const DRIFT_SHARE_MAX: f64 = 0.03;
 /// or by so many standard errors of that difference.
 const DRIFT_ERRORS_MAX: f64 = 3.0;
 
-/// Why a load could not be read: for programs and for people.
-pub type Unread = (ErrorReason, String);
-
 /// One load being read.
 #[derive(Debug)]
 pub struct LoadWatch {
     /// Whom to answer.
     pub request: RequestId,
     /// What lies on the skin.
-    pub load: KnownLoad,
-    /// What it presses with, in N.
-    pub force_n: f64,
+    pub load: Load,
     begun: Time,
     /// Receive time of the newest frame that was looked at.
     newest: Time,
@@ -53,17 +48,17 @@ pub struct LoadWatch {
 
 impl LoadWatch {
     /// Begins to read.
-    pub fn new(now: Time, request: RequestId, load: KnownLoad, force_n: f64) -> Self {
+    pub fn new(now: Time, request: RequestId, load: Load) -> Self {
         let (first, totals_n, reading) = (None, Vec::new(), Reading::default());
-        Self { request, load, force_n, begun: now, newest: now, first, totals_n, sigmas_n: 0.0, reading }
+        Self { request, load, begun: now, newest: now, first, totals_n, sigmas_n: 0.0, reading }
     }
 
     /// Takes what was published: the force of the scan at `time`, read at the zero with this epoch.
     /// `Some` ends the watch: the reading, or why there is none.
-    pub fn take(&mut self, time: Time, epoch: u64, measured: &Measured) -> Option<Result<Reading, Unread>> {
+    pub fn take(&mut self, time: Time, epoch: u64, measured: &Measured) -> Option<Result<Reading, Rejection>> {
         let force = &measured.sample;
         if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
-            return Some(Err((ErrorReason::NoForce, format!("there is no force: {}", force.why()))));
+            return Some(Err(ErrorReason::NoForce.because(format!("there is no force: {}", force.why()))));
         }
         if time <= self.newest {
             return None; // no new frame in it
@@ -71,8 +66,7 @@ impl LoadWatch {
         self.newest = time;
         let ground = (epoch, force.model_set.clone());
         if *self.first.get_or_insert_with(|| ground.clone()) != ground {
-            let why = "the zero or the model set changed meanwhile".to_owned();
-            return Some(Err((ErrorReason::LoadInterrupted, why)));
+            return Some(Err(ErrorReason::LoadInterrupted.because("the zero or the model set changed meanwhile")));
         }
         self.add(force);
         self.reading.taxels = measured.active.to_vec();
@@ -86,12 +80,12 @@ impl LoadWatch {
     }
 
     /// Time passed: a watch that gets no scans ends.
-    pub fn overdue(&self, now: Time) -> Option<Result<Reading, Unread>> {
+    pub fn overdue(&self, now: Time) -> Option<Result<Reading, Rejection>> {
         let late = now.since(self.begun) > SPAN + GRACE;
         let (scans, seconds) = (self.totals_n.len(), (SPAN + GRACE).as_secs());
         late.then(|| {
             let why = format!("{scans} scans came within {seconds} s, at least {SCANS_MIN} are needed");
-            Err((ErrorReason::SkinSilent, why))
+            Err(ErrorReason::SkinSilent.because(why))
         })
     }
 
@@ -107,34 +101,31 @@ impl LoadWatch {
         }
     }
 
-    fn conclude(&mut self) -> Result<Reading, Unread> {
+    fn conclude(&mut self) -> Result<Reading, Rejection> {
         let scans = self.totals_n.len();
         let mean_of = |totals_n: &[f64]| mean(totals_n.iter().copied()).0;
         let mean_n = mean_of(&self.totals_n);
         let unbiased = (scans as f64 / (scans - 1) as f64).sqrt();
         let scatter_n = unbiased * root_mean_square(self.totals_n.iter().map(|total| total - mean_n));
         let felt = self.totals_n.iter().filter(|total| **total > 0.0).count();
-        if felt < scans {
-            let why = format!("the skin feels nothing in {} of {scans} scans: no taxel is active", scans - felt);
-            return Err((ErrorReason::LoadNotFelt, why));
-        }
-        if mean_n < READ_SHARE_MIN * self.force_n {
-            let laid_on_n = self.force_n;
-            let why = format!("{mean_n:.2} N were read under {laid_on_n:.2} N: does the load lie on this patch?");
-            return Err((ErrorReason::LoadNotFelt, why));
-        }
-        if scatter_n > (SCATTER_SHARE_MAX * mean_n).max(SCATTER_FLOOR_N) {
-            let why = format!("the force is unsteady: {mean_n:.2} N with a scatter of {scatter_n:.2} N");
-            return Err((ErrorReason::LoadUnsteady, why));
-        }
+        let (not_felt, unsteady) = (ErrorReason::LoadNotFelt, ErrorReason::LoadUnsteady);
+        not_felt.unless(felt == scans, || {
+            format!("the skin feels nothing in {} of {scans} scans: no taxel is active", scans - felt)
+        })?;
+        let laid_on_n = self.load.force_n;
+        not_felt.unless(mean_n >= READ_SHARE_MIN * laid_on_n, || {
+            format!("{mean_n:.2} N were read under {laid_on_n:.2} N: does the load lie on this patch?")
+        })?;
+        unsteady.unless(scatter_n <= (SCATTER_SHARE_MAX * mean_n).max(SCATTER_FLOOR_N), || {
+            format!("the force is unsteady: {mean_n:.2} N with a scatter of {scatter_n:.2} N")
+        })?;
         let (early, late) = self.totals_n.split_at(scans / 2);
         let (early_n, late_n) = (mean_of(early), mean_of(late));
         let error_n = 2.0 * scatter_n / (scans as f64).sqrt();
         let drift_max_n = (DRIFT_SHARE_MAX * mean_n).max(DRIFT_ERRORS_MAX * error_n);
-        if (late_n - early_n).abs() > drift_max_n {
-            let why = format!("the force is unsteady: it moved from {early_n:.2} N to {late_n:.2} N");
-            return Err((ErrorReason::LoadUnsteady, why));
-        }
+        unsteady.unless((late_n - early_n).abs() <= drift_max_n, || {
+            format!("the force is unsteady: it moved from {early_n:.2} N to {late_n:.2} N")
+        })?;
         let (sigma_n, reading) = (self.sigmas_n / scans as f64, std::mem::take(&mut self.reading));
         Ok(Reading { scans: scans as u32, mean_n, scatter_n, sigma_n, ..reading })
     }
@@ -144,13 +135,10 @@ impl LoadWatch {
 mod tests {
     use super::*;
     use crate::force::reason::{Reason, ReasonCode};
-    use crate::loads::load::Weight;
     use taxel_skin::Newton;
 
     fn watch() -> LoadWatch {
-        let (note, by) = (String::new(), String::new());
-        let load = KnownLoad { weight: Weight::Force(Newton(5.0)), relative_sigma: 0.0, note, by, replaces: None };
-        LoadWatch::new(Time::default(), RequestId(1), load, 5.0)
+        LoadWatch::new(Time::default(), RequestId(1), Load { force_n: 5.0, ..Load::default() })
     }
 
     fn at(ms: i64) -> Time {
@@ -164,7 +152,7 @@ mod tests {
     }
 
     /// What comes of scans every 50 ms with this force at each second.
-    fn read(force_n: impl Fn(f64) -> f64) -> Result<Reading, Unread> {
+    fn read(force_n: impl Fn(f64) -> f64) -> Result<Reading, Rejection> {
         let mut watch = watch();
         (1..100).find_map(|i| watch.take(at(50 * i), 1, &sample(force_n(0.05 * i as f64)))).expect("an end")
     }
@@ -187,9 +175,9 @@ mod tests {
             ("feels nothing in 11 of 20 scans", LoadNotFelt, read(|s| if s < 0.5 { 0.04 } else { 0.0 })),
             ("does the load lie on this patch", LoadNotFelt, read(|_| 0.1)),
         ] {
-            let (reason, why) = refused.unwrap_err();
-            assert!(why.contains(what), "{why}");
-            assert_eq!(reason, code, "{why}");
+            let why = refused.unwrap_err();
+            assert!(why.to_string().contains(what), "{why}");
+            assert_eq!(why.reason(), code, "{why}");
         }
     }
 
@@ -201,7 +189,7 @@ mod tests {
             assert_eq!(watch.take(at(1_500), 1, &sample(5.0)), None);
         }
         assert_eq!(watch.overdue(Time::from_seconds(3.0)), None);
-        let (_, why) = watch.overdue(Time::from_seconds(3.1)).unwrap().unwrap_err();
+        let why = watch.overdue(Time::from_seconds(3.1)).unwrap().unwrap_err().to_string();
         assert!(why.starts_with("1 scans came within 3 s"), "{why}");
     }
 
@@ -210,10 +198,10 @@ mod tests {
         let mut other = sample(5.0);
         let mut watch = watch();
         assert_eq!(watch.take(at(50), 1, &sample(5.0)), None);
-        assert!(watch.take(at(100), 9, &other).unwrap().unwrap_err().1.contains("zero"));
+        assert!(watch.take(at(100), 9, &other).unwrap().unwrap_err().to_string().contains("zero"));
         let mut watch = self::watch();
         other.sample.state = ForceState::Stale;
         other.sample.reasons = vec![Reason::new(ReasonCode::TaxelsSilent, "80 taxels are silent")];
-        assert!(watch.take(at(150), 1, &other).unwrap().unwrap_err().1.contains("80 taxels are silent"));
+        assert!(watch.take(at(150), 1, &other).unwrap().unwrap_err().to_string().contains("80 taxels are silent"));
     }
 }

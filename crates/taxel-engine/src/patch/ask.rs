@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use taxel_skin::counted;
 
-use crate::calibration::transition::Trigger;
+use crate::calibration::transition::{Trigger, commanded};
 use crate::calibration::view::SessionView;
 use crate::intake::gauge::GaugeAtRest;
 use crate::loads::load::Validation;
@@ -27,7 +27,7 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] while a session takes the zero itself, or while the boards are being configured.
     pub fn tare(&mut self, now: Now, request: RequestId, confirmed_by: Option<String>) -> Result<(), Rejection> {
-        self.calibration.refuse_if_open("it takes the zero itself; abort it first")?;
+        self.check_no_session("it takes the zero itself; abort it first")?;
         self.check_set_up()?;
         self.with_zero(now, |zero, events| zero.watch(now.time, Purpose::Operator { request, confirmed_by }, events));
         Ok(())
@@ -48,6 +48,14 @@ impl Patch {
     /// The zero that was proven for `request` could not be written down.
     pub fn reject_zero(&mut self, request: RequestId) {
         self.zero.reject(request);
+    }
+
+    /// Refuses what cannot be while a session holds the patch; `then` says what to do.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with the session and its state.
+    pub fn check_no_session(&self, then: &str) -> Result<(), Rejection> {
+        self.session().map_or(Ok(()), |session| session.check_closed(then))
     }
 
     /// Refuses what needs boards that send while they are being configured, which takes their zero anew.
@@ -181,12 +189,13 @@ impl Patch {
         now: Now,
         (command, why): (Trigger, &str),
     ) -> Result<Arc<SessionView>, Rejection> {
-        self.calibration.refuse_unless_possible(command)?; // before what only matters in the right state
+        let view = self.held_session()?;
+        commanded(view.number, view.state, command)?; // before what only matters in the right state
         if command == Trigger::StartRamp {
             self.check_gauge_heard(now)?;
             self.check_vented(now)?;
         }
-        self.with_session(now, |calibration, _| calibration.command(now, command, why))?;
+        self.with_session(now, |session, _| session.command(now, command, why)).transpose()?;
         self.held_session()
     }
 
@@ -195,7 +204,7 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if it holds none.
     pub fn held_session(&self) -> Result<Arc<SessionView>, Rejection> {
-        let view = self.calibration.session().cloned();
+        let view = self.session().cloned();
         view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
     }
 
@@ -204,7 +213,7 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if no ramp is under way, or why it is no plateau.
     pub fn take_plateau(&mut self, now: Now, kpa: f64) -> Result<Arc<SessionView>, Rejection> {
-        self.with_session(now, |calibration, _| calibration.take_plateau(now, kpa))?;
+        self.with_session(now, |session, _| session.take_plateau(now, kpa)).transpose()?;
         self.held_session()
     }
 
@@ -231,7 +240,7 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if there is no force to read, or the load cannot be.
     pub fn begin_load(&mut self, now: Now, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
-        self.calibration.refuse_if_open("finish or abort it first")?;
+        self.check_no_session("finish or abort it first")?;
         self.check_vented(now)?;
         let no_models = || "no model set is in use: there is no force to compare".to_owned();
         ErrorReason::NoModelSet.unless(self.force.models().is_some(), no_models)?;
@@ -245,9 +254,8 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if it could not be read.
     pub fn complete_load(&self, now: Now, number: u64, read: LoadRead) -> Result<Arc<Load>, Rejection> {
-        let set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
-        let reading = read.outcome.map_err(|(reason, why)| reason.because(why))?;
-        self.loads.complete(now, number, &set, reading).map(Arc::new)
+        let model_set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
+        Ok(Arc::new(Load { number, wall_ns: now.wall_ns, model_set, ..read.outcome? }))
     }
 
     /// A load that is on disk.

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
-use crate::calibration::calibrate::Calibration;
-use crate::calibration::session::SessionEvent;
+use crate::calibration::job::FitOutcome;
+use crate::calibration::samples::SessionSamples;
+use crate::calibration::session::{SessionEvent, SessionRun};
 use crate::calibration::view::SessionView;
 use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
@@ -26,10 +27,31 @@ impl Patch {
     }
 
     /// Does something to the session that the patch holds, and what follows from it.
-    pub fn with_session<T>(&mut self, now: Now, act: impl FnOnce(&mut Calibration, &Intake) -> T) -> T {
-        let result = act(&mut self.calibration, &self.intake);
+    pub fn with_session<T>(&mut self, now: Now, act: impl FnOnce(&mut SessionRun, &Intake) -> T) -> Option<T> {
+        let result = act(self.session.as_mut()?, &self.intake);
         self.on_session_events(now);
-        result
+        Some(result)
+    }
+
+    /// Whether the session that the patch holds waits for this outcome of a fit.
+    pub fn awaits(&self, outcome: &FitOutcome) -> bool {
+        self.session.as_ref().is_some_and(|session| session.awaits(outcome))
+    }
+
+    /// Begins a session; the caller has checked that none is open.
+    pub fn start_session(&mut self, now: Now, view: SessionView) {
+        self.session = Some(SessionRun::start(now, &self.plan, view));
+        self.on_session_events(now);
+    }
+
+    /// Takes up a session of an earlier run with the samples that were on disk.
+    pub fn resume_session(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
+        self.session = Some(SessionRun::resume(now, &self.plan, view, samples));
+    }
+
+    /// The session that the patch held last was deleted.
+    pub fn forget_session(&mut self) {
+        self.session = None;
     }
 
     /// What the zero says goes to whoever depends on it.
@@ -47,11 +69,9 @@ impl Patch {
                     let baseline = self.zero.baseline().unwrap_or_default().to_vec();
                     let (patch, tare) = (self.name().to_owned(), self.zero.view());
                     self.out.push(Output::Record(Record::Tared { patch, tare, baseline: baseline.clone() }));
-                    if matches!(purpose, Purpose::Session { .. }) {
-                        self.calibration.on_zero_taken(now, baseline, self.intake.gauge());
-                        if let Some(rest) = self.calibration.rest() {
-                            self.zero.note_session_rest(rest);
-                        }
+                    if let (Purpose::Session { .. }, Some(session)) = (purpose, &mut self.session) {
+                        session.on_zero_taken(now, baseline, self.intake.gauge());
+                        session.samples.rest().into_iter().for_each(|rest| self.zero.note_session_rest(rest));
                     }
                 }
                 ZeroEvent::Restored => self.use_zero(),
@@ -73,18 +93,18 @@ impl Patch {
                     self.out.push(Output::Reply(request, Err(reason.because(why))));
                 }
                 ZeroEvent::Refused(Purpose::Session { .. }, _, why) => {
-                    self.calibration.on_zero_refused(now, &why);
+                    self.session.iter_mut().for_each(|session| session.on_zero_refused(now, &why));
                 }
                 ZeroEvent::Lost(why) => {
                     self.force.set_zero(None, 0.0);
-                    self.calibration.on_zero_lost(now, &why);
+                    self.session.iter_mut().for_each(|session| session.on_zero_lost(now, &why));
                 }
                 ZeroEvent::BoardMoved { board, why } => {
                     self.intents.push(Intent::News { board, news: BoardNews::Moved(why) });
                 }
                 ZeroEvent::Doubted => {
                     self.force.move_zero(None, None, self.zero.residue_counts());
-                    self.calibration.on_zero_doubted();
+                    self.session.iter_mut().for_each(SessionRun::drop_waiting);
                 }
                 ZeroEvent::Moved | ZeroEvent::Cleared => {
                     self.force.move_zero(self.zero.in_force(), self.zero.as_taken(), self.zero.residue_counts());
@@ -115,17 +135,17 @@ impl Patch {
 
     /// The session that the patch holds or held last, as readers see it.
     pub fn seen_session(&self) -> Option<Arc<SessionView>> {
-        self.calibration.session().map(|view| self.seen(&Arc::new(view.clone())))
+        self.session().map(|view| self.seen(&Arc::new(view.clone())))
     }
 
     /// What the session wants goes to the zero, to disk and to readers.
     fn on_session_events(&mut self, now: Now) {
-        for event in self.calibration.take_events() {
-            let session = self.calibration.session();
-            let number = session.map_or(0, |view| view.number);
+        for event in self.session.as_mut().map(SessionRun::take_events).unwrap_or_default() {
+            let Some(session) = &mut self.session else { return };
+            let number = session.view.number;
             match event {
                 SessionEvent::WantsZero => {
-                    let confirmed_by = session.and_then(|view| view.confirmed_by.clone());
+                    let confirmed_by = session.view.confirmed_by.clone();
                     self.with_zero(now, |zero, events| zero.watch(now.time, Purpose::Session { confirmed_by }, events));
                 }
                 SessionEvent::ZeroNotWanted => self.zero.end_watch_of_session(),
@@ -134,7 +154,7 @@ impl Patch {
                     self.out.push(Output::Record(Record::Sample { session: number, index, sample }));
                 }
                 SessionEvent::Changed => {
-                    let Some(view) = self.calibration.refreshed(now.time, self.intake.gauge()) else { continue };
+                    let view = session.refreshed(now.time, self.intake.gauge());
                     self.out.push(Output::Record(Record::Session(Arc::clone(&view))));
                     self.out.push(Output::Session(self.index, self.seen(&view)));
                 }

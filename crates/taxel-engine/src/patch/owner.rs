@@ -11,7 +11,9 @@ use crate::boundary::output::Output;
 use crate::boundary::pushed::PushedScan;
 use crate::boundary::record::Record;
 use crate::boundary::snapshot::GaugeReading;
-use crate::calibration::calibrate::Calibration;
+use crate::calibration::samples::Pending;
+use crate::calibration::session::SessionRun;
+use crate::calibration::view::SessionView;
 use crate::force::owner::Force;
 use crate::intake::boards::{BoardDoubt, BoardNews, ZeroSign};
 use crate::intake::faults::fault::FaultSet;
@@ -63,7 +65,8 @@ pub struct Patch {
     pub(super) intake: Intake,
     pub(super) zero: Zero,
     pub(super) force: Force,
-    pub(super) calibration: Calibration,
+    /// The session that holds the patch or was the last to.
+    pub(super) session: Option<SessionRun>,
     pub(super) loads: Loads,
     pub(super) sequence: u64,
     /// The faults of each taxel as last published, and the soundness that they belong to.
@@ -100,7 +103,7 @@ impl Patch {
             index,
             zero,
             force: Force::new(plan.force()),
-            calibration: Calibration::new(Arc::clone(&plan)),
+            session: None,
             loads: Loads::new(plan.loads(), loads),
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
@@ -132,14 +135,9 @@ impl Patch {
         self.intake.regions().taxels()
     }
 
-    /// Its calibration.
-    pub const fn calibration(&self) -> &Calibration {
-        &self.calibration
-    }
-
-    /// The same, to be told what concerns it alone.
-    pub const fn calibration_mut(&mut self) -> &mut Calibration {
-        &mut self.calibration
+    /// The session that holds it or was the last to.
+    pub fn session(&self) -> Option<&SessionView> {
+        self.session.as_ref().map(|session| &session.view)
     }
 
     /// The model set in use.
@@ -227,23 +225,23 @@ impl Patch {
     fn on_scan(&mut self, now: Now) {
         let no_rest = self.end_watch_of_no_rest(now);
         let mut events = Vec::new();
-        let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
+        let session = self.session.as_ref();
         let around = Surroundings {
             models: self.force.models().map(Arc::as_ref),
             configuring: !self.intake.bring_up().is_done(),
             boards_ready: self.has_begun && self.intake.bring_up().is_done(),
-            parts_left_out: left_out,
+            parts_left_out: session.is_some_and(SessionRun::leaves_out_any),
             no_rest,
             bag: Bag {
-                session_open: self.calibration.open().is_some(),
+                session_open: session.is_some_and(|session| session.view.state.is_open()),
                 presses: self.bag_presses(now),
-                holds: self.calibration.is_ramping()
+                holds: session.is_some_and(SessionRun::is_ramping)
                     && (self.plan.session.typed || self.intake.gauge().is_holding(now.time)),
             },
         };
         self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
         self.on_zero_events(now, events);
-        self.offer_to_session(now, left_out);
+        self.offer_to_session(now);
         self.force.follow(&self.intake.scan());
         self.publish(now);
     }
@@ -281,18 +279,21 @@ impl Patch {
         newest.is_some_and(|(time, kpa)| now.time.since(time) <= limits.gauge_timeout && kpa > limits.vented_below)
     }
 
-    fn offer_to_session(&mut self, now: Now, left_out: bool) {
-        let fresh_within = self.plan.period + self.plan.period / 2;
-        let whole =
-            self.intake.is_whole_without(fresh_within, |module| left_out && self.calibration.leaves_out(module));
-        let complete = whole && (left_out || self.intake.scan().whole);
-        self.calibration.on_scan(&self.intake.scan(), complete && self.zero.holds());
+    fn offer_to_session(&mut self, now: Now) {
+        if let Some(session) = &mut self.session {
+            let (scan, left_out) = (self.intake.scan(), &session.view.left_out);
+            let fresh_within = self.plan.period + self.plan.period / 2;
+            let is_left_out = |module: usize| left_out.iter().any(|of| usize::from(*of) == module);
+            let whole = self.intake.is_whole_without(fresh_within, is_left_out);
+            let complete = whole && (scan.whole || !left_out.is_empty()) && self.zero.holds();
+            session.on_scan(complete.then(|| Pending { time: scan.time, counts: scan.counts.into() }));
+        }
         self.advance_session(now);
     }
 
     fn advance_session(&mut self, now: Now) {
-        self.with_session(now, |calibration, intake| {
-            calibration.advance(now, intake.gauge(), || intake.silence(now.time));
+        self.with_session(now, |session, intake| {
+            session.advance(now, intake.gauge(), || intake.silence(now.time));
         });
     }
 
@@ -315,7 +316,7 @@ impl Patch {
         if let Some(read) = self.loads.tick(now.time) {
             self.intents.push(Intent::Load(read));
         }
-        if let Some(view) = self.calibration.show(now.time, self.intake.gauge()) {
+        if let Some(view) = self.session.as_mut().and_then(|session| session.show(now.time, self.intake.gauge())) {
             self.out.push(Output::Session(self.index, self.seen(&view)));
         }
     }
@@ -326,7 +327,8 @@ impl Patch {
         if self.dirty {
             return Some(now);
         }
-        let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];
+        let session = self.session.as_ref().and_then(SessionRun::deadline);
+        let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), session];
         organs.into_iter().flatten().min()
     }
 

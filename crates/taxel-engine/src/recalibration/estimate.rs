@@ -107,8 +107,11 @@ impl Recalibration {
         }
         let weighed = weighed(points, places, &assumptions);
         let line = Line::through(&weighed).ok_or("the loads give no gain that is a number")?;
-        let judged: Vec<(JudgedPoint, f64)> =
-            points.iter().zip(&weighed).map(|(of, on)| judge(&line, *of, on)).collect();
+        let judge = |(&point, on): (&LoadPoint, &LinePoint)| {
+            let (deviation, leverage) = line.deviation(on);
+            (JudgedPoint { point, corrected: line.gain * point.read, deviation }, leverage)
+        };
+        let judged: Vec<(JudgedPoint, f64)> = points.iter().zip(&weighed).map(judge).collect();
         let deviation_max = normal_quantile(0.5 * FALSE_ALARMS / count as f64);
         let mut of = Self {
             line,
@@ -187,13 +190,6 @@ impl Recalibration {
         (self.points.iter().map(off).sum::<f64>() / self.line.dof).sqrt()
     }
 
-    /// Least and greatest known load.
-    #[must_use]
-    pub fn loads(&self) -> (f64, f64) {
-        let known = || self.points.iter().map(|judged| judged.point.known);
-        (known().fold(f64::INFINITY, f64::min), known().fold(0.0, f64::max))
-    }
-
     /// By what variances are multiplied: chi-square per degree of freedom where the loads agree worse than assumed (Birge
     /// 1932), and never less than 1.
     #[must_use]
@@ -255,10 +251,4 @@ fn weighed(points: &[LoadPoint], places: &[usize], assumptions: &Assumptions) ->
         LinePoint { read: p.read, known: p.known, sigma, place, place_sigma }
     };
     points.iter().zip(places).map(weigh).collect()
-}
-
-/// A point beside the line, and how much of the line at its place it decides itself.
-fn judge(line: &Line, point: LoadPoint, on: &LinePoint) -> (JudgedPoint, f64) {
-    let (deviation, leverage) = line.deviation(on);
-    (JudgedPoint { point, corrected: line.gain * point.read, deviation }, leverage)
 }

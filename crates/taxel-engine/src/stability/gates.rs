@@ -4,16 +4,16 @@ use crate::Now;
 use crate::baseline::TaxelBaseline;
 use crate::calibration::fit::{Branch, FitRecipe};
 use crate::calibration::samples::Pending;
-use crate::calibration::session::{Progress, SessionRun};
-use crate::calibration::{FitJob, SampleRefusal, SessionView};
+use crate::calibration::session::SessionRun;
+use crate::calibration::{FitJob, SampleRefusal, SessionState, SessionView};
 use crate::intake::gauge::GaugeHistory;
-use crate::plan::SessionLimits;
+use crate::plan::{PatchPlan, SessionLimits};
 use std::sync::Arc;
 use taxel_model::TaxelModel;
 use taxel_model::stability::case::{Case, Contest, Outcome, greatest};
 use taxel_model::stability::taxels::{NOMINAL, Recording, normal, random};
 use taxel_model::stability::trial::{evaluate, flag_words};
-use taxel_skin::{Kilopascal, Time};
+use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Patch, Time};
 
 const TO_STEADY: &str = "max |dP| to a steady ramp, kPa";
 
@@ -83,24 +83,18 @@ struct Run {
     all: Recording,
     readings: u64,
     left_out: u64,
-    ended: Option<Progress>,
 }
 
 fn run(scene: &Scene) -> Run {
     let limits = SessionLimits { scans_max: scene.scans_max, ..SessionLimits::default() };
     let view = SessionView { target_kpa: limits.target.0, ..SessionView::default() };
-    let mut session = SessionRun::new(Now::default(), view, limits, 1);
+    let plan = Arc::new(PatchPlan { session: limits, ..PatchPlan::new(one_taxel()) });
+    let mut session = SessionRun::start(Now::default(), &plan, view);
     let mut rest = GaugeHistory::default();
     (-100..=0).for_each(|n| rest.push(Time::from_nanos(n * GAUGE_MS * 1_000_000), Kilopascal(0.0)));
-    session.begin_ramp(Now::default(), vec![TaxelBaseline { mean: NOMINAL.rest, noise: NOMINAL.noise }], &rest);
-    let mut run = Run {
-        session,
-        gauge: GaugeHistory::default(),
-        all: Recording::default(),
-        readings: 0,
-        left_out: 0,
-        ended: None,
-    };
+    let zero = vec![TaxelBaseline { mean: NOMINAL.rest, noise: NOMINAL.noise }];
+    session.on_zero_taken(Now::default(), zero, &rest);
+    let mut run = Run { session, gauge: GaugeHistory::default(), all: Recording::default(), readings: 0, left_out: 0 };
     let (mut lagging, mut random) = (0.0_f64, random(6));
     for t in (0..scene.seconds * 1000).step_by(GAUGE_MS as usize) {
         let (now, kpa) = (Time::from_nanos(t * 1_000_000), (scene.kpa)(t as f64 / 1000.0));
@@ -125,13 +119,19 @@ fn run(scene: &Scene) -> Run {
             run.session
                 .on_scan(Some(Pending { time: now, counts: [count.clamp(0.0, 255.0) as u16].as_slice().into() }));
         }
-        let progress = run.session.advance(now, &run.gauge, &mut Vec::new());
-        if progress != Progress::On {
-            run.ended = Some(progress);
+        run.session.advance(Now { time: now, wall_ns: 0 }, &run.gauge, String::new);
+        if !run.session.is_ramping() {
             break;
         }
     }
     run
+}
+
+#[expect(clippy::expect_used, reason = "one module of one board is a patch")]
+fn one_taxel() -> Patch {
+    let modules = Module::new(0).map(|module| (module, ModuleKind::Cells(1))).into_iter().collect();
+    let board = BoardAddress::new(1).map(|address| Board { bus: BusIndex(0), address, modules });
+    Patch::new("one", board.into_iter().collect()).expect("a patch")
 }
 
 impl Run {
@@ -171,7 +171,8 @@ fn dips() -> Outcome {
     let run = run(&Scene { kpa: dipping, seconds: 90, ..STEADY });
     let mut outcome = compare(&run, &self::run(&STEADY));
     let refused = run.refused(SampleRefusal::NotRising);
-    outcome.require(run.ended == Some(Progress::RampEnded), || format!("the ramp ended with {:?}", run.ended));
+    let state = run.session.view.state;
+    outcome.require(state == SessionState::Fitting, || format!("the ramp ended with {state:?}"));
     outcome.require(refused > 300, || format!("{refused} scans were refused as not rising"));
     outcome
 }
@@ -226,7 +227,8 @@ fn falling() -> Outcome {
 fn full() -> Outcome {
     let run = run(&Scene { scans_max: 500, ..STEADY });
     let mut outcome = Outcome::of_figure(run.session.samples.samples.len().abs_diff(500) as f64);
-    outcome.require(run.ended == Some(Progress::RampEnded), || format!("the ramp ended with {:?}", run.ended));
+    let state = run.session.view.state;
+    outcome.require(state == SessionState::Fitting, || format!("the ramp ended with {state:?}"));
     outcome.require(run.refused(SampleRefusal::Full) == 1, || "the refusal is not counted".to_owned());
     outcome
 }

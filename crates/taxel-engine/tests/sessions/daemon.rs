@@ -197,7 +197,7 @@ impl Daemon {
         };
         let job = &self.fits[fit];
         let result = if well { Ok(made(job)) } else { Err("none of the taxels gives a usable model".to_owned()) };
-        self.put(Input::Fitted(FitOutcome { session: job.session(), fit: job.fit, result }));
+        self.put(Input::Fitted(FitOutcome { session: job.session(), asked_wall_ns: job.wall_ns, result }));
     }
 
     fn restart(&mut self) {

@@ -168,16 +168,19 @@ fn extent(kpa: &[f64]) -> (f64, f64) {
     (low, high - low)
 }
 
-/// A rising or falling part.
-#[derive(Debug)]
-struct Leg {
-    scans: Range<usize>,
-    rising: bool,
+/// A stretch over which the pressure goes one way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Leg {
+    /// Its scans. The scan with the highest pressure ends a rise, the one after it begins a fall.
+    pub scans: Range<usize>,
+    /// Up, and not down.
+    pub rising: bool,
 }
 
-/// Rising and falling parts by turns.
-fn legs(kpa: &[f64]) -> Vec<Leg> {
-    let back = TURN * extent(kpa).1;
+/// Rising and falling parts by turns; together they are all scans.
+#[must_use]
+pub fn legs(kpa: &[f64]) -> Vec<Leg> {
+    let back = Some(TURN * extent(kpa).1).filter(|back| *back > 0.0).unwrap_or(f64::INFINITY);
     let (mut high, mut low, mut first) = (0, 0, true);
     let mut rising: Option<bool> = None;
     let mut edges = vec![0];

@@ -19,6 +19,7 @@ mod lag;
 mod least_squares;
 mod sigma;
 
+pub use course::{Leg, legs};
 pub use fit::{Gathered, SWING_MIN, SkinError, fit};
 pub use fitted::SkinFit;
 pub use form::{Form, Warp};

@@ -64,7 +64,7 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
         });
         scene.plan.patches.extend(plan);
     }
-    conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&config.patch_key(&conflict.patch), conflict));
+    conflicts(&scene.plan).iter().for_each(|conflict| faults.note(&config.patch_key(&conflict.patch), &conflict.why));
     faults.is_empty().then_some(scene)
 }
 

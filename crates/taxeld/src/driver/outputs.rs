@@ -191,7 +191,7 @@ impl Driver {
     }
 
     fn fit(&self, job: FitJob) {
-        let (of, done) = ((job.session(), job.fit), self.tell_done.clone());
+        let (of, done) = ((job.session(), job.wall_ns), self.tell_done.clone());
         let fits = self.publisher.fits();
         tokio::spawn(async move {
             let _turn = fits.acquire_owned().await; // nobody closes it
@@ -201,12 +201,16 @@ impl Driver {
 }
 
 /// Runs a fit beside the engine. Also one that is lost comes back, so that its session does not wait for ever: it is named
-/// by the number of the session and its own.
-pub(super) async fn fit((session, fit): (u64, u64), done: TellDone, run: impl FnOnce() -> FitOutcome + Send + 'static) {
+/// by the number of the session and when it was asked for.
+pub(super) async fn fit(
+    (session, asked_wall_ns): (u64, i64),
+    done: TellDone,
+    run: impl FnOnce() -> FitOutcome + Send + 'static,
+) {
     let outcome = tokio::task::spawn_blocking(run).await.unwrap_or_else(|lost| {
         tracing::error!(session, %lost, "a fit");
         let why = "the fit was lost, which is a fault of this program; the samples are kept";
-        FitOutcome { session, fit, result: Err(why.to_owned()) }
+        FitOutcome { session, asked_wall_ns, result: Err(why.to_owned()) }
     });
     done.tell(Done::Fitted(outcome));
 }

@@ -69,7 +69,7 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, tare: Tare) -> Result<Applied, R
     let one_skin = skin || set.taxels.iter().any(|model| model.points.is_some());
     let extensions = if one_skin { set.extensions() } else { vec![None; models] };
     let doubts_kpa = if skin { set.doubts_kpa() } else { vec![0.0; models] };
-    let tared = applied.zero.is_tared();
+    let tared = applied.zero.moved.is_some();
     let reader = Reader {
         set,
         extensions,

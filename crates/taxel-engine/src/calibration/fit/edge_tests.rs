@@ -10,7 +10,6 @@ use crate::baseline::TaxelBaseline;
 use crate::intake::faults::fault::Fault;
 use crate::intake::faults::limits::FaultLimits;
 use crate::model_set::ZeroReturn;
-use crate::zero::rest::verdict::RestVerdict;
 
 /// A recording of so many scans, one each so many seconds, with these columns.
 fn scans<'a>(time_s: &'a [f64], counts: &[&'a [f64]]) -> Scans<'a> {
@@ -28,7 +27,7 @@ fn a_score_is_what_its_words_say() {
         sigma_kpa: vec![vec![1.0, 2.0, 2.0, 0.1], vec![1.0, 1.0, 1.0, 1.0], Vec::new()],
         beyond: vec![vec![false, false, false, true], vec![false; 4], Vec::new()],
         unread: vec![None, None, Some("faulty in every scan".to_owned())],
-        zero: Zero::Calibration,
+        zero: Zero { moved: None, told: String::new() },
         masked: (1, 8),
     };
     let score = judge(&applied, &[10.0, 30.0, 40.0, 50.0]);
@@ -149,11 +148,11 @@ fn rest_of(tare: Tare, spoil: impl Fn(usize, usize, f64) -> f64) -> Zero {
 #[test]
 fn a_recording_is_tared_from_two_seconds_that_are_at_rest_throughout() {
     let zero = rest_of(Tare::Auto, |_, _, count| count);
-    assert!(matches!(zero, Zero::Tared { window_s: 2.0, proof: Some(_), .. }), "{zero:?}");
+    assert!(zero.told.starts_with("tared from the first 2 s: unloaded: ") && zero.moved.is_some(), "{zero:?}");
     assert!((0..40).all(|taxel| zero.moved(taxel).is_some_and(|moved| (moved - 0.45).abs() < 0.1)), "{zero:?}");
     // All taxels of a module move within the window.
     let moves = rest_of(Tare::Auto, |taxel, i, count| if taxel < 10 && i >= 16 { count + 1.0 } else { count });
-    assert!(matches!(moves, Zero::NotAtRest(RestVerdict::Moved { .. })), "{moves:?}");
+    assert!(moves.moved.is_none() && moves.told.contains("something moved on "), "{moves:?}");
     // Of 32 scans 29 are enough.
     let missing =
         |scans: usize| rest_of(Tare::Seconds(2.0), move |t, i, c| if t == 3 && i < scans { f64::NAN } else { c });
@@ -174,23 +173,23 @@ fn a_zero_is_of_scans_that_are_sound() {
 
 #[test]
 fn what_is_lighter_later_takes_a_tare_back_and_is_told_with_its_time() {
-    for (from, after) in [(32, 2.0), (64, 4.0)] {
+    for (from, after) in [(32, " 2.0 s later"), (64, " 4.0 s later")] {
         let lighter = rest_of(Tare::Auto, |t, i, count| if t < 3 && i >= from { count + 12.0 } else { count });
-        let Zero::Lifted { after_s, .. } = lighter else { panic!("{lighter:?}") };
-        assert!((after_s - after).abs() < 1e-9, "{after_s} is not {after}");
+        assert!(lighter.moved.is_none() && lighter.told.ends_with(after), "{lighter:?}");
     }
 }
 
 #[test]
 fn what_was_done_about_a_zero_is_told() {
     let moved = vec![2.0, f64::NAN, f64::NAN];
-    let by_word = Zero::Tared { window_s: 3.0, proof: None, moved };
+    let by_word = Zero { moved: Some(moved), told: String::new() };
     assert_eq!([0, 1, 3].map(|taxel| by_word.moved(taxel)), [Some(2.0), None, None]);
-    assert!(by_word.is_tared() && !Zero::Calibration.is_tared());
-    let text = "tared from the first 3 s, confirmed by the operator; 2 of 3 taxels have no zero of their own there";
-    assert_eq!(by_word.to_string(), text);
-    assert_eq!(Zero::Calibration.moved(7), Some(0.0));
-    assert_eq!(Zero::Calibration.to_string(), "not tared: the zero is that of the calibration");
+    let by_word = rest_of(Tare::Seconds(3.0), |t, _, count| if t < 2 { f64::NAN } else { count });
+    let text = "tared from the first 3 s, confirmed by the operator; 2 of 40 taxels have no zero of their own there";
+    assert_eq!(by_word.told, text);
+    let left = rest_of(Tare::None, |_, _, count| count);
+    assert_eq!(left.moved(7), Some(0.0));
+    assert_eq!(left.told, "not tared, the zero is that of the calibration");
 }
 
 #[test]

@@ -7,6 +7,7 @@
 
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::scans::Scans;
+use crate::calibration::fit::zero::rest_limit_kpa;
 use crate::statistics::mean;
 
 /// The beginning that may show it, seconds.
@@ -25,9 +26,6 @@ const MOVES_MAX_COUNTS: f64 = 0.1;
 /// More is no gauge's zero but a pressure, kPa: sessions are refused from there on, too.
 const ZERO_MAX_KPA: f64 = 10.0;
 
-/// Nor is what lies further than this share of the range above the least reading.
-const BAND: f64 = 0.02;
-
 /// Largest share of masked scans of a taxel whose counts tell.
 const MASKED_MAX: f64 = 0.01;
 
@@ -40,12 +38,9 @@ pub(super) fn find(scans: &Scans<'_>, kpa: &[f64], masks: &Masks) -> f64 {
     };
     let moved = |values: &[f64]| half(values, true).0 - half(values, false).0;
     let (zero, known) = mean(kpa[..n].iter().copied().filter(|p| p.is_finite()));
-    let known_kpa = || kpa.iter().copied().filter(|p| p.is_finite());
-    let low = known_kpa().fold(f64::INFINITY, f64::min);
-    let high = known_kpa().fold(f64::NEG_INFINITY, f64::max);
     let still =
         moved(kpa).abs() <= MOVES_MAX_SHARE * zero.abs() && moved(&mean_counts(scans, masks)).abs() <= MOVES_MAX_COUNTS;
-    let plausible = zero.abs() <= ZERO_MAX_KPA && zero <= low + BAND * (high - low);
+    let plausible = zero.abs() <= ZERO_MAX_KPA && zero <= rest_limit_kpa(kpa);
     if known >= SCANS_MIN && still && plausible { zero } else { 0.0 }
 }
 

@@ -1,26 +1,15 @@
 //! The legs of a recording's pressure: up, down and up again.
 
-use std::ops::Range;
+use taxel_model::skin;
+pub use taxel_model::skin::Leg;
 
 use crate::calibration::fit::smooth::running_median;
 
 /// Gauges give single readings that are off by 8 to 14 kPa: a median over 0.3 s takes them out.
 pub(crate) const GAUGE_MEDIAN_SCANS: usize = 15;
 
-/// The pressure turns where it goes back by this share of its range.
-const TURN_SHARE: f64 = 0.25;
-
 /// On the way up a sample may lie behind the furthest pressure so far by this share of the range.
 const BAND_SHARE: f64 = 0.01;
-
-/// A stretch over which the pressure goes one way.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Leg {
-    /// Its scans. The scan with the highest pressure ends a rise, the one after it begins a fall.
-    pub scans: Range<usize>,
-    /// Up, and not down.
-    pub rising: bool,
-}
 
 /// All legs, in order; together they are all scans. NaN is no pressure.
 ///
@@ -28,15 +17,18 @@ pub struct Leg {
 #[must_use]
 pub fn legs(kpa: &[f64]) -> Vec<Leg> {
     let course = running_median(kpa, GAUGE_MEDIAN_SCANS);
-    let (first_rises, turns) = turns(&course);
-    let mut legs = Vec::new();
-    let (mut begin, mut rising) = (0, first_rises);
-    for turn in turns {
-        let end = if rising { highest_near(kpa, turn) + 1 } else { turn };
-        legs.push(Leg { scans: begin..end, rising });
-        (begin, rising) = (end, !rising);
+    let known: Vec<usize> = (0..kpa.len()).filter(|&scan| course[scan].is_finite()).collect();
+    let mut legs = skin::legs(&known.iter().map(|&scan| course[scan]).collect::<Vec<f64>>());
+    let mut begin = 0;
+    for leg in &mut legs {
+        let end = match known.get(leg.scans.end) {
+            None => kpa.len(),
+            Some(_) if leg.rising => highest_near(kpa, known[leg.scans.end - 1]) + 1,
+            Some(turn) => *turn,
+        };
+        leg.scans = begin..end;
+        begin = end;
     }
-    legs.push(Leg { scans: begin..kpa.len(), rising });
     legs
 }
 
@@ -59,44 +51,6 @@ pub fn rising(kpa: &[f64], legs: &[Leg]) -> Vec<bool> {
 fn range_of(kpa: &[f64]) -> f64 {
     let finite = || kpa.iter().copied().filter(|p| p.is_finite());
     (finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min)).max(0.0)
-}
-
-/// Whether the first leg rises, and the scans of the highest and lowest pressures at which the course turns.
-fn turns(course: &[f64]) -> (bool, Vec<usize>) {
-    let back = TURN_SHARE * range_of(course);
-    let mut turns = Vec::new();
-    let mut way: Option<bool> = None;
-    let mut first_rises = true;
-    let Some(start) = course.iter().position(|p| p.is_finite()) else { return (true, turns) };
-    let (mut high, mut low) = (start, start);
-    for i in (start..course.len()).filter(|&i| course[i].is_finite() && back > 0.0) {
-        if course[i] > course[high] {
-            high = i;
-        }
-        if course[i] < course[low] {
-            low = i;
-        }
-        let (fell, rose) = (course[high] - course[i] >= back, course[i] - course[low] >= back);
-        match way {
-            None if rose || fell => {
-                first_rises = rose;
-                way = Some(rose);
-                (high, low) = (i, i);
-            }
-            Some(true) if fell => {
-                turns.push(high);
-                way = Some(false);
-                low = i;
-            }
-            Some(false) if rose => {
-                turns.push(low);
-                way = Some(true);
-                high = i;
-            }
-            _ => {}
-        }
-    }
-    (first_rises, turns)
 }
 
 /// The first scan with the highest pressure about `turn`, as near to it as the median may have moved it.

@@ -26,27 +26,20 @@ pub struct Masks {
 impl Masks {
     /// Runs the live detector over the recording; each of `modules` is a range of taxels.
     pub fn find(scans: &Scans<'_>, modules: &[Range<usize>], limits: &FaultLimits) -> Self {
-        let taxels = scans.counts.len();
-        let mut detector = FaultDetector::new(taxels, modules, *limits);
-        let mut masks = Self {
-            masked: vec![vec![false; scans.len()]; taxels],
-            scans_of: vec![Default::default(); taxels],
-            missing: vec![0; taxels],
-            dropouts: vec![0; taxels],
-        };
-        let mut onset: Vec<Option<Time>> = vec![None; taxels];
+        let mut masks = Self::missing(scans);
+        let mut detector = FaultDetector::new(scans.counts.len(), modules, *limits);
+        let mut onset: Vec<Option<Time>> = vec![None; scans.counts.len()];
         let (mut row, mut faulty) = (Vec::new(), vec![false; modules.len()]);
         let times: Vec<Time> = scans.time_s.iter().map(|&t| Time::from_seconds(t)).collect();
-        for (i, &now) in times.iter().enumerate() {
+        for i in 0..times.len() {
             for (m, range) in modules.iter().enumerate() {
                 row.clear();
                 row.extend(range.clone().map(|t| scans.counts[t][i] as f32));
-                let changed = detector.push_reals(now, m, &row, 0);
-                if !changed && !faulty[m] && row.iter().all(|count| count.is_finite()) {
+                if !detector.push_reals(times[i], m, &row, 0) && !faulty[m] {
                     continue; // nearly always
                 }
-                for (taxel, count) in range.clone().zip(&row) {
-                    masks.take(taxel, i, count.is_finite(), &times, &detector, &mut onset[taxel]);
+                for taxel in range.clone() {
+                    masks.take(taxel, &times[..=i], &detector, &mut onset[taxel]);
                 }
                 faulty[m] = range.clone().any(|taxel| !detector.faults(taxel).is_empty());
             }
@@ -78,19 +71,10 @@ impl Masks {
         self.dropouts[taxel]
     }
 
-    fn take(
-        &mut self,
-        taxel: usize,
-        scan: usize,
-        present: bool,
-        times: &[Time],
-        detector: &FaultDetector,
-        onset: &mut Option<Time>,
-    ) {
-        let faults = detector.faults(taxel);
-        self.missing[taxel] += u32::from(!present);
+    /// Takes the faults of a taxel at the last of these times, from their onset on.
+    fn take(&mut self, taxel: usize, times: &[Time], detector: &FaultDetector, onset: &mut Option<Time>) {
+        let (scan, faults) = (times.len() - 1, detector.faults(taxel));
         if faults.is_empty() {
-            self.masked[taxel][scan] = !present;
             *onset = None;
             return;
         }

@@ -17,7 +17,6 @@ mod gauge_zero;
 pub(crate) mod judge;
 pub mod legs;
 pub(crate) mod masks;
-mod paper;
 #[cfg(test)]
 mod plays_tests;
 pub(crate) mod recipe;

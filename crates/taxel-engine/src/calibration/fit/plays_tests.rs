@@ -85,7 +85,7 @@ fn error_kpa(calibration: &Recorded, plays: bool, judged: &Recorded, first: usiz
     let set = fit(&calibration.scans(), &FitRecipe { plays, ..FitRecipe::default() }, &OneByOne).unwrap();
     let applied = apply(&judged.scans(), &set, Tare::Auto).unwrap();
     let read = || applied.pressure_kpa.iter().filter(|column| !column.is_empty());
-    assert!(read().count() == TAXELS, "{}", applied.zero);
+    assert!(read().count() == TAXELS, "{}", applied.zero.told);
     let area = |i: usize| read().map(|column| column[i]).sum::<f64>() / TAXELS as f64 - judged.kpa[i];
     let squares: f64 = (first..judged.kpa.len()).map(|i| area(i).powi(2)).sum();
     ((squares / (judged.kpa.len() - first) as f64).sqrt(), set.plays(0).is_some())

@@ -1,11 +1,10 @@
 //! From sound scans to models of a whole skin: what recordings, tables and sessions have in common.
 
 use taxel_model::skin::{Form, Gathered, SkinError, SkinFit, Warp, fit};
-use taxel_model::{Flag, Status, TaxelModel, Workers, map};
+use taxel_model::{FitOptions, Flag, Samples, Status, TaxelModel, Workers, map};
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::fit::masks::Masks;
-use crate::calibration::fit::paper;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::smooth::{half_width, smooth};
@@ -82,19 +81,28 @@ impl SkinScans<'_> {
         })
     }
 
+    /// The paper's fit: its equation over all samples of rising pressure, as they are. No fault is looked for, nothing is
+    /// averaged, shifted in time or compensated.
     fn fit_paper(&self, recipe: &FitRecipe, workers: &dyn Workers) -> FittedSkin {
         let rest = rest_scans(self.kpa);
         let of = |taxel: usize| baseline(self.scans.counts[taxel], self.masks.of(taxel), &rest);
         FittedSkin {
-            models: paper::models(self.scans, self.kpa, &recipe.options, workers),
+            models: map(workers, self.scans.counts.len(), |taxel| self.paper_model(taxel, &recipe.options)),
             in_use: Vec::new(),
             zeros: self.zeros.map_or_else(|| (0..self.scans.counts.len()).map(of).collect(), <[_]>::to_vec),
             plays_mean_s: 0.0,
             hysteresis_kpa: None,
             plays_error_ratio: None,
             pressure_max_kpa: self.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            method: paper::method(&recipe.options),
+            method: format!("order {}, paper", recipe.options.order),
         }
+    }
+
+    fn paper_model(&self, taxel: usize, options: &FitOptions) -> TaxelModel {
+        let all =
+            self.scans.counts[taxel].iter().zip(self.kpa).filter(|(count, kpa)| count.is_finite() && kpa.is_finite());
+        let (counts, kpa): (Vec<f64>, Vec<f64>) = all.unzip();
+        taxel_model::fit(&Samples::new(&counts, &kpa), options)
     }
 
     /// The counts of a taxel as they are in use, NaN where they must not be believed; empty where too many must not be.

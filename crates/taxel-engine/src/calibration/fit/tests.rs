@@ -10,7 +10,6 @@ use super::scans::modules;
 use super::*;
 use crate::intake::faults::fault::Fault;
 use crate::intake::faults::limits::FaultLimits;
-use crate::zero::rest::verdict::RestVerdict;
 
 const PERIOD_S: f64 = 0.02;
 const TAXELS: usize = 30;
@@ -267,7 +266,7 @@ fn a_recording_without_pressure_or_scans_is_no_panic() {
     let set = fitted(&skin, &FitRecipe::default());
     let empty = Scans { time_s: &[], pressure_kpa: None, counts: vec![&[]; TAXELS] };
     let applied = apply(&empty, &set, Tare::Auto).unwrap();
-    assert!(!applied.zero.is_tared());
+    assert!(applied.zero.moved.is_none());
     for scans in 1..30 {
         let time_s = vec![0.0; scans];
         let short =

@@ -1,15 +1,12 @@
 //! The zero of a recording: where the taxels rest, whether they come back, and whether the beginning of another
 //! recording shows the same rest.
 
-use std::fmt;
-
 use crate::baseline::TaxelBaseline;
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::scans::{Scans, modules};
 use crate::model_set::{ModelSet, ZeroReturn};
 use crate::statistics::{mean, root_mean_square};
 use crate::zero::rest::judge::{Reference, judge, lighter};
-use crate::zero::rest::verdict::{Beyond, RestVerdict};
 use crate::zero::rest::window::RestWindow;
 
 /// Within this share of the range above the least pressure the rig is at rest.
@@ -32,9 +29,15 @@ const SOUND_SHARE: f64 = 0.9;
 pub(super) fn rest_scans(kpa: &[f64]) -> Vec<bool> {
     let known = (0..kpa.len()).filter(|&scan| kpa[scan].is_finite());
     let top = known.max_by(|&a, &b| kpa[a].total_cmp(&kpa[b])).unwrap_or(0);
-    let low = kpa.iter().copied().fold(f64::INFINITY, f64::min);
-    let limit = low + REST_BAND * (kpa.get(top).copied().unwrap_or(low) - low);
+    let limit = rest_limit_kpa(kpa);
     kpa.iter().enumerate().map(|(i, p)| i <= top && *p <= limit).collect()
+}
+
+/// The rig is at rest up to this pressure, kPa.
+pub(super) fn rest_limit_kpa(kpa: &[f64]) -> f64 {
+    let known = || kpa.iter().copied().filter(|p| p.is_finite());
+    let (low, high) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
+    low + REST_BAND * (high - low)
 }
 
 /// Mean and noise over the `rest` scans that are sound; NaN if they are too few.
@@ -43,7 +46,7 @@ pub(super) fn baseline(counts: &[f64], masked: &[bool], rest: &[bool]) -> TaxelB
         || counts.iter().zip(masked).zip(rest).filter(|((_, masked), rest)| **rest && !**masked).map(|(c, _)| *c.0);
     let (level, n) = mean(at_rest());
     if n < BASELINE_SCANS_MIN {
-        return TaxelBaseline { mean: f64::NAN, noise: f64::NAN };
+        return TaxelBaseline::UNKNOWN;
     }
     TaxelBaseline { mean: level, noise: root_mean_square(at_rest().map(|c| c - level)) }
 }
@@ -56,11 +59,9 @@ pub(crate) fn zero_return(
     baseline: &[TaxelBaseline],
     taxels: &[usize],
 ) -> Option<ZeroReturn> {
-    let low = kpa.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let tail = scans.len().saturating_sub(scans.scans_in(RETURN_S))..scans.len();
     let (pressure, _) = mean(kpa[tail.clone()].iter().copied());
-    if pressure.is_nan() || pressure > low + REST_BAND * (high - low) {
+    if pressure.is_nan() || pressure > rest_limit_kpa(kpa) {
         return None;
     }
     let moved = taxels.iter().map(|&t| {
@@ -84,47 +85,37 @@ pub enum Tare {
 
 /// What was done about it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Zero {
-    /// The zero of the calibration was left: as asked, or because nothing tells an unloaded skin.
-    Calibration,
-    /// It was left because rest is not proven.
-    NotAtRest(RestVerdict),
-    /// It was left because something later is lighter than the beginning.
-    Lifted {
-        /// How much lighter.
-        lift: Beyond,
-        /// When, seconds after the beginning.
-        after_s: f64,
-    },
-    /// The recording has a zero of its own.
-    Tared {
-        /// From so many seconds of its beginning.
-        window_s: f64,
-        /// What proved the rest; `None` if it was the operator's word.
-        proof: Option<RestVerdict>,
-        /// Mean count now less that of the calibration, per taxel; NaN without a zero of its own.
-        moved: Vec<f64>,
-    },
+pub struct Zero {
+    /// Mean count now less that of the calibration, per taxel, NaN without a zero of its own; `None` where the zero of the
+    /// calibration was left.
+    pub moved: Option<Vec<f64>>,
+    /// The same in words, and why.
+    pub told: String,
 }
 
 impl Zero {
     /// By how much a taxel's zero has moved since the calibration, counts; `None` if it has no zero here.
     pub fn moved(&self, taxel: usize) -> Option<f64> {
-        match self {
-            Self::Tared { moved, .. } => moved.get(taxel).copied().filter(|m| m.is_finite()),
-            _ => Some(0.0),
-        }
+        self.moved.as_ref().map_or(Some(0.0), |moved| moved.get(taxel).copied().filter(|m| m.is_finite()))
     }
 
-    /// Whether the recording has a zero of its own.
-    pub const fn is_tared(&self) -> bool {
-        matches!(self, Self::Tared { .. })
+    /// The zero of the calibration is left.
+    fn left(why: &str) -> Self {
+        Self { moved: None, told: format!("not tared, the zero is that of the calibration{why}") }
+    }
+
+    fn tared(window_s: f64, proof: &str, moved: Vec<f64>) -> Self {
+        let (taxels, without) = (moved.len(), moved.iter().filter(|m| !m.is_finite()).count());
+        let told = format!(
+            "tared from the first {window_s} s{proof}; {without} of {taxels} taxels have no zero of their own there"
+        );
+        Self { moved: Some(moved), told }
     }
 
     /// Does what `tare` asks for.
     pub fn find(tare: Tare, scans: &Scans<'_>, masks: &Masks, set: &ModelSet, module_size: usize) -> Self {
         let window_s = match tare {
-            Tare::None => return Self::Calibration,
+            Tare::None => return Self::left(""),
             Tare::Seconds(seconds) => seconds,
             Tare::Auto => WINDOW_S,
         };
@@ -146,54 +137,26 @@ impl Zero {
         let own = |t: usize| if sound(&t) { now[t].mean - set.baseline[t].mean } else { f64::NAN };
         let moved: Vec<f64> = (0..scans.counts.len()).map(own).collect();
         if tare != Tare::Auto {
-            return Self::Tared { window_s, proof: None, moved };
+            return Self::tared(window_s, ", confirmed by the operator", moved);
         }
         let sign = set.signs();
-        let reference = Reference { models: Some(&set.baseline), zero: None, sign: &sign };
-        let verdict = judge(&begin, reference);
+        let verdict = judge(&begin, Reference { models: Some(&set.baseline), zero: None, sign: &sign });
         if !verdict.is_rest() {
-            return Self::NotAtRest(verdict);
+            return Self::left(&format!(": the beginning is not shown to be unloaded; {verdict}"));
         }
-        let zero: Vec<TaxelBaseline> = now
-            .into_iter()
-            .enumerate()
-            .map(|(t, now)| if sound(&t) { now } else { TaxelBaseline { mean: f64::NAN, noise: f64::NAN } })
-            .collect();
+        let own = |(t, now): (usize, TaxelBaseline)| if sound(&t) { now } else { TaxelBaseline::UNKNOWN };
+        let zero: Vec<TaxelBaseline> = now.into_iter().enumerate().map(own).collect();
         for first in (n..scans.len().saturating_sub(n - 1)).step_by(n) {
             let later = window(first, true);
-            let seen = (later.all().baseline(), later.all().count());
-            if let Some(lift) = lighter(&zero, (&seen.0, seen.1), &modules, &sign) {
-                return Self::Lifted { lift, after_s: scans.time_s[first] - scans.time_s[0] };
+            if let Some(lift) = lighter(&zero, (&later.all().baseline(), later.all().count()), &modules, &sign) {
+                let (lift, after_s) = (lift.told_lighter(module_name), scans.time_s[first] - scans.time_s[0]);
+                return Self::left(&format!(": the beginning is not unloaded; {lift} {after_s:.1} s later"));
             }
         }
-        Self::Tared { window_s, proof: Some(verdict), moved }
+        Self::tared(window_s, &format!(": {verdict}; nothing later is lighter"), moved)
     }
 }
 
-impl fmt::Display for Zero {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Calibration => write!(f, "not tared: the zero is that of the calibration"),
-            Self::NotAtRest(verdict) => {
-                write!(
-                    f,
-                    "not tared, the zero is that of the calibration: the beginning is not shown to be unloaded; {verdict}"
-                )
-            }
-            Self::Lifted { lift, after_s } => write!(
-                f,
-                "not tared, the zero is that of the calibration: the beginning is not unloaded; {} {after_s:.1} s \
-                 later",
-                lift.told_lighter(|module| format!("module {module}"))
-            ),
-            Self::Tared { window_s, proof, moved } => {
-                let without = moved.iter().filter(|m| !m.is_finite()).count();
-                match proof {
-                    Some(proof) => write!(f, "tared from the first {window_s} s: {proof}; nothing later is lighter")?,
-                    None => write!(f, "tared from the first {window_s} s, confirmed by the operator")?,
-                }
-                write!(f, "; {without} of {} taxels have no zero of their own there", moved.len())
-            }
-        }
-    }
+fn module_name(module: usize) -> String {
+    format!("module {module}")
 }

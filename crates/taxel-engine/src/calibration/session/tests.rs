@@ -3,18 +3,16 @@
 use std::time::Duration;
 use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Patch, Time};
 
-use super::branch::{Branch, Direction};
-use super::calibrate::Calibration;
-use super::limits::SessionLimits;
-use super::session::SessionEvent;
-use super::transition::Trigger;
-use super::view::{SampleRefusal, SessionState, SessionView};
+use super::{SessionEvent, SessionRun};
 use crate::baseline::TaxelBaseline;
-use crate::counts::Counts;
+use crate::calibration::branch::{Branch, Direction};
+use crate::calibration::limits::SessionLimits;
+use crate::calibration::samples::Pending;
+use crate::calibration::transition::Trigger;
+use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
 use crate::plan::PatchPlan;
-use crate::scan::Scan;
 
 const TAXELS: usize = 4;
 const SHOW_EVERY: Duration = Duration::from_millis(200);
@@ -31,25 +29,23 @@ pub fn plan() -> PatchPlan {
     PatchPlan { session, ..PatchPlan::new(Patch::new("p", vec![board]).unwrap()) }
 }
 
-/// The calibration of a patch, its gauge, and what followed last.
+/// A session, its gauge, and what followed last.
 struct Scene {
-    calibration: Calibration,
+    run: SessionRun,
     gauge: GaugeHistory,
     events: Vec<SessionEvent>,
     ms: i64,
 }
 
 impl Scene {
-    fn new() -> Self {
-        let gauge = GaugeHistory::at_rest_until(ms(1_000));
-        Self { calibration: Calibration::new(plan().into()), gauge, events: Vec::new(), ms: 1_000 }
+    fn of(run: SessionRun) -> Self {
+        Self { run, gauge: GaugeHistory::at_rest_until(ms(1_000)), events: Vec::new(), ms: 1_000 }
     }
 
     /// A session that watches for its zero.
     fn started(branches: Branch) -> Self {
-        let mut scene = Self::new();
         let view = SessionView { number: 3, target_kpa: 50.0, branches, left_out: vec![1], ..SessionView::default() };
-        scene.calibration.start(scene.now(), view);
+        let mut scene = Self::of(SessionRun::start(Now { time: ms(1_000), wall_ns: 1_000 }, &plan().into(), view));
         scene.settle();
         scene
     }
@@ -62,21 +58,21 @@ impl Scene {
 
     /// What followed is done.
     fn settle(&mut self) {
-        for event in self.calibration.take_events() {
+        for event in self.run.take_events() {
             if matches!(event, SessionEvent::Changed) {
-                self.calibration.refreshed(ms(self.ms), &self.gauge);
+                self.run.refreshed(ms(self.ms), &self.gauge);
             }
             self.events.push(event);
         }
     }
 
     fn command(&mut self, command: Trigger) {
-        self.calibration.command(self.now(), command, "").unwrap();
+        self.run.command(self.now(), command, "").unwrap();
         self.settle();
     }
 
     fn refuse_zero(&mut self) {
-        self.calibration.on_zero_refused(self.now(), "it moves");
+        self.run.on_zero_refused(self.now(), "it moves");
         self.settle();
     }
 
@@ -86,15 +82,12 @@ impl Scene {
 
     fn take_zero(&mut self) {
         let baseline = vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS];
-        self.calibration.on_zero_taken(self.now(), baseline, &self.gauge);
+        self.run.on_zero_taken(self.now(), baseline, &self.gauge);
         self.settle();
     }
 
     fn scan(&mut self) {
-        let counts = Counts::from(&[200; TAXELS]);
-        let (silent, sound) = (&[false; 2], &[true; TAXELS]);
-        let scan = Scan { time: ms(self.ms), whole: true, counts, pads: &[], silent, sound, soundness: 0, jumps: &[] };
-        self.calibration.on_scan(&scan, true);
+        self.run.on_scan(Some(Pending { time: ms(self.ms), counts: vec![200; TAXELS].into() }));
     }
 
     /// The pressure goes on for so many seconds.
@@ -105,7 +98,7 @@ impl Scene {
             if i % 5 == 0 {
                 self.scan();
             }
-            self.calibration.advance(self.now(), &self.gauge, String::new);
+            self.run.advance(self.now(), &self.gauge, String::new);
             self.settle();
         }
     }
@@ -113,12 +106,12 @@ impl Scene {
     /// What is shown after so much time.
     fn shown_after(&mut self, ms_later: i64) -> Option<SessionView> {
         self.ms += ms_later;
-        let view = self.calibration.show(ms(self.ms), &self.gauge)?;
+        let view = self.run.show(ms(self.ms), &self.gauge)?;
         Some(SessionView::clone(&view))
     }
 
     fn state(&self) -> SessionState {
-        self.calibration.session().unwrap().state
+        self.run.view.state
     }
 
     fn count(&self, which: impl Fn(&SessionEvent) -> bool) -> usize {
@@ -136,7 +129,7 @@ fn rest_that_is_not_proven_is_waited_for_as_long_as_patience_goes() {
     scene.ms += 3_000;
     scene.refuse_zero();
     assert_eq!((scene.state(), scene.count(wants_zero)), (SessionState::Taring, 2));
-    assert_eq!(scene.calibration.session().unwrap().reason, "waiting for an unloaded skin: it moves");
+    assert_eq!(scene.run.view.reason, "waiting for an unloaded skin: it moves");
     scene.ms += 1;
     scene.refuse_zero();
     assert_eq!((scene.state(), scene.count(wants_zero)), (SessionState::Failed, 2));
@@ -147,8 +140,8 @@ fn rest_that_is_not_proven_is_waited_for_as_long_as_patience_goes() {
 fn scans_that_wait_while_the_zero_comes_into_doubt_never_enter() {
     let mut scene = Scene::ramping(Branch::Rising);
     scene.go(0.0, 2.0, 0.9);
-    scene.calibration.on_zero_doubted();
-    assert_eq!(scene.calibration.session().unwrap().refused.get(SampleRefusal::ZeroInDoubt), 18);
+    scene.run.drop_waiting();
+    assert_eq!(scene.run.view.refused.get(SampleRefusal::ZeroInDoubt), 18);
     let shown = scene.shown_after(200).unwrap();
     assert_eq!((shown.refused.get(SampleRefusal::ZeroInDoubt), shown.accepted), (18, 0));
 }
@@ -158,9 +151,9 @@ fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_wen
     let mut scene = Scene::ramping(Branch::Both);
     scene.go(0.0, 4.0, 5.0);
     scene.command(Trigger::FinishRamp);
-    assert_eq!(scene.calibration.session().unwrap().direction, Direction::Falling);
+    assert_eq!(scene.run.view.direction, Direction::Falling);
     scene.go(20.0, 0.0, 4.2);
-    let view = scene.calibration.session().unwrap();
+    let view = &scene.run.view;
     assert_eq!(view.state, SessionState::Fitting);
     assert!(view.reason.starts_with("the falling branch ended early: "), "{}", view.reason);
     // What a session failed of is no reason of the fit that follows.
@@ -168,35 +161,32 @@ fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_wen
     scene.go(0.0, 0.0, 4.2);
     assert_eq!(scene.state(), SessionState::Failed);
     scene.command(Trigger::FinishRamp);
-    let view = scene.calibration.session().unwrap();
+    let view = &scene.run.view;
     assert_eq!((view.state, view.reason.as_str()), (SessionState::Fitting, ""));
 }
 
 #[test]
 fn an_open_session_is_shown_five_times_a_second_and_one_that_is_over_when_something_changed() {
-    let mut scene = Scene::new();
-    assert_eq!(scene.calibration.deadline(), None);
-    scene = Scene::ramping(Branch::Rising);
-    assert_eq!(scene.calibration.deadline(), Some(scene.now().time + SHOW_EVERY));
+    let mut scene = Scene::ramping(Branch::Rising);
+    assert_eq!(scene.run.deadline(), Some(scene.now().time + SHOW_EVERY));
     assert!(scene.shown_after(199).is_none());
     assert!(scene.shown_after(1).is_some() && scene.shown_after(199).is_none() && scene.shown_after(1).is_some());
     let now = scene.now();
     scene.command(Trigger::Abort);
-    assert_eq!(scene.calibration.deadline(), None, "nothing of it changes any more ...");
-    scene.calibration.on_durable(4, 7);
-    assert_eq!(scene.calibration.deadline(), None);
-    scene.calibration.on_durable(3, 7);
-    assert_eq!(scene.calibration.deadline(), Some(now.time + SHOW_EVERY), "... but what of it is on disk");
+    assert_eq!(scene.run.deadline(), None, "nothing of it changes any more ...");
+    scene.run.on_durable(4, 7);
+    assert_eq!(scene.run.deadline(), None);
+    scene.run.on_durable(3, 7);
+    assert_eq!(scene.run.deadline(), Some(now.time + SHOW_EVERY), "... but what of it is on disk");
     assert_eq!(scene.shown_after(200).map(|view| view.durable), Some(7));
-    assert_eq!(scene.calibration.deadline(), None);
+    assert_eq!(scene.run.deadline(), None);
 }
 
 /// The bag is vented during the review, and the operator looks at the pressure; a gauge's noise is nothing to look at.
 #[test]
 fn in_review_the_pressure_is_shown_when_it_moved() {
-    let mut scene = Scene::new();
     let view = SessionView { number: 3, state: SessionState::Review, target_kpa: 50.0, ..SessionView::default() };
-    scene.calibration.resume(scene.now(), view, Default::default());
+    let mut scene = Scene::of(SessionRun::resume(Now::default(), &plan().into(), view, Default::default()));
     let read = |scene: &mut Scene, kpa: f64| {
         scene.ms += 200;
         scene.gauge.push(ms(scene.ms), Kilopascal(kpa));
@@ -209,8 +199,8 @@ fn in_review_the_pressure_is_shown_when_it_moved() {
     assert_eq!(read(&mut scene, 40.0), Some(Some(40.0)));
     assert_eq!(scene.shown_after(600).map(|view| view.pressure_kpa), Some(None), "a gauge that fell silent");
     assert_eq!(scene.shown_after(600).map(|view| view.pressure_kpa), None);
-    assert!(scene.calibration.deadline().is_some(), "it is looked at for as long as it is in review");
+    assert!(scene.run.deadline().is_some(), "it is looked at for as long as it is in review");
     scene.ms += 200;
-    scene.calibration.on_durable(3, 9);
+    scene.run.on_durable(3, 9);
     assert_eq!(read(&mut scene, 0.3).map(|kpa| kpa.is_some()), Some(true));
 }
