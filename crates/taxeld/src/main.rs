@@ -39,7 +39,6 @@ mod show_demo;
 mod sim_bus;
 #[cfg(feature = "sim")]
 mod sim_drive;
-mod store_at;
 mod systemd;
 mod tasks;
 mod tone;
