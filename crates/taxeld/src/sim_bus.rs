@@ -157,7 +157,7 @@ impl Simulation {
         let wanted = session.filter(|one| one.state == SessionState::Ramping).map_or(PumpCommand::Vent, pump_of);
         if let Some(pump) = &self.pump {
             pump.commands.try_iter().for_each(|command| self.world.pump(command));
-            pump.gauge.set(self.world.true_pressure());
+            pump.gauge.send_replace(self.world.true_pressure().0);
         } else if self.pumping.replace(wanted) != Some(wanted) {
             self.world.pump(wanted);
         }
