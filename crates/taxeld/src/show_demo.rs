@@ -239,6 +239,6 @@ fn address(asked: Option<SocketAddr>) -> anyhow::Result<SocketAddr> {
     let bind = |address: SocketAddr| TcpListener::bind(address).and_then(|bound| bound.local_addr());
     match asked {
         Some(asked) => bind(asked).with_context(|| format!("--listen {asked}")),
-        None => Ok(bind(USUAL).or_else(|_| bind(SocketAddr::new(USUAL.ip(), 0)))?),
+        None => Ok(crate::page::bind_some(USUAL)?.local_addr()?),
     }
 }
