@@ -9,7 +9,7 @@ use taxel_proto::v1::ForceSample;
 
 use super::connect::Asked;
 use super::failure::{Failure, Outcome};
-use crate::values::spread;
+use crate::values::{seconds, spread};
 
 /// Counts new values for a while. A stream may be faster than its skin: iCub's gives 20 new values a second, 27 at most, and what
 /// comes between is the last one again.
@@ -19,7 +19,7 @@ pub struct RateArgs {
     #[command(flatten)]
     asked: Asked,
     /// How long to count.
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = crate::values::parse_seconds)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = |text: &str| seconds(text, 0.0, 1e6))]
     seconds: f64,
 }
 
@@ -30,7 +30,7 @@ pub struct RateArgs {
 pub async fn rate(args: RateArgs) -> Outcome {
     let daemon = args.asked.daemon().await?;
     let mut samples = Samples::open(daemon.force(), daemon.patch(), None).await?;
-    let end = tokio::time::sleep(Duration::from_secs_f64(args.seconds.min(1e6)));
+    let end = tokio::time::sleep(Duration::from_secs_f64(args.seconds));
     tokio::pin!(end);
     let mut counted = Counted::default();
     loop {

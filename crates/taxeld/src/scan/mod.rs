@@ -20,6 +20,7 @@ use crate::config;
 use crate::files;
 use crate::open_log::{Wanted, open_log};
 use crate::say;
+use crate::values::seconds;
 use survey::Survey;
 
 /// Frames per read of a log.
@@ -39,16 +40,11 @@ pub struct ScanArgs {
     #[command(flatten)]
     gauge: serial::Gauge,
     /// How long to listen to a bus, to ports or to a gauge.
-    #[arg(long, default_value = "5", value_parser = parse_seconds)]
+    #[arg(long, default_value = "5", value_parser = |text: &str| seconds(text, 0.1, 3600.0))]
     seconds: f64,
     /// Write the beginning of a configuration; `-` is the standard output.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-}
-
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse::<f64>().ok().filter(|s| *s >= 0.1 && *s <= 3600.0);
-    seconds.ok_or_else(|| "expected 0.1 to 3600 seconds".to_owned())
 }
 
 /// Listens and says what is there. Nothing is sent, but to a gauge what it is to be asked.
