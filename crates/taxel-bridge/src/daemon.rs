@@ -5,9 +5,9 @@ use std::time::{Duration, SystemTime};
 use anyhow::Context;
 use taxel_client::{Address, Forces, Line, Options, TlsOptions};
 use taxel_proto::code_name;
-use taxel_proto::judge::on_the_way;
+use taxel_proto::judge::{aged, on_the_way};
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_proto::v1::{Health, PatchRequest, Skin, StreamRequest, TaxelSample};
+use taxel_proto::v1::{Health, PatchRequest, Skin, StreamRequest, TaxelReading, TaxelSample};
 use tokio::sync::watch;
 use tonic::{Response, Status, Streaming};
 
@@ -142,6 +142,13 @@ impl Taxels {
             None => Err(Status::unavailable("the daemon ended the stream")),
         }
     }
+}
+
+/// The pressure of a taxel in kPa that can be believed, `waited` after its sample was sent. One that hangs or stands at a rail reads
+/// some pressure, too; no force has it in.
+pub fn pressure_kpa(reading: &TaxelReading, sample: &TaxelSample, waited: Duration) -> Option<f32> {
+    let is_young = aged(f64::from(reading.age_s?), waited) <= sample.max_age();
+    reading.pressure_kpa.filter(|_| is_young && !reading.stale && reading.faults.is_empty())
 }
 
 /// What a failed call says, with the system's own reason where there is one.

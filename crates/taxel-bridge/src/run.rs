@@ -13,7 +13,7 @@ use crate::ros::node::Node;
 use crate::ros::publish::{self, ForceTopics};
 use crate::ros::{name_of, tare};
 use crate::signals::asked_to_end;
-use crate::yarp::publish::{self as ports, Followed, Taken};
+use crate::yarp::publish::{self as ports, Followed, Ports};
 
 type Tasks = JoinSet<anyhow::Result<()>>;
 
@@ -24,7 +24,8 @@ type Tasks = JoinSet<anyhow::Result<()>>;
 pub async fn run(config: Config) -> anyhow::Result<()> {
     let daemon = Daemon::new(&config.daemon)?;
     let health = daemon.follow_health();
-    let bridge = Bridge { config, daemon, health, taken: Taken::default() };
+    let ports = Ports::of(config.yarp.as_ref());
+    let bridge = Bridge { config, daemon, health, ports };
     tracing::info!(daemon = bridge.daemon.server(), "the bridge runs");
     // ROS and the fleet have a session each: their routers may be two, and one that is away does not hold up the other.
     let running = async {
@@ -35,9 +36,7 @@ pub async fn run(config: Config) -> anyhow::Result<()> {
         ended = running => ended.map(drop),
         asked = asked_to_end() => asked.inspect(|()| tracing::info!("the bridge ends, as it was asked to")),
     };
-    if let Some(yarp) = &bridge.config.yarp {
-        ports::give_back(yarp, &bridge.taken).await;
-    }
+    bridge.ports.give_back().await;
     ended
 }
 
@@ -53,8 +52,7 @@ struct Bridge {
     config: Config,
     daemon: Daemon,
     health: HealthFeed,
-    /// Names of ports.
-    taken: Taken,
+    ports: Ports,
 }
 
 impl Bridge {
@@ -79,7 +77,7 @@ impl Bridge {
                 tasks.spawn(publish::taxels(topic, patch.clone(), taxels));
             }
         }
-        let topic = publish::diagnostics_topic(&mut node).await?;
+        let topic = node.topic(publish::DIAGNOSTICS, 10).await?;
         tasks.spawn(publish::diagnostics(topic, robot.clone(), statuses, self.health.clone()));
         if ros.tare {
             let names: Vec<_> = patches.iter().map(|patch| patch.name.clone()).collect();
@@ -99,26 +97,13 @@ impl Bridge {
         let mut tasks = Tasks::new();
         for patch in &self.config.patches {
             let [force, pressure] = patch.ports();
-            let (section, taken) = (yarp.clone(), self.taken.clone());
             let forces = self.daemon.forces(&patch.name, patch.rate_hz);
-            tasks.spawn(async move {
-                ports::forces(ports::opened(&section, &force, &taken).await, forces).await;
-                Ok(())
-            });
-            let (section, taken) = (yarp.clone(), self.taken.clone());
+            tasks.spawn(ports::forces(self.ports.clone(), force, forces));
             let taxels = self.daemon.taxels(&patch.name, ports::PRESSURES_HZ);
-            tasks.spawn(async move {
-                ports::taxels(ports::opened(&section, &pressure, &taken).await, taxels).await;
-                Ok(())
-            });
+            tasks.spawn(ports::taxels(self.ports.clone(), pressure, taxels));
         }
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
-        let (section, taken) = (yarp.clone(), self.taken.clone());
-        tasks.spawn(async move {
-            let port = ports::opened(&section, &section.skin_events, &taken).await;
-            ports::events(port, followed).await;
-            Ok(())
-        });
+        tasks.spawn(ports::events(self.ports.clone(), yarp.skin_events.clone(), followed));
         first_end(tasks).await
     }
 

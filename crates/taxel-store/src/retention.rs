@@ -2,31 +2,31 @@
 
 use std::collections::BTreeSet;
 
-use taxel_engine::Restored;
 use taxel_engine::calibration::SessionState;
+use taxel_engine::catalogue::Catalogue;
 use taxel_engine::known_set::KnownSet;
 
 /// The oldest session that may go: never the newest of a patch, nor one whose models are in use or that waits for the operator's
 /// word.
 #[must_use]
-pub fn session_to_go(restored: &Restored) -> Option<u64> {
+pub fn session_to_go(stored: &Catalogue) -> Option<u64> {
     let mut patches = BTreeSet::new();
     let newest: BTreeSet<u64> =
-        restored.sessions.iter().rev().filter(|view| patches.insert(&view.patch)).map(|view| view.number).collect();
-    let may_go = restored.sessions.iter().find(|view| {
+        stored.sessions.iter().rev().filter(|view| patches.insert(&view.patch)).map(|view| view.number).collect();
+    let may_go = stored.sessions.iter().find(|view| {
         !newest.contains(&view.number)
-            && !in_use(restored, view.model_set.as_deref())
+            && !in_use(stored, view.model_set.as_deref())
             && !matches!(view.state, SessionState::Active | SessionState::Review | SessionState::Interrupted)
     });
     may_go.map(|view| view.number)
 }
 
 /// Whether a set is active, or the one that is was made of it by known loads.
-fn in_use(restored: &Restored, set: Option<&str>) -> bool {
-    let sets = &restored.model_sets;
+fn in_use(stored: &Catalogue, set: Option<&str>) -> bool {
+    let sets = &stored.model_sets;
     let comes_of_it = |active: &KnownSet| active.origins.iter().any(|of| Some(of.as_str()) == set);
     let uses = |active: &str| Some(active) == set || sets.iter().filter(|known| known.id == active).any(comes_of_it);
-    restored.active.iter().any(|(_, active)| uses(active))
+    stored.active.iter().filter_map(|(_, active)| active.as_deref()).any(uses)
 }
 
 #[cfg(test)]
@@ -46,8 +46,8 @@ mod tests {
                 let (patch, model_set) = (patch.to_owned(), set.map(Into::into));
                 Arc::new(SessionView { number, patch, state, model_set, ..SessionView::default() })
             };
-            let active = active.iter().map(|(patch, set)| ((*patch).to_owned(), (*set).to_owned())).collect();
-            session_to_go(&Restored { sessions: sessions.iter().map(view).collect(), active, ..Restored::default() })
+            let active = active.iter().map(|(patch, set)| ((*patch).to_owned(), Some((*set).to_owned()))).collect();
+            session_to_go(&Catalogue { sessions: sessions.iter().map(view).collect(), active, ..Catalogue::default() })
         };
         assert_eq!(goes(&[(1, "p", Discarded, None)], &[]), None);
         assert_eq!(goes(&[(1, "p", Discarded, None), (2, "q", Aborted, None), (3, "q", Aborted, None)], &[]), Some(2));

@@ -90,27 +90,17 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
             tracing::warn!(bus, frames, "reads that were no CAN frame");
             None
         }
-        BusEvent::BufferGranted { bytes, wanted } if bytes < wanted => {
-            tracing::warn!(
-                bus,
-                bytes,
-                wanted,
-                "the receive buffer holds less than 0.5 s of a full bus: raise net.core.rmem_max"
-            );
+        BusEvent::BufferGranted { bytes, wanted } => {
+            tracing::info!(bus, bytes, wanted, "receive buffer");
+            if bytes < wanted {
+                tracing::warn!(bus, "the receive buffer holds less than 0.5 s of a full bus: raise net.core.rmem_max");
+            }
             None
         }
-        BusEvent::BufferGranted { bytes, .. } => {
-            tracing::info!(bus, bytes, "receive buffer");
-            None
-        }
-        // The kernel marks what a process of this machine sent, and that anybody may.
-        BusEvent::Error { error, local: true } => {
-            tracing::debug!(bus, %error, "an error frame that is not the controller's");
-            None
-        }
-        BusEvent::Error { error, local: false } => {
-            tracing::debug!(bus, %error, "error frame");
-            Some(of_controller(&error))
+        BusEvent::Error { error, local } => {
+            tracing::debug!(bus, %error, local, "error frame");
+            // The kernel marks what a process of this machine sent, and that anybody may: it is not the controller's.
+            (!local).then(|| of_controller(&error))
         }
     }
 }

@@ -25,12 +25,7 @@ macro_rules! tell {
 /// # Errors
 /// Everything that is wrong with it.
 pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
-    let examined = config::examine(path);
-    if json {
-        let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
-        say!("{}", serde_json::json!({ "problems": problems }));
-    }
-    let (config, scene) = examined?;
+    let (config, scene) = told(config::examine(path), json)?;
     if !json {
         print(&config, &scene);
     }
@@ -42,17 +37,21 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
 /// # Errors
 /// Everything that is wrong with it.
 pub fn device(file: &str, json: bool) -> anyhow::Result<()> {
-    let examined = config::examine_profile(file, None);
-    if json {
-        let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
-        say!("{}", serde_json::json!({ "problems": problems }));
-    }
-    let (profile, _) = examined?;
+    let (profile, _) = told(config::examine_profile(file, None), json)?;
     if !json {
         tell!("drive {} on {}", profile.name(), profile.at());
         profile.lines().iter().for_each(|line| tell!("  {line}"));
     }
     Ok(())
+}
+
+/// What was found, whose problems are printed first where they are wanted as JSON.
+fn told<T>(examined: Result<T, Problems>, json: bool) -> Result<T, Problems> {
+    if json {
+        let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
+        say!("{}", serde_json::json!({ "problems": problems }));
+    }
+    examined
 }
 
 /// Looks at a store that no daemon has open, and changes nothing.

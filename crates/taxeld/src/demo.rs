@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
 use taxel_engine::calibration::{SessionState, SessionView};
-use taxel_engine::command::{Command, Done};
+use taxel_engine::command::Command;
 use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Config, Effect, Footprint, Mass, Profile, PumpCommand, STANDARD_GRAVITY, Skin, World};
@@ -127,19 +127,11 @@ impl Bench {
     }
 
     fn session(&self) -> anyhow::Result<Arc<SessionView>> {
-        self.offline.sessions.first().cloned().flatten().context("there is no session")
+        self.offline.session().cloned().context("there is no session")
     }
 
     fn in_state(&self, state: SessionState) -> bool {
         self.session().is_ok_and(|s| s.state == state)
-    }
-
-    fn command(&mut self, command: Command) -> anyhow::Result<Option<Done>> {
-        match self.offline.command(command) {
-            None => Ok(None),
-            Some(Ok(done)) => Ok(Some(done)),
-            Some(Err(rejection)) => Err(anyhow!("{rejection}")),
-        }
     }
 
     /// Bag, ramp, fit: the calibration of the paper.
@@ -148,7 +140,7 @@ impl Bench {
             let boards = &b.offline.health.boards;
             !boards.is_empty() && boards.iter().all(|board| board.bring_up == "verified")
         })?;
-        self.command(Command::StartSession {
+        self.offline.ask(Command::StartSession {
             patch: String::new(),
             target: None,
             branches: None,
@@ -169,12 +161,12 @@ impl Bench {
         // Models are used on other days than that of their calibration.
         self.world.next_day();
         let (patch, model_set) = (String::new(), id.to_owned());
-        self.command(Command::Activate { patch, model_set: model_set.clone(), expected: None })?;
+        self.offline.ask(Command::Activate { patch, model_set: model_set.clone(), expected: None })?;
         Ok(model_set)
     }
 
     fn tare(&mut self) -> anyhow::Result<()> {
-        let mut done = self.command(Command::Tare { patch: String::new(), confirmed_by: None })?;
+        let mut done = self.offline.ask(Command::Tare { patch: String::new(), confirmed_by: None })?;
         while done.is_none() {
             self.run(STEP);
             done = self.offline.take_reply().transpose().map_err(|rejection| anyhow!("{rejection}"))?;

@@ -1,31 +1,22 @@
 //! Opens the doors of the service: binds what the configuration names.
 
-use std::fs::Metadata;
 use std::io::ErrorKind;
 use std::net::TcpListener;
 use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt};
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
-use taxel_rpc::{Listener, Tls, TlsFiles};
+use taxel_rpc::{Listener, Tls};
 
 use crate::config::{Door, Doors, SOCKET_MODE, UNRULED};
 use crate::credentials::Credentials;
 
-/// The open doors, and who may come in.
-pub struct Open {
-    /// What the service accepts connections from.
-    pub listeners: Vec<Listener>,
-    /// By which it is known who may do what.
-    pub credentials: Credentials,
-}
-
-/// Binds every door and reads what they need.
+/// Binds every door: what the service accepts connections from, and by what it knows who calls.
 ///
 /// # Errors
 /// The door or the file, and what is wrong with it.
-pub fn open(doors: &Doors) -> anyhow::Result<Open> {
+pub fn open(doors: &Doors) -> anyhow::Result<(Vec<Listener>, Credentials)> {
     let mut credentials = Credentials::read(doors)?;
     if !doors.ruled {
         tracing::warn!("{UNRULED}");
@@ -45,7 +36,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
                 Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)
             }
             Door::Tls { address, files } => {
-                let tls = Tls::load(tls_files(files)).map_err(anyhow::Error::msg)?;
+                let tls = Tls::load(files.clone()).map_err(anyhow::Error::msg)?;
                 credentials.add(tls.clone());
                 let listener = TcpListener::bind(address).with_context(|| format!("listening on {address}"))?;
                 Listener::Tls(listener, tls)
@@ -55,17 +46,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
     if let Some(path) = &doors.tokens {
         tracing::info!(tokens = %path.display(), "tokens are read");
     }
-    Ok(Open { listeners, credentials })
-}
-
-fn tls_files([certificate, key, client_ca]: &[PathBuf; 3]) -> TlsFiles {
-    TlsFiles { certificate: certificate.clone(), key: key.clone(), client_ca: client_ca.clone() }
-}
-
-/// Why no socket can be made where this is.
-fn in_the_way(path: &Path, about: &Metadata) -> Option<String> {
-    let is_socket = about.file_type().is_socket();
-    (!is_socket).then(|| format!("{}: is there already and is not a socket", path.display()))
+    Ok((listeners, credentials))
 }
 
 /// Binds a Unix socket.
@@ -87,8 +68,8 @@ fn remove_old(path: &Path) -> anyhow::Result<()> {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
         about => about.with_context(|| format!("{shown}"))?,
     };
-    if let Some(problem) = in_the_way(path, &about) {
-        bail!(problem);
+    if !about.file_type().is_socket() {
+        bail!("{shown}: is there already and is not a socket");
     }
     match UnixStream::connect(path) {
         Ok(_) => bail!("{shown}: another process serves this socket"),

@@ -13,17 +13,6 @@ pub fn named(path: PathBuf) -> PathBuf {
     if is_standard(&path) { PathBuf::from("/dev/stdin") } else { path }
 }
 
-/// A file to read, or standard input.
-///
-/// # Errors
-/// The file's path and the system's reason.
-pub fn reader(path: &Path) -> anyhow::Result<Box<dyn Read>> {
-    if is_standard(path) {
-        return Ok(Box::new(io::stdin().lock()));
-    }
-    Ok(Box::new(File::open(path).with_context(|| path.display().to_string())?))
-}
-
 /// Longest text that is read whole: configurations, positions, models and messages are a thousandth of it.
 const TEXT_BYTES_MAX: u64 = 64 << 20;
 
@@ -68,7 +57,8 @@ fn utf8(from: impl Read) -> io::Result<String> {
 /// # Errors
 /// The file's path, and the system's reason or bytes that are not UTF-8.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
-    utf8(reader(path)?).with_context(|| path.display().to_string())
+    let text = if is_standard(path) { utf8(io::stdin().lock()) } else { File::open(path).and_then(utf8) };
+    text.with_context(|| path.display().to_string())
 }
 
 /// The text of a file of which nobody says in which encoding it is: bytes that are no UTF-8 are replaced, since nothing that

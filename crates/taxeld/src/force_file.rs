@@ -1,5 +1,6 @@
 //! The force of each scan of a replay, as a table that any other program reads.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,7 +24,7 @@ const COLUMNS: &str = "time_s,patch,state,total_n,sigma_n,low_n,high_n,active,ou
 pub struct ForceFile {
     path: PathBuf,
     patches: Vec<String>,
-    csv: csv::Writer<Output>,
+    csv: Output,
     rows: u64,
     with_force: u64,
 }
@@ -34,9 +35,8 @@ impl ForceFile {
     /// # Errors
     /// A file that cannot be written.
     pub fn create(path: &Path, plan: &Plan) -> anyhow::Result<Self> {
-        let output = Output::create(path).with_context(|| path.display().to_string())?;
-        let mut csv = csv::Writer::from_writer(output);
-        csv.write_record(COLUMNS.split(','))?;
+        let mut csv = Output::create(path).with_context(|| path.display().to_string())?;
+        writeln!(csv, "{COLUMNS}")?;
         let patches = plan.patches.iter().map(|patch| patch.patch.name().to_owned()).collect();
         Ok(Self { path: path.to_owned(), patches, csv, rows: 0, with_force: 0 })
     }
@@ -62,9 +62,9 @@ impl ForceFile {
                 force.out_of_range.to_string(),
                 force.excluded.to_string(),
                 force.stale.to_string(),
-                force.why(),
+                quoted(force.why()),
             ];
-            self.csv.write_record(row).with_context(|| self.path.display().to_string())?;
+            writeln!(self.csv, "{}", row.join(",")).with_context(|| self.path.display().to_string())?;
             self.rows += 1;
             self.with_force += u64::from(force.total.is_some());
         }
@@ -77,8 +77,23 @@ impl ForceFile {
     /// A file that cannot be written.
     pub fn finish(self) -> anyhow::Result<String> {
         let Self { path, csv, rows, with_force, .. } = self;
-        let whole = csv.into_inner().map_err(csv::IntoInnerError::into_error).and_then(Output::finish);
-        whole.with_context(|| path.display().to_string())?;
+        csv.finish().with_context(|| path.display().to_string())?;
         Ok(format!("force: {rows} rows, {with_force} with a force: {}", path.display()))
+    }
+}
+
+/// A text as a cell of the table.
+fn quoted(text: String) -> String {
+    if text.contains(['"', ',', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reason_with_commas_and_quotes_is_one_cell() {
+        assert_eq!(quoted("no zero".to_owned()), "no zero");
+        assert_eq!(quoted("a \"b\", c".to_owned()), "\"a \"\"b\"\", c\"");
     }
 }

@@ -1,7 +1,9 @@
-//! What `taxeld` says of itself: five lines alone, and its commands in groups with `--help`.
+//! What `taxeld` says of itself: five lines alone, its commands in groups with `--help`, completions and manual pages.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
+use anyhow::Context;
 use clap::Command;
 
 /// `taxeld` alone.
@@ -32,6 +34,26 @@ pub fn grouped(command: Command) -> Command {
         }
     }
     command.help_template(text + "\nOptions:\n{options}{after-help}")
+}
+
+/// Prints the completions for a shell.
+///
+/// # Errors
+/// If they cannot be written.
+pub fn completions(mut command: Command, shell: clap_complete::Shell) -> anyhow::Result<()> {
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut command, "taxeld", &mut text);
+    taxel_files::write_text(Path::new("-"), &String::from_utf8(text)?)
+}
+
+/// Writes a manual page for each command into a folder, which is made if need be.
+///
+/// # Errors
+/// If they cannot be written.
+pub fn man(command: Command, folder: &Path) -> anyhow::Result<()> {
+    let named = || folder.display().to_string();
+    std::fs::create_dir_all(folder).with_context(named)?;
+    clap_mangen::generate_to(command, folder).with_context(named)
 }
 
 #[cfg(test)]

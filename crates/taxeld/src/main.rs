@@ -22,7 +22,6 @@ mod logs;
 mod offline;
 mod open_log;
 mod page;
-mod pages;
 mod queues;
 mod record;
 mod reload;
@@ -39,7 +38,6 @@ mod show_demo;
 mod sim_bus;
 #[cfg(feature = "sim")]
 mod sim_drive;
-mod store_at;
 mod systemd;
 mod tasks;
 mod tone;
@@ -155,8 +153,8 @@ fn main() -> ExitCode {
 
 fn dispatch(command: Subcommands) -> anyhow::Result<()> {
     match command {
-        Subcommands::Completions { shell } => pages::completions(Cli::command(), shell),
-        Subcommands::Man { out } => pages::man(Cli::command(), &out),
+        Subcommands::Completions { shell } => help::completions(Cli::command(), shell),
+        Subcommands::Man { out } => help::man(Cli::command(), &out),
         Subcommands::Client(_) => Ok(()), // has an exit code of its own and went another way
         #[cfg(feature = "sim")]
         Subcommands::Demo(args) => show_demo::demo(&args),

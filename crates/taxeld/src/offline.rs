@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use taxel_can::each_bus_error;
 use taxel_engine::calibration::{FitJob, NotLoaded, SessionView};
-use taxel_engine::command::{Command, Reply, RequestId};
+use taxel_engine::command::{Command, Done, Reply, RequestId};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
@@ -152,6 +152,19 @@ impl Offline {
     pub fn command(&mut self, command: Command) -> Option<Reply> {
         self.step(Input::Command(RequestId(0), command));
         self.take_reply()
+    }
+
+    /// Gives a command that is to be done; nothing if its reply takes time.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn ask(&mut self, command: Command) -> anyhow::Result<Option<Done>> {
+        self.command(command).transpose().map_err(|rejection| anyhow::anyhow!("{rejection}"))
+    }
+
+    /// The session of the first patch.
+    pub fn session(&self) -> Option<&Arc<SessionView>> {
+        self.sessions.first()?.as_ref()
     }
 
     /// The reply to the last command, once it is there.

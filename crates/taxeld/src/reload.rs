@@ -9,7 +9,7 @@ use taxel_rpc::Rules;
 use tokio::signal::unix::Signal;
 use tokio_util::sync::CancellationToken;
 
-use crate::config::{self, Doors};
+use crate::config::{self, Problems};
 use crate::credentials::Credentials;
 use crate::systemd;
 
@@ -56,25 +56,18 @@ impl Reload {
     }
 
     /// Reads the file again. Gives the rules of who may do what, which are to be in force now; nothing if they need a restart or
-    /// the daemon could not be started with the file.
+    /// the daemon could not be started with the file. Without rules everybody may do everything, so that a daemon goes from one
+    /// to the other by a restart alone.
     fn again(&self) -> Option<Rules> {
-        match config::examine(&self.path) {
-            Ok((_, scene)) => self.rules(scene.doors),
-            Err(problems) => {
-                tracing::error!("nothing is reloaded: {}", problems.to_string().replace('\n', "; "));
-                None
-            }
-        }
-    }
-
-    /// Without rules everybody may do everything, so that a daemon goes from one to the other by a restart alone.
-    fn rules(&self, doors: Doors) -> Option<Rules> {
-        if doors.ruled != self.ruled {
+        let examined = config::examine(&self.path);
+        let told = |why: Problems| tracing::error!("nothing is reloaded: {}", why.to_string().replace('\n', "; "));
+        let (_, scene) = examined.map_err(told).ok()?;
+        if scene.doors.ruled != self.ruled {
             tracing::warn!("not reloaded: whether there is an [access] section needs a restart");
             return None;
         }
         tracing::info!("reloaded: the lists of [access], certificates and tokens; other keys need a restart");
-        Some(doors.rules)
+        Some(scene.doors.rules)
     }
 }
 

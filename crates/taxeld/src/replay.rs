@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use taxel_can::{Lanes, LogReport, Run};
-use taxel_engine::calibration::{SessionState, SessionView};
+use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Sender;
@@ -159,8 +159,7 @@ fn open(log: &Path, config: &Config, scene: &Scene) -> anyhow::Result<Lanes> {
 
 /// Gives a command that is answered at once.
 fn ask(offline: &mut Offline, command: Command) -> anyhow::Result<()> {
-    let reply = offline.command(command).context("the engine did not answer")?;
-    reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
+    offline.ask(command)?.context("the engine did not answer").map(drop)
 }
 
 /// The models are in use from now on.
@@ -175,16 +174,10 @@ fn start_session(offline: &mut Offline, target: Option<f64>) -> anyhow::Result<(
     ask(offline, Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out: Vec::new() })
 }
 
-fn session(offline: &Offline) -> Option<Arc<SessionView>> {
-    offline.sessions.first().cloned().flatten()
-}
-
 /// A log that ends before its target ends the ramp.
 fn finish_session(offline: &mut Offline) -> anyhow::Result<()> {
-    match session(offline).filter(|view| view.state == SessionState::Ramping) {
-        Some(view) => ask(offline, Command::FinishRamp { session: view.number }),
-        None => Ok(()),
-    }
+    let ramping = offline.session().filter(|view| view.state == SessionState::Ramping).map(|view| view.number);
+    ramping.map_or(Ok(()), |session| ask(offline, Command::FinishRamp { session }))
 }
 
 fn print_report(lanes: &Lanes, offline: &Offline) {
@@ -217,8 +210,8 @@ fn print_report(lanes: &Lanes, offline: &Offline) {
 }
 
 fn print_models(request: &ReplayArgs, offline: &Offline) -> anyhow::Result<()> {
-    let Some(view) = session(offline) else { return Ok(()) };
-    say!("session: {}, {} scans entered, refused: {}", view.state.name(), view.accepted, refusals_of(&view));
+    let Some(view) = offline.session() else { return Ok(()) };
+    say!("session: {}, {} scans entered, refused: {}", view.state.name(), view.accepted, refusals_of(view));
     let Some(set) = offline.model_sets.last().filter(|_| view.state == SessionState::Review) else {
         let when = if view.state.is_open() { "the log ended while the calibration was" } else { "the calibration" };
         bail!("{when} {}: {}", view.state.name(), if view.reason.is_empty() { "too short" } else { &view.reason });

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
-use taxel_engine::BusNotice;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
+use taxel_engine::{BusNotice, Restored};
 use taxel_rpc::push_line::push_line;
 use taxel_rpc::{Handle, Limits, Server, handle::channel};
 use taxel_skin::BusIndex;
+use taxel_store::Store;
 use taxel_wire::Frame;
 use taxel_yarp::PortBus;
 use tokio::signal::unix::{Signal, SignalKind, signal};
@@ -18,9 +19,9 @@ use tokio::sync::mpsc;
 use crate::backend::DaemonBackend;
 use crate::bus::{self, BATCHES_WAITING_MAX, Ends, FRAMES_WAITING_MAX};
 use crate::clock::boottime;
-use crate::config::{self, BusSource, Config, Scene};
+use crate::config::{self, BusSource, Config, Scene, StoreSection};
 use crate::credentials::Credentials;
-use crate::doors::{self, Open};
+use crate::doors;
 use crate::driver::Driver;
 use crate::page::serve_page;
 use crate::queues::{BusBatch, Queues, TellDone};
@@ -29,7 +30,6 @@ use crate::reload::{self, Reload};
 use crate::rig::LineBus;
 use crate::runtime::on_a_thread;
 use crate::shared_memory::Pages;
-use crate::store_at::{StoreAt, open_store};
 use crate::systemd;
 use crate::tasks::{BusEnd, Tasks};
 use crate::upkeep;
@@ -51,11 +51,12 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own.
+    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own. Without a `store`
+    /// nothing outlives the process.
     ///
     /// # Errors
     /// If the store cannot be opened or the address cannot be bound; what was started is closed then.
-    pub async fn start(config: &Config, scene: Scene, store: StoreAt<'_>) -> anyhow::Result<Self> {
+    pub async fn start(config: &Config, scene: Scene, store: Option<&StoreSection>) -> anyhow::Result<Self> {
         let mut tasks = Tasks::default();
         let begun = Self::begin(config, scene, store, &mut tasks);
         if begun.is_err() {
@@ -65,14 +66,12 @@ impl Daemon {
     }
 
     /// Starts all of it; the tasks are left with the caller unless all is well.
-    fn begin(config: &Config, scene: Scene, store: StoreAt<'_>, tasks: &mut Tasks) -> anyhow::Result<Self> {
+    fn begin(config: &Config, scene: Scene, store: Option<&StoreSection>, tasks: &mut Tasks) -> anyhow::Result<Self> {
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
         let (pages, lacks) = pages(config, &plan)?;
-        let (budget, kept) = match &store {
-            StoreAt::File(path, kept) => (Some((path.to_path_buf(), config.store.budget_mb())), *kept),
-            StoreAt::Memory => (None, None),
-        };
+        let budget = store.map(|store| (store.path.clone(), store.budget_mb()));
+        let kept = store.and_then(StoreSection::kept_bytes);
         let (store, restored) = open_store(store, &tell_done)?;
         let (clock, now, patches) = (boottime(), boottime(), plan.patches.len());
         let (handle, publisher, commands) =
@@ -89,7 +88,7 @@ impl Daemon {
         let driver = driver.begun();
         tasks.parts.spawn(driver.run(Queues { batches, pushed, commands, done }, tasks.cancel.clone()));
         tasks.parts.spawn(upkeep::keep(handle.clone(), reader.clone(), kept, tasks.cancel.clone()));
-        let Open { listeners, credentials } = doors::open(&scene.doors)?;
+        let (listeners, credentials) = doors::open(&scene.doors)?;
         let (recording, taps) = record::begin(config, &plan, &handle, tasks)?;
         let backend = DaemonBackend { store: reader, budget, push, recording, lacks };
         let terminate = signal(SignalKind::terminate())?;
@@ -222,6 +221,19 @@ async fn close(tasks: Tasks) -> anyhow::Result<()> {
     tasks.close().await
 }
 
+/// The store in its file, which is made if absent, or in memory.
+fn open_store(section: Option<&StoreSection>, tell_done: &TellDone) -> anyhow::Result<(Store, Restored)> {
+    let Some(StoreSection { path, .. }) = section else {
+        return Ok((Store::in_memory(tell_done.of_store())?, Restored::default()));
+    };
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    }
+    // What was found damaged is in the log already, and in `restored` for the health.
+    let opened = Store::open(path, tell_done.of_store()).with_context(|| format!("opening {}", path.display()));
+    opened.map(|(store, restored, _)| (store, restored))
+}
+
 /// The pages in shared memory, where they are configured.
 fn pages(config: &Config, plan: &Plan) -> anyhow::Result<(Pages, Vec<String>)> {
     let (pages, problems) = Pages::make(config.shared_memory.as_ref(), plan)?;
@@ -239,9 +251,7 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     // listened to: then the write fails, as on a full disk.
     let _heard = signal(SignalKind::from_raw(nix::libc::SIGXFSZ))?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
-    let store = &config.store;
-    let kept = store.keep_mb.map(|mb| mb.saturating_mul(1_000_000));
-    let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, kept)).await?;
+    let mut daemon = Daemon::start(&config, scene, Some(&config.store)).await?;
     daemon.reload = Some((hangup, reload));
     match daemon.add_buses(&config) {
         Ok(()) => daemon.until_the_end().await,

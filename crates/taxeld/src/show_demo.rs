@@ -18,7 +18,6 @@ use crate::config::{self, Config, Door, Doors, PageSection, Scene, SharedMemoryS
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::run::Daemon;
 use crate::shared_memory::try_folder;
-use crate::store_at::StoreAt;
 
 /// Where the service is, unless another has the port.
 const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 50_051);
@@ -168,7 +167,7 @@ async fn serve_live(
     config.page = Some(PageSection { listen: page, bound: Some(Arc::new(bound)), ..PageSection::default() });
     // Whoever plays with a simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
-    let mut daemon = Daemon::start(&config, scene, StoreAt::Memory).await?;
+    let mut daemon = Daemon::start(&config, scene, None).await?;
     let calibrated = models.is_some();
     if let Some(models) = models {
         // Before the boards are configured: the zero is judged by them.
@@ -240,6 +239,6 @@ fn address(asked: Option<SocketAddr>) -> anyhow::Result<SocketAddr> {
     let bind = |address: SocketAddr| TcpListener::bind(address).and_then(|bound| bound.local_addr());
     match asked {
         Some(asked) => bind(asked).with_context(|| format!("--listen {asked}")),
-        None => Ok(bind(USUAL).or_else(|_| bind(SocketAddr::new(USUAL.ip(), 0)))?),
+        None => Ok(crate::page::bind_some(USUAL)?.local_addr()?),
     }
 }

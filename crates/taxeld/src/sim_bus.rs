@@ -77,24 +77,10 @@ impl SimBus {
         let world = World::new(skin, Config { start: begun, boards, ..config });
         let (to_bus, frames) = mpsc::channel(FRAMES_WAITING_MAX);
         let (commands, received) = std::sync::mpsc::channel();
-        let (pumping, loaded) = (None, false);
         let period = plan.patches.iter().map(|patch| patch.period).min().unwrap_or(PERIOD);
-        let late_after = period.mul_f64(LATE_SHARE);
-        let (lag, lag_max) = (Duration::ZERO, period);
-        let simulation = Simulation {
-            world,
-            begun,
-            handle,
-            received,
-            to_bus,
-            pump,
-            pumping,
-            places,
-            loaded,
-            late_after,
-            lag,
-            lag_max,
-        };
+        let (pumping, loaded, lag) = (None, false, Duration::ZERO);
+        let simulation =
+            Simulation { world, begun, handle, received, to_bus, pump, pumping, places, loaded, period, lag };
         runtime::start("sim-bus", move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
@@ -127,11 +113,10 @@ struct Simulation {
     pumping: Option<PumpCommand>,
     places: [TaxelIndex; UNDER_THE_MASS.len()],
     loaded: bool,
-    /// Frames that come later than this are dropped: a burst of them would look like a board that sends too fast.
-    late_after: Duration,
+    /// Of the boards.
+    period: Duration,
     /// Frames are handed over so late, which only grows: so two scans of a module never come too close.
     lag: Duration,
-    lag_max: Duration,
 }
 
 impl Simulation {
@@ -149,10 +134,11 @@ impl Simulation {
                 let due = frame.time + self.lag;
                 sleep_until(due);
                 let time = ClockReading::now().time;
-                if time.since(due) > self.late_after {
+                // A burst of late frames would look like a board that sends too fast.
+                if time.since(due) > self.period.mul_f64(LATE_SHARE) {
                     // As on a bus, where a board that was held up sends no second scan for it. What a machine is always late
                     // by is no hold-up.
-                    self.lag = (self.lag + time.since(due)).min(self.lag_max);
+                    self.lag = (self.lag + time.since(due)).min(self.period);
                     continue;
                 }
                 let stamped = TimedFrame { time, ..frame };
@@ -171,7 +157,7 @@ impl Simulation {
         let wanted = session.filter(|one| one.state == SessionState::Ramping).map_or(PumpCommand::Vent, pump_of);
         if let Some(pump) = &self.pump {
             pump.commands.try_iter().for_each(|command| self.world.pump(command));
-            pump.gauge.set(self.world.true_pressure());
+            pump.gauge.send_replace(self.world.true_pressure().0);
         } else if self.pumping.replace(wanted) != Some(wanted) {
             self.world.pump(wanted);
         }

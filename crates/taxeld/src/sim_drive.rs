@@ -5,13 +5,12 @@
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use taxel_sim::PumpCommand;
 use taxel_skin::Kilopascal;
+use tokio::sync::watch;
 
 use crate::runtime;
 
@@ -25,22 +24,7 @@ pub struct Pump {
     /// What it is told.
     pub commands: Receiver<PumpCommand>,
     /// What the board's own gauge reads, kPa below ambient.
-    pub gauge: Gauge,
-}
-
-/// A pressure that one thread knows and another reads.
-#[derive(Clone, Default)]
-pub struct Gauge(Arc<AtomicU64>);
-
-impl Gauge {
-    /// It reads this now.
-    pub fn set(&self, kpa: Kilopascal) {
-        self.0.store(kpa.0.to_bits(), Ordering::Relaxed);
-    }
-
-    fn kpa(&self) -> f64 {
-        f64::from_bits(self.0.load(Ordering::Relaxed))
-    }
+    pub gauge: watch::Sender<f64>,
 }
 
 /// Listens on a free port of this machine, a connection after the other.
@@ -51,8 +35,8 @@ pub fn start() -> anyhow::Result<(SocketAddr, Pump)> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     let address = listener.local_addr()?;
     let (to, commands) = channel();
-    let gauge = Gauge::default();
-    let board = Board { to, gauge: gauge.clone() };
+    let (gauge, own) = watch::channel(0.0);
+    let board = Board { to, gauge: own };
     runtime::start("sim-drive", move || {
         for stream in listener.incoming().flatten() {
             // The program is gone, and so is what held the pressure.
@@ -66,7 +50,7 @@ pub fn start() -> anyhow::Result<(SocketAddr, Pump)> {
 
 struct Board {
     to: Sender<PumpCommand>,
-    gauge: Gauge,
+    gauge: watch::Receiver<f64>,
 }
 
 impl Board {
@@ -107,7 +91,7 @@ impl Board {
                 .map(|(limit, kpa)| (PumpCommand::Ramp { target: Kilopascal(kpa), kpa_per_s: KPA_PER_S }, Some(limit))),
             ["hold", ms] => limit(ms).map(|limit| (PumpCommand::Off, Some(limit))),
             ["vent"] => Some((PumpCommand::Vent, None)),
-            ["get"] => return (format!("p {:.2}", self.gauge.kpa()), None),
+            ["get"] => return (format!("p {:.2}", *self.gauge.borrow()), None),
             _ => None,
         };
         let answer = match (told, &words[..]) {
@@ -126,7 +110,7 @@ mod tests {
     #[test]
     fn a_set_point_that_nobody_repeats_is_vented() {
         let (address, Pump { commands, gauge }) = start().unwrap();
-        gauge.set(Kilopascal(1.25));
+        gauge.send_replace(1.25);
         let mut line = TcpStream::connect(address).unwrap();
         let mut answers = BufReader::new(line.try_clone().unwrap()).lines();
         let mut tell = |text: &str| {

@@ -3,7 +3,6 @@
 
 use std::time::Duration;
 
-use taxel_engine::Restored;
 use taxel_engine::catalogue::Catalogue;
 use taxel_engine::command::Command;
 use taxel_rpc::Handle;
@@ -31,50 +30,26 @@ pub async fn keep(handle: Handle, size: Reader, most_bytes: Option<u64>, cancel:
 
 /// Deletes sessions beyond the limit, oldest first. What the engine refuses stays until the next look.
 async fn tidy(handle: &Handle, size: &Reader, most_bytes: u64) {
-    let mut held = held(&handle.stored());
+    let mut stored = Catalogue::clone(&handle.stored());
     while size_of(size).await.is_some_and(|bytes| bytes > most_bytes)
-        && let Some(session) = session_to_go(&held)
-        && delete(handle, session).await
+        && let Some(session) = session_to_go(&stored)
     {
-        tracing::info!(session, "deleted: more is stored than store.keep_mb");
-        held.sessions.retain(|view| view.number != session);
-    }
-}
-
-/// What is there, in the words of a start.
-fn held(catalogue: &Catalogue) -> Restored {
-    let active = catalogue.active.iter().filter_map(|(patch, set)| Some((patch.clone(), set.clone()?)));
-    Restored {
-        model_sets: catalogue.model_sets.clone(),
-        active: active.collect(),
-        sessions: catalogue.sessions.clone(),
-        ..Restored::default()
-    }
-}
-
-/// Whether the engine has deleted it.
-async fn delete(handle: &Handle, session: u64) -> bool {
-    match handle.ask(Command::DeleteSession { session }).await {
-        Some(Ok(_)) => true,
-        Some(Err(reason)) => {
-            tracing::debug!(%reason, "not deleted, although more is there than is to be kept");
-            false
+        match handle.ask(Command::DeleteSession { session }).await {
+            Some(Ok(_)) => tracing::info!(session, "deleted: more is stored than store.keep_mb"),
+            Some(Err(reason)) => {
+                return tracing::debug!(%reason, "not deleted, although more is there than is to be kept");
+            }
+            None => return,
         }
-        None => false,
+        stored.sessions.retain(|view| view.number != session);
     }
 }
 
 async fn size_of(size: &Reader) -> Option<u64> {
     let (tell, told) = oneshot::channel();
     size.size(Box::new(move |size| drop(tell.send(size))));
-    match told.await {
-        Ok(Ok(size)) => Some(size),
-        Ok(Err(error)) => {
-            tracing::debug!(%error, "what the store holds cannot be told");
-            None
-        }
-        Err(_) => None, // the store is closed
-    }
+    let size = told.await.ok()?; // else the store is closed
+    size.inspect_err(|error| tracing::debug!(%error, "what the store holds cannot be told")).ok()
 }
 
 #[cfg(all(test, feature = "sim"))]

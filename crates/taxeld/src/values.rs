@@ -2,10 +2,10 @@
 
 use taxel_engine::calibration::{SampleRefusal, SessionView};
 
-/// A finite number of 0 or more.
-pub fn parse_seconds(text: &str) -> Result<f64, String> {
-    let value = text.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
-    value.ok_or_else(|| "expected a finite number of 0 or more".to_owned())
+/// So many seconds.
+pub fn seconds(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| (least..=most).contains(value));
+    value.ok_or_else(|| format!("expected {least} to {most} seconds"))
 }
 
 /// Least, median and greatest of the finite values.

@@ -6,16 +6,13 @@ use std::time::Duration;
 use serde::Serialize;
 use taxel_client::{Moment, Received};
 use taxel_proto::judge::{NoForce, word};
-use taxel_proto::v1::{ForceSample, ForceState};
+use taxel_proto::v1::ForceState;
 
 /// A robot tells its force at least once a second.
 const SILENT_AFTER: Duration = Duration::from_secs(3);
 
-/// All robots.
-#[derive(Debug, Default)]
-pub struct Book {
-    patches: BTreeMap<(String, String), Received>,
-}
+/// The newest force of each patch of each robot.
+pub type Book = BTreeMap<(String, String), Received>;
 
 /// A patch of a robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -40,16 +37,9 @@ pub struct Row {
     pub reasons: Vec<String>,
 }
 
-impl Book {
-    /// A sample came just now.
-    pub fn force(&mut self, robot: &str, patch: &str, sample: ForceSample) {
-        self.patches.insert((robot.to_owned(), patch.to_owned()), Received::now(sample));
-    }
-
-    /// Everything, robot by robot and patch by patch.
-    pub fn rows(&self, now: Moment) -> Vec<Row> {
-        self.patches.iter().map(|((robot, patch), received)| row(robot, patch, received, now)).collect()
-    }
+/// Everything, robot by robot and patch by patch.
+pub fn rows(book: &Book, now: Moment) -> Vec<Row> {
+    book.iter().map(|((robot, patch), received)| row(robot, patch, received, now)).collect()
 }
 
 /// The robot's bridge has judged the force when it sent it; here it is judged again, by its age now.
@@ -78,6 +68,7 @@ fn row(robot: &str, patch: &str, received: &Received, now: Moment) -> Row {
 mod tests {
     use super::*;
     use std::time::SystemTime;
+    use taxel_proto::v1::ForceSample;
 
     /// A good force that was sent so long ago.
     fn sent(ago_s: f64) -> ForceSample {
@@ -94,15 +85,19 @@ mod tests {
         }
     }
 
+    fn icub_arm() -> (String, String) {
+        ("icub".to_owned(), "arm".to_owned())
+    }
+
     /// The first row in so many seconds.
     fn first(book: &Book, in_s: f64) -> Row {
-        book.rows(Moment::now() + Duration::from_secs_f64(in_s)).remove(0)
+        rows(book, Moment::now() + Duration::from_secs_f64(in_s)).remove(0)
     }
 
     #[test]
     fn a_robot_is_shown_with_its_force_and_its_model_set() {
         let mut book = Book::default();
-        book.force("icub", "arm", sent(0.0));
+        book.insert(icub_arm(), Received::now(sent(0.0)));
         let now = first(&book, 0.0);
         assert_eq!((now.robot.as_str(), now.patch.as_str(), now.state.as_str()), ("icub", "arm", "OK"));
         assert_eq!((now.force_n, now.sigma_n, now.excluded), (Some(4.9), Some(0.5), Some(3)));
@@ -112,14 +107,14 @@ mod tests {
     #[test]
     fn a_force_grows_old_and_a_robot_that_falls_silent_has_none() {
         let mut book = Book::default();
-        book.force("icub", "arm", sent(0.0));
+        book.insert(icub_arm(), Received::now(sent(0.0)));
         for (in_s, state, why) in [(1.0, "STALE", "ms old, more than 150 ms"), (3.1, "SILENT", "nothing new for 3.")] {
             let row = first(&book, in_s);
             assert_eq!((row.state.as_str(), row.force_n, row.sigma_n), (state, None, None));
             assert!(row.reasons[0].contains(why), "{:?}", row.reasons);
         }
         let tare = ForceSample { state: ForceState::TareInvalid.into(), reasons: vec!["why".into()], ..sent(0.0) };
-        book.force("icub", "arm", tare);
+        book.insert(icub_arm(), Received::now(tare));
         let row = first(&book, 0.0);
         assert_eq!((row.state.as_str(), row.force_n, row.reasons), ("TARE_INVALID", None, vec!["why".to_owned()]));
     }
@@ -128,9 +123,9 @@ mod tests {
     #[test]
     fn a_force_that_was_long_on_its_way_is_as_old_as_it_is() {
         let mut book = Book::default();
-        book.force("icub", "arm", sent(1.0));
+        book.insert(icub_arm(), Received::now(sent(1.0)));
         assert_eq!(first(&book, 0.0).state, "STALE");
-        book.force("icub", "arm", sent(3_600.0));
+        book.insert(icub_arm(), Received::now(sent(3_600.0)));
         assert_eq!(first(&book, 0.0).state, "SILENT");
     }
 }

@@ -5,14 +5,14 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use prost::Message;
-use taxel_client::Moment;
+use taxel_client::{Moment, Received};
 use taxel_proto::v1::ForceSample;
 use tokio::time::{Instant, MissedTickBehavior, interval_at};
 use zenoh::handlers::FifoChannel;
 use zenoh::sample::Sample;
 
 use crate::config::ZenohSection;
-use crate::fleet::book::Book;
+use crate::fleet::book::{Book, rows};
 use crate::fleet::keys;
 use crate::fleet::table;
 use crate::link::{self, tried};
@@ -78,13 +78,13 @@ fn take(book: &mut Book, sample: &Sample) {
     let key = sample.key_expr().as_str();
     let Some((robot, patch)) = keys::split(key) else { return };
     match ForceSample::decode(&*sample.payload().to_bytes()) {
-        Ok(force) => book.force(robot, patch, force),
+        Ok(force) => drop(book.insert((robot.to_owned(), patch.to_owned()), Received::now(force))),
         Err(error) => tracing::warn!(key, "a message that cannot be read: {error}"),
     }
 }
 
 fn print(book: &Book, json: bool) -> anyhow::Result<()> {
-    let rows = book.rows(Moment::now());
+    let rows = rows(book, Moment::now());
     let mut out = std::io::stdout().lock();
     if json {
         writeln!(out, "{}", serde_json::json!({ "rows": rows }))?;

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use taxel_proto::v1::{ForceSample, ForceState, Skin, TaxelSample, Vector3 as ProtoVector};
 
+use crate::daemon::pressure_kpa;
 use crate::ros::types::{Header, JointState, PointCloud2, PointField, PointStamped, Time, Vector3, WrenchStamped};
 
 /// `sensor_msgs/msg/PointField.UINT32` and `FLOAT32`.
@@ -69,23 +70,13 @@ pub fn centre_of_pressure(sample: &ForceSample, frame: &str) -> Option<PointStam
     Some(PointStamped { header: header(sample.time.as_ref(), frame)?, point })
 }
 
-/// An age that is no time is as bad as an old one.
-fn age(age_s: f32, waited: Duration) -> Duration {
-    Duration::try_from_secs_f32(age_s).map_or(Duration::MAX, |sent_with| sent_with.saturating_add(waited))
-}
-
 /// The taxels that have a position, no fault and, at this moment, a pressure that is not too old; the sample was sent
 /// `waited` ago.
 pub fn taxels(sample: &TaxelSample, skin: &Skin, frame: &str, waited: Duration) -> Option<PointCloud2> {
     let header = header(sample.time.as_ref(), frame)?;
     let (mut data, mut width, mut is_dense) = (Vec::new(), 0, true);
     for (reading, layout) in sample.taxels.iter().zip(&skin.taxels) {
-        let fresh = reading.age_s.is_some_and(|age_s| age(age_s, waited) <= sample.max_age());
-        // A taxel that hangs or stands at a rail reads some pressure, too; no force has it in.
-        let sound = fresh && !reading.stale && reading.faults.is_empty();
-        let (Some(kpa), Some(at), true) = (reading.pressure_kpa, &layout.position_m, sound) else {
-            continue;
-        };
+        let (Some(kpa), Some(at)) = (pressure_kpa(reading, sample, waited), &layout.position_m) else { continue };
         let numbers = [at.x as f32, at.y as f32, at.z as f32, kpa * PASCAL_PER_KPA];
         if numbers.into_iter().all(f32::is_finite) {
             data.extend(numbers.into_iter().flat_map(f32::to_le_bytes));

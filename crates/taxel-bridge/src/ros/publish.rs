@@ -19,7 +19,7 @@ use crate::ros::{messages, name_of};
 use crate::wall;
 
 /// Where ROS expects diagnostics, in every namespace.
-const DIAGNOSTICS: &str = "/diagnostics";
+pub const DIAGNOSTICS: &str = "/diagnostics";
 /// Diagnostics go out so often.
 const DIAGNOSTICS_EVERY: Duration = Duration::from_secs(1);
 /// Readers want the newest force and no queue of old ones.
@@ -121,14 +121,6 @@ fn seconds() -> Interval {
     let mut seconds = interval(DIAGNOSTICS_EVERY);
     seconds.set_missed_tick_behavior(MissedTickBehavior::Skip);
     seconds
-}
-
-/// Announces the topic of diagnostics.
-///
-/// # Errors
-/// If the middleware has ended.
-pub async fn diagnostics_topic(node: &mut Node) -> anyhow::Result<Topic<DiagnosticArray>> {
-    node.topic(DIAGNOSTICS, 10).await
 }
 
 /// Publishes how everything is.

@@ -4,9 +4,26 @@ use serde::{Deserialize, Serialize};
 
 /// A type that goes over a topic.
 pub trait RosType: Serialize + Send + Sync + 'static {
-    /// Its package and its name, for example `std_msgs` and `String`.
-    const NAME: [&'static str; 2];
+    /// Its package, its name and its hash.
+    const NAME: [&'static str; 3];
 }
+
+macro_rules! of_ros {
+    ($($name:ident $package:literal $hash:literal)*) => {
+        $(impl RosType for $name { const NAME: [&'static str; 3] = [$package, stringify!($name), $hash]; })*
+    };
+}
+
+// RIHS01 (REP 2016) of each type; the same from jazzy to rolling. `tests/bridge/run.py` works them out again with `rosbags`.
+of_ros! {
+    WrenchStamped "geometry_msgs" "8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77"
+    PointStamped "geometry_msgs" "4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897"
+    JointState "sensor_msgs" "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"
+    PointCloud2 "sensor_msgs" "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5"
+    DiagnosticArray "diagnostic_msgs" "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"
+}
+/// The hash of `std_srvs/srv/Trigger`.
+pub const TRIGGER_HASH: &str = "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f";
 
 /// `builtin_interfaces/msg/Time`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -40,10 +57,6 @@ pub struct WrenchStamped {
     pub torque: Vector3,
 }
 
-impl RosType for WrenchStamped {
-    const NAME: [&'static str; 2] = ["geometry_msgs", "WrenchStamped"];
-}
-
 /// `geometry_msgs/msg/PointStamped`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PointStamped {
@@ -51,10 +64,6 @@ pub struct PointStamped {
     pub header: Header,
     /// In m.
     pub point: Vector3,
-}
-
-impl RosType for PointStamped {
-    const NAME: [&'static str; 2] = ["geometry_msgs", "PointStamped"];
 }
 
 /// `sensor_msgs/msg/JointState`.
@@ -70,10 +79,6 @@ pub struct JointState {
     pub velocity: Vec<f64>,
     /// One value for each name.
     pub effort: Vec<f64>,
-}
-
-impl RosType for JointState {
-    const NAME: [&'static str; 2] = ["sensor_msgs", "JointState"];
 }
 
 /// `sensor_msgs/msg/PointField`.
@@ -112,10 +117,6 @@ pub struct PointCloud2 {
     pub is_dense: bool,
 }
 
-impl RosType for PointCloud2 {
-    const NAME: [&'static str; 2] = ["sensor_msgs", "PointCloud2"];
-}
-
 /// `diagnostic_msgs/msg/KeyValue`: what, and its value as text.
 pub type KeyValue = (String, String);
 
@@ -141,10 +142,6 @@ pub struct DiagnosticArray {
     pub header: Header,
     /// One for each thing that is watched.
     pub status: Vec<DiagnosticStatus>,
-}
-
-impl RosType for DiagnosticArray {
-    const NAME: [&'static str; 2] = ["diagnostic_msgs", "DiagnosticArray"];
 }
 
 /// The answer of `std_srvs/srv/Trigger`.

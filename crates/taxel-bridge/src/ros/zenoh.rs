@@ -15,18 +15,9 @@ use zenoh::query::{Query, Queryable};
 
 use crate::config::RosSection;
 use crate::link::tried;
-use crate::ros::types::{RosType, TriggerResponse};
+use crate::ros::types::{RosType, TRIGGER_HASH, TriggerResponse};
 use crate::wall;
 
-/// RIHS01 (REP 2016) of each type; the same from jazzy to rolling. `tests/bridge/run.py` works them out again with `rosbags`.
-const HASHES: [(&str, &str); 6] = [
-    ("WrenchStamped", "8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77"),
-    ("PointStamped", "4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897"),
-    ("JointState", "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"),
-    ("PointCloud2", "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5"),
-    ("DiagnosticArray", "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"),
-    ("Trigger", "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f"),
-];
 /// Plain CDR, little-endian, no options. Alignment is counted from behind it.
 const CDR_HEAD: [u8; 4] = [0, 1, 0, 0];
 /// Bytes of what is attached to a message: a number from 1, the time in ns, the length of the id, the id of the sender.
@@ -35,8 +26,7 @@ const ATTACHED_BYTES: usize = 33;
 const WAITING_MAX: usize = 10;
 
 /// A type and its hash, as keys and tokens have them.
-fn type_chunks(package: &str, kind: &str, name: &str) -> String {
-    let hash = HASHES.iter().find(|known| known.0 == name).map_or("", |known| known.1);
+fn type_chunks(kind: &str, [package, name, hash]: [&str; 3]) -> String {
     format!("{package}::{kind}::dds_::{name}_/RIHS01_{hash}")
 }
 
@@ -99,7 +89,7 @@ impl Node {
     /// If the session is closed.
     pub async fn topic<T: RosType>(&mut self, name: &str, depth: usize) -> anyhow::Result<Topic<T>> {
         self.endpoints += 1;
-        let types = type_chunks(T::NAME[0], "msg", T::NAME[1]);
+        let types = type_chunks("msg", T::NAME);
         let (key, token) = self.names.endpoint(self.endpoints, "MP", name, &types, depth);
         let gid = xxh3_128(token.as_bytes()).to_le_bytes();
         // Drop: a router that does not take what comes must not hold up anything here. Not express: each message would
@@ -117,7 +107,7 @@ impl Node {
     /// If the session is closed.
     pub async fn trigger(&mut self, name: &str) -> anyhow::Result<Trigger> {
         self.endpoints += 1;
-        let types = type_chunks("std_srvs", "srv", "Trigger");
+        let types = type_chunks("srv", ["std_srvs", "Trigger", TRIGGER_HASH]);
         let (key, token) = self.names.endpoint(self.endpoints, "SS", name, &types, WAITING_MAX);
         let queue = RingChannel::new(WAITING_MAX);
         let requests = tried(name, self.session.declare_queryable(key).with(queue).complete(true).await)?;
@@ -212,7 +202,7 @@ mod tests {
         assert_eq!(names.token(0, "NN"), "@ros2_lv/7/ab12/0/0/NN/%/%skin/taxel_bridge");
         let without = Names { namespace: "/".into(), ..names };
         assert_eq!(without.token(0, "NN"), "@ros2_lv/7/ab12/0/0/NN/%/%/taxel_bridge");
-        let types = type_chunks("geometry_msgs", "msg", "WrenchStamped");
+        let types = type_chunks("msg", WrenchStamped::NAME);
         let (key, token) = without.endpoint(3, "MP", "/skin/arm/wrench", &types, 1);
         let shared = "geometry_msgs::msg::dds_::WrenchStamped_/\
                       RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77";

@@ -3,19 +3,23 @@
 use std::time::Duration;
 
 use taxel_client::{Force, NoForce};
-use taxel_proto::judge::{self, aged};
-use taxel_proto::v1::{Contact, ForceState, TaxelReading, TaxelSample};
+use taxel_proto::judge;
+use taxel_proto::v1::{Contact, ForceState, TaxelLayout, TaxelSample};
 use taxel_yarp::Value;
 
 use super::layout::{Layout, array};
 use super::parts::Part;
+use crate::daemon::pressure_kpa;
 
 /// `(total low high) (x y z) STATE (reasons) age`, in N, m and s; the first two lists are empty where there is no force or no
 /// centre. `high` is `inf` where any amount more may press.
 #[must_use]
 pub fn force(force: &Result<Force, NoForce>) -> Vec<Value> {
     let (numbers, centre) = match force {
-        Ok(force) => (interval(force), force.sample.centre_of_pressure_m.as_ref().map(array)),
+        Ok(force) => {
+            let centre = &force.sample.centre_of_pressure_m;
+            (interval(force), centre.as_ref().map(|_| array(centre)))
+        }
         Err(_) => (Vec::new(), None),
     };
     let (state, reasons, age) = match force {
@@ -42,13 +46,8 @@ fn interval(force: &Force) -> Vec<f64> {
 #[must_use]
 pub fn pressures(sample: &TaxelSample, layout: &Layout, waited: Duration) -> Vec<f64> {
     let mut rows = vec![f64::NAN; layout.rows];
-    let is_young = |age_s: f32| aged(f64::from(age_s), waited).as_secs_f64() <= sample.max_age_s;
-    let believed =
-        |reading: &TaxelReading| !reading.stale && reading.faults.is_empty() && reading.age_s.is_some_and(is_young);
-    for (reading, taxel) in sample.taxels.iter().zip(&layout.taxels) {
-        if let (Some(kpa), Some(row)) = (reading.pressure_kpa, rows.get_mut(taxel.row))
-            && believed(reading)
-        {
+    for (reading, (row, _)) in sample.taxels.iter().zip(&layout.taxels) {
+        if let (Some(kpa), Some(row)) = (pressure_kpa(reading, sample, waited), rows.get_mut(*row)) {
             *row = f64::from(kpa);
         }
     }
@@ -60,26 +59,25 @@ pub fn pressures(sample: &TaxelSample, layout: &Layout, waited: Duration) -> Vec
 #[must_use]
 pub fn contact(part: Part, contact: &Contact, layout: &Layout) -> Value {
     let taxels: Vec<_> = contact.taxels.iter().filter_map(|taxel| layout.taxels.get(*taxel as usize)).collect();
-    let vector = |vector: &Option<_>| vector.as_ref().map(array).unwrap_or_default();
     let (centre, resultant, moment) =
-        (vector(&contact.centre_m), vector(&contact.resultant_n), vector(&contact.moment_nm));
+        (array(&contact.centre_m), array(&contact.resultant_n), array(&contact.moment_nm));
     let arm = cross(centre, resultant);
     let count = taxels.len().max(1) as f64;
-    let mean = |of: fn(&super::layout::Taxel) -> [f64; 3]| {
-        let sum = |axis: usize| taxels.iter().map(|taxel| of(taxel)[axis]).sum::<f64>() / count;
+    let mean = |of: fn(&TaxelLayout) -> [f64; 3]| {
+        let sum = |axis: usize| taxels.iter().map(|(_, taxel)| of(taxel)[axis]).sum::<f64>() / count;
         [sum(0), sum(1), sum(2)]
     };
-    let normal = mean(|taxel| taxel.normal);
+    let normal = mean(|taxel| array(&taxel.normal));
     let length = normal.iter().map(|part| part * part).sum::<f64>().sqrt();
-    let area_mm2: f64 = taxels.iter().map(|taxel| taxel.area_mm2).sum();
+    let area_mm2: f64 = taxels.iter().map(|(_, taxel)| taxel.area_mm2).sum();
     Value::List(vec![
         Value::List([i64::from(contact.id), part.body, part.link, part.skin].map(Value::Int).to_vec()),
         Value::floats(centre),
         Value::floats(resultant),
         Value::floats([0, 1, 2].map(|axis| moment[axis] - arm[axis])),
-        Value::floats(mean(|taxel| taxel.position.unwrap_or_default())),
+        Value::floats(mean(|taxel| array(&taxel.position_m))),
         Value::floats(normal.map(|part| if length > 0.0 { part / length } else { 0.0 })),
-        Value::List(taxels.iter().map(|taxel| Value::Int(taxel.row as i64)).collect()),
+        Value::List(taxels.iter().map(|(row, _)| Value::Int(*row as i64)).collect()),
         Value::Float(if area_mm2 > 0.0 { 1e3 * contact.force_n / area_mm2 } else { 0.0 }), // 1 N on 1 mm2 is 1e3 kPa
     ])
 }
@@ -90,14 +88,17 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::layout::Taxel;
     use super::super::parts::named;
     use super::*;
-    use taxel_proto::v1::{ForceSample, Vector3};
+    use taxel_proto::v1::{ForceSample, Skin, TaxelReading, Vector3};
 
     fn layout() -> Layout {
-        let taxel = |row, x| Taxel { row, position: Some([x, 0.0, 0.0]), normal: [0.0, 0.0, 1.0], area_mm2: 40.0 };
-        Layout { taxels: vec![taxel(0, 0.0), taxel(3, 0.01), taxel(203, 0.02)], rows: 384 }
+        let taxel = |board, slot, x| {
+            let (position_m, normal) = (vector(x, 0.0, 0.0), vector(0.0, 0.0, 1.0));
+            TaxelLayout { board, slot, position_m, normal, area_mm2: 40.0, ..TaxelLayout::default() }
+        };
+        let taxels = vec![taxel(13, 0, 0.0), taxel(13, 3, 0.01), taxel(12, 11, 0.02)];
+        Layout::new(&Skin { taxels, ..Skin::default() })
     }
 
     fn vector(x: f64, y: f64, z: f64) -> Option<Vector3> {

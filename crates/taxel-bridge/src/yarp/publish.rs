@@ -25,40 +25,53 @@ const NO_FORCE_EVERY: Duration = Duration::from_millis(100);
 /// Between two attempts to open a port, or to ask for a layout.
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 
-/// The names that this bridge has taken, to be given back at its end. Another program's are not touched.
-pub type Taken = Arc<Mutex<Vec<String>>>;
-
-/// Opens a port as soon as the name server is there and the name is free.
-pub async fn opened(section: &YarpSection, name: &str, taken: &Taken) -> OutPort {
-    let (mut pause, mut told) = (PAUSES[0], String::new());
-    loop {
-        let open = async { OutPort::open(&NameServer::of(section.server.as_deref())?, name).await };
-        let error: PortError = match open.await {
-            Ok(port) => {
-                taken.lock().unwrap_or_else(PoisonError::into_inner).push(name.to_owned());
-                return port;
-            }
-            Err(error) => error,
-        };
-        if told != error.to_string() {
-            tracing::warn!(port = name, "not opened: {error}");
-            told = error.to_string();
-        }
-        sleep(pause).await;
-        pause = (2 * pause).min(PAUSES[1]);
-    }
+/// The ports of this bridge.
+#[derive(Clone, Default)]
+pub struct Ports {
+    /// The name server; that of YARP's own files where there is none.
+    server: Option<String>,
+    /// The names that were taken, to be given back at the end. Another program's are not touched.
+    taken: Arc<Mutex<Vec<String>>>,
 }
 
-/// Takes the names back, for as long as a name server takes to answer.
-pub async fn give_back(section: &YarpSection, taken: &Taken) {
-    let names = std::mem::take(&mut *taken.lock().unwrap_or_else(PoisonError::into_inner));
-    let server = NameServer::of(section.server.as_deref());
-    for name in names {
-        if let Ok(server) = &server
-            && let Err(error) = server.unregister(&name).await
-        {
-            tracing::warn!(port = name, "its name was not taken back: {error}");
-            return;
+impl Ports {
+    /// Those of this name server.
+    pub fn of(section: Option<&YarpSection>) -> Self {
+        Self { server: section.and_then(|section| section.server.clone()), ..Self::default() }
+    }
+
+    /// Opens a port as soon as the name server is there and the name is free.
+    async fn open(&self, name: &str) -> OutPort {
+        let (mut pause, mut told) = (PAUSES[0], String::new());
+        loop {
+            let open = async { OutPort::open(&NameServer::of(self.server.as_deref())?, name).await };
+            let error: PortError = match open.await {
+                Ok(port) => {
+                    self.taken.lock().unwrap_or_else(PoisonError::into_inner).push(name.to_owned());
+                    return port;
+                }
+                Err(error) => error,
+            };
+            if told != error.to_string() {
+                tracing::warn!(port = name, "not opened: {error}");
+                told = error.to_string();
+            }
+            sleep(pause).await;
+            pause = (2 * pause).min(PAUSES[1]);
+        }
+    }
+
+    /// Takes the names back, for as long as a name server takes to answer.
+    pub async fn give_back(&self) {
+        let names = std::mem::take(&mut *self.taken.lock().unwrap_or_else(PoisonError::into_inner));
+        let server = NameServer::of(self.server.as_deref());
+        for name in names {
+            if let Ok(server) = &server
+                && let Err(error) = server.unregister(&name).await
+            {
+                tracing::warn!(port = name, "its name was not taken back: {error}");
+                return;
+            }
         }
     }
 }
@@ -73,7 +86,8 @@ fn now() -> f64 {
 }
 
 /// Sends each force as it comes, and ten times a second that there is none.
-pub async fn forces(mut port: OutPort, mut forces: Forces) {
+pub async fn forces(ports: Ports, name: String, mut forces: Forces) -> anyhow::Result<()> {
+    let mut port = ports.open(&name).await;
     let mut tick = interval(NO_FORCE_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
@@ -91,7 +105,8 @@ pub async fn forces(mut port: OutPort, mut forces: Forces) {
 }
 
 /// Sends the pressures of all rows as they come; when a stream has ended, that there are none.
-pub async fn taxels(mut port: OutPort, mut taxels: Taxels) {
+pub async fn taxels(ports: Ports, name: String, mut taxels: Taxels) -> anyhow::Result<()> {
+    let mut port = ports.open(&name).await;
     let mut rows = 0;
     loop {
         if let Some((skin, sample, waited)) = taxels.next().await {
@@ -131,7 +146,8 @@ impl Followed {
 }
 
 /// Sends the contacts of all patches whose force holds.
-pub async fn events(mut port: OutPort, mut patches: Vec<Followed>) {
+pub async fn events(ports: Ports, name: String, mut patches: Vec<Followed>) -> anyhow::Result<()> {
+    let mut port = ports.open(&name).await;
     let mut tick = interval(EVENTS_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
     let mut stamp = 0.0_f64;

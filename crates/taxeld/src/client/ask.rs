@@ -45,22 +45,20 @@ pub async fn agree(agreed: bool, question: &str, command: &str) -> Outcome {
 /// # Errors
 /// If standard input cannot be read.
 pub async fn yes(question: &str, enter: bool) -> Outcome<bool> {
-    let answer = ask(&format!("{question} {}", if enter { "[Y/n]" } else { "[y/N]" })).await?;
-    Ok(if answer.is_empty() { enter } else { matches!(answer.as_str(), "y" | "yes") })
+    yes_or_details(question, enter, None).await
 }
 
-/// Asks for yes or no, and shows the details first where they are asked for; `enter` is what just Enter means.
+/// Asks for yes or no, and shows the details first where they are asked for.
 ///
 /// # Errors
 /// If standard input cannot be read.
-pub async fn yes_or_details(question: &str, enter: bool, details: impl Fn()) -> Outcome<bool> {
+pub async fn yes_or_details(question: &str, enter: bool, details: Option<&dyn Fn()>) -> Outcome<bool> {
+    let (keys, more) = (if enter { "Y/n" } else { "y/N" }, if details.is_some() { ", d: details" } else { "" });
     loop {
-        let answer =
-            ask(&format!("{question} {}", if enter { "[Y/n, d: details]" } else { "[y/N, d: details]" })).await?;
-        match answer.as_str() {
-            "d" | "details" => details(),
-            "" => return Ok(enter),
-            other => return Ok(matches!(other, "y" | "yes")),
+        match (ask(&format!("{question} [{keys}{more}]")).await?.as_str(), details) {
+            ("d" | "details", Some(show)) => show(),
+            ("", _) => return Ok(enter),
+            (other, _) => return Ok(matches!(other, "y" | "yes")),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The way to a daemon. What of a connection every client needs is in `taxel-client`; here is what the command line adds.
 
+use prost::Message;
 use taxel_client::{ConnectError, Line, Server};
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
@@ -10,10 +11,43 @@ use taxel_proto::v1::validation_service_client::ValidationServiceClient;
 use taxel_proto::v1::{ListRequest, ModelSetSummary, PatchRequest};
 
 use super::failure::{Failure, Outcome};
+use super::json;
 use super::places::Places;
 
 /// Largest answer: a model set as text, with the framing around it.
 const ANSWER_BYTES_MAX: usize = 17 << 20;
+
+/// Which daemon is asked, and how its answer is shown.
+#[derive(Debug, clap::Args)]
+pub struct Asked {
+    #[command(flatten)]
+    server: Server,
+    /// Print the answer as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Asked {
+    /// Opens the connection.
+    ///
+    /// # Errors
+    /// The address and why nobody answers there.
+    pub async fn daemon(&self) -> Outcome<Daemon> {
+        Daemon::at(&self.server).await
+    }
+
+    /// Shows an answer, a message of this name, as JSON, or for people.
+    ///
+    /// # Errors
+    /// If there is no message of this name.
+    pub fn show<M: Message>(&self, name: &str, answer: &M, print: impl FnOnce(&M)) -> Outcome {
+        match self.json {
+            true => json::print(name, answer)?,
+            false => print(answer),
+        }
+        Ok(())
+    }
+}
 
 /// A connection. All services share it.
 #[derive(Clone)]

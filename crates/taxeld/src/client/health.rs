@@ -1,10 +1,10 @@
 //! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
 
-use taxel_client::{Server, troubles};
+use taxel_client::troubles;
 use taxel_proto::v1::{BoardHealth, BusHealth, Health, PatchHealth};
 use taxel_skin::counted;
 
-use super::connect::Daemon;
+use super::connect::{Asked, Daemon};
 use super::failure::{Failure, Outcome};
 use super::json;
 use super::places::Places;
@@ -18,10 +18,7 @@ use crate::tone::Tone;
 )]
 pub struct HealthArgs {
     #[command(flatten)]
-    server: Server,
-    /// Print the answer as JSON.
-    #[arg(long)]
-    json: bool,
+    asked: Asked,
 }
 
 /// Runs it.
@@ -29,9 +26,9 @@ pub struct HealthArgs {
 /// # Errors
 /// What is not well, or no daemon.
 pub async fn health(args: HealthArgs) -> Outcome {
-    let daemon = Daemon::at(&args.server).await?;
+    let daemon = args.asked.daemon().await?;
     let health = daemon.skin().get_health(()).await?.into_inner();
-    if args.json {
+    if args.asked.json {
         json::print("Health", &health)?;
     } else {
         print(&daemon, &health).await?;

@@ -1,12 +1,11 @@
 //! `taxeld load`: a known mass lies on the skin; how far the force is off.
 
-use taxel_client::Server;
 use taxel_proto::v1::record_load_request::Load as Known;
 use taxel_proto::v1::{Load, PatchRequest, RecordLoadRequest, Validation};
 
-use super::connect::Daemon;
+use super::connect::Asked;
 use super::failure::Outcome;
-use super::{json, table};
+use super::table;
 
 /// Compares the force with a mass that lies on the skin now, and keeps both. Without a mass: what was compared so far.
 #[derive(Debug, clap::Args)]
@@ -15,7 +14,7 @@ use super::{json, table};
 )]
 pub struct LoadArgs {
     #[command(flatten)]
-    server: Server,
+    asked: Asked,
     /// The mass in kg.
     #[arg(value_name = "KG")]
     mass: Option<f64>,
@@ -34,9 +33,6 @@ pub struct LoadArgs {
     /// Number of an earlier load that was noted wrong.
     #[arg(long, value_name = "LOAD", default_value_t = 0)]
     replaces: u64,
-    /// Print the answer as JSON.
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs it.
@@ -44,12 +40,12 @@ pub struct LoadArgs {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn load(args: LoadArgs) -> Outcome {
-    let daemon = Daemon::at(&args.server).await?;
+    let daemon = args.asked.daemon().await?;
     let known = args.mass.map(Known::MassKg).or(args.newton.map(Known::ForceN));
     if known.is_none() {
         let request = PatchRequest { patch: daemon.patch() };
         let validation = daemon.validation().get_validation(request).await?.into_inner();
-        return if args.json { json::print("Validation", &validation) } else { print_all(&validation) };
+        return args.asked.show("Validation", &validation, print_all);
     }
     let request = RecordLoadRequest {
         patch: daemon.patch(),
@@ -60,27 +56,21 @@ pub async fn load(args: LoadArgs) -> Outcome {
         replaces: args.replaces,
     };
     let load = daemon.validation().record_load(request).await?.into_inner();
-    if args.json {
-        return json::print("Load", &load);
-    }
-    say!(
-        "load {}: {:.2} N lies there, {:.2} N read (standard uncertainty {:.2} N): {:+.1} %, {}",
-        load.load,
-        load.force_n,
-        load.read_n,
-        load.read_sigma_n,
-        load.error_percent,
-        within(&load),
-    );
+    args.asked.show("Load", &load, print_one)
+}
+
+fn print_one(load: &Load) {
+    let (number, true_n, error, within) = (load.load, load.force_n, load.error_percent, within(load));
+    let read = format!("{:.2} N read (standard uncertainty {:.2} N)", load.read_n, load.read_sigma_n);
+    say!("load {number}: {true_n:.2} N lies there, {read}: {error:+.1} %, {within}");
     load.reasons.iter().for_each(|reason| say!("  {reason}"));
-    Ok(())
 }
 
 fn within(load: &Load) -> &'static str {
     if load.within_two_sigma { "within two standard uncertainties" } else { "beyond two standard uncertainties" }
 }
 
-fn print_all(validation: &Validation) -> Outcome {
+fn print_all(validation: &Validation) {
     let row = |load: &Load| {
         let reasons = [load.outdated_because.as_str(), load.left_out_because.as_str(), within(load)];
         let state = reasons.into_iter().find(|reason| !reason.is_empty()).unwrap_or_default().to_owned();
@@ -99,5 +89,4 @@ fn print_all(validation: &Validation) -> Outcome {
     if let Some(error) = validation.mean_absolute_error_percent {
         say!("mean absolute error: {error:.1} %");
     }
-    Ok(())
 }

@@ -7,7 +7,7 @@ use taxel_proto::v1::{
     DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, ImportModelSetRequest, ModelSetSummary,
 };
 
-use super::connect::Daemon;
+use super::connect::{Asked, Daemon};
 use super::failure::Outcome;
 use super::model_set::{Candidate, full_id, print_set};
 use super::{ask, json, table};
@@ -23,14 +23,14 @@ pub struct ModelsArgs {
 #[derive(Debug, clap::Subcommand)]
 enum ModelsCommand {
     /// All sets, newest first.
-    List(OfServer),
+    List(Asked),
     /// A set with its excluded taxels by place.
     #[command(
         after_help = "Examples:\n  taxeld models show                 # the active one\n  taxeld models show m-26dc"
     )]
     Show {
         #[command(flatten)]
-        of: OfServer,
+        of: Asked,
         /// Id of the set, its beginning or `newest` [default: the active one].
         #[arg(value_name = "MODEL_SET")]
         model_set: Option<String>,
@@ -41,7 +41,7 @@ enum ModelsCommand {
     )]
     Use {
         #[command(flatten)]
-        of: OfServer,
+        of: Asked,
         /// Id of the set, its beginning, or `newest`.
         #[arg(value_name = "MODEL_SET")]
         model_set: String,
@@ -63,7 +63,7 @@ enum ModelsCommand {
     /// Takes in a MODELS.json; it is in use after `taxeld models use`.
     Import {
         #[command(flatten)]
-        of: OfServer,
+        of: Asked,
         /// The file; `-` is the standard input.
         file: PathBuf,
         /// Import it although its curves do not look like those of this skin.
@@ -83,15 +83,6 @@ enum ModelsCommand {
     },
 }
 
-#[derive(Debug, clap::Args)]
-struct OfServer {
-    #[command(flatten)]
-    server: Server,
-    /// Print the answer as JSON.
-    #[arg(long)]
-    json: bool,
-}
-
 /// Runs it.
 ///
 /// # Errors
@@ -109,7 +100,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
             Ok(taxel_files::write_text(&out, &answer.json)?)
         }
         ModelsCommand::Import { of, file, insist } => {
-            let daemon = Daemon::at(&of.server).await?;
+            let daemon = of.daemon().await?;
             let json = files::read_text(&file)?;
             let answer = daemon.models().import_model_set(ImportModelSetRequest { json, insist }).await?.into_inner();
             if of.json {
@@ -141,8 +132,8 @@ async fn wanted(daemon: &Daemon, model_set: Option<&str>) -> Outcome<String> {
     }
 }
 
-async fn list(of: &OfServer) -> Outcome {
-    let sets = Daemon::at(&of.server).await?.model_sets().await?;
+async fn list(of: &Asked) -> Outcome {
+    let sets = of.daemon().await?.model_sets().await?;
     if of.json {
         return sets.iter().try_for_each(|set| json::print("ModelSetSummary", set));
     }
@@ -162,25 +153,23 @@ async fn list(of: &OfServer) -> Outcome {
     Ok(())
 }
 
-async fn use_set(of: &OfServer, beginning: &str, yes: bool) -> Outcome {
-    let daemon = Daemon::at(&of.server).await?;
+async fn use_set(of: &Asked, beginning: &str, yes: bool) -> Outcome {
+    let daemon = of.daemon().await?;
     let set = Candidate::of(&daemon, &full_id(&daemon, beginning).await?).await?;
     if !set.is_good() {
         let command = format!("taxeld models use {}", set.summary.model_set);
         ask::agree(yes, &format!("{} Use it?", set.verdict().join(" ")), &command).await?;
     }
     let answer = set.activate(&daemon).await?;
-    if of.json {
-        return json::print("ActivateModelSetResponse", &answer);
-    }
-    let before = if answer.previous.is_empty() { "none" } else { &answer.previous };
-    set.print_verdict();
-    say!("{} is in use; before it: {before}\n{}", set.summary.model_set, set.zero());
-    Ok(())
+    of.show("ActivateModelSetResponse", &answer, |answer| {
+        let before = if answer.previous.is_empty() { "none" } else { &answer.previous };
+        set.print_verdict();
+        say!("{} is in use; before it: {before}\n{}", set.summary.model_set, set.zero());
+    })
 }
 
-async fn show(of: &OfServer, model_set: Option<&str>) -> Outcome {
-    let daemon = Daemon::at(&of.server).await?;
+async fn show(of: &Asked, model_set: Option<&str>) -> Outcome {
+    let daemon = of.daemon().await?;
     let model_set = wanted(&daemon, model_set).await?;
     let request = GetModelSetRequest { model_set, patch: daemon.patch(), curves: Vec::new() };
     let set = daemon.models().get_model_set(request).await?.into_inner();

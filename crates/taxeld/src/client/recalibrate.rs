@@ -1,11 +1,10 @@
 //! `taxeld recalibrate`: known loads correct the gain of the active model set, without the bag.
 
-use taxel_client::Server;
 use taxel_proto::v1::{RecalibrateRequest, Recalibration, RecalibrationPoint};
 
-use super::connect::Daemon;
+use super::connect::Asked;
 use super::failure::{Failure, Outcome};
-use super::{json, table};
+use super::table;
 
 /// Says by what factor the skin reads too little or too much, from known loads at five places or more; with --accept keeps
 /// the corrected model set. It is not in use before `taxeld models use`.
@@ -16,7 +15,7 @@ use super::{json, table};
 #[command(after_help = "Examples:\n  taxeld recalibrate\n  taxeld recalibrate --leave-out 7 --accept")]
 pub struct RecalibrateArgs {
     #[command(flatten)]
-    server: Server,
+    asked: Asked,
     /// Numbers of loads not to take, of all that were read with the active models.
     #[arg(long, value_name = "LOAD,...", value_delimiter = ',')]
     leave_out: Vec<u64>,
@@ -27,9 +26,6 @@ pub struct RecalibrateArgs {
     /// Keep the corrected model set. It is not used by that.
     #[arg(long)]
     accept: bool,
-    /// Print the answer as JSON.
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs it.
@@ -37,7 +33,7 @@ pub struct RecalibrateArgs {
 /// # Errors
 /// The loads contradict each other or are too few, or no daemon.
 pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
-    let daemon = Daemon::at(&args.server).await?;
+    let daemon = args.asked.daemon().await?;
     let request = RecalibrateRequest {
         patch: daemon.patch(),
         loads: Vec::new(), // all
@@ -47,11 +43,7 @@ pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
         model_set: String::new(),
     };
     let proposal = daemon.validation().recalibrate(request.clone()).await?.into_inner();
-    if args.json {
-        json::print("Recalibration", &proposal)?;
-    } else {
-        print(&proposal);
-    }
+    args.asked.show("Recalibration", &proposal, print)?;
     if let Some(why) = proposal.refused_because.first() {
         return Err(Failure::refused(why.clone()));
     }
@@ -60,12 +52,9 @@ pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
     }
     let request = RecalibrateRequest { dry_run: false, model_set: proposal.model_set, ..request };
     let answer = daemon.validation().recalibrate(request).await?.into_inner();
-    if args.json {
-        return json::print("Recalibration", &answer);
-    }
-    let (id, source) = (&answer.model_set, &answer.source);
-    say!("kept as {id}, not in use. Use it: taxeld models use {id}; the way back: taxeld models use {source}");
-    Ok(())
+    args.asked.show("Recalibration", &answer, |Recalibration { model_set: id, source, .. }| {
+        say!("kept as {id}, not in use. Use it: taxeld models use {id}; the way back: taxeld models use {source}");
+    })
 }
 
 fn print(proposal: &Recalibration) {

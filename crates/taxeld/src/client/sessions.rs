@@ -1,16 +1,20 @@
 //! `taxeld sessions`: calibration sessions that are or were.
 
-use taxel_client::Server;
-use taxel_proto::v1::{
-    AdvanceSessionRequest, Branches, ListRequest, Session, SessionAction, SessionRequest, SessionState,
-};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+use taxel_client::Server;
+use taxel_files::{Output, quiet_end};
+use taxel_proto::v1::{
+    AdvanceSessionRequest, Branches, GetModelSetRequest, ListRequest, RefitSessionsRequest, Session, SessionAction,
+    SessionRequest, SessionState,
+};
 use taxel_skin::{counted, printable};
 
-use super::connect::Daemon;
-use super::export::{ExportArgs, export};
+use super::connect::{Asked, Daemon};
 use super::failure::Outcome;
-use super::refit::{RefitArgs, refit};
+use super::model_set::print_set;
 use super::{ask, json, table};
 use crate::say::short;
 use crate::values::refusals;
@@ -28,13 +32,7 @@ pub struct SessionsArgs {
 #[derive(Debug, clap::Subcommand)]
 enum SessionsCommand {
     /// All sessions, newest first.
-    List {
-        #[command(flatten)]
-        server: Server,
-        /// Print each as a line of JSON.
-        #[arg(long)]
-        json: bool,
-    },
+    List(Asked),
     /// One session as it is now.
     Show(One),
     /// Ends a session that is under way; its samples are kept.
@@ -65,7 +63,7 @@ enum SessionsCommand {
     )]
     Refit {
         #[command(flatten)]
-        args: RefitArgs,
+        asked: Asked,
         /// Numbers of the sessions.
         #[arg(value_name = "SESSION", required = true, value_parser = clap::value_parser!(u64).range(1..))]
         sessions: Vec<u64>,
@@ -74,19 +72,25 @@ enum SessionsCommand {
     #[command(
         after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 | taxel-lab fit - --patch left_forearm --out models.json"
     )]
-    Export(ExportArgs),
+    Export {
+        #[command(flatten)]
+        server: Server,
+        /// Number of the session.
+        #[arg(value_name = "SESSION", value_parser = clap::value_parser!(u64).range(1..))]
+        session: u64,
+        /// Where it goes; `-` is the standard output.
+        #[arg(long, value_name = "FILE", default_value = "-")]
+        out: PathBuf,
+    },
 }
 
 #[derive(Debug, clap::Args)]
 struct One {
     #[command(flatten)]
-    server: Server,
+    asked: Asked,
     /// Number of the session.
     #[arg(value_name = "SESSION", value_parser = clap::value_parser!(u64).range(1..))]
     session: u64,
-    /// Print the answer as JSON.
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs it.
@@ -95,14 +99,14 @@ struct One {
 /// Refused with the daemon's reason, or no daemon.
 pub async fn sessions(args: SessionsArgs) -> Outcome {
     match args.command {
-        SessionsCommand::List { server, json } => list(&server, json).await,
-        SessionsCommand::Export(args) => export(&args).await,
-        SessionsCommand::Refit { args, sessions } => refit(&args, sessions).await,
+        SessionsCommand::List(asked) => list(&asked).await,
+        SessionsCommand::Export { server, session, out } => export(&server, session, &out).await,
+        SessionsCommand::Refit { asked, sessions } => refit(&asked, sessions).await,
         SessionsCommand::Delete { one, yes } => delete(&one, yes).await,
         SessionsCommand::Show(one) => {
             let request = SessionRequest { session: one.session };
-            let view = Daemon::at(&one.server).await?.calibration().get_session(request).await?.into_inner();
-            tell(&one, &view)
+            let view = one.asked.daemon().await?.calibration().get_session(request).await?.into_inner();
+            one.asked.show("Session", &view, print)
         }
         SessionsCommand::End { one, fit, discard } => {
             let action = match (fit, discard) {
@@ -110,8 +114,8 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
                 (false, true) => SessionAction::Discard,
                 (false, false) => SessionAction::Abort,
             };
-            let view = advance(&Daemon::at(&one.server).await?, one.session, action).await?;
-            tell(&one, &view)
+            let view = advance(&one.asked.daemon().await?, one.session, action).await?;
+            one.asked.show("Session", &view, print)
         }
     }
 }
@@ -141,30 +145,22 @@ pub fn session_word(state: SessionState) -> &'static str {
     state.as_str_name().trim_start_matches("SESSION_STATE_")
 }
 
-fn tell(one: &One, view: &Session) -> Outcome {
-    if one.json {
-        return json::print("Session", view);
-    }
-    print(view);
-    Ok(())
-}
-
 async fn delete(one: &One, yes: bool) -> Outcome {
-    let (mut service, session) = (Daemon::at(&one.server).await?.calibration(), one.session);
+    let (mut service, session) = (one.asked.daemon().await?.calibration(), one.session);
     let view = service.get_session(SessionRequest { session }).await?.into_inner();
     let (patch, scans, state) = (&view.patch, view.accepted, session_word(view.state()));
     let question = format!("delete session {session} of {patch} ({state}) with its {scans} scans for good?");
     ask::agree(yes, &question, &format!("taxeld sessions delete {session}")).await?;
     service.delete_session(SessionRequest { session }).await?;
-    match one.json {
+    match one.asked.json {
         true => say!("{{}}"),
         false => say!("session {session} is deleted"),
     }
     Ok(())
 }
 
-async fn list(server: &Server, as_json: bool) -> Outcome {
-    let daemon = Daemon::at(server).await?;
+async fn list(asked: &Asked) -> Outcome {
+    let daemon = asked.daemon().await?;
     let (mut sessions, mut before) = (Vec::<Session>::new(), 0);
     loop {
         let request = ListRequest { patch: daemon.patch(), most: 0, before };
@@ -173,7 +169,7 @@ async fn list(server: &Server, as_json: bool) -> Outcome {
         before = last.session;
         sessions.extend(more);
     }
-    if as_json {
+    if asked.json {
         return sessions.iter().try_for_each(|session| json::print("Session", session));
     }
     let rows: Vec<_> = sessions.iter().map(row).collect();
@@ -220,4 +216,44 @@ fn print(view: &Session) {
 /// Refused scans by reason.
 pub fn refused(view: &Session) -> String {
     refusals(view.refused.iter().map(|(why, scans)| (why.as_str(), *scans)))
+}
+
+/// Fits one session once more, or several together.
+async fn refit(asked: &Asked, sessions: Vec<u64>) -> Outcome {
+    let daemon = asked.daemon().await?;
+    let request = RefitSessionsRequest { sessions };
+    let answer = daemon.calibration().refit_sessions(request).await?.into_inner();
+    if asked.json {
+        return json::print("Refit", &answer);
+    }
+    say!("{} scans fitted", answer.scans);
+    let summary = answer.model_set.unwrap_or_default();
+    let (id, patch) = (summary.model_set, summary.patch);
+    let request = GetModelSetRequest { model_set: id.clone(), ..GetModelSetRequest::default() };
+    let set = daemon.models().get_model_set(request).await?.into_inner();
+    print_set(&set, &daemon.places(&patch).await?);
+    if answer.known {
+        say!("the same samples were fitted so before: the set was there already");
+    }
+    if !summary.active {
+        say!("it is not in use. What changes: taxel-lab compare active {id}; use it: taxeld models use {id}");
+    }
+    Ok(())
+}
+
+/// Writes figures of the session and its zeros, then a row a scan: seconds since the first one, kPa, and a count a taxel.
+async fn export(server: &Server, session: u64, out: &Path) -> Outcome {
+    let daemon = Daemon::at(server).await?;
+    let mut pieces = daemon.calibration().export_samples(SessionRequest { session }).await?.into_inner();
+    let mut file = Output::create(out).with_context(|| out.display().to_string())?;
+    while let Some(piece) = pieces.message().await? {
+        if let Err(error) = file.write_all(piece.text.as_bytes()) {
+            return Ok(quiet_end(out, Err(error))?);
+        }
+    }
+    quiet_end(out, file.finish())?;
+    if !taxel_files::is_standard(out) {
+        say!("session {}: {}", session, out.display());
+    }
+    Ok(())
 }

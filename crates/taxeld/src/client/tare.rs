@@ -1,23 +1,18 @@
 //! `taxeld tare`: takes the zero of the untouched skin. `taxeld bring-up`: configures its boards anew.
 
-use taxel_client::Server;
 use taxel_proto::v1::TareRequest;
 
-use super::connect::Daemon;
+use super::connect::Asked;
 use super::failure::Outcome;
-use super::json;
 
 /// Of which patch, and whether somebody confirms that it is unloaded.
 #[derive(Debug, clap::Args)]
 pub struct UnloadedArgs {
     #[command(flatten)]
-    server: Server,
+    asked: Asked,
     /// Your name, as the one who confirms that nothing touches the skin: the counts need not show it.
     #[arg(long, value_name = "NAME", default_value = "")]
     confirmed_by: String,
-    /// Print the answer as JSON.
-    #[arg(long)]
-    json: bool,
 }
 
 /// Takes the zero.
@@ -25,16 +20,14 @@ pub struct UnloadedArgs {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn tare(args: UnloadedArgs) -> Outcome {
-    let daemon = Daemon::at(&args.server).await?;
+    let daemon = args.asked.daemon().await?;
     let request = TareRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
     let status = daemon.skin().tare(request).await?.into_inner();
-    if args.json {
-        return json::print("TareStatus", &status);
-    }
-    say!("{}: zero {} taken: {}", status.patch, status.epoch, status.reason);
-    let (baseline, noise) = (status.baseline_median_counts, status.noise_median_counts);
-    say!("  unloaded count {baseline:.1}, noise {noise:.2} counts (medians)");
-    Ok(())
+    args.asked.show("TareStatus", &status, |status| {
+        say!("{}: zero {} taken: {}", status.patch, status.epoch, status.reason);
+        let (baseline, noise) = (status.baseline_median_counts, status.noise_median_counts);
+        say!("  unloaded count {baseline:.1}, noise {noise:.2} counts (medians)");
+    })
 }
 
 /// Configures the boards.
@@ -42,10 +35,10 @@ pub async fn tare(args: UnloadedArgs) -> Outcome {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn bring_up(args: UnloadedArgs) -> Outcome {
-    let daemon = Daemon::at(&args.server).await?;
+    let daemon = args.asked.daemon().await?;
     let request = TareRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
     daemon.skin().bring_up(request).await?;
-    match args.json {
+    match args.asked.json {
         true => say!("{{}}"),
         false => say!(
             "the bring-up has begun: `taxeld health` says how the boards are; then `taxeld tare`, if no zero is taken by itself"

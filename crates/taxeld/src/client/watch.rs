@@ -11,6 +11,7 @@ use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::json;
 use crate::tone::Tone;
+use crate::values::seconds;
 
 /// How often a silent stream is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
@@ -36,7 +37,7 @@ pub struct WatchArgs {
     #[arg(long)]
     once: bool,
     /// With --once: how long to wait for a good force.
-    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::values::parse_seconds, requires = "once")]
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = |text: &str| seconds(text, 0.0, 1e6), requires = "once")]
     within: f64,
     /// With --once or --count: print only the number, and only if it is valid.
     #[arg(long, requires = "end", conflicts_with = "json")]
@@ -72,7 +73,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
     let (mut newest, mut seen): (Option<Judged>, u64) = (None, 0);
     let mut look = tokio::time::interval(LOOK_EVERY);
     look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    let within = if args.once { Duration::from_secs_f64(args.within.min(1e9)) } else { Duration::MAX };
+    let within = if args.once { Duration::from_secs_f64(args.within) } else { Duration::MAX };
     let give_up = tokio::time::sleep(within);
     tokio::pin!(give_up);
     let shown = loop {

@@ -97,6 +97,11 @@ pub struct StoreSection {
 }
 
 impl StoreSection {
+    /// How many bytes of it are kept, where there is a limit.
+    pub fn kept_bytes(&self) -> Option<u64> {
+        self.keep_mb.map(|mb| mb.saturating_mul(1_000_000))
+    }
+
     /// Beyond so many megabytes no session is started and no model set imported: more than what is kept, since an active
     /// model set and what it was made of never go.
     pub fn budget_mb(&self) -> u64 {

@@ -145,7 +145,10 @@ pub fn gauge(
     let signal = match kind {
         Port => ports::gauge(gauge, gauge.port.as_deref().unwrap_or_default(), faults)?,
         OnLine => {
-            let unit = unit(gauge, &line(config, section, faults)?.speech, faults)?;
+            let unit = match line(config, section, faults)?.speech {
+                Speech::Text { template, .. } => template.unit(),
+                Speech::Modbus(..) => ports::named_unit(gauge, "register's steps", faults),
+            }?;
             reading::signal(0, unit, PressureMeaning::Differential)
         }
         Push => reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential),
@@ -211,16 +214,6 @@ fn refers_to(gauge: &GaugeSection, faults: &mut Faults) -> (PressureMeaning, f64
         }
         (None, None) => (PressureMeaning::Differential, 1.0),
     }
-}
-
-/// The unit of what such a gauge says.
-fn unit(gauge: &GaugeSection, speech: &Speech, faults: &mut Faults) -> Option<PressureUnit> {
-    if let Speech::Text { template, .. } = speech {
-        return template.unit();
-    }
-    let named = gauge.unit.as_deref().and_then(PressureUnit::named);
-    let words = || format!("gauge.unit: expected the unit of the register's steps, one of {}", PressureUnit::NAMES);
-    faults.take("gauge.unit", named.ok_or_else(words))
 }
 
 /// A gauge that prints text or has a register.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use taxel_rpc::{Grant, Role, Rules, Subject, check_certificate_name};
+use taxel_rpc::{Grant, Role, Rules, Subject, TlsFiles, check_certificate_name};
 
 use super::file::{AccessSection, Config, beside};
 use super::problem::Faults;
@@ -39,7 +39,7 @@ pub enum Door {
         /// The address.
         address: SocketAddr,
         /// Certificate, key and the clients' authority.
-        files: [PathBuf; 3],
+        files: TlsFiles,
     },
 }
 
@@ -143,7 +143,8 @@ fn door(text: &str, config: &Config, path: &Path) -> Result<Door, String> {
     let address: SocketAddr = place.parse().map_err(|_| wrong(&expected))?;
     match (kind, &config.tls) {
         ("tls", Some(tls)) => {
-            let files = [&tls.cert, &tls.key, &tls.client_ca].map(|file| beside(path, file));
+            let [certificate, key, client_ca] = [&tls.cert, &tls.key, &tls.client_ca].map(|file| beside(path, file));
+            let files = TlsFiles { certificate, key, client_ca };
             Ok(Door::Tls { address, files })
         }
         ("tls", None) => Err(wrong("it needs the section [tls] with cert, key and client_ca")),

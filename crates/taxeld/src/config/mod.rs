@@ -18,7 +18,7 @@ mod scene;
 
 #[cfg(feature = "sim")]
 pub use file::PageSection;
-pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection};
+pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection, StoreSection};
 pub use gauge::line_of;
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
 pub use ports::of_bus as port_of;

@@ -54,21 +54,18 @@ pub fn check_bus(bus: &BusSection, faults: &mut Faults) {
 
 /// Notes what is wrong with the port of a patch.
 pub fn check_patch(section: &PatchSection, bus: &BusSection, faults: &mut Faults) {
-    let is_yarp = bus.source == BusSource::Yarp;
-    match &section.port {
-        None if is_yarp => {
-            let words =
-                format!("bus `{}` has source = \"yarp\": expected port = \"/icub/skin/{}\"", bus.name, section.name);
+    let (name, is_yarp) = (&bus.name, bus.source == BusSource::Yarp);
+    let Some(port) = &section.port else {
+        if is_yarp {
+            let patch = &section.name;
+            let words = format!("bus `{name}` has source = \"yarp\": expected port = \"/icub/skin/{patch}\"");
             faults.note("", words);
         }
-        Some(_) if !is_yarp => {
-            faults.note("port", format!("port needs a bus with source = \"yarp\", and `{}` has none", bus.name));
-        }
-        Some(port) => check_name("port", port, faults),
-        None => {}
-    }
-    if section.port.is_none() {
         return;
+    };
+    match is_yarp {
+        true => check_name("port", port, faults),
+        false => faults.note("port", format!("port needs a bus with source = \"yarp\", and `{name}` has none")),
     }
     if section.boards.is_empty() {
         faults.note("", "a port has the counts of boards: expected boards");
@@ -88,10 +85,15 @@ pub fn gauge(section: &GaugeSection, port: &str, faults: &mut Faults) -> Option<
     if index > INDEX_MAX {
         faults.note("gauge.index", format!("gauge.index = {index}: expected 0 to {INDEX_MAX}"));
     }
-    let named = section.unit.as_deref().and_then(PressureUnit::named);
-    let words = || format!("gauge.unit: expected the unit of the port's values, one of {}", PressureUnit::NAMES);
-    let unit = faults.take("gauge.unit", named.ok_or_else(words))?;
+    let unit = named_unit(section, "port's values", faults)?;
     Some(reading::signal(index, unit, PressureMeaning::Differential))
+}
+
+/// The unit of a gauge that does not say it by itself.
+pub fn named_unit(section: &GaugeSection, of: &str, faults: &mut Faults) -> Option<PressureUnit> {
+    let named = section.unit.as_deref().and_then(PressureUnit::named);
+    let words = || format!("gauge.unit: expected the unit of the {of}, one of {}", PressureUnit::NAMES);
+    faults.take("gauge.unit", named.ok_or_else(words))
 }
 
 /// The port of a bus, and what is on it; none where it is no port.

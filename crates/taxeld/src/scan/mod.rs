@@ -19,8 +19,8 @@ use taxel_wire::FrameKind;
 use crate::config;
 use crate::files;
 use crate::open_log::{Wanted, open_log};
-use crate::rig;
 use crate::say;
+use crate::values::seconds;
 use survey::Survey;
 
 /// Frames per read of a log.
@@ -37,29 +37,14 @@ pub struct ScanArgs {
     /// Ports of YARP in place of a bus, of this name server, ADDRESS:PORT; by default of that of YARP's own files.
     #[arg(long, value_name = "SERVER", num_args = 0..=1, conflicts_with_all = ["log", "interface", "out"])]
     yarp: Option<Option<String>>,
-    /// A gauge that prints text in place of a bus: a serial device, or tcp:HOST:PORT.
-    #[arg(long, value_name = "PATH", conflicts_with_all = ["log", "interface", "out", "yarp"])]
-    serial: Option<String>,
-    /// The rate of the serial device; without it the usual ones are tried.
-    #[arg(long, value_name = "N", requires = "serial")]
-    baud: Option<u32>,
-    /// What a line looks like, as in "P={kPa}".
-    #[arg(long, value_name = "TEMPLATE", requires = "serial")]
-    template: Option<String>,
-    /// A question that it answers with a line, as in "P\r\n"; without it is only listened.
-    #[arg(long, value_name = "TEXT", requires = "serial")]
-    poll: Option<String>,
+    #[command(flatten)]
+    gauge: serial::Gauge,
     /// How long to listen to a bus, to ports or to a gauge.
-    #[arg(long, default_value = "5", value_parser = parse_seconds)]
+    #[arg(long, default_value = "5", value_parser = |text: &str| seconds(text, 0.1, 3600.0))]
     seconds: f64,
     /// Write the beginning of a configuration; `-` is the standard output.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-}
-
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse::<f64>().ok().filter(|s| *s >= 0.1 && *s <= 3600.0);
-    seconds.ok_or_else(|| "expected 0.1 to 3600 seconds".to_owned())
 }
 
 /// Listens and says what is there. Nothing is sent, but to a gauge what it is to be asked.
@@ -74,25 +59,18 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     if args.out.as_deref().is_some_and(taxel_files::is_standard) {
         say::step_aside();
     }
+    let over = Duration::from_secs_f64(args.seconds);
     if let Some(server) = &args.yarp {
-        let over = Duration::from_secs_f64(args.seconds);
         say!("{}", crate::runtime::runtime()?.block_on(ports::text(server.as_deref(), over))?);
         return Ok(());
     }
-    if let Some(at) = &args.serial {
-        let asked = serial::Asked {
-            at: rig::At::new(at).map_err(|why| anyhow::anyhow!("--serial {at}: {why}"))?,
-            baud: args.baud,
-            template: args.template.as_deref(),
-            poll: args.poll.as_deref(),
-            over: Duration::from_secs_f64(args.seconds),
-        };
-        say!("{}", crate::runtime::runtime()?.block_on(serial::text(&asked))?);
+    if let Some(at) = &args.gauge.serial {
+        say!("{}", crate::runtime::runtime()?.block_on(serial::text(&args.gauge, at, over))?);
         return Ok(());
     }
     let (survey, interface) = match (args.log.clone(), args.interface.clone()) {
         (Some(log), interface) => of_log(&files::named(log), interface)?,
-        (None, Some(interface)) => crate::runtime::runtime()?.block_on(of_bus(interface, args.seconds))?,
+        (None, Some(interface)) => crate::runtime::runtime()?.block_on(of_bus(interface, over))?,
         (None, None) => bail!("say what to listen to: --interface can0, --yarp, --serial /dev/ttyACM0, or a log"),
     };
     say!("{}", words::text(&survey));
@@ -105,10 +83,9 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     taxel_files::write_text(out, &text)
 }
 
-async fn of_bus(interface: String, seconds: f64) -> anyhow::Result<(Survey, String)> {
+async fn of_bus(interface: String, over: Duration) -> anyhow::Result<(Survey, String)> {
     let options = SocketCanOptions { interface: interface.clone(), ids: None, tx: false };
     let (mut bus, mut survey) = (SocketCan::open(options)?, Survey::default());
-    let over = Duration::from_secs_f64(seconds);
     if let Ok(ended) = tokio::time::timeout(over, take_all(&mut bus, &mut survey)).await {
         ended?;
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use anyhow::ensure;
+use anyhow::{anyhow, ensure};
 use taxel_rig::{Lines, Template, numbers_of};
 use taxel_skin::printable;
 use taxel_wire::signal::PressureUnit;
@@ -21,54 +21,56 @@ const VACUUM_KPA: f64 = 1.0;
 /// From one question to the next.
 const ASK_EVERY: Duration = Duration::from_millis(200);
 
-/// What to listen to.
-pub struct Asked<'a> {
-    /// Where.
-    pub at: At,
-    /// The rate; the usual ones where it is not known.
-    pub baud: Option<u32>,
-    /// What a line looks like.
-    pub template: Option<&'a str>,
-    /// What to ask it.
-    pub poll: Option<&'a str>,
-    /// How long, at one rate.
-    pub over: Duration,
+/// A gauge to listen to.
+#[derive(Debug, clap::Args)]
+pub struct Gauge {
+    /// A gauge that prints text in place of a bus: a serial device, or tcp:HOST:PORT.
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["log", "interface", "out", "yarp"])]
+    pub serial: Option<String>,
+    /// The rate of the serial device; without it the usual ones are tried.
+    #[arg(long, value_name = "N", requires = "serial")]
+    baud: Option<u32>,
+    /// What a line looks like, as in "P={kPa}".
+    #[arg(long, value_name = "TEMPLATE", requires = "serial")]
+    template: Option<String>,
+    /// A question that it answers with a line, as in "P\r\n"; without it is only listened.
+    #[arg(long, value_name = "TEXT", requires = "serial")]
+    poll: Option<String>,
 }
 
-impl Asked<'_> {
+impl Gauge {
     /// What to ask. On a command line an escape is two characters.
     fn unescaped_poll(&self) -> Option<String> {
-        self.poll.map(|text| text.replace("\\r", "\r").replace("\\n", "\n"))
+        self.poll.as_ref().map(|text| text.replace("\\r", "\r").replace("\\n", "\n"))
     }
 }
 
-/// Listens; a text for people.
+/// Listens there so long at each rate; a text for people.
 ///
 /// # Errors
 /// A template or a rate that makes no sense, or a device that cannot be opened.
-pub async fn text(asked: &Asked<'_>) -> anyhow::Result<String> {
-    let template =
-        asked.template.map(|text| Template::new(text).map_err(|why| anyhow::anyhow!("--template {text}: {why}")));
-    let template = template.transpose()?;
-    let rates = match asked.baud {
+pub async fn text(gauge: &Gauge, at: &str, over: Duration) -> anyhow::Result<String> {
+    let at = At::new(at).map_err(|why| anyhow!("--serial {at}: {why}"))?;
+    let template = |text| Template::new(text).map_err(|why| anyhow!("--template {text}: {why}"));
+    let template = gauge.template.as_deref().map(template).transpose()?;
+    let rates = match gauge.baud {
         Some(baud) => vec![baud],
-        None if asked.at.is_serial() => TRIED.to_vec(),
+        None if at.is_serial() => TRIED.to_vec(),
         None => vec![BAUD_USUAL],
     };
     ensure!(rates.iter().all(|rate| BAUD_RATES.contains(rate)), "--baud: expected one of {BAUD_RATES:?}");
     let mut tried = Vec::new();
     for baud in rates {
-        let rate = if asked.at.is_serial() { format!("@{baud}") } else { String::new() };
-        let heard = listen(&asked.at.at_rate(baud), asked).await?;
+        let rate = if at.is_serial() { format!("@{baud}") } else { String::new() };
+        let heard = listen(&at.at_rate(baud), gauge, over).await?;
         let is_text = |line: &&String| line.chars().all(|c| c.is_ascii_graphic() || c.is_ascii_whitespace());
         if heard.lines.iter().filter(is_text).count() * 2 > heard.lines.len() {
-            let mut lines =
-                vec![format!("{}{rate}: {:.1} lines/s", asked.at, heard.lines.len() as f64 / heard.seconds)];
+            let mut lines = vec![format!("{}{rate}: {:.1} lines/s", at, heard.lines.len() as f64 / heard.seconds)];
             lines.extend(heard.lines.iter().rev().take(SHOWN).rev().map(|line| format!("  {}", printable(line))));
-            lines.extend(proposals(asked, &format!("{}{rate}", asked.at), &heard, template.as_ref()));
+            lines.extend(proposals(gauge, &format!("{}{rate}", at), &heard, template.as_ref()));
             return Ok(lines.join("\n"));
         }
-        tried.push(format!("{}{rate}: {} bytes, no lines of text", asked.at, heard.bytes));
+        tried.push(format!("{}{rate}: {} bytes, no lines of text", at, heard.bytes));
     }
     tried.push("is the gauge on, and does it print by itself? If it has to be asked: --poll \"P\\r\\n\"".to_owned());
     Ok(tried.join("\n"))
@@ -80,13 +82,13 @@ struct Heard {
     seconds: f64,
 }
 
-async fn listen(at: &At, asked: &Asked<'_>) -> anyhow::Result<Heard> {
+async fn listen(at: &At, gauge: &Gauge, over: Duration) -> anyhow::Result<Heard> {
     let mut link = at.open().await.map_err(anyhow::Error::msg)?;
-    let poll = asked.unescaped_poll();
+    let poll = gauge.unescaped_poll();
     let mut lines = if poll.is_some() { Lines::from_the_first() } else { Lines::default() };
     let (begun, mut buffer) = (Instant::now(), [0; 1024]);
-    let end = begun + asked.over;
-    let mut heard = Heard { lines: Vec::new(), bytes: 0, seconds: asked.over.as_secs_f64() };
+    let end = begun + over;
+    let mut heard = Heard { lines: Vec::new(), bytes: 0, seconds: over.as_secs_f64() };
     while Instant::now() < end {
         if let Some(poll) = &poll {
             link.write(poll.as_bytes()).await?;
@@ -102,11 +104,11 @@ async fn listen(at: &At, asked: &Asked<'_>) -> anyhow::Result<Heard> {
 }
 
 /// The lines of a configuration: by the template that was given, or for each number of the last line.
-fn proposals(asked: &Asked<'_>, at: &str, heard: &Heard, given: Option<&Template>) -> Vec<String> {
+fn proposals(gauge: &Gauge, at: &str, heard: &Heard, given: Option<&Template>) -> Vec<String> {
     if let Some(template) = given {
         let unread = heard.lines.iter().rev().find_map(|line| template.read(line).err());
         let unread = unread.map(|why| format!("  not read: {}", printable(&why)));
-        return std::iter::once(proposal(asked, at, heard, template)).chain(unread).collect();
+        return std::iter::once(proposal(gauge, at, heard, template)).chain(unread).collect();
     }
     let numbers = heard.lines.last().map(|line| numbers_of(line)).unwrap_or_default();
     if numbers.is_empty() {
@@ -120,14 +122,14 @@ fn proposals(asked: &Asked<'_>, at: &str, heard: &Heard, given: Option<&Template
         let unit = ["kPa", "hPa", "Pa"].iter().find(is_air).filter(|_| number.unit.is_none()).unwrap_or(&"kPa");
         Template::new(&number.template.replace("{kPa}", &format!("{{{unit}}}"))).ok()
     });
-    let lines = templates.map(|template| proposal(asked, at, heard, &template));
+    let lines = templates.map(|template| proposal(gauge, at, heard, &template));
     std::iter::once("for its [[patch]], one of (another unit may stand in the braces):".to_owned())
         .chain(lines)
         .collect()
 }
 
 /// A line of a configuration, and what it reads.
-fn proposal(asked: &Asked<'_>, at: &str, heard: &Heard, template: &Template) -> String {
+fn proposal(gauge: &Gauge, at: &str, heard: &Heard, template: &Template) -> String {
     let unit = template.unit().unwrap_or_default();
     let read = heard.lines.iter().filter_map(|line| template.read(line).ok().flatten());
     let read: Vec<f64> = read.map(|value| unit.to_kilopascal(value)).collect();
@@ -140,7 +142,7 @@ fn proposal(asked: &Asked<'_>, at: &str, heard: &Heard, template: &Template) -> 
         Some(_) if least < -VACUUM_KPA && most < VACUUM_KPA => (", reference = \"ambient\"", "below 0 in vacuum"),
         Some(_) => ("", "taken as above 0 in vacuum; if it is below 0 there, add reference = \"ambient\""),
     };
-    let poll = asked.unescaped_poll().map_or_else(String::new, |poll| format!(", poll = {poll:?}"));
+    let poll = gauge.unescaped_poll().map_or_else(String::new, |poll| format!(", poll = {poll:?}"));
     let (text, count) = (template.text(), heard.lines.len());
     let range = if read.is_empty() {
         String::new()
@@ -156,8 +158,7 @@ mod tests {
 
     #[test]
     fn a_proposal_says_what_its_numbers_refer_to() {
-        let at = At::new("/dev/ttyACM0").unwrap();
-        let asked = Asked { at, baud: None, template: None, poll: Some("P\\r"), over: Duration::from_secs(1) };
+        let gauge = Gauge { serial: None, baud: None, template: None, poll: Some("P\\r".to_owned()) };
         for (line, proposed) in [
             ("p -3.21 kPa", "template = \"p {kPa} kPa\", poll = \"P\\r\", reference = \"ambient\" } # -3.210"),
             (
@@ -168,7 +169,7 @@ mod tests {
             ("99870 Pa", "template = \"{Pa} Pa\", poll = \"P\\r\", reference = \"absolute\" } # 99.870"),
         ] {
             let heard = Heard { lines: vec![line.to_owned(); 2], bytes: 9, seconds: 1.0 };
-            let said = proposals(&asked, "/dev/ttyACM0@9600", &heard, None);
+            let said = proposals(&gauge, "/dev/ttyACM0@9600", &heard, None);
             let expected = format!("gauge = {{ line = \"/dev/ttyACM0@9600\", {proposed}");
             assert!(said[1].contains(&expected), "{said:?}");
             let pasted = said[1].parse::<toml::Table>().unwrap();

@@ -168,6 +168,7 @@ fn named(argument: &Path) -> (Option<String>, PathBuf) {
     }
 }
 
+/// The text of a file.
 fn read(path: &Path) -> anyhow::Result<String> {
-    read_any_text(path).with_context(|| format!("{}", path.display()))
+    read_any_text(path).with_context(|| path.display().to_string())
 }

@@ -220,7 +220,7 @@ async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
         let why = format!("{} is not good, so that --yes does not use it; it is kept", candidate.summary.model_set);
         return Err(Failure::not_good(why).help(format!("{help} --yes   # uses it all the same")));
     }
-    if !(args.yes || course.asks && ask::yes_or_details("Use it?", candidate.is_good(), details).await?) {
+    if !(args.yes || course.asks && ask::yes_or_details("Use it?", candidate.is_good(), Some(&details)).await?) {
         course.screen.tell(&format!("not in use yet; help: {help}"));
         return Ok(());
     }

@@ -47,7 +47,11 @@ fn listeners_are_resolved_beside_the_configuration() {
     let top = "listen = [\"unix:s\", \"tls:0.0.0.0:50052\", \"insecure:10.0.0.1:1\"]\nsocket_group = \"skin\"\n\
                tls = { cert = \"s.pem\", key = \"/run/k.pem\", client_ca = \"ca.pem\" }";
     let found = resolved(top, "[access]");
-    let files = ["/etc/taxeld/s.pem", "/run/k.pem", "/etc/taxeld/ca.pem"].map(PathBuf::from);
+    let files = TlsFiles {
+        certificate: "/etc/taxeld/s.pem".into(),
+        key: "/run/k.pem".into(),
+        client_ca: "/etc/taxeld/ca.pem".into(),
+    };
     let unix = Door::Unix { path: "/etc/taxeld/s".into(), group: Some("skin".to_owned()) };
     let tls = Door::Tls { address: "0.0.0.0:50052".parse().unwrap(), files };
     assert_eq!(found.unwrap().doors, [unix, tls, Door::Tcp("10.0.0.1:1".parse().unwrap())]);
