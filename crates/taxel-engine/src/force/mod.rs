@@ -3,6 +3,7 @@
 pub(crate) mod budget;
 pub(crate) mod contacts;
 mod coverage;
+mod dead_zone;
 pub(crate) mod evaluator;
 mod fill;
 #[cfg(test)]

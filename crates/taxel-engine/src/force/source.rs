@@ -4,6 +4,7 @@ use taxel_model::{Beyond, Extension, Plays, Sign, TaxelModel};
 use taxel_skin::{CountRange, SquareMillimetre};
 
 use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
+use crate::force::dead_zone::dead_kpa;
 use crate::force::light_end::LightEnd;
 use crate::force::sample::RangeFlag;
 use crate::model_set::{ModelSet, RecordedTaxel};
@@ -247,10 +248,7 @@ impl<'a> Source<'a> {
         let at = |counts: f64| self.now.mean + self.sign.as_f64() * counts;
         let kpa = |counts: f64| f64::from(self.pressure_kpa(at(counts))).max(0.0);
         let sigma_kpa = || f64::from(table.sigma_kpa[at(low).round().clamp(0.0, (ENTRIES - 1) as f64) as usize]);
-        // Where counts begin to move late, as under play, the chord from the threshold to twice that begins above no pressure. A
-        // polynomial may turn there, and tells nothing.
-        let chord_kpa = 2.0 * kpa(threshold_counts) - kpa(2.0 * threshold_counts);
-        let dead_kpa = if self.model.points.is_some() { chord_kpa.max(0.0) } else { 0.0 };
+        let zero_as_read = TaxelBaseline { mean: self.now.mean + self.shift, ..self.now };
         let rise_kpa = Some(kpa(low) - kpa(0.0)).filter(|rise| *rise > 0.0).unwrap_or_else(sigma_kpa);
         Light {
             zero: self.now.mean,
@@ -259,7 +257,7 @@ impl<'a> Source<'a> {
             touched_counts: low,
             newton_per_count: area.0 * 1e-3 * rise_kpa / low,
             noise_counts: self.now.noise.max(NOISE_FLOOR_COUNTS),
-            dead_n: area.0 * 1e-3 * dead_kpa,
+            dead_n: area.0 * 1e-3 * dead_kpa(self.model, zero_as_read, activation),
         }
     }
 

@@ -8,14 +8,12 @@ use taxel_model::Sign;
 use taxel_skin::{CountRange, SquareMillimetre};
 
 use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::dead_zone::stays_counts;
 use crate::force::sample::RangeFlag;
 use crate::force::source::{ENTRIES, ForceTable, Light, Share, Source, TaxelTable};
 use crate::model_set::ModelSet;
 
-/// What of a residue touched taxels are read at more: on skins with a play all of it would be right, on skins that creep
-/// nothing. Nothing speaks for one share more than for another.
-const RESIDUE_SHARE: f64 = 0.5;
-/// Standard deviation of a share that may as well be anything from 0 to 1.
+/// Standard deviation of what the next load finds of a residue, a share of it that may as well be anything from 0 to 1.
 const RESIDUE_SIGMA: f64 = 0.29;
 
 /// What a taxel's count means.
@@ -53,6 +51,8 @@ pub struct Tables {
     newton_per_kpa: Vec<f32>,
     light: Vec<Light>,
     residue_counts: f64,
+    /// What of that touched taxels are read at more.
+    stays_counts: f64,
 }
 
 /// A threshold that no count is beyond.
@@ -76,8 +76,8 @@ impl Tables {
     /// models.
     ///
     /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
-    /// Whether the next load finds that remainder again (as with play: it reads as much too little) or it has gone
-    /// (creep), counts do not tell. So touched taxels are read at a share of it more, and which share is right is uncertain.
+    /// The next load finds of that remainder what the skin's dead zone explains (`dead_zone.rs`), and reads as much too little; the
+    /// rest creeps back. So touched taxels are read at that much more, which is uncertain.
     /// Where hysteresis is compensated by plays it is known, and nothing is added.
     pub fn of_range(
         counts: CountRange,
@@ -90,6 +90,7 @@ impl Tables {
         let taxels = set.taxels.len();
         let compensated = (0..taxels).any(|taxel| set.plays(taxel).is_some());
         let residue_counts = if compensated { 0.0 } else { residue_counts };
+        let stays_counts = residue_counts.min(stays_counts(&set, activation));
         let mut tables = Self {
             id: Arc::from(set.id.as_str()),
             taxels: vec![None; taxels],
@@ -99,6 +100,7 @@ impl Tables {
             counts,
             units_per_count: (1.0 / counts.per_unit()) as f32,
             residue_counts,
+            stays_counts,
             light: vec![Light::default(); taxels],
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
@@ -110,8 +112,7 @@ impl Tables {
                 // A zero or a reference that was never measured proves nothing about the taxel.
                 && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
             {
-                let (set, more_counts) = (&tables.set, RESIDUE_SHARE * residue_counts);
-                let source = Source::new(set, taxel, extension, doubt_kpa, (*now, *then), more_counts);
+                let source = Source::new(&tables.set, taxel, extension, doubt_kpa, (*now, *then), stays_counts);
                 let (table, force_n) = source.tabulate(*area, counts);
                 tables.light[taxel] = source.light(&table, *area, activation);
                 tables.polarity[taxel] = if source.sign == Sign::Falling { u16::MAX } else { 0 };
@@ -143,7 +144,7 @@ impl Tables {
     /// loads, counts, where untouched ones lie `off_counts`, 0 or less, from their zero. What these have lost of the residue has gone.
     pub(crate) fn offset_and_residue(&self, off_counts: f64) -> (f64, f64) {
         let left = (self.residue_counts + off_counts).max(0.0);
-        (off_counts + RESIDUE_SHARE * (self.residue_counts - left), RESIDUE_SIGMA * left)
+        (off_counts + (self.stays_counts - left).max(0.0), RESIDUE_SIGMA * left)
     }
 
     /// The model set.
