@@ -54,6 +54,7 @@ fn model_set() -> ModelSet {
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.0,
         gauge_offset_kpa: 0.0,
+        dead_zone_kpa: 0.0,
         taxels: (0..TAXELS).map(|taxel| shapes[taxel % shapes.len()].clone()).collect(),
         recorded: None,
         recalibrated: None,

@@ -44,6 +44,8 @@ pub struct ModelSet {
     pub gauge_gain_rel: f64,
     /// Standard uncertainty of the gauge's offset in kPa, shared by all taxels.
     pub gauge_offset_kpa: f64,
+    /// Below this the skin does not answer, as play does it, kPa.
+    pub dead_zone_kpa: f64,
     /// One model per taxel of the patch, in its order.
     pub taxels: Vec<TaxelModel>,
     /// What rising and falling pressure together tell beyond that; `None` after a session over the rising branch.

@@ -63,6 +63,8 @@ struct File {
     pressure_max_kpa: f64,
     gauge_gain_rel: f64,
     gauge_offset_kpa: f64,
+    #[serde(default)]
+    dead_zone_kpa: f64,
     recorded: Option<Recorded>,
     recalibrated: Option<Recalibrated>,
     taxels: Vec<Entry>,
@@ -189,6 +191,7 @@ impl File {
             pressure_max_kpa: set.pressure_max_kpa,
             gauge_gain_rel: set.gauge_gain_rel,
             gauge_offset_kpa: set.gauge_offset_kpa,
+            dead_zone_kpa: set.dead_zone_kpa,
             recorded: set.recorded.clone(),
             recalibrated: set.recalibrated.clone(),
             taxels: Vec::new(),
@@ -218,6 +221,7 @@ impl File {
             pressure_max_kpa: self.pressure_max_kpa,
             gauge_gain_rel: self.gauge_gain_rel,
             gauge_offset_kpa: self.gauge_offset_kpa,
+            dead_zone_kpa: self.dead_zone_kpa,
             taxels: self.taxels.into_iter().map(Entry::read).collect(),
             recorded: self.recorded,
             recalibrated: self.recalibrated,
@@ -300,6 +304,7 @@ fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
     }
     at_least("gauge_gain_rel", set.gauge_gain_rel, 0.0)?;
     at_least("gauge_offset_kpa", set.gauge_offset_kpa, 0.0)?;
+    at_least("dead_zone_kpa", set.dead_zone_kpa, 0.0)?;
     set.recorded.as_ref().map_or(Ok(()), check_recorded)?;
     set.recalibrated.as_ref().map_or(Ok(()), check_recalibrated)?;
     for (taxel, (rest, model)) in set.baseline.iter().zip(&set.taxels).enumerate() {

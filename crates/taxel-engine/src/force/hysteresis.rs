@@ -280,6 +280,7 @@ mod tests {
             pressure_max_kpa: 70.0,
             gauge_gain_rel: 0.0,
             gauge_offset_kpa: 0.0,
+            dead_zone_kpa: 0.0,
             taxels: vec![model.clone(), model],
             recorded: Some(Recorded {
                 smooth_s,

@@ -4,7 +4,7 @@ use taxel_model::{Beyond, Extension, Plays, Sign, TaxelModel};
 use taxel_skin::{CountRange, SquareMillimetre};
 
 use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
-use crate::force::dead_zone::dead_kpa;
+use crate::force::dead_zone::DeadZone;
 use crate::force::light_end::LightEnd;
 use crate::force::sample::RangeFlag;
 use crate::model_set::{ModelSet, RecordedTaxel};
@@ -89,6 +89,7 @@ pub(super) struct Source<'a> {
     now: TaxelBaseline,
     /// What is added to a count to get the count that the models refer to.
     shift: f64,
+    dead_zone: DeadZone,
     /// Which way pressure moves the count.
     pub(super) sign: Sign,
 }
@@ -136,20 +137,20 @@ struct Meaning {
 }
 
 impl<'a> Source<'a> {
-    /// `zeros` are the present one and that of the models; counts are read as `more_counts` nearer to load.
+    /// The zeros are the present one and that of the models; counts are read nearer to load by what stays in the dead zone.
     pub(super) fn new(
         set: &'a ModelSet,
         taxel: usize,
         extension: Option<Extension>,
         doubt_kpa: f64,
         (now, then): (TaxelBaseline, TaxelBaseline),
-        more_counts: f64,
+        dead_zone: DeadZone,
     ) -> Self {
         let (model, plays) = (&set.taxels[taxel], set.plays(taxel));
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let light = plays.is_none().then(|| LightEnd::new(model, then.mean)).flatten();
-        let shift = then.mean - now.mean + sign.as_f64() * more_counts;
-        Self { model, plays, in_use: set.in_use(taxel), set, extension, light, doubt_kpa, now, shift, sign }
+        let shift = then.mean - now.mean + sign.as_f64() * dead_zone.stays_counts;
+        Self { model, plays, in_use: set.in_use(taxel), set, extension, light, doubt_kpa, now, shift, dead_zone, sign }
     }
 
     /// What a count of so many units means in the range of counts, of which `pressure_kpa` are the pressures.
@@ -248,7 +249,6 @@ impl<'a> Source<'a> {
         let at = |counts: f64| self.now.mean + self.sign.as_f64() * counts;
         let kpa = |counts: f64| f64::from(self.pressure_kpa(at(counts))).max(0.0);
         let sigma_kpa = || f64::from(table.sigma_kpa[at(low).round().clamp(0.0, (ENTRIES - 1) as f64) as usize]);
-        let zero_as_read = TaxelBaseline { mean: self.now.mean + self.shift, ..self.now };
         let rise_kpa = Some(kpa(low) - kpa(0.0)).filter(|rise| *rise > 0.0).unwrap_or_else(sigma_kpa);
         Light {
             zero: self.now.mean,
@@ -257,7 +257,7 @@ impl<'a> Source<'a> {
             touched_counts: low,
             newton_per_count: area.0 * 1e-3 * rise_kpa / low,
             noise_counts: self.now.noise.max(NOISE_FLOOR_COUNTS),
-            dead_n: area.0 * 1e-3 * dead_kpa(self.model, zero_as_read, activation),
+            dead_n: area.0 * 1e-3 * self.dead_zone.kpa,
         }
     }
 

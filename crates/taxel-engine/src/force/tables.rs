@@ -8,7 +8,7 @@ use taxel_model::Sign;
 use taxel_skin::{CountRange, SquareMillimetre};
 
 use crate::baseline::{Activation, TaxelBaseline};
-use crate::force::dead_zone::stays_counts;
+use crate::force::dead_zone::DeadZone;
 use crate::force::sample::RangeFlag;
 use crate::force::source::{ENTRIES, ForceTable, Light, Share, Source, TaxelTable};
 use crate::model_set::ModelSet;
@@ -90,7 +90,7 @@ impl Tables {
         let taxels = set.taxels.len();
         let compensated = (0..taxels).any(|taxel| set.plays(taxel).is_some());
         let residue_counts = if compensated { 0.0 } else { residue_counts };
-        let stays_counts = residue_counts.min(stays_counts(&set, activation));
+        let dead_zone = DeadZone::of(&set, activation, residue_counts);
         let mut tables = Self {
             id: Arc::from(set.id.as_str()),
             taxels: vec![None; taxels],
@@ -100,7 +100,7 @@ impl Tables {
             counts,
             units_per_count: (1.0 / counts.per_unit()) as f32,
             residue_counts,
-            stays_counts,
+            stays_counts: dead_zone.stays_counts,
             light: vec![Light::default(); taxels],
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
@@ -112,7 +112,7 @@ impl Tables {
                 // A zero or a reference that was never measured proves nothing about the taxel.
                 && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
             {
-                let source = Source::new(&tables.set, taxel, extension, doubt_kpa, (*now, *then), stays_counts);
+                let source = Source::new(&tables.set, taxel, extension, doubt_kpa, (*now, *then), dead_zone);
                 let (table, force_n) = source.tabulate(*area, counts);
                 tables.light[taxel] = source.light(&table, *area, activation);
                 tables.polarity[taxel] = if source.sign == Sign::Falling { u16::MAX } else { 0 };

@@ -124,6 +124,7 @@ pub fn corrected(
         pressure_max_kpa: gain * source.pressure_max_kpa,
         gauge_gain_rel: source.gauge_gain_rel.hypot(found.relative_sigma()),
         gauge_offset_kpa: gain * source.gauge_offset_kpa,
+        dead_zone_kpa: gain * source.dead_zone_kpa,
         taxels: source.taxels.iter().map(|model| model.scaled(gain, 0.0)).collect(),
         recorded,
         recalibrated: Some(recalibrated),

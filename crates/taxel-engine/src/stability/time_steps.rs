@@ -70,6 +70,7 @@ fn hysteresis() -> Option<Hysteresis> {
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.0,
         gauge_offset_kpa: 0.0,
+        dead_zone_kpa: 0.0,
         taxels: vec![model],
         recorded: Some(Recorded {
             smooth_s: 0.5,

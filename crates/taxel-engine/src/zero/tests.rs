@@ -196,6 +196,7 @@ fn models(rest: f64) -> ModelSet {
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.0,
         gauge_offset_kpa: 0.0,
+        dead_zone_kpa: 0.0,
         taxels: vec![model; TAXELS],
         recorded: None,
         recalibrated: None,

@@ -68,6 +68,7 @@ fn case() -> Case {
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.001,
         gauge_offset_kpa: 0.0,
+        dead_zone_kpa: 0.0,
         taxels: vec![line(), line(), dead],
         recorded: None,
         recalibrated: None,

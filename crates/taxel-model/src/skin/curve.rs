@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::course::Course;
 use super::form::{Form, dot, moments};
 use super::least_squares::{Normal, Row};
-use crate::numbers::{distinct, interpolate};
+use crate::numbers::{distinct, interpolate, mean};
 
 /// Dead zones that a taxel may have, shares of the range.
 const ZONES: [f64; 13] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0];
@@ -113,6 +113,12 @@ impl Problem {
             counts,
             kpa: zone.points_kpa.clone(),
         }
+    }
+
+    /// Mean dead zone of taxels whose groups have these counts, kPa; less than half a step of those that are tried is none.
+    pub fn dead_zone_kpa<'a>(&self, taxels: impl Iterator<Item = &'a [f64]>) -> f64 {
+        let kpa = mean(taxels.map(|counts| self.fit(counts).zone_kpa));
+        self.zones.get(1).filter(|step| 2.0 * kpa >= step.kpa).map_or(0.0, |_| kpa)
     }
 
     /// The row of a group's pressure with this dead zone.

@@ -3,7 +3,7 @@
 use super::course::{Course, Group, READING_FOLDS, fill};
 use super::curve::{LoadCurve, Problem};
 use super::fitted::{FittedTaxel, LOADED, SkinFit};
-use super::form::{self, Folds, Form, pilots};
+use super::form::{self, Folds, Form, Warp, pilots};
 use super::lag::{self, Lag};
 use super::sigma::{Moments, Noise, PRIOR_GROUPS, SigmaByReading, Variance};
 use crate::numbers::{mean, median, quantile, spread};
@@ -167,11 +167,8 @@ fn see(course: &Course, counts: &[f64], zero: Option<(f64, f64)>) -> Result<Seen
     let (mean_kpa, mean_count) = (mean(course.kpa.iter().copied()), mean(filled.iter().copied()));
     let cross: f64 = course.kpa.iter().zip(&filled).map(|(p, c)| (p - mean_kpa) * (c - mean_count)).sum();
     let sign = if cross < 0.0 { -1.0 } else { 1.0 };
-    let at_rest = || course.rest.iter().map(|scan| filled[*scan]);
-    let (zero_counts, noise_counts) = zero.unwrap_or_else(|| {
-        let zero = mean(at_rest());
-        (zero, mean(at_rest().map(|count| (count - zero).powi(2))).sqrt())
-    });
+    let at_rest: Vec<f64> = course.rest.iter().map(|scan| filled[*scan]).collect();
+    let (zero_counts, noise_counts) = zero.unwrap_or_else(|| (mean(at_rest.iter().copied()), spread(&at_rest)));
     if !zero_counts.is_finite() {
         return Err(Status::NoData);
     }
@@ -224,6 +221,7 @@ impl Fit<'_> {
         SkinFit {
             form: self.form,
             range_kpa: self.range_kpa,
+            dead_zone_kpa: self.dead_zone_kpa(pilots),
             shared_kpa: self.shared_kpa(&taxels),
             apart_kpa: common_kpa(&taxels, &self.course.groups, true),
             fall_kpa: common_kpa(&taxels, &self.course.groups, false),
@@ -234,11 +232,18 @@ impl Fit<'_> {
         }
     }
 
+    /// The dead zone of the skin: the more of what its curves say, which may be free enough to take it in, and stiff ones.
+    fn dead_zone_kpa(&self, pilots: &[usize]) -> f64 {
+        let stiff = Form { warp: Warp::Log(0.02), order: 3, dead_zone: true, free_zero: false };
+        let stiff = Problem::new(stiff, &self.course, |_| self.zero_known && !self.course.plateaus);
+        let groups = || pilots.iter().filter_map(|taxel| Some(&*self.seen[*taxel].as_ref().ok()?.groups));
+        stiff.iter().chain([&self.whole]).map(|problem| problem.dead_zone_kpa(groups())).fold(0.0, f64::max)
+    }
+
     /// A taxel's load counts, in the order of the course.
     fn load(&self, taxel: usize, seen: &Seen) -> Vec<f64> {
-        let column =
-            self.course.column(self.counts[taxel], MISSING_MAX).map_or_else(|_| Vec::new(), |(filled, _)| filled);
-        column.iter().map(|count| seen.sign * (count - seen.zero_counts)).collect()
+        let (filled, _) = self.course.column(self.counts[taxel], MISSING_MAX).unwrap_or_default();
+        filled.iter().map(|count| seen.sign * (count - seen.zero_counts)).collect()
     }
 
     /// The curve of a taxel that moves, and what it leaves in counts.
@@ -261,8 +266,7 @@ impl Fit<'_> {
         };
         let of_scans = Moments::of(scans.map(residual), span);
         let rms_counts = of_scans.mean_square().max(of_groups.mean_square()).sqrt() * span;
-        let is_noise = curve.span() < span;
-        Some(Curved { curve, of_scans, of_groups, rms_counts, span, is_noise })
+        Some(Curved { is_noise: curve.span() < span, curve, of_scans, of_groups, rms_counts, span })
     }
 
     /// Plays, and the soft inverse, if they err less on scans that were left out.

@@ -31,6 +31,9 @@ pub struct SkinFit {
     pub form: Form,
     /// Least and greatest calibrated pressure, kPa.
     pub range_kpa: [f64; 2],
+    /// Below this above rest the skin does not answer, mean over its taxels, kPa; 0 where no unloaded skin was seen, or plateaus are
+    /// too far apart to tell.
+    pub dead_zone_kpa: f64,
     /// What the readings of light loads have in common by which they are off, kPa; `None` where nothing tells.
     pub shared_kpa: Option<f64>,
     /// The same of other ramps than that which the curves are fitted to.
@@ -105,10 +108,9 @@ impl SkinFit {
     /// The model of a taxel, whose `counts` are those that were fitted. The order of `options` is that of the polynomial.
     #[must_use]
     pub fn model(&self, taxel: usize, counts: &[f64], options: &FitOptions) -> TaxelModel {
-        match self.taxels.get(taxel) {
-            Some(Ok(fitted)) => self.model_of(fitted, counts, options),
-            Some(Err(status)) => TaxelModel::without_curve(*status, options.gauge),
-            None => TaxelModel::without_curve(Status::NoData, options.gauge),
+        match self.taxels.get(taxel).unwrap_or(&Err(Status::NoData)) {
+            Ok(fitted) => self.model_of(fitted, counts, options),
+            Err(status) => TaxelModel::without_curve(*status, options.gauge),
         }
     }
 
@@ -126,8 +128,7 @@ impl SkinFit {
         let sigma = |k: usize| fitted.sigma.at(points.evaluate(range[0] + step_counts * k as f64));
         let sigma_kpa = (0..=SIGMA_STEPS).map(sigma).collect();
         let interval_kpa = WITHIN_95 * fitted.sigma.median_kpa();
-        let swing_counts = fitted.swing_counts;
-        let needed_counts = options.min_swing_counts;
+        let (swing_counts, needed_counts) = (fitted.swing_counts, options.min_swing_counts);
         let status = match fitted.status {
             Status::Ok if swing_counts < needed_counts => Status::InsufficientSwing { swing_counts, needed_counts },
             status => status,

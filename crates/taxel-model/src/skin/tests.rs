@@ -52,6 +52,7 @@ fn a_made_up_skin_is_fitted_as_the_reference_fits_it() {
     assert!(taxels.len() == 40 && taxels.iter().all(|taxel| taxel.status.is_ok() && taxel.soft.is_none()));
     let of = |value: fn(&FittedTaxel) -> f64| taxels.iter().map(|taxel| value(taxel)).collect::<Vec<f64>>();
     agree("zone", &[median(of(|taxel| taxel.curve.zone_kpa))], &[1.067_724_540_311_174]);
+    assert!((skin.dead_zone_kpa - 1.1).abs() < 0.2, "{} kPa", skin.dead_zone_kpa);
     agree("noise", &[median(of(|taxel| taxel.noise_counts))], &[0.875_827_687_852_033]);
     agree("zero", &of(|taxel| taxel.zero_counts), &[239.970_297_029_703, 240.019_801_980_198, 239.970_297_029_703]);
     agree("error", &of(|taxel| taxel.error_kpa), &[1.509_620_088_105, 1.221_805_330_749, 1.266_186_867_368]);

@@ -109,6 +109,7 @@ pub fn model_set(id: &str) -> Arc<ModelSet> {
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.0,
         gauge_offset_kpa: 0.0,
+        dead_zone_kpa: 0.0,
         taxels: Vec::new(),
         recorded: None,
         recalibrated: None,

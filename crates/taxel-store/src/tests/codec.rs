@@ -85,7 +85,7 @@ fn the_file_looks_as_documented() {
     let recalibrated = "recalibrated{area_mm2 derived_from earlier filled gain gain_in_all gain_sigma \
                         place_rel points{known known_sigma number read read_sigma} relative_sigma}";
     let all = format!(
-        "{{baseline{{mean noise}} board_settings created_wall_ns fitted_by format gauge_gain_rel gauge_offset_kpa id method patch \
+        "{{baseline{{mean noise}} board_settings created_wall_ns dead_zone_kpa fitted_by format gauge_gain_rel gauge_offset_kpa id method patch \
          pressure_max_kpa {recalibrated} {recorded} session simulated {taxels} version}}"
     );
     assert_eq!(names(&file), all);
@@ -351,6 +351,7 @@ proptest! {
             pressure_max_kpa: gauge.0,
             gauge_gain_rel: gauge.1,
             gauge_offset_kpa: gauge.2,
+            dead_zone_kpa: gauge.2,
             taxels: taxels.into_iter().map(|(model, ..)| model).collect(),
             recorded: None,
             recalibrated: None,

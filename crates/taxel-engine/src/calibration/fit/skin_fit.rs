@@ -46,6 +46,8 @@ pub(crate) struct FittedSkin {
     pub plays_error_ratio: Option<f64>,
     /// Greatest calibrated pressure, kPa.
     pub pressure_max_kpa: f64,
+    /// Below this the skin does not answer, kPa.
+    pub dead_zone_kpa: f64,
     /// How the curves were fitted, in words.
     pub method: String,
 }
@@ -76,6 +78,7 @@ impl SkinScans<'_> {
             hysteresis_kpa: skin.fall_kpa,
             plays_error_ratio: skin.plays_error_ratio,
             pressure_max_kpa: skin.range_kpa[1],
+            dead_zone_kpa: skin.dead_zone_kpa,
             method: method(&skin.form),
             models,
         })
@@ -94,6 +97,7 @@ impl SkinScans<'_> {
             hysteresis_kpa: None,
             plays_error_ratio: None,
             pressure_max_kpa: self.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            dead_zone_kpa: 0.0,
             method: format!("order {}, paper", recipe.options.order),
         }
     }
@@ -156,6 +160,7 @@ impl FittedSkin {
             method: self.method,
             baseline: self.zeros,
             pressure_max_kpa: self.pressure_max_kpa,
+            dead_zone_kpa: self.dead_zone_kpa,
             gauge_gain_rel: recipe.options.gauge.gain_rel,
             gauge_offset_kpa,
             taxels: self.models,
