@@ -72,8 +72,8 @@ pub struct SessionRun {
     stale_since_progress: u64,
     /// Whether it was told that the rise cannot get further.
     stalled: bool,
-    /// When a zero was asked for last, on the run's clock.
-    wanted: Time,
+    /// When it reached its present state, on the run's clock.
+    entered: Time,
     /// The view has changed since it was last shown, and when that was.
     dirty: bool,
     shown: Time,
@@ -107,7 +107,7 @@ impl SessionRun {
             pending: VecDeque::new(),
             stale_since_progress: 0,
             stalled: false,
-            wanted: now.time,
+            entered: now.time,
             dirty: false,
             shown: Time::default(),
             events: Vec::new(),
@@ -157,7 +157,6 @@ impl SessionRun {
     }
 
     fn watch_rest(&mut self, now: Now) {
-        self.wanted = now.time;
         self.enter(now, SessionState::Taring, "");
         self.events.push(SessionEvent::WantsZero);
     }
@@ -185,7 +184,7 @@ impl SessionRun {
         if self.view.state != SessionState::Taring {
             return;
         }
-        if now.time.since(self.wanted) > self.limits.patience {
+        if now.time.since(self.entered) > self.limits.patience {
             self.enter(now, SessionState::Failed, format!("rest was never proven: {why}"));
         } else {
             self.view.reason = format!("waiting for an unloaded skin: {why}");
@@ -194,22 +193,12 @@ impl SessionRun {
         }
     }
 
-    /// The zero was lost: counts of two zeros in one ramp would make a wrong model. What was gathered before is kept. A ramp of
-    /// which nothing was gathered begins anew with the next zero, as after a vent, when the skin still creeps back.
+    /// The zero was lost: counts of two zeros in one ramp would make a wrong model. What was gathered before is kept.
     pub fn on_zero_lost(&mut self, now: Now, why: &str) {
         self.drop_waiting();
-        if !self.is_ramping() {
-            return;
-        }
-        let gathered = self.samples.samples.last().is_some_and(|sample| sample.ramp + 1 == self.view.ramps);
-        if gathered || now.time.since(self.wanted) > self.limits.patience {
+        if self.is_ramping() {
             self.enter(now, SessionState::Failed, format!("the ramp's zero was lost: {why}"));
-            return;
         }
-        self.view.ramps -= 1;
-        Arc::make_mut(&mut self.samples).ramps.pop();
-        self.enter(now, SessionState::Taring, format!("waiting for an unloaded skin: {why}"));
-        self.events.push(SessionEvent::WantsZero);
     }
 
     /// The zero was lost or is in doubt: the scans that wait are not to be believed.
@@ -296,6 +285,7 @@ impl SessionRun {
         self.view.reason = reason.into();
         self.view.changed_wall_ns = now.wall_ns;
         self.view.remaining_s = None;
+        self.entered = now.time;
         if state != SessionState::Ramping {
             self.pending.clear();
         }

@@ -135,27 +135,6 @@ fn rest_that_is_not_proven_is_waited_for_as_long_as_patience_goes() {
     assert_eq!((scene.state(), scene.count(wants_zero)), (SessionState::Failed, 2));
 }
 
-/// After a vent the skin still creeps back.
-#[test]
-fn a_ramp_whose_zero_is_lost_before_anything_was_gathered_begins_anew() {
-    let mut scene = Scene::ramping(Branch::Rising);
-    let lose = |scene: &mut Scene| {
-        scene.run.on_zero_lost(scene.now(), "the skin is lighter");
-        scene.settle();
-        (scene.state(), scene.run.view.ramps, scene.count(wants_zero))
-    };
-    assert_eq!(lose(&mut scene), (SessionState::Taring, 0, 2));
-    assert_eq!(scene.run.view.reason, "waiting for an unloaded skin: the skin is lighter");
-    scene.take_zero();
-    assert_eq!((scene.state(), scene.run.samples.ramps.len()), (SessionState::Ramping, 1));
-    scene.ms += 3_001;
-    assert_eq!(lose(&mut scene), (SessionState::Failed, 1, 2), "patience is over");
-    let mut scene = Scene::ramping(Branch::Rising);
-    scene.go(0.0, 2.0, 2.0);
-    assert!(scene.run.view.accepted > 0);
-    assert_eq!(lose(&mut scene), (SessionState::Failed, 1, 1), "what was gathered is of the zero that was lost");
-}
-
 /// A board that took a new zero unseen is found within the second for which scans wait: those are not to be believed.
 #[test]
 fn scans_that_wait_while_the_zero_comes_into_doubt_never_enter() {
