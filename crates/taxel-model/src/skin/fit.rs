@@ -3,7 +3,7 @@
 use super::course::{Course, Group, READING_FOLDS, fill};
 use super::curve::{LoadCurve, Problem};
 use super::fitted::{FittedTaxel, LOADED, SkinFit};
-use super::form::{self, Folds, Form, Warp, pilots};
+use super::form::{self, Folds, Form, STIFF, pilots};
 use super::lag::{self, Lag};
 use super::sigma::{Moments, Noise, PRIOR_GROUPS, SigmaByReading, Variance};
 use crate::numbers::{mean, median, quantile, spread};
@@ -137,7 +137,7 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
         Some(groups)
     };
     let groups: Vec<Vec<f64>> = pilots.iter().filter_map(groups).collect();
-    let form = form::choose(&course, &groups, !zero_known, zero_known && !course.plateaus);
+    let (form, is_stiff) = form::choose(&course, &groups, !zero_known, zero_known && !course.plateaus);
     let Some(whole) = Problem::new(form, &course, |_| true) else {
         return Err(SkinError::NoRise { rest_kpa: course.rest_kpa });
     };
@@ -152,6 +152,7 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
         swing_min,
         course,
         form,
+        is_stiff,
         counts,
         seen,
     };
@@ -190,6 +191,7 @@ struct ReadingChoice {
 struct Fit<'a> {
     course: Course,
     form: Form,
+    is_stiff: bool,
     counts: &'a [&'a [f64]],
     seen: Vec<Result<Seen, Status>>,
     whole: Problem,
@@ -234,8 +236,7 @@ impl Fit<'_> {
 
     /// The dead zone of the skin: the more of what its curves say, which may be free enough to take it in, and stiff ones.
     fn dead_zone_kpa(&self, pilots: &[usize]) -> f64 {
-        let stiff = Form { warp: Warp::Log(0.02), order: 3, dead_zone: true, free_zero: false };
-        let stiff = Problem::new(stiff, &self.course, |_| self.zero_known && !self.course.plateaus);
+        let stiff = Problem::new(STIFF, &self.course, |_| self.is_stiff);
         let groups = || pilots.iter().filter_map(|taxel| Some(&*self.seen[*taxel].as_ref().ok()?.groups));
         stiff.iter().chain([&self.whole]).map(|problem| problem.dead_zone_kpa(groups())).fold(0.0, f64::max)
     }

@@ -73,6 +73,11 @@ pub struct Form {
     pub free_zero: bool,
 }
 
+/// Curves with a dead zone that are too stiff to take it in, and steep enough at light loads to part from it. Where they err by more
+/// than so many times the least variance, as of a skin that is soft at first, what they take for a dead zone is none.
+pub(super) const STIFF: Form = Form { warp: Warp::Log(0.02), order: 3, dead_zone: true, free_zero: false };
+const STIFF_TIE: f64 = 3.0;
+
 impl Form {
     /// The unknown without a bound.
     pub(super) const fn free(&self) -> usize {
@@ -188,9 +193,9 @@ pub(super) fn pilots(all: &[usize]) -> Vec<usize> {
     chosen
 }
 
-/// Warp, order and dead zone for the skin: the least median left-out error of `pilots`, the simplest within 2 %. `pilots`
-/// have the counts of each, one a group of the curve.
-pub(super) fn choose(course: &Course, pilots: &[Vec<f64>], free_zero: bool, allow_zone: bool) -> Form {
+/// Warp, order and dead zone for the skin: the least median left-out error of `pilots`, the simplest within 2 %, and whether
+/// [`STIFF`] curves do not err by much more. `pilots` have the counts of each, one a group of the curve.
+pub(super) fn choose(course: &Course, pilots: &[Vec<f64>], free_zero: bool, allow_zone: bool) -> (Form, bool) {
     let on_curve = || course.groups.iter().filter(|group| group.on_curve);
     let top = on_curve().map(|group| group.kpa - course.rest_kpa).fold(0.0, f64::max);
     let spread: Vec<f64> = pilots.iter().map(|counts| spread(counts).powi(2)).collect();
@@ -216,10 +221,7 @@ pub(super) fn choose(course: &Course, pilots: &[Vec<f64>], free_zero: bool, allo
     let simplicity = |form: &Form| (form.order + usize::from(form.dead_zone), form.dead_zone);
     // Of equal ones the first stands: the warps are in their order.
     let near = tried.iter().filter(|(_, error)| *error <= TIE * best);
-    near.map(|(form, _)| *form).min_by_key(simplicity).unwrap_or(Form {
-        warp: Warp::None,
-        order: 1,
-        dead_zone: false,
-        free_zero,
-    })
+    let is_stiff = tried.iter().any(|(form, error)| *form == STIFF && *error <= STIFF_TIE * best);
+    let simplest = near.map(|(form, _)| *form).min_by_key(simplicity);
+    (simplest.unwrap_or(Form { warp: Warp::None, order: 1, dead_zone: false, free_zero }), is_stiff)
 }
