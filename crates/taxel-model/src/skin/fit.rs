@@ -223,7 +223,7 @@ impl Fit<'_> {
         SkinFit {
             form: self.form,
             range_kpa: self.range_kpa,
-            dead_zone_kpa: self.dead_zone_kpa(pilots),
+            dead_zone_kpa: self.dead_zone_kpa(moving),
             shared_kpa: self.shared_kpa(&taxels),
             apart_kpa: common_kpa(&taxels, &self.course.groups, true),
             fall_kpa: common_kpa(&taxels, &self.course.groups, false),
@@ -235,9 +235,9 @@ impl Fit<'_> {
     }
 
     /// The dead zone of the skin: the more of what its curves say, which may be free enough to take it in, and stiff ones.
-    fn dead_zone_kpa(&self, pilots: &[usize]) -> f64 {
+    fn dead_zone_kpa(&self, moving: &[usize]) -> f64 {
         let stiff = Problem::new(STIFF, &self.course, |_| self.is_stiff);
-        let groups = || pilots.iter().filter_map(|taxel| Some(&*self.seen[*taxel].as_ref().ok()?.groups));
+        let groups = || moving.iter().filter_map(|taxel| Some(&*self.seen[*taxel].as_ref().ok()?.groups));
         stiff.iter().chain([&self.whole]).map(|problem| problem.dead_zone_kpa(groups())).fold(0.0, f64::max)
     }
 
