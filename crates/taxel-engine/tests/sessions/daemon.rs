@@ -191,7 +191,7 @@ impl Daemon {
     fn end_fit(&mut self, fit: usize, well: bool) {
         let made = |job: &FitJob| {
             let template = ModelSet::clone(template());
-            let rest = job.samples.ramps.first().map(|ramp| ramp.taxels.clone());
+            let rest = job.samples.rest().map(<[_]>::to_vec);
             let baseline = rest.unwrap_or_else(|| elsewhere(&template));
             Arc::new(ModelSet { id: id_of(Set::Fit(fit)), session: Some(job.session()), baseline, ..template })
         };

@@ -59,7 +59,7 @@ impl Model {
 
     fn put_to_use(&mut self, set: Set) {
         self.live.active = Some(set);
-        let is_own = |fit: usize| self.fits[fit].has_ramp && self.begun.contains(&self.fits[fit].session);
+        let is_own = |fit: usize| self.fits[fit].rest.is_some_and(|rest| self.begun.contains(&rest));
         let own = matches!(set, Set::Fit(fit) if is_own(fit));
         if let Some(since) = self.unjudged.replace(if own { Since::Own } else { Since::Others }) {
             self.just_trusted |= own && since == Since::Others;

@@ -46,8 +46,8 @@ pub enum Pending {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fit {
     pub session: u64,
-    /// Whether the session had a ramp then, whose zero the models have.
-    pub has_ramp: bool,
+    /// The zero of the last ramp that the session had then, to which the models refer.
+    pub rest: Option<u64>,
     /// It has not come back, and the daemon that asked for it still runs.
     pub out: bool,
 }
@@ -72,10 +72,13 @@ pub struct Model {
     pub(super) heard: bool,
     /// They were configured while there was no force that would have shown a load, and no zero has been taken since.
     pub(super) unseen: bool,
-    /// A session took a zero all the same, which counts only for the models of sessions that took one since the start; and
+    /// A session took a zero all the same, which counts only for the models that refer to one taken since the start; and
     /// whether models are in use since, these or others.
     pub(super) unjudged: Option<Since>,
     pub(super) begun: BTreeSet<u64>,
+    /// How many zeros sessions have taken, and which of them was the last of each session.
+    pub(super) zeros: u64,
+    pub(super) rests: BTreeMap<u64, u64>,
     /// Somebody vouched for a zero while the bag pressed: boards that are configured after that contradict it.
     pub(super) falsely_vouched: bool,
     /// Whether all modules were heard together since the boards were configured.
@@ -118,6 +121,8 @@ impl Model {
             unseen: true,
             unjudged: None,
             begun: BTreeSet::new(),
+            zeros: 0,
+            rests: BTreeMap::new(),
             falsely_vouched: false,
             whole: true,
             just_trusted: false,
@@ -175,8 +180,8 @@ impl Model {
 
     pub(super) fn fit(&mut self, number: u64) {
         self.enter(number, S::Fitting);
-        let has_ramp = self.recorded.ramped.contains(&number);
-        self.fits.push(Fit { session: number, has_ramp, out: true });
+        let rest = self.rests.get(&number).filter(|_| self.recorded.ramped.contains(&number)).copied();
+        self.fits.push(Fit { session: number, rest, out: true });
     }
 
     /// The session of this daemon that a set came from.

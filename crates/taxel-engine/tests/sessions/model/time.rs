@@ -119,7 +119,9 @@ impl Model {
                 self.begun.clear();
             }
             self.unseen = false;
-            self.begun.insert(number);
+            self.zeros += 1;
+            self.begun.insert(self.zeros);
+            self.rests.insert(number, self.zeros);
             self.recorded.ramped.insert(number);
             self.enter(number, S::Ramping);
             (self.idle_s, self.reached_kpa) = ((0.6, 3.0), 0);
