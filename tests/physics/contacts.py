@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """What a sum over taxels misses of a contact, and whether the table of crates/taxel-engine/src/force/sampling.rs says it.
 
-usage: contacts.py [--seed 1] [--contacts 300] [--errors]      needs numpy
+usage: contacts.py [--seed 1] [--contacts 300] [--errors] [--edge]      needs numpy
 
 Presses made-up contacts of eight shapes on the second simulated skin (skin.py), under layers of 1, 2 and 3 mm, and prints for each
 shape the root mean square error of the sum, what the table states, and the share of contacts within 95 %. With --errors the root mean
-square errors that the table follows from: by effective taxels, and by how many times as long a contact is as a round one.
-Exit status 1 if less than 85 % of a shape lie within 95 %.
+square errors that the table follows from: by effective taxels, and by how many times as long a contact is as a round one. With --edge
+what untouched taxels beside a touch bear of a dead zone of 0.3 to 2 kPa; crates/taxel-engine/src/force/measure.rs says, such a share as of
+those beside them are touched.
+Exit status 1 if less than 85 % of a shape lie within 95 %, or what lies at the edge is off by more than 0.2.
 Left out: curvature, holes, hysteresis, and all but 0.35 kPa of noise.
 """
 
@@ -125,6 +127,25 @@ def stated(table, newton, parts):
     return math.sqrt(sampling + (RIM * sum(force * rim for force, _, _, rim in parts)) ** 2 + 0.06**2) / newton
 
 
+def edge(rng, surface, contacts):
+    """Mean share of its dead zone that an untouched taxel bears, by the share of those beside it that are touched."""
+    shares = {}
+    around, inner = surface.beside.sum(1), ~surface.at_rim
+    for kind in SHAPES:
+        for layer_mm in LAYERS_MM * contacts:
+            kpa = rng.uniform(1.5, 8) * surface.pads_kpa(shape(rng, surface, kind), layer_mm)
+            zone_kpa = math.exp(rng.uniform(math.log(0.3), math.log(2)))
+            touched = kpa > zone_kpa + BESIDE_KPA
+            lit = (surface.beside & touched).sum(1)
+            for taxel in np.flatnonzero(inner & ~touched & (lit > 0)):
+                shares.setdefault(round(12 * lit[taxel] / around[taxel]), []).append(min(kpa[taxel] / zone_kpa, 1))
+    print("\n| touched of those beside | taxels | share of the dead zone |\n|---|---|---|")
+    for twelfths, of in sorted(shares.items()):
+        print(f"| {twelfths / 12:.2f} | {len(of)} | {np.mean(of):.2f} |")
+        if len(of) >= 100 and abs(np.mean(of) - twelfths / 12) > 0.2:
+            sys.exit("what lies at the edge of a touch is not as stated")
+
+
 def rms(values):
     return math.sqrt(np.mean(np.square(values))) if len(values) else math.nan
 
@@ -134,6 +155,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--contacts", type=int, default=300, help="of each shape under each layer")
     parser.add_argument("--errors", action="store_true")
+    parser.add_argument("--edge", action="store_true")
     args = parser.parse_args()
     rows = re.search(r"BY_TAXELS[^=]*= \[(.*?)\];", SOURCE.read_text(encoding="utf-8"), re.S)[1]
     table = np.array([[float(x) for x in row.split(",")] for row in re.findall(r"\[([^\]]+)\]", rows)])
@@ -157,6 +179,8 @@ def main():
             by = [of[(of[:, 1] >= a) & (of[:, 1] < b), 2] for a, b in zip(lengths, lengths[1:])]
             print(f"{of[:, 0].mean():5.2f} " + " ".join(f"{100 * rms(e):6.1f} % ({len(e)})" for e in by))
 
+    if args.edge:
+        edge(rng, surface, args.contacts)
     if least < 0.85:
         sys.exit(f"{100 * least:.0f} % of a shape lie within what is said to hold 95 %")
 

@@ -20,7 +20,7 @@ const TERMS = {
   readings: "noise of each taxel", choice: "a light touch may be noise", zero: "the zero may have moved", creep: "creep after an earlier load",
   hysteresis: "hysteresis", curve: "fit of the curves", "beyond range": "beyond the calibrated range", gauge: "the pressure gauge",
   "gain of the day": "the skin differs from day to day", area: "area of a taxel", sampling: "load between the taxels", rim: "load at the rim of the skin",
-  "unread taxels": "excluded and faulty taxels", flicker: "a module that jumps",
+  "dead zone": "load that no count shows", "unread taxels": "excluded and faulty taxels", flicker: "a module that jumps",
 };
 
 /** The force, big, with what keeps it from being good. */

@@ -32,6 +32,9 @@ pub enum Term {
     Sampling,
     /// A pad at the rim of the skin feels less. Type A, from the same simulation. Common to the taxels at the rim.
     Rim,
+    /// What lies under the edge of a touch without a count that shows it (`dead_zone.rs`). Type A, from simulated contacts.
+    /// Independent over taxels.
+    DeadZone,
     /// Taxels under a contact that cannot be read. Type B (`coverage.rs`): half of the most that may lie there,
     /// or the spread of the contacts that fit (`fill.rs`).
     Unread,
@@ -41,7 +44,7 @@ pub enum Term {
 
 impl Term {
     /// All, in the order of [`Budget::terms`].
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Readings,
         Self::Choice,
         Self::Zero,
@@ -54,6 +57,7 @@ impl Term {
         Self::Area,
         Self::Sampling,
         Self::Rim,
+        Self::DeadZone,
         Self::Unread,
         Self::Flicker,
     ];
@@ -74,6 +78,7 @@ impl Term {
             Self::Area => "area",
             Self::Sampling => "sampling",
             Self::Rim => "rim",
+            Self::DeadZone => "dead zone",
             Self::Unread => "unread taxels",
             Self::Flicker => "flicker",
         }

@@ -97,6 +97,7 @@ pub struct Present<'a> {
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     own_n2: f64,
+    dead_n2: f64,
     hysteresis_n: f64,
     curve_n: f64,
     beyond_n: f64,
@@ -113,13 +114,12 @@ struct Sums {
 }
 
 impl Touch {
-    /// What a taxel of the ring bears of its dead zone, a share: all of it where half of those beside it are touched, as under the
-    /// edge of a wide contact, and less with the square of fewer. Of made-up contacts (discs and ellipses of 4 to 15 mm, layers
-    /// of 1 to 3 mm) it is 0.05, 0.39 and 0.85 where one, two and three of six are.
+    /// What a taxel of the ring bears of its dead zone: such a share as of those beside it are touched, in the mean over made-up
+    /// contacts (`tests/physics/contacts.py --edge`).
     fn dead_share(&self, neighbours: &Neighbours, taxel: usize) -> f64 {
         let is_touched = |other: &usize| ![0, Neighbours::BESIDE].contains(&self.labels[*other]);
         let (touched, all) = (neighbours.of(taxel).filter(is_touched).count(), neighbours.of(taxel).count());
-        (2.0 * touched as f64 / all as f64).min(1.0).powi(2)
+        touched as f64 / all as f64
     }
 }
 
@@ -277,6 +277,7 @@ impl ForceModel {
             .with(Term::Area, self.layout.area_uncertainty * total_n)
             .with(Term::Sampling, scale * sampling_n2.sqrt())
             .with(Term::Rim, scale * contacts.iter().map(Contact::rim_sigma_n).sum::<f64>())
+            .with(Term::DeadZone, scale * sums.dead_n2.sqrt())
             .with(Term::Unread, missing_n)
             .with(Term::Flicker, scale * self.flicker_n(evaluator, counts, active, present.jumps));
         let mut sample = ForceSample {
@@ -333,7 +334,7 @@ impl ForceModel {
             let dead_share = has_dead.map_or(0.0, |neighbours| touch.dead_share(neighbours, taxel));
             touch.added_n[beside] += light.newton_per_count * pressed + light.dead_n * dead_share;
             sums.own_n2 += SHARED_NOISE * light.noise_n().powi(2);
-            sums.own_n2 += light.dead_n.powi(2) * dead_share * (1.0 - dead_share);
+            sums.dead_n2 += light.dead_n.powi(2) * dead_share * (1.0 - dead_share);
             sums.per_count_n += light.newton_per_count;
             sums.per_count_n2 += light.newton_per_count.powi(2);
         }

@@ -25,6 +25,9 @@ pub(super) fn print(set: &ModelSet) {
         }
     };
     figure("RMSE of the static fit", usable().map(|model| model.quality.rmse_kpa).collect(), "kPa");
+    if set.dead_zone_kpa > 0.0 {
+        say!("  dead zone: {:.2} kPa, below which the skin does not answer", set.dead_zone_kpa);
+    }
     let Some(recorded) = &set.recorded else { return };
     if let Some(kpa) = recorded.hysteresis_kpa {
         say!("  hysteresis: {kpa:.3} kPa");

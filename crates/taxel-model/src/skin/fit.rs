@@ -137,7 +137,7 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
         Some(groups)
     };
     let groups: Vec<Vec<f64>> = pilots.iter().filter_map(groups).collect();
-    let (form, is_stiff) = form::choose(&course, &groups, !zero_known, zero_known && !course.plateaus);
+    let (form, stiff_fits) = form::choose(&course, &groups, !zero_known, zero_known && !course.plateaus);
     let Some(whole) = Problem::new(form, &course, |_| true) else {
         return Err(SkinError::NoRise { rest_kpa: course.rest_kpa });
     };
@@ -152,7 +152,7 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
         swing_min,
         course,
         form,
-        is_stiff,
+        stiff_fits,
         counts,
         seen,
     };
@@ -191,7 +191,8 @@ struct ReadingChoice {
 struct Fit<'a> {
     course: Course,
     form: Form,
-    is_stiff: bool,
+    /// Whether [`STIFF`] curves explain the skin, too.
+    stiff_fits: bool,
     counts: &'a [&'a [f64]],
     seen: Vec<Result<Seen, Status>>,
     whole: Problem,
@@ -236,7 +237,7 @@ impl Fit<'_> {
 
     /// The dead zone of the skin: the more of what its curves say, which may be free enough to take it in, and stiff ones.
     fn dead_zone_kpa(&self, moving: &[usize]) -> f64 {
-        let stiff = Problem::new(STIFF, &self.course, |_| self.is_stiff);
+        let stiff = Problem::new(STIFF, &self.course, |_| self.stiff_fits);
         let groups = || moving.iter().filter_map(|taxel| Some(&*self.seen[*taxel].as_ref().ok()?.groups));
         stiff.iter().chain([&self.whole]).map(|problem| problem.dead_zone_kpa(groups())).fold(0.0, f64::max)
     }

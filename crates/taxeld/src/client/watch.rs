@@ -149,6 +149,7 @@ fn in_words(term: &str) -> &str {
         "area" => "area of a taxel",
         "sampling" => "load between the taxels",
         "rim" => "load at the rim of the skin",
+        "dead zone" => "load that no count shows",
         "unread taxels" => "excluded and faulty taxels",
         "flicker" => "a module that jumps",
         other => other,

@@ -194,14 +194,12 @@ fn the_time_left_is_what_is_missing_to_the_end_of_the_branch_at_the_present_rate
     assert_eq!(scene.shown().remaining_s, None, "a pressure that stands still never arrives");
 }
 
+fn sample(pressure_kpa: f64, counts: [u16; TAXELS]) -> Sample {
+    Sample { ramp: 0, time_ns: 0, pressure_kpa, counts: SharedCounts::from(counts.to_vec()) }
+}
+
 #[test]
 fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_counts_responds() {
-    let sample = |pressure_kpa: f64, counts: [u16; TAXELS]| Sample {
-        ramp: 0,
-        time_ns: 0,
-        pressure_kpa,
-        counts: SharedCounts::from(counts.to_vec()),
-    };
     let kpa = [-0.4, 0.3, 1.0, 1.9, 3.5, 12.0];
     let mut samples: Vec<Sample> = kpa.iter().map(|kpa| sample(*kpa, [200, 200, 200])).collect();
     samples[3].counts = SharedCounts::from(vec![195, 194, 206]);
@@ -216,12 +214,6 @@ fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_count
 
 #[test]
 fn a_taxel_that_moved_by_less_than_the_fit_asks_for_does_not_respond() {
-    let sample = |pressure_kpa: f64, counts: [u16; TAXELS]| Sample {
-        ramp: 0,
-        time_ns: 0,
-        pressure_kpa,
-        counts: SharedCounts::from(counts.to_vec()),
-    };
     let samples = vec![sample(1.0, [200, 200, 200]), sample(60.0, [181, 120, 100])];
     let samples = SessionSamples { ramps: Vec::new(), samples };
     let run = SessionRun::resume(at(ms(0)), &plan(SessionLimits::default()), SessionView::default(), samples);
