@@ -3,7 +3,7 @@
 use super::course::{Course, Group, READING_FOLDS, fill};
 use super::curve::{LoadCurve, Problem};
 use super::fitted::{FittedTaxel, LOADED, SkinFit};
-use super::form::{self, Folds, Form, STIFF, pilots};
+use super::form::{Folds, Form, STIFF, Tried, pilots};
 use super::lag::{self, Lag};
 use super::sigma::{Moments, Noise, PRIOR_GROUPS, SigmaByReading, Variance};
 use crate::numbers::{mean, median, quantile, spread};
@@ -137,10 +137,16 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
         Some(groups)
     };
     let groups: Vec<Vec<f64>> = pilots.iter().filter_map(groups).collect();
-    let (form, stiff_fits) = form::choose(&course, &groups, !zero_known, zero_known && !course.plateaus);
-    let Some(whole) = Problem::new(form, &course, |_| true) else {
-        return Err(SkinError::NoRise { rest_kpa: course.rest_kpa });
+    let tried = Tried::on(&course, &groups, !zero_known, zero_known && !course.plateaus);
+    let problem = |form: Form| Problem::new(form, &course, |_| true);
+    let zone_kpa = |problem: &Problem| {
+        problem.dead_zone_kpa(moving.iter().filter_map(|taxel| Some(&*seen[*taxel].as_ref().ok()?.groups)))
     };
+    // Curves that are free enough to take a dead zone in read light loads as too little.
+    let stiff_kpa = Some(STIFF).filter(|_| tried.stiff_fits()).and_then(problem).map_or(0.0, |stiff| zone_kpa(&stiff));
+    let form = tried.simplest(stiff_kpa > 0.0);
+    let whole = problem(form).ok_or(SkinError::NoRise { rest_kpa: course.rest_kpa })?;
+    let dead_zone_kpa = if stiff_kpa > 0.0 { stiff_kpa } else { zone_kpa(&whole) };
     let without = |k: usize| Problem::new(form, &course, |group| course.reading_fold(group) != k);
     let falling = course.groups.iter().filter(|group| !group.rising).count();
     let fit = Fit {
@@ -151,8 +157,8 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
         zero_known,
         swing_min,
         course,
+        dead_zone_kpa,
         form,
-        stiff_fits,
         counts,
         seen,
     };
@@ -191,8 +197,7 @@ struct ReadingChoice {
 struct Fit<'a> {
     course: Course,
     form: Form,
-    /// Whether [`STIFF`] curves explain the skin, too.
-    stiff_fits: bool,
+    dead_zone_kpa: f64,
     counts: &'a [&'a [f64]],
     seen: Vec<Result<Seen, Status>>,
     whole: Problem,
@@ -224,7 +229,7 @@ impl Fit<'_> {
         SkinFit {
             form: self.form,
             range_kpa: self.range_kpa,
-            dead_zone_kpa: self.dead_zone_kpa(moving),
+            dead_zone_kpa: self.dead_zone_kpa,
             shared_kpa: self.shared_kpa(&taxels),
             apart_kpa: common_kpa(&taxels, &self.course.groups, true),
             fall_kpa: common_kpa(&taxels, &self.course.groups, false),
@@ -233,13 +238,6 @@ impl Fit<'_> {
             taxels,
             course: self.course,
         }
-    }
-
-    /// The dead zone of the skin: the more of what its curves say, which may be free enough to take it in, and stiff ones.
-    fn dead_zone_kpa(&self, moving: &[usize]) -> f64 {
-        let stiff = Problem::new(STIFF, &self.course, |_| self.stiff_fits);
-        let groups = || moving.iter().filter_map(|taxel| Some(&*self.seen[*taxel].as_ref().ok()?.groups));
-        stiff.iter().chain([&self.whole]).map(|problem| problem.dead_zone_kpa(groups())).fold(0.0, f64::max)
     }
 
     /// A taxel's load counts, in the order of the course.

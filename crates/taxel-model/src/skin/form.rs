@@ -17,7 +17,7 @@ const TIE: f64 = 1.02;
 const PILOTS: usize = 40;
 
 /// Dead zones that are tried for the skin, shares of the range.
-const ZONES_TRIED: [f64; 4] = [0.0, 1.0 / 70.0, 2.0 / 70.0, 3.5 / 70.0];
+const ZONES_TRIED: [f64; 3] = [1.0 / 70.0, 2.0 / 70.0, 3.5 / 70.0];
 
 /// A warped pressure beyond the range is held here.
 const BEYOND: f64 = 1.02;
@@ -184,45 +184,54 @@ impl Folds {
 /// Evenly chosen ones of `all`, 40 at most.
 pub(super) fn pilots(all: &[usize]) -> Vec<usize> {
     let n = all.len().min(PILOTS);
-    let mut chosen: Vec<usize> = (0..n)
-        .map(|k| {
-            let place = if n > 1 { (all.len() - 1) as f64 * k as f64 / (n - 1) as f64 } else { 0.0 };
-            all[place.round_ties_even() as usize]
-        })
-        .collect();
-    chosen.dedup();
-    chosen
+    let place = |k: usize| (all.len() - 1) as f64 * k as f64 / (n.max(2) - 1) as f64;
+    (0..n).map(|k| all[place(k).round_ties_even() as usize]).collect()
 }
 
-/// Warp, order and dead zone for the skin: the least median left-out error of `pilots`, the simplest within 2 %, and whether
-/// [`STIFF`] curves do not err by much more. `pilots` have the counts of each, one a group of the curve.
-pub(super) fn choose(course: &Course, pilots: &[Vec<f64>], free_zero: bool, allow_zone: bool) -> (Form, bool) {
-    let on_curve = || course.groups.iter().filter(|group| group.on_curve);
-    let top = on_curve().map(|group| group.kpa - course.rest_kpa).fold(0.0, f64::max);
-    let spread: Vec<f64> = pilots.iter().map(|counts| spread(counts).powi(2)).collect();
-    let largest = (distinct(on_curve().map(|group| group.kpa).collect()) / 2).clamp(1, ORDER_MAX);
-    let zones = if allow_zone { &ZONES_TRIED[..] } else { &ZONES_TRIED[..1] };
-    let mut tried: Vec<(Form, f64)> = Vec::new();
-    for warp in WARPS {
-        for order in 1..=largest {
-            for (k, zone) in zones.iter().enumerate() {
-                let form = Form { warp, order, dead_zone: k > 0, free_zero };
-                let row = |kpa: f64| form.row_at(kpa - course.rest_kpa, zone * top, top);
-                let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), form.free());
-                let errors = pilots.iter().zip(&spread).map(|(counts, spread)| folds.error(counts) / spread);
-                let error = median(errors.collect());
-                match tried.iter_mut().find(|(other, _)| *other == form) {
-                    Some((_, least)) => *least = least.min(error),
-                    None => tried.push((form, error)),
-                }
+/// The forms of curves that were tried on a skin, each with its median left-out error.
+pub(super) struct Tried(Vec<(Form, f64)>);
+
+impl Tried {
+    /// Of `pilots`, which have the counts of each, one a group of the curve.
+    pub fn on(course: &Course, pilots: &[Vec<f64>], free_zero: bool, allow_zone: bool) -> Self {
+        let on_curve = || course.groups.iter().filter(|group| group.on_curve);
+        let top = on_curve().map(|group| group.kpa - course.rest_kpa).fold(0.0, f64::max);
+        let spread: Vec<f64> = pilots.iter().map(|counts| spread(counts).powi(2)).collect();
+        let largest = (distinct(on_curve().map(|group| group.kpa).collect()) / 2).clamp(1, ORDER_MAX);
+        let error = |form: Form, zone: f64| {
+            let row = |kpa: f64| form.row_at(kpa - course.rest_kpa, zone * top, top);
+            let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), form.free());
+            median(pilots.iter().zip(&spread).map(|(counts, spread)| folds.error(counts) / spread).collect())
+        };
+        let forms = WARPS.into_iter().flat_map(|warp| (1..=largest).map(move |order| (warp, order)));
+        let mut tried = Vec::new();
+        for (warp, order) in forms {
+            let without = Form { warp, order, dead_zone: false, free_zero };
+            tried.push((without, error(without, 0.0)));
+            if allow_zone {
+                let with = Form { dead_zone: true, ..without };
+                tried.push((with, ZONES_TRIED.map(|zone| error(with, zone)).into_iter().fold(f64::INFINITY, f64::min)));
             }
         }
+        Self(tried)
     }
-    let best = tried.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
-    let simplicity = |form: &Form| (form.order + usize::from(form.dead_zone), form.dead_zone);
-    // Of equal ones the first stands: the warps are in their order.
-    let near = tried.iter().filter(|(_, error)| *error <= TIE * best);
-    let stiff_fits = tried.iter().any(|(form, error)| *form == STIFF && *error <= STIFF_TIE * best);
-    let simplest = near.map(|(form, _)| *form).min_by_key(simplicity);
-    (simplest.unwrap_or(Form { warp: Warp::None, order: 1, dead_zone: false, free_zero }), stiff_fits)
+
+    /// Forms, with a dead zone alone if `with_zone`, that err by no more than `factor` times the least of these.
+    fn near(&self, factor: f64, with_zone: bool) -> impl Iterator<Item = Form> {
+        let tried = move || self.0.iter().filter(move |(form, _)| form.dead_zone || !with_zone);
+        let best = tried().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
+        tried().filter(move |(_, error)| *error <= factor * best).map(|(form, _)| *form)
+    }
+
+    /// Whether [`STIFF`] curves do not err by much more than the best.
+    pub fn stiff_fits(&self) -> bool {
+        self.near(STIFF_TIE, false).any(|form| form == STIFF)
+    }
+
+    /// The simplest within 2 % of the least error, with a dead zone alone if `with_zone`. Of equal ones the first stands: the warps are
+    /// in their order.
+    pub fn simplest(&self, with_zone: bool) -> Form {
+        let simplicity = |form: &Form| (form.order + usize::from(form.dead_zone), form.dead_zone);
+        self.near(TIE, with_zone).min_by_key(simplicity).unwrap_or(self.0[0].0)
+    }
 }
