@@ -54,9 +54,11 @@ impl Ramp {
         Self { direction, gauge_zero, off_since: None, reached: f64::NEG_INFINITY, progress: now }
     }
 
-    /// The other branch of the same ramp, which begins now.
-    pub fn turned(&self, now: Time, direction: Direction) -> Self {
-        Self { off_since: self.off_since, ..Self::new(now, direction, self.gauge_zero) }
+    /// The fall of the same ramp, which begins now. It enters from where the rise ended: the skin creeps while a pressure beyond that
+    /// is held.
+    pub fn turned(&self, now: Time, limits: &SessionLimits) -> Self {
+        let fall = Self::new(now, Direction::Falling, self.gauge_zero);
+        Self { off_since: self.off_since, reached: limits.noise_band.0 - self.reached, ..fall }
     }
 
     /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
@@ -303,6 +305,24 @@ mod tests {
             assert_eq!([0.015, -0.025].map(at), [Gate::Refuse(astray); 2]);
             assert_eq!(at(5.1), Gate::Refuse(SampleRefusal::TooFast), "{direction:?}");
         }
+    }
+
+    /// The rise ends at 10 kPa; the pump goes on to 12 and holds them for two seconds.
+    #[test]
+    fn a_fall_enters_from_where_the_rise_ended() {
+        let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
+        let mut ramp = Ramp::new(ms(0), Direction::Rising, Some(ms(0)));
+        let mut fell = Vec::new();
+        for t in (0..26_000).step_by(50) {
+            let seconds = t as f64 * 1e-3;
+            gauge.push(ms(t), Kilopascal(seconds.min(12.0).min(26.0 - seconds)));
+            match ramp.judge(ms(t), ms(t), &gauge, &limits) {
+                Gate::Accept(kpa) if ramp.direction == Direction::Falling => fell.push(kpa.0),
+                Gate::Accept(kpa) if kpa.0 >= 10.0 => ramp = ramp.turned(ms(t), &limits),
+                _ => {}
+            }
+        }
+        assert!((9.8..=10.0).contains(&fell[0]) && fell[0] >= fell[1] && fell[fell.len() - 1] < 0.5, "{fell:?}");
     }
 
     #[test]

@@ -215,7 +215,7 @@ impl SessionRun {
         let rising = self.is_ramping() && self.view.direction == Direction::Rising;
         let turns = rising && self.view.branches == Branch::Both;
         if turns {
-            self.begin_branch(Direction::Falling, self.ramp.turned(now, Direction::Falling));
+            self.begin_branch(Direction::Falling, self.ramp.turned(now, &self.limits));
             self.events.push(SessionEvent::Changed);
         }
         turns
