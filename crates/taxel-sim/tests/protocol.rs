@@ -119,20 +119,6 @@ fn a_query_is_answered_once() {
     assert_eq!((board.get(), version.board_type, version.compatible), (12, 11, true));
 }
 
-#[test]
-fn an_empty_position_says_that_nothing_is_connected() {
-    let mut world = silent(1);
-    for command in bring_up(&[Module::from_nibble(6), Module::from_nibble(7)]) {
-        tell(&mut world, 12, command);
-    }
-    advance(&mut world, 0.2);
-    for (_, message) in messages(&advance(&mut world, 1.0)) {
-        if let Message::Tail { module, status, .. } = message {
-            assert_eq!(status.not_connected(), module.get() == 7);
-        }
-    }
-}
-
 /// A story with every kind of intervention, told at fixed times; `cuts` are further points at which time is cut.
 fn story(seed: u64, cuts: &[f64]) -> Vec<TimedFrame> {
     let mut world = silent(seed);
