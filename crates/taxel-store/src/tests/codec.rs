@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::{Maker, ModelSet, Recalibrated, Recorded, RecordedTaxel, ZeroReturn};
 use taxel_engine::recalibration::LoadPoint;
-use taxel_model::{Curve, FitOptions, Flag, PLAYS, Plays, Samples, Sign, Status, TaxelModel};
+use taxel_model::{Curve, FitOptions, Flag, GaugeUncertainty, PLAYS, Plays, Samples, Sign, Status, TaxelModel};
 
 use super::fixture::{model_set, with_id};
 use crate::models_json::{ModelsJsonError, from_elsewhere, from_json, to_json};
@@ -45,6 +45,10 @@ fn whole_set() -> ModelSet {
     };
     let mut set = ModelSet { recorded: Some(recorded), recalibrated: Some(recalibrated), ..set };
     set.baseline[3] = TaxelBaseline::UNKNOWN;
+    set.dead_zone_kpa = 0.3;
+    set.taxels[1].gauge = GaugeUncertainty { gain_rel: 0.005, offset_kpa: 0.1, noise_kpa: 0.2 };
+    let quality = &mut set.taxels[1].quality;
+    (quality.repeatability_kpa, quality.interval_kpa, quality.interval_share) = (Some(0.1), Some(0.7), Some(0.95));
     set.maker.software = "taxeld 7".to_owned();
     with_id(set)
 }
