@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn a_load_that_is_put_on_from_rest_is_not_bent_and_one_that_falls_reads_lower() {
         for sign in [Sign::Falling, Sign::Rising] {
-            let (radii_counts, weights_kpa) = ([4.0, 10.0, 0.0, 0.0], [0.8, 0.4, 0.0, 0.0]);
+            let (radii_counts, weights_kpa) = ([4.0, 10.0, 1.0, 4.0], [0.8, 0.4, 0.1, 0.3]);
             let plays = Plays { range: [175.0, 225.0], sign, radii_counts, weights_kpa };
             let load = |counts: f64| 200.0 + sign.as_f64() * (counts - 25.0);
             let mut state = PlayState::default();
@@ -92,8 +92,8 @@ mod tests {
                 assert_eq!(plays.bend_kpa(&mut state, load(counts)), 0.0, "{counts}");
             }
             let back = plays.bend_kpa(&mut state, load(12.0));
-            // The plays stand at 16 and 22 counts, and a first loading would have left them at 8 and 10.
-            assert!((back + 0.8 * 8.0 + 0.4 * 12.0).abs() < 1e-9, "{back}");
+            // The plays stand at 16, 22, 13 and 16 counts; a first loading would have left them at 8, 10, 11 and 8.
+            assert!((back + 0.8 * 8.0 + 0.4 * 12.0 + 0.1 * 2.0 + 0.3 * 8.0).abs() < 1e-9, "{back}");
             assert!(plays.bend_kpa(&mut state, load(0.0)).abs() < 1e-9, "at rest nothing is left");
         }
     }
