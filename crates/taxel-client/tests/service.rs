@@ -3,19 +3,17 @@
 #![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
 
 use std::net::TcpListener;
-use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair};
-use taxel_client::{Address, Force, Forces, NoForce, Options, TlsOptions, blocking, follow};
+use taxel_client::{Address, Force, Forces, NoForce, Options, blocking, follow};
 use taxel_engine::plan::{LiveLimits, PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot};
 use taxel_proto::judge;
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Backend, Limits, Listener, Publisher, Role, Rules, Server, Tls, TlsFiles};
+use taxel_rpc::{Access, Backend, Limits, Listener, Publisher, Rules, Server};
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -39,7 +37,7 @@ struct Daemon {
 }
 
 impl Daemon {
-    fn start(listener: Listener, rules: Rules) -> Self {
+    fn start(listener: Listener) -> Self {
         let board = Board {
             bus: BusIndex(0),
             address: BoardAddress::new(13).unwrap(),
@@ -52,14 +50,14 @@ impl Daemon {
         // A clock of its own, and an engine that is never taken for stalled.
         let run = move || daemon_time(origin);
         let (handle, publisher, _requests) = channel(plan, Arc::new(run), shutdown.clone());
-        let server = Server::new(handle, Arc::new(NoStore), Access::new(rules), Limits::default()).unwrap();
+        let server = Server::new(handle, Arc::new(NoStore), Access::new(Rules::open()), Limits::default()).unwrap();
         let server = tokio::spawn(server.serve(vec![listener]));
         Self { publisher, origin, shutdown, server }
     }
 
     fn on(path: &Path) -> Self {
         let _ = std::fs::remove_file(path); // of the daemon before
-        Self::start(Listener::Unix(UnixListener::bind(path).unwrap()), Rules::open())
+        Self::start(Listener::Unix(UnixListener::bind(path).unwrap()))
     }
 
     /// A force of `newton`, whose newest frame came so long ago.
@@ -167,7 +165,7 @@ async fn what_the_daemon_refuses_is_told_and_asked_again() {
 async fn a_programme_without_a_runtime_reads_the_same_over_tcp() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = Address::parse(&listener.local_addr().unwrap().to_string()).unwrap();
-    let daemon = Daemon::start(Listener::Tcp(listener), Rules::open());
+    let daemon = Daemon::start(Listener::Tcp(listener));
     let options = Options { rate_hz: Some(200.0), ..Options::new(address) };
     let read = std::thread::spawn(move || {
         let (forces, begun) = (blocking::follow(options).unwrap(), Instant::now());
@@ -184,55 +182,4 @@ async fn a_programme_without_a_runtime_reads_the_same_over_tcp() {
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
     assert_eq!(read.join().unwrap(), 4.0);
-}
-
-#[tokio::test]
-async fn with_a_certificate_the_force_comes_over_tls_and_without_the_right_one_it_does_not() {
-    let folder = tempfile::tempdir().unwrap();
-    let (ours, other) = (authority(), authority());
-    let (server, client, stranger) = (leaf(&ours), leaf(&ours), leaf(&other));
-    let write = |name: &str, text: &str| {
-        let file = folder.path().join(name);
-        std::fs::write(&file, text).unwrap();
-        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).unwrap();
-        file
-    };
-    let (certificate, key) = (write("server.pem", &server.0), write("server.key", &server.1));
-    let tls = Tls::load(TlsFiles { certificate, key, client_ca: write("ca.pem", &ours.pem()) }).unwrap();
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = listener.local_addr().unwrap().port();
-    let rules = Rules { certificate: Some(Role::Observer), ..Rules::open() };
-    let daemon = Daemon::start(Listener::Tls(listener, tls), rules);
-    let options = |(certificate, key): &(String, String)| {
-        let (certificate, key, name) = (certificate.clone(), key.clone(), Some("localhost".to_owned()));
-        let tls = Some(TlsOptions { authority: ours.pem(), certificate, key, name });
-        let address = Address::parse(&format!("https://127.0.0.1:{port}")).unwrap();
-        Options { tls, ..Options::new(address) }
-    };
-    let (allowed, refused) = (follow(options(&client)), follow(options(&stranger)));
-    let force = until(&allowed, || daemon.publish(5.0, Duration::ZERO), Result::ok).await;
-    assert_eq!(force.total_n, 5.0);
-    until(
-        &refused,
-        || {},
-        |force| match force {
-            Ok(force) => panic!("a stranger gets {force:?}"),
-            Err(NoForce::NothingYet(Some(why))) => Some(why),
-            Err(_) => None,
-        },
-    )
-    .await;
-}
-
-fn authority() -> CertifiedIssuer<'static, KeyPair> {
-    let mut params = CertificateParams::new(Vec::new()).unwrap();
-    params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
-    CertifiedIssuer::self_signed(params, KeyPair::generate().unwrap()).unwrap()
-}
-
-/// A certificate for localhost and its key.
-fn leaf(authority: &CertifiedIssuer<'static, KeyPair>) -> (String, String) {
-    let params = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
-    let key = KeyPair::generate().unwrap();
-    (params.signed_by(&key, authority).unwrap().pem(), key.serialize_pem())
 }

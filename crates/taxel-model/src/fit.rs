@@ -53,7 +53,7 @@ pub fn fit(samples: &Samples<'_>, options: &FitOptions) -> TaxelModel {
         return none(Status::NoExcitation { pressure_sd_kpa }, flags);
     }
     if data.rows.len() == 1 {
-        let count = first.x.hi;
+        let count = first.x;
         let status = if samples > 1 { Status::Dead { count } } else { Status::Unproven { samples } };
         let mut model = none(status, flags);
         model.range = Some([count, count]);
@@ -62,7 +62,7 @@ pub fn fit(samples: &Samples<'_>, options: &FitOptions) -> TaxelModel {
         model.quality.rank = 1;
         return model;
     }
-    Fit::new(data, options, [first.x.hi, last.x.hi]).model(flags, quality)
+    Fit::new(data, options, [first.x, last.x]).model(flags, quality)
 }
 
 /// The pieces that a fit is made of, from the frame of its variable to the curve.
@@ -89,7 +89,7 @@ impl<'a> Fit<'a> {
         let (centre, half) = Curve::frame(range[0], range[1]);
         let scale = 2.0_f64.powi(half.log2().ceil() as i32);
         let scaled = |t: Dd| Dd { hi: t.hi * (1.0 / scale), lo: t.lo * (1.0 / scale) };
-        let t: Vec<Dd> = data.rows.iter().map(|row| scaled(row.x - Dd::from(centre))).collect();
+        let t: Vec<Dd> = data.rows.iter().map(|row| scaled(Dd::from(row.x) - Dd::from(centre))).collect();
         let rounded: Vec<f64> = t.iter().map(|t| t.hi).collect();
         let root_n: Vec<f64> = data.rows.iter().map(|row| row.n.sqrt()).collect();
         let asked = usize::from(options.order.clamp(1, MAX_ORDER));
@@ -118,7 +118,7 @@ impl<'a> Fit<'a> {
         let projection = self.basis.weighted_values(&self.d[..=curve.order()]);
         let mut rows = self.data.rows.iter().zip(self.root_n.iter().zip(&projection));
         rows.all(|(row, (root_n, projection))| {
-            (curve.evaluate(row.x.hi) - projection / root_n).abs() <= CURVE_TOLERANCE * largest
+            (curve.evaluate(row.x) - projection / root_n).abs() <= CURVE_TOLERANCE * largest
         })
     }
 
@@ -134,7 +134,7 @@ impl<'a> Fit<'a> {
         }
         self.flag_support(order, &mut flags, &mut quality);
         let squares: Vec<f64> =
-            data.rows.iter().map(|row| row.ss + row.n * (row.y.hi - curve.evaluate(row.x.hi)).powi(2)).collect();
+            data.rows.iter().map(|row| row.ss + row.n * (row.y.hi - curve.evaluate(row.x)).powi(2)).collect();
         quality.rank = carried as u8 + 1;
         quality.swing_counts = self.range[1] - self.range[0];
         quality.dof = (data.samples - (order + 1) as f64).max(0.0);
@@ -170,7 +170,7 @@ impl<'a> Fit<'a> {
     /// of five readings there. h is the leverage of a new sample. What gauge and area share among taxels is not in it.
     fn sigma(&self, curve: &Curve, squares: &[f64], dof: f64) -> (SigmaProfile, Vec<f64>) {
         let ([low, high], rows) = (self.range, &self.data.rows);
-        let integer = rows.iter().all(|row| row.x.hi.fract() == 0.0 && row.x.lo == 0.0);
+        let integer = rows.iter().all(|row| row.x.fract() == 0.0);
         let by_count = integer && high - low < MAX_KNOTS;
         let intervals = if by_count { (high - low).max(0.0) as usize } else { REAL_KNOTS };
         // Counts as near as the smallest numbers, or as far apart as the greatest, have no width to divide.
@@ -179,7 +179,7 @@ impl<'a> Fit<'a> {
         // A knot more at each end, so that every one has two neighbours.
         let (mut n, mut near_squares) = (vec![0.0; intervals + 3], vec![0.0; intervals + 3]);
         for (row, squares) in rows.iter().zip(squares) {
-            let at = (((row.x.hi - low) / step).clamp(0.0, intervals as f64) + 0.5) as usize + 1;
+            let at = (((row.x - low) / step).clamp(0.0, intervals as f64) + 0.5) as usize + 1;
             n[at] += row.n;
             near_squares[at] += squares;
         }
@@ -229,11 +229,11 @@ impl<'a> Fit<'a> {
                 quality.max_leverage = leverage;
                 if leverage > HIGH_LEVERAGE {
                     flags.retain(|flag| !matches!(flag, Flag::HighLeverage { .. }));
-                    flags.push(Flag::HighLeverage { count: row.x.hi, leverage });
+                    flags.push(Flag::HighLeverage { count: row.x, leverage });
                 }
             }
         }
-        let pairs = self.data.rows.windows(2).map(|pair| (pair[0].x.hi, pair[1].x.hi));
+        let pairs = self.data.rows.windows(2).map(|pair| (pair[0].x, pair[1].x));
         let widest = pairs.max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0)));
         if let Some((from, to)) = widest
             && to - from > GAP_SHARE * (self.range[1] - self.range[0])

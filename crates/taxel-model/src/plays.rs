@@ -80,70 +80,21 @@ impl Plays {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
-
-    const RADII: [f64; PLAYS] = [4.0, 10.0, 0.0, 0.0];
-
-    fn plays(sign: Sign) -> Plays {
-        Plays { range: [175.0, 225.0], sign, radii_counts: RADII, weights_kpa: [0.8, 0.4, 0.0, 0.0] }
-    }
-
-    /// The pressure of a curve of 4 kPa a count, after all that the plays have seen.
-    fn read(plays: &Plays, state: &mut PlayState, count: f64) -> f64 {
-        4.0 * plays.sign.as_f64() * (count.clamp(175.0, 225.0) - 200.0) + plays.bend_kpa(state, count)
-    }
-
-    fn run(plays: &Plays, path: &[f64]) -> Vec<f64> {
-        let mut state = PlayState::default();
-        path.iter().map(|&count| read(plays, &mut state, count)).collect()
-    }
 
     #[test]
     fn a_load_that_is_put_on_from_rest_is_not_bent_and_one_that_falls_reads_lower() {
         for sign in [Sign::Falling, Sign::Rising] {
-            let plays = plays(sign);
+            let (radii_counts, weights_kpa) = ([4.0, 10.0, 1.0, 4.0], [0.8, 0.4, 0.1, 0.3]);
+            let plays = Plays { range: [175.0, 225.0], sign, radii_counts, weights_kpa };
             let load = |counts: f64| 200.0 + sign.as_f64() * (counts - 25.0);
             let mut state = PlayState::default();
             for counts in [0.0, 3.0, 17.0, 40.0] {
                 assert_eq!(plays.bend_kpa(&mut state, load(counts)), 0.0, "{counts}");
             }
             let back = plays.bend_kpa(&mut state, load(12.0));
-            // The plays stand at 16 and 22 counts, and a first loading would have left them at 8 and 10.
-            assert!((back + 0.8 * 8.0 + 0.4 * 12.0).abs() < 1e-9, "{back}");
+            // The plays stand at 16, 22, 13 and 16 counts; a first loading would have left them at 8, 10, 11 and 8.
+            assert!((back + 0.8 * 8.0 + 0.4 * 12.0 + 0.1 * 2.0 + 0.3 * 8.0).abs() < 1e-9, "{back}");
             assert!(plays.bend_kpa(&mut state, load(0.0)).abs() < 1e-9, "at rest nothing is left");
-        }
-    }
-
-    proptest! {
-        /// Two counts after any history: the pressure has their order, so a count means one pressure.
-        #[test]
-        fn the_pressure_is_monotone_in_the_count_after_any_history(
-            path in proptest::collection::vec(150.0..250.0_f64, 0..40),
-            a in 150.0..250.0_f64, b in 150.0..250.0_f64, rising: bool,
-        ) {
-            let plays = plays(if rising { Sign::Rising } else { Sign::Falling });
-            let mut state = PlayState::default();
-            for count in path {
-                plays.bend_kpa(&mut state, count);
-            }
-            let (mut one, mut other) = (state, state);
-            let (pa, pb) = (read(&plays, &mut one, a), read(&plays, &mut other, b));
-            prop_assert!((pa - pb) * (a - b) * plays.sign.as_f64() >= -1e-9, "{a}: {pa}, {b}: {pb}");
-        }
-
-        /// A path sampled more densely ends at the same pressure: no time step, no instability.
-        #[test]
-        fn the_sampling_rate_does_not_matter(
-            turns in proptest::collection::vec(170.0..230.0_f64, 2..12), per_turn in 1_usize..50,
-        ) {
-            let plays = plays(Sign::Falling);
-            let dense: Vec<f64> = turns
-                .windows(2)
-                .flat_map(|w| (0..=per_turn).map(move |k| w[0] + (w[1] - w[0]) * k as f64 / per_turn as f64))
-                .collect();
-            let (coarse, dense) = (run(&plays, &turns), run(&plays, &dense));
-            prop_assert!((coarse[coarse.len() - 1] - dense[dense.len() - 1]).abs() < 1e-9);
-            prop_assert!(dense.iter().all(|p| p.is_finite()));
         }
     }
 }

@@ -11,19 +11,15 @@ use crate::options::MAX_MAGNITUDE;
 pub struct Samples<'a> {
     /// Counts, or any other real reading.
     pub counts: &'a [f64],
-    /// What the decimals as written leave over of `counts`: a decimal is rarely an f64.
-    pub counts_low: Option<&'a [f64]>,
     /// Pressures, kPa.
     pub pressure_kpa: &'a [f64],
-    /// What the decimals as written leave over of `pressure_kpa`.
-    pub pressure_low: Option<&'a [f64]>,
 }
 
 impl<'a> Samples<'a> {
-    /// Samples without low parts.
+    /// Samples of these counts and pressures.
     #[must_use]
     pub const fn new(counts: &'a [f64], pressure_kpa: &'a [f64]) -> Self {
-        Self { counts, counts_low: None, pressure_kpa, pressure_low: None }
+        Self { counts, pressure_kpa }
     }
 }
 
@@ -31,7 +27,7 @@ impl<'a> Samples<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
     /// The count.
-    pub x: Dd,
+    pub x: f64,
     /// How many samples.
     pub n: f64,
     /// Their mean pressure, kPa.
@@ -53,24 +49,17 @@ pub(crate) struct Reduced {
 
 /// Reduces samples; sums run over sorted samples, so that their order does not matter.
 pub(crate) fn reduce(samples: &Samples<'_>) -> Reduced {
-    let low = |parts: Option<&[f64]>, i: usize| {
-        parts.and_then(|parts| parts.get(i)).copied().filter(|low| low.is_finite()).unwrap_or(0.0)
-    };
     // Adding zero makes -0 and 0 the same abscissa.
-    let exact = |value: f64, parts, i| Dd { hi: value + 0.0, lo: low(parts, i) };
     let good = |value: f64| value.abs() <= MAX_MAGNITUDE;
-    let pairs = samples.counts.iter().zip(samples.pressure_kpa).enumerate();
-    let mut list: Vec<(Dd, Dd)> = pairs
-        .filter(|(_, (x, y))| good(**x) && good(**y))
-        .map(|(i, (x, y))| (exact(*x, samples.counts_low, i), exact(*y, samples.pressure_low, i)))
-        .collect();
+    let pairs = samples.counts.iter().zip(samples.pressure_kpa);
+    let mut list: Vec<(f64, f64)> =
+        pairs.filter(|(x, y)| good(**x) && good(**y)).map(|(x, y)| (x + 0.0, y + 0.0)).collect();
     let rejected = (samples.counts.len().max(samples.pressure_kpa.len()) - list.len()) as u64;
-    let order = |a: Dd, b: Dd| a.hi.total_cmp(&b.hi).then(a.lo.total_cmp(&b.lo));
-    list.sort_unstable_by(|a, b| order(a.0, b.0).then(order(a.1, b.1)));
-    let row = |group: &[(Dd, Dd)]| {
+    list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let row = |group: &[(f64, f64)]| {
         let n = group.len() as f64;
-        let mean = group.iter().fold(Dd::ZERO, |sum, (_, y)| sum + *y).div_f64(n);
-        Row { x: group[0].0, n, y: mean, ss: group.iter().map(|(_, y)| (*y - mean).hi.powi(2)).sum() }
+        let mean = group.iter().fold(Dd::ZERO, |sum, (_, y)| sum + Dd::from(*y)).div_f64(n);
+        Row { x: group[0].0, n, y: mean, ss: group.iter().map(|(_, y)| (Dd::from(*y) - mean).hi.powi(2)).sum() }
     };
     Reduced { samples: list.len() as f64, rejected, rows: list.chunk_by(|a, b| a.0 == b.0).map(row).collect() }
 }

@@ -6,20 +6,17 @@
 //! of the engine's guarantees are `taxel_engine::stability`.
 
 pub mod case;
-mod decimal;
 mod fits;
 mod plays;
 mod ranges;
 pub mod reference;
 mod shape;
 mod skins;
-pub mod strd;
 mod support;
 pub mod taxels;
 pub mod trial;
 
 use case::Case;
-pub use decimal::parse_decimal;
 
 /// A name and the cases of one part of the suite.
 pub type Group = (&'static str, fn() -> Vec<Case>);

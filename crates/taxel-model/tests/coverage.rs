@@ -126,15 +126,3 @@ proptest! {
         assert_served_soundly(&model);
     }
 }
-
-#[test]
-fn a_model_survives_json() {
-    let mut random = ChaCha8Rng::seed_from_u64(9);
-    let (c, p) = ramp(110.0, 40.0, 2000, &mut random);
-    let model = fit(&Samples::new(&c, &p), &FitOptions::default());
-    let text = serde_json::to_string(&model).unwrap();
-    assert!(!text.contains("null,\"status\""), "{text}");
-    let back: TaxelModel = serde_json::from_str(&text).unwrap();
-    let read = |model: &TaxelModel| (0..=u8::MAX).map(|raw| model.evaluate(raw.into())).collect::<Vec<_>>();
-    assert_eq!(read(&back), read(&model));
-}

@@ -26,7 +26,7 @@ const REOPEN_EVERY_MS = 5000;
 
 export const state = {
   patch: "", patches: [], skin: null, layout: null, force: null, taxels: null, session: null, modelSet: null,
-  course: [], recorded: null, shown: null, selected: null, ramp: null, frames: 0,
+  course: [], recorded: null, shown: null, selected: null, ramp: null,
 };
 
 const listeners = new Map();
@@ -113,7 +113,6 @@ function takeForce(force) {
 function takeTaxels(sample) {
   if (sample.patch !== state.patch) return;
   state.taxels = sample;
-  state.frames += 1;
   keepOfRamp(sample);
   emit("taxels");
 }

@@ -4,7 +4,7 @@
 mod common;
 use common::*;
 use std::time::Duration;
-use taxel_sim::{Fault, FaultError, ForeignScan, Mass, PumpCommand, World};
+use taxel_sim::{Fault, FaultError, Mass, PumpCommand};
 use taxel_skin::{Module, TaxelIndex, Time};
 use taxel_wire::TimedFrame;
 use taxel_wire::icub::Message;
@@ -31,24 +31,6 @@ fn values_of(frames: &[TimedFrame], taxel: usize) -> Vec<u8> {
     messages(frames).into_iter().filter_map(of_taxel).collect()
 }
 
-fn board_mean(world: &World, frames: &[TimedFrame], taxels: std::ops::Range<usize>) -> f64 {
-    mean_and_sd(&taxel_means(world, frames)[taxels]).0
-}
-
-#[test]
-fn a_glitch_is_short_ends_with_a_zero_under_the_load_and_the_stream_goes_on() {
-    let mut world = streaming(1);
-    world.pump(ramp(30.0, 20.0));
-    advance(&mut world, 3.0);
-    world.inject(Fault::Glitch { board: board(13), off: MS(400) }).unwrap();
-    let outage = advance(&mut world, 3.4);
-    assert!(scan_times(&outage, 13).len() <= 1 && scan_times(&outage, 12).len() >= 7);
-    let after = advance(&mut world, 4.4);
-    assert!(scan_times(&after, 13)[0] < 3.55, "it needs no new configuration");
-    assert!((board_mean(&world, &after, 0..160) - 240.0).abs() < 2.0, "30 kPa became its zero");
-    assert!(board_mean(&world, &after, 160..230) < 210.0, "the other board kept its own");
-}
-
 #[test]
 fn another_period_lasts_until_it_is_mended() {
     let mut world = streaming(1);
@@ -63,31 +45,6 @@ fn another_period_lasts_until_it_is_mended() {
         world.repair(fault).unwrap();
         advance(&mut world, begin + 2.0);
         assert!(scan_times(&advance(&mut world, begin + 3.0), 12).len().abs_diff(20) <= 1);
-    }
-}
-
-#[test]
-fn a_foreign_node_sends_beside_the_board_at_its_own_phase() {
-    for sends in [ForeignScan::Level(240), ForeignScan::Shifted(-9)] {
-        let mut world = streaming(1);
-        advance(&mut world, 1.0);
-        let rest = values_of(&advance(&mut world, 2.0), 3);
-        let fault = Fault::ForeignNode { board: board(13), sends };
-        world.inject(fault).unwrap();
-        world.pump(PumpCommand::Ramp { target: taxel_skin::Kilopascal(40.0), kpa_per_s: 40.0 });
-        advance(&mut world, 4.0);
-        let frames = advance(&mut world, 5.0);
-        assert!(scan_times(&frames, 13).len().abs_diff(40) <= 1 && scan_times(&frames, 12).len().abs_diff(20) <= 1);
-        let values = values_of(&frames, 3);
-        let expected = match sends {
-            ForeignScan::Level(value) => (value, value),
-            ForeignScan::Shifted(_) => (rest.iter().min().unwrap() - 9, rest.iter().max().unwrap() - 9),
-        };
-        let pretended = values.iter().filter(|v| (expected.0..=expected.1).contains(v)).count();
-        assert!(pretended.abs_diff(20) <= 1, "{sends:?}: {pretended} of {values:?}");
-        world.repair(fault).unwrap();
-        advance(&mut world, 5.1);
-        assert!(scan_times(&advance(&mut world, 6.1), 13).len().abs_diff(20) <= 1);
     }
 }
 
@@ -141,46 +98,6 @@ fn duplicated_and_swapped_frames_are_those_of_the_wire() {
             _ => assert!((-1..=0).contains(&more) && changed > 700, "{more} more, {changed} at another place"),
         }
     }
-}
-
-#[test]
-fn a_stuck_a_noisy_and_a_flickering_taxel_leave_the_others_as_they_were() {
-    let mut sound = streaming(1);
-    let clean = advance(&mut sound, 10.0);
-    let mut world = streaming(1);
-    let faults = [
-        Fault::TaxelStuck { taxel: TaxelIndex(1), value: 200 },
-        Fault::TaxelNoisy { taxel: TaxelIndex(12), sd_counts: 5.0 },
-        Fault::TaxelFlicker { taxel: TaxelIndex(23), probability: 0.3 },
-    ];
-    faults.iter().for_each(|fault| world.inject(*fault).unwrap());
-    let frames = advance(&mut world, 10.0);
-    assert!(values_of(&frames, 1).iter().all(|value| *value == 200));
-    let spread =
-        |frames, taxel| mean_and_sd(&values_of(frames, taxel).into_iter().map(f64::from).collect::<Vec<_>>()).1;
-    assert!(spread(&frames, 12) > 4.0 && spread(&clean, 12) < 1.5);
-    let railed = values_of(&frames, 23).iter().filter(|value| **value == 255).count();
-    assert!((30..90).contains(&railed), "{railed} of 200");
-    for taxel in [0, 2, 3, 11, 13, 22, 24, 30] {
-        assert_eq!(values_of(&frames, taxel), values_of(&clean, taxel), "taxel {taxel}");
-    }
-    faults.iter().for_each(|fault| world.repair(*fault).unwrap());
-    advance(&mut world, 10.1);
-    advance(&mut sound, 10.1);
-    let (frames, clean) = (advance(&mut world, 12.0), advance(&mut sound, 12.0));
-    for taxel in [1, 12, 23] {
-        assert_eq!(values_of(&frames, taxel), values_of(&clean, taxel), "taxel {taxel} after its repair");
-    }
-}
-
-#[test]
-fn warming_moves_the_counts_of_pads_and_taxels() {
-    let mut world = streaming(1);
-    let before = board_mean(&world.clone(), &advance(&mut world, 2.0), 0..230);
-    world.inject(Fault::Warming { kelvin: 20.0, over: MS(5000) }).unwrap();
-    advance(&mut world, 7.5);
-    let after = board_mean(&world.clone(), &advance(&mut world, 9.5), 0..230);
-    assert!(before - after > 2.0, "what the firmware does not compensate: {before} to {after}");
 }
 
 #[test]

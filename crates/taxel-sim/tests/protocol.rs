@@ -5,7 +5,7 @@ mod common;
 use common::*;
 use proptest::prelude::*;
 use std::time::Duration;
-use taxel_sim::{Fault, FaultError, GaugeConfig, Mass, PumpCommand, World, bring_up};
+use taxel_sim::{Fault, GaugeConfig, Mass, PumpCommand, World, bring_up};
 use taxel_skin::{Module, TaxelIndex};
 use taxel_wire::TimedFrame;
 use taxel_wire::icub::{BoardConfig, Command, Message, TriangleConfig};
@@ -119,20 +119,6 @@ fn a_query_is_answered_once() {
     assert_eq!((board.get(), version.board_type, version.compatible), (12, 11, true));
 }
 
-#[test]
-fn an_empty_position_says_that_nothing_is_connected() {
-    let mut world = silent(1);
-    for command in bring_up(&[Module::from_nibble(6), Module::from_nibble(7)]) {
-        tell(&mut world, 12, command);
-    }
-    advance(&mut world, 0.2);
-    for (_, message) in messages(&advance(&mut world, 1.0)) {
-        if let Message::Tail { module, status, .. } = message {
-            assert_eq!(status.not_connected(), module.get() == 7);
-        }
-    }
-}
-
 /// A story with every kind of intervention, told at fixed times; `cuts` are further points at which time is cut.
 fn story(seed: u64, cuts: &[f64]) -> Vec<TimedFrame> {
     let mut world = silent(seed);
@@ -170,122 +156,6 @@ proptest! {
         prop_assert_eq!(&whole, &story(seed, &cuts));
         prop_assert_ne!(&whole, &story(seed + 1, &[]));
     }
-}
-
-#[test]
-fn a_silent_or_dead_board_stops_and_comes_back_as_it_should() {
-    let mut world = streaming(1);
-    advance(&mut world, 1.0);
-    world.inject(Fault::BoardSilent(board(13))).unwrap();
-    let frames = advance(&mut world, 2.0);
-    assert!(skin_frames(&frames, 13) <= 1 && skin_frames(&frames, 12) > 250);
-    world.repair(Fault::BoardSilent(board(13))).unwrap();
-    assert!(skin_frames(&advance(&mut world, 3.0), 13) > 600, "it kept its settings");
-
-    world.inject(Fault::PowerCycle { board: board(13), off: Duration::from_secs(1) }).unwrap();
-    assert!(skin_frames(&advance(&mut world, 6.0), 13) <= 1, "a board that lost power waits for its configuration");
-    world.bring_up_boards(seconds(6.0));
-    advance(&mut world, 6.3);
-    assert!(skin_frames(&advance(&mut world, 7.3), 13) > 600);
-    assert_eq!(world.inject(Fault::BoardSilent(board(3))), Err(FaultError::Board(board(3))));
-}
-
-#[test]
-fn module_faults_show_in_frames_and_status() {
-    let mut world = streaming(1);
-    let module = Module::from_nibble;
-    advance(&mut world, 1.0);
-    world.inject(Fault::ModuleSilent(board(13), module(1))).unwrap();
-    world.inject(Fault::ModuleUnplugged(board(13), module(2))).unwrap();
-    world.inject(Fault::ModuleNoAck(board(12), module(3))).unwrap();
-    advance(&mut world, 1.1);
-    for (_, message) in messages(&advance(&mut world, 2.0)) {
-        if let Message::Tail { board, module, values, status } = message {
-            match (board.get(), module.get()) {
-                (13, 1) => panic!("module 1 is silent"),
-                (13, 2) => assert!(status.not_connected() && status.out_of_range(7) && values == [0; 5]),
-                (12, 3) => assert!(status.no_ack() && values == [255; 5]),
-                _ => assert!(status.is_ok()),
-            }
-        }
-    }
-    world.repair(Fault::ModuleSilent(board(13), module(1))).unwrap();
-    world.repair(Fault::ModuleUnplugged(board(13), module(2))).unwrap();
-    world.repair(Fault::ModuleNoAck(board(12), module(3))).unwrap();
-    advance(&mut world, 2.1);
-    let frames = advance(&mut world, 3.1);
-    assert_eq!(skin_frames(&frames, 13), 640);
-}
-
-#[test]
-fn five_missing_acknowledges_move_the_zero_of_the_board_without_a_word() {
-    let mut world = streaming(1);
-    world.lay(Mass::on_disc(1.0, TaxelIndex(200), 500.0)).unwrap();
-    world.clear();
-    advance(&mut world, 1.0);
-    world.pump(ramp(30.0, 20.0));
-    advance(&mut world, 4.0);
-    world.inject(Fault::ModuleNoAck(board(12), Module::from_nibble(0))).unwrap();
-    advance(&mut world, 4.5);
-    world.repair(Fault::ModuleNoAck(board(12), Module::from_nibble(0))).unwrap();
-    world.inject(Fault::SilentRetare(board(13))).unwrap();
-    advance(&mut world, 4.7);
-    let frames = advance(&mut world, 5.7);
-    let means = taxel_means(&world, &frames);
-    assert!((mean_and_sd(&means).0 - 240.0).abs() < 2.0, "30 kPa became the zero");
-    assert_eq!(skin_frames(&frames, 13), 640, "the stream went on");
-}
-
-#[test]
-fn frozen_flickering_and_lost() {
-    let mut world = streaming(9);
-    let flicker =
-        Fault::ModuleFlicker { board: board(13), module: Module::from_nibble(0), probability: 0.3, depth_counts: 40.0 };
-    advance(&mut world, 1.0);
-    world.inject(flicker).unwrap();
-    world.inject(Fault::TaxelFrozen(TaxelIndex(13))).unwrap();
-    let (mut flickers, mut scans, mut frozen) = (0, 0, Vec::new());
-    for (_, message) in messages(&advance(&mut world, 11.0)) {
-        if let Message::Head { board, module, values } = message {
-            match (board.get(), module.get()) {
-                (13, 0) => {
-                    scans += 1;
-                    flickers += usize::from(values[..6].iter().all(|v| *v < 222));
-                }
-                (13, 1) => frozen.push(values[3]),
-                _ => {}
-            }
-        }
-    }
-    assert!((scans / 5..scans / 2).contains(&flickers), "{flickers} of {scans} scans");
-    frozen.dedup();
-    assert!(frozen.len() <= 2, "frozen from the next scan on: {frozen:?}");
-
-    world.inject(Fault::FramesLost { probability: 0.2 }).unwrap();
-    let got = advance(&mut world, 21.0).len();
-    assert!((7700..8600).contains(&got), "{got} of 10200 frames arrive");
-    assert!(world.frames_lost().abs_diff(2040) < 250);
-}
-
-#[test]
-fn gauge_faults() {
-    let mut world = silent(1);
-    let read = |frames: &[TimedFrame]| -> Vec<f64> {
-        let spec = GaugeConfig::default().signal;
-        frames.iter().filter_map(|timed| Some(spec.decode(&timed.frame).ok()?.0)).collect()
-    };
-    world.pump(ramp(50.0, 10.0));
-    let rising = read(&advance(&mut world, 2.0));
-    assert!(rising.len() >= 199 && rising[rising.len() - 1] > 18.0);
-    world.inject(Fault::GaugeStuck).unwrap();
-    let stuck = read(&advance(&mut world, 3.0));
-    assert!(stuck.len() >= 99 && stuck.iter().all(|p| *p == stuck[0]));
-    world.inject(Fault::GaugeSilent).unwrap();
-    assert!(read(&advance(&mut world, 4.0)).len() <= 1, "a reading may be on its way");
-    world.repair(Fault::GaugeStuck).unwrap();
-    world.repair(Fault::GaugeSilent).unwrap();
-    let back = read(&advance(&mut world, 5.0));
-    assert!(back[0] > 39.0);
 }
 
 #[test]

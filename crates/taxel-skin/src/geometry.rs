@@ -136,7 +136,6 @@ fn length(v: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
     use crate::{Board, BoardAddress, BusIndex, Module, ModuleKind};
-    use proptest::prelude::*;
 
     fn patch(boards: &[(u8, &[u8])]) -> Patch {
         let boards = boards
@@ -159,12 +158,14 @@ mod tests {
         let mut rows = vec!["0 0 0 0 0 0"; 24];
         rows[12] = "0.01\t0.02 0.03  0 0 -0.61";
         rows[13] = "0.01 0.03 0.03 0 0.5 0 # trailing words";
+        rows[14] = "0.01 0.03 0.03 0 0 1";
         let geometry = Geometry::parse(&file(&rows), &patch(&[(13, &[0, 1])])).unwrap();
         assert_eq!(geometry.poses[0], None);
         assert_eq!(geometry.poses[10].unwrap().normal, [0.0, 0.0, -1.0]);
         assert_eq!(geometry.normals, NormalsVerdict::Usable);
-        assert!(geometry.remarks.iter().any(|r| r.contains("18 of 20 taxels have no position")));
+        assert!(geometry.remarks.iter().any(|r| r.contains("17 of 20 taxels have no position")));
         assert!(geometry.remarks.iter().any(|r| r.contains("50 % off unit length")));
+        assert!(geometry.remarks.iter().any(|r| r.contains("1 taxels repeat the position")));
     }
 
     #[test]
@@ -207,33 +208,5 @@ mod tests {
         assert!(matches!(Geometry::parse(&file(&["30.8 0 0 0 0 1"]), &patch), Err(GeometryError::NotMetres { .. })));
         assert!(matches!(Geometry::parse(&file(&["0 0 1 0 0 1"]), &patch), Err(GeometryError::TooFewRows { .. })));
         assert_eq!(Geometry::parse("name x", &patch), Err(GeometryError::NoSection));
-    }
-
-    #[test]
-    fn icubs_own_forearm_files() {
-        let local = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-        let dir = std::env::var("TAXELD_DATA").unwrap_or_else(|_| local.to_owned()) + "/icub_positions";
-        let Ok(mesh) = std::fs::read_to_string(format!("{dir}/left_forearm_mesh.txt")) else {
-            eprintln!("SKIPPED icubs_own_forearm_files: no {dir}/left_forearm_mesh.txt");
-            return;
-        };
-        let first: Vec<u8> = (0..16).collect();
-        let v1 = patch(&[(13, &first), (12, &[1, 5, 8, 9, 10, 12, 13])]);
-        let geometry = Geometry::parse(&mesh, &v1).unwrap();
-        assert_eq!(geometry.normals, NormalsVerdict::Usable);
-        assert_eq!(geometry.poses.iter().flatten().count(), 230);
-        for pose in geometry.poses.iter().flatten() {
-            assert!((length(pose.normal) - 1.0).abs() < 1e-12);
-        }
-        let v2 = std::fs::read_to_string(format!("{dir}/left_forearm_V2.txt")).unwrap();
-        let geometry = Geometry::parse(&v2, &patch(&[(13, &first), (12, &[0, 1, 3, 6, 8, 9, 12, 13])])).unwrap();
-        assert!(geometry.remarks.iter().any(|r| r.contains("92 taxels repeat the position")), "{:?}", geometry.remarks);
-    }
-
-    proptest! {
-        #[test]
-        fn no_text_panics(text in "(?s).{0,200}") {
-            let _ = Geometry::parse(&format!("[calibration]\n{text}"), &patch(&[(1, &[0])]));
-        }
     }
 }

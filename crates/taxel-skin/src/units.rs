@@ -54,14 +54,3 @@ impl Sub for Kilopascal {
         Self(self.0 - other.0)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn one_kilogram_over_ten_taxels_is_thirty_kilopascal() {
-        let per_taxel = Kilopascal(30.27).on(SquareMillimetre::ICUB_TAXEL);
-        assert!((per_taxel.0 * 10.0 - 9.807).abs() < 0.01);
-    }
-}

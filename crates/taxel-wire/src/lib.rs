@@ -14,8 +14,6 @@ pub mod bits;
 pub mod candump;
 mod frame;
 pub mod icub;
-#[cfg(test)]
-mod insole_log_tests;
 pub mod reading;
 pub mod signal;
 

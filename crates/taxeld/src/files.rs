@@ -81,14 +81,4 @@ mod tests {
         let endless = read_text(Path::new("/dev/zero")).unwrap_err();
         assert!(format!("{endless:#}").ends_with(&format!("it has more than {TEXT_BYTES_MAX} bytes")), "{endless:#}");
     }
-
-    #[test]
-    fn a_pipe_without_a_writer_is_refused_at_once() {
-        let folder = tempfile::tempdir().unwrap();
-        let pipe = folder.path().join("pipe");
-        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).unwrap();
-        for error in [read_utf8(&pipe).unwrap_err(), read_any_text(&pipe).unwrap_err()] {
-            assert!(error.to_string().starts_with("it is no regular file"), "{error}");
-        }
-    }
 }

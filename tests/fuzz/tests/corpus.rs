@@ -77,20 +77,3 @@ fn one_input() {
     let target = TARGETS.iter().filter(|target| name.contains(target.name)).max_by_key(|target| target.name.len());
     (target.unwrap().run)(&fs::read(path).unwrap());
 }
-
-#[test]
-fn every_target_has_a_binary_and_every_folder_a_target() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let names = |folder: &str| {
-        let entries = fs::read_dir(root.join(folder)).into_iter().flatten();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect();
-        names.sort();
-        names
-    };
-    let mut targets: Vec<&str> = TARGETS.iter().map(|target| target.name).collect();
-    targets.sort_unstable();
-    assert_eq!(names("libfuzzer/src/bin"), targets);
-    assert_eq!(names("corpus"), targets);
-    assert!(names("finds").iter().all(|name| targets.contains(&name.as_str())));
-}

@@ -118,14 +118,4 @@ mod tests {
         let row = first(&book, 0.0);
         assert_eq!((row.state.as_str(), row.force_n, row.reasons), ("TARE_INVALID", None, vec!["why".to_owned()]));
     }
-
-    /// What waited at a router, in a queue, or while this computer slept.
-    #[test]
-    fn a_force_that_was_long_on_its_way_is_as_old_as_it_is() {
-        let mut book = Book::default();
-        book.insert(icub_arm(), Received::now(sent(1.0)));
-        assert_eq!(first(&book, 0.0).state, "STALE");
-        book.insert(icub_arm(), Received::now(sent(3_600.0)));
-        assert_eq!(first(&book, 0.0).state, "SILENT");
-    }
 }

@@ -58,7 +58,6 @@ fn case() -> Case {
     let ramps = vec![begun(0, zero(241.0)), begun(1, zero(240.0))];
     let dead = TaxelModel::without_curve(Status::Dead { count: 7.0 }, GaugeUncertainty::default());
     let set = ModelSet {
-        id: String::new(),
         patch: "palm".to_owned(),
         created_wall_ns: 1_700_000_000_000_000_000,
         session: Some(4),
@@ -67,12 +66,9 @@ fn case() -> Case {
         baseline: zero(240.0),
         pressure_max_kpa: 70.0,
         gauge_gain_rel: 0.001,
-        gauge_offset_kpa: 0.0,
-        dead_zone_kpa: 0.0,
         taxels: vec![line(), line(), dead],
-        recorded: None,
-        recalibrated: None,
         maker: Maker::this(false),
+        ..ModelSet::default()
     };
     let session = Session { session: 4, patch: "palm".to_owned(), target_kpa: 70.0, ..Session::default() };
     let samples = SessionSamples { ramps, samples };

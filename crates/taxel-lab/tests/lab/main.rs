@@ -6,7 +6,6 @@ mod certificate;
 mod commands;
 mod recalibration;
 mod recordings;
-mod steady;
 
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};

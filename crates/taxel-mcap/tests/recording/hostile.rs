@@ -2,10 +2,9 @@
 
 use std::io::Write as _;
 
-use proptest::prelude::*;
 use taxel_mcap::MAGIC_BYTES;
 
-use crate::{read_bytes, three_chunks};
+use crate::read_bytes;
 
 const CHUNK: u8 = 6;
 
@@ -57,24 +56,4 @@ fn a_chunk_that_unpacks_to_more_than_it_says_or_than_is_read_is_refused() {
     }
     fault(&file(20, "lz4", &lz4(&[0; 10])));
     fault(&file(20, "", &[0; 10]));
-}
-
-proptest! {
-    #[test]
-    fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
-        read_bytes(&bytes);
-        read_bytes(&[MAGIC_BYTES, &bytes].concat());
-        read_bytes(&file(bytes.len() as u64, "", &bytes));
-        read_bytes(&file(bytes.len() as u64, "lz4", &bytes));
-    }
-
-    #[test]
-    fn no_damage_panics(places in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8)) {
-        let (mut bytes, _) = three_chunks(true);
-        for (place, byte) in places {
-            let at = place.index(bytes.len());
-            bytes[at] = byte;
-        }
-        read_bytes(&bytes);
-    }
 }

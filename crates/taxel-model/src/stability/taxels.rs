@@ -101,12 +101,6 @@ impl Taxel {
         count.round().clamp(0.0, self.top())
     }
 
-    /// The pressure that the law has at a count, kPa.
-    #[must_use]
-    pub fn true_kpa(&self, count: f64) -> f64 {
-        self.half * (self.rest - count) / (self.gain - self.rest + count)
-    }
-
     fn top(&self) -> f64 {
         f64::from((1_u32 << self.bits) - 1)
     }

@@ -22,7 +22,7 @@ pub(super) fn against_exact(recording: &Recording, order: u8) -> (TaxelModel, Ou
     let mut outcome = sound(recording, &of_order(order), &model);
     let valid = valid(recording);
     let used = usize::from(model.order);
-    let (Some(curve), Some(reference)) = (&model.curve, Reference::fit(&valid.counts, &valid.kpa, None, used)) else {
+    let (Some(curve), Some(reference)) = (&model.curve, Reference::fit(&valid.counts, &valid.kpa, used)) else {
         outcome.figure = f64::NAN;
         return (model, outcome);
     };

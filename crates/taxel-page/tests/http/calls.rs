@@ -47,32 +47,19 @@ async fn a_refusal_says_why_for_programs_too() {
 #[tokio::test]
 async fn a_command_reaches_the_engine_and_its_refusal_comes_back() {
     let mut daemon = start().await;
+    let mut requests = std::mem::replace(&mut daemon.requests, tokio::sync::mpsc::channel(1).1);
     let engine = async {
-        let request = daemon.requests.recv().await.unwrap();
+        let request = requests.recv().await.unwrap();
         let Command::Tare { patch, confirmed_by } = request.command else { panic!("{:?}", request.command) };
         assert_eq!((patch.as_str(), confirmed_by.as_deref()), ("left_forearm", Some("Ada")));
-        request
-            .reply
-            .send(Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, "rest is not proven".to_owned())))
-            .unwrap();
+        let refused = Rejection::FailedPrecondition(ErrorReason::TareUnproven, "rest is not proven".to_owned());
+        request.reply.send(Err(refused)).unwrap();
     };
-    let asked = std::net::SocketAddr::clone(&daemon.address);
-    let body = r#"{"confirmedBy": "Ada"}"#;
-    let request = format!(
-        "POST /taxel.v1.SkinService/Tare HTTP/1.1\r\nHost: {asked}\r\nConnection: close\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
-        body.len()
-    );
-    let call = async {
-        use tokio::io::{AsyncReadExt, AsyncWriteExt};
-        let mut peer = tokio::net::TcpStream::connect(asked).await.unwrap();
-        peer.write_all(request.as_bytes()).await.unwrap();
-        let mut answer = String::new();
-        peer.read_to_string(&mut answer).await.unwrap();
-        answer
-    };
+    let call = daemon.post("/taxel.v1.SkinService/Tare", r#"{"confirmedBy": "Ada"}"#);
     let ((), answer) = tokio::join!(engine, call);
-    assert!(answer.starts_with("HTTP/1.1 400"), "{answer}");
-    assert!(answer.contains("FAILED_PRECONDITION") && answer.contains("rest is not proven"), "{answer}");
+    assert_eq!(answer.status, 400, "{answer:?}");
+    let says = |words| answer.body.contains(words);
+    assert!(says("FAILED_PRECONDITION") && says("rest is not proven"), "{answer:?}");
 }
 
 #[tokio::test]

@@ -101,19 +101,8 @@ pub fn model_set(id: &str) -> Arc<ModelSet> {
     Arc::new(ModelSet {
         id: id.to_owned(),
         patch: "left_forearm".to_owned(),
-        created_wall_ns: 0,
-        session: None,
-        method: String::new(),
-        board_settings: Vec::new(),
-        baseline: Vec::new(),
         pressure_max_kpa: 70.0,
-        gauge_gain_rel: 0.0,
-        gauge_offset_kpa: 0.0,
-        dead_zone_kpa: 0.0,
-        taxels: Vec::new(),
-        recorded: None,
-        recalibrated: None,
-        maker: taxel_engine::model_set::Maker::default(),
+        ..ModelSet::default()
     })
 }
 

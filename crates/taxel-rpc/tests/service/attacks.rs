@@ -156,22 +156,6 @@ async fn garbage_is_answered_by_closing() {
     still_serves(&daemon).await;
 }
 
-/// Frames after a correct preface and empty settings.
-async fn flood(daemon: &Daemon, frames: impl Iterator<Item = Vec<u8>>) -> (usize, bool) {
-    let mut peer = TcpStream::connect(daemon.address).await.unwrap();
-    peer.write_all(BEGIN).await.unwrap();
-    let mut sent = 0;
-    for frame in frames {
-        if peer.write_all(&frame).await.is_err() {
-            return (sent, true);
-        }
-        sent += 1;
-    }
-    let _ = peer.shutdown().await;
-    read_to_end(&mut peer).await;
-    (sent, false)
-}
-
 /// HTTP/2 frame: length, type, flags, stream, payload (RFC 9113 section 4.1).
 fn frame(kind: u8, flags: u8, stream: u32, payload: &[u8]) -> Vec<u8> {
     let mut bytes = (payload.len() as u32).to_be_bytes()[1..].to_vec();
@@ -182,35 +166,29 @@ fn frame(kind: u8, flags: u8, stream: u32, payload: &[u8]) -> Vec<u8> {
 }
 
 #[tokio::test]
-async fn endless_headers_close_the_connection() {
-    let daemon = start().await;
-    let first = std::iter::once(frame(1, 0, 1, &[0x82])); // HEADERS without END_HEADERS
-    let more = (0..100_000).map(|_| frame(9, 0, 1, &[0x82; 64])); // CONTINUATION
-    let (sent, closed) = flood(&daemon, first.chain(more)).await;
-    assert!(closed, "{sent} frames were taken");
-    still_serves(&daemon).await;
-}
-
-#[tokio::test]
-async fn rapid_resets_close_the_connection() {
-    let daemon = start().await;
+async fn endless_headers_rapid_resets_and_requests_that_are_none_close_the_connection() {
+    // HEADERS without END_HEADERS, and CONTINUATION.
+    let endless = std::iter::once(frame(1, 0, 1, &[0x82])).chain((0..100_000).map(|_| frame(9, 0, 1, &[0x82; 64])));
     // HEADERS with END_STREAM and END_HEADERS: method POST, scheme http, path /; then RST_STREAM with CANCEL.
-    let calls = (0..200_000_u32).flat_map(|n| {
-        let stream = 2 * n + 1;
-        [frame(1, 5, stream, &[0x83, 0x86, 0x84]), frame(3, 0, stream, &[0, 0, 0, 8])]
-    });
-    let (sent, closed) = flood(&daemon, calls).await;
-    assert!(closed, "{sent} frames were taken");
-    still_serves(&daemon).await;
+    let reset = |n: u32| [frame(1, 5, 2 * n + 1, &[0x83, 0x86, 0x84]), frame(3, 0, 2 * n + 1, &[0, 0, 0, 8])];
+    // HEADERS with END_STREAM and END_HEADERS that hold `te: gzip` alone.
+    let none = |n: u32| frame(1, 5, 2 * n + 1, b"\0\x02te\x04gzip");
+    let daemon = start().await;
+    flood(&daemon, "endless headers", endless).await;
+    flood(&daemon, "rapid resets", (0..200_000).flat_map(reset)).await;
+    flood(&daemon, "requests that are none", (0..1_000_000).map(none)).await;
 }
 
-/// Nothing of what is answered is read, so that it waits in the daemon's memory.
-#[tokio::test]
-async fn requests_that_are_none_close_the_connection() {
-    let daemon = start().await;
-    // HEADERS with END_STREAM and END_HEADERS that hold `te: gzip` alone.
-    let none = b"\0\x02te\x04gzip";
-    let (sent, closed) = flood(&daemon, (0..1_000_000_u32).map(|n| frame(1, 5, 2 * n + 1, none))).await;
-    assert!(closed, "{sent} frames were taken");
-    still_serves(&daemon).await;
+/// Sends frames after a correct preface and empty settings until the connection is closed; what is answered waits in the daemon.
+async fn flood(daemon: &Daemon, what: &str, mut frames: impl Iterator<Item = Vec<u8>>) {
+    let mut peer = TcpStream::connect(daemon.address).await.unwrap();
+    peer.write_all(BEGIN).await.unwrap();
+    let closed = loop {
+        let Some(frame) = frames.next() else { break false };
+        if peer.write_all(&frame).await.is_err() {
+            break true;
+        }
+    };
+    assert!(closed, "{what}: all frames were taken");
+    still_serves(daemon).await;
 }

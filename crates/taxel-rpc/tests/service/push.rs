@@ -111,25 +111,6 @@ async fn the_readings_of_a_gauge_are_pushed_without_scans() {
     assert!(status.message().contains("pressure_kpa: is missing in reading 1"), "{status:?}");
 }
 
-/// The process stood still while a scan waited in its socket.
-#[tokio::test]
-async fn a_scan_that_may_have_waited_is_as_old_as_the_last_turn_before() {
-    let mut daemon = glove(patient()).await;
-    daemon.set_clock(Time::from_seconds(3.0));
-    let client = Client::begin(&mut daemon).await;
-    let mut taken = async |at_s: f64| {
-        daemon.set_clock(Time::from_seconds(at_s));
-        client.push(scan(7)).await;
-        let pushed = daemon.pushed.recv().await.unwrap();
-        let PushEvent::Scan(scan) = pushed.event else { panic!("{pushed:?}") };
-        (scan.time, scan.taken)
-    };
-    assert_eq!(taken(3.002).await, (Time::from_seconds(3.002), Time::from_seconds(3.002)));
-    let (time, at) = taken(3.332).await;
-    assert!(time.seconds_since(Time::from_seconds(3.002)) < 0.001, "{time}");
-    assert_eq!(at, Time::from_seconds(3.332));
-}
-
 /// Whoever begins a stream waits for the disk, which has to have that first.
 #[tokio::test]
 async fn scans_that_wait_for_the_answer_are_as_old_as_the_first_message() {

@@ -7,7 +7,7 @@ use taxel_engine::calibration::SessionState;
 use taxel_engine::record::Record;
 
 use super::fixture::*;
-use crate::{Batch, Notify, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Store, StoreError, StoreEvent};
+use crate::{Batch, Notify, QUEUE_BATCHES, QueueFull, Store, StoreError, StoreEvent};
 
 /// A store with a session whose writer waits for a word.
 fn held_store(notify: Notify) -> (Store, Sender<()>) {
@@ -62,22 +62,6 @@ fn whoever_reads_gets_an_answer_also_of_a_full_queue_and_of_no_store() {
     assert_eq!(told.try_iter().collect::<Vec<_>>(), [Ok(()), no_set, Ok(()), Ok(())]);
     ask();
     assert_eq!(told.try_iter().collect::<Vec<_>>(), [(); 4].map(|()| Err(StoreError::Closed)));
-}
-
-/// What people ask for never takes the room of what happens by itself.
-#[test]
-fn of_what_is_asked_for_a_quarter_of_the_queue_may_wait() {
-    let (store, release) = held_store(Box::new(|_| ()));
-    let taken = (0..).take_while(|&index| store.submit_asked(quiet(vec![sample_record(1, index)])).is_ok()).count();
-    assert_eq!(taken, QUEUE_BATCHES_ASKED);
-    let QueueFull { batch, most } = store.submit_asked(quiet(vec![sample_record(1, 9999)])).unwrap_err();
-    assert!(matches!(batch.records[..], [Record::Sample { index: 9999, .. }]));
-    assert_eq!(most, QUEUE_BATCHES_ASKED);
-    for index in taken..QUEUE_BATCHES {
-        store.submit(quiet(vec![sample_record(1, index as u64)])).unwrap();
-    }
-    release.send(()).unwrap();
-    store.close().unwrap();
 }
 
 /// A disk that takes seconds for a flush keeps up all the same: all that came meanwhile goes with the next one.

@@ -154,34 +154,3 @@ fn what_was_acknowledged_survives_fifty_kills() {
     }
     assert!(acknowledged > 10 * kills, "the children got somewhere: {acknowledged} events");
 }
-
-/// What the looking process takes for sound and for lost, without any cut.
-#[test]
-fn what_a_store_holds_after_all_of_a_plan_is_what_the_plan_says() {
-    for seed in 1..=4 {
-        let (_dir, path) = place();
-        let plan = Plan::new(seed, 60);
-        follow(&plan, &path, |_| (), |_| ());
-        assert_eq!(check(&path, &plan, 60, 60), Ok(60), "seed {seed}");
-        // That look left a session of its own.
-        let other = check(&path, &plan, 60, 60).unwrap_err();
-        assert!(other.contains("expected"), "seed {seed}: {other}");
-    }
-}
-
-/// A store that lacks the last thing acknowledged, or has a copy that is none, is not taken for sound.
-#[test]
-fn a_store_that_lacks_what_was_acknowledged_is_told() {
-    let (dir, path) = place();
-    let plan = Plan::new(1, 60);
-    let earlier = Plan::new(1, 59);
-    follow(&earlier, &path, |_| (), |_| ());
-    let lost = check(&path, &plan, 60, 60).unwrap_err();
-    assert!(lost.contains("expected"), "{lost}");
-
-    let path = dir.path().join("other.db");
-    follow(&plan, &path, |_| (), |_| ());
-    std::fs::write(crate::files::beside(&path, crate::files::COPY), "half").unwrap();
-    let lost = check(&path, &plan, 60, 60).unwrap_err();
-    assert!(lost.contains("the copy"), "{lost}");
-}

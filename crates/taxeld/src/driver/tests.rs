@@ -342,18 +342,6 @@ async fn whoever_asks_much_of_a_slow_disk_is_refused_before_that_ends_all_writin
 }
 
 #[tokio::test]
-async fn when_the_stores_thread_dies_every_commit_is_refused_with_the_reason() {
-    let mut bench = Bench::new();
-    let fault: OnDurable = Box::new(|_| panic!("a fault that this test makes"));
-    bench.driver.store.submit(Batch { records: Vec::new(), on_durable: Some(fault) }).unwrap();
-    for wall_ns in 0..3 {
-        let why = bench.refused_import(wall_ns).await;
-        assert!(why.contains("the store"), "{why}");
-    }
-    assert!(bench.refused_import(3).await.contains("internal error"));
-}
-
-#[tokio::test]
 async fn what_is_done_is_told_so_also_where_what_follows_from_it_cannot_be_written_down() {
     let mut bench = Bench::new();
     let fault: OnDurable = Box::new(|_| panic!("a fault that this test makes"));

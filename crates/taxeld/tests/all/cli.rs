@@ -136,8 +136,7 @@ fn check_lists_every_error_and_run_lists_the_same_and_begins_nothing() {
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(left, ["t.toml"], "no store, no socket");
 
-    let output = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["check", "--json", "--config", &config]).output();
-    let output = output.unwrap();
+    let output = common::taxeld(&["check", "--json", "--config", &config]);
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let found = found["problems"].as_array().unwrap();
     assert!(!output.status.success() && found.len() == 4, "{found:?}");
@@ -183,28 +182,6 @@ fn check_says_everything_that_is_wrong_with_the_profile_of_a_drive_without_the_d
 }
 
 #[test]
-fn what_keeps_a_daemon_from_starting_is_said_and_what_is_in_the_way_stays() {
-    let cases = [
-        ("[access]\ntokens = \"tokens\"", "tokens: line 1: 2 words, expected three"),
-        ("listen = [\"unix:there\"]", "there: is there already and is not a socket"),
-        ("listen = [\"unix:there/socket\"]", "there/socket: Not a directory"),
-    ];
-    for (more, words) in cases {
-        let (top, more) =
-            if more.starts_with("listen") { (more, "") } else { ("listen = [\"tcp:127.0.0.1:0\"]", more) };
-        let config = format!("{top}\n{CONFIG}{more}\n");
-        let folder = scratch(&[("t.toml", &config), ("there", ""), ("tokens", "admin root\n")]);
-        let private = std::os::unix::fs::PermissionsExt::from_mode(0o600);
-        std::fs::set_permissions(folder.path().join("tokens"), private).unwrap();
-        let mut run = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-        let output = run.args(["run", "--config", "t.toml"]).current_dir(folder.path()).output().unwrap();
-        let said = text(&output.stderr);
-        assert!(!output.status.success() && said.contains(words), "{more}: {said}");
-        assert_eq!(std::fs::read_to_string(folder.path().join("there")).unwrap(), "");
-    }
-}
-
-#[test]
 fn the_socket_is_in_the_first_of_the_folders_that_the_service_manager_gives() {
     let folder = scratch(&[("t.toml", CONFIG)]);
     let mut check = Command::new(env!("CARGO_BIN_EXE_taxeld"));
@@ -233,7 +210,7 @@ fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
 
 #[test]
 fn alone_it_says_in_five_lines_where_to_begin_and_its_help_has_the_commands_in_groups() {
-    let alone = Command::new(env!("CARGO_BIN_EXE_taxeld")).output().unwrap();
+    let alone = common::taxeld(&[]);
     let said = text(&alone.stderr);
     assert!(alone.status.code() == Some(2) && said.lines().count() == 5 && said.contains("taxeld demo"), "{said}");
     let help = succeeds(&["--help"]);
@@ -299,42 +276,12 @@ fn demo_summary(printed: &str, contact: &str) -> (f64, f64) {
 
 /// Fingertips and palm of a hand are two patches of one board; each may have its own area, bag and session.
 #[test]
-fn a_board_may_serve_patches_of_several_kinds_and_contradictions_name_the_line() {
+fn a_board_may_serve_patches_of_several_kinds() {
     let second = "[[patch]]\nname = \"tips\"\nbus = \"skin\"\nlisten_only = true\n\
                   boards = [{ address = 13, modules = \"2-4 fingertip, 8-11 palm\" }]\n";
     let both = format!("{CONFIG}{second}");
     let folder = scratch(&[("t.toml", &both)]);
-    let config = path(folder.path(), "t.toml");
-    let printed = succeeds(&["check", "--config", &config]);
+    let printed = succeeds(&["check", "--config", &path(folder.path(), "t.toml")]);
     assert!(printed.contains("patch tips: 80 taxels on 7 modules"), "{printed}");
     assert!(printed.contains("board 13 of bus skin: modules 2-4 fingertip, 8-11 palm"), "{printed}");
-    for (wrong, says) in [
-        (both.replace("2-4 fingertip", "1-4 fingertip"), "module 1 of board 13 is in patch `palm` and in patch `tips`"),
-        (
-            both.replace("name = \"tips\"", "name = \"tips\"\nperiod_ms = 100"),
-            "board 13 is configured by patch `palm` and by patch `tips` with other settings",
-        ),
-    ] {
-        std::fs::write(&config, &wrong).unwrap();
-        let said = fails(&["check", "--config", &config]);
-        assert!(said.contains(says), "{said}");
-        let line = 1 + wrong.lines().collect::<Vec<_>>().iter().rposition(|line| *line == "[[patch]]").unwrap();
-        assert!(said.contains(&format!("t.toml:{line}: ")), "{said}");
-    }
-}
-
-#[test]
-fn a_configuration_that_cannot_be_is_refused_with_its_place() {
-    for (broken, says) in [
-        (CONFIG.replace("modules", "moduls"), "t.toml:11: unknown key `moduls`; did you mean `modules`?"),
-        (CONFIG.replace("address = 13", "address = 31"), "board address 31 is not in 1..=15"),
-        (CONFIG.replace("\"0-1\"", "\"3-1\""), "modules = \"3-1\": expected ascending"),
-        (CONFIG.replace("bus = \"skin\"", "bus = \"leg\""), "bus `leg` is not among the buses: skin"),
-        (CONFIG.replace("0|32@1-", "0|65@1-"), "length is 65 bits"),
-        (format!("listen = [\"tcp:0.0.0.0:1\"]\n{CONFIG}"), "only loopback"),
-    ] {
-        let folder = scratch(&[("t.toml", &broken)]);
-        let said = fails(&["check", "--config", &path(folder.path(), "t.toml")]);
-        assert!(said.contains(says), "expected `{says}` in: {said}");
-    }
 }

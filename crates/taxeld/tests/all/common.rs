@@ -43,15 +43,6 @@ pub fn free_address() -> SocketAddr {
     TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap()
 }
 
-/// A simulated board with its store in this folder; `top` are keys that come first.
-pub fn simulated(store: &Path, top: &str) -> String {
-    format!(
-        "{top}\n[store]\npath = \"{}/store.db\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n[[patch]]\nname = \"forearm\"\n\
-         bus = \"skin\"\nboards = [{{ address = 13, modules = \"0-15\" }}]\n",
-        store.display()
-    )
-}
-
 /// Lines of a scan of [`frames`].
 pub const SCAN_LINES: usize = 5;
 

@@ -2,9 +2,7 @@
 //! back, and the set in use is the one that was. 12 times, or as often as TAXELD_KILLS says.
 
 use std::collections::BTreeMap;
-use std::net::SocketAddr;
-use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use taxel_engine::baseline::TaxelBaseline;
@@ -12,13 +10,13 @@ use taxel_engine::model_set::ModelSet;
 use taxel_model::{GaugeUncertainty, Status, TaxelModel};
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_store::models_json;
 use tonic::transport::Channel;
 
-use crate::common::{Ended, PATIENCE, free_address, simulated};
+use crate::common::PATIENCE;
+use crate::daemon::Daemon;
 
 /// Kills unless the environment says otherwise.
 const KILLS: u64 = 12;
@@ -26,37 +24,10 @@ const KILLS: u64 = 12;
 /// Taxels of the 16 modules of the simulated patch.
 const TAXELS: usize = 160;
 
-struct Daemon {
-    child: Ended,
-    address: SocketAddr,
-}
-
-impl Daemon {
-    fn start(folder: &Path) -> Self {
-        let address = free_address();
-        let config = simulated(folder, &format!("listen = [\"tcp:{address}\"]"));
-        std::fs::write(folder.join("taxeld.toml"), config).unwrap();
-        let log = std::fs::File::options().create(true).append(true).open(folder.join("log")).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-        command.args(["run", "--config"]).arg(folder.join("taxeld.toml"));
-        let child = Ended(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap());
-        Self { child, address }
-    }
-
-    /// A connection, once the engine has had its first turn.
-    async fn served(&mut self) -> Channel {
-        let begun = Instant::now();
-        loop {
-            assert_eq!(self.child.0.try_wait().unwrap(), None, "the daemon ended by itself");
-            assert!(begun.elapsed() < PATIENCE, "the daemon does not come up");
-            if let Ok(mut client) = ForceServiceClient::connect(format!("http://{}", self.address)).await {
-                let mut stream = client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner();
-                stream.message().await.unwrap();
-                return Channel::from_shared(format!("http://{}", self.address)).unwrap().connect().await.unwrap();
-            }
-            tokio::task::yield_now().await;
-        }
-    }
+/// A connection, once the engine has had its first turn.
+async fn served(daemon: &Daemon) -> Channel {
+    daemon.stream().await.message().await.unwrap();
+    Channel::from_shared(format!("http://{}", daemon.address)).unwrap().connect().await.unwrap()
 }
 
 /// A set that differs from others by its number.
@@ -169,8 +140,8 @@ async fn what_was_acknowledged_is_there_after_kills_at_random_moments() {
     let mut told = Told::default();
     let mut seed = 1_u64;
     for cycle in 0..kills {
-        let mut daemon = Daemon::start(folder.path());
-        let channel = daemon.served().await;
+        let mut daemon = Daemon::start_in(folder.path(), |_, _| {});
+        let channel = served(&daemon).await;
         told.check(&channel, cycle).await;
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         for _ in 0..(seed >> 60) % 6 {
@@ -186,8 +157,8 @@ async fn what_was_acknowledged_is_there_after_kills_at_random_moments() {
         kill.await.unwrap();
         daemon.child.0.wait().unwrap();
     }
-    let mut daemon = Daemon::start(folder.path());
-    let channel = daemon.served().await;
+    let daemon = Daemon::start_in(folder.path(), |_, _| {});
+    let channel = served(&daemon).await;
     told.check(&channel, kills).await;
     println!("{kills} kills: {} sets and {} sessions acknowledged, none lost", told.sets.len(), told.sessions.len());
     assert!(told.sets.len() as u64 >= kills, "the daemons got somewhere: {} sets", told.sets.len());

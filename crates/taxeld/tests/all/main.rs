@@ -4,6 +4,8 @@
 mod cli;
 mod common;
 #[cfg(feature = "sim")]
+mod daemon;
+#[cfg(feature = "sim")]
 mod demo;
 #[cfg(feature = "sim")]
 mod dial;
@@ -18,8 +20,6 @@ mod operator;
 mod scarce;
 #[cfg(feature = "sim")]
 mod security;
-#[cfg(feature = "sim")]
-mod shared_memory;
 #[cfg(feature = "sim")]
 mod systemd;
 #[cfg(feature = "sim")]

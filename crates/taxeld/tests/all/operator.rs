@@ -6,7 +6,7 @@ use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::{Ended, text};
+use crate::common::{Ended, taxeld, text};
 use crate::demo::Demo;
 
 #[test]
@@ -179,22 +179,13 @@ fn a_calibration_says_stop_while_the_daemon_hangs() {
 }
 
 #[test]
-fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
+fn a_demo_starts_with_its_models_in_use_and_a_stream_ends_with_its_reader() {
     let demo = Demo::start(&[]);
-    let newton = demo.until_good(&["watch", "--once", "--quiet", "--within", "30"]);
     let slow = demo.until_good(&["watch", "--rate", "1", "--count", "3"]);
     assert_eq!(slow.lines().count(), 3, "a line a sample, however rare they are: {slow}");
-    assert!(newton.trim().parse::<f64>().unwrap() >= 0.0, "{newton}");
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("models.json");
-    let file = file.to_str().unwrap();
-    demo.succeeds(&["models", "export", "--out", file]);
     let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
-    assert!(demo.succeeds(&["models", "import", file]).contains(&id));
     assert!(demo.refused(&["models", "delete", &id, "--yes"]).contains("in use"));
     assert!(demo.refused(&["sessions", "show", "7"]).contains("no session 7"));
-    let printed = demo.until_good(&["calibrate", "--target", "40", "--yes"]);
-    assert!(printed.contains(" the set in use, and has "), "{printed}");
     // As in `taxeld watch --json | head -1`: it ends by itself and says nothing.
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     command.args(["watch", "--json", "--server", &demo.server]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -275,13 +266,13 @@ fn a_force_that_is_long_on_its_way_is_told_as_old_as_it_is() {
 
 #[test]
 fn a_daemon_that_is_not_there_is_no_refusal_and_the_command_that_helps_is_named() {
-    let output = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["tare", "--server", "127.0.0.1:1"]).output().unwrap();
+    let output = taxeld(&["tare", "--server", "127.0.0.1:1"]);
     assert_eq!(output.status.code(), Some(1));
     let said = text(&output.stderr);
     let mut lines = said.lines();
     assert!(lines.next().unwrap().starts_with("taxeld: no daemon answers at http://127.0.0.1:1"), "{said}");
     assert!(lines.next().unwrap().starts_with("help: taxeld run --config FILE"), "{said}");
-    let wrong = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["tare", "--server", "robot"]).output().unwrap();
+    let wrong = taxeld(&["tare", "--server", "robot"]);
     assert_eq!(wrong.status.code(), Some(2));
 }
 

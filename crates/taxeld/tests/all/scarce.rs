@@ -2,74 +2,31 @@
 //! reads the log, memory to share, and the hours for which it slept. The force goes on meanwhile, or is not believed. A write
 //! takes half a second, or as many milliseconds as TAXELD_SLOW_MS says.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::Instant;
 
 use taxel_proto::v1;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use tempfile::TempDir;
 use tonic::{Code, Status, Streaming};
 
-use crate::common::{Ended, PATIENCE, free_address, simulated, until_logged};
+use crate::common::{PATIENCE, succeeds, text, until_logged};
+use crate::daemon::Daemon;
 
-struct Daemon {
-    child: Ended,
-    address: SocketAddr,
-    folder: TempDir,
+/// One whose disk takes so long for each write while there is this file; `with` changes more.
+fn with_slow_disk(milliseconds: &str, when: &str, with: impl FnOnce(&Path)) -> Daemon {
+    Daemon::start(|command, folder| {
+        let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
+        command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", milliseconds);
+        command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join(when));
+        with(folder);
+    })
 }
 
 impl Daemon {
-    /// A daemon with its store in the folder `disk` beside its configuration, changed by `with` before it is started.
-    fn start(with: impl FnOnce(&mut Command, &Path)) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let address = free_address();
-        let listen = format!("listen = [\"tcp:{address}\", \"unix:socket\"]");
-        let config = simulated(&folder.path().join("disk"), &listen);
-        std::fs::write(folder.path().join("taxeld.toml"), config).unwrap();
-        // The shell sets limits for what it becomes.
-        let mut command = Command::new("sh");
-        command.args(["-c", "ulimit -n ${DESCRIPTORS:-1024}; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_taxeld"), "run"]);
-        command.arg("--config").arg(folder.path().join("taxeld.toml"));
-        command.stderr(File::create(folder.path().join("log")).unwrap());
-        with(&mut command, folder.path());
-        let child = Ended(command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap());
-        Self { child, address, folder }
-    }
-
-    /// One whose disk takes so long for each write while there is this file; `with` changes more.
-    fn with_slow_disk(milliseconds: &str, when: &str, with: impl FnOnce(&Path)) -> Self {
-        Self::start(|command, folder| {
-            let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
-            command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", milliseconds);
-            command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join(when));
-            with(folder);
-        })
-    }
-
-    fn log(&self) -> String {
-        std::fs::read_to_string(self.folder.path().join("log")).unwrap()
-    }
-
-    async fn stream(&self) -> Streaming<v1::ForceSample> {
-        let begun = Instant::now();
-        loop {
-            match ForceServiceClient::connect(format!("http://{}", self.address)).await {
-                Ok(mut client) => match client.stream_force(v1::StreamRequest::default()).await {
-                    Ok(stream) => return stream.into_inner(),
-                    Err(error) => assert!(begun.elapsed() < PATIENCE, "the daemon takes no call: {error}"),
-                },
-                Err(error) => assert!(begun.elapsed() < PATIENCE, "the daemon does not come up: {error}"),
-            }
-            tokio::task::yield_now().await;
-        }
-    }
-
     async fn health(&self) -> v1::Health {
         let mut client = SkinServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
         client.get_health(()).await.unwrap().into_inner()
@@ -93,12 +50,7 @@ impl Daemon {
     }
 
     fn audited(&self) -> String {
-        let output = Command::new(env!("CARGO_BIN_EXE_taxeld"))
-            .args(["audit", "--server", &self.address.to_string()])
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
+        succeeds(&["audit", "--server", &self.address.to_string()])
     }
 }
 
@@ -122,10 +74,10 @@ fn compiled(folder: &Path, text: &str) -> PathBuf {
 #[tokio::test]
 async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
     let milliseconds = std::env::var("TAXELD_SLOW_MS").unwrap_or_else(|_| "500".to_owned());
-    let daemon = Daemon::with_slow_disk(&milliseconds, "slow", |_| ());
+    let daemon = with_slow_disk(&milliseconds, "slow", |_| ());
     let mut stream = daemon.stream().await;
     daemon.tared(&mut stream).await;
-    let slow = daemon.folder.path().join("slow");
+    let slow = daemon.folder.join("slow");
     std::fs::write(&slow, "").unwrap();
     let answer = daemon.tare();
     tokio::pin!(answer);
@@ -157,21 +109,21 @@ async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
 #[test]
 fn a_start_that_fails_after_the_store_was_opened_closes_it() {
     let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let mut daemon = Daemon::with_slow_disk("20", "taxeld.toml", |folder| {
+    let mut daemon = with_slow_disk("20", "taxeld.toml", |folder| {
         configured(folder, &format!("[page]\nlisten = \"{}\"\n", taken.local_addr().unwrap()));
     });
     assert_eq!(daemon.child.0.wait().unwrap().code(), Some(1), "{}", daemon.log());
     assert!(daemon.log().contains("Address already in use"), "{}", daemon.log());
-    let disk = daemon.folder.path().join("disk");
+    let disk = daemon.folder.join("disk");
     assert!(disk.join("store.db").exists() && !disk.join("store.db-wal").exists(), "it is not closed");
 }
 
 /// Until somebody ends it: each call takes an hour.
 #[tokio::test]
 async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so() {
-    let mut daemon = Daemon::with_slow_disk("3600000", "hangs", |_| ());
+    let mut daemon = with_slow_disk("3600000", "hangs", |_| ());
     daemon.stream().await.message().await.unwrap().unwrap();
-    std::fs::write(daemon.folder.path().join("hangs"), "").unwrap();
+    std::fs::write(daemon.folder.join("hangs"), "").unwrap();
     daemon.child.signal("-TERM");
     assert_eq!(daemon.child.0.wait().unwrap().code(), Some(1), "{}", daemon.log());
     assert!(daemon.log().contains("some parts did not close in time"), "{}", daemon.log());
@@ -235,7 +187,7 @@ async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
         let said =
             |problem: &&String| problem.starts_with("no force of forearm in shared memory: ") && problem.contains(why);
         assert_eq!(problems.iter().filter(said).count(), 1, "{why}: {problems:?}");
-        until_logged(daemon.folder.path(), why);
+        until_logged(&daemon.folder, why);
     }
 }
 
@@ -243,7 +195,7 @@ async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
 async fn a_variable_that_is_no_filter_is_told() {
     for (variable, told) in [("", false), ("wran", true)] {
         let daemon = Daemon::start(|command, _| _ = command.env("RUST_LOG", variable));
-        until_logged(daemon.folder.path(), "taxeld is up");
+        until_logged(&daemon.folder, "taxeld is up");
         let said = daemon.log().contains(&format!("RUST_LOG = \"{variable}\" is not used"));
         assert_eq!(said, told, "{}", daemon.log());
     }
@@ -283,7 +235,7 @@ async fn after_a_suspend_the_force_is_old_and_the_zero_is_in_doubt() {
     });
     let mut stream = daemon.stream().await;
     daemon.tared(&mut stream).await;
-    std::fs::write(daemon.folder.path().join("suspended"), "").unwrap();
+    std::fs::write(daemon.folder.join("suspended"), "").unwrap();
     let begun = Instant::now();
     loop {
         let sample = stream.message().await.unwrap().unwrap();
@@ -295,4 +247,15 @@ async fn after_a_suspend_the_force_is_old_and_the_zero_is_in_doubt() {
         }
         assert!(begun.elapsed() < PATIENCE, "{zero:?}\n{}", daemon.log());
     }
+}
+
+#[test]
+fn a_second_daemon_is_told_that_the_folder_is_taken() {
+    let folder = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
+    let _first = taxel_shm::Folder::open(folder.path(), None).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    command.args(["demo", "--bare", "--listen", "127.0.0.1:0", "--shared-memory"]).arg(folder.path());
+    let output = command.output().unwrap();
+    let said = text(&output.stderr);
+    assert!(!output.status.success() && said.contains("another daemon publishes its pages there"), "{said}");
 }

@@ -1,62 +1,42 @@
 //! The daemon as a service: what it tells the service manager, and what signals do. A real process, and a socket that
 //! plays the service manager.
 
-use std::fs::File;
-use std::net::SocketAddr;
 use std::os::unix::net::UnixDatagram;
-use std::path::PathBuf;
-use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::process::Command;
 
 use taxel_proto::v1;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
-use tempfile::TempDir;
 use tonic::Streaming;
 
-use crate::common::{Ended, PATIENCE, free_address, simulated, until_logged};
+use crate::common::{PATIENCE, until_logged};
+use crate::daemon::{Daemon, configure};
 
 struct Service {
-    child: Ended,
+    daemon: Daemon,
     manager: UnixDatagram,
-    address: SocketAddr,
-    folder: TempDir,
 }
 
 impl Service {
-    fn start(watchdog: Option<Duration>, arguments: &[&str]) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let manager = UnixDatagram::bind(folder.path().join("notify")).unwrap();
+    fn start(arguments: &[&str]) -> Self {
+        let mut manager = None;
+        let daemon = Daemon::start(|command, folder| {
+            let socket = folder.join("notify");
+            manager = Some(UnixDatagram::bind(&socket).unwrap());
+            command.args(arguments).env("NOTIFY_SOCKET", socket);
+            command.env_remove("WATCHDOG_USEC").env_remove("RUST_LOG").env_remove("JOURNAL_STREAM");
+        });
+        let manager = manager.unwrap();
         manager.set_read_timeout(Some(PATIENCE)).unwrap();
-        let address = free_address();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-        let log = File::create(folder.path().join("log")).unwrap();
-        command.args(arguments).arg("run").arg("--config").arg(folder.path().join("taxeld.toml"));
-        command.env("NOTIFY_SOCKET", folder.path().join("notify")).env_remove("RUST_LOG").env_remove("JOURNAL_STREAM");
-        match watchdog {
-            Some(limit) => command.env("WATCHDOG_USEC", limit.as_micros().to_string()),
-            None => command.env_remove("WATCHDOG_USEC"),
-        };
-        write_config(&folder, address, "");
-        let child = Ended(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap());
-        Self { child, manager, address, folder }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn log(&self) -> String {
-        std::fs::read_to_string(self.path("log")).unwrap()
+        Self { daemon, manager }
     }
 
     fn until_logged(&self, text: &str) -> String {
-        until_logged(self.folder.path(), text)
+        until_logged(&self.daemon.folder, text)
     }
 
     /// What the manager is told next.
     fn told(&self) -> String {
         let mut message = [0; 4096];
-        let length = self.manager.recv(&mut message).unwrap_or_else(|error| panic!("{error}; {}", self.log()));
+        let length = self.manager.recv(&mut message).unwrap_or_else(|error| panic!("{error}; {}", self.daemon.log()));
         String::from_utf8(message[..length].to_vec()).unwrap()
     }
 
@@ -69,16 +49,6 @@ impl Service {
             }
         }
     }
-
-    async fn stream(&self) -> Streaming<v1::ForceSample> {
-        let mut client = ForceServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
-        client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner()
-    }
-}
-
-fn write_config(folder: &TempDir, address: SocketAddr, more: &str) {
-    let text = simulated(folder.path(), &format!("listen = [\"tcp:{address}\"]\n{more}"));
-    std::fs::write(folder.path().join("taxeld.toml"), text).unwrap();
 }
 
 /// The next sample of a stream that goes on.
@@ -87,28 +57,10 @@ async fn next(stream: &mut Streaming<v1::ForceSample>) -> v1::ForceSample {
 }
 
 #[tokio::test]
-async fn the_manager_is_told_when_the_daemon_serves_that_it_lives_and_when_it_stops() {
-    let mut service = Service::start(Some(Duration::from_millis(500)), &[]);
-    let first = service.told();
-    assert!(first.lines().any(|line| line == "READY=1"), "{first}");
-    assert!(first.contains("STATUS=serving 1 patch\n") || first.ends_with("STATUS=serving 1 patch"), "{first}");
-    next(&mut service.stream().await).await; // it serves when it says so
-    service.until_told("WATCHDOG=1");
-    service.until_told("WATCHDOG=1");
-    service.child.signal("-TERM");
-    service.until_told("STOPPING=1");
-    assert!(service.child.0.wait().unwrap().success(), "{}", service.log());
-    // The store is closed: nothing waits in a log to be folded back.
-    for (name, there) in [("store.db", true), ("store.db-wal", false)] {
-        assert_eq!(service.path(name).exists(), there, "{name}");
-    }
-}
-
-#[tokio::test]
 async fn without_a_watchdog_none_is_fed() {
-    let service = Service::start(None, &[]);
+    let service = Service::start(&[]);
     service.until_told("READY=1");
-    service.child.signal("-TERM");
+    service.daemon.child.signal("-TERM");
     let mut told = service.told();
     while !told.contains("STOPPING=1") {
         assert!(!told.contains("WATCHDOG"), "{told}");
@@ -118,13 +70,13 @@ async fn without_a_watchdog_none_is_fed() {
 
 #[tokio::test]
 async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_the_streams() {
-    let service = Service::start(None, &[]);
+    let service = Service::start(&[]);
     service.until_told("READY=1");
-    let mut stream = service.stream().await;
+    let mut stream = service.daemon.stream().await;
     let mut before = next(&mut stream).await.sequence;
     let more = "socket_group = \"skin\"\n";
-    write_config(&service.folder, service.address, more);
-    service.child.signal("-HUP");
+    configure(&service.daemon.folder, service.daemon.address, more);
+    service.daemon.child.signal("-HUP");
     let reloading = service.until_told("RELOADING=1");
     assert!(reloading.contains("MONOTONIC_USEC="), "{reloading}");
     service.until_told("READY=1");
@@ -138,14 +90,14 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     }
     service.until_logged("other keys need a restart");
     // Rules that grant nothing to anybody are rules, too.
-    write_config(&service.folder, service.address, &format!("{more}[access]\n"));
-    service.child.signal("-HUP");
+    configure(&service.daemon.folder, service.daemon.address, &format!("{more}[access]\n"));
+    service.daemon.child.signal("-HUP");
     service.until_told("RELOADING=1");
     service.until_told("READY=1");
     service.until_logged("not reloaded: whether there is an [access] section needs a restart");
     // A file that cannot be used changes nothing.
-    std::fs::write(service.path("taxeld.toml"), "[store]\npath = 5\n").unwrap();
-    service.child.signal("-HUP");
+    std::fs::write(service.daemon.folder.join("taxeld.toml"), "[store]\npath = 5\n").unwrap();
+    service.daemon.child.signal("-HUP");
     service.until_told("RELOADING=1");
     service.until_told("READY=1");
     next(&mut stream).await;
@@ -154,23 +106,23 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
 
 #[tokio::test]
 async fn a_pipe_in_the_place_of_the_configuration_is_refused_and_no_section_of_access_is_told() {
-    let service = Service::start(None, &[]);
+    let service = Service::start(&[]);
     service.until_told("READY=1");
     service.until_logged("EVERYBODY ON THIS MACHINE IS ADMINISTRATOR");
-    std::fs::remove_file(service.path("taxeld.toml")).unwrap();
-    assert!(Command::new("mkfifo").arg(service.path("taxeld.toml")).status().unwrap().success());
-    service.child.signal("-HUP");
+    std::fs::remove_file(service.daemon.folder.join("taxeld.toml")).unwrap();
+    assert!(Command::new("mkfifo").arg(service.daemon.folder.join("taxeld.toml")).status().unwrap().success());
+    service.daemon.child.signal("-HUP");
     service.until_logged("it is no regular file");
-    next(&mut service.stream().await).await;
+    next(&mut service.daemon.stream().await).await;
 }
 
 #[tokio::test]
 async fn the_log_has_no_colours_in_a_file_and_one_object_a_line_where_that_is_asked_for() {
-    let text = Service::start(None, &[]);
+    let text = Service::start(&[]);
     text.until_told("READY=1");
     let log = text.until_logged("taxeld is up");
     assert!(!log.contains('\u{1b}'), "{log}");
-    let json = Service::start(None, &["--log-format", "json"]);
+    let json = Service::start(&["--log-format", "json"]);
     json.until_told("READY=1");
     let log = json.until_logged("taxeld is up");
     let objects: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();

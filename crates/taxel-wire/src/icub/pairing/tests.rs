@@ -104,21 +104,6 @@ fn a_clock_that_steps_back_costs_one_scan() {
     assert_eq!(pairer.orphans(), Orphans { heads: 1, tails: 1 });
 }
 
-#[test]
-fn a_window_of_zero_pairs_nothing() {
-    let mut pairer = Pairer::new(Duration::ZERO);
-    pairer.head(ms(0.0), [1; 7]);
-    assert_eq!(pairer.tail(ms(0.0), [1; 5], OK), None);
-}
-
-/// Why the window must be shorter than the period: one that is longer joins two scans.
-#[test]
-fn a_window_longer_than_the_period_would_tear() {
-    let mut pairer = Pairer::new(PERIOD * 2);
-    pairer.head(ms(0.0), [1; 7]); // its tail is lost, and the next head
-    assert_eq!(pairer.tail(ms(50.1), [2; 5], OK), Some(scan(ms(50.1), 1, 2)));
-}
-
 /// One half on its way: lost, late, doubled.
 #[derive(Clone, Debug)]
 struct Fate {
