@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
 use taxel_engine::snapshot::{Reason, in_words};
 
 use crate::allowed::{ALLOWED, Budget, is_allowed, root_of};
@@ -28,7 +27,7 @@ pub fn unseen_in_watch_n(taxels: usize) -> f64 {
 const SMALL_SKIN_TAXELS: f64 = 50.0;
 
 /// Figures of one kind of thing that happens.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Row {
     stories: u64,
     samples: u64,
@@ -37,7 +36,7 @@ struct Row {
 }
 
 /// Lies of one name.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default)]
 pub struct Liars {
     pub samples: u64,
     /// Of them in a state of OK.
@@ -96,7 +95,7 @@ fn name_of(reasons: &[Reason]) -> String {
 }
 
 /// Counts over stories; those of several threads add up.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug)]
 pub struct Tally {
     rows: Vec<Row>,
     quiet: Row,
