@@ -48,9 +48,9 @@ pub mod recalibration;
 mod regions;
 mod request;
 mod scan;
-#[cfg(feature = "stability")]
-pub mod stability;
 pub mod statistics;
+#[cfg(test)]
+mod tests;
 pub mod verdict;
 mod zero;
 

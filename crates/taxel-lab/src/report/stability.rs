@@ -1,5 +1,5 @@
-//! Section `stability`: the suite of stiff, extreme and broken cases that taxel-model and taxel-engine keep, with what other
-//! methods make of the same samples.
+//! Section `stability`: the suite of stiff, extreme and broken cases that taxel-model keeps, with what other methods make of the
+//! same samples.
 
 mod peers;
 
@@ -19,8 +19,7 @@ use crate::numbers::median;
 /// None.
 #[allow(clippy::unnecessary_wraps)] // as all sections
 pub(super) fn section(_: &ReportArgs) -> anyhow::Result<Section> {
-    let groups = taxel_model::stability::GROUPS.iter().chain(&taxel_engine::stability::GROUPS);
-    let mut cases: Vec<Case> = groups.flat_map(|(_, cases)| cases()).collect();
+    let mut cases: Vec<Case> = taxel_model::stability::GROUPS.iter().flat_map(|(_, cases)| cases()).collect();
     // By the number of the group.
     cases.sort_by_key(|case| case.number.split('.').next().and_then(|group| group.parse::<u32>().ok()));
     Ok(section_of(cases))
@@ -59,7 +58,7 @@ fn section_of(cases: Vec<Case>) -> Section {
     let text = vec![
         "Stiff, extreme and broken taxels: whether what comes out is right, or says that it is not. Errors of fits are \
          against least squares in exact integers, relative to the largest pressure. The same cases are tests of \
-         taxel-model and taxel-engine."
+         taxel-model."
             .to_owned(),
         match failed.len() {
             0 => format!("All {} cases hold.", rows.len()),
