@@ -35,16 +35,3 @@ fn a_beginning_under_load_is_refused_a_tare() {
     let light = verdict([vec![20.0; 400], vec![4.0; 400], cycle(4.0, 100.0)].concat()).zero;
     assert!(light.told.contains(" lighter than its zero") && light.moved.is_none(), "{}", light.told);
 }
-
-#[test]
-fn the_operators_word_is_taken_and_another_skin_is_not() {
-    let set = fitted(&Skin::cycle(8.0), &FitRecipe::default());
-    let skin = Skin::new(vec![197.0; 600], 8.0, 0.0, 5);
-    let by_word = Tare::Seconds(3.0);
-    let applied = apply(&skin.scans(), &set, by_word).unwrap();
-    assert!(applied.zero.told.starts_with("tared from the first 3 s, confirmed by the operator; "));
-    let mut fewer = skin.scans();
-    fewer.counts.pop();
-    let error = apply(&fewer, &set, by_word).unwrap_err();
-    assert_eq!(error, RecordingError::Taxels { recorded: TAXELS - 1, models: TAXELS });
-}
