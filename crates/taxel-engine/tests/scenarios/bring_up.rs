@@ -219,15 +219,6 @@ fn configured_unseen(again: &[Option<&str>], session: bool) {
     let refused = bench.tare(None);
     let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
     assert!(why.contains("were configured while there was no force") && why.contains("--confirmed-by"), "{why}");
-    // Who confirms is told what moved, and not asked to confirm once more.
-    let moved = bench.host.command(Command::Tare { patch: String::new(), confirmed_by: Some("Ada".to_owned()) });
-    bench.seconds(0.5);
-    bench.press_everywhere(1.5);
-    bench.seconds(5.0);
-    let Some(Err(Rejection::FailedPrecondition(ErrorReason::TareUnsteady, why))) = bench.host.reply(moved) else {
-        panic!("the skin moved")
-    };
-    assert!(why.contains("moved") && !why.contains("confirmed"), "{why}");
     let mut bench = bench.again(plan(patch_plan(&small().skin)));
     bench.seconds(5.0);
     assert_ne!(bench.host.state(), ForceState::Ok, "a restart knows it, too");

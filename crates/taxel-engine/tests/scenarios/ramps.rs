@@ -4,6 +4,7 @@ use taxel_model::{Status, TaxelModel};
 use taxel_sim::Skin;
 
 use crate::prelude::*;
+use crate::rig::triangles;
 use crate::say::{self, start};
 
 fn refused(bench: &Bench, reason: SampleRefusal) -> u64 {
@@ -226,12 +227,7 @@ fn a_pause_of_the_intake_is_no_fault_of_the_taxels() {
 /// Every board sends when it likes: between the first and the last of three may lie two thirds of a period.
 #[test]
 fn a_sample_has_all_boards_of_one_scan_and_none_of_the_next() {
-    let boards = [(13, 3), (12, 2), (11, 2)].map(|(address, modules)| Board {
-        bus: BUS,
-        address: board(address),
-        modules: (0..modules).map(|m| (module(m), ModuleKind::Triangle)).collect(),
-    });
-    let skin = Skin::sleeve(Patch::new("small", boards.into()).unwrap());
+    let skin = Skin::sleeve(triangles("small", &[(13, 0..3), (12, 0..2), (11, 0..2)]));
     let plan = plan(patch_plan(&skin));
     let mut mixed = 0;
     for seed in 1..=8 {

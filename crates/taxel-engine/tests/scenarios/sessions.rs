@@ -68,20 +68,6 @@ pub fn content(set: &ModelSet) -> String {
 }
 
 #[test]
-fn an_interrupted_session_gives_the_same_models_as_an_uninterrupted_one() {
-    let (mut bench, session) = ramping(40.0);
-    let disk = bench.host.disk.clone();
-    let id = bench.finish(session);
-    let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
-    resumed.seconds(0.5);
-    let listed = &resumed.host.catalogue.sessions[0];
-    assert_eq!((listed.number, listed.state), (session, SessionState::Interrupted));
-    assert_eq!(resumed.finish(session), id);
-    assert_eq!(resumed.host.session().accepted, bench.host.session().accepted);
-    assert_eq!(content(&resumed.host.set(0)), content(&bench.host.set(0)));
-}
-
-#[test]
 fn a_session_whose_samples_are_damaged_or_of_another_layout_cannot_go_on_and_is_aborted_without_them() {
     let (bench, session) = ramping(30.0);
     let mut disk = bench.host.disk.clone();

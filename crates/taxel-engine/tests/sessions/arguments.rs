@@ -4,9 +4,9 @@ use taxel_engine::command::{Command, Done};
 
 use crate::daemon::{Daemon, id_of};
 use crate::disk::EPOCH_NS;
-use crate::model::Passing::{Hold, Rise};
+use crate::model::Passing::Hold;
 use crate::model::Set;
-use crate::model::Step::{self, FitEnds, Import, Pass};
+use crate::model::Step::{Import, Pass};
 
 #[test]
 fn a_session_says_when_it_began_and_who_vouches_for_its_rest() {
@@ -36,23 +36,4 @@ fn an_activation_may_name_the_set_that_is_active_before_it() {
     assert!(activate(second, "").is_err() && activate(second, &id_of(second)).is_err());
     let reply = activate(second, &id_of(first));
     assert!(matches!(&reply, Ok(Done::Activated { previous: Some(id), .. }) if *id == id_of(first)), "{reply:?}");
-}
-
-#[test]
-fn a_view_shows_how_far_its_ramp_is() {
-    let mut daemon = Daemon::new();
-    for step in [Step::StartSession, Pass(Hold), Pass(Rise), Pass(Rise)] {
-        daemon.apply(step);
-    }
-    let view = daemon.session.clone().unwrap();
-    assert!(view.pressure_kpa.is_some_and(|kpa| (31.0..32.1).contains(&kpa)), "{view:?}");
-    assert!(view.rate_kpa_per_s.is_some_and(|rate| (rate - 4.0).abs() < 0.1), "{view:?}");
-    assert!(view.remaining_s.is_some_and(|s| (s - 2.0).abs() < 0.2), "8 kPa are left: {view:?}");
-    assert!((0.65..0.76).contains(&view.coverage), "28 of 40 steps, the last second waits: {view:?}");
-    assert_eq!(view.responding, (20, 20));
-    assert_eq!((view.ramps, view.reason.as_str()), (1, ""));
-    daemon.apply(Step::FinishRamp(1));
-    assert_eq!(daemon.session.clone().unwrap().remaining_s, None);
-    daemon.apply(FitEnds { fit: 0, well: false });
-    assert_eq!(daemon.session.clone().unwrap().reason, "none of the taxels gives a usable model");
 }
