@@ -3,10 +3,12 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use taxel_engine::calibration::fit::Branch;
+use taxel_engine::command::Command;
 use taxel_engine::plan::{BoardSetup, Gauge, Outputs, PatchPlan, Plan};
 use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::{Config, DielectricConfig, GaugeConfig, HOST_BOARD_CONFIG, Skin, World};
-use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Patch};
+use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Kilopascal, Module, ModuleKind, Patch};
 use taxel_wire::icub::TriangleConfig;
 
 pub const BUS: BusIndex = BusIndex(0);
@@ -76,6 +78,12 @@ pub fn plan_of_part(skin: &Skin, patch: Patch) -> PatchPlan {
         },
         ..PatchPlan::new(patch)
     }
+}
+
+/// A session of a patch that nobody confirms and that leaves nothing out.
+pub fn start_session(patch: &str, target_kpa: Option<f64>, branches: Option<Branch>) -> Command {
+    let (patch, target) = (patch.to_owned(), target_kpa.map(Kilopascal));
+    Command::StartSession { patch, target, branches, confirmed_by: None, leave_out: Vec::new() }
 }
 
 pub fn plan(patch: PatchPlan) -> Arc<Plan> {

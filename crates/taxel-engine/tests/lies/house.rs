@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use taxel_engine::calibration::Branch;
 use taxel_engine::calibration::SessionState;
-use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_sim::{Config, DielectricConfig, Layer, LoadPath, PumpCommand, Skin, World};
@@ -13,7 +12,7 @@ use taxel_skin::{BoardAddress, Kilopascal, Module, Patch, TaxelIndex, Time};
 
 use crate::daemon::Daemon;
 use crate::dice::Dice;
-use crate::rig::{plan_of_part, triangles};
+use crate::rig::{plan_of_part, start_session, triangles};
 use crate::store::Store;
 
 pub const SLOT: Duration = Duration::from_millis(10);
@@ -224,13 +223,7 @@ fn calibrate(n: usize, (skin, patches): (Skin, Vec<Patch>), common_noise_counts:
     let is_up = |daemon: &Daemon| daemon.newest.iter().all(|newest| newest.time >= end - Duration::from_millis(100));
     run(n, &mut world, &mut daemon, 4.0, "bring-up", &is_up);
     for plan in &plans {
-        daemon.command(Command::StartSession {
-            patch: plan.patch.name().to_owned(),
-            target: None,
-            branches: Some(branches),
-            confirmed_by: None,
-            leave_out: Vec::new(),
-        });
+        daemon.command(start_session(plan.patch.name(), None, Some(branches)));
     }
     run(n, &mut world, &mut daemon, 20.0, "ramp", &in_state(SessionState::Ramping));
     world.pump(PumpCommand::Ramp { target: Kilopascal(74.0), kpa_per_s: 3.0 });

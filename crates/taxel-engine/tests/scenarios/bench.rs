@@ -19,7 +19,7 @@ use taxel_wire::{CanId, Frame, TimedFrame};
 
 use crate::disk::Disk;
 use crate::host::{Host, SLOT};
-use crate::rig::{patch_plan, plan, small_skin, small_world};
+use crate::rig::{patch_plan, plan, small_skin, small_world, start_session};
 use crate::say;
 use crate::truth::Truth;
 
@@ -156,9 +156,7 @@ impl Bench {
     }
 
     pub fn start_session_over(&mut self, branches: Branch, target_kpa: Option<f64>) -> u64 {
-        let (patch, target, leave_out) = (String::new(), target_kpa.map(Kilopascal), Vec::new());
-        let command = Command::StartSession { patch, target, branches: Some(branches), confirmed_by: None, leave_out };
-        let number = session_of(self.ask(command)).number;
+        let number = session_of(self.ask(start_session("", target_kpa, Some(branches)))).number;
         self.until_state(10.0, SessionState::Ramping);
         number
     }

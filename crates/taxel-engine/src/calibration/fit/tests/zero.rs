@@ -21,17 +21,3 @@ fn a_recording_at_rest_is_tared_and_read_right() {
     let untared = apply(&skin.scans(), &set, Tare::None).unwrap();
     assert!(judge(&untared, &beyond).area_percent > 3.0 * score.area_percent);
 }
-
-#[test]
-fn a_beginning_under_load_is_refused_a_tare() {
-    let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
-    let verdict = |kpa: Vec<f64>| apply(&Skin::new(kpa, 0.0, 0.0, 5).scans(), &set, Tare::Auto).unwrap();
-    let loaded = verdict([vec![197.0; 600], cycle(150.0, 190.0)].concat()).zero;
-    assert!(loaded.told.contains("is not shown to be unloaded; something presses on "), "{}", loaded.told);
-    assert_eq!(loaded.moved(0), Some(0.0), "the zero of the calibration stays");
-    let ramping = verdict((0..2000).map(|i| 4.0 + 0.05 * f64::from(i)).collect()).zero;
-    assert!(ramping.told.contains("is not shown to be unloaded; the whole skin moved"), "{}", ramping.told);
-    // 20 kPa look like another day. They show when they go.
-    let light = verdict([vec![20.0; 400], vec![4.0; 400], cycle(4.0, 100.0)].concat()).zero;
-    assert!(light.told.contains(" lighter than its zero") && light.moved.is_none(), "{}", light.told);
-}
