@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use taxel_engine::calibration::fit::Branch;
 use taxel_engine::calibration::{SessionState, SessionView};
-use taxel_engine::command::{Command, Done, Rejection, Reply};
+use taxel_engine::command::{Command, Done, ErrorReason, Rejection, Reply};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::ForceState;
@@ -272,6 +272,14 @@ impl Bench {
         let totals = self.host.snapshots[first..].iter().map(|s| s.force.total.expect("a force").0);
         let totals: Vec<f64> = totals.collect();
         totals.iter().sum::<f64>() / totals.len() as f64
+    }
+}
+
+/// Why a command was refused as not of this state, by this reason.
+pub fn refused_as(reason: ErrorReason, reply: Reply) -> String {
+    match reply {
+        Err(Rejection::FailedPrecondition(is, why)) if is == reason => why,
+        other => panic!("expected {reason:?}, got {other:?}"),
     }
 }
 

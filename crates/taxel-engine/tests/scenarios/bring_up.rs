@@ -33,8 +33,7 @@ fn boards_that_bear_a_load_are_configured_only_if_somebody_vouches_for_the_skin(
     let mut bench = small().in_charge();
     bench.lay(0.5, 33);
     bench.seconds(1.0);
-    let refused = bench.ask(bring_up(None));
-    let Err(Rejection::FailedPrecondition(ErrorReason::SkinLoaded, why)) = refused else { panic!("{refused:?}") };
+    let why = refused_as(ErrorReason::SkinLoaded, bench.ask(bring_up(None)));
     assert!(why.contains("unload the skin first"), "{why}");
     assert!(matches!(bench.ask(bring_up(Some("Ada"))), Ok(Done::BringUpStarted)));
 }
@@ -216,8 +215,7 @@ fn configured_unseen(again: &[Option<&str>], session: bool) {
     bench.seconds(5.0);
     bench.is_truthful_since(mark, "a load that was configured into the zero of the boards");
     assert_eq!(bench.host.state(), ForceState::TareInvalid);
-    let refused = bench.tare(None);
-    let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
+    let why = refused_as(ErrorReason::TareUnproven, bench.tare(None));
     assert!(why.contains("were configured while there was no force") && why.contains("--confirmed-by"), "{why}");
     let mut bench = bench.again(plan(patch_plan(&small().skin)));
     bench.seconds(5.0);
