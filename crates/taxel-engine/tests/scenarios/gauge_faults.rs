@@ -89,19 +89,17 @@ fn a_gauge_that_is_back_within_a_second_costs_the_ramp_only_what_it_said_meanwhi
     assert_eq!(falls, 0, "a sample of an offset that ended would be above those after it");
 }
 
-fn calibrated_after(before: impl FnOnce(&mut Bench)) -> Bench {
-    let mut bench = fresh();
-    before(&mut bench);
-    bench.seconds(1.5);
-    bench.start_session(None);
-    bench.ramp(90.0, 2.0);
-    bench.until_state(60.0, SessionState::Review);
-    bench
-}
-
 #[test]
 fn a_gauge_that_is_off_since_before_the_ramp_is_taken_from_what_it_read_at_rest_and_that_stays_in_doubt() {
-    let benches = [0.0, 9.0].map(|kpa| calibrated_after(|bench| bench.inject(Fault::GaugeOffset { kpa })));
+    let benches = [0.0, 9.0].map(|kpa| {
+        let mut bench = fresh();
+        bench.inject(Fault::GaugeOffset { kpa });
+        bench.seconds(1.5);
+        bench.start_session(None);
+        bench.ramp(90.0, 2.0);
+        bench.until_state(60.0, SessionState::Review);
+        bench
+    });
     let counted_from = benches[1].host.session().gauge_zero_kpa;
     assert!((8.9..9.1).contains(&counted_from), "a session shows it: {counted_from}");
     let [right, off] = benches.map(|bench| bench.host.set(0));
