@@ -46,19 +46,10 @@ fn model_set() -> ModelSet {
     ModelSet {
         id: "m-synthetic".to_owned(),
         patch: "synthetic".to_owned(),
-        created_wall_ns: 0,
-        session: None,
-        method: "synthetic".to_owned(),
-        board_settings: Vec::new(),
         baseline: vec![TaxelBaseline { mean: REST, noise: 0.7 }; TAXELS],
         pressure_max_kpa: 70.0,
-        gauge_gain_rel: 0.0,
-        gauge_offset_kpa: 0.0,
-        dead_zone_kpa: 0.0,
         taxels: (0..TAXELS).map(|taxel| shapes[taxel % shapes.len()].clone()).collect(),
-        recorded: None,
-        recalibrated: None,
-        maker: taxel_engine::model_set::Maker::default(),
+        ..ModelSet::default()
     }
 }
 

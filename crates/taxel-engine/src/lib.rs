@@ -51,6 +51,8 @@ mod scan;
 #[cfg(feature = "stability")]
 pub mod stability;
 pub mod statistics;
+#[cfg(test)]
+mod tests;
 pub mod verdict;
 mod zero;
 

@@ -83,7 +83,7 @@ mod tests {
     use super::*;
     use crate::baseline::TaxelBaseline;
     use crate::calibration::samples::Sample;
-    use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind};
+    use taxel_skin::ModuleKind;
 
     #[test]
     fn a_table_has_what_a_fit_needs_to_the_last_bit_and_leaves_unknown_cells_empty() {
@@ -91,18 +91,13 @@ mod tests {
         let ramp = |ramp, gauge_kpa| RampBaseline { ramp, taxels: vec![rest, TaxelBaseline::UNKNOWN], gauge_kpa };
         let sample = Sample { ramp: 0, time_ns: 0, pressure_kpa: 0.0, counts: vec![240, 7].into() };
         let samples = SessionSamples { ramps: vec![ramp(0, Some(5.75)), ramp(1, None)], samples: vec![sample] };
-        let board = Board {
-            bus: BusIndex(0),
-            address: BoardAddress::new(1).unwrap(),
-            modules: [0, 1].map(|module| (Module::new(module).unwrap(), ModuleKind::Cells(1))).to_vec(),
-        };
-        let mut plan = PatchPlan::new(taxel_skin::Patch::new("palm", vec![board]).unwrap());
+        let mut plan = PatchPlan::new(crate::tests::patch(&[ModuleKind::Cells(1); 2]));
         plan.simulated = true;
         plan.fit.gauge = GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.0 };
         let session = SessionView { left_out: vec![1], ..SessionView::default() };
         assert_eq!(
             table_head(&plan, &session, &samples),
-            "t_s,pressure_kpa,c0,c1,ramp,figure\n,,,,,patch palm\n,,,,,rising\n,,,,,simulated\n,,0,,,module\n,,255,255,,count_max\n,0.0025,,,,gauge_gain\n\
+            "t_s,pressure_kpa,c0,c1,ramp,figure\n,,,,,patch p\n,,,,,rising\n,,,,,simulated\n,,0,,,module\n,,255,255,,count_max\n,0.0025,,,,gauge_gain\n\
              ,0.05,,,,gauge_offset\n,0,,,,gauge_noise\n,5.75,240.25,,1,zero\n,,0.5,,1,noise\n,,240.25,,2,zero\n\
              ,,0.5,,2,noise\n"
         );

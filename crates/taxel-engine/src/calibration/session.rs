@@ -4,8 +4,6 @@
 //! on, and what the zero says as it says it; after each [`SessionRun::take_events`]: all that follows, in order.
 
 mod gather;
-#[cfg(test)]
-mod gather_tests;
 mod shown;
 #[cfg(test)]
 pub mod tests;

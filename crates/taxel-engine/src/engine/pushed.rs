@@ -72,38 +72,3 @@ fn problem(plan: &PatchPlan, scan: &PushedScan) -> Option<String> {
         _ => None,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Patch, Time};
-
-    use super::*;
-    use crate::plan::PushPlan;
-
-    #[test]
-    fn what_keeps_a_scan_from_being_one_of_the_patch() {
-        let board = Board {
-            bus: BusIndex(0),
-            address: BoardAddress::new(1).unwrap(),
-            modules: vec![(Module::new(0).unwrap(), ModuleKind::Triangle)],
-        };
-        let patch = Patch::new("p", vec![board]).unwrap();
-        let says = |pushed: Option<bool>, counts: Vec<u16>, kpa: Option<f64>| {
-            let pushed = pushed.map(|pressure| PushPlan { pressure });
-            let plan = PatchPlan { pushed, ..PatchPlan::new(patch.clone()) };
-            let (time, taken, pressure) = (Time::default(), Time::default(), kpa.map(Kilopascal));
-            problem(&plan, &PushedScan { patch: 0, time, taken, counts, pressure })
-        };
-        let expect = |is: Option<String>, expected: &str| assert_eq!(is.unwrap_or_default(), expected);
-        expect(says(Some(true), vec![255; 10], Some(1.0)), "");
-        expect(says(Some(true), vec![0; 10], None), "");
-        expect(says(Some(false), vec![0; 10], None), "");
-        expect(says(None, vec![0; 10], None), "its scans come over a bus");
-        expect(says(Some(true), vec![0; 11], None), "11 counts, expected 10");
-        let mut high = vec![255; 10];
-        high[3] = 256;
-        expect(says(Some(true), high, None), "taxel 3 is 256, expected 0 to 255");
-        expect(says(Some(false), vec![0; 10], Some(1.0)), "a pressure, which does not come with the scans");
-        expect(says(Some(true), vec![0; 10], Some(f64::NAN)), "a pressure of NaN kPa");
-    }
-}

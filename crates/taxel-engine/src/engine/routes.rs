@@ -121,7 +121,7 @@ impl Routes {
 #[cfg(test)]
 mod tests {
     use taxel_sim::GaugeConfig;
-    use taxel_skin::{BoardAddress, ModuleKind, Patch};
+    use taxel_skin::{ModuleKind, Patch};
     use taxel_wire::signal::SignalSpec;
 
     use super::*;
@@ -129,8 +129,7 @@ mod tests {
 
     /// A patch of module 0 of a board, with a gauge.
     fn patch(address: u8, gauge: CanId) -> PatchPlan {
-        let modules = vec![(Module::new(0).unwrap(), ModuleKind::Triangle)];
-        let board = Board { bus: BusIndex(0), address: BoardAddress::new(address).unwrap(), modules };
+        let board = crate::tests::board(0, address, &[ModuleKind::Triangle]);
         let signal = SignalSpec { id: gauge, ..GaugeConfig::default().signal };
         let gauge = Some(Gauge::new(BusIndex(0), signal));
         PatchPlan { gauge, ..PatchPlan::new(Patch::new("p", vec![board]).unwrap()) }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use taxel_sim::GaugeConfig;
-use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Patch, Time};
+use taxel_skin::{BusIndex, Kilopascal, ModuleKind, Patch, Time};
 use taxel_wire::array::{CountField, FrameSpec};
 use taxel_wire::bits::{BitField, ByteOrder, FrameMatch, Selector};
 use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
@@ -22,6 +22,7 @@ use crate::now::Now;
 use crate::patch::edge_tests::configuring;
 use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan, PushPlan};
 use crate::request::RequestId;
+use crate::tests::{board, patch};
 
 const BUS: BusIndex = BusIndex(0);
 
@@ -152,8 +153,7 @@ fn what_a_bus_and_the_store_tell_is_shown_and_what_changes_nothing_is_not() {
 fn a_gauge_is_read_on_its_own_bus() {
     let id = CanId::Standard(0x123);
     let patch = |bus: u8| {
-        let modules = vec![(Module::new(0).unwrap(), ModuleKind::Triangle)];
-        let board = Board { bus: BusIndex(bus), address: BoardAddress::new(1 + bus).unwrap(), modules };
+        let board = board(bus, 1 + bus, &[ModuleKind::Triangle]);
         let signal = SignalSpec { id, ..GaugeConfig::default().signal };
         let gauge = Some(Gauge::new(BusIndex(bus), signal));
         PatchPlan { gauge, ..PatchPlan::new(Patch::new(format!("p{bus}"), vec![board]).unwrap()) }
@@ -171,11 +171,9 @@ fn a_gauge_is_read_on_its_own_bus() {
 
 #[test]
 fn a_program_may_push_the_gauge_of_a_skin_that_is_on_a_bus() {
-    let modules = vec![(Module::new(0).unwrap(), ModuleKind::Triangle)];
-    let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
     let signal = reading::signal(0, PressureUnit::Kilopascal, PressureMeaning::Differential);
     let gauge = Gauge { pushed: true, ..Gauge::new(BusIndex(1), signal) };
-    let plan = PatchPlan { gauge: Some(gauge), ..PatchPlan::new(Patch::new("p", vec![board]).unwrap()) };
+    let plan = PatchPlan { gauge: Some(gauge), ..PatchPlan::new(patch(&[ModuleKind::Triangle])) };
     let mut engine = Engine::new(Arc::new(Plan { buses: 2, patches: vec![plan] }), Restored::default());
     let mut out = Vec::new();
     engine.step(now(1_000), Input::Bus(BusIndex(1), BusNotice::Down("nobody".to_owned())), &mut out);
@@ -208,8 +206,7 @@ fn arrays(id: CanId) -> Engine {
     let page = FrameSpec { frames: FrameMatch { id, selectors }, counts: (0..4).map(field).collect() };
     let device = DevicePlan { frames: vec![page], ..DevicePlan::without_frames() };
     let patch = |bus: u8| {
-        let modules = vec![(Module::new(0).unwrap(), ModuleKind::Cells(4))];
-        let board = Board { bus: BusIndex(bus), address: BoardAddress::new(1).unwrap(), modules };
+        let board = board(bus, 1, &[ModuleKind::Cells(4)]);
         let gauge = if bus == 0 { id } else { CanId::Standard(0x123) };
         let signal = SignalSpec { id: gauge, ..GaugeConfig::default().signal };
         let gauge = Some(Gauge::new(BusIndex(bus), signal));
@@ -283,12 +280,10 @@ fn a_set_that_was_in_use_is_used_again_if_it_is_there_and_of_the_layout() {
 
 /// Four taxels that a program pushes.
 fn pushed() -> Engine {
-    let modules = vec![(Module::new(0).unwrap(), ModuleKind::Cells(4))];
-    let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
     let patch = PatchPlan {
         devices: vec![DevicePlan::without_frames()],
         pushed: Some(PushPlan { pressure: false }),
-        ..PatchPlan::new(Patch::new("glove", vec![board]).unwrap())
+        ..PatchPlan::new(patch(&[ModuleKind::Cells(4)]))
     };
     Engine::new(Arc::new(Plan { buses: 1, patches: vec![patch] }), Restored::default())
 }

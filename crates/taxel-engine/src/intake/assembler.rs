@@ -226,13 +226,11 @@ impl ScanAssembler {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind};
+    use taxel_skin::ModuleKind;
     use taxel_wire::icub::StatusWord;
 
-    fn patch(modules: u8) -> Patch {
-        let modules = (0..modules).map(|m| (Module::from_nibble(m), ModuleKind::Triangle)).collect();
-        let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
-        Patch::new("p", vec![board]).unwrap()
+    fn patch(modules: usize) -> Patch {
+        crate::tests::patch(&vec![ModuleKind::Triangle; modules])
     }
 
     fn scan(ms: i64, value: u8) -> ModuleScan {

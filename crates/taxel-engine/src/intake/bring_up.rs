@@ -199,16 +199,10 @@ pub fn commands<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_skin::{BoardAddress, BusIndex, Module, ModuleKind};
+    use taxel_skin::{Module, ModuleKind};
 
     fn patch() -> Patch {
-        let modules =
-            vec![(Module::from_nibble(0), ModuleKind::Triangle), (Module::from_nibble(1), ModuleKind::Triangle)];
-        let board = |address| Board {
-            bus: BusIndex(0),
-            address: BoardAddress::new(address).unwrap(),
-            modules: modules.clone(),
-        };
+        let board = |address| crate::tests::board(0, address, &[ModuleKind::Triangle; 2]);
         Patch::new("p", vec![board(13), board(12)]).unwrap()
     }
 

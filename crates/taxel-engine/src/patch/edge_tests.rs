@@ -1,7 +1,7 @@
 //! Where each limit of what is asked of a patch lies, and when its boards are configured.
 
 use taxel_sim::HOST_BOARD_CONFIG;
-use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Time};
+use taxel_skin::{Module, ModuleKind, Time};
 use taxel_wire::icub::{StatusWord, TriangleConfig};
 
 use super::owner::Patch;
@@ -20,12 +20,7 @@ fn now(ms: i64) -> Now {
 }
 
 fn listening() -> PatchPlan {
-    let board = Board {
-        bus: BusIndex(0),
-        address: BoardAddress::new(1).unwrap(),
-        modules: vec![(Module::new(0).unwrap(), ModuleKind::Triangle)],
-    };
-    PatchPlan::new(taxel_skin::Patch::new("p", vec![board]).unwrap())
+    PatchPlan::new(crate::tests::patch(&[ModuleKind::Triangle]))
 }
 
 /// The same, with a board that has to be configured.

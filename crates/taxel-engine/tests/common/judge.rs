@@ -72,38 +72,3 @@ pub fn judge((low, high): (f64, f64), (least, greatest): (f64, f64)) -> Option<L
     // What is no number at all is as wrong as can be.
     Some(Lie { too_little, excess_n: if excess_n.is_nan() { f64::INFINITY } else { excess_n } })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use taxel_skin::Newton;
-
-    #[test]
-    fn an_interval_that_meets_the_truth_is_no_lie() {
-        assert_eq!(judge((1.0, 2.0), (1.5, 1.5)), None);
-        assert_eq!(judge((1.0, 2.0), (0.0, 1.0)), None);
-        assert_eq!(judge((0.0, f64::INFINITY), (900.0, 900.0)), None);
-        assert_eq!(judge((1.0, 2.0), (2.5, 3.0)), Some(Lie { too_little: true, excess_n: 0.5 }));
-        assert_eq!(judge((1.0, 2.0), (0.0, 0.75)), Some(Lie { too_little: false, excess_n: 0.25 }));
-        assert!(judge((f64::NAN, f64::NAN), (0.0, 0.0)).is_some());
-    }
-
-    #[test]
-    fn a_sample_without_a_force_says_nothing_and_a_lower_bound_is_open() {
-        let mut sample = ForceSample {
-            state: ForceState::Ok,
-            total: Some(Newton(5.0)),
-            total_sigma: Some(Newton(0.5)),
-            undetected: Some(Undetected { newton: 0.25, sigma_n: 0.0 }),
-            ..ForceSample::default()
-        };
-        assert_eq!(Stated::of(&sample).unwrap().interval(LIE_SIGMAS), (3.5, 6.75));
-        assert_eq!(Stated::of(&sample).unwrap().width_n(), 2.25);
-        sample.unbounded = true;
-        let stated = Stated::of(&sample).unwrap();
-        assert_eq!(stated.interval(LIE_SIGMAS), (3.5, f64::INFINITY));
-        assert_eq!((stated.closed(LIE_SIGMAS), stated.undetected_n()), ((3.5, 6.75), 0.25));
-        sample.state = ForceState::Stale;
-        assert_eq!(Stated::of(&sample), None);
-    }
-}

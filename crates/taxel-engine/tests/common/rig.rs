@@ -1,11 +1,14 @@
 //! The installations that the scenes play on.
 
+use std::ops::Range;
 use std::sync::Arc;
 
+use taxel_engine::calibration::fit::Branch;
+use taxel_engine::command::Command;
 use taxel_engine::plan::{BoardSetup, Gauge, Outputs, PatchPlan, Plan};
 use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::{Config, DielectricConfig, GaugeConfig, HOST_BOARD_CONFIG, Skin, World};
-use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Patch};
+use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Kilopascal, Module, ModuleKind, Patch};
 use taxel_wire::icub::TriangleConfig;
 
 pub const BUS: BusIndex = BusIndex(0);
@@ -21,12 +24,17 @@ pub fn module(number: u8) -> Module {
 /// 80 taxels: six modules on board 13 and two on board 12, so that one module is less and board 12 more than the share
 /// of the skin that may be silent.
 pub fn small_skin() -> Skin {
-    let boards = [(13, 6), (12, 2)].map(|(address, modules)| Board {
+    Skin::sleeve(triangles("small", &[(13, 0..6), (12, 0..2)]))
+}
+
+/// A patch of these triangles, by board.
+pub fn triangles(name: &str, boards: &[(u8, Range<u8>)]) -> Patch {
+    let boards = boards.iter().map(|(address, modules)| Board {
         bus: BUS,
-        address: board(address),
-        modules: (0..modules).map(|m| (module(m), ModuleKind::Triangle)).collect(),
+        address: board(*address),
+        modules: modules.clone().map(|m| (module(m), ModuleKind::Triangle)).collect(),
     });
-    Skin::sleeve(Patch::new("small", boards.into()).unwrap())
+    Patch::new(name, boards.collect()).unwrap()
 }
 
 /// A world of the small skin whose zero leaves every taxel off the rails, so that nothing but the scene's own trouble
@@ -42,18 +50,21 @@ pub fn patch_plan(skin: &Skin) -> PatchPlan {
     plan_of_part(skin, skin.patch().clone())
 }
 
+/// A command for each run of consecutive modules.
+pub fn setup(board: &Board) -> BoardSetup {
+    let numbers: Vec<Module> = board.modules.iter().map(|(number, _)| *number).collect();
+    let triangles = numbers.chunk_by(|a, b| a.get() + 1 == b.get()).map(|run| TriangleConfig {
+        first: run[0],
+        last: run[run.len() - 1],
+        shift: 2,
+        enabled: true,
+        cdc_offset: 0x2200,
+    });
+    BoardSetup { board: HOST_BOARD_CONFIG, triangles: triangles.collect() }
+}
+
 /// The same of a patch that is a part of the skin, and has the first of its boards in the same order.
 pub fn plan_of_part(skin: &Skin, patch: Patch) -> PatchPlan {
-    let setup = |board: &Board| BoardSetup {
-        board: HOST_BOARD_CONFIG,
-        triangles: vec![TriangleConfig {
-            first: board.modules[0].0,
-            last: board.modules[board.modules.len() - 1].0,
-            shift: 2,
-            enabled: true,
-            cdc_offset: 0x2200,
-        }],
-    };
     PatchPlan {
         bring_up: patch.boards().iter().map(setup).collect(),
         geometry: Some(Geometry::parse(&skin.positions_file(), &patch).unwrap()),
@@ -67,6 +78,12 @@ pub fn plan_of_part(skin: &Skin, patch: Patch) -> PatchPlan {
         },
         ..PatchPlan::new(patch)
     }
+}
+
+/// A session of a patch that nobody confirms and that leaves nothing out.
+pub fn start_session(patch: &str, target_kpa: Option<f64>, branches: Option<Branch>) -> Command {
+    let (patch, target) = (patch.to_owned(), target_kpa.map(Kilopascal));
+    Command::StartSession { patch, target, branches, confirmed_by: None, leave_out: Vec::new() }
 }
 
 pub fn plan(patch: PatchPlan) -> Arc<Plan> {

@@ -8,7 +8,6 @@
 use std::fmt;
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
 use taxel_engine::snapshot::{ForceSample, ForceState, Term};
 
 use crate::judge::{LIE_SIGMAS, SIGMAS, Stated, judge};
@@ -42,7 +41,7 @@ pub struct Judged<'a> {
 }
 
 /// A sum of values and their number.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Mean {
     sum: f64,
     n: u64,
@@ -65,7 +64,7 @@ impl Mean {
 }
 
 /// Means over all samples, or over those in whose time nothing may have gone wrong.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Worth {
     ok: Mean,
     sigma: Mean,
@@ -80,7 +79,7 @@ struct Worth {
 }
 
 /// What the intervals of stories are worth.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Figures {
     all: Worth,
     quiet: Worth,

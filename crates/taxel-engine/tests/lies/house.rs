@@ -1,20 +1,18 @@
 //! The skins that stories play on, each calibrated once by the engine itself.
 
-use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use taxel_engine::calibration::Branch;
 use taxel_engine::calibration::SessionState;
-use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_sim::{Config, DielectricConfig, Layer, LoadPath, PumpCommand, Skin, World};
-use taxel_skin::{Board, BoardAddress, Kilopascal, Module, ModuleKind, Patch, TaxelIndex, Time};
+use taxel_skin::{BoardAddress, Kilopascal, Module, Patch, TaxelIndex, Time};
 
 use crate::daemon::Daemon;
 use crate::dice::Dice;
-use crate::rig::{BUS, board, module, plan_of_part};
+use crate::rig::{plan_of_part, start_session, triangles};
 use crate::store::Store;
 
 pub const SLOT: Duration = Duration::from_millis(10);
@@ -183,29 +181,19 @@ fn whole(skin: Skin) -> (Skin, Vec<Patch>) {
     (skin, vec![patch])
 }
 
-/// A patch of these modules, by board.
-fn patch(name: &str, boards: &[(u8, Range<u8>)]) -> Patch {
-    let boards = boards.iter().map(|(address, modules)| Board {
-        bus: BUS,
-        address: board(*address),
-        modules: modules.clone().map(|m| (module(m), ModuleKind::Triangle)).collect(),
-    });
-    Patch::new(name, boards.collect()).unwrap()
-}
-
 /// Three modules on one board and two on another: one may be silent without the whole skin being stale.
 fn small_skin() -> Skin {
-    Skin::sleeve(patch("small", &[(13, 0..3), (12, 0..2)]))
+    Skin::sleeve(triangles("small", &[(13, 0..3), (12, 0..2)]))
 }
 
 /// Two patches as the small skin, 19 cm apart: nothing that lies on one touches the other. Both have modules of board 13; the
 /// others are of one board, too, or of one each.
 fn double_skin(shares_both: bool) -> (Skin, Vec<Patch>) {
-    let upper = patch("upper", &[(13, 0..3), (12, 0..2)]);
+    let upper = triangles("upper", &[(13, 0..3), (12, 0..2)]);
     let (lower, skin) = if shares_both {
-        (patch("lower", &[(13, 3..6), (12, 2..4)]), patch("whole", &[(13, 0..6), (12, 0..4)]))
+        (triangles("lower", &[(13, 3..6), (12, 2..4)]), triangles("whole", &[(13, 0..6), (12, 0..4)]))
     } else {
-        (patch("lower", &[(13, 3..6), (11, 0..2)]), patch("whole", &[(13, 0..6), (12, 0..2), (11, 0..2)]))
+        (triangles("lower", &[(13, 3..6), (11, 0..2)]), triangles("whole", &[(13, 0..6), (12, 0..2), (11, 0..2)]))
     };
     // Of board 13 three modules of either, then two of the upper patch and two of the lower one.
     let places = vec![0, 1, 2, 64, 65, 66, 3, 4, 67, 68];
@@ -235,13 +223,7 @@ fn calibrate(n: usize, (skin, patches): (Skin, Vec<Patch>), common_noise_counts:
     let is_up = |daemon: &Daemon| daemon.newest.iter().all(|newest| newest.time >= end - Duration::from_millis(100));
     run(n, &mut world, &mut daemon, 4.0, "bring-up", &is_up);
     for plan in &plans {
-        daemon.command(Command::StartSession {
-            patch: plan.patch.name().to_owned(),
-            target: None,
-            branches: Some(branches),
-            confirmed_by: None,
-            leave_out: Vec::new(),
-        });
+        daemon.command(start_session(plan.patch.name(), None, Some(branches)));
     }
     run(n, &mut world, &mut daemon, 20.0, "ramp", &in_state(SessionState::Ramping));
     world.pump(PumpCommand::Ramp { target: Kilopascal(74.0), kpa_per_s: 3.0 });

@@ -61,27 +61,3 @@ fn is_same(lie: &LyingSample, other: &LyingSample) -> bool {
         && lie.lie.too_little == other.lie.too_little
         && other.lie.excess_n >= 0.5 * lie.lie.excess_n
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::house::Patches;
-
-    const ONE: Setting = Setting::minutes(Patches::One);
-
-    /// The stories hold lies that get the name of a temperature ramp, because it began last.
-    #[test]
-    fn a_fault_is_cleared_of_lies_that_do_not_need_it() {
-        for seed in [1_294_388, 1_111_938] {
-            let accused = story::play(ONE, seed, Kinds::default(), Kinds::default());
-            assert!(accused.lies.iter().any(|lie| lie.from == Some(Kind::WarmRamp) && !lie.argued), "seed {seed}");
-            let told = play(ONE, seed);
-            assert_eq!(
-                told.lines[0], "   `temperature ramp` is cleared: the same lies are told without it",
-                "seed {seed}"
-            );
-            assert!(told.lies.iter().all(|lie| lie.argued), "seed {seed}");
-            assert_eq!(told.lies.len(), accused.lies.len(), "a name makes no lie true");
-        }
-    }
-}

@@ -33,12 +33,9 @@ mod truth;
 
 use std::collections::BTreeMap;
 use std::panic::catch_unwind;
-use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-
-use serde::{Deserialize, Serialize};
 
 use crate::figures::{Bounds, Figures};
 use crate::house::{Course, Patches, Setting};
@@ -65,9 +62,6 @@ const COURSES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/lies/courses.c
 const COURSES_STORIES: u64 = 20;
 /// Numbers that differ by less than this share are the same.
 const SAME: f64 = 2e-3;
-
-/// So many stories are played until a long run is kept.
-const KEPT_AFTER: u64 = 1_000;
 
 /// The number that an environment variable holds.
 fn variable(name: &str) -> Option<u64> {
@@ -135,37 +129,13 @@ fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Prints what stories came to, `simulated` of which took the time since `begin`.
-fn tell(whole: &Tally, simulated: Duration, begin: Instant) {
+/// Prints what stories came to, which took the time since `begin`.
+fn tell(whole: &Tally, begin: Instant) {
     let (took, cores) = (begin.elapsed().as_secs_f64(), cores());
-    let rate = simulated.as_secs_f64() / took / cores as f64;
+    let rate = whole.simulated.as_secs_f64() / took / cores as f64;
     println!("{whole}\n{took:.0} s on {cores} cores: {rate:.0} simulated seconds a second and core");
     for (name, liars) in whole.most_frequent().into_iter().take(tally::NAMES_SHOWN) {
         println!("\n## {name}: LIES_SEED={}\n{}", liars.seed, liars.example);
-    }
-}
-
-/// A long run as far as it has come.
-#[derive(Serialize, Deserialize)]
-struct Progress {
-    /// The seed that it goes on with.
-    next: u64,
-    whole: Tally,
-}
-
-impl Progress {
-    /// Goes on with what is kept in the file, if there is one, else begins.
-    fn begin(first: u64, kept: Option<&Path>) -> Self {
-        let new = Self { next: first, whole: Tally::new() };
-        let Some(kept) = kept.filter(|kept| kept.exists()) else { return new };
-        serde_json::from_slice(&std::fs::read(kept).unwrap()).unwrap()
-    }
-
-    /// In one piece: a run that is killed meanwhile has the earlier one.
-    fn keep(&self, kept: &Path) {
-        let written = kept.with_extension("new");
-        std::fs::write(&written, serde_json::to_vec(self).unwrap()).unwrap();
-        std::fs::rename(written, kept).unwrap();
     }
 }
 
@@ -259,7 +229,7 @@ fn no_lies_in(stories: u64, setting: Setting) -> Option<Tally> {
     }
     let begin = Instant::now();
     let whole = play_all(setting, 0, |begun, _| begun < stories);
-    tell(&whole, whole.simulated, begin);
+    tell(&whole, begin);
     assert_no_lies(&whole);
     Some(whole)
 }
@@ -285,23 +255,10 @@ fn ten_half_hours_without_a_fault_hold_no_lie() {
 #[test]
 #[ignore = "takes as long as LIES_MINUTES says"]
 fn a_long_run_holds_no_lie_but_argued_ones() {
-    let minutes = variable("LIES_MINUTES").unwrap_or(10_000);
-    let first = variable("LIES_SEED").unwrap_or(1_000_000);
-    let kept = std::env::var_os("LIES_KEEP").map(PathBuf::from);
-    let mut progress = Progress::begin(first, kept.as_deref());
-    let (begin, before) = (Instant::now(), progress.whole.simulated);
-    let wanted = Duration::from_secs(60 * minutes);
-    while progress.whole.simulated < wanted {
-        let missing = wanted - progress.whole.simulated;
-        let some = play_all(setting(), progress.next, |stories, simulated| stories < KEPT_AFTER && simulated < missing);
-        progress.next += some.stories;
-        progress.whole.add(&some);
-        if let Some(kept) = &kept {
-            progress.keep(kept);
-        }
-    }
-    let whole = progress.whole;
-    tell(&whole, whole.simulated - before, begin);
+    let wanted = Duration::from_secs(60 * variable("LIES_MINUTES").unwrap_or(10_000));
+    let begin = Instant::now();
+    let whole = play_all(setting(), variable("LIES_SEED").unwrap_or(1_000_000), |_, simulated| simulated < wanted);
+    tell(&whole, begin);
     assert_no_lies(&whole);
     assert_argued_are_few(&whole);
 }

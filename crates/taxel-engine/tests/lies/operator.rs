@@ -14,6 +14,7 @@ use crate::dice::Dice;
 use crate::house::Course;
 use crate::kinds::Kind;
 use crate::mishaps::Mishaps;
+use crate::rig::start_session;
 use crate::stage::Stage;
 
 /// How often the operator looks at the force.
@@ -241,13 +242,7 @@ impl Operator {
         stage.new_session();
         stage.suspects.begin(Kind::Session, now);
         for patch in patches {
-            let command = Command::StartSession {
-                patch: name_of(stage, patch),
-                target: Some(Kilopascal(target_kpa)),
-                branches: None,
-                confirmed_by: None,
-                leave_out: Vec::new(),
-            };
+            let command = start_session(&name_of(stage, patch), Some(target_kpa), None);
             stage.give(Kind::Session, command);
         }
     }

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
 use taxel_engine::snapshot::{Reason, in_words};
 
 use crate::allowed::{ALLOWED, Budget, is_allowed, root_of};
@@ -28,7 +27,7 @@ pub fn unseen_in_watch_n(taxels: usize) -> f64 {
 const SMALL_SKIN_TAXELS: f64 = 50.0;
 
 /// Figures of one kind of thing that happens.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Row {
     stories: u64,
     samples: u64,
@@ -37,7 +36,7 @@ struct Row {
 }
 
 /// Lies of one name.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default)]
 pub struct Liars {
     pub samples: u64,
     /// Of them in a state of OK.
@@ -74,29 +73,13 @@ impl Liars {
     }
 }
 
-/// The lies of each name, those of most stories first.
-fn ranked(liars: &BTreeMap<String, Liars>) -> Vec<(&String, &Liars)> {
-    let mut ranked: Vec<_> = liars.iter().collect();
-    ranked.sort_by_key(|(_, liars)| Reverse((liars.worst_n >= LITTLE_N, liars.stories, liars.samples)));
-    ranked
-}
-
-fn write_liars(f: &mut fmt::Formatter<'_>, title: &str, liars: &[(&String, &Liars)]) -> fmt::Result {
-    writeln!(f, "\n| {title} | stories | samples | of them OK | worst, N beyond | seed |")?;
-    writeln!(f, "|---|---:|---:|---:|---:|---:|")?;
-    for (name, Liars { samples, ok, stories, worst_n, seed, .. }) in liars {
-        writeln!(f, "| {name} | {stories} | {samples} | {ok} | {worst_n:.3} | {seed} |")?;
-    }
-    Ok(())
-}
-
 /// The beginning of what a sample says of itself, `#` for each digit: numbers apart, the text is the reason's name.
 fn name_of(reasons: &[Reason]) -> String {
     in_words(reasons).chars().map(|c| if c.is_ascii_digit() { '#' } else { c }).take(90).collect()
 }
 
 /// Counts over stories; those of several threads add up.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug)]
 pub struct Tally {
     rows: Vec<Row>,
     quiet: Row,
@@ -220,17 +203,22 @@ impl Tally {
 
     /// The lies that nobody has argued, by name.
     pub fn not_argued(&self) -> Vec<(&String, &Liars)> {
-        ranked(&self.liars).into_iter().filter(|(name, liars)| !is_allowed(name, liars.worst_n)).collect()
+        self.most_frequent().into_iter().filter(|(name, liars)| !is_allowed(name, liars.worst_n)).collect()
+    }
+
+    /// How often there were such lies: in a million samples, in a thousand stories.
+    fn rates(&self, liars: &Liars) -> (f64, f64) {
+        let per = |count: u64, all: u64, scale: f64| scale * count as f64 / all.max(1) as f64;
+        (per(liars.samples, self.samples, 1e6), per(liars.stories, self.stories, 1e3))
     }
 
     /// The argued roots that take more than their budgets, in words. A few stories say less of a rate than many do: they may
     /// have more by three standard deviations of their number.
     pub fn beyond_budget(&self) -> Vec<String> {
-        let per = |count: u64, all: u64, scale: f64| scale * count as f64 / all.max(1) as f64;
         let roots = ALLOWED.iter().zip(&self.argued).filter(|(_, argued)| argued.samples > 0);
         let beyond = |(root, argued): (&_, &Liars)| {
             let (cause, has, Budget { samples_per_million, stories_per_thousand, worst_n }, _) = *root;
-            let (samples, stories) = (per(argued.samples, self.samples, 1e6), per(argued.stories, self.stories, 1e3));
+            let (samples, stories) = self.rates(argued);
             let expected = (stories_per_thousand * self.stories as f64 / 1e3).max(1.0);
             let slack = 1.0 + 3.0 / expected.sqrt();
             let fits = samples <= slack * samples_per_million && stories <= slack * stories_per_thousand;
@@ -249,8 +237,7 @@ impl Tally {
             ALLOWED.iter().zip(&self.argued).filter(|(_, argued)| argued.samples > 0)
         {
             let Budget { samples_per_million, stories_per_thousand, worst_n } = budget;
-            let samples = 1e6 * argued.samples as f64 / self.samples.max(1) as f64;
-            let stories = 1e3 * argued.stories as f64 / self.stories.max(1) as f64;
+            let (samples, stories) = self.rates(argued);
             let budget = format!("{samples_per_million}, {stories_per_thousand}, {worst_n}");
             writeln!(f, "| {cause}{has} | {samples:.1} | {stories:.2} | {:.3} | {budget} |", argued.worst_n)?;
         }
@@ -259,7 +246,9 @@ impl Tally {
 
     /// The names of lies, first those that are more than a little wrong, and among them those of most stories.
     pub fn most_frequent(&self) -> Vec<(&String, &Liars)> {
-        ranked(&self.liars)
+        let mut ranked: Vec<_> = self.liars.iter().collect();
+        ranked.sort_by_key(|(_, liars)| Reverse((liars.worst_n >= LITTLE_N, liars.stories, liars.samples)));
+        ranked
     }
 }
 
@@ -292,7 +281,13 @@ impl fmt::Display for Tally {
             writeln!(f, "| {reason} | {:.1} | {seed} |", span.as_secs_f64())?;
         }
         self.write_argued(f)?;
-        let names = self.most_frequent();
-        write_liars(f, "lie", &names[..names.len().min(NAMES_SHOWN)])
+        writeln!(f, "\n| lie | stories | samples | of them OK | worst, N beyond | seed |")?;
+        writeln!(f, "|---|---:|---:|---:|---:|---:|")?;
+        for (name, Liars { samples, ok, stories, worst_n, seed, .. }) in
+            self.most_frequent().into_iter().take(NAMES_SHOWN)
+        {
+            writeln!(f, "| {name} | {stories} | {samples} | {ok} | {worst_n:.3} | {seed} |")?;
+        }
+        Ok(())
     }
 }

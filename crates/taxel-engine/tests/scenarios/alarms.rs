@@ -20,7 +20,7 @@ fn flickers_on_its_rail(bench: &mut Bench) {
 #[test]
 fn an_excluded_taxel_that_flickers_on_its_rail_degrades_nothing() {
     for (load, what) in [(None, "unloaded"), (Some(14), "a load beside it"), (Some(35), "a load on it")] {
-        let mut bench = without(small(), 30..31);
+        let mut bench = without(30..31);
         if let Some(centre) = load {
             bench.lay(0.5, centre);
             bench.seconds(1.0);

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use taxel_engine::calibration::fit::Branch;
 use taxel_engine::calibration::{SessionState, SessionView};
-use taxel_engine::command::{Command, Done, Rejection, Reply};
+use taxel_engine::command::{Command, Done, ErrorReason, Rejection, Reply};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::ForceState;
@@ -19,7 +19,7 @@ use taxel_wire::{CanId, Frame, TimedFrame};
 
 use crate::disk::Disk;
 use crate::host::{Host, SLOT};
-use crate::rig::{patch_plan, plan, small_skin, small_world};
+use crate::rig::{patch_plan, plan, small_skin, small_world, start_session};
 use crate::say;
 use crate::truth::Truth;
 
@@ -156,9 +156,7 @@ impl Bench {
     }
 
     pub fn start_session_over(&mut self, branches: Branch, target_kpa: Option<f64>) -> u64 {
-        let (patch, target, leave_out) = (String::new(), target_kpa.map(Kilopascal), Vec::new());
-        let command = Command::StartSession { patch, target, branches: Some(branches), confirmed_by: None, leave_out };
-        let number = session_of(self.ask(command)).number;
+        let number = session_of(self.ask(start_session("", target_kpa, Some(branches)))).number;
         self.until_state(10.0, SessionState::Ramping);
         number
     }
@@ -274,6 +272,14 @@ impl Bench {
         let totals = self.host.snapshots[first..].iter().map(|s| s.force.total.expect("a force").0);
         let totals: Vec<f64> = totals.collect();
         totals.iter().sum::<f64>() / totals.len() as f64
+    }
+}
+
+/// Why a command was refused as not of this state, by this reason.
+pub fn refused_as(reason: ErrorReason, reply: Reply) -> String {
+    match reply {
+        Err(Rejection::FailedPrecondition(is, why)) if is == reason => why,
+        other => panic!("expected {reason:?}, got {other:?}"),
     }
 }
 

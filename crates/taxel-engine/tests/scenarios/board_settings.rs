@@ -153,8 +153,7 @@ fn after_a_restart_with_the_settings_of_the_calibration_the_force_is_told_as_bef
 fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     let mut bench = small().in_charge();
     bench.import(other("m-other", |_| {}));
-    let answer = bench.ask(say::activate("m-other"));
-    let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
+    let why = refused_as(ErrorReason::LayoutChanged, bench.ask(say::activate("m-other")));
     let said =
         "`m-other` was gathered with shift 0-5 = 1 on board 13, where the configuration has shift 0-5 = 2 (and 1 more)";
     assert!(why.starts_with(said), "{why}");

@@ -62,16 +62,6 @@ fn branches_are_in_order(samples: &[Sample], band: f64) -> (usize, usize) {
 }
 
 #[test]
-fn without_hysteresis_nothing_is_compensated() {
-    let (mut bench, _) = risen([0.0, 0.0]);
-    let set = fallen(&mut bench);
-    let recorded = set.recorded.as_ref().unwrap();
-    let mut figures = recorded.taxels.iter().flatten();
-    assert!(figures.all(|taxel| taxel.plays.is_none()), "{:?}", recorded.plays_error_ratio);
-    assert!(set.method.ends_with(", hysteresis from falling"), "{}", set.method);
-}
-
-#[test]
 fn what_enters_goes_the_way_of_its_branch() {
     let (mut bench, session) = risen(STRONG);
     let session_now = bench.host.session();

@@ -1,7 +1,5 @@
 //! A device that is described by its signals is used as it was at the calibration, with what it was sent then.
 
-use taxel_engine::plan::DevicePlan;
-
 use crate::array::Scene as _;
 use crate::described::{Scene, patch_plan, plan};
 use crate::prelude::*;
@@ -28,36 +26,6 @@ fn a_described_device_gets_its_commands_at_a_start_unless_it_streams_with_them()
         let sent = scene.host.sent.iter().any(|(_, frame)| *frame == start);
         let state = if known { ForceState::Ok } else { ForceState::TareInvalid };
         assert_eq!((sent, scene.host.state()), (!known, state), "{}", scene.host.reasons());
-    }
-}
-
-/// The state of a set on a device that is configured otherwise now, and the reasons.
-fn with(set: &ModelSet, change: impl FnOnce(&mut DevicePlan)) -> (ForceState, String) {
-    let mut plan = plan();
-    change(&mut plan.patches[0].devices[0]);
-    let disk = Disk::with(vec![Arc::new(set.clone())], &plan.patches);
-    let mut scene = Scene::new(plan, disk.found());
-    scene.seconds(6.0);
-    (scene.host.state(), scene.host.reasons())
-}
-
-/// Nothing at rest would tell. What counts as another device is told in `board_settings/tests.rs`.
-#[test]
-fn a_device_that_is_read_or_sent_otherwise_than_at_the_calibration_has_no_force() {
-    let set = Scene::in_use().host.newest_set();
-    assert_eq!(with(&set, |_| ()), (ForceState::Ok, String::new()));
-    let command =
-        |device: &mut DevicePlan| device.commands = vec![(Duration::ZERO, Frame::of(CanId::Standard(5), [1]))];
-    let swapped = |device: &mut DevicePlan| {
-        let counts = &mut device.frames[0].counts;
-        (counts[0].1, counts[1].1) = (counts[1].1, counts[0].1);
-    };
-    for ((state, why), said) in [
-        (with(&set, command), "with commands none on device 1, where the configuration has commands 01"),
-        (with(&set, swapped), "on device 1, where the configuration has signals"),
-    ] {
-        assert_eq!(state, ForceState::Uncalibrated);
-        assert!(why.contains(said), "{why}");
     }
 }
 

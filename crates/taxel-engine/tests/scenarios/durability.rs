@@ -122,11 +122,14 @@ fn a_second_import_of_a_set_is_not_acknowledged_while_the_first_waits_for_the_di
         let second = bench.host.command(import(other("m-other")));
         bench.seconds(0.5);
         assert!(!bench.host.replied(first) && !bench.host.replied(second));
+        let known = |bench: &Bench| bench.host.catalogue.model_sets.iter().filter(|set| set.id == "m-other").count();
+        assert_eq!(known(&bench), 0, "it is not on disk");
         bench.host.commit(result.clone());
         for request in [first, second] {
-            assert_eq!(bench.host.reply(request).unwrap().is_ok(), result.is_ok());
+            let why = bench.host.reply(request).unwrap().err().map(|refused| refused.to_string());
+            assert_eq!(why.is_none(), result.is_ok());
+            assert!(why.is_none_or(|why| why.contains("nothing has changed: no space left on device")));
         }
-        let known = bench.host.catalogue.model_sets.iter().filter(|set| set.id == "m-other").count();
-        assert_eq!(known, usize::from(result.is_ok()));
+        assert_eq!(known(&bench), usize::from(result.is_ok()));
     }
 }

@@ -10,23 +10,6 @@ use taxel_wire::icub::{Message, decode};
 
 use crate::prelude::*;
 
-#[test]
-fn lost_frames_keep_the_force_and_are_counted_as_orphans() {
-    let mut bench = small().in_use();
-    bench.lay(0.5, 33);
-    bench.seconds(1.0);
-    let whole = bench.weigh(40);
-    bench.inject(Fault::FramesLost { probability: 0.05 });
-    bench.seconds(0.5);
-    let lossy = bench.weigh(100);
-    assert!((lossy / whole - 1.0).abs() < 0.05, "{lossy} N with losses, {whole} N without");
-    bench.repair(Fault::FramesLost { probability: 0.0 });
-    bench.seconds(0.5);
-    let orphans: u64 = bench.host.health().boards.iter().map(|b| b.orphans).sum();
-    let lost = bench.world.frames_lost();
-    assert!(lost > 50 && orphans > lost / 2 && orphans <= lost, "{orphans} orphans of {lost} lost frames");
-}
-
 /// Halves of one module that the boards sent together, as taxel counts.
 #[derive(Default)]
 struct Truth {

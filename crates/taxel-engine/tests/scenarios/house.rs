@@ -178,13 +178,3 @@ fn unsafe_code_is_in_one_module_of_taxel_can_and_of_taxel_shm_alone() {
         assert!(lib.contains(&format!("#[allow(unsafe_code)]\n{module}")), "{name}");
     }
 }
-
-/// The engine belongs to one task; a snapshot to all.
-#[test]
-fn the_engine_can_move_to_its_task_and_snapshots_can_be_shared() {
-    const fn may_move<T: Send>() {}
-    const fn may_be_shared<T: Send + Sync>() {}
-    may_move::<taxel_engine::Engine>();
-    may_be_shared::<taxel_engine::snapshot::PatchSnapshot>();
-    may_be_shared::<taxel_engine::calibration::SessionView>();
-}

@@ -17,7 +17,7 @@ pub use taxel_skin::{Board, ModuleKind, Patch, SquareMillimetre, TaxelIndex, Tim
 pub use taxel_wire::icub::TriangleConfig;
 pub use taxel_wire::{CanId, Frame, TimedFrame};
 
-pub use crate::bench::{Bench, fresh, fresh_with, session_of};
+pub use crate::bench::{Bench, fresh, fresh_with, refused_as, session_of};
 pub use crate::disk::{Disk, EPOCH_NS, configured};
 pub use crate::host::Host;
 pub use crate::rig::{BUS, board, module, patch_plan, plan, small_skin, small_world};

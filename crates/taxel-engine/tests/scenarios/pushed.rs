@@ -191,6 +191,9 @@ fn a_pushed_scan_that_is_none_of_the_patch_is_counted_and_changes_nothing() {
     assert_eq!(scene.last_malformed(), "a pressure of NaN kPa");
     assert_eq!(scene.host.health().buses[0].malformed, 3);
     assert_eq!(scene.host.snapshot().taxels[0].count, before);
+    let mut scene = Scene { pressure: true, ..Scene::new(false) };
+    scene.push(PERIOD, vec![7; TAXELS]);
+    assert_eq!(scene.last_malformed(), "a pressure, which does not come with the scans");
 }
 
 /// What a session that begins now says before the pump runs.

@@ -4,6 +4,7 @@ use taxel_model::{Status, TaxelModel};
 use taxel_sim::Skin;
 
 use crate::prelude::*;
+use crate::rig::triangles;
 use crate::say::{self, start};
 
 fn refused(bench: &Bench, reason: SampleRefusal) -> u64 {
@@ -208,30 +209,10 @@ fn a_fault_during_a_ramp_does_not_spoil_the_fit() {
     assert_eq!((usable(&shortly), usable(&long)), (usable(&sound), usable(&sound) - 2), "no other taxel is touched");
 }
 
-/// Scans that are refused for a while look like a standstill of every taxel, and are none.
-#[test]
-fn a_pause_of_the_intake_is_no_fault_of_the_taxels() {
-    let (mut bench, session) = ramping(30.0);
-    bench.ramp(30.0, 4.0); // a hold: nothing enters
-    bench.seconds(12.0);
-    bench.ramp(74.0, 4.0);
-    bench.until_state(40.0, SessionState::Review);
-    samples_rise(&bench, session);
-    let set = &bench.host.set(0);
-    let faulty = set.taxels.iter().filter(|m| matches!(m.status, Status::Frozen { .. } | Status::Dead { .. })).count();
-    assert_eq!(faulty, 0);
-    assert!(set.taxels.iter().filter(|m| m.is_usable()).count() >= 70);
-}
-
 /// Every board sends when it likes: between the first and the last of three may lie two thirds of a period.
 #[test]
 fn a_sample_has_all_boards_of_one_scan_and_none_of_the_next() {
-    let boards = [(13, 3), (12, 2), (11, 2)].map(|(address, modules)| Board {
-        bus: BUS,
-        address: board(address),
-        modules: (0..modules).map(|m| (module(m), ModuleKind::Triangle)).collect(),
-    });
-    let skin = Skin::sleeve(Patch::new("small", boards.into()).unwrap());
+    let skin = Skin::sleeve(triangles("small", &[(13, 0..3), (12, 0..2), (11, 0..2)]));
     let plan = plan(patch_plan(&skin));
     let mut mixed = 0;
     for seed in 1..=8 {

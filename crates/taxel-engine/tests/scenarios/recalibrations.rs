@@ -180,9 +180,7 @@ fn a_correction_of_a_discarded_calibration_is_not_used() {
         let sessions = [(1, SessionState::Review, sets[0]), (2, SessionState::Discarded, sets[1])].map(known).into();
         let model_sets = vec![Arc::clone(&set).into(), Arc::clone(&small().set).into()];
         let restored = Restored { model_sets, sessions, next_session: 3, ..Restored::default() };
-        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-        too_small(&mut patch);
-        let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+        let mut bench = small().listening(restored, too_small);
         bench.seconds(2.0);
         let refused = bench.activate("m-corrected").err().map(|refused| refused.to_string());
         assert_eq!(refused.is_some_and(|why| why.contains("DISCARDED")), discarded, "{sets:?}");
@@ -193,17 +191,14 @@ fn a_correction_of_a_discarded_calibration_is_not_used() {
 fn a_correction_says_nothing_of_other_areas_than_its_loads_were_read_with() {
     let (_, set) = corrected();
     for (active, areas_as_they_were) in [(true, true), (true, false), (false, true), (false, false)] {
-        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-        if areas_as_they_were {
-            too_small(&mut patch);
-        }
         let in_use = if active { &set.id } else { &small().set.id };
         let restored = Restored {
             model_sets: vec![Arc::clone(&set).into(), Arc::clone(&small().set).into()],
-            active: vec![(patch.patch.name().to_owned(), in_use.clone())],
+            active: vec![(set.patch.clone(), in_use.clone())],
             ..Restored::default()
         };
-        let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+        let areas = if areas_as_they_were { too_small } else { |_: &mut PatchPlan| () };
+        let mut bench = small().listening(restored, areas);
         bench.seconds(3.0);
         if active {
             let used = bench.host.snapshot().force.model_set.as_deref() == Some("m-corrected");

@@ -123,53 +123,28 @@ fn a_module_that_one_session_was_without_gets_no_models_of_both() {
     assert!(set.taxels[..20].iter().filter(|model| model.is_usable()).count() > 15);
 }
 
-fn keep(set: &Arc<ModelSet>, sessions: &[u64]) -> Command {
-    Command::KeepRefit { model_set: Arc::clone(set), sessions: sessions.to_vec() }
-}
-
+/// That nothing is acknowledged before it is on disk holds for every set that is kept: see `durability.rs`.
 #[test]
-fn a_refit_is_known_when_it_is_on_disk_and_is_not_in_use() {
+fn a_refit_is_kept_once_and_not_used_by_that_and_not_kept_of_a_session_that_is_gone() {
     let (mut bench, _) = in_review(30.0);
     let own = bench.host.set(0);
-    let set = Arc::new(ModelSet { id: "m-other".to_owned(), ..ModelSet::clone(&own) });
-    bench.host.disk_is_slow = true;
-    let before = format!("{:?}", bench.host.catalogue);
-    for result in [Err("no space left on device".to_owned()), Ok(())] {
-        let request = bench.host.command(keep(&set, &[1]));
-        bench.seconds(0.5);
-        assert!(!bench.host.replied(request), "it is not on disk");
-        assert_eq!(format!("{:?}", bench.host.catalogue), before);
-        bench.host.commit(result.clone());
-        match (bench.host.reply(request).unwrap(), result) {
-            (Ok(Done::Kept { model_set, known }), Ok(())) => {
-                assert_eq!((model_set.id.as_str(), known), ("m-other", false))
-            }
-            (Err(Rejection::Unavailable(_, why)), Err(_)) => assert!(why.contains("nothing has changed"), "{why}"),
-            (reply, _) => panic!("{reply:?}"),
-        }
+    let keep = |id: &str| {
+        let model_set = Arc::new(ModelSet { id: id.to_owned(), ..ModelSet::clone(&own) });
+        Command::KeepRefit { model_set, sessions: vec![1] }
+    };
+    for (id, was_known) in [("m-other", false), ("m-other", true), (own.id.as_str(), true)] {
+        let Ok(Done::Kept { model_set, known }) = bench.ask(keep(id)) else { panic!("`{id}` was not kept") };
+        assert_eq!((model_set.id.as_str(), known), (id, was_known));
+        assert_eq!(bench.host.catalogue.model_sets.len(), 2, "nothing is there twice");
     }
-    bench.host.disk_is_slow = false;
-    assert_eq!(bench.host.catalogue.model_sets.len(), 2);
     assert_eq!(bench.host.catalogue.active[0].1, None, "it is not in use");
-    let written = bench.host.records.iter().filter(|r| matches!(r, Record::ModelSet(set) if set.id == "m-other"));
-    assert_eq!(written.count(), 2, "once refused, once taken");
-    let Ok(Done::Kept { model_set, known: true }) = bench.ask(keep(&own, &[1])) else { panic!("not known") };
-    assert_eq!(model_set.id, own.id);
-    assert_eq!(bench.host.catalogue.model_sets.len(), 2, "nothing is there twice");
-}
-
-#[test]
-fn a_refit_of_a_session_that_is_gone_meanwhile_is_not_kept() {
-    let (mut bench, _) = in_review(30.0);
-    let own = bench.host.set(0);
-    let set = Arc::new(ModelSet { id: "m-other".to_owned(), ..ModelSet::clone(&own) });
     bench.host.disk_is_slow = true;
     let deletion = bench.host.command(Command::DeleteSession { session: 1 });
-    assert_eq!(bench.refused(keep(&set, &[1])), "session 1 is being deleted");
+    assert_eq!(bench.refused(keep("m-late")), "session 1 is being deleted");
     bench.host.disk_is_slow = false;
     bench.host.commit(Ok(()));
     assert!(bench.host.reply(deletion).unwrap().is_ok());
-    let reply = bench.ask(keep(&set, &[1]));
+    let reply = bench.ask(keep("m-late"));
     assert!(matches!(reply, Err(Rejection::NotFound(..))), "{reply:?}");
-    assert!(bench.host.catalogue.model_sets.iter().all(|set| set.id != "m-other"));
+    assert!(bench.host.catalogue.model_sets.iter().all(|set| set.id != "m-late"));
 }

@@ -18,8 +18,7 @@ fn ramped() -> Bench {
 }
 
 fn is_refused(bench: &mut Bench, command: Command) {
-    let answer = bench.ask(command);
-    let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
+    let why = refused_as(ErrorReason::LayoutChanged, bench.ask(command));
     assert_eq!(
         why,
         "session 1 cannot go on: it was gathered with shift 0-5 = 1 on board 13, where the configuration has shift 0-5 = 2 \
@@ -37,8 +36,7 @@ fn a_session_takes_no_ramp_of_a_gauge_that_is_read_in_another_way() {
     };
     let first = ramped();
     let mut bench = first.restarted(with_gauge(|signal| signal.scale *= 1.2), |_| ());
-    let answer = bench.ask(RAMP);
-    let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
+    let why = refused_as(ErrorReason::LayoutChanged, bench.ask(RAMP));
     let expected = "session 1 cannot go on: it was gathered by a gauge that was configured as `";
     assert!(why.starts_with(expected) && why.ends_with("now: set it as it was, or start a new session"), "{why}");
     assert_eq!(why.matches("kPa a step, differential`").count(), 2, "{why}");
@@ -80,9 +78,7 @@ fn a_session_in_use_takes_no_ramp_and_says_how_both_are_fitted_together() {
     let first = bench.host.catalogue.sessions[0].clone();
     assert_eq!(first.state, SessionState::Active);
     bench.host.load();
-    let Some(Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, late))) = bench.host.reply(ramp) else {
-        panic!("not refused")
-    };
+    let late = refused_as(ErrorReason::SessionWrongState, bench.host.reply(ramp).unwrap());
     bench.host.disk_is_slow = false;
     let at_once = bench.refused(RAMP);
     for why in [late, at_once] {

@@ -46,6 +46,36 @@ fn what_does_not_exist_is_not_found_by_its_name() {
     assert!(what.contains("`m-0`"), "{what}");
 }
 
+#[test]
+fn a_session_says_when_it_began_and_who_vouches_for_its_rest() {
+    let mut bench = fresh();
+    let began = EPOCH_NS + bench.now().as_nanos();
+    let (patch, leave_out, confirmed_by) = (String::new(), Vec::new(), Some("Ada".to_owned()));
+    let start = Command::StartSession { patch, target: None, branches: None, confirmed_by, leave_out };
+    let view = session_of(bench.ask(start));
+    assert_eq!((view.started_wall_ns, view.confirmed_by.as_deref()), (began, Some("Ada")));
+}
+
+#[test]
+fn an_activation_may_name_the_set_that_is_active_before_it() {
+    let mut bench = fresh();
+    let (first, second) = (small().set.id.as_str(), "m-other");
+    bench.import(Arc::clone(&small().set));
+    bench.import(say::other(second));
+    let mut activate = |model_set: &str, expected: &str| {
+        let (model_set, expected) = (model_set.to_owned(), Some(expected.to_owned()));
+        match bench.ask(Command::Activate { patch: String::new(), model_set, expected }) {
+            Ok(Done::Activated { previous, .. }) => Ok(previous),
+            Ok(other) => panic!("{other:?}"),
+            Err(refused) => Err(refused.to_string()),
+        }
+    };
+    assert_eq!(activate(first, second), Err("expected `m-other` to be active, but it is none".to_owned()));
+    assert_eq!(activate(first, ""), Ok(None));
+    assert!(activate(second, "").is_err() && activate(second, second).is_err());
+    assert_eq!(activate(second, first), Ok(Some(first.to_owned())));
+}
+
 /// Whether the file of a set says of which session it is, or of another, or when it was made: what is known of it stays.
 #[test]
 fn what_is_known_of_a_set_is_not_changed_by_its_file() {
@@ -65,20 +95,6 @@ fn what_is_known_of_a_set_is_not_changed_by_its_file() {
 /// All but the labels of a run.
 pub fn content(set: &ModelSet) -> String {
     format!("{:?} {:?} {:?} {:?}", set.taxels, set.baseline, set.pressure_max_kpa, set.method)
-}
-
-#[test]
-fn an_interrupted_session_gives_the_same_models_as_an_uninterrupted_one() {
-    let (mut bench, session) = ramping(40.0);
-    let disk = bench.host.disk.clone();
-    let id = bench.finish(session);
-    let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
-    resumed.seconds(0.5);
-    let listed = &resumed.host.catalogue.sessions[0];
-    assert_eq!((listed.number, listed.state), (session, SessionState::Interrupted));
-    assert_eq!(resumed.finish(session), id);
-    assert_eq!(resumed.host.session().accepted, bench.host.session().accepted);
-    assert_eq!(content(&resumed.host.set(0)), content(&bench.host.set(0)));
 }
 
 #[test]

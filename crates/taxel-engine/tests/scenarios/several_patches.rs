@@ -1,31 +1,19 @@
 //! Patches that share a bus, a board or a gauge.
 
+use std::ops::Range;
+
 use taxel_engine::conflict::{Conflict, conflicts};
 use taxel_engine::plan::Gauge;
-use taxel_sim::{GaugeConfig, HOST_BOARD_CONFIG};
+use taxel_sim::GaugeConfig;
 
 use crate::prelude::*;
+use crate::rig::{setup, triangles};
 
 /// A patch of these modules, by board.
-fn patch(name: &str, boards: &[(u8, std::ops::Range<u8>)]) -> PatchPlan {
-    let layout = boards.iter().map(|(address, modules)| Board {
-        bus: BUS,
-        address: board(*address),
-        modules: modules.clone().map(|m| (module(m), ModuleKind::Triangle)).collect(),
-    });
-    let patch = Patch::new(name, layout.collect()).unwrap();
-    let setup = |(_, modules): &(u8, std::ops::Range<u8>)| BoardSetup {
-        board: HOST_BOARD_CONFIG,
-        triangles: vec![TriangleConfig {
-            first: module(modules.start),
-            last: module(modules.end - 1),
-            shift: 2,
-            enabled: true,
-            cdc_offset: 0x2200,
-        }],
-    };
+fn patch(name: &str, boards: &[(u8, Range<u8>)]) -> PatchPlan {
+    let patch = triangles(name, boards);
     PatchPlan {
-        bring_up: boards.iter().map(setup).collect(),
+        bring_up: patch.boards().iter().map(setup).collect(),
         gauge: Some(Gauge::new(BUS, GaugeConfig::default().signal)),
         ..PatchPlan::new(patch)
     }

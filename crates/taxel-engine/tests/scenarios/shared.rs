@@ -79,6 +79,13 @@ impl Calibrated {
         bench
     }
 
+    /// A daemon that starts beside the streaming boards and only listens, with a plan and a store of its own.
+    pub fn listening(&self, restored: Restored, change: impl FnOnce(&mut PatchPlan)) -> Bench {
+        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&self.skin) };
+        change(&mut patch);
+        Bench::new(self.world.clone(), plan(patch), restored)
+    }
+
     /// A daemon that starts beside the streaming boards, only listens, and has taken its zero by itself.
     pub fn in_use(&self) -> Bench {
         self.in_use_with(|_| {})
@@ -86,9 +93,7 @@ impl Calibrated {
 
     /// The same with a plan of its own.
     pub fn in_use_with(&self, change: impl FnOnce(&mut PatchPlan)) -> Bench {
-        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&self.skin) };
-        change(&mut patch);
-        let mut bench = Bench::new(self.world.clone(), plan(patch), self.restored());
+        let mut bench = self.listening(self.restored(), change);
         bench.until(5.0, "a force", |host| host.snapshots.last().is_some_and(|s| s.force.total.is_some()));
         bench
     }

@@ -115,22 +115,3 @@ fn a_board_that_is_out_while_the_bag_is_vented_keeps_its_zero() {
         assert!(bench.host.snapshot().tare.as_ref().unwrap().valid, "{}", bench.host.reasons());
     }
 }
-
-/// Whatever is asked of a board whose load vanishes at once: loads that are taken away cost nothing.
-#[test]
-fn loads_that_are_laid_and_lifted_many_times_cost_no_force() {
-    for skin in [small(), ordinary()] {
-        let mut bench = skin.in_use();
-        let mark = bench.mark();
-        for (n, kilogram) in [0.2, 0.5, 1.0, 1.5].into_iter().cycle().take(40).enumerate() {
-            bench.lay(kilogram, [70, 33, 65, 14][n % 3]);
-            bench.seconds(1.0 + 0.017 * n as f64);
-            bench.world.clear();
-            bench.seconds(1.5);
-        }
-        bench.is_truthful_since(mark, "loads that come and go");
-        let without = bench.host.snapshots[mark..].iter().filter(|s| s.force.total.is_none()).count();
-        let all = bench.mark() - mark;
-        assert!(without * 100 <= all, "{without} of {all} without a force: {}", bench.host.reasons());
-    }
-}

@@ -10,8 +10,7 @@ fn with_another_stored(id: &str) -> (Bench, Arc<ModelSet>) {
     let other = other(id);
     let mut restored = small().restored();
     restored.model_sets.push(KnownSet::stored(SetSummary::of(&other)));
-    let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-    let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+    let mut bench = small().listening(restored, |_| ());
     bench.seconds(0.5);
     (bench, other)
 }
@@ -92,8 +91,7 @@ fn an_interrupted_session_whose_samples_are_damaged_has_failed_and_no_other_has(
         Arc::new(SessionView { number, state, model_set: None, changed_wall_ns: 1, ..small().session.clone() })
     };
     let restored = Restored { sessions: (1..).zip(states).map(session).collect(), ..small().restored() };
-    let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-    let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+    let mut bench = small().listening(restored, |_| ());
     bench.seconds(0.5);
     let sessions = [1, 2, 9].map(|number| (number, "a torn record".to_owned())).to_vec();
     bench.host.store_damaged(StoreDamage { problems: Vec::new(), model_sets: Vec::new(), sessions });

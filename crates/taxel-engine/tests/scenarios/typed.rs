@@ -13,7 +13,7 @@ use taxel_sim::{Config, Mass, PumpCommand, Skin, World};
 use taxel_skin::{Kilopascal, Newton, TaxelIndex};
 
 use crate::bench::Bench;
-use crate::rig::{patch_plan, plan, small_world};
+use crate::rig::{patch_plan, plan, small_world, start_session};
 use crate::sessions::ramping;
 
 /// To so many kPa the dial is read.
@@ -116,9 +116,7 @@ fn nothing_is_typed_where_a_gauge_says_the_pressure_or_while_it_falls() {
     let why = bench.refused(Command::Plateau { session, kpa: Kilopascal(5.0) });
     assert!(why.contains("a gauge says the pressure of this patch"), "{why}");
     let mut bench = bench_of(small_world());
-    let (patch, branches, leave_out) = (String::new(), Some(Branch::Both), Vec::new());
-    let both = Command::StartSession { patch, target: None, branches, confirmed_by: None, leave_out };
-    let refused = bench.ask(both);
+    let refused = bench.ask(start_session("", None, Some(Branch::Both)));
     assert!(matches!(refused, Err(Rejection::InvalidArgument { field: "branches", .. })), "{refused:?}");
 }
 

@@ -6,12 +6,13 @@ use taxel_model::Status;
 
 use crate::prelude::*;
 
-/// The skin in use with a model set that leaves these taxels out.
-pub fn without(skin: &Calibrated, taxels: Range<usize>) -> Bench {
-    let mut bench = skin.in_use();
-    let mut set = ModelSet { id: "m-without".to_owned(), session: None, ..ModelSet::clone(&skin.set) };
-    set.taxels[taxels].iter_mut().for_each(|model| model.status = Status::Dead { count: 0.0 });
-    bench.import(Arc::new(set));
+/// The small skin in use with a model set that leaves these taxels out.
+pub fn without(taxels: Range<usize>) -> Bench {
+    let mut bench = small().in_use();
+    let dead = |set: &mut ModelSet| {
+        set.taxels[taxels].iter_mut().for_each(|model| model.status = Status::Dead { count: 0.0 });
+    };
+    bench.import(say::other_with("m-without", dead));
     bench.activate("m-without").unwrap();
     bench.until(2.0, "a force", |host| host.snapshot().force.total.is_some());
     bench.seconds(0.2);
@@ -41,8 +42,8 @@ fn carries_the_load(bench: &mut Bench, what: &str) {
 
 #[test]
 fn an_excluded_module_that_carries_the_whole_load_leaves_no_upper_bound() {
-    carries_the_load(&mut without(small(), 30..40), "an excluded module");
-    let mut bench = without(small(), 20..50);
+    carries_the_load(&mut without(30..40), "an excluded module");
+    let mut bench = without(20..50);
     carries_the_load(&mut bench, "three excluded modules");
 }
 
@@ -72,7 +73,7 @@ fn a_skin_of_which_nothing_is_usable_has_no_force() {
 #[test]
 fn a_single_excluded_taxel_under_a_load_is_within_the_interval() {
     for taxel in [33, 35, 39] {
-        let mut bench = without(small(), taxel..taxel + 1);
+        let mut bench = without(taxel..taxel + 1);
         let mark = bench.mark();
         bench.lay(0.5, 35);
         bench.seconds(3.0);

@@ -59,10 +59,9 @@ fn what_a_skin_reads_under_known_masses_is_kept_and_judged_also_after_a_restart(
     let loads: Vec<Arc<Load>> = written.collect();
     assert_eq!(loads.len(), 3, "each was written once");
     let restarted = |times: f64| {
-        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
-        patch.areas.iter_mut().for_each(|area| *area = SquareMillimetre(area.0 * times));
+        let larger = |area: &mut SquareMillimetre| area.0 *= times;
         let restored = Restored { loads: loads.clone(), next_load: 4, ..small().restored() };
-        let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+        let mut bench = small().listening(restored, |plan| plan.areas.iter_mut().for_each(larger));
         bench.until_force(5.0, ForceState::Ok);
         bench
     };

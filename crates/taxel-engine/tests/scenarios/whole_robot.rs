@@ -2,11 +2,12 @@
 
 use taxel_engine::snapshot::Health;
 use taxel_engine::{Engine, Now, Output};
-use taxel_sim::{HOST_BOARD_CONFIG, Skin};
+use taxel_sim::Skin;
 use taxel_skin::{BusIndex, Module};
 
 use crate::host::SLOT;
 use crate::prelude::*;
+use crate::rig::setup;
 
 /// The gauges of the simulated buses, which no patch reads here.
 const GAUGE: CanId = CanId::Standard(0x5F1);
@@ -31,20 +32,6 @@ fn parts(bus: u8, of_patch: u8) -> [(String, Vec<Board>); 2] {
         of(address, there.map(|number| (module(number), ModuleKind::Triangle)).collect())
     });
     [(format!("hand_{of_patch}"), vec![of(14, hand.into())]), (format!("limb_{of_patch}"), limb.collect())]
-}
-
-/// A command for each run of consecutive modules.
-fn setup(board: &Board) -> BoardSetup {
-    let numbers: Vec<Module> = board.modules.iter().map(|(number, _)| *number).collect();
-    let runs = numbers.chunk_by(|a, b| a.get() + 1 == b.get());
-    let triangles = runs.map(|run| TriangleConfig {
-        first: run[0],
-        last: run[run.len() - 1],
-        shift: 2,
-        enabled: true,
-        cdc_offset: 0x2200,
-    });
-    BoardSetup { board: HOST_BOARD_CONFIG, triangles: triangles.collect() }
 }
 
 fn plan() -> Plan {

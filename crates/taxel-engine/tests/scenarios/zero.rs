@@ -80,10 +80,7 @@ fn a_tare_under_a_mass_is_refused_with_figures() {
     bench.press_everywhere(10.0);
     bench.seconds(1.0);
     let before = bench.host.snapshot().tare.clone();
-    let why = match bench.tare(None) {
-        Err(Rejection::FailedPrecondition(ErrorReason::TareLoaded, why)) => why,
-        other => panic!("{other:?}"),
-    };
+    let why = refused_as(ErrorReason::TareLoaded, bench.tare(None));
     for part in ["tare refused: something presses on ", " counts, limit ", "`taxeld tare --confirmed-by NAME`"] {
         assert!(why.contains(part), "`{part}` is not in: {why}");
     }
@@ -100,7 +97,7 @@ fn without_a_model_set_the_zero_and_a_tare_say_to_calibrate() {
     let tare = bench.host.snapshot().tare.clone().unwrap();
     let calibrate = "no model set is in use: `taxeld calibrate` takes the zero and makes one";
     assert_eq!((tare.valid, tare.reason.as_str()), (false, calibrate));
-    let Err(Rejection::FailedPrecondition(ErrorReason::NoModelSet, why)) = bench.tare(None) else { panic!("a tare") };
+    let why = refused_as(ErrorReason::NoModelSet, bench.tare(None));
     assert_eq!(why, format!("tare refused: {calibrate}"));
     assert!(bench.tare(Some("Ada")).is_ok(), "who confirms has a zero all the same");
 }
@@ -113,17 +110,13 @@ fn a_tare_that_no_word_would_have_helped_asks_for_none() {
     let overtaken = bench.host.command(tare(None));
     bench.seconds(0.5);
     assert!(bench.tare(None).is_ok());
-    let Some(Err(Rejection::FailedPrecondition(ErrorReason::TareSuperseded, why))) = bench.host.reply(overtaken) else {
-        panic!("it was not overtaken")
-    };
+    let why = refused_as(ErrorReason::TareSuperseded, bench.host.reply(overtaken).unwrap());
     assert!(why.contains("another tare began") && !why.contains("confirmed"), "{why}");
     let moved = bench.host.command(tare(Some("Ada".to_owned())));
     bench.seconds(0.5);
     bench.press_everywhere(1.5);
     bench.seconds(5.0);
-    let Some(Err(Rejection::FailedPrecondition(ErrorReason::TareUnsteady, why))) = bench.host.reply(moved) else {
-        panic!("the skin moved")
-    };
+    let why = refused_as(ErrorReason::TareUnsteady, bench.host.reply(moved).unwrap());
     assert!(why.contains("moved") && !why.contains("confirmed"), "{why}");
     assert!(why.ends_with(". Tare while nothing touches the skin and nothing moves it"), "{why}");
 }
@@ -140,10 +133,7 @@ fn no_tare_is_taken_beside_taxels_that_stand_at_their_rail_unless_somebody_vouch
     bench.inject(stuck(44));
     bench.seconds(5.0);
     let before = bench.host.snapshot().tare.clone();
-    let why = match bench.tare(None) {
-        Err(Rejection::FailedPrecondition(ErrorReason::TareLoaded, why)) => why,
-        other => panic!("{other:?}"),
-    };
+    let why = refused_as(ErrorReason::TareLoaded, bench.tare(None));
     assert!(why.contains("something presses on board 13 module 4, or 2 taxels are broken"), "{why}");
     assert_eq!(bench.host.snapshot().tare, before, "the earlier zero still holds");
     assert!(bench.tare(Some("Ada")).is_ok());
@@ -174,18 +164,16 @@ fn a_tare_of_a_silent_skin_is_refused_and_names_the_modules() {
     let mut bench = small().in_use();
     bench.inject(Fault::BoardSilent(board(12)));
     bench.inject(Fault::BoardSilent(board(13)));
-    let refused = bench.tare(Some("Ada"));
-    let Err(Rejection::FailedPrecondition(ErrorReason::SkinSilent, why)) = refused else { panic!("{refused:?}") };
+    let why = refused_as(ErrorReason::SkinSilent, bench.tare(Some("Ada")));
     assert!(why.contains("8 modules are silent: board 13 module 0"), "{why}");
 }
 
 /// The daemon starts beside streaming boards, its model set in the store.
 fn start(load: impl FnOnce(&mut Bench)) -> Bench {
-    let listening = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
     // The world goes on by itself first, so that the load lies there from before the start.
-    let mut bench = Bench::new(small().world.clone(), plan(listening.clone()), small().restored());
+    let mut bench = small().listening(small().restored(), |_| ());
     load(&mut bench);
-    Bench::new(bench.world, plan(listening), small().restored())
+    Bench::new(bench.world, bench.host.plan, small().restored())
 }
 
 fn forces(bench: &Bench) -> usize {

@@ -85,15 +85,6 @@ impl Daemon {
         self.write_if_fast();
     }
 
-    /// Gives a command and takes its answer, which a fast disk gives at once.
-    pub fn ask(&mut self, command: Command) -> Reply {
-        self.requests.0 += 1;
-        self.put(Input::Command(RequestId(self.requests.0), command));
-        self.write_if_fast();
-        let answered = self.answers.remove(&self.requests.0).and_then(|mut answers| answers.pop());
-        answered.expect("it is answered").reply
-    }
-
     fn put(&mut self, input: Input<'_>) {
         let now = self.world.now;
         let mut out = Vec::new();

@@ -5,7 +5,6 @@
 //! `PROPTEST_RNG_SEED=... cargo test -p taxel-engine --test sessions`. `PROPTEST_CASES` sets the number of sequences.
 #![allow(missing_docs, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod arguments;
 mod check;
 mod daemon;
 #[path = "../common/disk.rs"]

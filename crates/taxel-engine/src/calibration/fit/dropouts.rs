@@ -28,36 +28,3 @@ pub(super) fn dropouts(counts: &[f64], masked: &[bool]) -> Vec<usize> {
     });
     alone.map(|at| sound[at]).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    /// A ramp of 80 counts over 1,000 scans with a noise of one count.
-    fn ramp() -> Vec<f64> {
-        (0..1_000).map(|i| (240.0 - 0.08 * f64::from(i) + f64::from(i * 7919 % 5) * 0.5 - 1.0).round()).collect()
-    }
-
-    proptest! {
-        #[test]
-        fn every_single_dropout_is_found_and_little_else(
-            places in proptest::collection::btree_set((1..60_usize).prop_map(|k| 16 * k), 1..10), to in 0..=255_u8
-        ) {
-            let mut counts = ramp();
-            let far = |i: usize| (counts[i] - f64::from(to)).abs() > 12.0;
-            let places: Vec<usize> = places.into_iter().filter(|&i| far(i)).collect();
-            places.iter().for_each(|&i| counts[i] = f64::from(to));
-            let found = dropouts(&counts, &[false; 1_000]);
-            prop_assert!(places.iter().all(|place| found.contains(place)), "{places:?} {found:?}");
-            prop_assert!(found.len() <= places.len() + 1, "{places:?} {found:?}");
-        }
-    }
-
-    #[test]
-    fn a_step_is_no_dropout() {
-        let mut counts = ramp();
-        counts[500..].iter_mut().for_each(|count| *count -= 40.0);
-        assert!(dropouts(&counts, &[false; 1_000]).is_empty());
-    }
-}

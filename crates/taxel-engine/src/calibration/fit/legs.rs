@@ -115,11 +115,18 @@ mod tests {
         let way =
             |points: &[f64]| -> Vec<f64> { points.windows(2).flat_map(|two| ramp(two[0], two[1], 200)).collect() };
         // Of 70 kPa a quarter is 17.5 kPa.
-        assert_eq!(legs(&way(&[100.0, 160.0, 141.0, 170.0])).len(), 3);
-        assert_eq!(legs(&way(&[100.0, 160.0, 144.0, 170.0])).len(), 1);
-        let kpa = way(&[100.0, 160.0, 158.5, 170.0]);
-        let rising = rising(&kpa, &legs(&kpa));
-        assert!(!rising[400] && rising[200], "more than a hundredth of the range behind");
+        assert_eq!(
+            [18.0, 17.0].map(|back| legs(&way(&[100.0, 160.0, 160.0, 160.0 - back, 160.0 - back, 170.0])).len()),
+            [3, 1]
+        );
+        let falls = way(&[170.0, 100.0]);
+        assert_eq!(legs(&falls), [Leg { scans: 0..falls.len(), rising: false }]);
+        // A hundredth is 0.7 kPa: more than that behind is no rise.
+        let dips = |back: f64| {
+            let kpa = way(&[100.0, 160.0, 160.0, 160.0 - back, 160.0 - back, 170.0]);
+            rising(&kpa, &legs(&kpa))[700]
+        };
+        assert_eq!([0.6, 0.8].map(dips), [true, false]);
     }
 
     #[test]

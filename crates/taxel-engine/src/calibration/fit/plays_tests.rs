@@ -1,8 +1,8 @@
 //! Plays where they could do harm: at light touch, in minor loops and after an overload.
 
+use super::tests::{Noise, PERIOD_S, Skin};
 use super::*;
 
-const PERIOD_S: f64 = 0.02;
 const TAXELS: usize = 20;
 const TOP_KPA: f64 = 70.0;
 
@@ -37,36 +37,14 @@ impl Truth {
     }
 }
 
-/// Time, pressure and counts of a recording.
-struct Recorded {
-    time_s: Vec<f64>,
-    kpa: Vec<f64>,
-    counts: Vec<Vec<f64>>,
-}
-
-impl Recorded {
-    fn new(truth: Truth, kpa: Vec<f64>, mut seed: u64) -> Self {
-        let felt = truth.felt(&kpa);
-        let mut noise = || {
-            let mut uniform = || {
-                seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (seed >> 40) as f64 / f64::from(1_u32 << 24)
-            };
-            (0..12).map(|_| uniform()).sum::<f64>() - 6.0
-        };
-        let count = |gain: f64, p: &f64| (235.0 - gain * p / (p + 80.0) + 0.8 * noise()).round();
-        let gain = |taxel: usize| 150.0 + 3.0 * taxel as f64;
-        let counts = (0..TAXELS).map(gain).map({
-            let mut count = count;
-            move |gain| felt.iter().map(|p| count(gain, p)).collect()
-        });
-        Self { counts: counts.collect(), time_s: (0..kpa.len()).map(|i| i as f64 * PERIOD_S).collect(), kpa }
-    }
-
-    fn scans(&self) -> Scans<'_> {
-        let counts = self.counts.iter().map(Vec::as_slice).collect();
-        Scans { time_s: &self.time_s, pressure_kpa: Some(&self.kpa), counts }
-    }
+fn recorded(truth: Truth, kpa: Vec<f64>, seed: u64) -> Skin {
+    let (felt, mut noise) = (truth.felt(&kpa), Noise(seed));
+    let mut column = |gain: f64| {
+        let count = |p: &f64| (235.0 - gain * p / (p + 80.0) + 0.8 * noise.next()).round();
+        felt.iter().map(count).collect()
+    };
+    let counts = (0..TAXELS).map(|taxel| column(150.0 + 3.0 * taxel as f64)).collect();
+    Skin { time_s: (0..kpa.len()).map(|i| i as f64 * PERIOD_S).collect(), kpa, counts }
 }
 
 /// Straight from turn to turn at 3.5 kPa a second, with a rest of 4 s at the begin.
@@ -81,7 +59,7 @@ fn path(turns: &[f64]) -> Vec<f64> {
 
 /// Root mean square error of the area-mean from scan `first` on, kPa, by a set that was fitted with these plays, and
 /// whether it has any.
-fn error_kpa(calibration: &Recorded, plays: bool, judged: &Recorded, first: usize) -> (f64, bool) {
+fn error_kpa(calibration: &Skin, plays: bool, judged: &Skin, first: usize) -> (f64, bool) {
     let set = fit(&calibration.scans(), &FitRecipe { plays, ..FitRecipe::default() }, &OneByOne).unwrap();
     let applied = apply(&judged.scans(), &set, Tare::Auto).unwrap();
     let read = || applied.pressure_kpa.iter().filter(|column| !column.is_empty());
@@ -100,9 +78,9 @@ fn plays_make_neither_light_touches_nor_minor_loops_nor_the_time_after_an_overlo
         ("full cycles", path(&[0.0, TOP_KPA, 0.0, TOP_KPA, 0.0])),
     ];
     for truth in [Truth::Plays, Truth::Virgin, Truth::Closing, Truth::None] {
-        let calibration = Recorded::new(truth, [path(&[0.0, TOP_KPA, 0.0]), vec![0.0; 250]].concat(), 1);
+        let calibration = recorded(truth, [path(&[0.0, TOP_KPA, 0.0]), vec![0.0; 250]].concat(), 1);
         for (name, kpa) in &paths {
-            let judged = Recorded::new(truth, kpa.clone(), 2);
+            let judged = recorded(truth, kpa.clone(), 2);
             let over = kpa.iter().rposition(|p| *p > TOP_KPA).map_or(200, |last| last + 1);
             let error = |plays| error_kpa(&calibration, plays, &judged, over);
             let ((auto, on), (off, _)) = (error(true), error(false));

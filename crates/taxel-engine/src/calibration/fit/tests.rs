@@ -11,14 +11,14 @@ use super::*;
 use crate::intake::faults::fault::Fault;
 use crate::intake::faults::limits::FaultLimits;
 
-const PERIOD_S: f64 = 0.02;
+pub const PERIOD_S: f64 = 0.02;
 const TAXELS: usize = 30;
 
 /// Reproducible noise of standard deviation 1.
-struct Noise(u64);
+pub struct Noise(pub u64);
 
 impl Noise {
-    fn next(&mut self) -> f64 {
+    pub fn next(&mut self) -> f64 {
         let mut sum = 0.0;
         for _ in 0..12 {
             self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -30,10 +30,10 @@ impl Noise {
 
 /// A recording that owns its columns.
 #[derive(Clone)]
-struct Skin {
-    time_s: Vec<f64>,
-    kpa: Vec<f64>,
-    counts: Vec<Vec<f64>>,
+pub struct Skin {
+    pub time_s: Vec<f64>,
+    pub kpa: Vec<f64>,
+    pub counts: Vec<Vec<f64>>,
 }
 
 impl Skin {
@@ -62,7 +62,7 @@ impl Skin {
         Self::new(cycle(4.0, 200.0), slack_kpa, 0.0, 1)
     }
 
-    fn scans(&self) -> Scans<'_> {
+    pub fn scans(&self) -> Scans<'_> {
         Scans {
             time_s: &self.time_s,
             pressure_kpa: Some(&self.kpa),
@@ -124,20 +124,6 @@ fn faults_are_masked_from_their_onset_until_they_are_over() {
     for sound in (0..TAXELS).filter(|t| ![3, 5, 7].contains(t)) {
         assert_eq!(masked(&masks, sound), None, "taxel {sound}");
         assert_eq!(masks.main_fault(sound), None);
-    }
-}
-
-#[test]
-fn a_module_goes_when_most_of_it_flickers_and_not_before() {
-    for (broken, whole) in [(6, false), (7, true)] {
-        let mut skin = Skin::cycle(5.0);
-        for taxel in 10..10 + broken {
-            skin.spoil(taxel, 20.0..30.0, |_| 0.0);
-        }
-        let masks = find(&skin);
-        assert_eq!(masked(&masks, 19).is_some(), whole, "{broken} of ten on a rail");
-        assert_eq!(masked(&masks, 9), None);
-        assert_eq!(masked(&masks, 20), None);
     }
 }
 
@@ -241,28 +227,13 @@ fn beyond_the_calibrated_range_readings_go_on_and_their_interval_grows() {
 }
 
 #[test]
-fn at_an_end_of_the_converter_a_reading_is_a_lower_bound() {
-    let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
-    let mut skin = Skin::cycle(0.0);
-    skin.spoil(3, 30.0..30.02, |_| 0.0);
-    let applied = apply(&skin.scans(), &set, Tare::Auto).unwrap();
-    let railed: Vec<usize> = (0..skin.kpa.len()).filter(|&i| skin.counts[3][i] == 0.0).collect();
-    assert!(!railed.is_empty());
-    for i in railed {
-        let (kpa, sigma) = (applied.pressure_kpa[3][i], applied.sigma_kpa[3][i]);
-        assert!(kpa.is_nan() || sigma == f64::INFINITY, "{kpa} {sigma}");
-    }
-}
-
-#[test]
 fn a_recording_without_pressure_or_scans_is_no_panic() {
     let skin = Skin::cycle(0.0);
     let blind = Scans { pressure_kpa: None, ..skin.scans() };
     assert_eq!(fit(&blind, &FitRecipe::default(), &OneByOne).unwrap_err(), RecordingError::NoPressure);
     let nothing = vec![f64::NAN; skin.kpa.len()];
     let gone = Scans { pressure_kpa: Some(&nothing), ..skin.scans() };
-    let none = fit(&gone, &FitRecipe::default(), &OneByOne).unwrap_err().to_string();
-    assert!(none.contains("0 distinct pressures"), "{none}");
+    assert!(fit(&gone, &FitRecipe::default(), &OneByOne).is_err());
     let set = fitted(&skin, &FitRecipe::default());
     let empty = Scans { time_s: &[], pressure_kpa: None, counts: vec![&[]; TAXELS] };
     let applied = apply(&empty, &set, Tare::Auto).unwrap();
@@ -273,6 +244,10 @@ fn a_recording_without_pressure_or_scans_is_no_panic() {
             Scans { time_s: &time_s, pressure_kpa: None, counts: skin.counts.iter().map(|c| &c[..scans]).collect() };
         apply(&short, &set, Tare::Auto).unwrap();
     }
+    let mut fewer = skin.scans();
+    fewer.counts.pop();
+    let error = apply(&fewer, &set, Tare::Auto).unwrap_err();
+    assert_eq!(error, RecordingError::Taxels { recorded: TAXELS - 1, models: TAXELS });
 }
 
 #[test]
@@ -310,18 +285,6 @@ proptest! {
         }
     }
 
-    #[test]
-    fn the_running_median_leaves_ramps_and_takes_spikes(
-        slope in -3.0..3.0_f64, length in 31_usize..80, spike in 8.0..20.0_f64, at in 8_usize..22,
-    ) {
-        let ramp: Vec<f64> = (0..length).map(|i| slope * i as f64).collect();
-        prop_assert_eq!(&running_median(&ramp, 15), &ramp);
-        let mut spiked = ramp.clone();
-        spiked[at] += spike;
-        let clean = running_median(&spiked, 15);
-        prop_assert!(clean.iter().zip(&ramp).all(|(a, b)| (a - b).abs() <= slope.abs() + 1e-9));
-    }
-
     /// Whatever the columns hold, nothing panics, and what comes out is finite or not there.
     #[test]
     fn no_recording_panics(
@@ -349,11 +312,4 @@ fn what_the_gauge_reads_at_rest_is_taken_off_where_it_is_shown() {
     assert!((top - less.pressure_max_kpa - 4.0).abs() < 1e-9, "{}", less.pressure_max_kpa);
     assert!(less.method.ends_with(", less 4.0 kPa that the gauge read at rest"), "{}", less.method);
     assert!(less.gauge_offset_kpa > 4.0 / 2.0, "and stays in doubt: {}", less.gauge_offset_kpa);
-    // A rise from the first scan on, a pressure that is no gauge's zero, and rest that comes after the load.
-    let (rise, high) = (cycle(0.0, 200.0)[401..].to_vec(), cycle(12.0, 200.0));
-    let fall = cycle(4.0, 200.0)[1900..].to_vec();
-    for kpa in [rise, high, fall] {
-        let set = fitted(&Skin::new(kpa, 0.0, 0.0, 3), &FitRecipe::default());
-        assert!(!set.method.contains("gauge"), "{}", set.method);
-    }
 }

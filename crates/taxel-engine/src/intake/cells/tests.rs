@@ -1,5 +1,5 @@
 use super::*;
-use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind};
+use taxel_skin::ModuleKind;
 use taxel_wire::array::CountField;
 use taxel_wire::bits::{ByteOrder, Selector};
 
@@ -25,9 +25,7 @@ fn device(scans: ScanBegin) -> Device {
         commands: vec![],
         sender: Sender::Patch,
     };
-    let modules = (0..2).map(|module| (Module::from_nibble(module), ModuleKind::Cells(4))).collect();
-    let board = Board { bus: BusIndex(0), address: BoardAddress::new(1).unwrap(), modules };
-    Device::new(&Patch::new("p", vec![board]).unwrap(), 0, plan, PERIOD)
+    Device::new(&crate::tests::patch(&[ModuleKind::Cells(4); 2]), 0, plan, PERIOD)
 }
 
 const ID: CanId = CanId::Extended(0x18_0000);

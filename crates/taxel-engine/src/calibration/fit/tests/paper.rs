@@ -50,14 +50,3 @@ fn the_paper_excludes_by_swing_alone() {
         assert_eq!(model.status, if swing < needed { excluded } else { Status::Ok }, "taxel {taxel}");
     }
 }
-
-#[test]
-fn three_runs_all_have_their_rises_in_the_papers_fit() {
-    let one = cycle(4.0, 200.0);
-    let skin = Skin::new(one.repeat(3), 5.0, 0.0, 4);
-    let set = fitted(&skin, &paper());
-    let legs = legs::legs(&skin.kpa);
-    let rising = legs::rising(&skin.kpa, &legs).iter().filter(|r| **r).count();
-    assert!((3 * 1900..3 * 2400).contains(&rising), "{rising}");
-    assert!(set.taxels.iter().all(|model| model.quality.samples == rising as u64));
-}

@@ -21,30 +21,3 @@ fn a_recording_at_rest_is_tared_and_read_right() {
     let untared = apply(&skin.scans(), &set, Tare::None).unwrap();
     assert!(judge(&untared, &beyond).area_percent > 3.0 * score.area_percent);
 }
-
-#[test]
-fn a_beginning_under_load_is_refused_a_tare() {
-    let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
-    let verdict = |kpa: Vec<f64>| apply(&Skin::new(kpa, 0.0, 0.0, 5).scans(), &set, Tare::Auto).unwrap();
-    let loaded = verdict([vec![197.0; 600], cycle(150.0, 190.0)].concat()).zero;
-    assert!(loaded.told.contains("is not shown to be unloaded; something presses on "), "{}", loaded.told);
-    assert_eq!(loaded.moved(0), Some(0.0), "the zero of the calibration stays");
-    let ramping = verdict((0..2000).map(|i| 4.0 + 0.05 * f64::from(i)).collect()).zero;
-    assert!(ramping.told.contains("is not shown to be unloaded; the whole skin moved"), "{}", ramping.told);
-    // 20 kPa look like another day. They show when they go.
-    let light = verdict([vec![20.0; 400], vec![4.0; 400], cycle(4.0, 100.0)].concat()).zero;
-    assert!(light.told.contains(" lighter than its zero") && light.moved.is_none(), "{}", light.told);
-}
-
-#[test]
-fn the_operators_word_is_taken_and_another_skin_is_not() {
-    let set = fitted(&Skin::cycle(8.0), &FitRecipe::default());
-    let skin = Skin::new(vec![197.0; 600], 8.0, 0.0, 5);
-    let by_word = Tare::Seconds(3.0);
-    let applied = apply(&skin.scans(), &set, by_word).unwrap();
-    assert!(applied.zero.told.starts_with("tared from the first 3 s, confirmed by the operator; "));
-    let mut fewer = skin.scans();
-    fewer.counts.pop();
-    let error = apply(&fewer, &set, by_word).unwrap_err();
-    assert_eq!(error, RecordingError::Taxels { recorded: TAXELS - 1, models: TAXELS });
-}
