@@ -16,7 +16,7 @@ import sys
 import time
 
 from selenium import webdriver
-from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
+from selenium.common.exceptions import ElementClickInterceptedException, NoSuchElementException, StaleElementReferenceException
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -82,7 +82,10 @@ class Page:
             if not self.text("dialog"):
                 if not self.find(selector).is_enabled():
                     return None  # it works on the press before, whose answer was taken for another's
-                self.find(selector).click()
+                try:
+                    self.find(selector).click()
+                except ElementClickInterceptedException:
+                    return None  # the dialog of that press has opened
             told = self.until("an answer", lambda: self.toasts() or self.text("dialog"))
             if self.text("dialog"):  # it asks who confirms that the skin is unloaded: nobody does
                 self.click("dialog button[type=button]")
