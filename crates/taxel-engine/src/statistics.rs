@@ -80,7 +80,7 @@ mod tests {
         let counts: Vec<f64> = kpa.iter().map(|kpa| (240.0 - kpa).round()).collect();
         let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
         let (range, sign, radii_counts) = (model.range.unwrap(), model.sign, [4.0, 10.0, 0.0, 0.0]);
-        let plays = Some(Plays { range, sign, radii_counts, weights_kpa: [0.8, 0.4, 0.0, 0.0] });
+        let plays = Some(Plays { range, sign, radii_counts, weights_kpa: [0.8, 0.4, 0.0, 0.0], slack_counts: 0.0 });
         let taxels = vec![Some(RecordedTaxel { sensitivity: 1.0, plays })];
         let recorded = Some(Recorded { smooth_s: 0.5, module_size: 1, taxels, ..Recorded::default() });
         let set = Arc::new(ModelSet { baseline: rest.into(), taxels: vec![model], recorded, ..ModelSet::default() });

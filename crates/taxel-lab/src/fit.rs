@@ -45,8 +45,7 @@ pub struct FitArgs {
     /// Which part of a recording is fitted [default: both, and of a session what it gathered].
     #[arg(long, value_parser = one_of(["both", "rising"], [Branch::Both, Branch::Rising]))]
     branch: Option<Branch>,
-    /// Compensation of hysteresis: `auto` is on if there is enough of it and it wins on a branch that no fit saw [default: auto,
-    /// and off for a session, whose curves are those of its rise].
+    /// Compensation of hysteresis: `auto` is on if there is enough of it and it wins on a branch that no fit saw [default: auto].
     #[arg(long, value_parser = one_of(["auto", "off"], [true, false]))]
     plays: Option<bool>,
     /// Seconds over which counts are averaged, here and when the models are applied; 0 is not at all.
@@ -121,8 +120,7 @@ impl FitArgs {
              more; this is an export of a session or another recording: leave --module-size out"
         );
         let set = if is_session {
-            let plays = self.plays.unwrap_or(false);
-            session::fit(recording, FitRecipe { plays, ..self.recipe() }, self.branch)?
+            session::fit(recording, self.recipe(), self.branch)?
         } else {
             fit_skin(&recording.as_scans(), &self.recipe(), &AllCores)?
         };

@@ -3,7 +3,7 @@
 //! A play operator of radius r follows the count only when the count leaves the band z - r .. z + r, like the far end
 //! of a loose joint (Prandtl-Ishlinskii; Kuhnen 2003, "Modeling, identification and compensation of complex hysteretic
 //! nonlinearities"). With z_k the plays' outputs and sigma the sign of the taxel (+1 where counts rise with pressure),
-//! P = p(C) - sigma sum w_k (z_k - y_k), w_k >= 0, where p is the curve of a load that is put on from rest, and y_k is where such
+//! P = p(C) - sigma sum w_k max(z_k - y_k - s, 0), w_k >= 0, where p is the curve of a load that is put on from rest, and y_k is where such
 //! a load would have left the same play. So such a load reads the curve, and one that falls reads lower. The map is from count to
 //! pressure already: nothing is left to invert.
 //!
@@ -26,6 +26,8 @@ pub struct Plays {
     pub radii_counts: [f64; PLAYS],
     /// Weights, kPa per count; not negative.
     pub weights_kpa: [f64; PLAYS],
+    /// So far noise alone drags a play ahead of a load that lies there, counts; not negative.
+    pub slack_counts: f64,
 }
 
 /// Where the plays of one taxel stand, as loads: counts, turned so that load is positive. The default is that nothing was read yet.
@@ -47,7 +49,7 @@ impl Plays {
         let mut lag_kpa = 0.0;
         for ((z, r), w) in plays.iter_mut().zip(self.radii_counts).zip(self.weights_kpa) {
             *z = z.max(load - r).min(load + r);
-            lag_kpa += w * (*z - self.risen(load, r));
+            lag_kpa += w * (*z - self.risen(load, r) - self.slack_counts).max(0.0);
         }
         state.0 = Some(plays);
         -lag_kpa
@@ -85,7 +87,7 @@ mod tests {
     fn a_load_that_is_put_on_from_rest_is_not_bent_and_one_that_falls_reads_lower() {
         for sign in [Sign::Falling, Sign::Rising] {
             let (radii_counts, weights_kpa) = ([4.0, 10.0, 1.0, 4.0], [0.8, 0.4, 0.1, 0.3]);
-            let plays = Plays { range: [175.0, 225.0], sign, radii_counts, weights_kpa };
+            let plays = Plays { range: [175.0, 225.0], sign, radii_counts, weights_kpa, slack_counts: 0.0 };
             let load = |counts: f64| 200.0 + sign.as_f64() * (counts - 25.0);
             let mut state = PlayState::default();
             for counts in [0.0, 3.0, 17.0, 40.0] {
@@ -94,6 +96,8 @@ mod tests {
             let back = plays.bend_kpa(&mut state, load(12.0));
             // The plays stand at 16, 22, 13 and 16 counts; a first loading would have left them at 8, 10, 11 and 8.
             assert!((back + 0.8 * 8.0 + 0.4 * 12.0 + 0.1 * 2.0 + 0.3 * 8.0).abs() < 1e-9, "{back}");
+            let slack = Plays { slack_counts: 5.0, ..plays.clone() }.bend_kpa(&mut state, load(12.0));
+            assert!((slack + 0.8 * 3.0 + 0.4 * 7.0 + 0.3 * 3.0).abs() < 1e-9, "{slack}");
             assert!(plays.bend_kpa(&mut state, load(0.0)).abs() < 1e-9, "at rest nothing is left");
         }
     }

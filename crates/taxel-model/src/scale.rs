@@ -58,7 +58,7 @@ mod tests {
             let (before, after) = (model(), model().scaled(gain, offset));
             let plays = Plays {
                 range: before.range.unwrap(), sign: Sign::Falling,
-                radii_counts: [3.0, 8.0, 0.0, 0.0], weights_kpa: [0.4, 0.2, 0.0, 0.0],
+                radii_counts: [3.0, 8.0, 0.0, 0.0], weights_kpa: [0.4, 0.2, 0.0, 0.0], slack_counts: 0.0,
             };
             let (scaled, mut state, mut scaled_state) = (plays.scaled(gain), PlayState::default(), PlayState::default());
             for count in counts {

@@ -323,7 +323,7 @@ fn check_recorded(recorded: &Recorded) -> Result<(), ModelsJsonError> {
         let of = |name: &str| format!("recorded.taxels[{number}].{name}");
         at_least(&of("sensitivity"), taxel.sensitivity, f64::MIN_POSITIVE)?;
         let Some(plays) = &taxel.plays else { continue };
-        for value in plays.radii_counts.iter().chain(&plays.weights_kpa) {
+        for value in plays.radii_counts.iter().chain(&plays.weights_kpa).chain([&plays.slack_counts]) {
             at_least(&of("plays"), *value, 0.0)?;
         }
         at_least(&of("plays.range"), plays.range[1], plays.range[0])?;

@@ -86,7 +86,7 @@ impl Default for SessionLimits {
             rise_max_kpa_per_s: 5.0,
             fall_max_kpa_per_s: 5.0,
             fall_end: Kilopascal(1.0),
-            plays: false,
+            plays: true,
             gauge_timeout: Duration::from_millis(500),
             patience: Duration::from_secs(60),
             vented_below: Kilopascal(10.0),

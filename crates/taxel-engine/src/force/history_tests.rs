@@ -29,6 +29,7 @@ fn plays() -> Plays {
         sign: model.sign,
         radii_counts: [4.0, 10.0, 0.0, 0.0],
         weights_kpa: [0.8, 0.4, 0.0, 0.0],
+        slack_counts: 0.0,
     }
 }
 
@@ -188,6 +189,16 @@ fn a_set_that_comes_into_use_at_rest_knows_that_nothing_presses() {
     let usual = Skin::known().go(5).scan(5).total_sigma.unwrap().0;
     assert!((little - usual).abs() < 1e-6 * usual, "{little} N, usually {usual} N");
     skin.go(40).is_known("loaded since");
+}
+
+/// Noise drags plays ahead of a load that lies there.
+#[test]
+fn a_load_that_was_put_on_reads_the_curve() {
+    let mut skin = Skin::known();
+    skin.go(40);
+    (0..50).for_each(|scan| drop(skin.scan(40 + 2 * (scan % 2))));
+    let (total, kpa) = (skin.scan(40).total.unwrap().0, model().evaluate(f64::from(REST - 40)).unwrap().kpa);
+    assert!((total / (TAXELS as f64 * AREA.0 * 1e-3 * kpa) - 1.0).abs() < 1e-3, "{total} N of {kpa} kPa");
 }
 
 #[test]

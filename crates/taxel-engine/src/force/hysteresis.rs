@@ -267,7 +267,13 @@ mod tests {
         let counts: Vec<f64> = kpa.iter().map(|kpa| (240.0 - kpa).round()).collect();
         let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
         let range = model.range.unwrap();
-        let plays = Plays { range, sign: model.sign, radii_counts: RADII, weights_kpa: [0.8, 0.4, 0.0, 0.0] };
+        let plays = Plays {
+            range,
+            sign: model.sign,
+            radii_counts: RADII,
+            weights_kpa: [0.8, 0.4, 0.0, 0.0],
+            slack_counts: 0.0,
+        };
         let taxel = |plays| RecordedTaxel { sensitivity: 1.0, plays };
         Arc::new(ModelSet {
             id: "m-test".to_owned(),

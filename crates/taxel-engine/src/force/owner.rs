@@ -241,9 +241,7 @@ impl Force {
             }
             _ => None,
         };
-        if let (Some(hysteresis), Some(evaluator)) = (&self.hysteresis, &mut self.evaluator) {
-            evaluator.set_hysteresis(Some(hysteresis.offsets()));
-        }
+        self.bend();
         self.selected_for = None;
     }
 
@@ -255,9 +253,14 @@ impl Force {
             hysteresis.on_soundness(scan.time, |taxel| scan.sound[taxel]);
         }
         hysteresis.follow(scan.time, scan.counts, |taxel| scan.sound[taxel]);
-        if let Some(evaluator) = &mut self.evaluator {
-            evaluator.set_hysteresis(Some(hysteresis.offsets()));
-        }
+        self.bend();
+    }
+
+    /// Hysteresis bends what is read while a load decreases, or within the scans in which that shows: one that is put on reads the curve.
+    fn bend(&mut self) {
+        let (Some(hysteresis), Some(evaluator)) = (&self.hysteresis, &mut self.evaluator) else { return };
+        let offsets = Some(hysteresis.offsets());
+        evaluator.set_hysteresis(offsets.filter(|offsets| self.unloading.is_under_way() || !offsets.are_known()));
     }
 
     /// Keeps taxels that are not sound out of the sum; done anew only when that changed.
@@ -356,6 +359,7 @@ impl Force {
 
     fn nothing(&mut self, state: ForceState, reason: Reason, silent: usize, taxels: usize) -> Measured {
         self.last = None;
+        self.unloading = Unloading::UNKNOWN;
         let sample = ForceSample {
             state,
             reasons: vec![reason],

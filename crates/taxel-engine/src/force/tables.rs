@@ -78,7 +78,6 @@ impl Tables {
     /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
     /// The next load finds of that remainder what the skin's dead zone explains (`dead_zone.rs`), and reads as much too little; the
     /// rest creeps back. So touched taxels are read at that much more, which is uncertain.
-    /// Where hysteresis is compensated by plays it is known, and nothing is added.
     pub fn of_range(
         counts: CountRange,
         set: Arc<ModelSet>,
@@ -88,8 +87,6 @@ impl Tables {
         residue_counts: f64,
     ) -> Self {
         let taxels = set.taxels.len();
-        let compensated = (0..taxels).any(|taxel| set.plays(taxel).is_some());
-        let residue_counts = if compensated { 0.0 } else { residue_counts };
         let dead_zone = DeadZone::of(&set, activation, residue_counts);
         let mut tables = Self {
             id: Arc::from(set.id.as_str()),

@@ -57,6 +57,7 @@ fn hysteresis() -> Option<Hysteresis> {
         sign: model.sign,
         radii_counts: [4.0, 10.0, 0.0, 0.0],
         weights_kpa: [0.8, 0.4, 0.0, 0.0],
+        slack_counts: 0.0,
     };
     let taxel = RecordedTaxel { sensitivity: 1.0, plays: Some(plays) };
     let set = ModelSet {

@@ -3,7 +3,7 @@
 use super::course::Course;
 use super::curve::{LoadCurve, Soft};
 use super::form::Form;
-use super::lag::{RADII, SCANS};
+use super::lag::{RADII, SCANS, SLACK_SIGMAS};
 use super::sigma::SigmaByReading;
 use crate::fit::fit as fit_polynomial;
 use crate::model::{Quality, Sign, TaxelModel};
@@ -102,6 +102,7 @@ impl SkinFit {
             sign: taxel.sign(),
             radii_counts: RADII.map(|share| share * taxel.swing_counts),
             weights_kpa,
+            slack_counts: SLACK_SIGMAS * taxel.noise_counts / (SCANS as f64).sqrt(),
         })
     }
 

@@ -11,6 +11,9 @@ pub(super) const RADII: [f64; 4] = [0.01, 0.03, 0.08, 0.2];
 /// Plays follow the mean of so many scans: the noise of single ones would drag them.
 pub(super) const SCANS: usize = 8;
 
+/// How far the mean of a load that lies there for seconds drags a play ahead of it, standard deviations of that mean.
+pub(super) const SLACK_SIGMAS: f64 = 1.5;
+
 /// The lags of the plays in one scan, counts.
 pub(super) type Lag = [f32; RADII.len()];
 

@@ -46,7 +46,13 @@ pub(super) fn cases() -> Vec<Case> {
 
 /// Two plays, 150 to 250 counts.
 fn plays(sign: Sign) -> Plays {
-    Plays { range: [150.0, 250.0], sign, radii_counts: [8.0, 20.0, 0.0, 0.0], weights_kpa: [0.8, 0.4, 0.0, 0.0] }
+    Plays {
+        range: [150.0, 250.0],
+        sign,
+        radii_counts: [8.0, 20.0, 0.0, 0.0],
+        weights_kpa: [0.8, 0.4, 0.0, 0.0],
+        slack_counts: 0.0,
+    }
 }
 
 /// A curve with both a slope and a bend, kPa.

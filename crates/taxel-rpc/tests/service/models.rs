@@ -25,6 +25,7 @@ fn over_both_branches(id: &str) -> ModelSet {
         sign: Sign::Falling,
         radii_counts: [4.0, 10.0, 0.0, 0.0],
         weights_kpa: [0.5, 0.25, 0.0, 0.0],
+        slack_counts: 0.0,
     };
     let taxel = RecordedTaxel { sensitivity: 0.9, plays: Some(plays) };
     let mut taxels = vec![None; TAXELS];

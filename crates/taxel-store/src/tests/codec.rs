@@ -18,8 +18,13 @@ fn bits(set: &ModelSet) -> String {
 /// A set with every part that there is.
 fn whole_set() -> ModelSet {
     let set = model_set(1);
-    let plays =
-        Plays { range: [170.0, 240.0], sign: Sign::Falling, radii_counts: [1.0; PLAYS], weights_kpa: [0.1; PLAYS] };
+    let plays = Plays {
+        range: [170.0, 240.0],
+        sign: Sign::Falling,
+        radii_counts: [1.0; PLAYS],
+        weights_kpa: [0.1; PLAYS],
+        slack_counts: 0.3,
+    };
     let taxel = RecordedTaxel { sensitivity: 0.7, plays: Some(plays) };
     let recorded = Recorded {
         smooth_s: 0.2,
@@ -78,7 +83,7 @@ fn the_file_looks_as_documented() {
     );
     let curve = "curve{centre chebyshev half_width}";
     let recorded = "recorded{hysteresis_kpa module_size plays_error_ratio plays_mean_s smooth_s \
-                    taxels{plays{radii_counts range sign weights_kpa} sensitivity} zero_return{common rms}}";
+                    taxels{plays{radii_counts range sign slack_counts weights_kpa} sensitivity} zero_return{common rms}}";
     let quality = "quality{distinct_counts dof interval_kpa interval_share max_leverage rank repeatability_kpa rmse_kpa samples swing_counts}";
     let taxels = format!(
         "taxels{{coefficients {curve} flags gauge{{gain_rel noise_kpa offset_kpa}} order {quality} range \

@@ -256,8 +256,8 @@ pub struct FitSection {
 #[serde(rename_all = "lowercase")]
 pub enum PlaysWord {
     /// If it wins on a branch that the fit did not see.
-    Auto,
-    /// Never: the curve is that of rising pressure, and the hysteresis is in its uncertainty.
     #[default]
+    Auto,
+    /// Never: the hysteresis is in the uncertainty.
     Off,
 }
