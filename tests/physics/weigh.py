@@ -60,11 +60,14 @@ ROWS = [
     ("loop that closes at rest, both branches", "loop", 8, "", "mass", "both"),
     ("the same, rest of 120 s", "loop", 120, "", "mass", "rising"),
     ("the same, fingers of 1 to 10 N", "loop", 8, "", "finger", "rising"),
+    ("the same, half of a mass taken off", "loop", 8, "", "half", "rising"),
+    ("the same, both branches", "loop", 8, "", "half", "both"),
 ]
 
 
 def simulate(folder, hysteresis, rest_s, kind, seed, placements):
-    """Writes a calibration log, a log of placements and the positions; returns (from s, to s, newton) of each."""
+    """Writes a calibration log, a log of placements and the positions; returns of each when it was laid, from when and to when it is
+    read, all in s, and its force in N."""
     rng = np.random.default_rng(seed)
     skin = Skin(rng, hysteresis.removeprefix("pressed "))
     zero = np.zeros(skin.taxels)
@@ -88,11 +91,14 @@ def simulate(folder, hysteresis, rest_s, kind, seed, placements):
     log, truth = Log(f"{folder}/placements.log"), []
     run(log, 4, lambda t: 0.0)
     for i in range(placements):
-        newton = MASSES_KG[i % 6] * 9.80665 if kind == "mass" else math.exp(rng.uniform(0, math.log(10)))
-        pads = skin.pads_kpa(footprint(rng, skin, kind, newton))
-        begin = log.time
+        newton = math.exp(rng.uniform(0, math.log(10))) if kind == "finger" else MASSES_KG[i % 6] * 9.80665
+        pads = skin.pads_kpa(footprint(rng, skin, "finger" if kind == "finger" else "mass", newton))
+        laid = log.time
         run(log, 3.0, lambda t: pads * min(t / 0.3, 1))
-        truth.append((begin + 2.0, log.time - 0.1, newton))
+        if kind == "half":
+            run(log, 3.0, lambda t: pads * max(1 - t / 0.3, 0.5))
+            newton, pads = newton / 2, pads / 2
+        truth.append((laid, log.time - 1.0, log.time - 0.1, newton))
         run(log, 5.0, lambda t: pads * max(1 - t / 0.3, 0))
     log.close()
     with open(f"{folder}/positions.txt", "w", encoding="ascii") as out:
@@ -113,13 +119,13 @@ def weigh(taxeld, folder, area, branches, truth):
         rows = [(float(r["time_s"]), float(r["total_n"]), float(r["sigma_n"]))
                 for r in csv.DictReader(table) if r["total_n"]]
     read, scans = [], []
-    for begin, end, newton in truth:
+    for _, begin, end, newton in truth:
         inside = [row for row in rows if begin <= row[0] <= end]
         assert inside, f"no force between {begin} and {end} s"
         scans += [(r[1] - newton, r[2], DRAWN * newton) for r in inside]
         read.append((newton, st.mean(r[1] for r in inside), st.mean(r[2] for r in inside)))
-    laid = lambda t: any(begin - 2.5 <= t <= end + 1 for begin, end, _ in truth)
-    return read, scans, [row[1] for row in rows if not laid(row[0])]
+    lies = lambda t: any(laid - 0.5 <= t <= end + 1 for laid, _, end, _ in truth)
+    return read, scans, [row[1] for row in rows if not lies(row[0])]
 
 
 def row(args, what, hysteresis, rest_s, area, kind, branches):
