@@ -45,7 +45,7 @@ gauge = {{ id = 0x3A1, signal = "0|32@1-", unit = "Pa", noise_kpa = 0.02 }}
 branches = "{branches}"
 """
 MASSES_KG = (0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
-# Standard deviations of the area (of a geometry without pads' areas) and of the gain of the day, shares of the force.
+# Standard deviations that the daemon takes for the area and for the gain of the day, shares of the force.
 DRAWN = math.hypot(0.05, 0.017)
 # What, hysteresis, rest between venting and zero in s, area, contact, branches.
 ROWS = [

@@ -3,9 +3,9 @@
 //! A play operator of radius r follows the count only when the count leaves the band z - r .. z + r, like the far end
 //! of a loose joint (Prandtl-Ishlinskii; Kuhnen 2003, "Modeling, identification and compensation of complex hysteretic
 //! nonlinearities"). With z_k the plays' outputs and sigma the sign of the taxel (+1 where counts rise with pressure),
-//! P = p(C) - sigma sum w_k max(z_k - y_k - s, 0), w_k >= 0, where p is the curve of a load that is put on from rest, and y_k is where such
-//! a load would have left the same play. So such a load reads the curve, and one that falls reads lower. The map is from count to
-//! pressure already: nothing is left to invert.
+//! P = p(C) - sigma sum w_k max(z_k - y_k - s, 0), w_k >= 0. There p is the curve of a load that is put on from rest, y_k is where
+//! such a load would have left the same play, and s >= 0 is how far noise alone drags a play ahead. So such a load reads the curve,
+//! and one that falls reads lower. The map is from count to pressure already: nothing is left to invert.
 //!
 //! A play knows no time, so that neither the sampling rate nor a gap can make it unstable.
 

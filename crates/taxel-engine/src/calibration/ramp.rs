@@ -31,7 +31,7 @@ pub struct Ramp {
     gauge_zero: Option<Time>,
     /// Since when the gauge is off by a jump since then.
     off_since: Option<Time>,
-    /// Furthest pressure of an accepted sample on this branch, kPa times the direction's sign.
+    /// Furthest pressure of an accepted sample on this branch, or where the rise before it ended; kPa times the direction's sign.
     reached: f64,
     /// When the last sample was accepted, or the branch began.
     pub progress: Time,
@@ -58,7 +58,8 @@ impl Ramp {
     /// is held.
     pub fn turned(&self, now: Time, limits: &SessionLimits) -> Self {
         let fall = Self::new(now, Direction::Falling, self.gauge_zero);
-        Self { off_since: self.off_since, reached: limits.noise_band.0 - self.reached, ..fall }
+        let reached = if self.has_begun() { limits.noise_band.0 - self.reached } else { self.reached };
+        Self { off_since: self.off_since, reached, ..fall }
     }
 
     /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
@@ -128,7 +129,7 @@ impl Ramp {
         Gate::Accept(pressure)
     }
 
-    /// Whether a sample was accepted on this branch.
+    /// Whether a sample of the ramp was accepted.
     pub const fn has_begun(&self) -> bool {
         self.reached > f64::NEG_INFINITY
     }
@@ -310,6 +311,8 @@ mod tests {
                 _ => {}
             }
         }
+        let mut at_once = Ramp::new(ms(0), Direction::Rising, Some(ms(0))).turned(ms(0), &limits);
+        assert!(enters(at_once.judge(ms(25_500), ms(25_000), &gauge, &limits)), "there was no rise");
         assert!((9.8..=10.0).contains(&fell[0]) && fell[0] >= fell[1] && fell[fell.len() - 1] < 0.5, "{fell:?}");
     }
 
