@@ -273,7 +273,7 @@ fn c_and_python_judge_as_the_daemon_does() {
 
 /// What [`Child`] runs: not a test of its own.
 #[test]
-#[ignore = "a child process of other tests"]
+#[ignore = "other tests of this file start it as a child process: cargo test -p taxel-shm --test pages"]
 fn child() {
     common::child();
 }

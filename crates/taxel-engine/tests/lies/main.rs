@@ -215,7 +215,7 @@ fn twenty_stories_come_to_the_numbers_that_are_committed() {
 
 /// `LIES_OUT=FILE`, and `LIES_STORIES` of them from `LIES_SEED` on: what `tests/lies.py` compares of two builds.
 #[test]
-#[ignore = "writes a line a story to the file LIES_OUT"]
+#[ignore = "writes a line a story: LIES_OUT=FILE cargo test --release -p taxel-engine --test lies -- --ignored a_line"]
 fn a_line_a_story_for_the_differential_player() {
     let out = std::env::var_os("LIES_OUT").expect("LIES_OUT names the file");
     let (first, stories) = (variable("LIES_SEED").unwrap_or(0), variable("LIES_STORIES").unwrap_or(200));
@@ -253,7 +253,7 @@ fn ten_half_hours_without_a_fault_hold_no_lie() {
 }
 
 #[test]
-#[ignore = "takes as long as LIES_MINUTES says"]
+#[ignore = "as long as it says: LIES_MINUTES=900 cargo test --release -p taxel-engine --test lies -- --ignored a_long"]
 fn a_long_run_holds_no_lie_but_argued_ones() {
     let wanted = Duration::from_secs(60 * variable("LIES_MINUTES").unwrap_or(10_000));
     let begin = Instant::now();
