@@ -10,7 +10,6 @@ use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 use crate::baseline::TaxelBaseline;
 use crate::loads::load::LoadsPlan;
 use crate::recalibration::points::LoadPoint;
-use crate::statistics::{mean, root_mean_square};
 
 /// By how much a skin's gain differs between days, relative standard uncertainty: a calibration of one day cannot know
 /// it. Capacitive insoles differed by -2.9 to +3.0 % between two days under the same loads (Hurkmans et al. 2006, Gait
@@ -20,6 +19,10 @@ pub const GAIN_OF_DAY_REL: f64 = 0.017;
 /// By how much the gain differs between two recordings of one mounting, relative standard uncertainty. Matched to made-up
 /// skins whose gain differs by 2 %, of which left-out readings show a part.
 pub const GAIN_OF_RECORDING_REL: f64 = 0.01;
+
+/// The same as [`Recorded::unloading_share`] of a skin whose falling pressure nobody recorded: anything from nothing to what a
+/// capacitive insole showed, 13 % (Belli et al. 2023, Sensors 23, 4501, fitted without plays), so 13 % / sqrt(3), rounded up.
+const UNLOADING_SHARE: f64 = 0.1;
 
 /// Models of all taxels of a patch, immutable once made.
 #[derive(Clone, Debug, Default)]
@@ -186,6 +189,12 @@ impl ModelSet {
         self.in_use(taxel)?.plays.as_ref()
     }
 
+    /// By how much a load that decreases may be read too high, standard uncertainty: a share as `force/unloading.rs` takes it.
+    #[must_use]
+    pub fn unloading_share(&self) -> f64 {
+        self.recorded.as_ref().and_then(|recorded| recorded.unloading_share).unwrap_or(UNLOADING_SHARE)
+    }
+
     /// How the curve in use of each taxel goes on beyond its calibrated range; `None` without a usable one.
     #[must_use]
     pub fn extensions(&self) -> Vec<Option<Extension>> {
@@ -208,48 +217,15 @@ pub struct Recorded {
     pub plays_mean_s: f64,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
-    /// How far the counts stay away from their zero when the load has gone; `None` where that was not measured.
-    pub zero_return: Option<ZeroReturn>,
-    /// By how much all taxels alike read wrong while the pressure falls, less what plays take off, root mean square, kPa; `None`
-    /// without both branches.
-    pub hysteresis_kpa: Option<f64>,
+    /// How far the counts stay away from their zero when the load has gone, root mean square over the taxels; `None` where that was not measured.
+    pub zero_return_counts: Option<f64>,
+    /// By how much all taxels alike read wrong while the pressure falls, less what plays take off: a share of the root of the load that
+    /// has gone times that which is left, where that is less. `None` without both branches.
+    pub unloading_share: Option<f64>,
     /// Median error with plays over that without, on the part of the falling branch that neither was fitted to.
     pub plays_error_ratio: Option<f64>,
     /// One entry per taxel; `None` where it was not fitted.
     pub taxels: Vec<Option<RecordedTaxel>>,
-}
-
-impl Recorded {
-    /// Standard uncertainty of a zero after a load, counts; nothing where it was not measured.
-    #[must_use]
-    pub fn zero_return_counts(&self) -> f64 {
-        self.zero_return.map_or(0.0, |zero| zero.rms)
-    }
-
-    /// What of it all taxels have in common, counts.
-    #[must_use]
-    pub fn zero_return_common_counts(&self) -> f64 {
-        self.zero_return.map_or(0.0, |zero| zero.common)
-    }
-}
-
-/// How far taxels end from their zero, counts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ZeroReturn {
-    /// Root mean square over the taxels.
-    pub rms: f64,
-    /// What of that they have in common: the mean over the taxels, without its sign.
-    pub common: f64,
-}
-
-impl ZeroReturn {
-    /// Of what each taxel has moved by; `None` of nothing.
-    pub(crate) fn of(moved: &[f64]) -> Option<Self> {
-        let known = || moved.iter().copied().filter(|m| m.is_finite());
-        let (rms, common) = (root_mean_square(known()), mean(known()).0.abs());
-        (rms.is_finite() && common.is_finite()).then_some(Self { rms, common })
-    }
 }
 
 /// One taxel in use.

@@ -140,7 +140,8 @@ fn in_use(recorded: &Recorded) -> BTreeMap<String, f64> {
     let with_plays = recorded.taxels.iter().flatten().filter(|taxel| taxel.plays.is_some()).count();
     figures([
         ("smooth_s", Some(recorded.smooth_s)),
-        ("zero_return_counts", recorded.zero_return.map(|zero| zero.rms)),
+        ("zero_return_counts", recorded.zero_return_counts),
+        ("unloading_share", recorded.unloading_share),
         ("plays_error_ratio", recorded.plays_error_ratio),
         ("taxels_with_plays", Some(with_plays as f64)),
     ])
@@ -158,7 +159,6 @@ fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelM
             ("swing_counts", Some(model.quality.swing_counts)),
             ("baseline_counts", rest.map(|rest| rest.mean)),
             ("noise_counts", rest.map(|rest| rest.noise)),
-            ("hysteresis_kpa", set.recorded.as_ref().filter(|_| in_use.is_some()).and_then(|of| of.hysteresis_kpa)),
             ("sensitivity_counts_per_kpa", in_use.map(|taxel| taxel.sensitivity)),
         ]),
     }

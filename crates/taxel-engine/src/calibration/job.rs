@@ -18,7 +18,7 @@ use crate::calibration::fit::skin_fit::SkinScans;
 use crate::calibration::gauge_zero::GaugeZero;
 use crate::calibration::plateau::scatter_kpa;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
-use crate::model_set::{Maker, ModelSet, ZeroReturn};
+use crate::model_set::{Maker, ModelSet};
 use crate::plan::PatchPlan;
 use crate::statistics::root_mean_square;
 
@@ -153,16 +153,14 @@ impl FitJob {
         })
     }
 
-    /// How far usable taxels rest from where they rested a ramp before, root mean square over all ramps.
-    fn zero_between_ramps(&self, models: &[TaxelModel]) -> Option<ZeroReturn> {
+    /// How far usable taxels rest from where they rested a ramp before, root mean square over all ramps, counts.
+    fn zero_between_ramps(&self, models: &[TaxelModel]) -> Option<f64> {
         let pair = |pair: &[RampBaseline]| {
             let usable = (0..models.len()).filter(|&t| models[t].is_usable());
             let moved = usable.filter_map(|t| Some(pair[1].taxels.get(t)?.mean - pair[0].taxels.get(t)?.mean));
-            ZeroReturn::of(&moved.collect::<Vec<f64>>()).filter(|moved| moved.rms <= RETURN_MAX_COUNTS)
+            Some(root_mean_square(moved)).filter(|rms| *rms <= RETURN_MAX_COUNTS)
         };
-        let pairs: Vec<ZeroReturn> = self.samples.ramps.windows(2).filter_map(pair).collect();
-        let over = |figure: fn(&ZeroReturn) -> f64| root_mean_square(pairs.iter().map(figure));
-        (!pairs.is_empty()).then(|| ZeroReturn { rms: over(|p| p.rms), common: over(|p| p.common) })
+        Some(root_mean_square(self.samples.ramps.windows(2).filter_map(pair))).filter(|rms| rms.is_finite())
     }
 
     /// One taxel's counts in units; NaN where a sample has none, or a ramp began without a zero of the taxel.

@@ -16,8 +16,11 @@ pub enum Term {
     Zero,
     /// The skin has not returned from an earlier load. Type B: between nothing and all that the zero moved. Common to all.
     Residue,
-    /// A load decreases (`unloading.rs`), or its history is not known. Type A, from falling pressure. A contact has one history.
+    /// How a load came is not known (`hysteresis.rs`). Type B, half of what it may be off by. A contact has one history.
     Hysteresis,
+    /// A load decreases (`unloading.rs`): it is read too high, so this is of the lower end of the interval alone. Type A, from falling
+    /// pressure, else type B. A contact has one history.
+    Unloading,
     /// What the calibration leaves open of the curve. Type B. Neighbouring taxels are made alike.
     Curve,
     /// Counts beyond the calibrated range. Type B: half of what the curve's extension adds. Common: the skin's stiffness.
@@ -44,12 +47,13 @@ pub enum Term {
 
 impl Term {
     /// All, in the order of [`Budget::terms`].
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Readings,
         Self::Choice,
         Self::Zero,
         Self::Residue,
         Self::Hysteresis,
+        Self::Unloading,
         Self::Curve,
         Self::BeyondRange,
         Self::Gauge,
@@ -71,6 +75,7 @@ impl Term {
             Self::Zero => "zero",
             Self::Residue => "creep",
             Self::Hysteresis => "hysteresis",
+            Self::Unloading => "unloading",
             Self::Curve => "curve",
             Self::BeyondRange => "beyond range",
             Self::Gauge => "gauge",

@@ -45,8 +45,8 @@ fn averaged_over(smooth_s: f64) -> Arc<ModelSet> {
         smooth_s,
         plays_mean_s: 0.0,
         module_size: 10,
-        zero_return: None,
-        hysteresis_kpa: None,
+        zero_return_counts: None,
+        unloading_share: Some(0.0),
         plays_error_ratio: Some(0.5),
         taxels: vec![Some(taxel); TAXELS],
     });

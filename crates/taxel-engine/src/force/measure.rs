@@ -15,6 +15,7 @@ use crate::force::offsets::Offsets;
 use crate::force::remainder::SHARED_NOISE;
 use crate::force::sample::ForceSample;
 use crate::force::sampling::{Contact, Pressed};
+use crate::force::unloading::still_there_n;
 use crate::model_set::GAIN_OF_DAY_REL;
 
 /// Which parts of a force sample are computed beside the total.
@@ -89,8 +90,8 @@ pub struct Present<'a> {
     pub choice_n: f64,
     /// By how many counts the taxels of each module jump together.
     pub jumps: &'a [f32],
-    /// Whether the load decreases.
-    pub unloads: bool,
+    /// By how much the load has decreased, N.
+    pub gone_n: f64,
 }
 
 /// Sums over the touched taxels that the uncertainty follows from, N unless they say otherwise.
@@ -98,7 +99,6 @@ pub struct Present<'a> {
 struct Sums {
     own_n2: f64,
     dead_n2: f64,
-    hysteresis_n: f64,
     curve_n: f64,
     beyond_n: f64,
     /// Histories that are not known.
@@ -261,15 +261,14 @@ impl ForceModel {
         let set = evaluator.tables().set();
         let zero_n = scale * (present.zero_sigma_counts * sums.per_count_n);
         let missed_n = scale * present.missed_counts * sums.per_count_n2.sqrt();
-        // A load that decreases is read too high, by no more than all of it.
-        let hysteresis_n = if present.unloads { (scale * sums.hysteresis_n).min(total_n) } else { 0.0 };
         let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
         let budget = Budget::default()
             .with(Term::Readings, sums.own_n2.sqrt())
             .with(Term::Choice, present.choice_n)
             .with(Term::Zero, zero_n.hypot(missed_n))
             .with(Term::Residue, scale * present.residue_sigma_counts * sums.per_count_n)
-            .with(Term::Hysteresis, hysteresis_n.hypot(scale * sums.history_n))
+            .with(Term::Hysteresis, scale * sums.history_n)
+            .with(Term::Unloading, still_there_n(set.unloading_share(), present.gone_n, total_n))
             .with(Term::Curve, scale * sums.curve_n)
             .with(Term::BeyondRange, scale * sums.beyond_n)
             .with(Term::Gauge, (set.gauge_gain_rel * total_n).hypot(scale * set.gauge_offset_kpa * sums.area))
@@ -348,7 +347,6 @@ impl ForceModel {
             sums.per_count_n += f64::from(share.per_count_n);
             sums.per_count_n2 += f64::from(share.per_count_n).powi(2);
             sums.above += u32::from(share.is_above);
-            sums.hysteresis_n += f64::from(share.hysteresis_n);
             sums.curve_n += f64::from(share.curve_n);
             sums.beyond_n += f64::from(share.beyond_n);
             sums.area += self.newton_per_kpa(taxel);

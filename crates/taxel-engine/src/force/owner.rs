@@ -324,7 +324,7 @@ impl Force {
         // What has become heavier may be load.
         let zero_sigma_counts = zero.sigma_counts.hypot(off_counts.max(OFFSET_LEFT_COUNTS));
         let (off_counts, residue_sigma_counts) = evaluator.tables().offset_and_residue(off_counts.min(0.0));
-        let (jumps, unloads) = (scan.jumps, self.unloading.is_under_way());
+        let (jumps, gone_n) = (scan.jumps, self.unloading.gone_n());
         let present = Present {
             zero_sigma_counts,
             missed_counts: zero.missed_counts,
@@ -332,7 +332,7 @@ impl Force {
             residue_sigma_counts,
             choice_n: unseen.choice_n,
             jumps,
-            unloads,
+            gone_n,
         };
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use taxel_skin::{Newton, Time};
 
-use crate::force::budget::Budget;
+use crate::force::budget::{Budget, Term};
 use crate::force::reason::{Reason, in_words};
 use crate::intake::faults::fault::FaultSet;
 
@@ -95,7 +95,8 @@ impl ForceSample {
     #[must_use]
     pub fn most(&self, sigmas: f64) -> Option<Newton> {
         let Undetected { newton, sigma_n } = self.undetected?;
-        Some(Newton(self.total?.0 + newton + sigmas * self.total_sigma?.0.hypot(sigma_n)))
+        let above_n2 = (self.total_sigma?.0.powi(2) - self.budget.of(Term::Unloading).0.powi(2)).max(0.0);
+        Some(Newton(self.total?.0 + newton + sigmas * above_n2.sqrt().hypot(sigma_n)))
     }
 
     /// Lower end of the 95 % interval.
@@ -173,4 +174,24 @@ pub enum RangeFlag {
     Below,
     /// More pressure than was calibrated; read by the curve's extension.
     Above,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a load that decreases is read too high by.
+    #[test]
+    fn unloading_lowers_the_least_alone() {
+        let of = |unloading_n: f64| {
+            let budget = Budget::default().with(Term::Readings, 0.3).with(Term::Unloading, unloading_n);
+            let (total, undetected) = (Some(Newton(5.0)), Some(Undetected { newton: 0.1, sigma_n: 0.4 }));
+            let sample =
+                ForceSample { total, total_sigma: Some(budget.sigma()), budget, undetected, ..ForceSample::default() };
+            [sample.least(2.0), sample.most(2.0)].map(|newton| newton.unwrap().0)
+        };
+        let ([least, most], [without, same]) = (of(0.4), of(0.0));
+        assert!((least - 4.0).abs() < 1e-12 && (without - 4.4).abs() < 1e-12, "{least} {without}");
+        assert!((most - 6.1).abs() < 1e-12 && (same - 6.1).abs() < 1e-12, "{most} {same}");
+    }
 }

@@ -45,9 +45,7 @@ pub(super) struct TaxelTable {
 pub(crate) struct Share {
     /// Variance of the force that this taxel does not share with the others, N squared.
     pub(crate) own_n2: f32,
-    /// Standard uncertainties of the force that it does share with them, N: of the hysteresis,
-    pub(crate) hysteresis_n: f32,
-    /// of what the calibration leaves open,
+    /// Standard uncertainties of the force that it does share with them, N: of what the calibration leaves open,
     pub(crate) curve_n: f32,
     /// and of how stiff the skin is beyond its range.
     pub(crate) beyond_n: f32,
@@ -58,17 +56,17 @@ pub(crate) struct Share {
 }
 
 impl Share {
-    /// Of a taxel's standard uncertainty, kPa, and what others share: hysteresis, which is no part of it, curve, range.
-    fn of_sigmas(newton_per_kpa: f64, sigma_kpa: f64, shared_kpa: [f64; 3]) -> Self {
-        let shared_kpa2: f64 = shared_kpa[1..].iter().map(|kpa| kpa * kpa).sum();
-        let [hysteresis_n, curve_n, beyond_n] = shared_kpa.map(|kpa| (newton_per_kpa * kpa) as f32);
+    /// Of a taxel's standard uncertainty, kPa, and what of it others share: curve, range.
+    fn of_sigmas(newton_per_kpa: f64, sigma_kpa: f64, shared_kpa: [f64; 2]) -> Self {
+        let shared_kpa2: f64 = shared_kpa.iter().map(|kpa| kpa * kpa).sum();
+        let [curve_n, beyond_n] = shared_kpa.map(|kpa| (newton_per_kpa * kpa) as f32);
         let own_n2 = (newton_per_kpa.powi(2) * (sigma_kpa * sigma_kpa - shared_kpa2).max(0.0)) as f32;
-        Self { own_n2, hysteresis_n, curve_n, beyond_n, ..Self::default() }
+        Self { own_n2, curve_n, beyond_n, ..Self::default() }
     }
 
     /// What of its uncertainty others share, N.
     pub(super) fn shared_n(&self) -> f32 {
-        self.hysteresis_n.hypot(self.curve_n).hypot(self.beyond_n)
+        self.curve_n.hypot(self.beyond_n)
     }
 }
 
@@ -223,17 +221,10 @@ impl<'a> Source<'a> {
         beyond.shared_kpa.max(UNVOUCHED_SHARE * beyond.kpa)
     }
 
-    /// What of the uncertainty of a reading all taxels have in common while a load decreases, as both branches of pressure have
-    /// shown, kPa. How far the zero stays away from where it was does not average out either.
-    fn hysteresis_kpa(&self) -> f64 {
-        let (Some(in_use), Some(recorded)) = (self.in_use, self.set.recorded.as_ref()) else { return 0.0 };
-        recorded.hysteresis_kpa.unwrap_or(0.0).hypot(recorded.zero_return_common_counts() / in_use.sensitivity)
-    }
-
     /// What a count contributes to the uncertainty of a force.
     fn share(&self, meaning: &Meaning, area: SquareMillimetre) -> Share {
         let newton_per_kpa = area.0 * 1e-3;
-        let shared_kpa = [self.hysteresis_kpa(), self.doubt_kpa(meaning.units), self.beyond_shared_kpa(meaning.units)];
+        let shared_kpa = [self.doubt_kpa(meaning.units), self.beyond_shared_kpa(meaning.units)];
         Share {
             per_count_n: (newton_per_kpa * f64::from(meaning.kpa_per_count)) as f32,
             is_above: meaning.range == RangeFlag::Above,

@@ -33,6 +33,11 @@ impl Unloading {
         below(self.mean_n, MEAN_SHARE, MEAN_SIGMAS) || below(self.last_n, SCAN_SHARE, SCAN_SIGMAS)
     }
 
+    /// By how much the load has decreased by the last scan, N; infinite where nobody knows how it came.
+    pub fn gone_n(&self) -> f64 {
+        if self.is_under_way() { self.highest_n - self.mean_n.min(self.last_n) } else { 0.0 }
+    }
+
     /// The force of the next scan, none where nothing touches, and the standard uncertainty that noise makes of it.
     pub fn follow(&mut self, total: Option<Newton>, noise_n: f64) {
         let Some(Newton(newton)) = total.filter(|total| total.0 > 0.0) else {
@@ -44,9 +49,39 @@ impl Unloading {
     }
 }
 
+/// By how much a load may be read too high of which `gone_n` have gone, infinite where nobody knows how it came, and `left_n` are left,
+/// N: a `share` of the root of both, as `ModelSet::unloading_share` has it. What creeps back stays longer than the load.
+pub fn still_there_n(share: f64, gone_n: f64, left_n: f64) -> f64 {
+    if gone_n > left_n && gone_n.is_finite() {
+        (share * (gone_n * left_n).sqrt()).min(left_n)
+    } else {
+        share * gone_n.min(left_n)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_load_is_read_too_high_by_no_more_than_has_gone_or_is_left() {
+        let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-12, "{is} N, expected {expected} N");
+        near(still_there_n(0.1, 0.0, 5.0), 0.0);
+        near(still_there_n(0.1, 2.0, 5.0), 0.2);
+        near(still_there_n(0.1, 9.0, 4.0), 0.6);
+        near(still_there_n(0.1, 90.0, 0.1), 0.1);
+        near(still_there_n(0.1, f64::INFINITY, 5.0), 0.5);
+    }
+
+    #[test]
+    fn what_has_gone_is_told_once_a_load_decreases() {
+        let mut unloading = Unloading::default();
+        (0..40).for_each(|_| unloading.follow(Some(Newton(5.0)), 0.15));
+        assert!(unloading.gone_n().abs() < 1e-12);
+        unloading.follow(Some(Newton(2.0)), 0.15);
+        assert!((unloading.gone_n() - 3.0).abs() < 1e-9, "{}", unloading.gone_n());
+        assert!(Unloading::UNKNOWN.gone_n().is_infinite());
+    }
 
     fn after(mut unloading: Unloading, newtons: &[f64]) -> bool {
         newtons.iter().for_each(|newton| unloading.follow(Some(Newton(*newton)), 0.15));

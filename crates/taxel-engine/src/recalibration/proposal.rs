@@ -100,7 +100,6 @@ pub fn corrected(
     };
     let mut recorded = source.recorded.clone();
     if let Some(recorded) = &mut recorded {
-        recorded.hysteresis_kpa = recorded.hysteresis_kpa.map(|kpa| gain * kpa);
         recorded.taxels.iter_mut().flatten().for_each(|one| *one = taxel(one));
     }
     let points = found.points.iter().map(|judged| judged.point).collect();

@@ -111,7 +111,7 @@ pub const ALLOWED: &[(&str, &str, Budget, &str)] = &[
     (
         "silent re-tare of a board",
         "",
-        budget(50.0, 6.0, 5.2),
+        budget(50.0, 6.0, 5.5),
         "A new zero shows by its residues on taxels that nothing touches. A board with some twenty taxels, nearly all \
          of them under the load, and residues of half a count has too few such taxels.",
     ),

@@ -29,8 +29,8 @@ pub(super) fn print(set: &ModelSet) {
         say!("  dead zone: {:.2} kPa, below which the skin does not answer", set.dead_zone_kpa);
     }
     let Some(recorded) = &set.recorded else { return };
-    if let Some(kpa) = recorded.hysteresis_kpa {
-        say!("  hysteresis: {kpa:.3} kPa");
+    if let Some(share) = recorded.unloading_share {
+        say!("  a pressure that falls is read off by {:.1} %", 100.0 * share);
     }
     let plays = recorded.taxels.iter().flatten().filter(|taxel| taxel.plays.is_some()).count();
     let left = recorded.plays_error_ratio.map(|ratio| {

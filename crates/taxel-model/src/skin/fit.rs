@@ -231,8 +231,8 @@ impl Fit<'_> {
             range_kpa: self.range_kpa,
             dead_zone_kpa: self.dead_zone_kpa,
             shared_kpa: self.shared_kpa(&taxels),
-            apart_kpa: common_kpa(&taxels, &self.course.groups, true),
-            fall_kpa: common_kpa(&taxels, &self.course.groups, false),
+            apart_kpa: root_mean_square(common_kpa(&taxels, &self.course.groups, true).map(|(_, kpa)| kpa)),
+            fall_share: self.fall_share(&taxels),
             zero_known: self.zero_known,
             plays_error_ratio: reading.plays_error_ratio,
             taxels,
@@ -369,6 +369,23 @@ impl Fit<'_> {
         root_mean_square(sums.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| sum / n))
     }
 
+    /// What falling groups are read wrong by, as a share of the root of the load that has gone times that which is left, where more has
+    /// gone: where it turns, counts stay for a while. Light loads count relative to the load, as for the plays.
+    fn fall_share(&self, taxels: &[Result<FittedTaxel, Status>]) -> Option<f64> {
+        let [rest_kpa, top_kpa] = self.range_kpa;
+        let light_kpa = LIGHT_SHARE * (top_kpa - rest_kpa);
+        let (mut off, mut product) = (0.0, 0.0);
+        for (group, off_kpa) in common_kpa(taxels, &self.course.groups, false) {
+            let (left_kpa, gone_kpa) = ((group.kpa - rest_kpa).max(0.0), top_kpa - group.kpa);
+            if left_kpa < gone_kpa {
+                let weight = (left_kpa + light_kpa).powi(-2);
+                off += weight * off_kpa.powi(2);
+                product += weight * left_kpa * gone_kpa;
+            }
+        }
+        (product > 0.0).then(|| (off / product).sqrt())
+    }
+
     fn taxel(
         &self,
         taxel: usize,
@@ -428,13 +445,17 @@ fn judged(
     taxels
 }
 
-/// Root mean square over the groups of a rising or a falling pressure of what the taxels in use have in common by which they
-/// read those wrong that the curve is not fitted to, kPa. `None` without any.
-fn common_kpa(taxels: &[Result<FittedTaxel, Status>], groups: &[Group], rising: bool) -> Option<f64> {
+/// What the taxels in use have in common by which they read a group of a rising or a falling pressure too high that the curve is not
+/// fitted to, kPa.
+fn common_kpa<'a>(
+    taxels: &'a [Result<FittedTaxel, Status>],
+    groups: &'a [Group],
+    rising: bool,
+) -> impl Iterator<Item = (&'a Group, f64)> {
     let used = || taxels.iter().flatten().filter(|taxel| taxel.status.is_ok());
-    let common = |g: usize| mean(used().map(|taxel| taxel.others_kpa[g]).filter(|off_kpa| off_kpa.is_finite()));
-    let chosen = (0..groups.len()).filter(|g| groups[*g].rising == rising);
-    root_mean_square(chosen.map(common).filter(|kpa| kpa.is_finite()))
+    let common = move |g: usize| mean(used().map(|taxel| taxel.others_kpa[g]).filter(|off_kpa| off_kpa.is_finite()));
+    let chosen = groups.iter().enumerate().filter(move |(_, group)| group.rising == rising);
+    chosen.map(move |(g, group)| (group, common(g))).filter(|(_, kpa)| kpa.is_finite())
 }
 
 /// `None` of nothing.

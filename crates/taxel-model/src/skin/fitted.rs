@@ -38,8 +38,9 @@ pub struct SkinFit {
     pub shared_kpa: Option<f64>,
     /// The same of other ramps than that which the curves are fitted to.
     pub apart_kpa: Option<f64>,
-    /// The same while the pressure falls: what is left of the hysteresis. `None` without a fall.
-    pub fall_kpa: Option<f64>,
+    /// What readings have in common by which they are off while the pressure falls, less what plays take off: a share of the root of the
+    /// load that has gone times that which is left, where that is less. `None` without a fall.
+    pub fall_share: Option<f64>,
     /// Whether the unloaded skin was seen, so that its zeros are known.
     pub zero_known: bool,
     /// Left-out error with plays over that without; `None` without a fall.

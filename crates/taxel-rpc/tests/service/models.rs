@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use taxel_engine::known_set::{KnownSet, SetSummary};
-use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel, ZeroReturn};
+use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 use taxel_engine::snapshot::Catalogue;
 use taxel_model::{Plays, Sign};
 use taxel_proto::refusal::Refusal;
@@ -32,8 +32,8 @@ fn over_both_branches(id: &str) -> ModelSet {
     taxels[0] = Some(taxel);
     let recorded = Recorded {
         smooth_s: 0.5,
-        zero_return: Some(ZeroReturn { rms: 0.4, common: 0.4 }),
-        hysteresis_kpa: Some(3.0),
+        zero_return_counts: Some(0.4),
+        unloading_share: Some(0.03),
         plays_error_ratio: Some(0.6),
         taxels,
         ..Recorded::default()
@@ -51,11 +51,10 @@ async fn hysteresis_and_quality_in_use_are_shown() {
 
     let set = client.get_model_set(v1::GetModelSetRequest::default()).await.unwrap().into_inner();
     let figures = |all: &BTreeMap<String, f64>, names: &[&str]| names.iter().map(|name| all[*name]).collect::<Vec<_>>();
-    let names = ["smooth_s", "zero_return_counts", "plays_error_ratio", "taxels_with_plays"];
-    assert_eq!(figures(&set.in_use, &names), [0.5, 0.4, 0.6, 1.0]);
-    let names = ["hysteresis_kpa", "sensitivity_counts_per_kpa"];
-    assert_eq!(figures(&set.taxels[0].figures, &names), [3.0, 0.9]);
-    assert_eq!(set.taxels[1].figures.get("hysteresis_kpa"), None);
+    let names = ["smooth_s", "zero_return_counts", "unloading_share", "plays_error_ratio", "taxels_with_plays"];
+    assert_eq!(figures(&set.in_use, &names), [0.5, 0.4, 0.03, 0.6, 1.0]);
+    assert_eq!(figures(&set.taxels[0].figures, &["sensitivity_counts_per_kpa"]), [0.9]);
+    assert_eq!(set.taxels[1].figures.get("sensitivity_counts_per_kpa"), None);
 
     let model = client.get_model_set(v1::GetModelSetRequest { curves: vec![0], ..Default::default() }).await;
     let model = model.unwrap().into_inner().curves.remove(0);

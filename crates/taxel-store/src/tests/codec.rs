@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::{Maker, ModelSet, Recalibrated, Recorded, RecordedTaxel, ZeroReturn};
+use taxel_engine::model_set::{Maker, ModelSet, Recalibrated, Recorded, RecordedTaxel};
 use taxel_engine::recalibration::LoadPoint;
 use taxel_model::{Curve, FitOptions, Flag, GaugeUncertainty, PLAYS, Plays, Samples, Sign, Status, TaxelModel};
 
@@ -30,8 +30,8 @@ fn whole_set() -> ModelSet {
         smooth_s: 0.2,
         plays_mean_s: 0.1,
         module_size: 10,
-        zero_return: Some(ZeroReturn { rms: 0.4, common: 0.1 }),
-        hysteresis_kpa: Some(-1.5),
+        zero_return_counts: Some(0.4),
+        unloading_share: Some(0.03),
         plays_error_ratio: None,
         taxels: vec![Some(taxel), None, None, None],
     };
@@ -82,8 +82,8 @@ fn the_file_looks_as_documented() {
         (&json!({"mean": 240.0 + 2.0 / 3.0, "noise": 0.7}), &Value::Null)
     );
     let curve = "curve{centre chebyshev half_width}";
-    let recorded = "recorded{hysteresis_kpa module_size plays_error_ratio plays_mean_s smooth_s \
-                    taxels{plays{radii_counts range sign slack_counts weights_kpa} sensitivity} zero_return{common rms}}";
+    let recorded = "recorded{module_size plays_error_ratio plays_mean_s smooth_s \
+                    taxels{plays{radii_counts range sign slack_counts weights_kpa} sensitivity} unloading_share zero_return_counts}";
     let quality = "quality{distinct_counts dof interval_kpa interval_share max_leverage rank repeatability_kpa rmse_kpa samples swing_counts}";
     let taxels = format!(
         "taxels{{coefficients {curve} flags gauge{{gain_rel noise_kpa offset_kpa}} order {quality} range \

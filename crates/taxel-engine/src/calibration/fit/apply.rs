@@ -138,7 +138,7 @@ impl Reader<'_> {
         // What nobody told may all be common, and the zero of another day mostly is.
         let day = if self.tared || !self.skin { 0.0 } else { DAY_COUNTS };
         // A tare finds the skin anywhere between its zero and where the last load has left it: a rectangle.
-        (recorded.zero_return_counts() / 3.0_f64.sqrt()).hypot(day) / in_use.sensitivity
+        (recorded.zero_return_counts.unwrap_or(0.0) / 3.0_f64.sqrt()).hypot(day) / in_use.sensitivity
     }
 
     /// Pressures of a taxel with their uncertainty.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::force::tests::{REST, set};
-use crate::model_set::{Recalibrated, Recorded, RecordedTaxel, ZeroReturn};
+use crate::model_set::{Recalibrated, Recorded, RecordedTaxel};
 
 fn near(is: f64, expected: f64) {
     assert!((is - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{is} is not {expected}");
@@ -15,8 +15,8 @@ fn recorded() -> ModelSet {
         smooth_s: 0.0,
         plays_mean_s: 0.0,
         module_size: 10,
-        zero_return: Some(ZeroReturn { rms: 1.2, common: 0.9 }),
-        hysteresis_kpa: Some(1.2),
+        zero_return_counts: Some(1.2),
+        unloading_share: Some(0.1),
         plays_error_ratio: None,
         taxels: vec![Some(taxel); 2],
     };
@@ -39,7 +39,7 @@ fn a_zero_is_in_doubt_by_where_loads_leave_it_and_by_the_day_unless_it_was_tared
         |set: &ModelSet, taxel: usize| assert_eq!(reader(set, true, true).zero_doubt_kpa(taxel), 0.0, "{taxel}");
     nothing(&set, 2);
     let mut unmeasured = set;
-    unmeasured.recorded.as_mut().unwrap().zero_return = None;
+    unmeasured.recorded.as_mut().unwrap().zero_return_counts = None;
     nothing(&unmeasured, 0);
 }
 

@@ -11,7 +11,7 @@ use crate::calibration::fit::smooth::{half_width, smooth};
 use crate::calibration::fit::zero::{baseline, rest_scans};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::intake::faults::fault::Fault;
-use crate::model_set::{ModelSet, Recorded, RecordedTaxel, ZeroReturn};
+use crate::model_set::{ModelSet, Recorded, RecordedTaxel};
 
 /// A taxel that must be left out of more of the scans than this is not fitted.
 pub(crate) const MASKED_MAX: f64 = 0.3;
@@ -40,8 +40,8 @@ pub(crate) struct FittedSkin {
     pub zeros: Vec<TaxelBaseline>,
     /// Seconds over whose mean plays follow.
     pub plays_mean_s: f64,
-    /// By how much all taxels alike read wrong while the pressure falls, kPa; `None` without a fall.
-    pub hysteresis_kpa: Option<f64>,
+    /// As `Recorded` has it; `None` without a fall.
+    pub unloading_share: Option<f64>,
     /// Left-out error with plays over that without; `None` without a fall.
     pub plays_error_ratio: Option<f64>,
     /// Greatest calibrated pressure, kPa.
@@ -75,7 +75,7 @@ impl SkinScans<'_> {
             in_use: (0..taxels).map(|taxel| in_use(&skin, taxel, &models[taxel])).collect(),
             zeros: (0..taxels).map(zero).collect(),
             plays_mean_s: skin.play_scans() as f64 * self.scans.period_s(),
-            hysteresis_kpa: skin.fall_kpa,
+            unloading_share: skin.fall_share,
             plays_error_ratio: skin.plays_error_ratio,
             pressure_max_kpa: skin.range_kpa[1],
             dead_zone_kpa: skin.dead_zone_kpa,
@@ -94,7 +94,7 @@ impl SkinScans<'_> {
             in_use: Vec::new(),
             zeros: self.zeros.map_or_else(|| (0..self.scans.counts.len()).map(of).collect(), <[_]>::to_vec),
             plays_mean_s: 0.0,
-            hysteresis_kpa: None,
+            unloading_share: None,
             plays_error_ratio: None,
             pressure_max_kpa: self.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             dead_zone_kpa: 0.0,
@@ -138,13 +138,13 @@ impl SkinScans<'_> {
 
 impl FittedSkin {
     /// What was recorded of hysteresis and of the zero, of counts that are averaged over so many seconds.
-    pub(crate) fn recorded(&mut self, recipe: &FitRecipe, smooth_s: f64, zero_return: Option<ZeroReturn>) -> Recorded {
+    pub(crate) fn recorded(&mut self, recipe: &FitRecipe, smooth_s: f64, zero_return_counts: Option<f64>) -> Recorded {
         Recorded {
             smooth_s,
             plays_mean_s: self.plays_mean_s,
             module_size: recipe.module_size,
-            zero_return,
-            hysteresis_kpa: self.hysteresis_kpa,
+            zero_return_counts,
+            unloading_share: self.unloading_share,
             plays_error_ratio: self.plays_error_ratio,
             taxels: std::mem::take(&mut self.in_use),
         }

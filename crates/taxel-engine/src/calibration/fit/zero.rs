@@ -4,7 +4,7 @@
 use crate::baseline::TaxelBaseline;
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::scans::{Scans, modules};
-use crate::model_set::{ModelSet, ZeroReturn};
+use crate::model_set::ModelSet;
 use crate::statistics::{mean, root_mean_square};
 use crate::zero::rest::judge::{Reference, judge, lighter};
 use crate::zero::rest::window::RestWindow;
@@ -51,14 +51,14 @@ pub(super) fn baseline(counts: &[f64], masked: &[bool], rest: &[bool]) -> TaxelB
     TaxelBaseline { mean: level, noise: root_mean_square(at_rest().map(|c| c - level)) }
 }
 
-/// How far `taxels` end from their baseline; `None` of a calibration that does not end at rest.
+/// How far `taxels` end from their baseline, root mean square in counts; `None` of a calibration that does not end at rest.
 pub(crate) fn zero_return(
     scans: &Scans<'_>,
     masks: &Masks,
     kpa: &[f64],
     baseline: &[TaxelBaseline],
     taxels: &[usize],
-) -> Option<ZeroReturn> {
+) -> Option<f64> {
     let tail = scans.len().saturating_sub(scans.scans_in(RETURN_S))..scans.len();
     let (pressure, _) = mean(kpa[tail.clone()].iter().copied());
     if pressure.is_nan() || pressure > rest_limit_kpa(kpa) {
@@ -68,7 +68,7 @@ pub(crate) fn zero_return(
         let sound = tail.clone().filter(|&i| !masks.of(t)[i]).map(|i| scans.counts[t][i]);
         mean(sound).0 - baseline[t].mean
     });
-    ZeroReturn::of(&moved.collect::<Vec<f64>>())
+    Some(root_mean_square(moved)).filter(|rms| rms.is_finite())
 }
 
 /// What to do about the zero of a recording.
