@@ -74,7 +74,6 @@ impl Engine {
         let index = self.patch_named(patch)?;
         load.force()?;
         self.store_takes_records()?;
-        self.room_for_load()?;
         self.patches[index].begin_load(now, request, load)?;
         Ok(None)
     }

@@ -2,7 +2,6 @@
 
 mod commands;
 mod effects;
-pub mod limits;
 pub mod pending;
 mod plausible;
 mod pushed;

@@ -84,10 +84,6 @@ impl Engine {
             Origin::Session(..) => {}
         }
         self.refuse_if_set_is_deleted(&set.id)?;
-        // A session has had its room since its ramp began.
-        if self.known_set(&set.id).is_none() && !matches!(origin, Origin::Session(..)) {
-            self.room_for_model_set()?;
-        }
         let record = Record::ModelSet(Arc::clone(&set));
         self.commit(request, Effect::Keep(set, origin), vec![record]);
         Ok(None)
