@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::boundary::catalogue::StoreDamage;
 use crate::boundary::command::Done;
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
@@ -319,28 +318,5 @@ impl Engine {
     /// Whether a session was laid aside, or is about to be.
     fn is_discarded(&self, view: &SessionView) -> bool {
         view.state == SessionState::Discarded || self.pending.ends(view.number) == Some(Trigger::Discard)
-    }
-
-    /// The store found damage: what cannot be read any more is not offered any more. A set in use is whole in memory.
-    pub(super) fn on_store_damaged(&mut self, now: Now, damage: StoreDamage) {
-        self.damage = damage.problems;
-        self.health_dirty.0 = true;
-        for id in damage.model_sets {
-            if self.refuse_if_set_is_used(&id).is_ok() {
-                self.model_sets.retain(|known| known.id != id);
-            }
-        }
-        for (number, why) in damage.sessions {
-            let held = self.held(number).is_some();
-            let Some(view) =
-                self.sessions.get_mut(&number).filter(|view| !held && view.state == SessionState::Interrupted)
-            else {
-                continue;
-            };
-            let reason = format!("its samples are damaged on disk: {why}");
-            let state = SessionState::Failed;
-            *view = Arc::new(SessionView { state, reason, changed_wall_ns: now.wall_ns, ..SessionView::clone(view) });
-        }
-        self.catalogue_dirty = true;
     }
 }

@@ -148,7 +148,10 @@ impl Engine {
             Input::Committed { ticket, result } => self.on_committed(now, ticket, result),
             Input::Loaded { ticket, result } => self.on_loaded(now, ticket, result),
             Input::SetLoaded { ticket, result } => self.on_set_loaded(now, ticket, result),
-            Input::StoreDamaged(damage) => self.on_store_damaged(now, damage),
+            Input::StoreDamaged(damage) => {
+                self.damage = damage;
+                self.health_dirty.0 = true;
+            }
             Input::Durable { session, samples } => {
                 self.each_patch(now, |patch| {
                     patch.with_session(now, |held, _| held.on_durable(session, samples));
