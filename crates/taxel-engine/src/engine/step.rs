@@ -79,7 +79,6 @@ impl Engine {
             known.map(|(_, zero)| zero.clone()).unwrap_or_default()
         };
         let shared = SharedBoards::new(&plan);
-        let plan = shared.with_devices_of_all(&plan);
         let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
             let name = p.patch.name();
             Patch::new(i, p.clone(), of_patch(name), zero_of(name), shared.of_patch(i))

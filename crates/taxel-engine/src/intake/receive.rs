@@ -16,7 +16,7 @@ use crate::boundary::pushed::PushedScan;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
 use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, SilenceLimits, ZeroSign};
 use crate::intake::bring_up::{BoardSetup, BringUp};
-use crate::intake::cells::{Device, DevicePlan, Sender};
+use crate::intake::cells::{Device, DevicePlan};
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::faults::limits::FaultLimits;
@@ -164,9 +164,6 @@ impl Intake {
         for position in 0..self.devices.len() {
             let Some(brought) = self.devices[position].on_frame(frame)? else { continue };
             ours = true;
-            if let Some(celsius) = brought.celsius {
-                self.boards[position].on_temperature((10.0 * celsius).round() as i16);
-            }
             if brought.status {
                 let (is_well, limits) = (self.devices[position].is_well(), self.silence_limits());
                 let sign = self.boards[position].on_device(frame.time, is_well, limits);
@@ -316,10 +313,7 @@ impl Intake {
 
     /// Time passed. Frames to send come with the position of their board.
     pub fn tick(&mut self, now: Time, send: &mut Vec<(usize, Frame)>, events: &mut Vec<IntakeEvent>) {
-        while let Some(step) = self.bring_up.next_due(now) {
-            let by_another = self.plan.devices.get(step.0).is_some_and(|device| device.sender == Sender::OtherPatch);
-            send.extend(Some(step).filter(|_| !by_another));
-        }
+        send.extend(std::iter::from_fn(|| self.bring_up.next_due(now)));
         let incomplete = self.bring_up.tick(now);
         let silent = self.assembler.mark_stale(now, self.plan.stale_after);
         let unsound = !silent.is_empty();

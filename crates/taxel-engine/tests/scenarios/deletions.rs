@@ -1,7 +1,7 @@
 //! What is deleted, and what is not.
 
 use crate::prelude::*;
-use crate::say::{activate, delete_set, import, other, start};
+use crate::say::{activate, delete_set, other, start};
 
 fn known(bench: &Bench) -> Vec<&str> {
     bench.host.catalogue.model_sets.iter().map(|set| set.id.as_str()).collect()
