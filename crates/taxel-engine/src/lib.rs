@@ -35,7 +35,6 @@ pub mod comparison;
 pub mod conflict;
 pub mod counts;
 pub mod engine;
-mod fnv;
 pub mod force;
 mod intake;
 pub mod known_set;

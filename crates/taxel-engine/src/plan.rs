@@ -7,7 +7,6 @@ use taxel_model::FitOptions;
 use taxel_skin::{CountRange, Geometry, Patch, SquareMillimetre};
 
 pub use crate::calibration::limits::SessionLimits;
-use crate::fnv::Fnv;
 pub use crate::force::measure::Outputs;
 pub use crate::intake::bring_up::BoardSetup;
 use crate::intake::bring_up::commands;
@@ -16,7 +15,7 @@ pub use crate::intake::gauge::Gauge;
 pub use crate::zero::plan::{DriftPlan, TarePlan};
 
 use crate::baseline::Activation;
-use crate::board_settings::{difference, line};
+use crate::board_settings::{difference, line, sum};
 use crate::calibration::branch::Branch;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::force::measure::Layout;
@@ -134,13 +133,8 @@ impl PatchPlan {
     /// A sum over what the boards are and what they are sent, which is another for other settings.
     #[must_use]
     pub fn settings_sum(&self) -> u32 {
-        let mut sum = Fnv::default();
-        self.board_settings().iter().for_each(|line| sum.push(line.as_bytes()));
-        for (board, frame) in commands(&self.patch, &self.bring_up, &self.devices) {
-            sum.push(format!("{board} {}", frame.id).as_bytes());
-            sum.push(frame.bytes());
-        }
-        sum.sum()
+        let commands: Vec<_> = commands(&self.patch, &self.bring_up, &self.devices).collect();
+        sum(&format!("{:?} {commands:?}", self.board_settings()))
     }
 
     /// What of it the intake needs.

@@ -51,7 +51,11 @@ fn others_of(patches: &[PatchPlan], patch: usize) -> Vec<Vec<(usize, usize)>> {
     };
     let own = &patches[patch];
     // The number of a described device only divides its patch, which has the device for itself.
-    if own.devices.is_empty() { own.patch.boards().iter().map(of_board).collect() } else { vec![Vec::new(); own.patch.boards().len()] }
+    if own.devices.is_empty() {
+        own.patch.boards().iter().map(of_board).collect()
+    } else {
+        vec![Vec::new(); own.patch.boards().len()]
+    }
 }
 
 #[cfg(test)]
