@@ -40,6 +40,7 @@ mod intake;
 pub mod known_set;
 pub mod loads;
 pub mod model_set;
+mod names;
 mod now;
 mod patch;
 pub mod plan;
