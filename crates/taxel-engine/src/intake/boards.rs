@@ -145,19 +145,14 @@ impl BoardState {
         self.lost.map_or(Duration::ZERO, |[begin, end]| end.min(to).since(begin.max(from)))
     }
 
-    /// It discarded its send queue.
-    pub fn on_overflow(&mut self) {
-        self.overflows += 1;
-    }
-
-    /// Its thermometer, in tenths of a degree Celsius.
-    pub fn on_temperature(&mut self, deci_celsius: i16) {
-        self.celsius = Some(f64::from(deci_celsius) / 10.0);
-    }
-
-    /// It told its firmware.
-    pub fn on_firmware(&mut self, firmware: FirmwareVersion) {
-        self.firmware = Some(firmware);
+    /// It said something of itself.
+    pub fn on_message(&mut self, message: Message) {
+        match message {
+            Message::Thermometer { deci_celsius, .. } => self.celsius = Some(f64::from(deci_celsius) / 10.0),
+            Message::FirmwareVersion { version, .. } => self.firmware = Some(version),
+            Message::BoardOverflow { .. } => self.overflows += 1,
+            Message::Head { .. } | Message::Tail { .. } => {} // a module that the plan does not read
+        }
     }
 
     /// Tails whose status word named a trouble.
@@ -264,16 +259,20 @@ mod tests {
     fn what_a_board_says_of_itself_is_told_in_words() {
         let mut board = BoardState::default();
         assert_eq!((board.firmware(), board.celsius(), board.warnings()), (None, None, Vec::new()));
-        board.on_temperature(-15);
-        let firmware = |app| FirmwareVersion { board_type: 11, app, protocol: (1, 2), compatible: true };
-        board.on_firmware(firmware((1, 24, 3)));
-        (0..2).for_each(|_| board.on_overflow());
+        let sender = taxel_skin::BoardAddress::new(13).unwrap();
+        board.on_message(Message::Thermometer { board: sender, deci_celsius: -15 });
+        let firmware = |app| {
+            let version = FirmwareVersion { board_type: 11, app, protocol: (1, 2), compatible: true };
+            Message::FirmwareVersion { board: sender, version }
+        };
+        board.on_message(firmware((1, 24, 3)));
+        (0..2).for_each(|_| board.on_message(Message::BoardOverflow { board: sender }));
         assert_eq!(board.firmware().unwrap(), "type 11, 1.24.3, protocol 1.2");
         assert_eq!(board.celsius(), Some(-1.5));
         let warnings = board.warnings();
         assert!(warnings[0].starts_with("firmware 1.24 does not retransmit"), "{warnings:?}");
         assert_eq!(warnings[1..], ["discarded its send queue 2 times"]);
-        board.on_firmware(firmware((1, 25, 0)));
+        board.on_message(firmware((1, 25, 0)));
         assert_eq!(board.warnings().len(), 1);
     }
 

@@ -206,7 +206,7 @@ impl Intake {
     }
 
     fn on_board_message(&mut self, board: usize, message: Message, events: &mut Vec<IntakeEvent>) {
-        self.take_board_message(board, message);
+        self.boards[board].on_message(message);
         self.tell_others(board, BoardNews::Said(message), events);
     }
 
@@ -220,18 +220,8 @@ impl Intake {
     pub fn on_news(&mut self, board: usize, news: &BoardNews, events: &mut Vec<IntakeEvent>) {
         match news {
             BoardNews::Heard(time, status) => self.watch_board(board, *time, *status, events),
-            BoardNews::Said(message) => self.take_board_message(board, *message),
+            BoardNews::Said(message) => self.boards[board].on_message(*message),
             BoardNews::Moved(why) => events.push(IntakeEvent::Board(board, ZeroSign::Moved(why.clone()))),
-        }
-    }
-
-    fn take_board_message(&mut self, board: usize, message: Message) {
-        let state = &mut self.boards[board];
-        match message {
-            Message::Thermometer { deci_celsius, .. } => state.on_temperature(deci_celsius),
-            Message::FirmwareVersion { version, .. } => state.on_firmware(version),
-            Message::BoardOverflow { .. } => state.on_overflow(),
-            Message::Head { .. } | Message::Tail { .. } => {} // a module that the plan does not read
         }
     }
 

@@ -243,12 +243,12 @@ fn a_watch_that_gets_no_scans_ends_at_its_deadline() {
 fn a_drift_is_followed_held_in_a_session_and_told_at_its_bound() {
     let mut skin = Skin::with_drift(DriftPlan { follow: true, bound_counts: 0.2 }).zeroed(|_| 0);
     let before = skin.mean(0);
-    assert_eq!(skin.zero.shortcoming(), None);
+    assert_eq!(skin.zero.state().shortcoming, None);
     (0..600).for_each(|second| skin.scan(20, |taxel| i16::from(taxel * 600 < second * TAXELS)));
     assert_eq!((skin.zero.view().drift.state, skin.lost()), (DriftState::Bounded, None));
     let held = before - skin.mean(0);
     assert!((0.15..=0.2).contains(&held), "in steps of a seventh: {held} counts");
-    assert_eq!(skin.zero.shortcoming().expect("at its bound").code(), ReasonCode::DriftBounded);
+    assert_eq!(skin.zero.state().shortcoming.expect("at its bound").code(), ReasonCode::DriftBounded);
     assert!(skin.events.iter().any(|event| matches!(event, ZeroEvent::Moved)));
     skin.session_open = true;
     skin.scan(20 * 60, |_| 0);
