@@ -30,8 +30,8 @@ impl Engine {
                 self.command_session(now, request, session, (Trigger::Abort, why))
             }
             Command::DiscardSession { session } => self.discard(now, request, session),
-            Command::DeleteSession { session } => self.delete_session(now, request, session),
-            Command::DeleteModelSet { model_set } => self.delete_model_set(now, request, model_set),
+            Command::DeleteSession { session } => self.delete_session(request, session),
+            Command::DeleteModelSet { model_set } => self.delete_model_set(request, model_set),
             Command::Activate { patch, model_set, expected } => {
                 self.activate(now, request, (&patch, model_set, expected))
             }

@@ -5,7 +5,6 @@ use crate::boundary::pushed::PushedScan;
 use crate::engine::step::Engine;
 use crate::intake::health::{BusNotice, BusState};
 use crate::now::Now;
-use crate::plan::PatchPlan;
 use crate::request::ErrorReason;
 
 impl Engine {
@@ -30,45 +29,22 @@ impl Engine {
         Ok(Done::PushBegun)
     }
 
+    /// The service has seen to it that the patch takes pushed scans, and that this is one of it.
     pub(super) fn on_pushed(&mut self, now: Now, scan: &PushedScan) {
-        let Some(plan) = self.plan.patches.get(scan.patch) else { return };
-        let refused = problem(plan, scan);
         self.health_dirty.1 = true;
         let news = self.line_of(scan.patch).is_some_and(|line| {
-            match &refused {
-                None => line.health.frames += 1,
-                Some(why) => line.refuse(why.clone()),
-            }
+            line.health.frames += 1;
             line.on_frames(now.time)
         });
         self.health_dirty.0 |= news;
-        if refused.is_none() {
-            // As with frames: what it brings about happens at its own time.
-            let now = now.at(scan.time);
-            self.with_patch(now, scan.patch, |patch| patch.on_pushed(now, scan));
-        }
+        // As with frames: what it brings about happens at its own time.
+        let now = now.at(scan.time);
+        self.with_patch(now, scan.patch, |patch| patch.on_pushed(now, scan));
     }
 
     /// The state of what the scans of a patch come over.
     fn line_of(&mut self, patch: usize) -> Option<&mut BusState> {
         let bus = self.plan.patches.get(patch)?.patch.boards().first()?.bus;
         self.buses.get_mut(usize::from(bus.0))
-    }
-}
-
-/// What keeps a scan from being one of this patch.
-fn problem(plan: &PatchPlan, scan: &PushedScan) -> Option<String> {
-    let Some(pushed) = plan.pushed else { return Some("its scans come over a bus".to_owned()) };
-    let (taxels, top) = (plan.patch.taxels().len(), plan.patch.counts().top());
-    if scan.counts.len() != taxels {
-        return Some(format!("{} counts, expected {taxels}", scan.counts.len()));
-    }
-    if let Some((taxel, count)) = scan.counts.iter().enumerate().find(|(_, count)| **count > top) {
-        return Some(format!("taxel {taxel} is {count}, expected 0 to {top}"));
-    }
-    match scan.pressure {
-        Some(_) if !pushed.pressure => Some("a pressure, which does not come with the scans".to_owned()),
-        Some(kpa) if !kpa.0.is_finite() => Some(format!("a pressure of {} kPa", kpa.0)),
-        _ => None,
     }
 }

@@ -244,7 +244,7 @@ impl Engine {
         self.patches.iter().position(|p| p.session().is_some_and(|s| s.number == number))
     }
 
-    pub(super) fn delete_session(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
+    pub(super) fn delete_session(&mut self, request: RequestId, number: u64) -> Answer {
         self.store_takes_records()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.refuse_if_session_ends(number)?;
@@ -252,7 +252,7 @@ impl Engine {
         if let Some(id) = view.model_set.as_deref() {
             self.refuse_if_set_is_used(id)?;
         }
-        let record = Record::SessionDeleted { session: number, wall_ns: now.wall_ns };
+        let record = Record::SessionDeleted { session: number };
         self.commit(Some(request), Effect::Forget(Forgotten::Session(number)), vec![record]);
         Ok(None)
     }

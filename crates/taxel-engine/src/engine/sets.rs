@@ -246,7 +246,7 @@ impl Engine {
         Done::Activated { model_set: set.id.clone(), previous: before.map(|set| set.id.clone()) }
     }
 
-    pub(super) fn delete_model_set(&mut self, now: Now, request: RequestId, id: String) -> Answer {
+    pub(super) fn delete_model_set(&mut self, request: RequestId, id: String) -> Answer {
         self.store_takes_records()?;
         self.known_set(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
         self.refuse_if_set_is_deleted(&id)?;
@@ -256,7 +256,7 @@ impl Engine {
             let why = format!("`{id}` is of session {session}, which is {state}; finish or abort that first");
             return Err(ErrorReason::SessionOpen.because(why));
         }
-        let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
+        let record = Record::ModelSetDeleted { model_set: id.clone() };
         self.commit(Some(request), Effect::Forget(Forgotten::ModelSet(id)), vec![record]);
         Ok(None)
     }

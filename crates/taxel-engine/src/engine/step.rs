@@ -179,7 +179,7 @@ impl Engine {
     pub(super) fn with_patch<T>(&mut self, now: Now, index: usize, act: impl FnOnce(&mut Patch) -> T) -> T {
         let patch = &mut self.patches[index];
         let result = act(patch);
-        patch.note_zero(now);
+        patch.note_zero();
         self.out.append(&mut patch.out);
         for intent in std::mem::take(&mut patch.intents) {
             self.intend(now, index, intent);
