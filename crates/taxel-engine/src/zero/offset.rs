@@ -29,7 +29,7 @@ use crate::zero::plan::DriftPlan;
 use crate::zero::rest::RestStatistics;
 use crate::zero::rest::judge::lighter;
 use crate::zero::rest::verdict::Beyond;
-use crate::zero::view::{DriftState, DriftView};
+use crate::zero::view::DriftView;
 
 /// Standard uncertainty of a new zero, counts.
 const ZERO_SIGMA: f64 = 0.15;
@@ -112,9 +112,6 @@ impl Offset {
         self.tables_s = 0.0;
         self.predict_s = PREDICT_S; // what the pads say since, after a restart: at once
         self.view = DriftView::default();
-        if self.plan.follow {
-            self.view.state = DriftState::Held;
-        }
         self.restart();
         self.describe();
     }
@@ -337,15 +334,8 @@ impl Offset {
             let at = if module.is_bounded { 0.9 } else { 1.0 };
             module.is_bounded = module.offset().abs() >= at * self.plan.bound_counts;
         }
-        let follows = self.modules.iter().any(|module| module.untouched_s >= HOLD_OFF_S);
-        self.view.state = match () {
-            () if self.modules.iter().any(|module| module.is_bounded) => DriftState::Bounded,
-            () if follows => DriftState::Following,
-            () => DriftState::Held,
-        };
         self.view.max_counts = self.modules.iter().map(|module| module.followed).fold(0.0, furthest);
         self.view.median_counts = self.followed_counts();
-        self.view.sigma_counts = self.sigma_counts();
     }
 }
 
