@@ -183,7 +183,7 @@ fn a_session_says_before_the_pump_runs_what_is_silent_too_slow_or_stands_still()
     scene.begin();
     let said = look(&mut scene);
     assert!(said.contains("4 modules are silent: board 1 module 0 (never heard)"), "{said}");
-    assert!(said.ends_with("no pressure has been heard: is the gauge on?"), "{said}");
+    assert!(said.contains("no pressure has been heard: is the gauge on"), "{said}");
 
     let mut scene = Scene::new(false);
     for _ in 0..100 {
