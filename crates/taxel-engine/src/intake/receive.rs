@@ -14,7 +14,7 @@ use taxel_wire::{Frame, TimedFrame};
 use crate::baseline::TaxelBaseline;
 use crate::boundary::pushed::PushedScan;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
-use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, SilenceLimits, ZeroSign};
+use crate::intake::boards::{BoardNews, BoardState, SilenceLimits, ZeroSign};
 use crate::intake::bring_up::{BoardSetup, BringUp};
 use crate::intake::cells::{Device, DevicePlan};
 use crate::intake::faults::detector::FaultDetector;
@@ -88,14 +88,19 @@ impl Intake {
     /// Nothing heard, nothing sent.
     pub fn new(plan: IntakePlan) -> Self {
         let regions = Regions::new(&plan.patch);
-        let (modules, boards) = (plan.patch.modules().len(), plan.patch.boards().len());
+        let modules = plan.patch.modules().len();
         let faults = FaultDetector::new(regions.taxels(), regions.modules(), plan.faults)
             .with_kinds(regions.kinds().iter().copied());
         Self {
             assembler: ScanAssembler::new(&plan.patch, plan.period),
             paces: vec![Pace::new(plan.period); modules],
             faults,
-            boards: vec![BoardState::default(); boards],
+            boards: plan
+                .patch
+                .boards()
+                .iter()
+                .map(|board| BoardState::new(format!("board {}", board.address)))
+                .collect(),
             bring_up: BringUp::new(modules),
             devices: (0..)
                 .zip(&plan.devices)
@@ -167,7 +172,8 @@ impl Intake {
             if brought.status {
                 let (is_well, limits) = (self.devices[position].is_well(), self.silence_limits());
                 let sign = self.boards[position].on_device(frame.time, is_well, limits);
-                self.tell(position, sign, events); // before its counts are taken, which may be of another zero
+                // Before its counts are taken, which may be of another zero.
+                events.extend(sign.map(|sign| IntakeEvent::Board(position, sign)));
             }
             for module in brought.modules {
                 let device = &self.devices[position];
@@ -265,23 +271,11 @@ impl Intake {
         let doubt = self.boards[board].on_module(time, status, limits);
         // While boards are configured, silence and new zeros are what that is for.
         let doubt = doubt.filter(|_| !self.bring_up.is_busy());
-        self.tell(board, doubt.map(ZeroSign::Doubted), events);
+        events.extend(doubt.map(|doubt| IntakeEvent::Board(board, ZeroSign::Doubted(doubt))));
     }
 
     const fn silence_limits(&self) -> SilenceLimits {
         SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after }
-    }
-
-    /// Tells what is learnt of a board's zero, with its name.
-    fn tell(&self, board: usize, sign: Option<ZeroSign>, events: &mut Vec<IntakeEvent>) {
-        let address = self.plan.patch.boards()[board].address;
-        let named = |doubt: BoardDoubt| BoardDoubt { why: format!("board {address} {}", doubt.why), ..doubt };
-        let sign = sign.map(|sign| match sign {
-            ZeroSign::Doubted(doubt) => ZeroSign::Doubted(named(doubt)),
-            ZeroSign::Well(doubt) => ZeroSign::Well(named(doubt)),
-            other => other,
-        });
-        events.extend(sign.map(|sign| IntakeEvent::Board(board, sign)));
     }
 
     /// A reading of the gauge.
