@@ -13,7 +13,6 @@ use crate::boundary::record::Record;
 use crate::boundary::snapshot::{Health, StoreHealth};
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
-use crate::conflict::conflicts;
 use crate::engine::pending::{Effect, Pending};
 use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
@@ -95,7 +94,7 @@ impl Engine {
             shared,
             pending: Pending::default(),
             store_problem: None,
-            problems: conflicts(&plan).into_iter().map(|conflict| conflict.why).collect(),
+            problems: Vec::new(),
             damage: restored.problems,
             catalogue_dirty: true,
             begins: None,
