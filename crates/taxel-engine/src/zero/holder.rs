@@ -97,8 +97,8 @@ impl Zero {
             unjudged: None,
             configuring: false,
             evidence: Evidence::new(&regions, &plan.board_names),
-            offset: Offset::new(plan.drift, &regions),
-            ground: Ground::new(&regions, plan.activation),
+            offset: Offset::new(plan.follow_drift, &regions),
+            ground: Ground::new(&regions),
             plan,
             regions,
         }

@@ -1,6 +1,5 @@
 //! The zero follows the temperature of the skin, and nothing else.
 
-use taxel_engine::plan::DriftPlan;
 use taxel_engine::snapshot::DriftView;
 use taxel_sim::{BoardsConfig, ThermalConfig};
 
@@ -15,11 +14,7 @@ fn warming(kelvin: f64, follow: bool) -> Bench {
     let boards = BoardsConfig { start_streaming: true, drift_gain: 64, ..BoardsConfig::default() };
     let config = Config { dielectric, thermal, boards, ..Config::seeded(3) };
     let world = World::new(small_skin(), config);
-    let patch = PatchPlan {
-        bring_up: Vec::new(),
-        drift: DriftPlan { follow, ..DriftPlan::default() },
-        ..patch_plan(&small().skin)
-    };
+    let patch = PatchPlan { bring_up: Vec::new(), follow_drift: follow, ..patch_plan(&small().skin) };
     let mut bench = Bench::new(world, plan(patch), Restored { next_session: 3, ..small().restored() });
     bench.until_force(3.0, ForceState::Ok);
     bench
