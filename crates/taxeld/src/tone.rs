@@ -31,15 +31,10 @@ pub fn choose(choice: ColorChoice) {
     COLOURED.store(coloured, Ordering::Relaxed);
 }
 
-/// Whether there is colour.
-pub fn coloured() -> bool {
-    COLOURED.load(Ordering::Relaxed)
-}
-
 impl Tone {
     /// The text in this tone, where there is colour.
     pub fn paint(self, text: &str) -> String {
-        if !coloured() {
+        if !COLOURED.load(Ordering::Relaxed) {
             return text.to_owned();
         }
         let colour = match self {

@@ -21,7 +21,6 @@ mod recalibrate;
 mod sessions;
 mod table;
 mod tare;
-mod top;
 mod watch;
 
 use std::process::ExitCode;
@@ -35,8 +34,6 @@ pub enum ClientCommand {
     Calibrate(calibrate::CalibrateArgs),
     /// The force as it comes, with its uncertainty, age and state.
     Watch(watch::WatchArgs),
-    /// The force, the skin, its boards and what happens, living in a terminal.
-    Top(top::TopArgs),
     /// How often new values really come, how old they are, and where they pause.
     Rate(rate::RateArgs),
     /// Takes the zero of the unloaded skin.
@@ -90,7 +87,6 @@ async fn one(command: ClientCommand) -> failure::Outcome {
     match command {
         ClientCommand::Calibrate(args) => calibrate::calibrate(args).await,
         ClientCommand::Watch(args) => watch::watch(args).await,
-        ClientCommand::Top(args) => top::top(args).await,
         ClientCommand::Rate(args) => rate::rate(args).await,
         ClientCommand::Tare(args) => tare::tare(args).await,
         ClientCommand::BringUp(args) => tare::bring_up(args).await,
