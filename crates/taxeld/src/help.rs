@@ -17,7 +17,7 @@ pub const ALONE: &str = "taxeld reads robot skin and streams its force in newton
 const GROUPS: [(&str, &[&str]); 5] = [
     ("Start", &["demo", "setup", "scan", "check", "run"]),
     ("Calibrate", &["calibrate", "tare", "load", "recalibrate", "bring-up"]),
-    ("Look", &["watch", "rate", "health", "events"]),
+    ("Look", &["watch", "health", "events"]),
     ("Keep", &["models", "sessions", "audit"]),
     ("Logs", &["replay"]),
 ];

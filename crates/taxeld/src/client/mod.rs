@@ -16,7 +16,6 @@ mod load;
 mod model_set;
 mod models;
 mod places;
-mod rate;
 mod recalibrate;
 mod sessions;
 mod table;
@@ -34,8 +33,6 @@ pub enum ClientCommand {
     Calibrate(calibrate::CalibrateArgs),
     /// The force as it comes, with its uncertainty, age and state.
     Watch(watch::WatchArgs),
-    /// How often new values really come, how old they are, and where they pause.
-    Rate(rate::RateArgs),
     /// Takes the zero of the unloaded skin.
     ///
     /// Nothing may touch the skin; the daemon refuses unless the counts show an unloaded skin.
@@ -87,7 +84,6 @@ async fn one(command: ClientCommand) -> failure::Outcome {
     match command {
         ClientCommand::Calibrate(args) => calibrate::calibrate(args).await,
         ClientCommand::Watch(args) => watch::watch(args).await,
-        ClientCommand::Rate(args) => rate::rate(args).await,
         ClientCommand::Tare(args) => tare::tare(args).await,
         ClientCommand::BringUp(args) => tare::bring_up(args).await,
         ClientCommand::Load(args) => load::load(args).await,
