@@ -10,7 +10,6 @@ mod check;
 mod client;
 mod clock;
 mod config;
-mod credentials;
 #[cfg(feature = "sim")]
 mod demo;
 mod doors;
@@ -86,7 +85,7 @@ enum Subcommands {
         /// Configuration.
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
-        /// Print what is wrong with it as JSON: file, line, key, value, what was expected.
+        /// Print what is wrong with it as JSON: file, line, key, what was expected.
         #[arg(long)]
         json: bool,
         /// Check this profile of a drive instead, without the drive: a file as in deploy/rigs, or the name of one that comes with taxeld.
@@ -160,9 +159,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Demo(args) => show_demo::demo(&args),
         Subcommands::Run { config: path } => {
             let (config, scene) = config::examine(&path)?;
-            let reload = reload::Reload::new(&path, scene.doors.ruled);
             let runtime = runtime::runtime()?;
-            let ended = runtime.block_on(run::run(config, scene, reload));
+            let ended = runtime.block_on(run::run(config, scene, path));
             runtime.shutdown_background(); // dropped, it would wait for calls into a disk that hangs
             ended
         }
