@@ -118,14 +118,7 @@ enum Subcommands {
     },
 }
 
-/// Exit code of a wrong command line, as clap has it.
-const USAGE: u8 = 2;
-
 fn main() -> ExitCode {
-    if std::env::args_os().len() < 2 {
-        say::error_line(format_args!("{}", help::ALONE));
-        return ExitCode::from(USAGE);
-    }
     let matches = help::grouped(Cli::command()).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     tone::choose(cli.color);
@@ -141,7 +134,7 @@ fn main() -> ExitCode {
             let why = format!("{error:#}");
             // Whoever reads the log as JSON gets the last line of it in that form, too.
             if cli.log_format == logs::LogFormat::Json && tracing::enabled!(tracing::Level::ERROR) {
-                tracing::error!("{}", say::short(&why, say::FAILURE_CHARS_MAX));
+                tracing::error!("{why}");
             } else {
                 log.failure(&why);
             }
