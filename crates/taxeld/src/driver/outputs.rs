@@ -77,7 +77,7 @@ impl Driver {
     fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>, is_done: bool) {
         let wall_ns = (self.clock)().wall_ns;
         let (mut replies, mut refusals, mut refused) = (Vec::new(), Vec::new(), Vec::new());
-        for (request, Waiting { reply: to, patch, .. }, reply) in answers {
+        for (request, Waiting { reply: to, patch }, reply) in answers {
             let row = patch.map(|patch| self.audit.answered(request, wall_ns, &patch, &reply));
             let (rows, replies) =
                 if reply.is_ok() { (&mut records, &mut replies) } else { (&mut refusals, &mut refused) };
