@@ -58,9 +58,6 @@ struct Cli {
     /// "taxel_rpc=debug,info"; without it "info".
     #[arg(long, global = true, value_enum, default_value_t)]
     log_format: logs::LogFormat,
-    /// Colour on the standard output; `auto` is on a terminal, unless NO_COLOR is set.
-    #[arg(long, global = true, value_name = "WHEN", default_value_t)]
-    color: clap::ColorChoice,
     #[command(subcommand)]
     command: Subcommands,
 }
@@ -121,7 +118,6 @@ enum Subcommands {
 fn main() -> ExitCode {
     let matches = help::grouped(Cli::command()).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    tone::choose(cli.color);
     let is_daemon = matches!(cli.command, Subcommands::Run { .. });
     let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {

@@ -33,7 +33,7 @@ pub fn line(text: Arguments<'_>) {
     if ASIDE.load(Ordering::Relaxed) {
         return error_line(text);
     }
-    let mut out = std::io::stdout().lock();
+    let mut out = anstream::stdout().lock();
     match out.write_fmt(text).and_then(|()| out.write_all(b"\n")) {
         Ok(()) => {}
         Err(error) if error.kind() == ErrorKind::BrokenPipe => GONE.store(true, Ordering::Relaxed),
@@ -46,7 +46,7 @@ pub fn line(text: Arguments<'_>) {
 
 /// Writes a line to standard error; whether anybody reads it changes nothing.
 pub fn error_line(text: Arguments<'_>) {
-    let mut out = std::io::stderr().lock();
+    let mut out = anstream::stderr().lock();
     let _ = out.write_fmt(text).and_then(|()| out.write_all(b"\n"));
 }
 
