@@ -123,7 +123,7 @@ async fn budget(daemon: &Daemon) -> Outcome {
             force.total_n
         );
         for term in &terms {
-            say!("  {:.2} N  {}", term.sigma_n, in_words(&term.term));
+            say!("  {:.2} N  {}", term.sigma_n, term.term);
         }
         if let Some(undetected_n) = undetected_n {
             say!(
@@ -133,27 +133,6 @@ async fn budget(daemon: &Daemon) -> Outcome {
         }
     }
     verdict(Some(judged))
-}
-
-/// A term of the budget for people; the page says the same.
-fn in_words(term: &str) -> &str {
-    match term {
-        "readings" => "noise of each taxel",
-        "choice" => "a light touch may be noise",
-        "zero" => "the zero may have moved",
-        "creep" => "creep after an earlier load",
-        "curve" => "fit of the curves",
-        "beyond range" => "beyond the calibrated range",
-        "gauge" => "the pressure gauge",
-        "gain of the day" => "the skin differs from day to day",
-        "area" => "area of a taxel",
-        "sampling" => "load between the taxels",
-        "rim" => "load at the rim of the skin",
-        "dead zone" => "load that no count shows",
-        "unread taxels" => "excluded and faulty taxels",
-        "flicker" => "a module that jumps",
-        other => other,
-    }
 }
 
 fn show(args: &WatchArgs, judged: &Judged) -> Outcome {
