@@ -94,11 +94,6 @@ impl Survey {
         self.span.map_or(0.0, |(first, last)| last.seconds_since(first))
     }
 
-    /// When the last frame came.
-    pub fn end(&self) -> Time {
-        self.span.map(|(_, last)| last).unwrap_or_default()
-    }
-
     /// The boards of which a module's whole scan came: other traffic has their identifiers, too.
     pub fn boards(&self) -> impl DoubleEndedIterator<Item = (BoardAddress, &Board)> {
         self.boards
