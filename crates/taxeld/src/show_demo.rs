@@ -179,26 +179,21 @@ async fn serve_live(
     let is_usual = Address::local().to_string() == address;
     let export = if is_usual { String::new() } else { format!(", after export TAXELD_SERVER={address}") };
     say!("In another terminal{export}:");
-    print_commands(calibrated);
+    print_commands();
     if let Some(pump) = pump {
         calibrate(listen, pump)?;
     }
     daemon.until_the_end().await
 }
 
-/// What can be tried, in an order that works: without a calibration there is no force.
-fn print_commands(calibrated: bool) {
-    let force = [
-        ("taxeld watch", "its force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
+/// What can be tried, in an order that works also where nothing is calibrated yet.
+fn print_commands() {
+    for (command, what) in [
+        ("taxeld health", "buses, boards, zeros and taxels"),
+        ("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)"),
+        ("taxeld watch", "the force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
         ("taxeld load 0.5", "compares the force with that mass while it lies there"),
-    ];
-    let health = [("taxeld health", "buses, boards, zeros and taxels")];
-    let own = [("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)")];
-    let first =
-        [("taxeld calibrate", "a calibration (about 40 s; the pump starts by itself). There is no force before it:")];
-    let commands =
-        if calibrated { [&force[..], &own, &health].concat() } else { [&health[..], &first, &force].concat() };
-    for (command, what) in commands {
+    ] {
         say!("  {command:17} {what}");
     }
     say!("Ctrl-C ends it.");
