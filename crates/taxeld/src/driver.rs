@@ -19,7 +19,7 @@ use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
 use taxel_rpc::push_line::{PushEvent, Pushed};
 use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::Time;
-use taxel_store::{Batch, OnDurable, Store, StoreEvent};
+use taxel_store::{Batch, OnDurable, Store};
 use taxel_wire::Frame;
 use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
@@ -287,17 +287,13 @@ impl Driver {
 
     fn take_done(&mut self, done: Done) {
         match done {
-            Done::Fitted(outcome) => self.step(Input::Fitted(outcome)),
-            Done::Committed(ticket, result) => self.step(Input::Committed { ticket, result }),
             Done::Asked(request, command, written) => self.take_asked(request, *command, written),
-            Done::Loaded(ticket, result) => self.step(Input::Loaded { ticket, result }),
-            Done::SetLoaded(ticket, result) => self.step(Input::SetLoaded { ticket, result }),
-            Done::Store(StoreEvent::Damaged(damage)) => self.step(Input::StoreDamaged(damage)),
-            Done::Store(StoreEvent::Durable { session, samples }) => self.step(Input::Durable { session, samples }),
-            Done::Store(StoreEvent::Failed(why)) => {
-                tracing::error!(%why, "the store failed");
-                self.audit.store_failed(&why);
-                self.step(Input::StoreFailed(why));
+            Done::Input(input) => {
+                if let Input::StoreFailed(why) = &input {
+                    tracing::error!(%why, "the store failed");
+                    self.audit.store_failed(why);
+                }
+                self.step(input);
             }
         }
     }

@@ -359,7 +359,7 @@ async fn what_is_done_is_told_so_also_where_what_follows_from_it_cannot_be_writt
 async fn a_fit_that_is_lost_comes_back_with_the_reason() {
     let (tell_done, mut done) = TellDone::new();
     fit((7, 1), tell_done, || panic!("a fault that this test makes")).await;
-    let Some(Done::Fitted(outcome)) = done.recv().await else { panic!("nothing came back") };
+    let Some(Done::Input(Input::Fitted(outcome))) = done.recv().await else { panic!("nothing came back") };
     assert_eq!(outcome.session, 7);
     let why = outcome.result.unwrap_err();
     assert!(why.contains("the fit was lost") && why.contains("samples are kept"), "{why}");
@@ -406,7 +406,7 @@ async fn the_audit_log_has_who_asked_and_the_model_set_before_and_after() {
 #[tokio::test]
 async fn nothing_is_done_that_the_audit_log_cannot_have() {
     let mut bench = Bench::new();
-    bench.driver.take_done(Done::Store(StoreEvent::Failed("the disk is gone".to_owned())));
+    bench.driver.take_done(Done::Input(Input::StoreFailed("the disk is gone".to_owned())));
     let command = Command::BringUp { patch: String::new(), confirmed_by: None };
     let refused = bench.audited("ann", command).await.unwrap_err();
     assert_eq!(
