@@ -6,7 +6,6 @@ use super::outputs::fit;
 use super::*;
 use std::path::Path;
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use taxel_model::{GaugeUncertainty, Status, TaxelModel};
