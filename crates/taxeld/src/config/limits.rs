@@ -8,7 +8,7 @@ use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
 use taxel_model::GaugeUncertainty;
 use taxel_skin::Kilopascal;
 
-use super::patch_section::{BranchesWord, GaugeSection, PatchSection, PlaysWord, SessionSection};
+use super::patch_section::{BranchesWord, GaugeSection, PatchSection, SessionSection};
 use super::problem::Faults;
 
 /// When a taxel counts as touched or stale.
@@ -33,7 +33,7 @@ pub fn tare(section: &PatchSection, period: Duration) -> TarePlan {
 }
 
 /// The rules of a session.
-pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) -> SessionLimits {
+pub fn session(section: &SessionSection, faults: &mut Faults) -> SessionLimits {
     let defaults = SessionLimits { pressurised_chamber: section.pressurised_chamber, ..SessionLimits::default() };
     let target = section.target_kpa.unwrap_or(defaults.target.0);
     // A ramp begins below `vented_below` and has to end above it.
@@ -59,7 +59,6 @@ pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) 
             BranchesWord::Rising => Branch::Rising,
             BranchesWord::Both => Branch::Both,
         },
-        plays: plays == PlaysWord::Auto,
         ..defaults
     }
 }

@@ -44,7 +44,7 @@ pub fn patch_plan(
     let period = Duration::from_millis(u64::from(section.period_ms));
     let live = live(section, period, faults);
     let typed = section.gauge.as_ref().is_some_and(|gauge| gauge.typed);
-    let session = SessionLimits { typed, ..session(&section.session, section.fit.plays, faults) };
+    let session = SessionLimits { typed, ..session(&section.session, faults) };
     let stated = section.gauge.as_ref().map(|gauge| gauge_uncertainty(gauge, faults)).unwrap_or_default();
     let fit = FitOptions { gauge: stated, ..FitOptions::default() };
     let bus = bus_index(config, "bus", &section.bus, faults);
