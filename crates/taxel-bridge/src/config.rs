@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use serde::Deserialize;
 use taxel_yarp::NameServer;
 
@@ -126,41 +126,6 @@ impl Default for YarpSection {
     }
 }
 
-impl YarpSection {
-    fn check(&self, patches: &[PatchSection]) -> anyhow::Result<()> {
-        if let Some(server) = &self.server {
-            NameServer::of(Some(server)).context("yarp")?;
-        }
-        let mut names = vec![self.skin_events.clone()];
-        ensure!(is_port(&names[0]), "yarp: {:?}: expected a name as in /taxeld/skin_events:o", names[0]);
-        for patch in patches {
-            let name = &patch.name;
-            ensure!(
-                patch.part().is_some(),
-                "patch {name:?}: none of iCub's parts: say what it is, yarp = {{ part = [3, 4, 2] }} (body part, link, skin part)"
-            );
-            for port in patch.ports() {
-                ensure!(is_port(&port), "patch {name:?}: port {port:?}: expected a name as in /taxeld/{name}/force:o");
-                ensure!(!names.contains(&port), "patch {name:?}: port {port:?} is there twice: expected one name each");
-                names.push(port);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// `yarp = { ... }` of a patch, where its name is none of iCub's or its ports have other names.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PatchPorts {
-    /// Body part, link and skin part in the events.
-    pub part: Option<Part>,
-    /// The name of the port of the force; `/taxeld/PATCH/force:o` if left out.
-    pub force: Option<String>,
-    /// The name of the port of the pressures; `/taxeld/PATCH/pressure:o` if left out.
-    pub pressure: Option<String>,
-}
-
 /// `[[patch]]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -174,8 +139,8 @@ pub struct PatchSection {
     /// Clouds of taxels per second, 1 to 1000; 0, the default, for none.
     #[serde(default)]
     pub taxels_hz: f64,
-    /// Its ports of YARP.
-    pub yarp: Option<PatchPorts>,
+    /// Body part, link and skin part in the events of YARP, where its name is none of iCub's.
+    pub part: Option<Part>,
 }
 
 impl PatchSection {
@@ -186,14 +151,7 @@ impl PatchSection {
 
     /// Its numbers in the events.
     pub fn part(&self) -> Option<Part> {
-        self.yarp.as_ref().and_then(|ports| ports.part).or_else(|| parts::named(&self.name))
-    }
-
-    /// The names of its ports: of the force, of the pressures.
-    pub fn ports(&self) -> [String; 2] {
-        let PatchPorts { force, pressure, .. } = self.yarp.clone().unwrap_or_default();
-        let name = |set: Option<String>, last| set.unwrap_or_else(|| format!("/taxeld/{}/{last}", self.name));
-        [name(force, "force:o"), name(pressure, "pressure:o")]
+        self.part.or_else(|| parts::named(&self.name))
     }
 }
 
@@ -203,8 +161,6 @@ impl Config {
     /// # Errors
     /// Where it is not as expected.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        // A FIFO would be waited for.
-        ensure!(!path.exists() || path.is_file(), "{}: it is not a file", path.display());
         let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
         Self::parse(&text).with_context(|| path.display().to_string())
     }
@@ -232,12 +188,15 @@ impl Config {
             let rate = fleet.rate_hz;
             ensure!((1.0..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 1 to 1000");
         }
-        match &self.yarp {
-            Some(yarp) => yarp.check(&self.patches)?,
-            None => ensure!(
-                self.patches.iter().all(|patch| patch.yarp.is_none()),
-                "yarp of a patch: it names ports of YARP, and there is no section [yarp]"
-            ),
+        if let Some(YarpSection { server, skin_events }) = &self.yarp {
+            server.as_ref().map(|server| NameServer::of(Some(server))).transpose().context("yarp")?;
+            let is_port = skin_events.starts_with('/') && !skin_events.contains(char::is_whitespace);
+            ensure!(is_port, "yarp: {skin_events:?}: expected a name as in /taxeld/skin_events:o");
+            if let Some(PatchSection { name, .. }) = self.patches.iter().find(|patch| patch.part().is_none()) {
+                bail!(
+                    "patch {name:?}: none of iCub's parts: say what it is, part = [3, 4, 2] (body part, link, skin part)"
+                );
+            }
         }
         ensure!(!self.patches.is_empty(), "no [[patch]]: there is nothing to do");
         self.patches.iter().try_for_each(PatchSection::check)
@@ -274,16 +233,6 @@ impl PatchSection {
         }
         Ok(())
     }
-}
-
-/// Whether a text can be the name of a port.
-fn is_port(name: &str) -> bool {
-    let known = |c: char| c.is_ascii_alphanumeric() || "_-.:/".contains(c);
-    name.len() <= 128
-        && name.starts_with('/')
-        && !name.contains("//")
-        && !name.ends_with('/')
-        && name.chars().all(known)
 }
 
 /// Whether a text can be one chunk of a key in the fleet.
@@ -334,12 +283,8 @@ mod tests {
             (format!("{LEAST}taxels_hz = 2000.0"), "taxels_hz"),
             (format!("{LEAST}frame = \"/arm\""), "frame"),
             (LEAST.replace("left_forearm", "a*"), "patch"),
-            (format!("{LEAST}yarp = {{}}"), "there is no section [yarp]"),
-            (
-                format!("[yarp]\n{LEAST}yarp = {{ force = \"/a\", pressure = \"/a\" }}")
-                    .replace("[yarp]\nrobot = \"icub\"", "robot = \"icub\"\n[yarp]"),
-                "\"/a\" is there twice",
-            ),
+            (LEAST.replace("[ros]", "[yarp]").replace("left_forearm", "glove"), "none of iCub's parts"),
+            (LEAST.replace("[ros]", "[yarp]\nskin_events = \"a b\""), "expected a name as in"),
         ];
         for (text, place) in cases {
             let error = format!("{:#}", Config::parse(&text).unwrap_err());

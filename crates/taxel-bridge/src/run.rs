@@ -96,11 +96,11 @@ impl Bridge {
         let Some(yarp) = yarp else { return Ok(()) };
         let mut tasks = Tasks::new();
         for patch in &self.config.patches {
-            let [force, pressure] = patch.ports();
+            let port = |last| format!("/taxeld/{}/{last}", patch.name);
             let forces = self.daemon.forces(&patch.name, patch.rate_hz);
-            tasks.spawn(ports::forces(self.ports.clone(), force, forces));
+            tasks.spawn(ports::forces(self.ports.clone(), port("force:o"), forces));
             let taxels = self.daemon.taxels(&patch.name, ports::PRESSURES_HZ);
-            tasks.spawn(ports::taxels(self.ports.clone(), pressure, taxels));
+            tasks.spawn(ports::taxels(self.ports.clone(), port("pressure:o"), taxels));
         }
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
         tasks.spawn(ports::events(self.ports.clone(), yarp.skin_events.clone(), followed));

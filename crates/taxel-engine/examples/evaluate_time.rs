@@ -64,7 +64,7 @@ fn main() {
     let set = Arc::new(model_set());
     let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
     let areas = vec![SquareMillimetre(32.4); TAXELS];
-    let activation = Activation { sigmas: 4.0, floor_counts: 2.0 };
+    let activation = Activation::OF_SKIN;
     let evaluator = Evaluator::new(Arc::clone(&set), &set.baseline, &areas, activation);
     println!("{TAXELS} taxels, {usable} usable; medians of {SCANS} scans");
     for touched in [0, TAXELS / 20, TAXELS / 4, TAXELS] {

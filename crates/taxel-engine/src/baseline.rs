@@ -30,6 +30,9 @@ pub struct Activation {
 }
 
 impl Activation {
+    /// That of every skin.
+    pub const OF_SKIN: Self = Self { sigmas: 4.0, floor_counts: 2.0 };
+
     /// The activation threshold of a taxel with this noise at rest: counts from rest towards pressure. The one formula
     /// for everybody: tables, the drift's search for touches, and readers of taxels.
     #[must_use]

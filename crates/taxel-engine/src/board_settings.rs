@@ -5,18 +5,11 @@
 //! Model sets keep it in words, a line a board, `board 13: type 0; shift 0-15 = 2; ...`. Lines are compared fact by fact, and facts
 //! are known by their first word. What a line does not tell is not known, and nothing follows from it.
 
-mod commands;
-mod modules;
-mod signals;
-
-use taxel_skin::{Board, CountRange, Module};
+use taxel_skin::{Board, CountRange, Module, ModuleKind};
 use taxel_wire::icub::TriangleConfig;
 
-use self::commands::commands;
-use self::modules::in_words;
-use self::signals::signals;
 use crate::intake::bring_up::BoardSetup;
-use crate::intake::cells::DevicePlan;
+use crate::intake::cells::{DevicePlan, Sender};
 
 /// The line of a board: a device, a skin board that is configured so, or one that somebody else has set. `counts` is the range of
 /// the patch's counts.
@@ -27,7 +20,7 @@ pub fn line(board: &Board, device: Option<&DevicePlan>, setup: Option<&BoardSetu
         (None, None) => ("board", Vec::new()),
     };
     facts.push(format!("counts 0 to {}, {} to a unit", counts.top(), counts.per_unit()));
-    facts.push(format!("modules {}", in_words(&board.modules, modules::kind)));
+    facts.push(format!("modules {}", in_words(&board.modules, kind)));
     format!("{what} {}: {}", board.address.get(), facts.join("; "))
 }
 
@@ -49,13 +42,52 @@ fn of_setup(setup: &BoardSetup, board: &Board) -> Vec<String> {
     ]
 }
 
-/// How a number of its frames becomes a count, `(number - low) >> shift`, where one line tells that of all its taxels; which number
-/// is which taxel; and what it is sent.
+/// How a number of its frames becomes a count, `(number - low) >> shift`, where one line tells that of all its taxels; a sum over
+/// which number is which taxel, and one over what it is sent, which may set a gain or a range. Nothing at rest would tell either.
 fn of_device(device: &DevicePlan) -> Vec<String> {
-    let numbers = || device.frames.iter().flat_map(|spec| &spec.counts).map(|(_, field)| (field.low, field.shift));
-    let same = numbers().next().filter(|first| numbers().all(|other| other == *first));
+    let fields = || device.frames.iter().flat_map(|spec| spec.counts.iter().map(move |count| (&spec.frames, count)));
+    let scale = || fields().map(|(_, (_, count))| (count.low, count.shift));
+    let same = scale().next().filter(|first| scale().all(|other| other == *first));
     let numbers = same.map(|(low, shift)| format!("numbers from {low}, lowest {shift} bits left out"));
-    [numbers, signals(&device.frames), commands(device)].into_iter().flatten().collect()
+    let places: Vec<_> = fields().map(|(frames, (taxel, count))| (frames, taxel, count.field)).collect();
+    let signals = (!places.is_empty()).then(|| format!("signals {:08x}", sum(&format!("{places:?}"))));
+    let commands = match (device.commands.is_empty(), device.sender) {
+        (true, Sender::Elsewhere) => None, // nobody knows
+        (true, Sender::Patch) => Some("commands none".to_owned()),
+        (false, _) => {
+            let frames: Vec<_> = device.commands.iter().map(|(_, frame)| frame).collect(); // when they are sent does not count
+            Some(format!("commands {:08x}", sum(&format!("{frames:?}"))))
+        }
+    };
+    [numbers, signals, commands].into_iter().flatten().collect()
+}
+
+/// FNV-1a of 32 bits (Fowler, Noll, Vo): a short number for much text, against mistakes, not against forgers.
+pub fn sum(text: &str) -> u32 {
+    text.bytes().fold(0x811c_9dc5, |sum, byte| (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193))
+}
+
+/// Modules, ascending, with a word for each; those in a row that have the same word are told together.
+fn in_words(modules: &[(Module, ModuleKind)], word: impl Fn(Module, ModuleKind) -> String) -> String {
+    let told: Vec<(Module, String)> = modules.iter().map(|&(module, kind)| (module, word(module, kind))).collect();
+    let runs = told.chunk_by(|a, b| a.0.get() + 1 == b.0.get() && a.1 == b.1);
+    let in_words = runs.map(|run| match run {
+        [(only, word)] => format!("{only}{word}"),
+        [(first, word), .., (last, _)] => format!("{first}-{last}{word}"),
+        [] => String::new(),
+    });
+    in_words.collect::<Vec<_>>().join(", ")
+}
+
+/// The word behind the numbers of modules of this kind, with the blank before it.
+fn kind(_: Module, kind: ModuleKind) -> String {
+    match kind {
+        ModuleKind::Triangle => String::new(),
+        ModuleKind::Fingertip => " fingertip".to_owned(),
+        ModuleKind::PalmPad11 => " palm-pad11".to_owned(),
+        ModuleKind::PalmPad7 => " palm-pad7".to_owned(),
+        ModuleKind::Cells(taxels) => format!(" of {taxels} taxels"),
+    }
 }
 
 /// What a line tells of a board.

@@ -7,16 +7,15 @@ use taxel_model::FitOptions;
 use taxel_skin::{CountRange, Geometry, Patch, SquareMillimetre};
 
 pub use crate::calibration::limits::SessionLimits;
-use crate::fnv::Fnv;
 pub use crate::force::measure::Outputs;
 pub use crate::intake::bring_up::BoardSetup;
 use crate::intake::bring_up::commands;
 pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 pub use crate::intake::gauge::Gauge;
-pub use crate::zero::plan::{DriftPlan, TarePlan};
+pub use crate::zero::plan::TarePlan;
 
 use crate::baseline::Activation;
-use crate::board_settings::{difference, line};
+use crate::board_settings::{difference, line, sum};
 use crate::calibration::branch::Branch;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::force::measure::Layout;
@@ -63,14 +62,12 @@ pub struct PatchPlan {
     pub gauge: Option<Gauge>,
     /// What a force sample carries.
     pub outputs: Outputs,
-    /// When a taxel counts as touched or stale.
+    /// When a taxel counts as stale.
     pub live: LiveLimits,
-    /// When a taxel counts as faulty.
-    pub faults: FaultLimits,
     /// How the zero is taken.
     pub tare: TarePlan,
-    /// Whether and how far it follows the temperature.
-    pub drift: DriftPlan,
+    /// Whether it follows the temperature.
+    pub follow_drift: bool,
     /// The rules of a calibration session.
     pub session: SessionLimits,
     /// How models are fitted.
@@ -93,9 +90,8 @@ impl PatchPlan {
             gauge: None,
             outputs: Outputs::default(),
             live: LiveLimits::default(),
-            faults: FaultLimits::default(),
             tare: TarePlan::default(),
-            drift: DriftPlan::default(),
+            follow_drift: false,
             session: SessionLimits::default(),
             fit: FitOptions::default(),
             patch,
@@ -134,13 +130,8 @@ impl PatchPlan {
     /// A sum over what the boards are and what they are sent, which is another for other settings.
     #[must_use]
     pub fn settings_sum(&self) -> u32 {
-        let mut sum = Fnv::default();
-        self.board_settings().iter().for_each(|line| sum.push(line.as_bytes()));
-        for (board, frame) in commands(&self.patch, &self.bring_up, &self.devices) {
-            sum.push(format!("{board} {}", frame.id).as_bytes());
-            sum.push(frame.bytes());
-        }
-        sum.sum()
+        let commands: Vec<_> = commands(&self.patch, &self.bring_up, &self.devices).collect();
+        sum(&format!("{:?} {commands:?}", self.board_settings()))
     }
 
     /// What of it the intake needs.
@@ -160,7 +151,7 @@ impl PatchPlan {
 
     /// A rail is where the converter ends, and what is silent or still for long depends on the period.
     fn fault_limits(&self) -> FaultLimits {
-        let (counts, limits) = (self.patch.counts(), self.faults.at_period(self.period.as_secs_f32()));
+        let (counts, limits) = (self.patch.counts(), FaultLimits::default().at_period(self.period.as_secs_f32()));
         if counts == CountRange::BYTE {
             return limits;
         }
@@ -172,8 +163,7 @@ impl PatchPlan {
     pub fn zero(&self) -> ZeroPlan {
         ZeroPlan {
             tare: self.tare,
-            drift: self.drift,
-            activation: self.live.activation(),
+            follow_drift: self.follow_drift,
             board_names: self.patch.boards().iter().map(|board| board.address.to_string()).collect(),
             module_names: (0..self.patch.modules().len()).map(|module| self.patch.module_name(module)).collect(),
         }
@@ -189,10 +179,10 @@ impl PatchPlan {
                 outputs: self.outputs,
                 geometry: self.geometry.clone(),
                 modules: self.modules(),
-                contact_reach_m: self.live.contact_reach_m,
+                contact_reach_m: CONTACT_REACH_M,
             },
             counts: self.patch.counts(),
-            activation: self.live.activation(),
+            activation: Activation::OF_SKIN,
             stale_share_max: self.live.stale_share_max,
         }
     }
@@ -271,40 +261,26 @@ pub struct PushPlan {
     pub pressure: bool,
 }
 
-/// When a taxel counts as touched or stale.
+/// Two active taxels closer than this belong to one contact, in metres.
+const CONTACT_REACH_M: f64 = 0.015;
+
+/// When a taxel counts as stale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LiveLimits {
-    /// A taxel is active beyond rest mean + this many times its rest noise.
-    pub activation_sigmas: f64,
-    /// The least activation distance, in counts.
-    pub activation_floor_counts: f64,
     /// A module is stale when it has been silent for so long.
     pub stale_after: Duration,
     /// Above this share of stale taxels there is no force at all.
     pub stale_share_max: f64,
     /// A board silent for so long may have lost its power, and so its zero.
     pub power_cycle_after: Duration,
-    /// Two active taxels closer than this belong to one contact, in metres.
-    pub contact_reach_m: f64,
-}
-
-impl LiveLimits {
-    /// When a taxel counts as touched.
-    #[must_use]
-    pub const fn activation(&self) -> Activation {
-        Activation { sigmas: self.activation_sigmas, floor_counts: self.activation_floor_counts }
-    }
 }
 
 impl Default for LiveLimits {
     fn default() -> Self {
         Self {
-            activation_sigmas: 4.0,
-            activation_floor_counts: 2.0,
             stale_after: Duration::from_millis(150),
             stale_share_max: 0.2,
             power_cycle_after: Duration::from_secs(1),
-            contact_reach_m: 0.015,
         }
     }
 }

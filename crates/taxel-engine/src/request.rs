@@ -86,8 +86,6 @@ pub enum ErrorReason {
     SessionWrongState,
     /// The session or the model set is being deleted, or the session is being discarded or aborted.
     BeingDeleted,
-    /// As many as are kept are there: something has to be deleted first.
-    LimitReached,
     /// The patch has no pressure sensor.
     NoPressureSensor,
     /// The boards are still being configured.

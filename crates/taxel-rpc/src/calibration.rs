@@ -222,8 +222,8 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
         .into(),
         falling: view.direction == Direction::Falling,
         left_out: plan.map(|plan| left_out(plan, view)).unwrap_or_default(),
-        rise_max_kpa_per_s: limits.rise_max_kpa_per_s,
-        fall_max_kpa_per_s: limits.fall_max_kpa_per_s,
+        rise_max_kpa_per_s: limits.steepest_kpa_per_s,
+        fall_max_kpa_per_s: limits.steepest_kpa_per_s,
         // The bag is judged by what the gauge itself reads.
         vented_below_kpa: limits.vented_below.0 - view.gauge_zero_kpa,
         look: view.look.to_vec(),

@@ -60,7 +60,6 @@ const fn sent_as(reason: ErrorReason) -> v1::ErrorReason {
         | ErrorReason::SessionWrongState
         | ErrorReason::BeingDeleted
         | ErrorReason::ModelSetDiscarded => Sent::SessionWrongState,
-        ErrorReason::LimitReached => Sent::LimitReached,
         ErrorReason::NoPressureSensor | ErrorReason::ListenOnly | ErrorReason::NotPushed => Sent::NotConfigured,
         ErrorReason::BoardsNotConfigured => Sent::BoardsNotConfigured,
         ErrorReason::BagPresses | ErrorReason::SkinLoaded | ErrorReason::TareLoaded => Sent::SkinLoaded,

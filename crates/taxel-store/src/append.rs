@@ -70,15 +70,15 @@ impl Change<'_> {
             Record::Ramp { session, ramp } => samples::put_ramp(connection, *session, ramp),
             Record::ModelSet(set) => sets::put(connection, set),
             Record::Activated { patch, model_set, wall_ns } => self.activated(patch, model_set, *wall_ns),
-            Record::ModelSetDeleted { model_set, .. } => self.delete_set(model_set),
-            Record::SessionDeleted { session, .. } => self.delete_session(*session),
+            Record::ModelSetDeleted { model_set } => self.delete_set(model_set),
+            Record::SessionDeleted { session } => self.delete_session(*session),
             Record::Load(load) => facts::put(connection, Key::numbered(LOAD, load.number), &**load),
             Record::Asked(asked) => {
                 self.state.asked.insert(asked.request, audit::put_asked(connection, asked)?);
                 Ok(())
             }
             Record::Answered(answered) => self.answered(answered),
-            Record::Zero { patch, zero, .. } => facts::put(connection, Key::named(ZEROS, patch), zero),
+            Record::Zero { patch, zero } => facts::put(connection, Key::named(ZEROS, patch), zero),
             // The audit log says who took it; nothing is restored from it.
             Record::Tared { .. } | Record::Sample { .. } => Ok(()),
         }

@@ -10,7 +10,6 @@ use rusqlite::Connection;
 use rusqlite::backup::{Backup, StepResult};
 use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
-use taxel_engine::catalogue::StoreDamage;
 
 use crate::db::{Db, State};
 use crate::error::{Quarantined, StoreError};
@@ -29,8 +28,8 @@ pub enum StoreEvent {
     },
     /// A write failed; why. Nothing is written any more.
     Failed(String),
-    /// Something on disk was found damaged when it was asked for, or the copy could not be made.
-    Damaged(StoreDamage),
+    /// Something on disk was found damaged when it was asked for, or the copy could not be made: all of it so far, a line each.
+    Damaged(Vec<String>),
 }
 
 /// Who hears the [`StoreEvent`]s. It runs between commits and must not wait.
@@ -102,7 +101,7 @@ impl Writer {
             {
                 // It ends nothing.
                 let what = format!("it could not be made: {error}");
-                self.tell(Quarantined::lost("the copy of the store", what), |_| ());
+                self.tell(Quarantined::lost("the copy of the store", what));
             }
             if turn == Err(RecvTimeoutError::Disconnected) {
                 return;
@@ -187,22 +186,19 @@ impl Writer {
     }
 
     /// Tells of damage that was not told before.
-    fn tell(&mut self, damage: Quarantined, what: impl FnOnce(&mut StoreDamage)) {
+    fn tell(&mut self, damage: Quarantined) {
         if self.found.contains(&damage) {
             return;
         }
         tracing::error!("{damage}");
         self.found.push(damage);
-        let problems = self.found.iter().map(ToString::to_string).collect();
-        let mut told = StoreDamage { problems, ..StoreDamage::default() };
-        what(&mut told);
-        (self.notify)(StoreEvent::Damaged(told));
+        (self.notify)(StoreEvent::Damaged(self.found.iter().map(ToString::to_string).collect()));
     }
 
     pub(crate) fn samples(&mut self, connection: &Connection, session: u64) -> Result<SessionSamples, StoreError> {
         samples::read(connection, session).map_err(|findings| {
-            let damage = Quarantined::new(samples::name_of(session), &findings);
-            self.tell(damage.clone(), |told| told.sessions.push((session, findings)));
+            let damage = Quarantined::new(samples::name_of(session), findings);
+            self.tell(damage.clone());
             StoreError::DamagedRow(damage)
         })
     }
@@ -211,7 +207,7 @@ impl Writer {
         let Some(text) = sets::text(connection, &id)? else { return Err(StoreError::NoModelSet(id)) };
         text.map_err(|findings| {
             let damage = Quarantined::new(sets::name_of(&id), findings);
-            self.tell(damage.clone(), |told| told.model_sets.push(id));
+            self.tell(damage.clone());
             StoreError::DamagedRow(damage)
         })
     }

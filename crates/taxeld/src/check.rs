@@ -10,7 +10,7 @@ use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, counted, printable, written_modules};
 
 use crate::config::{self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED};
-use crate::rig::{ASK_EVERY, At};
+use crate::rig::ASK_EVERY;
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
 const FRAME_S: f64 = 111e-6;
@@ -137,7 +137,6 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
         }
         BusSource::Line => {
             let Some(line) = config::line_of(config, section) else { return String::new() };
-            let rate = if let At::Serial(_, baud) = line.at { format!(" at {baud} baud") } else { String::new() };
             let how = match &line.speech {
                 Speech::Text { poll, .. } if poll.is_empty() => "prints by itself".to_owned(),
                 Speech::Text { poll, .. } => format!("is asked {poll:?} every {} ms", ASK_EVERY.as_millis()),
@@ -146,7 +145,7 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
                     format!("register {address} of slave {slave} is read every {} ms", ASK_EVERY.as_millis())
                 }
             };
-            return format!("gauge on {}{rate}: {how}", line.at);
+            return format!("gauge on {}: {how}", line.at);
         }
         BusSource::Yarp => {
             let port = config::port_of(config, plan, bus).map_or_else(String::new, |(port, _)| port);

@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use taxel_rpc::{Listener, Tls};
 
 use crate::config::{Door, Doors, SOCKET_MODE, UNRULED};
-use crate::credentials::Credentials;
+use crate::reload::Credentials;
 
 /// Binds every door: what the service accepts connections from, and by what it knows who calls.
 ///

@@ -19,7 +19,7 @@ use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
 use taxel_rpc::push_line::{PushEvent, Pushed};
 use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::Time;
-use taxel_store::{Batch, OnDurable, Store, StoreEvent};
+use taxel_store::{Batch, OnDurable, Store};
 use taxel_wire::Frame;
 use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
@@ -43,12 +43,7 @@ struct Waiting {
     reply: oneshot::Sender<Reply>,
     /// The patch that it is about, if the audit log has it.
     patch: Option<String>,
-    /// When it was asked for.
-    since: Time,
 }
-
-/// What takes effect at once is not done if it could not be written down within so long a time.
-const LATE_AFTER: Duration = Duration::from_secs(5);
 
 /// Nothing is done that nobody could find out about later.
 fn unwritten(why: &str) -> Rejection {
@@ -229,7 +224,7 @@ impl Driver {
         self.requests += 1;
         let request = RequestId(self.requests);
         let Some(asked) = asked else {
-            self.waiting.insert(request, Waiting { reply, patch: None, since: (self.clock)().time });
+            self.waiting.insert(request, Waiting { reply, patch: None });
             return self.step(Input::Command(request, command));
         };
         // What takes effect at once waits until it is on disk that somebody asked for it. All else waits for the disk itself
@@ -238,7 +233,7 @@ impl Driver {
         let after = at_once.then(|| (request, Box::new(command.clone())));
         match self.note(request, *asked, after) {
             Ok(patch) => {
-                self.waiting.insert(request, Waiting { reply, patch: Some(patch), since: (self.clock)().time });
+                self.waiting.insert(request, Waiting { reply, patch: Some(patch) });
                 if !at_once {
                     self.step(Input::Command(request, command));
                 }
@@ -269,44 +264,36 @@ impl Driver {
         Ok(patch)
     }
 
-    /// That somebody asked for this is on disk, or cannot be. What was true when they asked ("nothing touches the skin") may not
-    /// be any more where the disk took its time.
+    /// That somebody asked for this is on disk, or cannot be. Who does not wait any more is not obeyed: what was true then ("nothing
+    /// touches the skin") may not be any more.
     fn take_asked(&mut self, request: RequestId, command: Command, written: Result<(), String>) {
         let Some(waiting) = self.waiting.remove(&request) else { return };
-        let waited = (self.clock)().time.since(waiting.since);
         match written {
             Err(why) => drop(waiting.reply.send(Err(unwritten(&why)))), // the client may have gone
-            Ok(()) if !waiting.reply.is_closed() && waited <= LATE_AFTER => {
+            Ok(()) if !waiting.reply.is_closed() => {
                 self.waiting.insert(request, waiting);
                 self.step(Input::Command(request, command));
             }
             Ok(()) => {
-                let seconds = waited.as_secs_f64();
-                let why = format!(
-                    "it took {seconds:.1} s to write down who asked for it, and nothing is done so late: ask again"
-                );
+                let why = "the client did not wait until it was written down who asked: nothing is done";
                 tracing::warn!(%why, "a command was not done");
-                let refused = Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
-                let patch = waiting.patch.unwrap_or_default();
-                let row = self.audit.answered(request, (self.clock)().wall_ns, &patch, &refused);
-                self.note_refusals(vec![row], vec![(waiting.reply, refused)]);
+                let refused = Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why.to_owned()));
+                let row =
+                    self.audit.answered(request, (self.clock)().wall_ns, &waiting.patch.unwrap_or_default(), &refused);
+                self.note_refusals(vec![row], Vec::new());
             }
         }
     }
 
     fn take_done(&mut self, done: Done) {
         match done {
-            Done::Fitted(outcome) => self.step(Input::Fitted(outcome)),
-            Done::Committed(ticket, result) => self.step(Input::Committed { ticket, result }),
             Done::Asked(request, command, written) => self.take_asked(request, *command, written),
-            Done::Loaded(ticket, result) => self.step(Input::Loaded { ticket, result }),
-            Done::SetLoaded(ticket, result) => self.step(Input::SetLoaded { ticket, result }),
-            Done::Store(StoreEvent::Damaged(damage)) => self.step(Input::StoreDamaged(damage)),
-            Done::Store(StoreEvent::Durable { session, samples }) => self.step(Input::Durable { session, samples }),
-            Done::Store(StoreEvent::Failed(why)) => {
-                tracing::error!(%why, "the store failed");
-                self.audit.store_failed(&why);
-                self.step(Input::StoreFailed(why));
+            Done::Input(input) => {
+                if let Input::StoreFailed(why) = &input {
+                    tracing::error!(%why, "the store failed");
+                    self.audit.store_failed(why);
+                }
+                self.step(input);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What `taxeld` says of itself: five lines alone, its commands in groups with `--help`, completions and manual pages.
+//! What `taxeld` says of itself: its commands in groups, completions and manual pages.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -6,18 +6,11 @@ use std::path::Path;
 use anyhow::Context;
 use clap::Command;
 
-/// `taxeld` alone.
-pub const ALONE: &str = "taxeld reads robot skin and streams its force in newtons.
-  taxeld demo        try it: a simulated skin, no hardware
-  taxeld setup       write a configuration for a robot, then: taxeld check, taxeld run
-  taxeld calibrate   calibrate the skin in its vacuum bag; then `taxeld watch` shows the force
-  taxeld --help      all commands; `taxeld COMMAND --help` has examples";
-
 /// Every command is in one of these groups.
 const GROUPS: [(&str, &[&str]); 5] = [
     ("Start", &["demo", "setup", "scan", "check", "run"]),
     ("Calibrate", &["calibrate", "tare", "load", "recalibrate", "bring-up"]),
-    ("Look", &["watch", "top", "rate", "health", "events"]),
+    ("Look", &["watch", "health", "events"]),
     ("Keep", &["models", "sessions", "audit"]),
     ("Logs", &["replay"]),
 ];

@@ -12,10 +12,6 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, fmt};
 
-use taxel_skin::printable;
-
-use crate::say;
-
 /// What is logged unless somebody says otherwise.
 const FILTER: &str = "info";
 
@@ -28,9 +24,6 @@ const LIBRARIES: [&str; 6] = ["h2", "hyper", "hyper_util", "rustls", "tonic", "t
 
 /// What the names of our own crates begin with.
 const OURS: &str = "taxel";
-
-/// So much of a filter that is not used is shown.
-const FILTER_CHARS_MAX: usize = 100;
 
 /// Lines of the daemon that may wait for the reader of standard error: as many as a start and an hour of faults make.
 const WAITING_LINES_MAX: usize = 4_096;
@@ -64,7 +57,7 @@ pub struct Log(Option<(NonBlocking, WorkerGuard)>);
 impl Log {
     /// Says why the programme fails, behind what was logged.
     pub fn failure(&mut self, why: &str) {
-        let line = format!("taxeld: {}\n", say::short(why, say::FAILURE_CHARS_MAX));
+        let line = format!("taxeld: {why}\n");
         let _ = match &mut self.0 {
             Some((queue, _)) => queue.write_all(line.as_bytes()), // what has no room is counted
             None => io::stderr().lock().write_all(line.as_bytes()), // whether anybody reads it changes nothing
@@ -98,9 +91,8 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
     };
     tracing_subscriber::registry().with(filter).with(lines).init();
     if let Some(text) = unused {
-        let shown = printable(say::short(&text, FILTER_CHARS_MAX).as_str());
         tracing::warn!(
-            "{VARIABLE} = \"{shown}\" is not used, but \"{FILTER}\": expected off, error, warn, info, debug or trace, or targets \
+            "{VARIABLE} = \"{text}\" is not used, but \"{FILTER}\": expected off, error, warn, info, debug or trace, or targets \
              with such levels, as in \"taxel_rpc=debug,info\""
         );
     }

@@ -10,7 +10,6 @@ mod check;
 mod client;
 mod clock;
 mod config;
-mod credentials;
 #[cfg(feature = "sim")]
 mod demo;
 mod doors;
@@ -59,9 +58,6 @@ struct Cli {
     /// "taxel_rpc=debug,info"; without it "info".
     #[arg(long, global = true, value_enum, default_value_t)]
     log_format: logs::LogFormat,
-    /// Colour on the standard output; `auto` is on a terminal, unless NO_COLOR is set.
-    #[arg(long, global = true, value_name = "WHEN", default_value_t)]
-    color: clap::ColorChoice,
     #[command(subcommand)]
     command: Subcommands,
 }
@@ -86,7 +82,7 @@ enum Subcommands {
         /// Configuration.
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
-        /// Print what is wrong with it as JSON: file, line, key, value, what was expected.
+        /// Print what is wrong with it as JSON: file, line, key, what was expected.
         #[arg(long)]
         json: bool,
         /// Check this profile of a drive instead, without the drive: a file as in deploy/rigs, or the name of one that comes with taxeld.
@@ -119,17 +115,9 @@ enum Subcommands {
     },
 }
 
-/// Exit code of a wrong command line, as clap has it.
-const USAGE: u8 = 2;
-
 fn main() -> ExitCode {
-    if std::env::args_os().len() < 2 {
-        say::error_line(format_args!("{}", help::ALONE));
-        return ExitCode::from(USAGE);
-    }
     let matches = help::grouped(Cli::command()).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    tone::choose(cli.color);
     let is_daemon = matches!(cli.command, Subcommands::Run { .. });
     let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {
@@ -142,7 +130,7 @@ fn main() -> ExitCode {
             let why = format!("{error:#}");
             // Whoever reads the log as JSON gets the last line of it in that form, too.
             if cli.log_format == logs::LogFormat::Json && tracing::enabled!(tracing::Level::ERROR) {
-                tracing::error!("{}", say::short(&why, say::FAILURE_CHARS_MAX));
+                tracing::error!("{why}");
             } else {
                 log.failure(&why);
             }
@@ -160,9 +148,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Demo(args) => show_demo::demo(&args),
         Subcommands::Run { config: path } => {
             let (config, scene) = config::examine(&path)?;
-            let reload = reload::Reload::new(&path, scene.doors.ruled);
             let runtime = runtime::runtime()?;
-            let ended = runtime.block_on(run::run(config, scene, reload));
+            let ended = runtime.block_on(run::run(config, scene, path));
             runtime.shutdown_background(); // dropped, it would wait for calls into a disk that hangs
             ended
         }

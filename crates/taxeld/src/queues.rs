@@ -2,12 +2,9 @@
 //! starves behind another that is always full.
 
 use std::future::pending;
-use std::sync::Arc;
 
-use taxel_engine::BusNotice;
-use taxel_engine::calibration::{FitOutcome, NotLoaded, SessionSamples};
 use taxel_engine::command::{Command, RequestId};
-use taxel_engine::model_set::ModelSet;
+use taxel_engine::{BusNotice, Input};
 use taxel_rpc::Request;
 use taxel_rpc::push_line::Pushed;
 use taxel_skin::BusIndex;
@@ -27,16 +24,8 @@ pub struct BusBatch {
 
 /// What comes back from work that the driver gave away.
 pub enum Done {
-    /// A fit.
-    Fitted(FitOutcome),
-    /// Something about what was given to the store.
-    Store(StoreEvent),
-    /// The samples of a session, by the ticket of the question, or why there are none.
-    Loaded(u64, Result<SessionSamples, NotLoaded>),
-    /// A model set, by the ticket of the question, or why there is none.
-    SetLoaded(u64, Result<Arc<ModelSet>, NotLoaded>),
-    /// The records of a commit, by its ticket, are on disk, or why not.
-    Committed(u64, Result<(), String>),
+    /// What the engine waits for: a fit, a commit, what was read, something about the store.
+    Input(Input<'static>),
     /// That somebody asked for this is on disk, or why not: now it may be done.
     Asked(RequestId, Box<Command>, Result<(), String>),
 }
@@ -62,7 +51,13 @@ impl TellDone {
     /// The store's end.
     pub fn of_store(&self) -> taxel_store::Notify {
         let line = self.clone();
-        Box::new(move |event| line.tell(Done::Store(event)))
+        Box::new(move |event| {
+            line.tell(Done::Input(match event {
+                StoreEvent::Durable { session, samples } => Input::Durable { session, samples },
+                StoreEvent::Failed(why) => Input::StoreFailed(why),
+                StoreEvent::Damaged(damage) => Input::StoreDamaged(damage),
+            }));
+        })
     }
 }
 

@@ -1,72 +1,97 @@
-//! What changes while the daemon runs: on SIGHUP the configuration is read again, and with it certificates and tokens. Who may
-//! do what changes; all else waits for a restart, which the log says.
+//! Who may do what, by files that are read again on SIGHUP: the lists of `[access]`, certificates and tokens. All else of the
+//! configuration waits for a restart, which the log says.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
-use taxel_rpc::Rules;
+use taxel_rpc::{Access, Rules, Tls, Tokens};
 use tokio::signal::unix::Signal;
 use tokio_util::sync::CancellationToken;
 
-use crate::config::{self, Problems};
-use crate::credentials::Credentials;
+use crate::config::{self, Doors};
 use crate::systemd;
 
-/// Reads files again until the daemon ends. Each time a thread for what blocks does it, so that a disk that hangs holds up
-/// nobody else.
+/// What the service takes from files to know who calls.
+#[derive(Debug)]
+pub struct Credentials {
+    access: Access,
+    tokens: Option<PathBuf>,
+    tls: Vec<Tls>,
+    /// Whether the configuration has rules of who may do what.
+    ruled: bool,
+}
+
+impl Credentials {
+    /// Reads the tokens; certificates are added as their listeners are opened.
+    ///
+    /// # Errors
+    /// The file of tokens and what is wrong with it.
+    pub fn read(doors: &Doors) -> anyhow::Result<Self> {
+        let rules = Rules { tokens: tokens(doors.tokens.as_deref())?, ..doors.rules.clone() };
+        let (access, tokens) = (Access::new(rules), doors.tokens.clone());
+        Ok(Self { access, tokens, tls: Vec::new(), ruled: doors.ruled })
+    }
+
+    /// Looks after the certificates of one more listener.
+    pub fn add(&mut self, tls: Tls) {
+        self.tls.push(tls);
+    }
+
+    /// Who may do what, by these and the configuration.
+    pub fn access(&self) -> Access {
+        self.access.clone()
+    }
+
+    /// Reads all files again. What is wrong stays as it was, and is told. The configuration comes last, since a disk that hangs may
+    /// be in its way. Without rules everybody may do everything, so that a daemon goes from one to the other by a restart alone.
+    fn read_again(&self, config: &Path) {
+        match tokens(self.tokens.as_deref()) {
+            Ok(tokens) => self.access.update(|now| Rules { tokens, ..now.clone() }),
+            Err(error) => tracing::error!("{error}; the tokens stay as they were"),
+        }
+        for error in self.tls.iter().filter_map(|tls| tls.reload().err()) {
+            tracing::error!("{error}; the certificates stay as they were");
+        }
+        match config::examine(config).map(|(_, scene)| scene.doors) {
+            Err(why) => tracing::error!("nothing is reloaded: {}", why.to_string().replace('\n', "; ")),
+            Ok(doors) if doors.ruled != self.ruled => {
+                tracing::warn!("not reloaded: whether there is an [access] section needs a restart");
+            }
+            Ok(doors) => {
+                self.access.update(|now| Rules { tokens: now.tokens.clone(), ..doors.rules });
+                tracing::info!("reloaded: the lists of [access], certificates and tokens; other keys need a restart");
+            }
+        }
+    }
+}
+
+/// The tokens of a file; none without one.
+fn tokens(path: Option<&Path>) -> anyhow::Result<Tokens> {
+    let Some(path) = path else { return Ok(Tokens::default()) };
+    Tokens::load(path).map_err(|problem| anyhow::anyhow!("access.tokens: {problem}"))
+}
+
+/// Reads files again until the daemon ends: on this signal, with this configuration. Each time a thread for what blocks does it, so
+/// that a disk that hangs holds up nobody else.
 pub async fn keep(
     credentials: Credentials,
-    reload: Option<(Signal, Reload)>,
+    reload: Option<(Signal, PathBuf)>,
     cancel: CancellationToken,
 ) -> anyhow::Result<()> {
-    let Some((mut hangup, reload)) = reload else {
+    let Some((mut hangup, config)) = reload else {
         cancel.cancelled().await;
         return Ok(());
     };
-    let files = Arc::new((credentials, reload));
+    let files = Arc::new((credentials, config));
     while let Some(Some(())) = cancel.run_until_cancelled(hangup.recv()).await {
         systemd::reloading();
         let files = Arc::clone(&files);
-        let read = tokio::task::spawn_blocking(move || {
-            let (credentials, reload) = &*files;
-            credentials.read_again(); // before the configuration, of which a disk that hangs may be in the way
-            reload.again().into_iter().for_each(|rules| credentials.regrant(rules));
-        });
+        let read = tokio::task::spawn_blocking(move || files.0.read_again(&files.1));
         let Some(read) = cancel.run_until_cancelled(read).await else { return Ok(()) };
         // Without it a token that is taken back would stay: the daemon ends, and the service manager starts all anew.
         read.context("certificates and tokens are not read any more, by a fault of this program")?;
         systemd::reloaded();
     }
     Ok(())
-}
-
-/// The configuration that the daemon was started with.
-#[derive(Clone, Debug)]
-pub struct Reload {
-    path: PathBuf,
-    /// Whether the configuration has rules of who may do what.
-    ruled: bool,
-}
-
-impl Reload {
-    /// Remembers what the daemon starts with.
-    pub fn new(path: &Path, ruled: bool) -> Self {
-        Self { path: path.to_path_buf(), ruled }
-    }
-
-    /// Reads the file again. Gives the rules of who may do what, which are to be in force now; nothing if they need a restart or
-    /// the daemon could not be started with the file. Without rules everybody may do everything, so that a daemon goes from one
-    /// to the other by a restart alone.
-    fn again(&self) -> Option<Rules> {
-        let examined = config::examine(&self.path);
-        let told = |why: Problems| tracing::error!("nothing is reloaded: {}", why.to_string().replace('\n', "; "));
-        let (_, scene) = examined.map_err(told).ok()?;
-        if scene.doors.ruled != self.ruled {
-            tracing::warn!("not reloaded: whether there is an [access] section needs a restart");
-            return None;
-        }
-        tracing::info!("reloaded: the lists of [access], certificates and tokens; other keys need a restart");
-        Some(scene.doors.rules)
-    }
 }

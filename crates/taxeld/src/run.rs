@@ -1,5 +1,6 @@
 //! `taxeld run`: buses, engine, store and service, wired together until a signal ends them.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -20,13 +21,12 @@ use crate::backend::DaemonBackend;
 use crate::bus::{self, BATCHES_WAITING_MAX, Ends, FRAMES_WAITING_MAX};
 use crate::clock::boottime;
 use crate::config::{self, BusSource, Config, Scene, StoreSection};
-use crate::credentials::Credentials;
 use crate::doors;
 use crate::driver::Driver;
 use crate::page::serve_page;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
-use crate::reload::{self, Reload};
+use crate::reload::{self, Credentials};
 use crate::rig::LineBus;
 use crate::runtime::on_a_thread;
 use crate::shared_memory::Pages;
@@ -46,8 +46,8 @@ pub struct Daemon {
     tasks: Tasks,
     /// Listened to since before anybody could see that it serves: until then SIGTERM ends the process as it is.
     terminate: Signal,
-    /// What SIGHUP reloads; without it SIGHUP ends the process, as it does by itself.
-    reload: Option<(Signal, Reload)>,
+    /// SIGHUP, and the configuration that is read again then; without it SIGHUP ends the process, as it does by itself.
+    reload: Option<(Signal, PathBuf)>,
 }
 
 impl Daemon {
@@ -242,17 +242,17 @@ fn pages(config: &Config, plan: &Plan) -> anyhow::Result<(Pages, Vec<String>)> {
     Ok((pages, problems))
 }
 
-/// The daemon on the buses of its configuration, which `reload` reads again.
+/// The daemon on the buses of the configuration in the file `path`.
 ///
 /// # Errors
 /// Whatever keeps it from starting.
-pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result<()> {
+pub async fn run(config: Config, scene: Scene, path: PathBuf) -> anyhow::Result<()> {
     // Where a file may not grow any more (`ulimit -f`) this signal would end the process. It does not any more once it was
     // listened to: then the write fails, as on a full disk.
     let _heard = signal(SignalKind::from_raw(nix::libc::SIGXFSZ))?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let mut daemon = Daemon::start(&config, scene, Some(&config.store)).await?;
-    daemon.reload = Some((hangup, reload));
+    daemon.reload = Some((hangup, path));
     match daemon.add_buses(&config) {
         Ok(()) => daemon.until_the_end().await,
         Err(error) => {

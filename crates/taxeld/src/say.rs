@@ -18,9 +18,6 @@ static GONE: AtomicBool = AtomicBool::new(false);
 /// Standard output carries data: text for people goes to standard error.
 static ASIDE: AtomicBool = AtomicBool::new(false);
 
-/// Longest message of a failure, in characters: what a file holds may be in it.
-pub const FAILURE_CHARS_MAX: usize = 4_000;
-
 /// From now on text goes to standard error, because standard output carries data.
 pub fn step_aside() {
     ASIDE.store(true, Ordering::Relaxed);
@@ -36,7 +33,7 @@ pub fn line(text: Arguments<'_>) {
     if ASIDE.load(Ordering::Relaxed) {
         return error_line(text);
     }
-    let mut out = std::io::stdout().lock();
+    let mut out = anstream::stdout().lock();
     match out.write_fmt(text).and_then(|()| out.write_all(b"\n")) {
         Ok(()) => {}
         Err(error) if error.kind() == ErrorKind::BrokenPipe => GONE.store(true, Ordering::Relaxed),
@@ -49,33 +46,11 @@ pub fn line(text: Arguments<'_>) {
 
 /// Writes a line to standard error; whether anybody reads it changes nothing.
 pub fn error_line(text: Arguments<'_>) {
-    let mut out = std::io::stderr().lock();
+    let mut out = anstream::stderr().lock();
     let _ = out.write_fmt(text).and_then(|()| out.write_all(b"\n"));
 }
 
 /// Says why the programme fails.
 pub fn failure(why: &str) {
-    error_line(format_args!("taxeld: {}", short(why, FAILURE_CHARS_MAX)));
-}
-
-/// A text of at most so many characters; what is left out is counted.
-pub fn short(text: &str, chars_max: usize) -> String {
-    let chars = text.chars().count();
-    if chars <= chars_max {
-        return text.to_owned();
-    }
-    let kept: String = text.chars().take(chars_max).collect();
-    format!("{kept}... ({} characters more)", chars - chars_max)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_long_text_is_cut_and_says_by_how_much() {
-        assert_eq!(short("taxel", 5), "taxel");
-        assert_eq!(short("taxels", 5), "taxel... (1 characters more)");
-        assert_eq!(short("\u{e4}\u{f6}\u{fc}", 2), "\u{e4}\u{f6}... (1 characters more)");
-    }
+    error_line(format_args!("taxeld: {why}"));
 }

@@ -68,15 +68,6 @@ fn group(section: &SharedMemorySection) -> anyhow::Result<Option<u32>> {
     group.transpose()
 }
 
-/// Takes the folder of the section, and gives it back at once.
-///
-/// # Errors
-/// Why it cannot be had.
-#[cfg(feature = "sim")]
-pub fn try_folder(section: &SharedMemorySection) -> anyhow::Result<()> {
-    Folder::open(&section.path, group(section)?).map(drop).context("shared_memory.path")
-}
-
 /// The snapshot as a page has it.
 fn sample(snapshot: &PatchSnapshot) -> Sample {
     let force = &snapshot.force;

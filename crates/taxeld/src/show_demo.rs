@@ -17,7 +17,6 @@ use taxel_skin::{BusIndex, Geometry};
 use crate::config::{self, Config, Door, Doors, PageSection, Scene, SharedMemorySection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::run::Daemon;
-use crate::shared_memory::try_folder;
 
 /// Where the service is, unless another has the port.
 const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 50_051);
@@ -55,9 +54,11 @@ pub struct DemoArgs {
 pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     let (mut config, scene) = scene()?;
     let plan = Arc::new(scene.plan.clone());
-    if !args.once {
-        config.shared_memory = shared_memory(args)?; // what cannot be had is told before the work, and not after it
+    let mut memory = SharedMemorySection::default();
+    if let Some(path) = &args.shared_memory {
+        memory.path = std::path::absolute(path)?;
     }
+    config.shared_memory = Some(memory);
     say!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
     let outcome = if args.bare || args.device { None } else { Some(procedure(&plan, args.seed)?) };
     if let Some(outcome) = &outcome {
@@ -137,22 +138,6 @@ fn print_table(weighings: &[Weighing]) {
     say!("(the paper reports about 12 % for masses on the real forearm)");
 }
 
-/// The demo's page in shared memory, in the folder that was asked for, or in the usual one if it can be had.
-fn shared_memory(args: &DemoArgs) -> anyhow::Result<Option<SharedMemorySection>> {
-    let mut section = SharedMemorySection::default();
-    if let Some(path) = &args.shared_memory {
-        section.path = std::path::absolute(path)?;
-    }
-    match try_folder(&section) {
-        Err(error) if args.shared_memory.is_some() => Err(error),
-        Err(error) => {
-            say!("*** No force in shared memory: {error:#}");
-            Ok(None)
-        }
-        Ok(()) => Ok(Some(section)),
-    }
-}
-
 /// The same skin live: an operator can calibrate it, a controller can subscribe.
 async fn serve_live(
     args: &DemoArgs,
@@ -187,33 +172,28 @@ async fn serve_live(
     say!("The skin is now {what} on {listen}.");
     say!("Its page, from which to calibrate and check it: http://{page}/");
     if let Some(section) = &config.shared_memory {
-        say!("In shared memory: {}", section.path.join("left_forearm").display());
+        say!("In shared memory, unless `taxeld health` says why not: {}", section.path.join("left_forearm").display());
     }
     // Without it the commands would reach the daemon of the robot, if one runs.
     let address = format!("http://{listen}");
     let is_usual = Address::local().to_string() == address;
     let export = if is_usual { String::new() } else { format!(", after export TAXELD_SERVER={address}") };
     say!("In another terminal{export}:");
-    print_commands(calibrated);
+    print_commands();
     if let Some(pump) = pump {
         calibrate(listen, pump)?;
     }
     daemon.until_the_end().await
 }
 
-/// What can be tried, in an order that works: without a calibration there is no force.
-fn print_commands(calibrated: bool) {
-    let force = [
-        ("taxeld watch", "its force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
+/// What can be tried, in an order that works also where nothing is calibrated yet.
+fn print_commands() {
+    for (command, what) in [
+        ("taxeld health", "buses, boards, zeros and taxels"),
+        ("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)"),
+        ("taxeld watch", "the force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
         ("taxeld load 0.5", "compares the force with that mass while it lies there"),
-    ];
-    let health = [("taxeld health", "buses, boards, zeros and taxels")];
-    let own = [("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)")];
-    let first =
-        [("taxeld calibrate", "a calibration (about 40 s; the pump starts by itself). There is no force before it:")];
-    let commands =
-        if calibrated { [&force[..], &own, &health].concat() } else { [&health[..], &first, &force].concat() };
-    for (command, what) in commands {
+    ] {
         say!("  {command:17} {what}");
     }
     say!("Ctrl-C ends it.");

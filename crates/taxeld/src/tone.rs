@@ -1,12 +1,4 @@
-//! Colour on a terminal: a word that says how something is in green, yellow or red.
-
-use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use clap::ColorChoice;
-
-/// Standard output is shown in colour.
-static COLOURED: AtomicBool = AtomicBool::new(false);
+//! How something is, in green, yellow or red. `say` leaves the colour out where there is no terminal, or `NO_COLOR` is set.
 
 /// How something is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,29 +11,9 @@ pub enum Tone {
     Bad,
 }
 
-/// Decides once whether there is colour: as `--color` says, or on a terminal unless `NO_COLOR` is set (<https://no-color.org>).
-pub fn choose(choice: ColorChoice) {
-    let coloured = match choice {
-        ColorChoice::Always => true,
-        ColorChoice::Never => false,
-        ColorChoice::Auto => {
-            std::env::var_os("NO_COLOR").is_none_or(|set| set.is_empty()) && std::io::stdout().is_terminal()
-        }
-    };
-    COLOURED.store(coloured, Ordering::Relaxed);
-}
-
-/// Whether there is colour.
-pub fn coloured() -> bool {
-    COLOURED.load(Ordering::Relaxed)
-}
-
 impl Tone {
-    /// The text in this tone, where there is colour.
+    /// The text in this tone.
     pub fn paint(self, text: &str) -> String {
-        if !coloured() {
-            return text.to_owned();
-        }
         let colour = match self {
             Self::Good => 32,
             Self::Warn => 33,

@@ -1,12 +1,11 @@
 use proptest::prelude::*;
 use taxel_skin::{BoardAddress, BusIndex, Module, ModuleKind};
-use taxel_wire::CanId;
 use taxel_wire::array::{CountField, FrameSpec};
 use taxel_wire::bits::{BitField, ByteOrder, FrameMatch};
 use taxel_wire::icub::BoardConfig;
+use taxel_wire::{CanId, Frame};
 
 use super::*;
-use crate::intake::cells::Sender;
 
 const LINE: &str = "board 13: type 7; no_load 240; shift 0-2 = 2, 3-4 = 0; cdc_offset 0-2 = 0x2200, 3-4 = 0x2000";
 const RANGE: &str = "counts 0 to 255, 1 to a unit";
@@ -52,15 +51,48 @@ fn a_line_tells_settings_and_modules() {
         let device = DevicePlan { frames, sender: Sender::Elsewhere, ..DevicePlan::without_frames() };
         line(&board(&[2, 3]), Some(&device), None, CountRange::to(4095).unwrap())
     };
-    let signals = signals(&frames([8, 8])).unwrap();
     assert_eq!(
         of_device(frames([8, 8])),
-        format!(
-            "device 13: numbers from -8388608, lowest 8 bits left out; {signals}; counts 0 to 4095, 16 to a unit; modules 2-3"
-        )
+        "device 13: numbers from -8388608, lowest 8 bits left out; signals 160b768a; counts 0 to 4095, 16 to a unit; modules 2-3",
+        "sets on disk have it"
     );
     assert!(!of_device(frames([8, 4])).contains("numbers"), "one line tells of all its taxels");
     assert_eq!(of_device(Vec::new()), "device 13: counts 0 to 4095, 16 to a unit; modules 2-3");
+}
+
+#[test]
+fn modules_are_told_in_runs_of_one_kind() {
+    let module = |number| Module::new(number).unwrap();
+    let hand = [
+        (module(0), ModuleKind::Fingertip),
+        (module(1), ModuleKind::Fingertip),
+        (module(3), ModuleKind::Triangle),
+        (module(8), ModuleKind::PalmPad11),
+        (module(9), ModuleKind::PalmPad7),
+        (module(15), ModuleKind::Cells(16)),
+    ];
+    assert_eq!(in_words(&hand, kind), "0-1 fingertip, 3, 8 palm-pad11, 9 palm-pad7, 15 of 16 taxels");
+}
+
+#[test]
+fn other_signals_and_other_commands_have_other_sums() {
+    let line_of = |bit: u16, commands: &[(u16, &[u8])], sender| {
+        let field = BitField::new(bit, 16, ByteOrder::Little, false).unwrap();
+        let counts = vec![(0, CountField { field, low: 0, shift: 0, top: 4095 })];
+        let frames = vec![FrameSpec { frames: FrameMatch { id: CanId::Standard(5), selectors: Vec::new() }, counts }];
+        let command =
+            |&(id, bytes): &(u16, &[u8])| (std::time::Duration::ZERO, Frame::data(CanId::Standard(id), bytes).unwrap());
+        let commands = commands.iter().map(command).collect();
+        let device = DevicePlan { frames, commands, sender, ..DevicePlan::without_frames() };
+        of_device(&device).join("; ")
+    };
+    let plain = line_of(0, &[], Sender::Patch);
+    assert!(plain.contains("; signals ") && plain.ends_with("; commands none"), "{plain}");
+    assert!(!line_of(0, &[], Sender::Elsewhere).contains("commands"), "nobody knows what somebody else sends");
+    let sent = |commands: &[(u16, &[u8])]| line_of(0, commands, Sender::Patch);
+    let all = [plain, line_of(8, &[], Sender::Patch), sent(&[(7, &[1])]), sent(&[(7, &[2])]), sent(&[(8, &[1])])];
+    assert!((0..all.len()).all(|n| all[n + 1..].iter().all(|other| *other != all[n])), "{all:?}");
+    assert_eq!(sent(&[(7, &[1])]), line_of(0, &[(7, &[1])], Sender::Elsewhere), "what the configuration says is sent");
 }
 
 #[test]

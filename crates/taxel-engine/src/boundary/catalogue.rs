@@ -43,14 +43,3 @@ pub struct Restored {
     /// What was found damaged and left out, a line each.
     pub problems: Vec<String>,
 }
-
-/// What the store found damaged while it runs.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct StoreDamage {
-    /// All that is damaged, also what was told before, a line each; their number is bounded.
-    pub problems: Vec<String>,
-    /// Model sets that cannot be read any more.
-    pub model_sets: Vec<String>,
-    /// Sessions whose samples cannot be read any more, and why.
-    pub sessions: Vec<(u64, String)>,
-}

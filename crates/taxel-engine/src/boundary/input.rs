@@ -5,7 +5,6 @@ use std::time::Duration;
 use taxel_skin::BusIndex;
 use taxel_wire::TimedFrame;
 
-use crate::boundary::catalogue::StoreDamage;
 use crate::boundary::command::Command;
 use crate::boundary::pushed::PushedScan;
 use crate::calibration::job::FitOutcome;
@@ -62,6 +61,6 @@ pub enum Input<'a> {
     },
     /// The store refused a write; why. No session can go on.
     StoreFailed(String),
-    /// The store found that something on disk is not what was written.
-    StoreDamaged(StoreDamage),
+    /// The store found that something on disk is not what was written: all that is damaged, a line each, also what was told before.
+    StoreDamaged(Vec<String>),
 }

@@ -2,7 +2,7 @@
 
 use taxel_skin::{Kilopascal, Time};
 
-/// One scan of a patch that has [`PushPlan`](crate::plan::PushPlan).
+/// One scan of a patch that has [`PushPlan`](crate::plan::PushPlan), whose counts are within its range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PushedScan {
     /// Position of the patch in the plan.
@@ -14,6 +14,6 @@ pub struct PushedScan {
     pub taken: Time,
     /// One raw count per taxel.
     pub counts: Vec<u16>,
-    /// The pressure in the bag at the same time, where the plan says that it comes with the scans.
+    /// The pressure in the bag at the same time, where the plan says that it comes with the scans; a finite number.
     pub pressure: Option<Kilopascal>,
 }

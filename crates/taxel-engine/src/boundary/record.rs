@@ -47,15 +47,11 @@ pub enum Record {
     ModelSetDeleted {
         /// Its id.
         model_set: String,
-        /// When, nanoseconds since 1970.
-        wall_ns: i64,
     },
     /// A session was deleted, with its ramps and samples. Its number is never used again.
     SessionDeleted {
         /// Its number.
         session: u64,
-        /// When, nanoseconds since 1970.
-        wall_ns: i64,
     },
     /// A known load was read.
     Load(Arc<Load>),
@@ -69,8 +65,6 @@ pub enum Record {
         patch: String,
         /// What.
         zero: KeptZero,
-        /// When, nanoseconds since 1970.
-        wall_ns: i64,
     },
     /// A zero was taken.
     Tared {

@@ -9,7 +9,7 @@ pub use crate::force::sample::{Contact, ForceSample, ForceState, RangeFlag, Taxe
 pub use crate::force::taxels::Taxels;
 pub use crate::intake::faults::fault::{Fault, FaultSet};
 pub use crate::intake::health::{BoardHealth, BusHealth};
-pub use crate::zero::view::{DriftState, DriftView, TareView};
+pub use crate::zero::view::{DriftView, TareView};
 
 /// One patch at one moment.
 #[derive(Clone, Debug, Default)]

@@ -26,10 +26,8 @@ pub struct SessionLimits {
     pub typed: bool,
     /// Which branches of the pressure a ramp gathers, unless its session asks for others.
     pub branches: Branch,
-    /// Steepest rise that may enter the fit, in kPa/s.
-    pub rise_max_kpa_per_s: f64,
-    /// Steepest fall that may enter the fit, in kPa/s, positive.
-    pub fall_max_kpa_per_s: f64,
+    /// Steepest rise or fall that may enter the fit, in kPa/s.
+    pub steepest_kpa_per_s: f64,
     /// The falling branch of a ramp ends by itself here.
     pub fall_end: Kilopascal,
     /// Whether the hysteresis of a session over both branches is compensated, if that wins on what no fit saw.
@@ -83,8 +81,7 @@ impl Default for SessionLimits {
             noise_band: Kilopascal(0.3),
             typed: false,
             branches: Branch::Rising,
-            rise_max_kpa_per_s: 5.0,
-            fall_max_kpa_per_s: 5.0,
+            steepest_kpa_per_s: 5.0,
             fall_end: Kilopascal(1.0),
             plays: true,
             gauge_timeout: Duration::from_millis(500),

@@ -69,7 +69,7 @@ impl Ramp {
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
         let vented = self.reached > limits.vented_below.0 && gauge.newest().is_some_and(|(_, kpa)| kpa.0 < VENTED_KPA);
         (off && !vented).then(|| {
-            let steepest = steepest_kpa_per_s(limits);
+            let steepest = limits.steepest_kpa_per_s;
             let (jumped, stepped) = (gauge.jumped(since, time, steepest), gauge.stepped(since, time, steepest));
             let jumped = if jumped.abs() >= stepped.abs() { jumped } else { stepped };
             format!(
@@ -83,7 +83,7 @@ impl Ramp {
     /// Whether the gauge reads what it would have without the jumps it has made since the ramp began.
     fn is_gauge_itself(&mut self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> bool {
         let itself = self.gauge_zero.is_some_and(|since| {
-            let steepest = steepest_kpa_per_s(limits);
+            let steepest = limits.steepest_kpa_per_s;
             // Before the pump runs a gauge that stands still is not stuck.
             let stepped = if self.reached == f64::NEG_INFINITY { gauge.stepped(since, time, steepest) } else { 0.0 };
             gauge.jumped(since, time, steepest).abs().max(stepped.abs()) <= limits.spike_kpa()
@@ -114,11 +114,11 @@ impl Ramp {
         }
         let sign = self.direction.sign();
         let (rate, ahead) = (sign * rate_kpa_per_s, sign * pressure.0);
-        let (steepest, astray) = match self.direction {
-            Direction::Rising => (limits.rise_max_kpa_per_s, SampleRefusal::NotRising),
-            Direction::Falling => (limits.fall_max_kpa_per_s, SampleRefusal::NotFalling),
+        let astray = match self.direction {
+            Direction::Rising => SampleRefusal::NotRising,
+            Direction::Falling => SampleRefusal::NotFalling,
         };
-        if rate > steepest {
+        if rate > limits.steepest_kpa_per_s {
             return Gate::Refuse(SampleRefusal::TooFast);
         }
         if rate < RATE_MIN_KPA_PER_S || ahead < self.reached - limits.noise_band.0 {
@@ -133,11 +133,6 @@ impl Ramp {
     pub const fn has_begun(&self) -> bool {
         self.reached > f64::NEG_INFINITY
     }
-}
-
-/// No pressure of a ramp goes faster, either way.
-fn steepest_kpa_per_s(limits: &SessionLimits) -> f64 {
-    limits.rise_max_kpa_per_s.max(limits.fall_max_kpa_per_s)
 }
 
 #[cfg(test)]

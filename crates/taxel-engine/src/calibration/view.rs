@@ -7,30 +7,33 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::branch::{Branch, Direction};
 use crate::calibration::plateau::PlateauView;
+use crate::names::named;
 use crate::request::{ErrorReason, Rejection};
 
-/// Where a session stands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum SessionState {
-    /// Watches the skin at rest before a ramp.
-    #[default]
-    Taring,
-    /// Gathers samples while the pressure rises and, over both branches, while it falls again.
-    Ramping,
-    /// Models are being computed.
-    Fitting,
-    /// A model set waits to be activated, discarded or extended by another ramp.
-    Review,
-    /// Its model set is in use. That is how readers see it, and not kept: see [`SessionView::seen`].
-    Active,
-    /// Its model set was laid aside, or what it gathered cannot be trusted; the reason is in the view.
-    Discarded,
-    /// An operator stopped it.
-    Aborted,
-    /// It could not succeed; the reason is in the view.
-    Failed,
-    /// The daemon stopped while it was under way; another ramp or a fit can go on from its samples.
-    Interrupted,
+named! {
+    /// Where a session stands.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum SessionState {
+        /// Watches the skin at rest before a ramp.
+        #[default]
+        Taring = "TARING",
+        /// Gathers samples while the pressure rises and, over both branches, while it falls again.
+        Ramping = "RAMPING",
+        /// Models are being computed.
+        Fitting = "FITTING",
+        /// A model set waits to be activated, discarded or extended by another ramp.
+        Review = "REVIEW",
+        /// Its model set is in use. That is how readers see it, and not kept: see [`SessionView::seen`].
+        Active = "ACTIVE",
+        /// Its model set was laid aside, or what it gathered cannot be trusted; the reason is in the view.
+        Discarded = "DISCARDED",
+        /// An operator stopped it.
+        Aborted = "ABORTED",
+        /// It could not succeed; the reason is in the view.
+        Failed = "FAILED",
+        /// The daemon stopped while it was under way; another ramp or a fit can go on from its samples.
+        Interrupted = "INTERRUPTED",
+    }
 }
 
 impl SessionState {
@@ -39,89 +42,31 @@ impl SessionState {
     pub const fn is_open(self) -> bool {
         matches!(self, Self::Taring | Self::Ramping | Self::Fitting)
     }
-
-    /// The word for it, as in the service.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Taring => "TARING",
-            Self::Ramping => "RAMPING",
-            Self::Fitting => "FITTING",
-            Self::Review => "REVIEW",
-            Self::Active => "ACTIVE",
-            Self::Discarded => "DISCARDED",
-            Self::Aborted => "ABORTED",
-            Self::Failed => "FAILED",
-            Self::Interrupted => "INTERRUPTED",
-        }
-    }
-
-    /// Every state.
-    pub const ALL: [Self; 9] = [
-        Self::Taring,
-        Self::Ramping,
-        Self::Fitting,
-        Self::Review,
-        Self::Active,
-        Self::Discarded,
-        Self::Aborted,
-        Self::Failed,
-        Self::Interrupted,
-    ];
 }
 
-/// Why a scan did not enter the session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SampleRefusal {
-    /// On the rising branch the pressure was not above what had been reached.
-    NotRising,
-    /// The pressure rose or fell faster than the limit.
-    TooFast,
-    /// No pressure frame near the scan's time.
-    NoPressure,
-    /// A module was silent.
-    StaleModule,
-    /// The session's memory was full.
-    Full,
-    /// The gauge read far from what it read within the last second.
-    GaugeSpike,
-    /// On the falling branch the pressure was not below what had been reached.
-    NotFalling,
-    /// The zero was lost or came into doubt within a second after it.
-    ZeroInDoubt,
-    /// The gauge repeated the same reading while the pressure went on.
-    GaugeStuck,
-}
-
-impl SampleRefusal {
-    /// Every reason.
-    pub const ALL: [Self; 9] = [
-        Self::NotRising,
-        Self::TooFast,
-        Self::NoPressure,
-        Self::StaleModule,
-        Self::Full,
-        Self::GaugeSpike,
-        Self::NotFalling,
-        Self::ZeroInDoubt,
-        Self::GaugeStuck,
-    ];
-
-    /// The word for it.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::NotRising => "not_rising",
-            Self::TooFast => "too_fast",
-            Self::NoPressure => "no_pressure",
-            Self::StaleModule => "stale_module",
-            Self::Full => "full",
-            Self::GaugeSpike => "gauge_spike",
-            Self::NotFalling => "not_falling",
-            Self::ZeroInDoubt => "zero_in_doubt",
-            Self::GaugeStuck => "gauge_stuck",
-        }
+named! {
+    /// Why a scan did not enter the session.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum SampleRefusal {
+        /// On the rising branch the pressure was not above what had been reached.
+        NotRising = "not_rising",
+        /// The pressure rose or fell faster than the limit.
+        TooFast = "too_fast",
+        /// No pressure frame near the scan's time.
+        NoPressure = "no_pressure",
+        /// A module was silent.
+        StaleModule = "stale_module",
+        /// The session's memory was full.
+        Full = "full",
+        /// The gauge read far from what it read within the last second.
+        GaugeSpike = "gauge_spike",
+        /// On the falling branch the pressure was not below what had been reached.
+        NotFalling = "not_falling",
+        /// The zero was lost or came into doubt within a second after it.
+        ZeroInDoubt = "zero_in_doubt",
+        /// The gauge repeated the same reading while the pressure went on.
+        GaugeStuck = "gauge_stuck",
     }
 }
 

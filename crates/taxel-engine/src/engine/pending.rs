@@ -106,11 +106,6 @@ impl Pending {
         self.any(|effect| matches!(effect, Effect::Activate(_, set) if set.id == id))
     }
 
-    /// How many model sets will be known beyond those that are.
-    pub fn imports(&self) -> usize {
-        self.effects.values().filter(|(_, effect)| matches!(effect, Effect::Keep(..))).count()
-    }
-
     /// How a session is being ended.
     pub fn ends(&self, number: u64) -> Option<Trigger> {
         self.effects.values().find_map(|(_, effect)| match effect {

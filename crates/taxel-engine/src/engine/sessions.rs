@@ -69,8 +69,6 @@ impl Engine {
 
     /// The patch at this position, if a session can begin on it now.
     fn check_begin(&self, now: Now, index: usize) -> Result<&Patch, Rejection> {
-        self.room_for_session()?;
-        self.room_for_model_set()?;
         let patch = &self.patches[index];
         ErrorReason::NoPressureSensor.unless(patch.plan().can_calibrate(), || {
             "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned()
@@ -122,7 +120,6 @@ impl Engine {
         self.refuse_if_session_ends(number)?;
         self.refuse_if_in_use(number, command)?;
         if command == Trigger::StartRamp && read.is_none() {
-            self.room_for_model_set()?;
             self.check_settings(number)?;
         }
         if let Some(index) = self.held(number) {
@@ -132,7 +129,7 @@ impl Engine {
             return Ok(None);
         }
         let index = self.check_take_up(now, number, command)?;
-        let Some(read) = read else { return self.room_for_model_set().map(|()| None) };
+        let Some(read) = read else { return Ok(None) };
         let damaged =
             |what| format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one");
         let samples = read.map_err(|why| why.refusal(damaged))?;
@@ -247,7 +244,7 @@ impl Engine {
         self.patches.iter().position(|p| p.session().is_some_and(|s| s.number == number))
     }
 
-    pub(super) fn delete_session(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
+    pub(super) fn delete_session(&mut self, request: RequestId, number: u64) -> Answer {
         self.store_takes_records()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.refuse_if_session_ends(number)?;
@@ -255,7 +252,7 @@ impl Engine {
         if let Some(id) = view.model_set.as_deref() {
             self.refuse_if_set_is_used(id)?;
         }
-        let record = Record::SessionDeleted { session: number, wall_ns: now.wall_ns };
+        let record = Record::SessionDeleted { session: number };
         self.commit(Some(request), Effect::Forget(Forgotten::Session(number)), vec![record]);
         Ok(None)
     }

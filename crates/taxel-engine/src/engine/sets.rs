@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::boundary::catalogue::StoreDamage;
 use crate::boundary::command::Done;
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
@@ -84,10 +83,6 @@ impl Engine {
             Origin::Session(..) => {}
         }
         self.refuse_if_set_is_deleted(&set.id)?;
-        // A session has had its room since its ramp began.
-        if self.known_set(&set.id).is_none() && !matches!(origin, Origin::Session(..)) {
-            self.room_for_model_set()?;
-        }
         let record = Record::ModelSet(Arc::clone(&set));
         self.commit(request, Effect::Keep(set, origin), vec![record]);
         Ok(None)
@@ -251,7 +246,7 @@ impl Engine {
         Done::Activated { model_set: set.id.clone(), previous: before.map(|set| set.id.clone()) }
     }
 
-    pub(super) fn delete_model_set(&mut self, now: Now, request: RequestId, id: String) -> Answer {
+    pub(super) fn delete_model_set(&mut self, request: RequestId, id: String) -> Answer {
         self.store_takes_records()?;
         self.known_set(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
         self.refuse_if_set_is_deleted(&id)?;
@@ -261,7 +256,7 @@ impl Engine {
             let why = format!("`{id}` is of session {session}, which is {state}; finish or abort that first");
             return Err(ErrorReason::SessionOpen.because(why));
         }
-        let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
+        let record = Record::ModelSetDeleted { model_set: id.clone() };
         self.commit(Some(request), Effect::Forget(Forgotten::ModelSet(id)), vec![record]);
         Ok(None)
     }
@@ -323,28 +318,5 @@ impl Engine {
     /// Whether a session was laid aside, or is about to be.
     fn is_discarded(&self, view: &SessionView) -> bool {
         view.state == SessionState::Discarded || self.pending.ends(view.number) == Some(Trigger::Discard)
-    }
-
-    /// The store found damage: what cannot be read any more is not offered any more. A set in use is whole in memory.
-    pub(super) fn on_store_damaged(&mut self, now: Now, damage: StoreDamage) {
-        self.damage = damage.problems;
-        self.health_dirty.0 = true;
-        for id in damage.model_sets {
-            if self.refuse_if_set_is_used(&id).is_ok() {
-                self.model_sets.retain(|known| known.id != id);
-            }
-        }
-        for (number, why) in damage.sessions {
-            let held = self.held(number).is_some();
-            let Some(view) =
-                self.sessions.get_mut(&number).filter(|view| !held && view.state == SessionState::Interrupted)
-            else {
-                continue;
-            };
-            let reason = format!("its samples are damaged on disk: {why}");
-            let state = SessionState::Failed;
-            *view = Arc::new(SessionView { state, reason, changed_wall_ns: now.wall_ns, ..SessionView::clone(view) });
-        }
-        self.catalogue_dirty = true;
     }
 }

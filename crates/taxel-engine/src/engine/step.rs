@@ -13,7 +13,6 @@ use crate::boundary::record::Record;
 use crate::boundary::snapshot::{Health, StoreHealth};
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
-use crate::conflict::conflicts;
 use crate::engine::pending::{Effect, Pending};
 use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
@@ -79,7 +78,6 @@ impl Engine {
             known.map(|(_, zero)| zero.clone()).unwrap_or_default()
         };
         let shared = SharedBoards::new(&plan);
-        let plan = shared.with_devices_of_all(&plan);
         let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
             let name = p.patch.name();
             Patch::new(i, p.clone(), of_patch(name), zero_of(name), shared.of_patch(i))
@@ -96,7 +94,7 @@ impl Engine {
             shared,
             pending: Pending::default(),
             store_problem: None,
-            problems: conflicts(&plan).into_iter().map(|conflict| conflict.why).collect(),
+            problems: Vec::new(),
             damage: restored.problems,
             catalogue_dirty: true,
             begins: None,
@@ -148,7 +146,10 @@ impl Engine {
             Input::Committed { ticket, result } => self.on_committed(now, ticket, result),
             Input::Loaded { ticket, result } => self.on_loaded(now, ticket, result),
             Input::SetLoaded { ticket, result } => self.on_set_loaded(now, ticket, result),
-            Input::StoreDamaged(damage) => self.on_store_damaged(now, damage),
+            Input::StoreDamaged(damage) => {
+                self.damage = damage;
+                self.health_dirty.0 = true;
+            }
             Input::Durable { session, samples } => {
                 self.each_patch(now, |patch| {
                     patch.with_session(now, |held, _| held.on_durable(session, samples));
@@ -177,7 +178,7 @@ impl Engine {
     pub(super) fn with_patch<T>(&mut self, now: Now, index: usize, act: impl FnOnce(&mut Patch) -> T) -> T {
         let patch = &mut self.patches[index];
         let result = act(patch);
-        patch.note_zero(now);
+        patch.note_zero();
         self.out.append(&mut patch.out);
         for intent in std::mem::take(&mut patch.intents) {
             self.intend(now, index, intent);

@@ -291,15 +291,15 @@ fn pushed() -> Engine {
 #[test]
 fn the_first_scan_that_is_pushed_is_news_and_what_comes_after_it_takes_nothing_back() {
     let mut engine = pushed();
-    let mut health_at = |at_ms: i64, refused: &[i64]| {
+    let mut health_at = |at_ms: i64, scans: &[i64]| {
         let mut out = Vec::new();
-        for &scan in refused {
-            let scan = PushedScan { patch: 0, time: ms(scan), taken: ms(scan), counts: vec![200; 3], pressure: None };
+        for &scan in scans {
+            let scan = PushedScan { patch: 0, time: ms(scan), taken: ms(scan), counts: vec![200; 4], pressure: None };
             engine.step(now(scan.time.as_nanos() / 1_000_000), Input::Pushed(&scan), &mut out);
         }
         engine.step(now(at_ms), Input::Tick, &mut out);
         out.into_iter().rev().find_map(|output| match output {
-            Output::Health(health) => Some((health.buses[0].up, health.buses[0].malformed)),
+            Output::Health(health) => Some((health.buses[0].up, health.buses[0].frames)),
             _ => None,
         })
     };

@@ -13,7 +13,7 @@ pub const SILENT_AFTER: Duration = Duration::from_millis(300);
 /// Why a board's zero is in doubt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoardDoubt {
-    /// In words, to follow "board 13".
+    /// In words that name the board.
     pub why: String,
     /// Whether the board has surely taken a new zero, or may have lost it unseen. Else the counts have to show it.
     pub certain: bool,
@@ -55,6 +55,8 @@ pub enum ZeroSign {
 /// One board.
 #[derive(Clone, Debug, Default)]
 pub struct BoardState {
+    /// `board 13`, to begin a sentence with.
+    name: String,
     last: Option<Time>,
     status_errors: u64,
     /// Since the board was last known to begin its own count anew.
@@ -69,6 +71,11 @@ pub struct BoardState {
 }
 
 impl BoardState {
+    /// Nothing heard of the board of this name.
+    pub fn new(name: String) -> Self {
+        Self { name, ..Self::default() }
+    }
+
     /// A described device sent counts, and `is_well` or not by its own status. While it is not it may take a new zero, as one
     /// does that starts or calibrates itself, and its counts show nothing. Returns what is new.
     pub fn on_device(&mut self, time: Time, is_well: bool, limits: SilenceLimits) -> Option<ZeroSign> {
@@ -81,7 +88,9 @@ impl BoardState {
                 self.unwell_since = None;
                 let unwell = time.since(since);
                 let seconds = unwell.as_secs_f64();
-                let why = format!("was not well by its own status for {seconds:.2} s and may have taken a new zero");
+                let name = &self.name;
+                let why =
+                    format!("{name} was not well by its own status for {seconds:.2} s and may have taken a new zero");
                 Some(ZeroSign::Well(BoardDoubt { why, certain: unwell > limits.power_cycle_after }))
             }
             _ => None,
@@ -99,10 +108,11 @@ impl BoardState {
             let seconds = silence.as_secs_f64();
             if silence.saturating_sub(unheard) > limits.power_cycle_after {
                 self.no_acks = 0; // it counts from its start, too
-                let why = format!("was silent for {seconds:.1} s and may have lost its power");
+                let why = format!("{} was silent for {seconds:.1} s and may have lost its power", self.name);
                 return Some(BoardDoubt { why, certain: true });
             }
-            let not_heard = BoardDoubt { why: format!("was not heard for {seconds:.2} s"), certain: false };
+            let why = format!("{} was not heard for {seconds:.2} s", self.name);
+            let not_heard = BoardDoubt { why, certain: false };
             return no_ack.filter(|doubt| doubt.certain).or(Some(not_heard));
         }
         no_ack
@@ -113,13 +123,16 @@ impl BoardState {
     fn on_no_ack(&mut self) -> BoardDoubt {
         self.no_acks += 1;
         let certain = self.no_acks >= NO_ACKS_TO_SILENT_TARE;
-        if certain {
+        let name = &self.name;
+        let why = if certain {
             self.no_acks = 0;
-            let why =
-                format!("reported {NO_ACKS_TO_SILENT_TARE} lost acknowledgements and then takes a new zero by itself");
-            return BoardDoubt { why, certain };
-        }
-        BoardDoubt { why: "reported a lost acknowledgement and may have taken a new zero".to_owned(), certain }
+            format!(
+                "{name} reported {NO_ACKS_TO_SILENT_TARE} lost acknowledgements and then takes a new zero by itself"
+            )
+        } else {
+            format!("{name} reported a lost acknowledgement and may have taken a new zero")
+        };
+        BoardDoubt { why, certain }
     }
 
     /// Whether it streams.
@@ -145,19 +158,14 @@ impl BoardState {
         self.lost.map_or(Duration::ZERO, |[begin, end]| end.min(to).since(begin.max(from)))
     }
 
-    /// It discarded its send queue.
-    pub fn on_overflow(&mut self) {
-        self.overflows += 1;
-    }
-
-    /// Its thermometer, in tenths of a degree Celsius.
-    pub fn on_temperature(&mut self, deci_celsius: i16) {
-        self.celsius = Some(f64::from(deci_celsius) / 10.0);
-    }
-
-    /// It told its firmware.
-    pub fn on_firmware(&mut self, firmware: FirmwareVersion) {
-        self.firmware = Some(firmware);
+    /// It said something of itself.
+    pub fn on_message(&mut self, message: Message) {
+        match message {
+            Message::Thermometer { deci_celsius, .. } => self.celsius = Some(f64::from(deci_celsius) / 10.0),
+            Message::FirmwareVersion { version, .. } => self.firmware = Some(version),
+            Message::BoardOverflow { .. } => self.overflows += 1,
+            Message::Head { .. } | Message::Tail { .. } => {} // a module that the plan does not read
+        }
     }
 
     /// Tails whose status word named a trouble.
@@ -264,16 +272,20 @@ mod tests {
     fn what_a_board_says_of_itself_is_told_in_words() {
         let mut board = BoardState::default();
         assert_eq!((board.firmware(), board.celsius(), board.warnings()), (None, None, Vec::new()));
-        board.on_temperature(-15);
-        let firmware = |app| FirmwareVersion { board_type: 11, app, protocol: (1, 2), compatible: true };
-        board.on_firmware(firmware((1, 24, 3)));
-        (0..2).for_each(|_| board.on_overflow());
+        let sender = taxel_skin::BoardAddress::new(13).unwrap();
+        board.on_message(Message::Thermometer { board: sender, deci_celsius: -15 });
+        let firmware = |app| {
+            let version = FirmwareVersion { board_type: 11, app, protocol: (1, 2), compatible: true };
+            Message::FirmwareVersion { board: sender, version }
+        };
+        board.on_message(firmware((1, 24, 3)));
+        (0..2).for_each(|_| board.on_message(Message::BoardOverflow { board: sender }));
         assert_eq!(board.firmware().unwrap(), "type 11, 1.24.3, protocol 1.2");
         assert_eq!(board.celsius(), Some(-1.5));
         let warnings = board.warnings();
         assert!(warnings[0].starts_with("firmware 1.24 does not retransmit"), "{warnings:?}");
         assert_eq!(warnings[1..], ["discarded its send queue 2 times"]);
-        board.on_firmware(firmware((1, 25, 0)));
+        board.on_message(firmware((1, 25, 0)));
         assert_eq!(board.warnings().len(), 1);
     }
 

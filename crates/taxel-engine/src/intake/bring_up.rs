@@ -187,7 +187,7 @@ fn steps<'a>(
     boards.chain(devices.iter().enumerate().filter(|(_, device)| device.is_configured()).flat_map(of_device))
 }
 
-/// All commands with the positions of their boards, also those that another patch of a device sends.
+/// All commands with the positions of their boards.
 pub fn commands<'a>(
     patch: &'a Patch,
     setups: &'a [BoardSetup],

@@ -46,8 +46,6 @@ pub struct DeviceSignal {
 pub enum Sender {
     /// The patch that has them.
     Patch,
-    /// Another patch of the device, at the same time: this one only waits for them.
-    OtherPatch,
     /// Nobody here. If there are any, somebody else sends these.
     Elsewhere,
 }
@@ -61,8 +59,6 @@ pub struct DevicePlan {
     pub scans: ScanBegin,
     /// A number that is the given one while all is well.
     pub status: Option<(DeviceSignal, i128)>,
-    /// Temperature in Celsius: number x scale + offset.
-    pub temperature: Option<(DeviceSignal, f64, f64)>,
     /// Frames to send so that it streams, and how long after the beginning of the bring-up.
     pub commands: Vec<(Duration, Frame)>,
     /// Who sends them.
@@ -76,7 +72,6 @@ impl DevicePlan {
             frames: Vec::new(),
             scans: ScanBegin::Time,
             status: None,
-            temperature: None,
             commands: Vec::new(),
             sender: Sender::Elsewhere,
         }
@@ -94,18 +89,15 @@ impl DevicePlan {
             ScanBegin::Time | ScanBegin::Counter(_) => None,
         };
         let status = self.status.iter().map(|(signal, _)| signal.frames.id);
-        let temperature = self.temperature.iter().map(|(signal, ..)| signal.frames.id);
-        self.frames.iter().map(|spec| spec.frames.id).chain(begin).chain(status).chain(temperature)
+        self.frames.iter().map(|spec| spec.frames.id).chain(begin).chain(status)
     }
 }
 
 /// What a frame of a device brought.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Brought {
     /// Modules of the patch that it completes.
     pub modules: Vec<usize>,
-    /// A temperature in Celsius.
-    pub celsius: Option<f64>,
     /// It says how the device is.
     pub status: bool,
 }
@@ -180,11 +172,6 @@ impl Device {
         if let Some((number, (_, good))) = self.plan.status.as_ref().and_then(|s| Some((number(&s.0)?, s))) {
             self.well = number == *good;
             brought.get_or_insert_with(Brought::default).status = true;
-        }
-        if let Some((signal, scale, offset)) = &self.plan.temperature
-            && let Some(number) = number(signal)
-        {
-            brought.get_or_insert_with(Brought::default).celsius = Some(number as f64 * scale + offset);
         }
         if matches!(&self.plan.scans, ScanBegin::Frame(begin) if begin.is(&frame.frame)) {
             self.begin_scan();

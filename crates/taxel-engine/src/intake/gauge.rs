@@ -234,6 +234,18 @@ impl GaugeHistory {
         self.readings.back().map(|&(time, kpa)| (time, Kilopascal(kpa)))
     }
 
+    /// That its newest reading is older than `timeout`, or that there is none, in words.
+    #[must_use]
+    pub fn silence(&self, now: Time, timeout: Duration) -> Option<String> {
+        let Some((time, _)) = self.newest() else {
+            let why =
+                "no pressure has been heard: is the gauge on, and is its CAN identifier the one in [patch.gauge]?";
+            return Some(why.to_owned());
+        };
+        let age = now.since(time);
+        (age > timeout).then(|| format!("the last pressure came {:.1} s ago", age.as_secs_f64()))
+    }
+
     /// How many readings up to the newest one are the very same, and over how long.
     #[must_use]
     pub fn run(&self) -> (usize, Duration) {

@@ -14,9 +14,9 @@ use taxel_wire::{Frame, TimedFrame};
 use crate::baseline::TaxelBaseline;
 use crate::boundary::pushed::PushedScan;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
-use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, SilenceLimits, ZeroSign};
+use crate::intake::boards::{BoardNews, BoardState, SilenceLimits, ZeroSign};
 use crate::intake::bring_up::{BoardSetup, BringUp};
-use crate::intake::cells::{Device, DevicePlan, Sender};
+use crate::intake::cells::{Device, DevicePlan};
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::faults::limits::FaultLimits;
@@ -88,14 +88,19 @@ impl Intake {
     /// Nothing heard, nothing sent.
     pub fn new(plan: IntakePlan) -> Self {
         let regions = Regions::new(&plan.patch);
-        let (modules, boards) = (plan.patch.modules().len(), plan.patch.boards().len());
+        let modules = plan.patch.modules().len();
         let faults = FaultDetector::new(regions.taxels(), regions.modules(), plan.faults)
             .with_kinds(regions.kinds().iter().copied());
         Self {
             assembler: ScanAssembler::new(&plan.patch, plan.period),
             paces: vec![Pace::new(plan.period); modules],
             faults,
-            boards: vec![BoardState::default(); boards],
+            boards: plan
+                .patch
+                .boards()
+                .iter()
+                .map(|board| BoardState::new(format!("board {}", board.address)))
+                .collect(),
             bring_up: BringUp::new(modules),
             devices: (0..)
                 .zip(&plan.devices)
@@ -164,13 +169,11 @@ impl Intake {
         for position in 0..self.devices.len() {
             let Some(brought) = self.devices[position].on_frame(frame)? else { continue };
             ours = true;
-            if let Some(celsius) = brought.celsius {
-                self.boards[position].on_temperature((10.0 * celsius).round() as i16);
-            }
             if brought.status {
                 let (is_well, limits) = (self.devices[position].is_well(), self.silence_limits());
                 let sign = self.boards[position].on_device(frame.time, is_well, limits);
-                self.tell(position, sign, events); // before its counts are taken, which may be of another zero
+                // Before its counts are taken, which may be of another zero.
+                events.extend(sign.map(|sign| IntakeEvent::Board(position, sign)));
             }
             for module in brought.modules {
                 let device = &self.devices[position];
@@ -209,7 +212,7 @@ impl Intake {
     }
 
     fn on_board_message(&mut self, board: usize, message: Message, events: &mut Vec<IntakeEvent>) {
-        self.take_board_message(board, message);
+        self.boards[board].on_message(message);
         self.tell_others(board, BoardNews::Said(message), events);
     }
 
@@ -223,18 +226,8 @@ impl Intake {
     pub fn on_news(&mut self, board: usize, news: &BoardNews, events: &mut Vec<IntakeEvent>) {
         match news {
             BoardNews::Heard(time, status) => self.watch_board(board, *time, *status, events),
-            BoardNews::Said(message) => self.take_board_message(board, *message),
+            BoardNews::Said(message) => self.boards[board].on_message(*message),
             BoardNews::Moved(why) => events.push(IntakeEvent::Board(board, ZeroSign::Moved(why.clone()))),
-        }
-    }
-
-    fn take_board_message(&mut self, board: usize, message: Message) {
-        let state = &mut self.boards[board];
-        match message {
-            Message::Thermometer { deci_celsius, .. } => state.on_temperature(deci_celsius),
-            Message::FirmwareVersion { version, .. } => state.on_firmware(version),
-            Message::BoardOverflow { .. } => state.on_overflow(),
-            Message::Head { .. } | Message::Tail { .. } => {} // a module that the plan does not read
         }
     }
 
@@ -278,23 +271,11 @@ impl Intake {
         let doubt = self.boards[board].on_module(time, status, limits);
         // While boards are configured, silence and new zeros are what that is for.
         let doubt = doubt.filter(|_| !self.bring_up.is_busy());
-        self.tell(board, doubt.map(ZeroSign::Doubted), events);
+        events.extend(doubt.map(|doubt| IntakeEvent::Board(board, ZeroSign::Doubted(doubt))));
     }
 
     const fn silence_limits(&self) -> SilenceLimits {
         SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after }
-    }
-
-    /// Tells what is learnt of a board's zero, with its name.
-    fn tell(&self, board: usize, sign: Option<ZeroSign>, events: &mut Vec<IntakeEvent>) {
-        let address = self.plan.patch.boards()[board].address;
-        let named = |doubt: BoardDoubt| BoardDoubt { why: format!("board {address} {}", doubt.why), ..doubt };
-        let sign = sign.map(|sign| match sign {
-            ZeroSign::Doubted(doubt) => ZeroSign::Doubted(named(doubt)),
-            ZeroSign::Well(doubt) => ZeroSign::Well(named(doubt)),
-            other => other,
-        });
-        events.extend(sign.map(|sign| IntakeEvent::Board(board, sign)));
     }
 
     /// A reading of the gauge.
@@ -316,10 +297,7 @@ impl Intake {
 
     /// Time passed. Frames to send come with the position of their board.
     pub fn tick(&mut self, now: Time, send: &mut Vec<(usize, Frame)>, events: &mut Vec<IntakeEvent>) {
-        while let Some(step) = self.bring_up.next_due(now) {
-            let by_another = self.plan.devices.get(step.0).is_some_and(|device| device.sender == Sender::OtherPatch);
-            send.extend(Some(step).filter(|_| !by_another));
-        }
+        send.extend(std::iter::from_fn(|| self.bring_up.next_due(now)));
         let incomplete = self.bring_up.tick(now);
         let silent = self.assembler.mark_stale(now, self.plan.stale_after);
         let unsound = !silent.is_empty();

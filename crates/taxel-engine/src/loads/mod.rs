@@ -9,4 +9,4 @@ pub mod places;
 pub mod watch;
 
 pub use load::{JudgedLoad, KnownLoad, Load, LoadsPlan, Reading, STANDARD_GRAVITY_M_PER_S2, Validation, Weight, judge};
-pub use owner::{LOADS_MAX, Loads};
+pub use owner::Loads;

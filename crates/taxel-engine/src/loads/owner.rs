@@ -8,9 +8,6 @@ use crate::loads::load::{KnownLoad, Load, LoadsPlan, Reading, Validation, Weight
 use crate::loads::watch::LoadWatch;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
-/// Loads of all patches that one store is good for; laying them down takes an operator days.
-pub const LOADS_MAX: usize = 10_000;
-
 /// A load that was read, or why it could not be.
 #[derive(Clone, Debug)]
 pub struct LoadRead {
@@ -33,11 +30,6 @@ impl Loads {
     /// The loads of earlier runs, oldest first.
     pub const fn new(plan: LoadsPlan, all: Vec<Arc<Load>>) -> Self {
         Self { plan, all, watch: None }
-    }
-
-    /// How many loads are kept.
-    pub const fn count(&self) -> usize {
-        self.all.len()
     }
 
     /// What they are judged by.

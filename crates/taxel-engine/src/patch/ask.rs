@@ -126,18 +126,13 @@ impl Patch {
         if self.plan.session.typed {
             return Ok(());
         }
-        let heard = self.intake.gauge().newest().map(|(time, _)| now.time.since(time));
-        let what = match heard {
-            Some(age) if age <= GAUGE_SILENT_AFTER => return Ok(()),
-            None if now.time.since(self.started) <= GAUGE_SILENT_AFTER => return Ok(()),
-            Some(age) => format!("its last reading came {:.0} s ago", age.as_secs_f64()),
-            None => "no reading has come since the daemon started".to_owned(),
-        };
-        let why = format!(
-            "the gauge is silent: {what}. Is it on, and is its CAN identifier the one in [patch.gauge]? `taxeld health` shows \
-             its readings as they come"
-        );
-        Err(ErrorReason::NoPressureSensor.because(why))
+        let gauge = self.intake.gauge();
+        let listens = gauge.newest().is_none() && now.time.since(self.started) <= GAUGE_SILENT_AFTER;
+        match gauge.silence(now.time, GAUGE_SILENT_AFTER).filter(|_| !listens) {
+            None => Ok(()),
+            Some(why) => Err(ErrorReason::NoPressureSensor
+                .because(format!("the gauge is silent: {why}; `taxeld health` shows its readings as they come"))),
+        }
     }
 
     /// Refuses the zero of a ramp while the gauge is not heard or moves: what it reads then is its own zero, which is taken off
@@ -160,15 +155,9 @@ impl Patch {
             ),
             GaugeAtRest::NotHeard => (
                 ErrorReason::NoPressureSensor,
-                match gauge.newest() {
-                    None => "no pressure frame came: is the gauge on, and is its CAN identifier right?".to_owned(),
-                    Some((time, _)) if now.time.since(time) <= self.plan.session.gauge_timeout => {
-                        "the gauge has been heard for less than a second, or not twice in each half of it".to_owned()
-                    }
-                    Some((time, _)) => {
-                        format!("the last pressure frame came {:.1} s ago", now.time.since(time).as_secs_f64())
-                    }
-                },
+                gauge.silence(now.time, self.plan.session.gauge_timeout).unwrap_or_else(|| {
+                    "the gauge has been heard for less than a second, or not twice in each half of it".to_owned()
+                }),
             ),
         };
         Err(reason.because(why))

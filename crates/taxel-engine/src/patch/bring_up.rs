@@ -66,14 +66,14 @@ impl Patch {
     }
 
     /// What is known of zeros outlives the daemon, as those of the boards do.
-    pub fn note_zero(&mut self, now: Now) {
+    pub fn note_zero(&mut self) {
         if !self.has_begun {
             return; // the zero of before the start may be valid yet
         }
         if let Some(zero) = self.zero.news(self.settings, &self.noted) {
             self.noted = zero.clone();
             let patch = self.name().to_owned();
-            self.out.push(Output::Record(Record::Zero { patch, zero, wall_ns: now.wall_ns }));
+            self.out.push(Output::Record(Record::Zero { patch, zero }));
         }
     }
 }

@@ -150,11 +150,6 @@ impl Patch {
         self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_sum(self.loads.plan()))
     }
 
-    /// How many known loads are kept.
-    pub const fn loads(&self) -> usize {
-        self.loads.count()
-    }
-
     /// The host may have lost frames of a bus, of all without one, of so long a time before `now`.
     pub fn on_frames_lost(&mut self, now: Time, bus: Option<BusIndex>, gap: Duration) {
         self.intake.on_frames_lost(now, bus, gap);

@@ -6,7 +6,6 @@ use taxel_skin::Newton;
 
 use crate::boundary::output::Output;
 use crate::boundary::snapshot::PatchSnapshot;
-use crate::force::owner::ZeroState;
 use crate::force::reason::ReasonCode;
 use crate::force::taxels::{Basis, ModuleAge, Taxels};
 use crate::now::Now;
@@ -19,8 +18,7 @@ impl Patch {
         self.dirty = false;
         self.sequence += 1;
         let scan = self.intake.scan();
-        let zero = self.zero_state();
-        let mut measured = self.force.sample(&scan, self.intake.silent_taxels(), &zero);
+        let mut measured = self.force.sample(&scan, self.intake.silent_taxels(), &self.zero.state());
         let is_felt = measured.sample.low().is_some_and(|low| low > Newton(0.0));
         self.felt = measured.sample.total.map(|total| (total, if is_felt { measured.active.len() } else { 0 }));
         let time = self.intake.newest().unwrap_or_default();
@@ -54,18 +52,6 @@ impl Patch {
             view.reason = why.text().to_owned();
         }
         view
-    }
-
-    fn zero_state(&self) -> ZeroState {
-        ZeroState {
-            lacks: self.zero.lacks(),
-            sigma_counts: self.zero.sigma_counts(),
-            missed_counts: self.zero.missed_counts(),
-            sigma: self.zero.sigma(),
-            hides: self.zero.hides(),
-            shortcoming: self.zero.shortcoming(),
-            load_vanished: self.zero.load_vanished(),
-        }
     }
 
     /// What the states of the taxels can be worked out from later: copies of what changes, and what is shared.

@@ -19,7 +19,6 @@ pub struct Ground {
     signs: Vec<i8>,
     /// Counts from the zero from which on a taxel is touched.
     touched_counts: Vec<f64>,
-    activation: Activation,
     /// The zero of the models.
     models: Vec<TaxelBaseline>,
     /// How far the zero was taken towards load from that.
@@ -28,17 +27,17 @@ pub struct Ground {
 
 impl Ground {
     /// Nothing is known but that pressure lowers the counts of all boards of iCub. Of other sensors only models tell.
-    pub fn new(regions: &Regions, activation: Activation) -> Self {
+    pub fn new(regions: &Regions) -> Self {
         let sign = |kind: &ModuleKind| if matches!(kind, ModuleKind::Cells(_)) { 0 } else { -1 };
         let modules = regions.modules().iter().zip(regions.kinds());
         let signs = modules.flat_map(|(taxels, kind)| taxels.clone().map(move |_| sign(kind))).collect();
         let (zero, models, touched_counts) = (Vec::new(), Vec::new(), vec![0.0; regions.taxels()]);
-        Self { zero, signs, touched_counts, activation, models, residue_counts: 0.0 }
+        Self { zero, signs, touched_counts, models, residue_counts: 0.0 }
     }
 
     /// A zero was taken.
     pub fn take(&mut self, zero: &[TaxelBaseline]) {
-        self.touched_counts = zero.iter().map(|taxel| self.activation.distance_counts(taxel.noise)).collect();
+        self.touched_counts = zero.iter().map(|taxel| Activation::OF_SKIN.distance_counts(taxel.noise)).collect();
         self.residue_counts = residue_counts(&self.models, zero, &self.signs);
         self.follow(zero.to_vec());
     }

@@ -9,6 +9,7 @@ use std::time::Duration;
 use taxel_skin::{Newton, Time};
 
 use crate::baseline::TaxelBaseline;
+use crate::force::owner::ZeroState;
 use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::model_set::ModelSet;
 use crate::now::Now;
@@ -96,8 +97,8 @@ impl Zero {
             unjudged: None,
             configuring: false,
             evidence: Evidence::new(&regions, &plan.board_names),
-            offset: Offset::new(plan.drift, &regions),
-            ground: Ground::new(&regions, plan.activation),
+            offset: Offset::new(plan.follow_drift, &regions),
+            ground: Ground::new(&regions),
             plan,
             regions,
         }
@@ -150,33 +151,26 @@ impl Zero {
         view
     }
 
-    /// Why there is none for a live force, if there is none.
-    pub fn lacks(&self) -> Option<Reason> {
-        if self.in_force().is_some() {
-            return None;
-        }
-        let view = self.view();
-        Some(Reason::new(view.code.unwrap_or(ReasonCode::ZeroNotTaken), view.reason))
-    }
-
     /// Who wants a zero that is being watched for.
     pub fn watching(&self) -> Option<&Purpose> {
         self.watch.as_ref().map(|watch| &watch.purpose)
     }
 
-    /// Standard uncertainty, in counts, of the zero that all taxels share.
-    pub fn sigma_counts(&self) -> f64 {
-        self.offset.sigma_counts()
-    }
-
-    /// The same that each taxel has of its own: remnants of a new zero of its board that no account would show.
-    pub fn missed_counts(&self) -> f64 {
-        self.evidence.missed_counts()
-    }
-
-    /// What the uncertainty of the zero weighs on the whole skin.
-    pub fn sigma(&self) -> Newton {
-        Newton(self.offset.sigma().0.hypot(self.evidence.missed_n()))
+    /// What a live force has to know of it.
+    pub fn state(&self) -> ZeroState {
+        let lacks = || {
+            let view = self.view();
+            Reason::new(view.code.unwrap_or(ReasonCode::ZeroNotTaken), view.reason)
+        };
+        ZeroState {
+            lacks: self.in_force().is_none().then(lacks),
+            sigma_counts: self.offset.sigma_counts(),
+            missed_counts: self.evidence.missed_counts(),
+            sigma: Newton(self.offset.sigma().0.hypot(self.evidence.missed_n())),
+            hides: self.offset.hides(),
+            shortcoming: self.offset.shortcoming(),
+            load_vanished: self.load_vanished(),
+        }
     }
 
     /// How far the zero lies towards load from that of the models, as far as that may be what the skin remembers of earlier
@@ -185,19 +179,9 @@ impl Zero {
         self.ground.residue_counts(self.offset.followed_counts())
     }
 
-    /// How much of a load that lies on the whole patch the zero may hide since it was taken.
-    pub fn hides(&self) -> Newton {
-        self.offset.hides()
-    }
-
-    /// What keeps a force at this zero from being a good one.
-    pub fn shortcoming(&self) -> Option<Reason> {
-        self.offset.shortcoming()
-    }
-
     /// That a load has just vanished from a whole board, if one has: nothing bounds a force above until the counts have shown that
     /// the board did not take a new zero.
-    pub fn load_vanished(&self) -> Option<Reason> {
+    fn load_vanished(&self) -> Option<Reason> {
         let mut boards = self.evidence.unloaded().peekable();
         boards.peek()?;
         let taxels = boards.flat_map(|board| self.regions.boards()[board].clone());

@@ -9,7 +9,7 @@
 //! within three standard deviations, and while what no warmth of the pads explains weighs less than `ABSORBED_MAX`: else
 //! it may be a load. That force is told as [`DriftView::absorbed`].
 //!
-//! Where the zero follows (`drift.follow`) the tables move by `b`, up to the bound; else only as far as the skin becomes
+//! Where the zero follows (`follow_drift`) the tables move by `b`, up to the bound; else only as far as the skin becomes
 //! lighter, which no load does. What is not followed stays in the uncertainty: `hypot(b - followed, sqrt P)`.
 //!
 //! What it cannot tell: a load on everything that comes as the skin cools, in step with the pads, where boards compensate none
@@ -25,11 +25,10 @@ use crate::scan::Scan;
 use crate::statistics::{exponential_share, median};
 use crate::zero::ground::Ground;
 use crate::zero::module_offset::{ModuleOffset, coefficient_of_all};
-use crate::zero::plan::DriftPlan;
 use crate::zero::rest::RestStatistics;
 use crate::zero::rest::judge::lighter;
 use crate::zero::rest::verdict::Beyond;
-use crate::zero::view::{DriftState, DriftView};
+use crate::zero::view::DriftView;
 
 /// Standard uncertainty of a new zero, counts.
 const ZERO_SIGMA: f64 = 0.15;
@@ -57,11 +56,14 @@ const GAP_S: f64 = 2.0;
 /// The tables follow in steps of so many counts, and at most so often, seconds.
 const TABLES_COUNTS: f64 = 0.15;
 const TABLES_S: f64 = 10.0;
+/// How far at most from the proven zero, counts.
+const BOUND_COUNTS: f64 = 3.0;
 
 /// The offsets of one patch.
 #[derive(Clone, Debug)]
 pub struct Offset {
-    plan: DriftPlan,
+    /// Whether the tables follow what is heavier, too.
+    follows: bool,
     /// Of each module its taxels.
     taxels: Vec<Range<usize>>,
     modules: Vec<ModuleOffset>,
@@ -89,9 +91,9 @@ pub struct Told {
 
 impl Offset {
     /// Of no zero yet.
-    pub fn new(plan: DriftPlan, regions: &Regions) -> Self {
+    pub fn new(follows: bool, regions: &Regions) -> Self {
         Self {
-            plan,
+            follows,
             taxels: regions.modules().to_vec(),
             modules: vec![ModuleOffset::default(); regions.modules().len()],
             window: RestStatistics::new(regions.taxels()),
@@ -112,9 +114,6 @@ impl Offset {
         self.tables_s = 0.0;
         self.predict_s = PREDICT_S; // what the pads say since, after a restart: at once
         self.view = DriftView::default();
-        if self.plan.follow {
-            self.view.state = DriftState::Held;
-        }
         self.restart();
         self.describe();
     }
@@ -257,13 +256,10 @@ impl Offset {
         if self.tables_s < TABLES_S {
             return false;
         }
-        let plan = self.plan;
+        let follows = self.follows;
         let to = |module: &ModuleOffset| {
-            if plan.follow {
-                module.offset().clamp(-plan.bound_counts, plan.bound_counts)
-            } else {
-                module.offset().min(0.0)
-            }
+            let offset = module.offset();
+            if follows { offset.clamp(-BOUND_COUNTS, BOUND_COUNTS) } else { offset.min(0.0) }
         };
         if !self.modules.iter().any(|module| (to(module) - module.followed).abs() >= TABLES_COUNTS) {
             return false;
@@ -322,30 +318,23 @@ impl Offset {
     pub fn shortcoming(&self) -> Option<Reason> {
         let bounded = || self.taxels.iter().zip(&self.modules).filter(|(_, module)| module.is_bounded);
         let target = bounded().map(|(_, module)| module.offset()).reduce(furthest)?;
-        let text = format!("drift of {target:+.1} counts reached its bound of {} counts: tare", self.plan.bound_counts);
+        let text = format!("drift of {target:+.1} counts reached its bound of {BOUND_COUNTS} counts: tare");
         let taxels = bounded().flat_map(|(taxels, _)| taxels.clone());
         Some(Reason::about(positions(taxels), ReasonCode::DriftBounded, text))
     }
 
     fn describe(&mut self) {
-        if !self.plan.follow {
+        if !self.follows {
             return;
         }
         self.view.absorbed = Newton(self.weighed(|module| module.unexplained(module.offset())));
         for module in &mut self.modules {
             // A little below its bound it is free again, so that noise does not make it come and go.
             let at = if module.is_bounded { 0.9 } else { 1.0 };
-            module.is_bounded = module.offset().abs() >= at * self.plan.bound_counts;
+            module.is_bounded = module.offset().abs() >= at * BOUND_COUNTS;
         }
-        let follows = self.modules.iter().any(|module| module.untouched_s >= HOLD_OFF_S);
-        self.view.state = match () {
-            () if self.modules.iter().any(|module| module.is_bounded) => DriftState::Bounded,
-            () if follows => DriftState::Following,
-            () => DriftState::Held,
-        };
         self.view.max_counts = self.modules.iter().map(|module| module.followed).fold(0.0, furthest);
         self.view.median_counts = self.followed_counts();
-        self.view.sigma_counts = self.sigma_counts();
     }
 }
 

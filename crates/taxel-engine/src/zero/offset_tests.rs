@@ -3,7 +3,6 @@
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
 
 use super::*;
-use crate::baseline::Activation;
 use crate::zero::module_offset::GUESS;
 use crate::zero::rest::tests::Noise;
 
@@ -28,10 +27,9 @@ impl Watched {
         let patch = Patch::new("p", vec![board]).unwrap();
         let regions = Regions::new(&patch);
         let taken = vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; TAXELS];
-        let mut ground = Ground::new(&regions, Activation { sigmas: 4.0, floor_counts: 2.0 });
+        let mut ground = Ground::new(&regions);
         ground.take(&taken);
-        let plan = DriftPlan { follow, ..DriftPlan::default() };
-        let offset = Offset::new(plan, &regions);
+        let offset = Offset::new(follow, &regions);
         let mut new = Self { offset, ground, taken, noise: Noise(5), scans: 0, pads: 100.4 };
         new.seconds(2.0, |_| 0.0);
         new.zero();

@@ -2,8 +2,6 @@
 
 use std::time::Duration;
 
-use crate::baseline::Activation;
-
 /// How the zero is taken.
 #[derive(Clone, Copy, Debug)]
 pub struct TarePlan {
@@ -19,30 +17,13 @@ impl Default for TarePlan {
     }
 }
 
-/// Whether and how far the zero follows the temperature of the skin (`offset.rs`).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DriftPlan {
-    /// Whether it does at all.
-    pub follow: bool,
-    /// How far at most from the proven zero, counts.
-    pub bound_counts: f64,
-}
-
-impl Default for DriftPlan {
-    fn default() -> Self {
-        Self { follow: false, bound_counts: 3.0 }
-    }
-}
-
 /// All that the zero of a patch depends on.
 #[derive(Clone, Debug)]
 pub struct ZeroPlan {
     /// How it is taken.
     pub tare: TarePlan,
-    /// Whether and how far it follows the temperature.
-    pub drift: DriftPlan,
-    /// When a taxel counts as touched.
-    pub activation: Activation,
+    /// Whether it follows the temperature of the skin (`offset.rs`).
+    pub follow_drift: bool,
     /// What each board is called.
     pub board_names: Vec<String>,
     /// What each module is called.

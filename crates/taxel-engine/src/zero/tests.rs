@@ -6,7 +6,7 @@ use std::time::Duration;
 use taxel_model::{FitOptions, Samples, TaxelModel};
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, Time};
 
-use crate::baseline::{Activation, TaxelBaseline};
+use crate::baseline::TaxelBaseline;
 use crate::force::reason::ReasonCode;
 use crate::model_set::ModelSet;
 use crate::now::Now;
@@ -17,8 +17,8 @@ use crate::zero::bag::Bag;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::{Trust, Zero};
 use crate::zero::kept::{KeptZero, TakenZero};
-use crate::zero::plan::{DriftPlan, TarePlan, ZeroPlan};
-use crate::zero::view::DriftState;
+use crate::zero::plan::{TarePlan, ZeroPlan};
+use crate::zero::view::DriftView;
 use crate::zero::watch::Purpose;
 
 const MODULES: usize = 8;
@@ -99,18 +99,17 @@ struct Skin {
 
 impl Skin {
     fn new() -> Self {
-        Self::with_drift(DriftPlan::default())
+        Self::with_drift(false)
     }
 
-    fn with_drift(drift: DriftPlan) -> Self {
+    fn with_drift(follow_drift: bool) -> Self {
         let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
         let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
         let patch = Patch::new("p", vec![board]).unwrap();
         let regions = Regions::new(&patch);
         let plan = ZeroPlan {
             tare: TarePlan { at_start: false, ..TarePlan::default() },
-            drift,
-            activation: Activation { sigmas: 4.0, floor_counts: 2.0 },
+            follow_drift,
             board_names: vec!["12".to_owned()],
             module_names: Vec::new(),
         };
@@ -238,21 +237,24 @@ fn a_watch_that_gets_no_scans_ends_at_its_deadline() {
     assert!(why.ends_with("nothing came") && skin.zero.watching().is_none(), "{why}");
 }
 
-/// All taxels creep by a count in ten minutes, which pads that stay where they are do not explain.
+/// All taxels creep by four counts in forty minutes, and the pads cool down with them.
 #[test]
 fn a_drift_is_followed_held_in_a_session_and_told_at_its_bound() {
-    let mut skin = Skin::with_drift(DriftPlan { follow: true, bound_counts: 0.2 }).zeroed(|_| 0);
+    let mut skin = Skin::with_drift(true).zeroed(|_| 0);
     let before = skin.mean(0);
-    assert_eq!(skin.zero.shortcoming(), None);
-    (0..600).for_each(|second| skin.scan(20, |taxel| i16::from(taxel * 600 < second * TAXELS)));
-    assert_eq!((skin.zero.view().drift.state, skin.lost()), (DriftState::Bounded, None));
+    assert_eq!(skin.zero.state().shortcoming, None);
+    for second in 0..2400 {
+        skin.pads = 100 - (second / 400) as u8;
+        skin.scan(20, |taxel| ((second * TAXELS + taxel * 600) / (600 * TAXELS)) as i16);
+    }
+    assert_eq!(skin.lost(), None);
     let held = before - skin.mean(0);
-    assert!((0.15..=0.2).contains(&held), "in steps of a seventh: {held} counts");
-    assert_eq!(skin.zero.shortcoming().expect("at its bound").code(), ReasonCode::DriftBounded);
+    assert!((2.85..=3.0).contains(&held), "in steps of a seventh: {held} counts");
+    assert_eq!(skin.zero.state().shortcoming.expect("at its bound").code(), ReasonCode::DriftBounded);
     assert!(skin.events.iter().any(|event| matches!(event, ZeroEvent::Moved)));
     skin.session_open = true;
-    skin.scan(20 * 60, |_| 0);
+    skin.scan(20 * 60, |_| 3);
     assert_eq!(before - skin.mean(0), held, "a session holds it");
     skin.zero.lose(ReasonCode::ZeroLost, "of a test", &mut skin.events);
-    assert_eq!(skin.zero.view().drift.state, DriftState::Off);
+    assert_eq!(skin.zero.view().drift, DriftView::default());
 }

@@ -57,12 +57,12 @@ impl Disk {
                 None => model_sets.push(set.into()),
             },
             Record::Activated { patch, model_set, .. } => replace(active, patch, model_set),
-            Record::ModelSetDeleted { model_set, .. } => model_sets.retain(|set| set.id != model_set),
-            Record::SessionDeleted { session, .. } => {
+            Record::ModelSetDeleted { model_set } => model_sets.retain(|set| set.id != model_set),
+            Record::SessionDeleted { session } => {
                 self.samples.remove(&session);
                 sessions.retain(|view| view.number != session);
             }
-            Record::Zero { patch, zero, .. } => replace(zeros, patch, zero),
+            Record::Zero { patch, zero } => replace(zeros, patch, zero),
             Record::Load(_) | Record::Asked(_) | Record::Answered(_) | Record::Tared { .. } => {}
         }
     }

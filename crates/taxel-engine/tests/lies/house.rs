@@ -153,7 +153,7 @@ impl Part {
             patch.bring_up = Vec::new();
         }
         patch.outputs.fill = dice.chance(0.5);
-        patch.drift.follow = dice.chance(0.5);
+        patch.follow_drift = dice.chance(0.5);
         if dice.chance(0.2) {
             patch.geometry = None;
         }

@@ -118,7 +118,7 @@ fn a_restart_under_a_load_goes_on_with_the_zero_of_before_within_two_seconds() {
         let patch = || {
             let mut patch = patch_plan(&small().skin);
             patch.bring_up.retain(|_| configures);
-            patch.drift.follow = follow;
+            patch.follow_drift = follow;
             plan(patch)
         };
         let mut bench = Bench::new(small().world.clone(), patch(), small().restored());

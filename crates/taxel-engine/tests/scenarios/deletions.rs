@@ -1,9 +1,7 @@
-//! What is deleted, what is not, and how much there can be.
-
-use taxel_engine::engine::limits::{MODEL_SETS_MAX, SESSIONS_MAX};
+//! What is deleted, and what is not.
 
 use crate::prelude::*;
-use crate::say::{activate, delete_set, import, other, start};
+use crate::say::{activate, delete_set, other, start};
 
 fn known(bench: &Bench) -> Vec<&str> {
     bench.host.catalogue.model_sets.iter().map(|set| set.id.as_str()).collect()
@@ -127,45 +125,6 @@ fn a_session_that_is_deleted_while_its_samples_are_read_does_not_go_on() {
     }
     let ramps = bench.host.records.iter().filter(|r| matches!(r, Record::Session(view) if view.number == session));
     assert!(ramps.clone().all(|r| !matches!(r, Record::Session(view) if view.ramps > 1)));
-}
-
-#[test]
-fn at_the_limit_of_model_sets_an_operator_is_told_to_delete_some() {
-    let sets: Vec<_> = (0..MODEL_SETS_MAX).map(|n| other(&format!("m-{n}"))).collect();
-    let model_sets = sets.iter().map(|set| KnownSet::stored(SetSummary::of(set))).collect();
-    let restored = Restored { model_sets, ..Restored::default() };
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), restored);
-    bench.brought_up();
-    for command in [import(other("m-more")), start()] {
-        let why = bench.refused(command);
-        let expected = "there are 1000 model sets, and 1000 is the limit: delete some with DeleteModelSet first";
-        assert_eq!(why, expected);
-    }
-    assert!(bench.ask(import(Arc::clone(&sets[7]))).is_ok(), "one that is there already needs no room");
-    bench.ask(delete_set("m-7")).unwrap();
-    bench.host.disk_is_slow = true;
-    let first = bench.host.command(import(other("m-more")));
-    let why = bench.refused(import(other("m-too-much")));
-    assert!(why.contains("1000 is the limit"), "what is being written counts: {why}");
-    bench.host.commit(Ok(()));
-    assert!(matches!(bench.host.reply(first), Some(Ok(Done::Kept { .. }))));
-    assert_eq!(known(&bench).len(), MODEL_SETS_MAX);
-}
-
-#[test]
-fn at_the_limit_of_sessions_an_operator_is_told_to_delete_some() {
-    let view = |number| {
-        let (patch, state) = ("small".to_owned(), SessionState::Aborted);
-        Arc::new(SessionView { number, patch, state, ..SessionView::default() })
-    };
-    let sessions: Vec<_> = (1..=SESSIONS_MAX as u64).map(view).collect();
-    let restored = Restored { sessions, next_session: SESSIONS_MAX as u64 + 1, ..Restored::default() };
-    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), restored);
-    bench.brought_up();
-    let why = bench.refused(start());
-    assert_eq!(why, "there are 10000 sessions, and 10000 is the limit: delete some with DeleteSession first");
-    bench.ask(Command::DeleteSession { session: 1 }).unwrap();
-    assert_eq!(session_of(bench.ask(start())).number, 10_001);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A device that is described by its signals is used as it was at the calibration, with what it was sent then.
 
 use crate::array::Scene as _;
-use crate::described::{Scene, patch_plan, plan};
+use crate::described::{Scene, plan};
 use crate::prelude::*;
 
 /// The same set with these words for the commands; with none it is one of an earlier version, which did not tell them.
@@ -27,21 +27,4 @@ fn a_described_device_gets_its_commands_at_a_start_unless_it_streams_with_them()
         let state = if known { ForceState::Ok } else { ForceState::TareInvalid };
         assert_eq!((sent, scene.host.state()), (!known, state), "{}", scene.host.reasons());
     }
-}
-
-/// Another patch reads the same device and has the commands for it.
-#[test]
-fn a_device_is_configured_by_one_of_its_patches_and_both_lose_their_zero() {
-    let scene = Scene::in_use();
-    let set = told(&scene.host.newest_set(), "");
-    let mut half = patch_plan("half", 0x18FE_0000);
-    half.devices[0].commands = vec![(Duration::ZERO, Frame::data(CanId::Extended(0x18FD_0001), &[1]).unwrap())];
-    let plan = Plan { buses: 1, patches: vec![patch_plan("array", 0x18FE_0000), half] };
-    let mut scene = Scene::new(plan, Disk::with(vec![set], &[]).found());
-    scene.seconds(5.0);
-    assert_eq!(scene.host.sent.len(), 1, "one of them sends it");
-    assert_eq!(scene.host.state(), ForceState::TareInvalid, "nobody saw what lay on it");
-    scene.ask(Command::BringUp { patch: "array".to_owned(), confirmed_by: Some("Ada".to_owned()) });
-    scene.seconds(1.0);
-    assert_eq!(scene.host.sent.len(), 2, "whoever asks for one of them asks for both");
 }

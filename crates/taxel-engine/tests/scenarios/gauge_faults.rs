@@ -131,11 +131,7 @@ fn no_ramp_begins_before_the_gauge_is_heard() {
     bench.seconds(8.0);
     let session = bench.host.session();
     assert_eq!((session.state, session.ramps), (SessionState::Taring, 0));
-    assert!(
-        session.reason.starts_with("waiting for an unloaded skin: the last pressure frame came"),
-        "{}",
-        session.reason
-    );
+    assert!(session.reason.starts_with("waiting for an unloaded skin: the last pressure came"), "{}", session.reason);
     bench.repair(Fault::GaugeSilent);
     let young = "waiting for an unloaded skin: the gauge has been heard for less than a second, or not twice in each half of it";
     bench.until(3.0, young, |host| host.session().reason == young);

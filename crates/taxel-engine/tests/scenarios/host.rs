@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::calibration::{FitJob, SessionView};
-use taxel_engine::catalogue::StoreDamage;
 use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::events::{Event, EventWatch};
 use taxel_engine::model_set::ModelSet;
@@ -150,7 +149,7 @@ impl Host {
         self.step(Input::Bus(BUS, notice));
     }
 
-    pub fn store_damaged(&mut self, damage: StoreDamage) {
+    pub fn store_damaged(&mut self, damage: Vec<String>) {
         self.step(Input::StoreDamaged(damage));
     }
 

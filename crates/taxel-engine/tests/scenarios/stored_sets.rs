@@ -1,7 +1,5 @@
 //! Model sets that are in the store and not in memory.
 
-use taxel_engine::catalogue::StoreDamage;
-
 use crate::prelude::*;
 use crate::say::{activate, delete_set, other};
 
@@ -67,40 +65,16 @@ fn a_set_that_is_damaged_on_disk_or_was_gathered_with_other_modules_does_not_com
 }
 
 #[test]
-fn damage_that_the_store_finds_is_in_the_health_and_what_is_lost_is_not_listed() {
+fn damage_that_the_store_finds_is_in_the_health_and_can_be_mended_by_an_import() {
     let (mut bench, _) = with_another_stored("m-other");
-    let used = small().set.id.clone();
     let problems = vec!["model set m-other is damaged on disk and not used".to_owned()];
-    let model_sets = vec!["m-other".to_owned(), used.clone()];
-    bench.host.store_damaged(StoreDamage { problems: problems.clone(), model_sets, sessions: Vec::new() });
+    bench.host.store_damaged(problems.clone());
     bench.seconds(1.0);
     assert_eq!(bench.host.health().store.damage, problems);
     assert!(bench.host.health().problems.contains(&problems[0]));
-    let listed: Vec<_> = bench.host.catalogue.model_sets.iter().map(|set| set.id.as_str()).collect();
-    assert_eq!(listed, [used.as_str()], "a set in use is whole in memory");
-    assert!(matches!(bench.ask(activate("m-other")), Err(Rejection::NotFound(..))));
+    assert!(bench.refused(activate("m-other")).contains("damaged on disk"));
     bench.import(other("m-other"));
     bench.activate("m-other").unwrap();
-}
-
-/// One that was interrupted could only have gone on from its samples; the others have their models.
-#[test]
-fn an_interrupted_session_whose_samples_are_damaged_has_failed_and_no_other_has() {
-    let states = [SessionState::Interrupted, SessionState::Review, SessionState::Interrupted];
-    let session = |(number, state)| {
-        Arc::new(SessionView { number, state, model_set: None, changed_wall_ns: 1, ..small().session.clone() })
-    };
-    let restored = Restored { sessions: (1..).zip(states).map(session).collect(), ..small().restored() };
-    let mut bench = small().listening(restored, |_| ());
-    bench.seconds(0.5);
-    let sessions = [1, 2, 9].map(|number| (number, "a torn record".to_owned())).to_vec();
-    bench.host.store_damaged(StoreDamage { problems: Vec::new(), model_sets: Vec::new(), sessions });
-    bench.seconds(0.5);
-    let listed = &bench.host.catalogue.sessions;
-    let is: Vec<_> = listed.iter().map(|view| (view.number, view.state, view.changed_wall_ns > 1)).collect();
-    let (failed, review) = (SessionState::Failed, SessionState::Review);
-    assert_eq!(is, [(1, failed, true), (2, review, false), (3, SessionState::Interrupted, false)]);
-    assert_eq!(listed[0].reason, "its samples are damaged on disk: a torn record");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Known loads on the skin.
 
 use taxel_engine::command::Reply;
-use taxel_engine::loads::{KnownLoad, LOADS_MAX, Load, Validation, Weight};
+use taxel_engine::loads::{KnownLoad, Load, Validation, Weight};
 use taxel_skin::Newton;
 
 use crate::prelude::*;
@@ -72,19 +72,6 @@ fn what_a_skin_reads_under_known_masses_is_kept_and_judged_also_after_a_restart(
     let other = restarted(1.1);
     assert_eq!(validation(&other).mean_absolute_error, None);
     assert!(validation(&other).loads.iter().all(|judged| judged.outdated_because.contains("areas")));
-}
-
-#[test]
-fn at_the_limit_of_loads_no_further_one_is_read() {
-    let load = weigh_known(&mut small().in_use(), 0.5, 33);
-    let loads = (1..=LOADS_MAX as u64).map(|number| Arc::new(Load { number, ..Load::clone(&load) })).collect();
-    let restored = Restored { loads, next_load: LOADS_MAX as u64 + 1, ..small().restored() };
-    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), restored);
-    bench.until_force(10.0, ForceState::Ok);
-    bench.lay(0.5, 33);
-    bench.seconds(1.5);
-    let why = bench.refused(record(Weight::Kilogram(0.5)));
-    assert_eq!(why, "there are 10000 loads, and 10000 is the limit: none can be added");
 }
 
 #[test]

@@ -168,7 +168,7 @@ pub fn load(number: u64) -> Record {
 
 pub fn zeros(unproven: Option<&str>) -> Record {
     let unproven = unproven.map(str::to_owned);
-    Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { unproven, ..KeptZero::default() }, wall_ns: 0 }
+    Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { unproven, ..KeptZero::default() } }
 }
 
 /// Whether every zero of the patch needs confirmation.

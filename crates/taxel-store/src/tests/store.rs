@@ -56,7 +56,7 @@ fn loads_zeros_and_the_audit_log_come_back_and_numbers_go_on() {
         zero: Some(Arc::new(zero)),
     };
     let (store, ..) = open(&path);
-    let noted = Record::Zero { patch: PATCH.to_owned(), zero: known.clone(), wall_ns: 0 };
+    let noted = Record::Zero { patch: PATCH.to_owned(), zero: known.clone() };
     write(&store, vec![load(1), load(2), asked(1), asked(2), answered(1), noted]).unwrap();
     store.close().unwrap();
     let (store, restored, quarantined, _events) = open(&path);
@@ -161,8 +161,8 @@ fn what_was_deleted_is_in_no_file_and_its_number_is_not_used_again() {
     let found =
         || fs::read_dir(dir.path()).unwrap().filter(|file| holds(&fs::read(file.as_ref().unwrap().path()).unwrap()));
     assert_eq!(found().count(), 2, "the log and the copy");
-    let gone = Record::ModelSetDeleted { model_set: first.id.clone(), wall_ns: 0 };
-    write(&store, vec![Record::SessionDeleted { session: 5, wall_ns: 0 }, gone]).unwrap();
+    let gone = Record::ModelSetDeleted { model_set: first.id.clone() };
+    write(&store, vec![Record::SessionDeleted { session: 5 }, gone]).unwrap();
     samples_of(&store, 5).unwrap();
     assert_eq!(found().count(), 0);
     store.close().unwrap();
@@ -176,7 +176,7 @@ fn a_set_in_use_that_is_deleted_is_not_in_use_after_a_restart_also_if_it_is_impo
     let (_dir, path) = place();
     let [_, second] = filled(&path);
     let (store, ..) = open(&path);
-    write(&store, vec![Record::ModelSetDeleted { model_set: second.id.clone(), wall_ns: 0 }]).unwrap();
+    write(&store, vec![Record::ModelSetDeleted { model_set: second.id.clone() }]).unwrap();
     write(&store, vec![Record::ModelSet(Arc::new(second))]).unwrap();
     store.close().unwrap();
     let (_, restored, quarantined, _events) = open(&path);

@@ -45,20 +45,6 @@ pub async fn agree(agreed: bool, question: &str, command: &str) -> Outcome {
 /// # Errors
 /// If standard input cannot be read.
 pub async fn yes(question: &str, enter: bool) -> Outcome<bool> {
-    yes_or_details(question, enter, None).await
-}
-
-/// Asks for yes or no, and shows the details first where they are asked for.
-///
-/// # Errors
-/// If standard input cannot be read.
-pub async fn yes_or_details(question: &str, enter: bool, details: Option<&dyn Fn()>) -> Outcome<bool> {
-    let (keys, more) = (if enter { "Y/n" } else { "y/N" }, if details.is_some() { ", d: details" } else { "" });
-    loop {
-        match (ask(&format!("{question} [{keys}{more}]")).await?.as_str(), details) {
-            ("d" | "details", Some(show)) => show(),
-            ("", _) => return Ok(enter),
-            (other, _) => return Ok(matches!(other, "y" | "yes")),
-        }
-    }
+    let answer = ask(&format!("{question} [{}]", if enter { "Y/n" } else { "y/N" })).await?;
+    Ok(if answer.is_empty() { enter } else { matches!(answer.as_str(), "y" | "yes") })
 }

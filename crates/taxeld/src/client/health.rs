@@ -129,7 +129,10 @@ mod tests {
     fn a_patch_with_a_model_set_and_no_force_is_a_trouble_and_the_gauge_is_a_line() {
         let tare = Some(TareStatus { valid: true, ..Default::default() });
         let patch = PatchHealth { patch: "palm".to_owned(), tare, has_gauge: true, ..Default::default() };
-        let said = |patch: &PatchHealth| of_patch(patch, &Places::default()).join("\n");
+        let said = |patch: &PatchHealth| {
+            let lines = of_patch(patch, &Places::default()).join("\n");
+            anstream::adapter::strip_str(&lines).to_string()
+        };
         assert!(said(&patch).contains("gauge: SILENT: no reading has come"), "{}", said(&patch));
         let heard = PatchHealth { gauge_kpa: Some(0.12), gauge_age_s: Some(0.02), ..patch.clone() };
         assert!(said(&heard).contains("gauge: 0.12 kPa, 20 ms old"), "{}", said(&heard));

@@ -12,10 +12,7 @@ static POOL: LazyLock<DescriptorPool> =
     LazyLock::new(|| DescriptorPool::decode(taxel_proto::DESCRIPTORS).unwrap_or_default());
 
 /// The JSON of a message of package `taxel.v1` in one line.
-///
-/// # Errors
-/// If the package has no message of this name.
-pub fn text(name: &str, message: &impl Message) -> anyhow::Result<String> {
+fn text(name: &str, message: &impl Message) -> anyhow::Result<String> {
     let descriptor =
         POOL.get_message_by_name(&format!("taxel.v1.{name}")).with_context(|| format!("no message {name}"))?;
     let dynamic = DynamicMessage::decode(descriptor, message.encode_to_vec().as_slice())?;

@@ -16,12 +16,10 @@ mod load;
 mod model_set;
 mod models;
 mod places;
-mod rate;
 mod recalibrate;
 mod sessions;
 mod table;
 mod tare;
-mod top;
 mod watch;
 
 use std::process::ExitCode;
@@ -35,10 +33,6 @@ pub enum ClientCommand {
     Calibrate(calibrate::CalibrateArgs),
     /// The force as it comes, with its uncertainty, age and state.
     Watch(watch::WatchArgs),
-    /// The force, the skin, its boards and what happens, living in a terminal.
-    Top(top::TopArgs),
-    /// How often new values really come, how old they are, and where they pause.
-    Rate(rate::RateArgs),
     /// Takes the zero of the unloaded skin.
     ///
     /// Nothing may touch the skin; the daemon refuses unless the counts show an unloaded skin.
@@ -90,8 +84,6 @@ async fn one(command: ClientCommand) -> failure::Outcome {
     match command {
         ClientCommand::Calibrate(args) => calibrate::calibrate(args).await,
         ClientCommand::Watch(args) => watch::watch(args).await,
-        ClientCommand::Top(args) => top::top(args).await,
-        ClientCommand::Rate(args) => rate::rate(args).await,
         ClientCommand::Tare(args) => tare::tare(args).await,
         ClientCommand::BringUp(args) => tare::bring_up(args).await,
         ClientCommand::Load(args) => load::load(args).await,

@@ -16,7 +16,6 @@ use super::connect::{Asked, Daemon};
 use super::failure::Outcome;
 use super::model_set::print_set;
 use super::{ask, json, table};
-use crate::say::short;
 use crate::values::refusals;
 
 /// So much of a reason is kept with a session: 2000 bytes, and a character may have four.
@@ -134,7 +133,7 @@ pub async fn advance(daemon: &Daemon, session: u64, action: SessionAction) -> Ou
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn abort(daemon: &Daemon, session: u64, reason: &str) -> Outcome<Session> {
-    let reason = short(&printable(reason), REASON_CHARS_MAX);
+    let reason = printable(reason).chars().take(REASON_CHARS_MAX).collect();
     let action = SessionAction::Abort.into();
     let request = AdvanceSessionRequest { session, action, reason, typed_kpa: None };
     Ok(daemon.calibration().advance_session(request).await?.into_inner())

@@ -123,7 +123,7 @@ async fn budget(daemon: &Daemon) -> Outcome {
             force.total_n
         );
         for term in &terms {
-            say!("  {:.2} N  {}", term.sigma_n, in_words(&term.term));
+            say!("  {:.2} N  {}", term.sigma_n, term.term);
         }
         if let Some(undetected_n) = undetected_n {
             say!(
@@ -133,27 +133,6 @@ async fn budget(daemon: &Daemon) -> Outcome {
         }
     }
     verdict(Some(judged))
-}
-
-/// A term of the budget for people; the page says the same.
-fn in_words(term: &str) -> &str {
-    match term {
-        "readings" => "noise of each taxel",
-        "choice" => "a light touch may be noise",
-        "zero" => "the zero may have moved",
-        "creep" => "creep after an earlier load",
-        "curve" => "fit of the curves",
-        "beyond range" => "beyond the calibrated range",
-        "gauge" => "the pressure gauge",
-        "gain of the day" => "the skin differs from day to day",
-        "area" => "area of a taxel",
-        "sampling" => "load between the taxels",
-        "rim" => "load at the rim of the skin",
-        "dead zone" => "load that no count shows",
-        "unread taxels" => "excluded and faulty taxels",
-        "flicker" => "a module that jumps",
-        other => other,
-    }
 }
 
 fn show(args: &WatchArgs, judged: &Judged) -> Outcome {
@@ -258,6 +237,11 @@ mod tests {
         Judged::new(Received::now(sample), Moment::now())
     }
 
+    /// The line without its colour.
+    fn words(judged: &Judged) -> String {
+        anstream::adapter::strip_str(&describe(judged)).to_string()
+    }
+
     #[test]
     fn a_force_that_waited_too_long_goes_on_as_none() {
         let fresh = judged(ForceState::Ok, Some(4.9));
@@ -270,14 +254,14 @@ mod tests {
 
     #[test]
     fn a_line_has_the_force_its_uncertainty_its_age_and_its_state() {
-        let line = describe(&judged(ForceState::Degraded, Some(4.9)));
+        let line = words(&judged(ForceState::Degraded, Some(4.9)));
         assert!(line.starts_with("palm: 4.90 N (4.40 N or more), "), "{line}");
         assert!(line.ends_with(" ms old, 18 taxels active, DEGRADED: a module is silent"), "{line}");
     }
 
     #[test]
     fn without_a_force_the_line_says_why_and_shows_no_number() {
-        let line = describe(&judged(ForceState::TareInvalid, None));
+        let line = words(&judged(ForceState::TareInvalid, None));
         assert_eq!(line, "palm: no force: TARE_INVALID: a module is silent");
     }
 

@@ -167,7 +167,6 @@ fn device(
         frames: frames.collect(),
         scans,
         status,
-        temperature: None,
         commands: array.commands.iter().map(|text| command(text)).collect::<Result<_, _>>()?,
         sender: if listen_only { Sender::Elsewhere } else { Sender::Patch },
     })

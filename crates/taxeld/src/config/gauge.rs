@@ -13,15 +13,13 @@ use super::file::{BusSection, BusSource, Config};
 use super::patch_section::{BranchesWord, GaugeSection, PatchSection, ReferenceWord};
 use super::ports;
 use super::problem::Faults;
-use crate::rig::{At, Line};
+use crate::rig::{At, Line, unescaped};
 
 #[cfg(test)]
 mod tests;
 
 /// At sea level. A gauge that reads the bag's own pressure finds out by itself how far the weather is from it.
 const AMBIENT_KPA: f64 = 101.325;
-/// Longest question to a gauge, in bytes.
-const POLL_BYTES_MAX: usize = 64;
 
 /// Where the pressure comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,7 +143,7 @@ pub fn gauge(
     let signal = match kind {
         Port => ports::gauge(gauge, gauge.port.as_deref().unwrap_or_default(), faults)?,
         OnLine => {
-            let unit = match line(config, section, faults)?.speech {
+            let unit = match line(section, faults)?.speech {
                 Speech::Text { template, .. } => template.unit(),
                 Speech::Modbus(..) => ports::named_unit(gauge, "register's steps", faults),
             }?;
@@ -217,22 +215,19 @@ fn refers_to(gauge: &GaugeSection, faults: &mut Faults) -> (PressureMeaning, f64
 }
 
 /// A gauge that prints text or has a register.
-fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<Line> {
+fn line(section: &PatchSection, faults: &mut Faults) -> Option<Line> {
     let gauge = section.gauge.as_ref()?;
     let at = gauge.line.as_deref()?;
-    let says = |of: &GaugeSection| (of.template.clone(), of.poll.clone(), of.register.clone());
-    let same = |other: &GaugeSection| other.line.as_deref() != Some(at) || says(other) == says(gauge);
-    if let Some(other) = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(|other| !same(other))) {
-        let words =
-            format!("gauge.line: patch `{}` reads it otherwise: one gauge has the same keys in both", other.name);
-        faults.note("gauge.line", words);
-    }
     let at = faults.take("gauge.line", At::new(at).map_err(|why| format!("gauge.line = \"{at}\": {why}")))?;
     let speech = match (&gauge.template, &gauge.register) {
-        (Some(template), None) => text(gauge, template, faults)?,
+        (Some(template), None) => {
+            let read = Template::new(template).map_err(|why| format!("gauge.template = \"{template}\": {why}"));
+            let poll = unescaped(gauge.poll.as_deref().unwrap_or_default());
+            Speech::Text { poll, template: faults.take("gauge.template", read)? }
+        }
         (None, Some(register)) => {
             let read = Register::new(register).map_err(|why| format!("gauge.register = \"{register}\": {why}"));
-            let framing = if at.is_serial() { Framing::Rtu } else { Framing::Tcp };
+            let framing = if matches!(at, At::Serial(..)) { Framing::Rtu } else { Framing::Tcp };
             Speech::Modbus(Request::Read(faults.take("gauge.register", read)?), framing)
         }
         _ => {
@@ -245,25 +240,11 @@ fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<
     Some(Line { at, speech })
 }
 
-fn text(gauge: &GaugeSection, template: &str, faults: &mut Faults) -> Option<Speech> {
-    let poll = gauge.poll.clone().unwrap_or_default();
-    // In single quotes of TOML an escape is two characters.
-    let has_escape = ["\\r", "\\n"].iter().any(|escape| poll.contains(escape));
-    if gauge.poll.is_some() && (has_escape || !(1..=POLL_BYTES_MAX).contains(&poll.len())) {
-        let words = format!(
-            "gauge.poll: expected 1 to {POLL_BYTES_MAX} bytes in double quotes, with the end of the line, as in \"P\\r\\n\""
-        );
-        faults.note("gauge.poll", words);
-    }
-    let read = Template::new(template).map_err(|why| format!("gauge.template = \"{template}\": {why}"));
-    Some(Speech::Text { poll, template: faults.take("gauge.template", read)? })
-}
-
 /// The line of a bus that is one; it was checked.
 pub fn line_of(config: &Config, bus: &BusSection) -> Option<Line> {
     let on_it = |gauge: &GaugeSection| gauge.bus.as_ref() == Some(&bus.name) && gauge.line.is_some();
     let section = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(on_it))?;
-    line(config, section, &mut Faults::default())
+    line(section, &mut Faults::default())
 }
 
 /// The signal of a gauge on a CAN bus.

@@ -8,7 +8,7 @@ use taxel_engine::plan::{LiveLimits, SessionLimits, TarePlan};
 use taxel_model::GaugeUncertainty;
 use taxel_skin::Kilopascal;
 
-use super::patch_section::{BranchesWord, GaugeSection, PatchSection, PlaysWord, SessionSection};
+use super::patch_section::{BranchesWord, GaugeSection, PatchSection, SessionSection};
 use super::problem::Faults;
 
 /// When a taxel counts as touched or stale.
@@ -33,7 +33,7 @@ pub fn tare(section: &PatchSection, period: Duration) -> TarePlan {
 }
 
 /// The rules of a session.
-pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) -> SessionLimits {
+pub fn session(section: &SessionSection, faults: &mut Faults) -> SessionLimits {
     let defaults = SessionLimits { pressurised_chamber: section.pressurised_chamber, ..SessionLimits::default() };
     let target = section.target_kpa.unwrap_or(defaults.target.0);
     // A ramp begins below `vented_below` and has to end above it.
@@ -49,18 +49,16 @@ pub fn session(section: &SessionSection, plays: PlaysWord, faults: &mut Faults) 
     }
     let noise_band = section.noise_band_kpa.unwrap_or(defaults.noise_band.0);
     faults.range("session.noise_band_kpa", noise_band, 0.0, (target / 2.0).min(50.0));
-    let rise_max = section.rise_max_kpa_per_s.unwrap_or(defaults.rise_max_kpa_per_s);
-    faults.range("session.rise_max_kpa_per_s", rise_max, 0.1, 1000.0);
+    let steepest = section.rise_max_kpa_per_s.unwrap_or(defaults.steepest_kpa_per_s);
+    faults.range("session.rise_max_kpa_per_s", steepest, 0.1, 1000.0);
     SessionLimits {
         target: Kilopascal(target),
         noise_band: Kilopascal(noise_band),
-        rise_max_kpa_per_s: rise_max,
-        fall_max_kpa_per_s: rise_max,
+        steepest_kpa_per_s: steepest,
         branches: match section.branches {
             BranchesWord::Rising => Branch::Rising,
             BranchesWord::Both => Branch::Both,
         },
-        plays: plays == PlaysWord::Auto,
         ..defaults
     }
 }

@@ -104,9 +104,6 @@ pub fn doors(config: &Config, path: &Path, faults: &mut Faults) -> Doors {
         let Some(door) = faults.take(&key, door(text, config, path)) else { continue };
         doors.push(door);
     }
-    if config.socket_group.as_deref() == Some("") {
-        faults.note("socket_group", "socket_group = \"\": expected the name of a group");
-    }
     let Some(access) = &config.access else {
         if !doors.iter().all(is_near) {
             let words = "listen: an address for other machines needs an [access] section that says who may do what";
@@ -114,9 +111,6 @@ pub fn doors(config: &Config, path: &Path, faults: &mut Faults) -> Doors {
         }
         return Doors { doors, rules: Rules::open(), tokens: None, ruled: false };
     };
-    if access.tokens.as_deref().is_some_and(|file| file.as_os_str().is_empty()) {
-        faults.note("access.tokens", "access.tokens = \"\": expected the path of a file");
-    }
     let tokens = access.tokens.as_deref().map(|file| beside(path, file));
     Doors { doors, rules: rules(access, faults), tokens, ruled: true }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use taxel_dbc::DbcFile;
-use taxel_engine::plan::{BoardSetup, DevicePlan, DriftPlan, Outputs, PatchPlan, PushPlan, SessionLimits};
+use taxel_engine::plan::{BoardSetup, DevicePlan, Outputs, PatchPlan, PushPlan, SessionLimits};
 use taxel_model::FitOptions;
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
 
@@ -44,7 +44,7 @@ pub fn patch_plan(
     let period = Duration::from_millis(u64::from(section.period_ms));
     let live = live(section, period, faults);
     let typed = section.gauge.as_ref().is_some_and(|gauge| gauge.typed);
-    let session = SessionLimits { typed, ..session(&section.session, section.fit.plays, faults) };
+    let session = SessionLimits { typed, ..session(&section.session, faults) };
     let stated = section.gauge.as_ref().map(|gauge| gauge_uncertainty(gauge, faults)).unwrap_or_default();
     let fit = FitOptions { gauge: stated, ..FitOptions::default() };
     let bus = bus_index(config, "bus", &section.bus, faults);
@@ -61,7 +61,6 @@ pub fn patch_plan(
     let outputs = outputs(section, geometry.as_ref(), said);
     let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
     tell(section, (devices.is_empty(), padless), said);
-    let follow = section.follow_drift && !padless;
     Some(PatchPlan {
         areas,
         area_uncertainty: area_uncertainty(section, faults),
@@ -74,9 +73,8 @@ pub fn patch_plan(
         gauge,
         outputs,
         live,
-        faults: Default::default(),
         tare: tare(section, period),
-        drift: DriftPlan { follow, ..DriftPlan::default() },
+        follow_drift: section.follow_drift && !padless,
         session,
         fit,
         patch,

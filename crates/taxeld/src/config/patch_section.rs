@@ -54,9 +54,6 @@ pub struct PatchSection {
     /// Rules of a session.
     #[serde(default)]
     pub session: SessionSection,
-    /// How models are fitted.
-    #[serde(default)]
-    pub fit: FitSection,
 }
 
 fn yes() -> bool {
@@ -241,23 +238,4 @@ pub enum BranchesWord {
     Rising,
     /// The fall after it too.
     Both,
-}
-
-/// `[patch.fit]`
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct FitSection {
-    /// Whether the hysteresis that a session over both branches learns is compensated.
-    pub plays: PlaysWord,
-}
-
-/// Compensation of hysteresis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PlaysWord {
-    /// If it wins on a branch that the fit did not see.
-    #[default]
-    Auto,
-    /// Never: the hysteresis is in the uncertainty.
-    Off,
 }

@@ -98,9 +98,6 @@ fn page(config: &Config, faults: &mut Faults) {
 
 fn record(config: &Config, faults: &mut Faults) {
     let Some(section) = &config.record else { return };
-    if section.path.as_os_str().is_empty() {
-        faults.note("record.path", "record.path = \"\": expected a folder");
-    }
     if section.budget_mb < RECORD_MB_MIN {
         let words = format!("record.budget_mb = {}: expected {RECORD_MB_MIN} or more", section.budget_mb);
         faults.note("record.budget_mb", words);

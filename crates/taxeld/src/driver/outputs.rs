@@ -77,7 +77,7 @@ impl Driver {
     fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>, is_done: bool) {
         let wall_ns = (self.clock)().wall_ns;
         let (mut replies, mut refusals, mut refused) = (Vec::new(), Vec::new(), Vec::new());
-        for (request, Waiting { reply: to, patch, .. }, reply) in answers {
+        for (request, Waiting { reply: to, patch }, reply) in answers {
             let row = patch.map(|patch| self.audit.answered(request, wall_ns, &patch, &reply));
             let (rows, replies) =
                 if reply.is_ok() { (&mut records, &mut replies) } else { (&mut refusals, &mut refused) };
@@ -130,7 +130,8 @@ impl Driver {
     fn commit_intended(&self, ticket: u64, records: Vec<Record>) {
         let done = self.tell_done.clone();
         let on_durable: OnDurable = Box::new(move |outcome: Result<Durability, StoreError>| {
-            done.tell(Done::Committed(ticket, outcome.map(|_| ()).map_err(|error| error.to_string())));
+            let result = outcome.map(|_| ()).map_err(|error| error.to_string());
+            done.tell(Done::Input(Input::Committed { ticket, result }));
         });
         if let Err(full) = self.store.submit(Batch { records, on_durable: Some(on_durable) }) {
             let why = refuse(full);
@@ -146,24 +147,16 @@ impl Driver {
                 StoreError::DamagedRow(damage) => NotLoaded::Damaged(damage.reason),
                 error => NotLoaded::Unavailable(error.to_string()),
             });
-            done.tell(Done::Loaded(ticket, result));
+            done.tell(Done::Input(Input::Loaded { ticket, result }));
         });
         self.store.reader().samples(session, on_samples);
     }
 
-    /// Reads a model set, and gives it to the engine.
+    /// Reads a model set, and gives it to the engine. It takes the store's thread ten milliseconds, for which no frame should wait.
     fn load_set(&self, ticket: u64, model_set: String) {
-        let (store, done) = (self.store.reader(), self.tell_done.clone());
-        tokio::spawn(async move {
-            let (tell, told) = oneshot::channel();
-            store.model_set(model_set, Box::new(move |text| drop(tell.send(text)))); // it is waited for below
-            let text = told.await.unwrap_or(Err(StoreError::Closed));
-            // Ten milliseconds, for which no frame should wait.
-            let read = tokio::task::spawn_blocking(move || read_set(text)).await;
-            let lost =
-                |_| Err(NotLoaded::Unavailable("reading it was lost, which is a fault of this program".to_owned()));
-            done.tell(Done::SetLoaded(ticket, read.unwrap_or_else(lost)));
-        });
+        let done = self.tell_done.clone();
+        let on_set = move |text| done.tell(Done::Input(Input::SetLoaded { ticket, result: read_set(text) }));
+        self.store.reader().model_set(model_set, Box::new(on_set));
     }
 
     fn hide_session(&mut self, index: usize) {
@@ -212,7 +205,7 @@ pub(super) async fn fit(
         let why = "the fit was lost, which is a fault of this program; the samples are kept";
         FitOutcome { session, asked_wall_ns, result: Err(why.to_owned()) }
     });
-    done.tell(Done::Fitted(outcome));
+    done.tell(Done::Input(Input::Fitted(outcome)));
 }
 
 /// Tells whoever waits for a batch that the store's queue has no room for it, and gives the words.

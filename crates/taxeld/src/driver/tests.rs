@@ -6,7 +6,6 @@ use super::outputs::fit;
 use super::*;
 use std::path::Path;
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use taxel_model::{GaugeUncertainty, Status, TaxelModel};
@@ -359,7 +358,7 @@ async fn what_is_done_is_told_so_also_where_what_follows_from_it_cannot_be_writt
 async fn a_fit_that_is_lost_comes_back_with_the_reason() {
     let (tell_done, mut done) = TellDone::new();
     fit((7, 1), tell_done, || panic!("a fault that this test makes")).await;
-    let Some(Done::Fitted(outcome)) = done.recv().await else { panic!("nothing came back") };
+    let Some(Done::Input(Input::Fitted(outcome))) = done.recv().await else { panic!("nothing came back") };
     assert_eq!(outcome.session, 7);
     let why = outcome.result.unwrap_err();
     assert!(why.contains("the fit was lost") && why.contains("samples are kept"), "{why}");
@@ -406,7 +405,7 @@ async fn the_audit_log_has_who_asked_and_the_model_set_before_and_after() {
 #[tokio::test]
 async fn nothing_is_done_that_the_audit_log_cannot_have() {
     let mut bench = Bench::new();
-    bench.driver.take_done(Done::Store(StoreEvent::Failed("the disk is gone".to_owned())));
+    bench.driver.take_done(Done::Input(Input::StoreFailed("the disk is gone".to_owned())));
     let command = Command::BringUp { patch: String::new(), confirmed_by: None };
     let refused = bench.audited("ann", command).await.unwrap_err();
     assert_eq!(
@@ -443,7 +442,7 @@ async fn a_bring_up_waits_until_it_is_on_disk_who_asked_for_it() {
         bench.turn().await;
     }
     let said = bench.audit_log().into_iter().find(|[who, ..]| who == "eve").unwrap();
-    assert!(said[3].contains("nothing is done so late"), "{said:?}");
+    assert!(said[3].contains("nothing is done"), "{said:?}");
     let Err(Rejection::FailedPrecondition(reason, _)) = bench.audited("bob", command()).await else {
         panic!("this one only listens")
     };

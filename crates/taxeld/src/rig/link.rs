@@ -17,9 +17,9 @@ use tokio::net::unix::pipe::{Receiver, Sender};
 use tokio::time::timeout;
 
 /// What micro boards on USB have, most often.
-pub const BAUD_USUAL: u32 = 115_200;
+const BAUD_USUAL: u32 = 115_200;
 /// What a serial device can be set to.
-pub const BAUD_RATES: [u32; 10] = [1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800];
+const BAUD_RATES: [u32; 10] = [1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800];
 
 /// A host that is there answers sooner.
 const CONNECT_WITHIN: Duration = Duration::from_secs(3);
@@ -59,19 +59,6 @@ impl At {
         }
     }
 
-    /// Whether it is a device, which has a rate.
-    pub const fn is_serial(&self) -> bool {
-        matches!(self, Self::Serial(..))
-    }
-
-    /// The same device at this rate; a host has none.
-    pub fn at_rate(&self, baud: u32) -> Self {
-        match self {
-            Self::Serial(path, _) => Self::Serial(path.clone(), baud),
-            Self::Tcp(address) => Self::Tcp(address.clone()),
-        }
-    }
-
     /// Opens it.
     ///
     /// # Errors
@@ -94,7 +81,7 @@ impl At {
 impl fmt::Display for At {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Serial(path, _) => write!(f, "{}", path.display()),
+            Self::Serial(path, baud) => write!(f, "{}@{baud}", path.display()),
             Self::Tcp(address) => write!(f, "tcp:{address}"),
         }
     }

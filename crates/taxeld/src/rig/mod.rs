@@ -11,7 +11,7 @@ use taxel_rig::{Speech, Talk};
 use taxel_wire::{Frame, TimedFrame, reading};
 use tokio::time::{Instant, sleep, sleep_until};
 
-pub use link::{At, BAUD_RATES, BAUD_USUAL, Link};
+pub use link::{At, Link};
 
 /// Pauses between attempts grow from the first to the second.
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
@@ -29,6 +29,11 @@ pub struct Line {
     pub at: At,
     /// What is asked, and what it says.
     pub speech: Speech,
+}
+
+/// A question as it is sent: on a command line, and in single quotes of TOML, the end of a line is two characters.
+pub fn unescaped(text: &str) -> String {
+    text.replace("\\r", "\r").replace("\\n", "\n")
 }
 
 /// A gauge as a bus. Nothing can be sent to it.
@@ -121,7 +126,7 @@ impl Open {
                 () = sleep_until(self.heard + SILENT_AFTER) => {
                     let seconds = SILENT_AFTER.as_secs();
                     return Err(match (self.talk.babbles(), line.speech.is_asked()) {
-                        (true, _) => "bytes come and no lines: is baud right? `taxeld scan --serial` tries the rates".to_owned(),
+                        (true, _) => "bytes come and no lines: is its rate right? `taxeld scan --serial` tries the rates".to_owned(),
                         (false, false) => format!("no line came for {seconds} s: is the gauge on, or does it need poll?"),
                         (false, true) => format!("no answer came for {seconds} s: is the gauge on?"),
                     });

@@ -87,7 +87,7 @@ async fn nonsense_is_counted_and_ends_nothing() {
     opened(&mut bus).await;
     gauge.write_all(b"\nP=1.0\nERR 7\nP=nan\n").unwrap();
     let (read, events) = next(&mut bus).await;
-    let why = format!("{}: received \"P=nan\", expected \"P={{kPa}}\"", path.display());
+    let why = format!("{}@115200: received \"P=nan\", expected \"P={{kPa}}\"", path.display());
     assert_eq!((read, events), (vec![1.0], vec![BusEvent::Unread { lines: 2, why }, BusEvent::Up]));
     gauge.write_all(b"P=2.0\n").unwrap();
     assert_eq!(next(&mut bus).await, (vec![2.0], vec![]));
@@ -132,8 +132,8 @@ async fn a_gauge_that_stops_is_told() {
     let (_gauge, path) = terminal();
     let mut bus = serial(&path);
     let why = down(&mut bus).await;
-    assert_eq!(why, format!("{}: no line came for 3 s: is the gauge on, or does it need poll?", path.display()));
-    assert_eq!(down(&mut self::bus("/dev/null", "")).await, "/dev/null: it is no serial device");
+    assert_eq!(why, format!("{}@115200: no line came for 3 s: is the gauge on, or does it need poll?", path.display()));
+    assert_eq!(down(&mut self::bus("/dev/null", "")).await, "/dev/null@115200: it is no serial device");
 }
 
 #[tokio::test(start_paused = true)]
@@ -235,7 +235,7 @@ async fn a_register_is_asked_again_and_again() {
     assert!(down(&mut bus).await.contains("the line has ended"));
 
     let (mut gauge, path) = terminal();
-    let mut bus = of(At::Serial(path, BAUD_USUAL), Speech::Modbus(register, Framing::Rtu));
+    let mut bus = of(At::Serial(path, 115_200), Speech::Modbus(register, Framing::Rtu));
     let serve = std::thread::spawn(move || {
         let mut question = [0; 8];
         gauge.read_exact(&mut question).unwrap();
@@ -249,7 +249,7 @@ async fn a_register_is_asked_again_and_again() {
 
 #[test]
 fn where_a_gauge_is_is_a_device_or_a_host_with_a_port() {
-    for (text, shown) in [("/dev/ttyACM0", "/dev/ttyACM0"), ("tcp:10.0.0.2:4001", "tcp:10.0.0.2:4001")] {
+    for (text, shown) in [("/dev/ttyACM0", "/dev/ttyACM0@115200"), ("tcp:10.0.0.2:4001", "tcp:10.0.0.2:4001")] {
         assert_eq!(At::new(text).unwrap().to_string(), shown);
     }
     assert_eq!(At::new("/dev/ttyS0@9600").unwrap(), At::Serial("/dev/ttyS0".into(), 9_600));

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use anyhow::{anyhow, ensure};
+use anyhow::anyhow;
 use taxel_rig::{Lines, Template, numbers_of};
 use taxel_skin::printable;
 use taxel_wire::signal::PressureUnit;
 use tokio::time::{Instant, timeout_at};
 
-use crate::rig::{At, BAUD_RATES, BAUD_USUAL};
+use crate::rig::{At, unescaped};
 
 /// Rates that gauges and micro boards have, the likeliest first.
 const TRIED: [u32; 5] = [115_200, 9_600, 19_200, 57_600, 38_400];
@@ -24,12 +24,10 @@ const ASK_EVERY: Duration = Duration::from_millis(200);
 /// A gauge to listen to.
 #[derive(Debug, clap::Args)]
 pub struct Gauge {
-    /// A gauge that prints text in place of a bus: a serial device, or tcp:HOST:PORT.
+    /// A gauge that prints text in place of a bus: a serial device, or tcp:HOST:PORT. Without a rate, as in /dev/ttyACM0@9600, the
+    /// usual ones are tried.
     #[arg(long, value_name = "PATH", conflicts_with_all = ["log", "interface", "out", "yarp"])]
     pub serial: Option<String>,
-    /// The rate of the serial device; without it the usual ones are tried.
-    #[arg(long, value_name = "N", requires = "serial")]
-    baud: Option<u32>,
     /// What a line looks like, as in "P={kPa}".
     #[arg(long, value_name = "TEMPLATE", requires = "serial")]
     template: Option<String>,
@@ -39,9 +37,9 @@ pub struct Gauge {
 }
 
 impl Gauge {
-    /// What to ask. On a command line an escape is two characters.
+    /// What to ask.
     fn unescaped_poll(&self) -> Option<String> {
-        self.poll.as_ref().map(|text| text.replace("\\r", "\r").replace("\\n", "\n"))
+        self.poll.as_deref().map(unescaped)
     }
 }
 
@@ -50,27 +48,23 @@ impl Gauge {
 /// # Errors
 /// A template or a rate that makes no sense, or a device that cannot be opened.
 pub async fn text(gauge: &Gauge, at: &str, over: Duration) -> anyhow::Result<String> {
-    let at = At::new(at).map_err(|why| anyhow!("--serial {at}: {why}"))?;
+    let places = match At::new(at).map_err(|why| anyhow!("--serial {at}: {why}"))? {
+        At::Serial(path, _) if !at.contains('@') => TRIED.map(|baud| At::Serial(path.clone(), baud)).to_vec(),
+        one => vec![one],
+    };
     let template = |text| Template::new(text).map_err(|why| anyhow!("--template {text}: {why}"));
     let template = gauge.template.as_deref().map(template).transpose()?;
-    let rates = match gauge.baud {
-        Some(baud) => vec![baud],
-        None if at.is_serial() => TRIED.to_vec(),
-        None => vec![BAUD_USUAL],
-    };
-    ensure!(rates.iter().all(|rate| BAUD_RATES.contains(rate)), "--baud: expected one of {BAUD_RATES:?}");
     let mut tried = Vec::new();
-    for baud in rates {
-        let rate = if at.is_serial() { format!("@{baud}") } else { String::new() };
-        let heard = listen(&at.at_rate(baud), gauge, over).await?;
+    for at in places {
+        let heard = listen(&at, gauge, over).await?;
         let is_text = |line: &&String| line.chars().all(|c| c.is_ascii_graphic() || c.is_ascii_whitespace());
         if heard.lines.iter().filter(is_text).count() * 2 > heard.lines.len() {
-            let mut lines = vec![format!("{}{rate}: {:.1} lines/s", at, heard.lines.len() as f64 / heard.seconds)];
+            let mut lines = vec![format!("{at}: {:.1} lines/s", heard.lines.len() as f64 / heard.seconds)];
             lines.extend(heard.lines.iter().rev().take(SHOWN).rev().map(|line| format!("  {}", printable(line))));
-            lines.extend(proposals(gauge, &format!("{}{rate}", at), &heard, template.as_ref()));
+            lines.extend(proposals(gauge, &at.to_string(), &heard, template.as_ref()));
             return Ok(lines.join("\n"));
         }
-        tried.push(format!("{}{rate}: {} bytes, no lines of text", at, heard.bytes));
+        tried.push(format!("{at}: {} bytes, no lines of text", heard.bytes));
     }
     tried.push("is the gauge on, and does it print by itself? If it has to be asked: --poll \"P\\r\\n\"".to_owned());
     Ok(tried.join("\n"))
@@ -158,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_proposal_says_what_its_numbers_refer_to() {
-        let gauge = Gauge { serial: None, baud: None, template: None, poll: Some("P\\r".to_owned()) };
+        let gauge = Gauge { serial: None, template: None, poll: Some("P\\r".to_owned()) };
         for (line, proposed) in [
             ("p -3.21 kPa", "template = \"p {kPa} kPa\", poll = \"P\\r\", reference = \"ambient\" } # -3.210"),
             (

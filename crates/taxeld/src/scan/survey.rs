@@ -9,11 +9,6 @@ use taxel_wire::{CanId, Frame, TimedFrame};
 
 use super::module::ModuleWatch;
 
-/// Foreign identifiers that are told apart.
-const OTHERS_MAX: usize = 512;
-/// Intervals of a board's modules that are kept: minutes of any real period.
-const INTERVALS_MAX: usize = 65_536;
-
 /// Listens, and knows at its end what is there.
 #[derive(Debug, Default)]
 pub struct Survey {
@@ -59,7 +54,7 @@ impl Survey {
             Ok(Message::Tail { board, module, values, status }) => {
                 let board = self.board(board);
                 let since = board.modules.entry(module).or_default().tail(*time, values, status);
-                board.intervals_s.extend(since.filter(|_| board.intervals_s.len() < INTERVALS_MAX));
+                board.intervals_s.extend(since);
             }
             Ok(Message::BoardOverflow { board }) => self.notice(format!("board {board} threw its send queue away")),
             Ok(Message::Thermometer { .. } | Message::FirmwareVersion { .. }) => {}
@@ -72,9 +67,6 @@ impl Survey {
     }
 
     fn other(&mut self, frame: &Frame) {
-        if self.others.len() >= OTHERS_MAX && !self.others.contains_key(&frame.id) {
-            return self.notice(format!("a frame beyond the first {OTHERS_MAX} foreign identifiers"));
-        }
         let other = self.others.entry(frame.id).or_default();
         other.frames += 1;
         other.lengths.insert(frame.bytes().len() as u8);
@@ -100,11 +92,6 @@ impl Survey {
     /// From the first frame to the last.
     pub fn seconds(&self) -> f64 {
         self.span.map_or(0.0, |(first, last)| last.seconds_since(first))
-    }
-
-    /// When the last frame came.
-    pub fn end(&self) -> Time {
-        self.span.map(|(_, last)| last).unwrap_or_default()
     }
 
     /// The boards of which a module's whole scan came: other traffic has their identifiers, too.

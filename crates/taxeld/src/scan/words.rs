@@ -2,9 +2,6 @@
 
 use std::fmt::Write as _;
 
-use taxel_skin::Time;
-
-use super::module::ModuleWatch;
 use super::survey::Survey;
 
 /// A text for people.
@@ -20,9 +17,10 @@ pub fn text(survey: &Survey) -> String {
         let numbers = numbers(board.modules().map(|(number, _)| number));
         let period = board.period_ms().map_or_else(String::new, |ms| format!(", every {ms:.1} ms"));
         lines.push(format!("board {address}: modules {numbers}{period}"));
-        lines.extend(
-            board.modules().map(|(number, module)| format!("  module {number}: {}", of_module(module, survey.end()))),
-        );
+        lines.extend(board.modules().map(|(number, module)| {
+            let (scans, (least, most), halves) = (module.scans, module.range, module.orphans());
+            format!("  module {number}: {scans} scans, counts {least} to {most}, {halves} halves without a partner")
+        }));
     }
     for (id, other) in &survey.others {
         let (frames, lengths) = (other.frames, numbers(other.lengths.iter().copied()));
@@ -30,23 +28,6 @@ pub fn text(survey: &Survey) -> String {
         lines.push(format!("identifier {id}: {frames} frames, {rate:.1}/s, of {lengths} bytes, last {last:02x?}"));
     }
     lines.join("\n")
-}
-
-fn of_module(module: &ModuleWatch, end: Time) -> String {
-    let (least, most) = module.range();
-    let mut line = format!("{} scans, counts {least} to {most}", module.scans);
-    let times = |count: u64| if count > 0 { format!("{count} times") } else { String::new() };
-    for (what, said) in [
-        ("stuck values", numbers(module.stuck())),
-        ("a trouble in its status", times(module.status_errors)),
-        ("halves without a partner", times(module.orphans())),
-        ("silent at the end for", module.silent_s(end).map_or_else(String::new, |s| format!("{s:.1} s"))),
-    ] {
-        if !said.is_empty() {
-            let _ = write!(line, "; {what} {said}");
-        }
-    }
-    line
 }
 
 /// The beginning of a configuration: what was heard, with marks at what cannot be.

@@ -89,7 +89,7 @@ fn a_gauge_that_prints_text_is_read_as_proposed_and_what_is_wrong_with_it_is_in_
         "{said}"
     );
     let _daemon = run_in(folder.path(), &format!("{CONFIG}{proposed}\n"));
-    let wrong = format!("{at}: received \"ERR 7\", expected \"P={{mbar}}\"");
+    let wrong = format!("{at}@115200: received \"ERR 7\", expected \"P={{mbar}}\"");
     let says = |output: &Output, words: &str| text(&output.stdout).contains(words);
     until(folder.path(), &["health"], |output| says(output, "gauge: 12.50 kPa") && says(output, &wrong));
     drop(end);

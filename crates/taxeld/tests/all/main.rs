@@ -23,6 +23,4 @@ mod security;
 #[cfg(feature = "sim")]
 mod systemd;
 #[cfg(feature = "sim")]
-mod top;
-#[cfg(feature = "sim")]
 mod walkthrough;

@@ -13,7 +13,7 @@ use taxel_proto::v1;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tonic::{Code, Status, Streaming};
 
-use crate::common::{PATIENCE, succeeds, text, until_logged};
+use crate::common::{PATIENCE, succeeds, until_logged};
 use crate::daemon::Daemon;
 
 /// One whose disk takes so long for each write while there is this file; `with` changes more.
@@ -247,15 +247,4 @@ async fn after_a_suspend_the_force_is_old_and_the_zero_is_in_doubt() {
         }
         assert!(begun.elapsed() < PATIENCE, "{zero:?}\n{}", daemon.log());
     }
-}
-
-#[test]
-fn a_second_daemon_is_told_that_the_folder_is_taken() {
-    let folder = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
-    let _first = taxel_shm::Folder::open(folder.path(), None).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-    command.args(["demo", "--bare", "--listen", "127.0.0.1:0", "--shared-memory"]).arg(folder.path());
-    let output = command.output().unwrap();
-    let said = text(&output.stderr);
-    assert!(!output.status.success() && said.contains("another daemon publishes its pages there"), "{said}");
 }

@@ -194,21 +194,19 @@ impl SessionRun {
 
     fn why_nothing_enters(&self, now: Time, gauge: &GaugeHistory, patience: Duration) -> String {
         let seconds = patience.as_secs();
-        match gauge.newest() {
-            None => format!("no pressure frame came in {seconds} s: is the gauge on, and is its CAN identifier right?"),
-            Some((time, _)) if now.since(time) > self.limits.gauge_timeout => {
-                format!("the last pressure frame came {:.1} s ago", now.since(time).as_secs_f64())
-            }
-            Some(_) if self.stale_since_progress > 0 => {
+        if let Some(silence) = gauge.silence(now, self.limits.gauge_timeout) {
+            return silence;
+        }
+        let kpa = gauge.newest().map_or(0.0, |(_, pressure)| pressure.0 - self.gauge_zero_kpa());
+        match self.view.direction {
+            _ if self.stale_since_progress > 0 => {
                 format!("{} scans in {seconds} s had silent modules", self.stale_since_progress)
             }
-            Some((_, Kilopascal(kpa))) if self.view.direction == Direction::Falling => {
-                let (kpa, end) = (kpa - self.gauge_zero_kpa(), self.limits.fall_end.0);
-                format!(
-                    "the pressure did not fall for {seconds} s: it is {kpa:.1} kPa, the branch ends at {end:.1} kPa"
-                )
-            }
-            Some((_, Kilopascal(kpa))) => self.rise.why(kpa - self.gauge_zero_kpa(), patience, &self.limits),
+            Direction::Falling => format!(
+                "the pressure did not fall for {seconds} s: it is {kpa:.1} kPa, the branch ends at {:.1} kPa",
+                self.limits.fall_end.0
+            ),
+            Direction::Rising => self.rise.why(kpa, patience, &self.limits),
         }
     }
 }

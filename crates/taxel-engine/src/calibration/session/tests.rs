@@ -230,7 +230,7 @@ fn why_nothing_enters_is_told_from_what_is_missing() {
     let why = |scene: &Scene| scene.run.view.reason.clone();
     let mut deaf = Scene::ramping(Branch::Rising, 50.0);
     assert_eq!(deaf.advance(62_000), SessionState::Failed);
-    assert_eq!(why(&deaf), "the last pressure frame came 62.0 s ago");
+    assert_eq!(why(&deaf), "the last pressure came 62.0 s ago");
     let mut silent = Scene::ramping(Branch::Rising, 50.0);
     silent.gauge.push(ms(61_500), Kilopascal(0.0));
     (0..3).for_each(|_| silent.run.on_scan(None));

@@ -21,7 +21,6 @@ fn device(scans: ScanBegin) -> Device {
         frames: (0..4).map(frame).collect(),
         scans,
         status: Some((DeviceSignal { frames: any_frame(), field: field(48, 8) }, 0)),
-        temperature: None,
         commands: vec![],
         sender: Sender::Patch,
     };

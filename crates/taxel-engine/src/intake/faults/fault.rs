@@ -2,62 +2,33 @@
 
 use std::fmt;
 
-/// What is wrong with a taxel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(u8)]
-pub enum Fault {
-    /// At an end of the converter's range: the true value lies beyond.
-    Rail,
-    /// Has stopped to change while others, or its known noise, say that it must.
-    Frozen,
-    /// Goes back and forth by far more than noise: a contact or converter flickers.
-    Jumping,
-    /// Has never changed since it was first heard.
-    Dead,
-    /// Most of its module jumps or sits on a rail, so that the rest cannot be trusted either.
-    ModuleFlicker,
-    /// The module's status word says that this value is out of range.
-    StatusOutOfRange,
-    /// The module's status word says that nothing is connected.
-    NotConnected,
-    /// The module's status word reports a lost acknowledgement.
-    NoAck,
-    /// Its module has been silent for too long.
-    Stale,
-    /// Its module's scans come faster than its board can send them.
-    TooFast,
-}
+use crate::names::named;
 
-impl Fault {
-    /// Every fault, in the order of its bit.
-    pub const ALL: [Self; 10] = [
-        Self::Rail,
-        Self::Frozen,
-        Self::Jumping,
-        Self::Dead,
-        Self::ModuleFlicker,
-        Self::StatusOutOfRange,
-        Self::NotConnected,
-        Self::NoAck,
-        Self::Stale,
-        Self::TooFast,
-    ];
-
-    /// The fault in words.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Rail => "saturated",
-            Self::Frozen => "frozen",
-            Self::Jumping => "jumping",
-            Self::Dead => "dead",
-            Self::ModuleFlicker => "module flicker",
-            Self::StatusOutOfRange => "out of range by status",
-            Self::NotConnected => "not connected",
-            Self::NoAck => "no acknowledgement",
-            Self::Stale => "silent",
-            Self::TooFast => "too fast",
-        }
+named! {
+    /// What is wrong with a taxel.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    #[repr(u8)]
+    pub enum Fault {
+        /// At an end of the converter's range: the true value lies beyond.
+        Rail = "saturated",
+        /// Has stopped to change while others, or its known noise, say that it must.
+        Frozen = "frozen",
+        /// Goes back and forth by far more than noise: a contact or converter flickers.
+        Jumping = "jumping",
+        /// Has never changed since it was first heard.
+        Dead = "dead",
+        /// Most of its module jumps or sits on a rail, so that the rest cannot be trusted either.
+        ModuleFlicker = "module flicker",
+        /// The module's status word says that this value is out of range.
+        StatusOutOfRange = "out of range by status",
+        /// The module's status word says that nothing is connected.
+        NotConnected = "not connected",
+        /// The module's status word reports a lost acknowledgement.
+        NoAck = "no acknowledgement",
+        /// Its module has been silent for too long.
+        Stale = "silent",
+        /// Its module's scans come faster than its board can send them.
+        TooFast = "too fast",
     }
 }
 

@@ -115,13 +115,10 @@ impl Intake {
 }
 
 fn look_at_gauge(gauge: &GaugeHistory, now: Time, timeout: Duration) -> Option<String> {
-    let Some((time, kpa)) = gauge.newest() else {
-        return Some("no pressure has been heard: is the gauge on?".to_owned());
-    };
-    let silence = now.since(time);
-    if silence > timeout {
-        return Some(format!("the gauge has been silent for {:.1} s", silence.as_secs_f64()));
+    if let Some(why) = gauge.silence(now, timeout) {
+        return Some(why);
     }
+    let (_, kpa) = gauge.newest()?;
     let (readings, span) = gauge.run();
     (readings >= STANDS_READINGS && span >= STANDS).then(|| {
         let seconds = span.as_secs_f64();

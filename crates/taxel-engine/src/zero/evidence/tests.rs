@@ -4,7 +4,7 @@ use taxel_skin::{Board, BoardAddress, BusIndex, Module, Patch, Time};
 
 use super::account::LEARNING_SCANS;
 use super::*;
-use crate::baseline::{Activation, TaxelBaseline};
+use crate::baseline::TaxelBaseline;
 use crate::zero::rest::tests::Noise;
 
 const MODULES: usize = 8;
@@ -33,7 +33,7 @@ impl Watched {
         let regions = Regions::new(&Patch::new("bag", vec![board]).unwrap());
         let mut evidence = Evidence::new(&regions, &["12".to_owned()]);
         evidence.begin(true);
-        let mut ground = Ground::new(&regions, Activation { sigmas: 4.0, floor_counts: 2.0 });
+        let mut ground = Ground::new(&regions);
         ground.take(&vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; regions.taxels()]);
         evidence.compare_with(&ground);
         let (silent, bag) = ([false; MODULES], Bag::default());

@@ -48,8 +48,8 @@ impl Held {
                 Record::Sample { session, .. } => *self.sessions.entry(*session).or_default() += 1,
                 Record::ModelSet(set) => drop(self.sets.insert(set.id.clone())),
                 Record::Activated { model_set, .. } => self.active = Some(model_set.clone()),
-                Record::ModelSetDeleted { model_set, .. } => drop(self.sets.remove(model_set)),
-                Record::SessionDeleted { session, .. } => drop(self.sessions.remove(session)),
+                Record::ModelSetDeleted { model_set } => drop(self.sets.remove(model_set)),
+                Record::SessionDeleted { session } => drop(self.sessions.remove(session)),
                 Record::Load(_) => self.loads += 1,
                 Record::Zero { zero, .. } => self.zero.clone_from(zero),
                 Record::Asked(_) => self.asked += 1,
@@ -125,7 +125,7 @@ impl Plan {
     pub fn deleted(&self, events: usize) -> impl Iterator<Item = u64> {
         let records = self.writes().take_while(move |(number, _)| *number < events).flat_map(|(_, records)| records);
         records.filter_map(|record| match record {
-            Record::SessionDeleted { session, .. } => Some(*session),
+            Record::SessionDeleted { session } => Some(*session),
             _ => None,
         })
     }
@@ -208,11 +208,7 @@ impl Drawing {
         let taken = || TakenZero { noise: mean.clone(), mean: mean.clone(), ..TakenZero::default() };
         let zero = (!mean.is_empty()).then(|| Arc::new(taken()));
         let excused = unproven.as_ref().map(|why| format!("m-{}", why.len()));
-        Record::Zero {
-            patch: PATCH.to_owned(),
-            zero: KeptZero { configured: None, unproven, excused, zero },
-            wall_ns: 8,
-        }
+        Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { configured: None, unproven, excused, zero } }
     }
 
     /// A set that is not in use or a session that is over goes.
@@ -221,9 +217,9 @@ impl Drawing {
         let over = self.held.sessions.keys().find(|&number| Some(*number) != self.open).copied();
         match (idle, over) {
             (Some(model_set), _) if self.random.below(2) == 0 => {
-                vec![Record::ModelSetDeleted { model_set, wall_ns: 6 }]
+                vec![Record::ModelSetDeleted { model_set }]
             }
-            (_, Some(session)) => vec![Record::SessionDeleted { session, wall_ns: 7 }],
+            (_, Some(session)) => vec![Record::SessionDeleted { session }],
             _ => self.session(),
         }
     }

@@ -205,11 +205,8 @@ fn failed(session: &Session) -> Failure {
 /// The review, and what the operator makes of it.
 async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
     let candidate = Candidate::of(&course.daemon, &course.session.model_set).await?;
-    let details = || print_set(&candidate.set, &course.screen.places);
     if !args.json {
-        if !course.asks {
-            details();
-        }
+        print_set(&candidate.set, &course.screen.places);
         candidate.print_verdict();
     }
     if candidate.summary.calibrated == 0 {
@@ -220,7 +217,7 @@ async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
         let why = format!("{} is not good, so that --yes does not use it; it is kept", candidate.summary.model_set);
         return Err(Failure::not_good(why).help(format!("{help} --yes   # uses it all the same")));
     }
-    if !(args.yes || course.asks && ask::yes_or_details("Use it?", candidate.is_good(), Some(&details)).await?) {
+    if !(args.yes || course.asks && ask::yes("Use it?", candidate.is_good()).await?) {
         course.screen.tell(&format!("not in use yet; help: {help}"));
         return Ok(());
     }

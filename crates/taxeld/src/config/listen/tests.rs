@@ -67,8 +67,6 @@ fn what_would_let_strangers_in_is_refused_with_what_to_write() {
         ("listen = [\"nonsense\"]", "", "expected unix:PATH, tcp:ADDRESS:PORT"),
         ("listen = [\"tcp:localhost\"]", "", "expected an address and a port"),
         ("listen = [\"unix:\"]", "", "expected a path"),
-        ("socket_group = \"\"", "", "expected the name of a group"),
-        ("", "[access]\ntokens = \"\"", "expected the path of a file"),
         ("", "[access]\noperators = [\"insecure\"]", "nobody would know who did"),
         ("", "[access]\nadmins = [\"ann\"]", "expected user:NAME, group:NAME"),
         ("", "[access]\nadmins = [\"user:\"]", "expected a name behind the colon"),

@@ -125,10 +125,10 @@ fn the_page_is_on_a_loopback_address() {
 }
 
 #[test]
-fn recordings_need_a_folder_and_room_for_some_files() {
+fn recordings_need_room_for_some_files() {
     let of = |rest: &str| keys(&text("", BOARD, rest));
     assert_eq!(of("[record]\npath = \"r\"\nbudget_mb = 16"), Vec::<String>::new());
-    assert_eq!(of("[record]\npath = \"\"\nbudget_mb = 15"), ["record.path", "record.budget_mb"]);
+    assert_eq!(of("[record]\npath = \"r\"\nbudget_mb = 15"), ["record.budget_mb"]);
 }
 
 #[test]
