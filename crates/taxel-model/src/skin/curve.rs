@@ -38,7 +38,7 @@ struct Zone {
 
 /// The groups that curves are fitted to.
 pub(super) struct Problem {
-    form: Form,
+    pub form: Form,
     rest_kpa: f64,
     top_kpa: f64,
     /// Numbers of the groups, and their weights.

@@ -2,7 +2,7 @@
 
 use super::course::{Course, Group, READING_FOLDS, fill};
 use super::curve::{LoadCurve, Problem};
-use super::fitted::{FittedTaxel, LOADED, SkinFit};
+use super::fitted::{FittedTaxel, LOADED, SkinFit, common_kpa};
 use super::form::{Folds, Form, STIFF, Tried, pilots};
 use super::lag::{self, Lag};
 use super::sigma::{Moments, Noise, PRIOR_GROUPS, SigmaByReading, Variance};
@@ -158,7 +158,6 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
         swing_min,
         course,
         dead_zone_kpa,
-        form,
         counts,
         seen,
     };
@@ -196,7 +195,6 @@ struct ReadingChoice {
 /// A fit as far as all taxels share it.
 struct Fit<'a> {
     course: Course,
-    form: Form,
     dead_zone_kpa: f64,
     counts: &'a [&'a [f64]],
     seen: Vec<Result<Seen, Status>>,
@@ -227,11 +225,11 @@ impl Fit<'_> {
         });
         let taxels = judged(taxels, self.swing_min, spread(&self.course.kpa), self.course.kpa.len() as u64);
         SkinFit {
-            form: self.form,
+            form: self.whole.form,
             range_kpa: self.range_kpa,
             dead_zone_kpa: self.dead_zone_kpa,
             shared_kpa: self.shared_kpa(&taxels),
-            apart_kpa: root_mean_square(common_kpa(&taxels, &self.course.groups, true).map(|(_, kpa)| kpa)),
+            apart_kpa: root_mean_square(common_kpa(&taxels, &self.course.groups, true).into_iter().map(|(_, kpa)| kpa)),
             fall_share: self.fall_share(&taxels),
             zero_known: self.zero_known,
             plays_error_ratio: reading.plays_error_ratio,
@@ -252,7 +250,7 @@ impl Fit<'_> {
         let curve = self.whole.fit(&seen.groups);
         let on_curve = || self.on_curve(seen).map(|(group, _)| group);
         let row = |kpa: f64| self.whole.row(kpa, curve.zone_kpa);
-        let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), self.form.free());
+        let folds = Folds::new(on_curve().map(|g| (row(g.kpa), g.weight, g.fold)), self.whole.form.free());
         let left = folds.residuals(&self.on_curve(seen).map(|(_, count)| count).collect::<Vec<f64>>());
         let span = curve.span().max(SPAN_MIN * seen.swing);
         let at = |kpa: f64| curve.counts_at(kpa);
@@ -292,14 +290,18 @@ impl Fit<'_> {
         ReadingChoice { plays, soft: error(plays, true) < SOFT_GAIN * plain, plays_error_ratio }
     }
 
+    /// The weight of errors that count relative to the load.
+    fn relative_weight(&self, kpa: f64) -> f64 {
+        (kpa - self.range_kpa[0] + LIGHT_SHARE * (self.range_kpa[1] - self.range_kpa[0])).powi(-2)
+    }
+
     /// The weights of the plays about a curve, from the falling groups that are chosen. What is left counts relative to the load:
     /// else the wide end of a loop that closes takes too much from every light touch.
     fn plays(&self, curve: &LoadCurve, seen: &Seen, lags: &[Lag], chosen: impl Fn(usize) -> bool) -> [f64; 4] {
-        let light_kpa = LIGHT_SHARE * (self.range_kpa[1] - self.range_kpa[0]);
         let falls = |g: usize, group: &Group| !group.rising && chosen(g) && !seen.groups[g].is_nan();
         let falling = self.course.groups.iter().enumerate().filter(|(g, group)| falls(*g, group));
         lag::weights(falling.map(|(g, group)| {
-            let weight = group.weight / (group.kpa - self.range_kpa[0] + light_kpa).powi(2);
+            let weight = group.weight * self.relative_weight(group.kpa);
             (weight, lag::mean(lags, &group.scans), curve.inverse(seen.groups[g]) - group.kpa)
         }))
     }
@@ -316,7 +318,9 @@ impl Fit<'_> {
             for (_, group) in self.course.groups.iter().enumerate().filter(own) {
                 for scan in &group.scans {
                     let kpa = soft.as_ref().map_or_else(|| curve.read(load[*scan]), |soft| soft.read(load[*scan]));
-                    let taken = plays.as_ref().map_or(0.0, |(lags, weights)| lag::taken_kpa(&lags[*scan], weights));
+                    let taken = plays
+                        .as_ref()
+                        .map_or(0.0, |(lags, weights)| lag::taken_kpa(lags[*scan].map(f64::from), weights));
                     readings[*scan] = kpa - taken;
                 }
             }
@@ -337,9 +341,8 @@ impl Fit<'_> {
             if group.on_curve || load.is_nan() {
                 return f64::NAN;
             }
-            let taken = plays.map_or(0.0, |(lags, weights)| {
-                lag::mean(lags, &group.scans).iter().zip(weights).map(|(lag, weight)| lag * weight).sum::<f64>()
-            });
+            let taken = |(lags, weights)| lag::taken_kpa(lag::mean(lags, &group.scans), &weights);
+            let taken = plays.map_or(0.0, taken);
             curve.read(*load) - taken - group.kpa
         };
         self.course.groups.iter().zip(&seen.groups).map(off_kpa).collect()
@@ -373,15 +376,11 @@ impl Fit<'_> {
     /// gone: where it turns, counts stay for a while. Light loads count relative to the load, as for the plays.
     fn fall_share(&self, taxels: &[Result<FittedTaxel, Status>]) -> Option<f64> {
         let [rest_kpa, top_kpa] = self.range_kpa;
-        let light_kpa = LIGHT_SHARE * (top_kpa - rest_kpa);
         let (mut off, mut product) = (0.0, 0.0);
-        for (group, off_kpa) in common_kpa(taxels, &self.course.groups, false) {
-            let (left_kpa, gone_kpa) = ((group.kpa - rest_kpa).max(0.0), top_kpa - group.kpa);
-            if left_kpa < gone_kpa {
-                let weight = (left_kpa + light_kpa).powi(-2);
-                off += weight * off_kpa.powi(2);
-                product += weight * left_kpa * gone_kpa;
-            }
+        let fallen = common_kpa(taxels, &self.course.groups, false).into_iter();
+        for (kpa, off_kpa) in fallen.filter(|(kpa, _)| kpa - rest_kpa < top_kpa - kpa) {
+            off += self.relative_weight(kpa) * off_kpa.powi(2);
+            product += self.relative_weight(kpa) * (kpa - rest_kpa) * (top_kpa - kpa);
         }
         (product > 0.0).then(|| (off / product).sqrt())
     }
@@ -443,19 +442,6 @@ fn judged(
         }
     }
     taxels
-}
-
-/// What the taxels in use have in common by which they read a group of a rising or a falling pressure too high that the curve is not
-/// fitted to, kPa.
-fn common_kpa<'a>(
-    taxels: &'a [Result<FittedTaxel, Status>],
-    groups: &'a [Group],
-    rising: bool,
-) -> impl Iterator<Item = (&'a Group, f64)> {
-    let used = || taxels.iter().flatten().filter(|taxel| taxel.status.is_ok());
-    let common = move |g: usize| mean(used().map(|taxel| taxel.others_kpa[g]).filter(|off_kpa| off_kpa.is_finite()));
-    let chosen = groups.iter().enumerate().filter(move |(_, group)| group.rising == rising);
-    chosen.map(move |(g, group)| (group, common(g))).filter(|(_, kpa)| kpa.is_finite())
 }
 
 /// `None` of nothing.

@@ -1,13 +1,13 @@
 //! A fitted skin as models: curves as points over raw counts, and beside them the paper's polynomial.
 
-use super::course::Course;
+use super::course::{Course, Group};
 use super::curve::{LoadCurve, Soft};
 use super::form::Form;
 use super::lag::{RADII, SCANS, SLACK_SIGMAS};
 use super::sigma::SigmaByReading;
 use crate::fit::fit as fit_polynomial;
 use crate::model::{Quality, Sign, TaxelModel};
-use crate::numbers::mean;
+use crate::numbers::{mean, median};
 use crate::options::FitOptions;
 use crate::plays::Plays;
 use crate::points::Points;
@@ -78,12 +78,6 @@ impl SkinFit {
         Some((taxel.zero_counts, taxel.noise_counts))
     }
 
-    /// Scans over whose mean plays follow.
-    #[must_use]
-    pub const fn play_scans(&self) -> usize {
-        SCANS
-    }
-
     /// Counts per kPa of a taxel in use, over its swing.
     #[must_use]
     pub fn sensitivity(&self, taxel: usize) -> Option<f64> {
@@ -129,7 +123,7 @@ impl SkinFit {
         let step_counts = (range[1] - range[0]) / SIGMA_STEPS as f64;
         let sigma = |k: usize| fitted.sigma.at(points.evaluate(range[0] + step_counts * k as f64));
         let sigma_kpa = (0..=SIGMA_STEPS).map(sigma).collect();
-        let interval_kpa = WITHIN_95 * fitted.sigma.median_kpa();
+        let interval_kpa = WITHIN_95 * median(fitted.sigma.sigma_kpa.to_vec());
         let (swing_counts, needed_counts) = (fitted.swing_counts, options.min_swing_counts);
         let status = match fitted.status {
             Status::Ok if swing_counts < needed_counts => Status::InsufficientSwing { swing_counts, needed_counts },
@@ -187,4 +181,13 @@ impl FittedTaxel {
         let (counts, kpa) = points.into_iter().unzip();
         Points::new(counts, kpa)
     }
+}
+
+/// Groups of a rising or a falling pressure that the curve is not fitted to: the pressure, and what the taxels in use have in common by
+/// which they read it too high, kPa.
+pub(super) fn common_kpa(taxels: &[Result<FittedTaxel, Status>], groups: &[Group], rising: bool) -> Vec<(f64, f64)> {
+    let used = || taxels.iter().flatten().filter(|taxel| taxel.status.is_ok());
+    let common = |g: usize| mean(used().map(|taxel| taxel.others_kpa[g]).filter(|off_kpa| off_kpa.is_finite()));
+    let chosen = groups.iter().enumerate().filter(|(_, group)| group.rising == rising);
+    chosen.map(|(g, group)| (group.kpa, common(g))).filter(|(_, kpa)| kpa.is_finite()).collect()
 }

@@ -9,7 +9,7 @@ use super::least_squares::{NONE_FREE, Normal, Row};
 pub(super) const RADII: [f64; 4] = [0.01, 0.03, 0.08, 0.2];
 
 /// Plays follow the mean of so many scans: the noise of single ones would drag them.
-pub(super) const SCANS: usize = 8;
+pub const SCANS: usize = 8;
 
 /// How far the mean of a load that lies there for seconds drags a play ahead of it, standard deviations of that mean.
 pub(super) const SLACK_SIGMAS: f64 = 1.5;
@@ -59,6 +59,6 @@ pub(super) fn mean(lags: &[Lag], scans: &[usize]) -> [f64; RADII.len()] {
 }
 
 /// What the lags take off a reading, kPa.
-pub(super) fn taken_kpa(lag: &Lag, weights: &[f64; RADII.len()]) -> f64 {
-    lag.iter().zip(weights).map(|(lag, weight)| f64::from(*lag) * weight).sum()
+pub(super) fn taken_kpa(lag: [f64; RADII.len()], weights: &[f64; RADII.len()]) -> f64 {
+    lag.iter().zip(weights).map(|(lag, weight)| lag * weight).sum()
 }

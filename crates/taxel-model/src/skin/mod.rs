@@ -23,3 +23,4 @@ pub use course::{Leg, legs};
 pub use fit::{Gathered, SWING_MIN, SkinError, fit};
 pub use fitted::SkinFit;
 pub use form::{Form, Warp};
+pub use lag::SCANS as PLAY_SCANS;

@@ -1,7 +1,6 @@
 //! How far a reading is off: the noise of the counts by load, and the errors of readings that were left out.
 
 use super::curve::LoadCurve;
-use crate::numbers::median;
 use crate::uncertainty::between_knots;
 
 /// Knots of the uncertainty over the range of the pressure.
@@ -113,7 +112,7 @@ impl Noise {
 pub(super) struct SigmaByReading {
     first_kpa: f64,
     step_kpa: f64,
-    sigma_kpa: [f64; KNOTS],
+    pub sigma_kpa: [f64; KNOTS],
 }
 
 impl SigmaByReading {
@@ -151,10 +150,5 @@ impl SigmaByReading {
     /// The standard deviation of a reading, both in kPa.
     pub fn at(&self, kpa: f64) -> f64 {
         between_knots((kpa - self.first_kpa) / self.step_kpa, &self.sigma_kpa)
-    }
-
-    /// Its median over the range, kPa.
-    pub fn median_kpa(&self) -> f64 {
-        median(self.sigma_kpa.to_vec())
     }
 }

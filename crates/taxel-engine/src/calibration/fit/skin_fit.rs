@@ -1,6 +1,6 @@
 //! From sound scans to models of a whole skin: what recordings, tables and sessions have in common.
 
-use taxel_model::skin::{Form, Gathered, SkinError, SkinFit, Warp, fit};
+use taxel_model::skin::{Form, Gathered, PLAY_SCANS, SkinError, SkinFit, Warp, fit};
 use taxel_model::{FitOptions, Flag, Samples, Status, TaxelModel, Workers, map};
 
 use crate::baseline::TaxelBaseline;
@@ -74,7 +74,7 @@ impl SkinScans<'_> {
         Ok(FittedSkin {
             in_use: (0..taxels).map(|taxel| in_use(&skin, taxel, &models[taxel])).collect(),
             zeros: (0..taxels).map(zero).collect(),
-            plays_mean_s: skin.play_scans() as f64 * self.scans.period_s(),
+            plays_mean_s: PLAY_SCANS as f64 * self.scans.period_s(),
             unloading_share: skin.fall_share,
             plays_error_ratio: skin.plays_error_ratio,
             pressure_max_kpa: skin.range_kpa[1],
