@@ -255,7 +255,7 @@ export function figures(set) {
   const of = (name) => median(usable.map((t) => t.figures?.[name]));
   return {
     usable: usable.length, taxels: set?.taxels?.length ?? 0, rmse: of("rmse_kpa"), swing: of("swing_counts"),
-    hysteresis: of("hysteresis_kpa"), baseline: of("baseline_counts"), noise: of("noise_counts"), top: set?.summary?.pressureMaxKpa,
+    unloading: 100 * (set?.inUse?.unloading_share ?? NaN), baseline: of("baseline_counts"), noise: of("noise_counts"), top: set?.summary?.pressureMaxKpa,
   };
 }
 
@@ -268,7 +268,7 @@ export function compared(one, other, names) {
     ["usable taxels", a.usable, other ? b.usable : "–"],
     ["up to, kPa", num(a.top, 1), num(b.top, 1)],
     ["fit error, kPa (median)", num(a.rmse), num(b.rmse)],
-    ["hysteresis, kPa (median)", num(a.hysteresis), num(b.hysteresis)],
+    ["error of a load that decreases, %", num(a.unloading, 1), num(b.unloading, 1)],
     [el("td.wrap", "change of count over the ramp (median)"), num(a.swing, 1), num(b.swing, 1)],
     ["unloaded count (median)", num(a.baseline, 1), num(b.baseline, 1)],
     ["noise, counts (median)", num(a.noise), num(b.noise)],

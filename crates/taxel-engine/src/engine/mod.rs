@@ -1,8 +1,10 @@
 //! All patches together: the step that everything goes through, commands, and which frame concerns whom.
 
 mod commands;
+mod effects;
 pub mod pending;
 mod plausible;
+mod pushed;
 pub mod routes;
 mod sessions;
 mod sets;
