@@ -217,7 +217,8 @@ pub struct Recorded {
     pub plays_mean_s: f64,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
-    /// How far the counts stay away from their zero when the load has gone, root mean square over the taxels; `None` where that was not measured.
+    /// How far the counts stay away from their zero when the load has gone, root mean square over the taxels; `None` where that was
+    /// not measured.
     pub zero_return_counts: Option<f64>,
     /// By how much all taxels alike read wrong while the pressure falls, less what plays take off: a share of the root of the load that
     /// has gone times that which is left, where that is less. `None` without both branches.

@@ -5,88 +5,47 @@
 
 use taxel_skin::Newton;
 
-/// A source of uncertainty.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Term {
-    /// Noise, rounding and fit of each taxel's reading. Type A, from the calibration's left-out readings. Independent over taxels.
-    Readings,
-    /// A light touch may be noise: unless a taxel reads two to three times its threshold. Type A, from the noise of the zero.
-    Choice,
-    /// The zero may be off. Type A, from untouched taxels. Common to all taxels, as temperature is.
-    Zero,
-    /// The skin has not returned from an earlier load. Type B: between nothing and all that the zero moved. Common to all.
-    Residue,
-    /// How a load came is not known (`hysteresis.rs`). Type B, half of what it may be off by. A contact has one history.
-    Hysteresis,
-    /// A load decreases (`unloading.rs`): it is read too high, so this is of the lower end of the interval alone. Type A, from falling
-    /// pressure, else type B. A contact has one history.
-    Unloading,
-    /// What the calibration leaves open of the curve. Type B. Neighbouring taxels are made alike.
-    Curve,
-    /// Counts beyond the calibrated range. Type B: half of what the curve's extension adds. Common: the skin's stiffness.
-    BeyondRange,
-    /// Offset and gain of the gauge. Type B, from the configuration. Common to all taxels.
-    Gauge,
-    /// The skin's gain differs from day to day. Type A, from recordings of one skin on several days. Common to all.
-    GainOfDay,
-    /// The area that a taxel stands for. Type B, from the configuration or from known loads. Common to all.
-    Area,
-    /// Pads sample the pressure at points. Type A, from simulated contacts (`sampling.rs`). Independent over contacts.
-    Sampling,
-    /// A pad at the rim of the skin feels less. Type A, from the same simulation. Common to the taxels at the rim.
-    Rim,
-    /// What lies under the edge of a touch without a count that shows it (`dead_zone.rs`). Type A, from simulated contacts.
-    /// Independent over taxels.
-    DeadZone,
-    /// Taxels under a contact that cannot be read. Type B (`coverage.rs`): half of the most that may lie there,
-    /// or the spread of the contacts that fit (`fill.rs`).
-    Unread,
-    /// All taxels of a module jump together. Type A, from the watch of the module. Common within a module.
-    Flicker,
-}
+use crate::names::named;
 
-impl Term {
-    /// All, in the order of [`Budget::terms`].
-    pub const ALL: [Self; 16] = [
-        Self::Readings,
-        Self::Choice,
-        Self::Zero,
-        Self::Residue,
-        Self::Hysteresis,
-        Self::Unloading,
-        Self::Curve,
-        Self::BeyondRange,
-        Self::Gauge,
-        Self::GainOfDay,
-        Self::Area,
-        Self::Sampling,
-        Self::Rim,
-        Self::DeadZone,
-        Self::Unread,
-        Self::Flicker,
-    ];
-
-    /// Its name for people and programs.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Readings => "readings",
-            Self::Choice => "choice",
-            Self::Zero => "zero",
-            Self::Residue => "creep",
-            Self::Hysteresis => "hysteresis",
-            Self::Unloading => "unloading",
-            Self::Curve => "curve",
-            Self::BeyondRange => "beyond range",
-            Self::Gauge => "gauge",
-            Self::GainOfDay => "gain of the day",
-            Self::Area => "area",
-            Self::Sampling => "sampling",
-            Self::Rim => "rim",
-            Self::DeadZone => "dead zone",
-            Self::Unread => "unread taxels",
-            Self::Flicker => "flicker",
-        }
+named! {
+    /// A source of uncertainty.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Term {
+        /// Noise, rounding and fit of each taxel's reading. Type A, from the calibration's left-out readings. Independent over taxels.
+        Readings = "readings",
+        /// A light touch may be noise: unless a taxel reads two to three times its threshold. Type A, from the noise of the zero.
+        Choice = "choice",
+        /// The zero may be off. Type A, from untouched taxels. Common to all taxels, as temperature is.
+        Zero = "zero",
+        /// The skin has not returned from an earlier load. Type B: between nothing and all that the zero moved. Common to all.
+        Residue = "creep",
+        /// How a load came is not known (`hysteresis.rs`). Type B, half of what it may be off by. A contact has one history.
+        Hysteresis = "hysteresis",
+        /// A load decreases (`unloading.rs`): it is read too high, so this is of the lower end of the interval alone. Type A, from falling
+        /// pressure, else type B. A contact has one history.
+        Unloading = "unloading",
+        /// What the calibration leaves open of the curve. Type B. Neighbouring taxels are made alike.
+        Curve = "curve",
+        /// Counts beyond the calibrated range. Type B: half of what the curve's extension adds. Common: the skin's stiffness.
+        BeyondRange = "beyond range",
+        /// Offset and gain of the gauge. Type B, from the configuration. Common to all taxels.
+        Gauge = "gauge",
+        /// The skin's gain differs from day to day. Type A, from recordings of one skin on several days. Common to all.
+        GainOfDay = "gain of the day",
+        /// The area that a taxel stands for. Type B, from the configuration or from known loads. Common to all.
+        Area = "area",
+        /// Pads sample the pressure at points. Type A, from simulated contacts (`sampling.rs`). Independent over contacts.
+        Sampling = "sampling",
+        /// A pad at the rim of the skin feels less. Type A, from the same simulation. Common to the taxels at the rim.
+        Rim = "rim",
+        /// What lies under the edge of a touch without a count that shows it (`dead_zone.rs`). Type A, from simulated contacts.
+        /// Independent over taxels.
+        DeadZone = "dead zone",
+        /// Taxels under a contact that cannot be read. Type B (`coverage.rs`): half of the most that may lie there,
+        /// or the spread of the contacts that fit (`fill.rs`).
+        Unread = "unread taxels",
+        /// All taxels of a module jump together. Type A, from the watch of the module. Common within a module.
+        Flicker = "flicker",
     }
 }
 

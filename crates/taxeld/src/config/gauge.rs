@@ -143,7 +143,7 @@ pub fn gauge(
     let signal = match kind {
         Port => ports::gauge(gauge, gauge.port.as_deref().unwrap_or_default(), faults)?,
         OnLine => {
-            let unit = match line(section, faults)?.speech {
+            let unit = match line(config, section, faults)?.speech {
                 Speech::Text { template, .. } => template.unit(),
                 Speech::Modbus(..) => ports::named_unit(gauge, "register's steps", faults),
             }?;
@@ -215,9 +215,16 @@ fn refers_to(gauge: &GaugeSection, faults: &mut Faults) -> (PressureMeaning, f64
 }
 
 /// A gauge that prints text or has a register.
-fn line(section: &PatchSection, faults: &mut Faults) -> Option<Line> {
+fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<Line> {
     let gauge = section.gauge.as_ref()?;
     let at = gauge.line.as_deref()?;
+    let says = |of: &GaugeSection| (of.template.clone(), of.poll.clone(), of.register.clone());
+    let same = |other: &GaugeSection| other.line.as_deref() != Some(at) || says(other) == says(gauge);
+    if let Some(other) = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(|other| !same(other))) {
+        let words =
+            format!("gauge.line: patch `{}` reads it otherwise: one gauge has the same keys in both", other.name);
+        faults.note("gauge.line", words);
+    }
     let at = faults.take("gauge.line", At::new(at).map_err(|why| format!("gauge.line = \"{at}\": {why}")))?;
     let speech = match (&gauge.template, &gauge.register) {
         (Some(template), None) => {
@@ -244,7 +251,7 @@ fn line(section: &PatchSection, faults: &mut Faults) -> Option<Line> {
 pub fn line_of(config: &Config, bus: &BusSection) -> Option<Line> {
     let on_it = |gauge: &GaugeSection| gauge.bus.as_ref() == Some(&bus.name) && gauge.line.is_some();
     let section = config.patch.iter().find(|patch| patch.gauge.as_ref().is_some_and(on_it))?;
-    line(section, &mut Faults::default())
+    line(config, section, &mut Faults::default())
 }
 
 /// The signal of a gauge on a CAN bus.

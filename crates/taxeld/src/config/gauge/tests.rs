@@ -92,12 +92,14 @@ fn a_register_is_read_as_rtu_on_a_device_and_over_tcp_on_a_host() {
 }
 
 #[test]
-fn two_patches_in_one_bag_share_a_line() {
+fn two_patches_in_one_bag_share_a_line_if_they_say_the_same_of_it() {
     let other = "[[patch]]\nname = \"b\"\nbus = \"c\"\nboards = [{ address = 13, modules = \"0\" }]\ngauge = { ";
     let line = "line = \"/dev/ttyACM0\", template = \"{kPa}\"";
-    let scene = examine_text(Path::new("t.toml"), &format!("{}{other}{line} }}\n", with(line))).unwrap().1;
+    let text = |more: &str| format!("{}{other}{line}{more} }}\n", with(line));
+    let scene = examine_text(Path::new("t.toml"), &text("")).unwrap().1;
     let buses: Vec<_> = scene.plan.patches.iter().map(|plan| plan.gauge.as_ref().unwrap().bus).collect();
     assert_eq!(buses, [BusIndex(2); 2]);
+    assert!(refused(&text(", poll = \"P\"")).contains("patch `b` reads it otherwise"), "{}", text(""));
 }
 
 #[test]
