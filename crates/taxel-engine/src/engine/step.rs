@@ -131,9 +131,9 @@ impl Engine {
     /// Takes one input; what has to be done because of it is appended to `out`, in order.
     pub fn step(&mut self, now: Now, input: Input<'_>, out: &mut Vec<Output>) {
         if self.health_shown.is_none() {
-            self.health_shown = Some(now.time);
             self.each_patch(now, |patch| patch.start(now));
             self.begins = Some(now.time + SILENT_AFTER);
+            self.show_health(now.time);
         }
         match input {
             Input::Frames(bus, frames) => self.on_frames(now, bus, frames),
@@ -351,13 +351,17 @@ impl Engine {
         // Boards change with their frames; what they say is looked at with the counters.
         let (changed, counted) = self.health_dirty;
         if (changed && since >= HEALTH_EVERY) || (counted && since >= COUNTERS_EVERY) {
-            self.health_shown = Some(now.time);
-            self.health_dirty = (false, false);
-            let health = self.look_at_health(now.time);
-            if health != *self.health {
-                self.health = Arc::new(health);
-                self.out.push(Output::Health(Arc::clone(&self.health)));
-            }
+            self.show_health(now.time);
+        }
+    }
+
+    fn show_health(&mut self, now: Time) {
+        self.health_shown = Some(now);
+        self.health_dirty = (false, false);
+        let health = self.look_at_health(now);
+        if health != *self.health {
+            self.health = Arc::new(health);
+            self.out.push(Output::Health(Arc::clone(&self.health)));
         }
     }
 
