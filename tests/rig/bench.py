@@ -44,6 +44,9 @@ class Bench:
         children = lambda: subprocess.run(["pgrep", "-P", str(self.demo.pid)], capture_output=True, text=True).stdout.split()
         os.kill(int(self.until("its program", children)[0]), signal.SIGKILL)
         self.until("the gauge", lambda: self.gauge_kpa() is not None)
+        # Boards that are set up take what presses on them for nothing.
+        verified = lambda: all(board["bringUp"] == "verified" for board in self.health()["boards"])
+        self.until("the boards", verified)
 
     def said(self):
         self.log.seek(0)
@@ -59,10 +62,13 @@ class Bench:
     def command(self, *words):
         return subprocess.run([self.taxeld, *words, "--server", self.server], capture_output=True, text=True, timeout=PATIENCE_S)
 
-    def gauge_kpa(self):
+    def health(self):
         answer = self.command("health", "--json").stdout
         assert answer, self.command("health")
-        return json.loads(answer)["patches"][0].get("gaugeKpa")
+        return json.loads(answer)
+
+    def gauge_kpa(self):
+        return self.health()["patches"][0].get("gaugeKpa")
 
     def sessions(self):
         return [json.loads(line) for line in self.command("sessions", "list", "--json").stdout.splitlines()]

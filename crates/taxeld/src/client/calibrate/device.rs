@@ -38,6 +38,8 @@ const GAUGE_WITHIN: Duration = Duration::from_millis(150);
 const SESSION_WITHIN: Duration = Duration::from_secs(10);
 /// What vents is waited for so long.
 const VENT_WITHIN: Duration = Duration::from_secs(15);
+/// Boards that are being set up are waited for so long: then the session refuses, or does without.
+const SET_UP_WITHIN: Duration = Duration::from_secs(5);
 /// A bag above this is told of before it is vented, kPa.
 const FOUND_KPA: f64 = 2.0;
 
@@ -201,6 +203,11 @@ impl ByDevice<'_> {
     /// Why it was ended; the bag is vented then as far as the drive obeys.
     pub async fn run(mut self, pump: &mut Pump) -> Outcome<Session> {
         self.look_first().await;
+        // Boards that are set up take what presses on them for nothing, and the self-test presses.
+        let end = Instant::now() + SET_UP_WITHIN;
+        while self.sets_boards_up().await && Instant::now() < end {
+            sleep(TICK).await;
+        }
         let ended = self.procedure(pump).await;
         if ended.is_err() {
             pump.vent().await;
@@ -278,6 +285,12 @@ impl ByDevice<'_> {
             Err(failure) if ask != Ask::Abort => drive.stop(pump.now(), format!("the session ({failure})")),
             _ => {}
         }
+    }
+
+    async fn sets_boards_up(&self) -> bool {
+        let Ok(health) = self.daemon.skin().get_health(()).await else { return false };
+        let mut boards = health.get_ref().boards.iter().filter(|board| board.patch == self.request.patch);
+        boards.any(|board| ["listening", "configuring"].contains(&&*board.bring_up))
     }
 
     /// What the gauge reads, kPa below ambient, and how long ago.
