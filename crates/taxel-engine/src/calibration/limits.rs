@@ -9,6 +9,10 @@ use crate::intake::gauge::RestLimits;
 /// A spike is so many noise bands high.
 const SPIKE_BANDS: f64 = 4.0;
 
+/// While a zero is taken the pressure drifts by no more of a noise band in half a second: a bag that is still being vented presses
+/// on the skin, and taxels that move while they are watched get no zero.
+const DRIFT_BANDS: f64 = 0.25;
+
 /// A scan enters the session when the zero has stood for so long after it. A board that takes a new zero unseen is
 /// found within that time, and the scans with the wrong zero never get in.
 pub const PROBATION: Duration = Duration::from_secs(1);
@@ -69,7 +73,11 @@ impl SessionLimits {
     /// How still the gauge has to be while its own zero is taken.
     #[must_use]
     pub fn gauge_rest(&self) -> RestLimits {
-        RestLimits { noise_kpa: self.noise_band.0, spike_kpa: self.spike_kpa(), timeout: self.gauge_timeout }
+        RestLimits {
+            drift_kpa: DRIFT_BANDS * self.noise_band.0,
+            spike_kpa: self.spike_kpa(),
+            timeout: self.gauge_timeout,
+        }
     }
 }
 

@@ -145,8 +145,8 @@ impl Changes {
 /// How still a gauge has to be while its own zero is taken.
 #[derive(Clone, Copy, Debug)]
 pub struct RestLimits {
-    /// Between the halves of the second, kPa.
-    pub noise_kpa: f64,
+    /// Between the medians of the second's halves, kPa.
+    pub drift_kpa: f64,
     /// Of nine readings of ten and the newest from the median, kPa.
     pub spike_kpa: f64,
     /// The newest reading is no older.
@@ -309,7 +309,7 @@ impl GaugeHistory {
         rises && time.since(newest) <= USUAL_AGES_MAX * usual && kpa >= HELD_SHARE * greatest
     }
 
-    /// What it reads while a skin rests, from the second that ends at `time`. The median of each half may differ by `noise_kpa`,
+    /// What it reads while a skin rests, from the second that ends at `time`. The medians of its halves may differ by `drift_kpa`,
     /// and single readings before the newest by any amount; more of them by `spike_kpa` from the median of all.
     #[must_use]
     pub fn at_rest(&self, time: Time, limits: RestLimits) -> GaugeAtRest {
@@ -325,7 +325,7 @@ impl GaugeHistory {
         let many = away.iter().filter(|away| **away).count() as f64 > SPIKES_MAX_SHARE * away.len() as f64;
         let (least, most) = recent.iter().fold((kpa, kpa), |(least, most), r| (least.min(*r), most.max(*r)));
         // The halves are half a span apart.
-        let drifts = !within(trend.rate_kpa_per_s * 0.5 * TREND_SPAN.as_secs_f64(), limits.noise_kpa);
+        let drifts = !within(trend.rate_kpa_per_s * 0.5 * TREND_SPAN.as_secs_f64(), limits.drift_kpa);
         // The newest reading that is away may be the first of a jump.
         match times.last().zip(away.last()) {
             Some((&newest, false)) if !(many || drifts) => GaugeAtRest::Still { kpa: Kilopascal(kpa), newest },

@@ -87,7 +87,7 @@ fn a_pressure_that_has_begun_to_fall_or_is_not_heard_does_not_hold() {
 
 #[test]
 fn a_gauge_is_at_rest_where_it_stands_still_but_for_single_spikes() {
-    let limits = RestLimits { noise_kpa: 0.3, spike_kpa: 1.2, timeout: TIMEOUT };
+    let limits = RestLimits { drift_kpa: 0.3, spike_kpa: 1.2, timeout: TIMEOUT };
     let at = |kpa: &dyn Fn(f64) -> f64| read(3.0, kpa).at_rest(ms(2_990), limits);
     let still = GaugeAtRest::Still { kpa: Kilopascal(5.8), newest: ms(2_990) };
     assert_eq!(at(&|t| if t < 1.9 { 60.0 } else { 5.8 }), still, "what was before does not count");
@@ -102,7 +102,7 @@ fn a_gauge_is_at_rest_where_it_stands_still_but_for_single_spikes() {
         assert_eq!(moves, GaugeAtRest::Moves(0.8, 5.8), "{what}");
     }
     assert!(matches!(at(&|t| 0.7 * t), GaugeAtRest::Moves(..)), "it rises");
-    assert!(matches!(at(&|t| 0.5 * t), GaugeAtRest::Still { .. }), "by less than its noise");
+    assert!(matches!(at(&|t| 0.5 * t), GaugeAtRest::Still { .. }), "by less than it may drift");
     assert_eq!(at(&between(2.985, 9.0)), GaugeAtRest::Moves(0.8, 5.8), "it may be the first of a jump");
     assert!(matches!(at(&|t| if t > 2.985 { f64::NAN } else { 5.8 }), GaugeAtRest::Moves(..)), "no number is no rest");
     assert!(matches!(at(&|t| if t > 2.8 { f64::NAN } else { 5.8 }), GaugeAtRest::Moves(..)), "no number is no rest");
