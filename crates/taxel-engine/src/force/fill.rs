@@ -12,16 +12,16 @@ use taxel_skin::{Geometry, TaxelPose};
 const RADII_MM: [f64; 4] = [5.0, 7.0, 10.0, 13.0];
 const HERTZ: usize = 3;
 /// How far places lie apart, and from the centre of pressure at most, mm.
-const STEP_MM: f64 = 2.0;
-const FROM_CENTRE_MM: f64 = 6.0;
+const STEP_MM: f32 = 2.0;
+const FROM_CENTRE_MM: f32 = 6.0;
 /// The soft layer spreads pressure as half-space of this depth does, and a pad has this radius, mm.
 const LAYER_MM: f64 = 2.0;
 const PAD_MM: f64 = 2.0;
 /// Taxels within this distance of the centre of pressure are compared, mm.
 const REACH_MM: f64 = 17.0;
 /// Error of a read pressure in kPa, and as a share of the peak: with it discs fit contacts that are none in the mean.
-const NOISE_KPA: f64 = 0.35;
-const SHAPE_SHARE: f64 = 0.06;
+const NOISE_KPA: f32 = 0.35;
+const SHAPE_SHARE: f32 = 0.06;
 /// A chi2 that a contact of some twenty taxels leaves though it is a disc.
 const CHI2_OF_DISC: f32 = 6.0;
 /// Discs of an exponent below this say nothing: exp(-9.2) is 1e-4.
@@ -30,7 +30,7 @@ const NO_WEIGHT: f32 = -9.2;
 const MOST_OF_BESIDE: f64 = 1.6;
 /// Entries of a profile, by the squared distance, mm2 each.
 const ENTRIES: usize = 512;
-const ENTRY_MM2: f64 = 2.0;
+const ENTRY_MM2: f32 = 2.0;
 
 /// A number of each size.
 type BySize = [f32; RADII_MM.len()];
@@ -41,14 +41,14 @@ pub struct Discs {
     /// Pressure of each size by squared distance from the centre.
     profiles: Box<[BySize]>,
     /// Places about the centre of pressure, mm.
-    places: Vec<[f64; 2]>,
+    places: Vec<[f32; 2]>,
 }
 
 /// A taxel near a contact.
 #[derive(Clone, Copy, Debug)]
 pub struct Near {
     /// Where, in mm in the plane of the contact, from its centre of pressure.
-    pub place_mm: [f64; 2],
+    pub place_mm: [f32; 2],
     /// What it reads, kPa; `None` for one that cannot be read.
     pub kpa: Option<f64>,
 }
@@ -59,8 +59,8 @@ impl Discs {
         let spread = spread_by_layer();
         let profiles: [_; RADII_MM.len()] = std::array::from_fn(|size| profile(RADII_MM[size], size < HERTZ, &spread));
         let profiles = (0..ENTRIES).map(|entry| std::array::from_fn(|size| profiles[size][entry])).collect();
-        let steps = (FROM_CENTRE_MM / STEP_MM) as i32;
-        let along = || (-steps..=steps).map(|step| STEP_MM * f64::from(step));
+        let steps = (FROM_CENTRE_MM / STEP_MM) as i16;
+        let along = || (-steps..=steps).map(|step| STEP_MM * f32::from(step));
         let all = along().flat_map(|x| along().map(move |y| [x, y]));
         let places = all.filter(|[x, y]| x.hypot(*y) <= FROM_CENTRE_MM).collect();
         Self { profiles, places }
@@ -68,20 +68,20 @@ impl Discs {
 
     /// What each of `near` bears by the discs that fit those that are read, and the spread of that, kPa.
     pub fn fit(&self, near: &[Near]) -> Vec<[f64; 2]> {
-        let (shapes, fits) = self.scaled(near);
+        let fits = self.scaled(near);
         let least = fits.as_flattened().iter().map(|fit| fit.chi2).fold(f32::INFINITY, f32::min).max(0.0);
         let temper = -0.5 / (least / CHI2_OF_DISC).max(1.0);
         let mut found = vec![[0.0; 2]; near.len()];
         let mut all = 0.0;
-        for (fits, shapes) in fits.iter().zip(shapes.chunks_exact(near.len().max(1))) {
+        for (place, fits) in self.places.iter().zip(&fits) {
             let exponents = fits.map(|fit| temper * (fit.chi2 - least));
             if exponents.iter().all(|exponent| *exponent < NO_WEIGHT) {
                 continue;
             }
             let weights = exponents.map(f32::exp);
             all += weights.iter().sum::<f32>();
-            for ([mean, square], shape) in found.iter_mut().zip(shapes) {
-                for ((weight, fit), shape) in weights.iter().zip(fits).zip(shape) {
+            for ([mean, square], taxel) in found.iter_mut().zip(near) {
+                for ((weight, fit), shape) in weights.iter().zip(fits).zip(self.shape(place, taxel)) {
                     let kpa = fit.scale_kpa * shape;
                     *mean += weight * kpa;
                     *square += weight * kpa * kpa;
@@ -95,23 +95,18 @@ impl Discs {
         found.into_iter().map(|fit| fit.map(f64::from)).collect()
     }
 
-    /// The shape of each disc at each of `near`, place by place, and how each disc fits best. All sizes of a place at once, in f32: so
-    /// it takes a third of the time.
-    fn scaled(&self, near: &[Near]) -> (Vec<BySize>, Vec<[DiscFit; RADII_MM.len()]>) {
-        let peak = near.iter().filter_map(|taxel| taxel.kpa).fold(0.0, f64::max);
-        let per_variance = 1.0 / (NOISE_KPA.powi(2) + (SHAPE_SHARE * peak).powi(2)) as f32;
-        let squares = near.iter().filter_map(|taxel| taxel.kpa).map(|kpa| kpa * kpa).sum::<f64>() as f32;
-        let mut shapes = Vec::with_capacity(self.places.len() * near.len());
-        let of_place = |place: &[f64; 2]| {
+    /// How the discs of each place fit best.
+    fn scaled(&self, near: &[Near]) -> Vec<[DiscFit; RADII_MM.len()]> {
+        let read: Vec<(f32, &Near)> = near.iter().filter_map(|taxel| Some((taxel.kpa? as f32, taxel))).collect();
+        let peak = read.iter().fold(0.0, |peak, (kpa, _)| kpa.max(peak));
+        let per_variance = 1.0 / (NOISE_KPA.powi(2) + (SHAPE_SHARE * peak).powi(2));
+        let squares: f32 = read.iter().map(|(kpa, _)| kpa * kpa).sum();
+        let of_place = |place: &[f32; 2]| {
             let (mut product, mut own) = (BySize::default(), [1e-9; RADII_MM.len()]);
-            for taxel in near {
-                let [x, y] = [taxel.place_mm[0] - place[0], taxel.place_mm[1] - place[1]];
-                let shape = self.profiles[((x * x + y * y) * (1.0 / ENTRY_MM2)) as usize & (ENTRIES - 1)];
-                shapes.push(shape);
-                let (kpa, is_read) = taxel.kpa.map_or((0.0, 0.0), |kpa| (kpa as f32, 1.0));
-                for size in 0..shape.len() {
-                    product[size] += shape[size] * kpa;
-                    own[size] += is_read * shape[size] * shape[size];
+            for (kpa, taxel) in &read {
+                for ((product, own), shape) in product.iter_mut().zip(&mut own).zip(self.shape(place, taxel)) {
+                    *product += shape * kpa;
+                    *own += shape * shape;
                 }
             }
             std::array::from_fn(|size| {
@@ -119,8 +114,13 @@ impl Discs {
                 DiscFit { scale_kpa, chi2: (squares - scale_kpa * product[size]) * per_variance }
             })
         };
-        let fits = self.places.iter().map(of_place).collect();
-        (shapes, fits)
+        self.places.iter().map(of_place).collect()
+    }
+
+    /// What the discs of a place press on a taxel with.
+    fn shape(&self, place: &[f32; 2], taxel: &Near) -> BySize {
+        let [x, y] = [taxel.place_mm[0] - place[0], taxel.place_mm[1] - place[1]];
+        self.profiles[((x * x + y * y) * (1.0 / ENTRY_MM2)) as usize & (ENTRIES - 1)]
     }
 }
 
@@ -153,7 +153,7 @@ pub fn near(
     let near = geometry.poses.iter().enumerate().filter_map(|(taxel, pose)| {
         let from_mm = 1e3 * (Vector3::from((*pose)?.position) - centre);
         let is_near = from_mm.norm_squared() < REACH_MM * REACH_MM && !of_another(taxel);
-        is_near.then(|| (taxel, Near { place_mm: [from_mm.dot(&along), from_mm.dot(&across)], kpa: read(taxel) }))
+        is_near.then(|| (taxel, Near { place_mm: [from_mm.dot(&along) as f32, from_mm.dot(&across) as f32], kpa: read(taxel) }))
     });
     Some(near.unzip())
 }
@@ -201,7 +201,7 @@ fn profile(radius_mm: f64, hertz: bool, spread: &[f64]) -> Box<[f32]> {
         disc.iter().map(of).sum::<f64>()
     };
     let most = at(0.0);
-    (0..ENTRIES).map(|entry| (at((ENTRY_MM2 * (entry as f64 + 0.5)).sqrt()) / most) as f32).collect()
+    (0..ENTRIES).map(|entry| (at((f64::from(ENTRY_MM2) * (entry as f64 + 0.5)).sqrt()) / most) as f32).collect()
 }
 
 #[cfg(test)]
@@ -209,16 +209,16 @@ mod tests {
     use super::*;
 
     /// Pads 6.5 mm apart about the centre of a disc that is not one of the library, and what they read of it.
-    fn pressed(radius_mm: f64, centre_mm: [f64; 2], newton: f64) -> Vec<Near> {
+    fn pressed(radius_mm: f64, centre_mm: [f32; 2], newton: f64) -> Vec<Near> {
         let profile = profile(radius_mm, true, &spread_by_layer());
-        let rows = (-3..=3).flat_map(|row: i32| (-3..=3).map(move |k: i32| (row, k)));
-        let places = rows.map(|(row, k)| [6.5 * (f64::from(k) + 0.5 * f64::from(row)), 5.63 * f64::from(row)]);
-        let read = |[x, y]: [f64; 2]| {
+        let rows = (-3..=3).flat_map(|row: i16| (-3..=3).map(move |k: i16| (row, k)));
+        let places = rows.map(|(row, k)| [6.5 * (f32::from(k) + 0.5 * f32::from(row)), 5.63 * f32::from(row)]);
+        let read = |[x, y]: [f32; 2]| {
             let entry = ((x - centre_mm[0]).powi(2) + (y - centre_mm[1]).powi(2)) / ENTRY_MM2;
             newton * f64::from(profile[entry as usize])
         };
         places
-            .filter(|[x, y]| x.hypot(*y) < REACH_MM)
+            .filter(|[x, y]| f64::from(x.hypot(*y)) < REACH_MM)
             .map(|place_mm| Near { place_mm, kpa: Some(read(place_mm)) })
             .collect()
     }
