@@ -79,8 +79,7 @@ impl Change<'_> {
             }
             Record::Answered(answered) => self.answered(answered),
             Record::Zero { patch, zero } => facts::put(connection, Key::named(ZEROS, patch), zero),
-            // The audit log says who took it; nothing is restored from it.
-            Record::Tared { .. } | Record::Sample { .. } => Ok(()),
+            Record::Sample { .. } => Ok(()),
         }
     }
 

@@ -2,14 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::baseline::TaxelBaseline;
 use crate::boundary::audit::{Answered, Asked};
 pub use crate::calibration::samples::{RampBaseline, Sample};
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
 pub use crate::zero::kept::{KeptZero, TakenZero};
-use crate::zero::view::TareView;
 
 /// One durable fact. The store appends them; none is ever changed, and what is deleted leaves a row that says so.
 #[derive(Clone, Debug)]
@@ -65,14 +63,5 @@ pub enum Record {
         patch: String,
         /// What.
         zero: KeptZero,
-    },
-    /// A zero was taken.
-    Tared {
-        /// The patch.
-        patch: String,
-        /// How and by whom.
-        tare: TareView,
-        /// The zero, one per taxel.
-        baseline: Vec<TaxelBaseline>,
     },
 }

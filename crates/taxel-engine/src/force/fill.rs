@@ -153,7 +153,9 @@ pub fn near(
     let near = geometry.poses.iter().enumerate().filter_map(|(taxel, pose)| {
         let from_mm = 1e3 * (Vector3::from((*pose)?.position) - centre);
         let is_near = from_mm.norm_squared() < REACH_MM * REACH_MM && !of_another(taxel);
-        is_near.then(|| (taxel, Near { place_mm: [from_mm.dot(&along) as f32, from_mm.dot(&across) as f32], kpa: read(taxel) }))
+        is_near.then(|| {
+            (taxel, Near { place_mm: [from_mm.dot(&along) as f32, from_mm.dot(&across) as f32], kpa: read(taxel) })
+        })
     });
     Some(near.unzip())
 }

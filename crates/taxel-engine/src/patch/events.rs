@@ -59,17 +59,15 @@ impl Patch {
         for event in events {
             self.dirty = true;
             match event {
-                ZeroEvent::Proven { request, view, baseline } => {
-                    let patch = self.name().to_owned();
-                    let record = Record::Tared { patch, tare: view, baseline };
+                ZeroEvent::Proven { request, zero } => {
+                    self.noted.zero = Some(zero);
+                    let record = Record::Zero { patch: self.name().to_owned(), zero: self.noted.clone() };
                     self.intents.push(Intent::Zero { request, record });
                 }
                 ZeroEvent::Taken(purpose) => {
                     self.use_zero();
-                    let baseline = self.zero.baseline().unwrap_or_default().to_vec();
-                    let (patch, tare) = (self.name().to_owned(), self.zero.view());
-                    self.out.push(Output::Record(Record::Tared { patch, tare, baseline: baseline.clone() }));
                     if let (Purpose::Session { .. }, Some(session)) = (purpose, &mut self.session) {
+                        let baseline = self.zero.baseline().unwrap_or_default().to_vec();
                         session.on_zero_taken(now, baseline, self.intake.gauge());
                         session.samples.rest().into_iter().for_each(|rest| self.zero.note_session_rest(rest));
                     }

@@ -1,10 +1,11 @@
 //! What the zero is told, and what it tells.
 
-use crate::baseline::TaxelBaseline;
+use std::sync::Arc;
+
 use crate::model_set::ModelSet;
 use crate::request::{ErrorReason, RequestId};
 use crate::zero::bag::Bag;
-use crate::zero::view::TareView;
+use crate::zero::kept::TakenZero;
 use crate::zero::watch::Purpose;
 
 /// What became of the zero.
@@ -14,10 +15,8 @@ pub enum ZeroEvent {
     Proven {
         /// Whom to answer.
         request: RequestId,
-        /// The zero as readers will see it.
-        view: TareView,
-        /// One per taxel.
-        baseline: Vec<TaxelBaseline>,
+        /// The zero.
+        zero: Arc<TakenZero>,
     },
     /// A zero was taken, and who wanted it.
     Taken(Purpose),

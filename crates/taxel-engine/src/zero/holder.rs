@@ -151,6 +151,11 @@ impl Zero {
         view
     }
 
+    /// Whether a zero waits for the disk.
+    pub const fn is_written_down(&self) -> bool {
+        self.writing.is_some()
+    }
+
     /// Who wants a zero that is being watched for.
     pub fn watching(&self) -> Option<&Purpose> {
         self.watch.as_ref().map(|watch| &watch.purpose)
@@ -245,10 +250,6 @@ impl Zero {
             events.push(ZeroEvent::BoardMoved { board, why });
             return;
         }
-        if self.writing.is_some() {
-            let held = self.held_against();
-            self.writing.iter_mut().for_each(|writing| writing.spoil_by(held.clone()));
-        }
         self.tell_doubt(events);
         let configuring = std::mem::replace(&mut self.configuring, around.configuring);
         if configuring && self.held().is_none() {
@@ -288,9 +289,13 @@ impl Zero {
         }
     }
 
-    /// A zero is held from now on, of which `kept` outlives the daemon.
-    pub(super) fn hold(&mut self, view: TareView, baseline: Vec<TaxelBaseline>, kept: Arc<TakenZero>) {
-        self.view = view;
+    /// This zero is held from now on.
+    pub(super) fn hold(&mut self, kept: Arc<TakenZero>) {
+        let baseline = kept.baseline();
+        if kept.confirmed {
+            self.vouched = Some(baseline.as_slice().into());
+        }
+        self.view = TareView::taken(kept.epoch, kept.wall_ns, kept.reason.clone(), kept.at_rest, &baseline);
         self.ground.take(&baseline);
         self.offset.begin(&kept.pads);
         self.evidence.begin(self.view.at_rest);

@@ -8,7 +8,6 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::baseline::TaxelBaseline;
 use crate::model_set::ModelSet;
-use crate::zero::view::TareView;
 
 /// What is known of the zero of a patch, and of the zeros that its boards take when they are configured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -26,13 +25,13 @@ pub struct KeptZero {
 /// A zero as it was taken.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TakenZero {
-    /// See [`TareView`].
+    /// One more for each zero taken or lost.
     pub epoch: u64,
-    /// See [`TareView`].
+    /// Whether the counts showed rest.
     pub at_rest: bool,
-    /// See [`TareView`].
+    /// When it was taken, nanoseconds since 1970.
     pub wall_ns: i64,
-    /// See [`TareView`].
+    /// The rest test's figures, and who confirmed it.
     pub reason: String,
     /// Whether somebody confirmed it.
     pub confirmed: bool,
@@ -53,19 +52,6 @@ fn with_gaps<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::
 }
 
 impl TakenZero {
-    pub(super) fn of(view: &TareView, baseline: &[TaxelBaseline], confirmed: bool, pads: Vec<Option<f64>>) -> Self {
-        Self {
-            epoch: view.epoch,
-            at_rest: view.at_rest,
-            wall_ns: view.wall_ns,
-            reason: view.reason.clone(),
-            confirmed,
-            mean: baseline.iter().map(|taxel| taxel.mean).collect(),
-            noise: baseline.iter().map(|taxel| taxel.noise).collect(),
-            pads,
-        }
-    }
-
     pub(super) fn baseline(&self) -> Vec<TaxelBaseline> {
         self.mean.iter().zip(&self.noise).map(|(&mean, &noise)| TaxelBaseline { mean, noise }).collect()
     }

@@ -9,7 +9,6 @@ use crate::request::ErrorReason;
 use crate::zero::events::ZeroEvent;
 use crate::zero::holder::{Trust, Zero};
 use crate::zero::kept::{KeptZero, Models, TakenZero, Unjudged, have_same_rest};
-use crate::zero::view::TareView;
 
 /// Why a zero of before the start is in doubt for its first scans.
 const AWAY: &str = "the daemon did not run, and a board may have taken a new zero meanwhile";
@@ -104,12 +103,7 @@ impl Zero {
         if (kept.mean.len(), kept.noise.len()) != (taxels, taxels) || self.needs_confirmation().is_some() {
             return; // of another layout, or nobody can tell
         }
-        let baseline = kept.baseline();
-        let view = TareView::taken(kept.epoch, kept.wall_ns, kept.reason.clone(), kept.at_rest, &baseline);
-        if kept.confirmed {
-            self.vouched = Some(baseline.as_slice().into());
-        }
-        self.hold(view, baseline, kept);
+        self.hold(kept);
         (0..self.regions.boards().len()).for_each(|board| self.evidence.doubt(board, AWAY.to_owned()));
         if let Trust::Held(held) = &mut self.trust {
             held.on_trial = true;

@@ -1,14 +1,14 @@
 //! A zero on its way: who asked for it, the watch of the skin, and one that was proven and is being written down.
 
+use std::sync::Arc;
 use std::time::Duration;
 use taxel_skin::Time;
 
-use crate::baseline::TaxelBaseline;
 use crate::request::RequestId;
 use crate::scan::Scan;
+use crate::zero::kept::TakenZero;
 use crate::zero::rest::limits::SCANS_MIN;
 use crate::zero::rest::window::RestWindow;
-use crate::zero::view::TareView;
 
 /// How much longer than planned a watch may take before it is given up.
 const GRACE: Duration = Duration::from_secs(2);
@@ -90,7 +90,7 @@ pub(super) struct Writing {
     /// Whether somebody vouches for it.
     pub(super) vouched: bool,
     /// The zero, or what has moved it meanwhile.
-    pub(super) zero: Result<(TareView, Vec<TaxelBaseline>), String>,
+    pub(super) zero: Result<Arc<TakenZero>, String>,
 }
 
 impl Writing {
@@ -99,12 +99,6 @@ impl Writing {
         if self.zero.is_ok() {
             self.zero = Err(why.to_owned());
         }
-    }
-
-    /// This is held against the boards now: what is new of it spoils the zero, and would be forgotten with it.
-    pub(super) fn spoil_by(&mut self, now: HeldAgainst) {
-        let new = now.into_iter().zip(&self.held).find_map(|(now, then)| now.filter(|now| Some(now) != then.as_ref()));
-        new.iter().for_each(|why| self.spoil(why));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::baseline::{TaxelBaseline, with_noise_known};
+use crate::baseline::with_noise_known;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::request::{ErrorReason, RequestId};
@@ -74,18 +74,27 @@ impl Zero {
         };
         let vouched = vouched.is_some();
         let baseline = with_noise_known(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
-        let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, rest, &baseline);
+        let zero = Arc::new(TakenZero {
+            epoch: self.view.epoch + 1,
+            at_rest: rest,
+            wall_ns: now.wall_ns,
+            reason,
+            confirmed: vouched || self.is_vouched(&baseline),
+            mean: baseline.iter().map(|taxel| taxel.mean).collect(),
+            noise: baseline.iter().map(|taxel| taxel.noise).collect(),
+            pads: self.offset.pads(),
+        });
         if let Purpose::Operator { request, .. } = purpose {
-            let (held, zero) = (self.held_against(), Ok((view.clone(), baseline.clone())));
-            self.writing = Some(Writing { request, held, vouched, zero });
-            events.push(ZeroEvent::Proven { request, view, baseline });
+            let held = self.held_against();
+            self.writing = Some(Writing { request, held, vouched, zero: Ok(Arc::clone(&zero)) });
+            events.push(ZeroEvent::Proven { request, zero });
         } else {
             self.writing = None; // of an earlier moment
             if first && !vouched {
                 let held = self.held_over_restarts().map(str::to_owned);
                 self.unjudged = Some(Unjudged::after(self.unjudged.take(), held));
             }
-            self.take(view, baseline, vouched, !first);
+            self.take(zero, vouched, !first);
             events.push(ZeroEvent::Taken(purpose));
         }
     }
@@ -96,10 +105,14 @@ impl Zero {
     /// What has moved the zero meanwhile, in words.
     pub fn adopt(&mut self, request: RequestId) -> Result<TareView, String> {
         let writing = self.writing.take_if(|writing| writing.request == request).ok_or("a newer zero was taken")?;
-        let (mut view, baseline) = writing.zero?;
-        view.epoch = self.view.epoch + 1;
-        self.take(view.clone(), baseline, writing.vouched, true);
-        Ok(view)
+        let zero = writing.zero?;
+        // What is held against the boards now and was not when they were watched would be forgotten with this zero.
+        let mut held = self.held_against().into_iter().zip(writing.held);
+        if let Some((Some(why), _)) = held.find(|(now, then)| now.is_some() && now != then) {
+            return Err(why);
+        }
+        self.take(zero, writing.vouched, true);
+        Ok(self.view.clone())
     }
 
     /// The zero that was proven for `request` could not be written down: the earlier one stays.
@@ -109,12 +122,8 @@ impl Zero {
 
     /// A zero holds from now on that somebody vouched for, or models have `judged`. Until a board takes another, what a zero may hide
     /// is told from one that somebody vouched for, too.
-    fn take(&mut self, view: TareView, baseline: Vec<TaxelBaseline>, vouched: bool, judged: bool) {
-        if vouched {
-            self.vouched = Some(baseline.as_slice().into());
-        }
+    fn take(&mut self, zero: Arc<TakenZero>, vouched: bool, judged: bool) {
         self.unjudged.take_if(|unjudged| vouched || (judged && unjudged.is_of_other_models()));
-        let kept = TakenZero::of(&view, &baseline, self.is_vouched(&baseline), self.offset.pads());
-        self.hold(view, baseline, Arc::new(kept));
+        self.hold(zero);
     }
 }

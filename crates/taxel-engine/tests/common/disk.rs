@@ -63,7 +63,7 @@ impl Disk {
                 sessions.retain(|view| view.number != session);
             }
             Record::Zero { patch, zero } => replace(zeros, patch, zero),
-            Record::Load(_) | Record::Asked(_) | Record::Answered(_) | Record::Tared { .. } => {}
+            Record::Load(_) | Record::Asked(_) | Record::Answered(_) => {}
         }
     }
 

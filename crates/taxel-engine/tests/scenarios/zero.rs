@@ -139,22 +139,25 @@ fn no_tare_is_taken_beside_taxels_that_stand_at_their_rail_unless_somebody_vouch
     assert!(bench.tare(Some("Ada")).is_ok());
 }
 
+/// The zero that a record has, and of which patch.
+fn zero_of(record: &Record) -> Option<(&str, &taxel_engine::record::TakenZero)> {
+    let Record::Zero { patch, zero } = record else { return None };
+    Some((patch, zero.zero.as_deref()?))
+}
+
 #[test]
 fn a_tare_that_somebody_vouches_for_is_taken_and_written_down_with_the_name() {
     let mut bench = small().in_use();
     bench.press_everywhere(1.5); // light, so that the skin does not step when it goes
     bench.seconds(1.0);
     let Ok(Done::Tared(view)) = bench.tare(Some("Ada")) else { panic!("refused") };
-    let tared = |record: &Record| match record {
-        Record::Tared { patch, tare, baseline } => Some((patch.clone(), tare.clone(), baseline.len())),
-        _ => None,
-    };
-    let (patch, written, taxels) = bench.host.records.iter().rev().find_map(tared).expect("a record of the zero");
-    assert_eq!((patch.as_str(), &written, taxels), ("small", &view, 80));
+    let (patch, written) = bench.host.records.iter().rev().find_map(zero_of).expect("a record of the zero");
+    assert_eq!((patch, written.mean.len(), written.confirmed), ("small", 80, true));
+    assert_eq!((written.epoch, written.wall_ns, &written.reason), (view.epoch, view.wall_ns, &view.reason));
     assert!(
-        written.reason.starts_with("Ada confirms that nothing touches the skin; something presses on "),
+        view.reason.starts_with("Ada confirms that nothing touches the skin; something presses on "),
         "{}",
-        written.reason
+        view.reason
     );
     assert_eq!(bench.host.snapshot().tare.as_ref(), Some(&view));
 }
@@ -190,7 +193,7 @@ fn the_first_force_comes_after_a_second_of_rest() {
     assert_eq!(forces(&bench), 1, "none before");
     let tare = bench.host.snapshot().tare.clone().unwrap();
     assert!(tare.valid && tare.reason.starts_with("unloaded"), "{}", tare.reason);
-    assert!(bench.host.records.iter().any(|r| matches!(r, Record::Tared { .. })));
+    assert!(bench.host.records.iter().any(|record| zero_of(record).is_some()));
 }
 
 #[test]

@@ -129,7 +129,9 @@ fn survives(daemon: &Daemon) {
             (Done::Session(view), Record::Session(kept)) => (view.number, view.state) == (kept.number, kept.state),
             (Done::Kept { model_set, .. }, Record::ModelSet(set)) => model_set.id == set.id,
             (Done::Activated { model_set, .. }, Record::Activated { model_set: kept, .. }) => model_set == kept,
-            (Done::Tared(view), Record::Tared { tare, .. }) => view.wall_ns == tare.wall_ns,
+            (Done::Tared(view), Record::Zero { zero, .. }) => {
+                zero.zero.as_ref().is_some_and(|zero| zero.wall_ns == view.wall_ns)
+            }
             _ => false,
         });
         assert!(kept || matches!(done, Done::BringUpStarted), "{done:?} is not on disk");

@@ -1,5 +1,6 @@
 //! What random walks have found, one short walk each.
 
+use taxel_engine::calibration::SessionState;
 use taxel_engine::record::Record;
 
 use crate::check::{Seen, check};
@@ -41,7 +42,7 @@ fn the_zero_of_a_ramp_is_watched_when_the_boards_are_configured() {
     daemon.apply(StartSession);
     daemon.apply(Pass(Hold));
     let tared = daemon.store.on_disk().iter().find_map(|record| match record {
-        Record::Tared { tare, .. } => Some(tare.wall_ns - EPOCH_NS),
+        Record::Session(view) if view.state == SessionState::Ramping => Some(view.changed_wall_ns - EPOCH_NS),
         _ => None,
     });
     // The boards are configured for half a second, and then the skin is watched for a second.

@@ -54,7 +54,7 @@ impl Held {
                 Record::Zero { zero, .. } => self.zero.clone_from(zero),
                 Record::Asked(_) => self.asked += 1,
                 Record::Answered(_) => self.answered += 1,
-                Record::Ramp { .. } | Record::Tared { .. } => {}
+                Record::Ramp { .. } => {}
             }
         }
         self
