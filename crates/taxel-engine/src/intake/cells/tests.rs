@@ -43,19 +43,6 @@ fn complete(device: &mut Device, frame: TimedFrame) -> Vec<usize> {
     device.on_frame(&frame).unwrap().unwrap().modules
 }
 
-#[test]
-fn a_module_is_complete_when_all_its_frames_have_come() {
-    let mut device = device(ScanBegin::Time);
-    for scan in 0..3_u8 {
-        let at = 20.0 * f64::from(scan);
-        let found: Vec<Vec<usize>> =
-            (0..4).map(|kind| complete(&mut device, frame(at + f64::from(kind), kind, scan))).collect();
-        assert_eq!(found, [vec![], vec![0], vec![], vec![1]], "scan {scan}");
-        assert_eq!((device.counts(0), device.counts(1)), ([scan.into(); 4].as_slice(), [scan.into(); 4].as_slice()));
-    }
-    assert_eq!((device.orphans(), device.counts(2)), (0, [].as_slice()));
-}
-
 /// Whichever frame is lost, and however the scans are told apart, no module has counts of two scans.
 #[test]
 fn a_lost_frame_never_makes_a_module_of_two_scans() {
@@ -97,17 +84,6 @@ fn frames_that_come_again_with_the_number_of_their_scan_are_no_scan() {
     assert_eq!(device.orphans(), 49 * 4);
     let modules: Vec<usize> = (0..4).flat_map(|kind| complete(&mut device, frame(1_000.0, kind, 8))).collect();
     assert_eq!(modules, [0, 1]);
-}
-
-#[test]
-fn a_status_that_is_not_the_good_one_is_told_until_it_is_good_again() {
-    let mut device = device(ScanBegin::Time);
-    let mut bad = frame(0.0, 0, 1);
-    bad.frame = Frame::of(ID, [0, 1, 0, 1, 0, 0, 7]);
-    complete(&mut device, bad);
-    assert!(!device.is_well());
-    complete(&mut device, frame(20.0, 0, 2));
-    assert!(device.is_well());
 }
 
 #[test]

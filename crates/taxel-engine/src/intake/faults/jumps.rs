@@ -135,25 +135,6 @@ mod tests {
     }
 
     #[test]
-    fn smaller_ones_count_when_the_greatest_do_not_any_more() {
-        let mut jumps = ModuleJumps::default();
-        let mut by = |second: u32, counts: f32| {
-            let at = |conversion: u32| {
-                Time::from_nanos(4_000_000_000 * i64::from(second) + 37_000_000 * i64::from(conversion))
-            };
-            [counts, -counts, 0.1]
-                .into_iter()
-                .zip(0..)
-                .for_each(|(change, conversion)| jumps.on_change(at(conversion), change));
-            jumps.counts(at(3))
-        };
-        let felt: Vec<f32> =
-            (0..8).map(|second| by(second, if second < 2 { 9.0 } else { 5.0 + second as f32 * 0.1 })).collect();
-        assert_eq!(felt, [0.0, 9.0, 9.0, 9.0, 9.0, 5.5, 5.5, 5.6]);
-        assert_eq!((8..30).map(|second| by(second, 3.0)).last(), Some(3.0));
-    }
-
-    #[test]
     fn other_taxels_than_before_show_no_jump_and_none_at_all_change_nothing() {
         let after = |scans: &[(f32, u32)]| {
             let mut jumps = ModuleJumps::default();
