@@ -65,40 +65,6 @@ pub fn median_error(sigma: f64, n: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::baseline::TaxelBaseline;
-    use crate::force::hysteresis::Hysteresis;
-    use crate::model_set::{ModelSet, Recorded, RecordedTaxel};
-    use std::sync::Arc;
-    use taxel_model::{FitOptions, Plays, Samples, fit};
-    use taxel_skin::Time;
-
-    /// The mean that plays follow live goes as far in one step as in many, and over a gap of an hour as over an hour of scans.
-    #[test]
-    fn plays_follow_steps_of_any_length_in_time_alike() {
-        let rest = [TaxelBaseline { mean: 240.0, noise: 0.9 }];
-        let kpa: Vec<f64> = (0..700).map(|k| f64::from(k) / 10.0).collect();
-        let counts: Vec<f64> = kpa.iter().map(|kpa| (240.0 - kpa).round()).collect();
-        let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
-        let (range, sign, radii_counts) = (model.range.unwrap(), model.sign, [4.0, 10.0, 0.0, 0.0]);
-        let plays = Some(Plays { range, sign, radii_counts, weights_kpa: [0.8, 0.4, 0.0, 0.0], slack_counts: 0.0 });
-        let taxels = vec![Some(RecordedTaxel { sensitivity: 1.0, plays })];
-        let recorded = Some(Recorded { smooth_s: 0.5, module_size: 1, taxels, ..Recorded::default() });
-        let set = Arc::new(ModelSet { baseline: rest.into(), taxels: vec![model], recorded, ..ModelSet::default() });
-        let (fifth_ns, hour_ns) = (200_000_000, 3_600_000_000_000);
-        // After an hour under a load, of which some goes: what is left of the hysteresis then hangs on the mean.
-        let offset_kpa = |count: u16, whole_ns: i64, steps: i64| {
-            let mut hysteresis = Hysteresis::new(&set, &rest).unwrap();
-            let mut follow = |ns: i64, count: u16| hysteresis.follow(Time::from_nanos(ns), &[count], |_| true);
-            [0, hour_ns].into_iter().for_each(|ns| follow(ns, 180));
-            (1..=steps).for_each(|k| follow(hour_ns + whole_ns / steps * k, count));
-            hysteresis.offset_kpa()[0]
-        };
-        for (count, whole_ns, steps) in [(190, fifth_ns, 10_000), (220, fifth_ns, 10_000), (235, hour_ns, 36_000)] {
-            let [one, many] = [1, steps].map(|steps| offset_kpa(count, whole_ns, steps));
-            assert!(one < -1e-3, "{one} kPa are left of a load");
-            assert!((one - many).abs() < 1e-4, "{count}, {whole_ns} ns: {one} kPa in one step, {many} kPa in {steps}");
-        }
-    }
 
     #[test]
     fn a_window_does_not_hang_on_how_a_period_was_rounded() {

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use proptest::prelude::*;
-use taxel_model::{PlayState, Plays};
+use taxel_model::PlayState;
 use taxel_skin::Time;
 
 use crate::force::hysteresis::Hysteresis;
 use crate::force::owner::{Force, ZeroState};
 use crate::force::sample::ForceSample;
-use crate::force::tests::{AREA, REST, model, plan, rest, row, set};
-use crate::model_set::{ModelSet, Recorded, RecordedTaxel};
+use crate::force::tests::{AREA, REST, model, plan, plays, rest, row, with_plays};
+use crate::model_set::ModelSet;
 use crate::scan::Scan;
 
 const TAXELS: usize = 100;
@@ -22,35 +22,9 @@ const SCANS_A_COUNT: usize = 10;
 /// The offset has come to rest after so many.
 const SETTLED_SCANS: usize = 100;
 
-fn plays() -> Plays {
-    let model = model();
-    Plays {
-        range: model.range.unwrap(),
-        sign: model.sign,
-        radii_counts: [4.0, 10.0, 0.0, 0.0],
-        weights_kpa: [0.8, 0.4, 0.0, 0.0],
-        slack_counts: 0.0,
-    }
-}
-
 /// Models whose counts are averaged over half a second.
-fn with_plays() -> Arc<ModelSet> {
-    averaged_over(0.5)
-}
-
-fn averaged_over(smooth_s: f64) -> Arc<ModelSet> {
-    let mut models = ModelSet::clone(&set(TAXELS));
-    let taxel = RecordedTaxel { sensitivity: 1.0, plays: Some(plays()) };
-    models.recorded = Some(Recorded {
-        smooth_s,
-        plays_mean_s: 0.0,
-        module_size: 10,
-        zero_return_counts: None,
-        unloading_share: Some(0.0),
-        plays_error_ratio: Some(0.5),
-        taxels: vec![Some(taxel); TAXELS],
-    });
-    Arc::new(models)
+fn models() -> Arc<ModelSet> {
+    with_plays(TAXELS, 0.5)
 }
 
 /// A skin on which the same pressure lies everywhere, and whose plays the test knows.
@@ -76,7 +50,7 @@ impl Skin {
     /// With the models in use since it was at rest.
     fn known() -> Self {
         let mut skin = Self::bare();
-        skin.force.set_models(with_plays(), 0.0);
+        skin.force.set_models(models(), 0.0);
         skin.force.set_zero(Some(&rest(TAXELS)), 0.0);
         skin
     }
@@ -153,7 +127,7 @@ impl Skin {
 #[test]
 fn a_set_that_comes_into_use_while_the_zero_is_in_doubt_has_a_history_from_then_on() {
     let mut skin = Skin::bare();
-    skin.go(50).doubt().force.set_models(with_plays(), 0.0);
+    skin.go(50).doubt().force.set_models(models(), 0.0);
     skin.clear();
     let first = skin.scan(50);
     skin.holds(&first, "of the past nothing is known");
@@ -167,7 +141,7 @@ fn a_set_that_comes_into_use_under_a_load_does_not_know_how_it_came_there() {
     for (most, present) in [(60, 20), (20, 20), (40, 40), (30, 8)] {
         let what = format!("{most} counts, then {present}");
         let mut skin = Skin::bare();
-        skin.go(most).go(present).force.set_models(with_plays(), 0.0);
+        skin.go(most).go(present).force.set_models(models(), 0.0);
         let at_once = skin.at_present(|force, scan| force.sample(scan, 0, &ZeroState::default()).sample);
         skin.holds(&at_once, &format!("{what}, before a scan"));
         let next = skin.scan(present);
@@ -183,7 +157,7 @@ fn a_set_that_comes_into_use_under_a_load_does_not_know_how_it_came_there() {
 #[test]
 fn a_set_that_comes_into_use_at_rest_knows_that_nothing_presses() {
     let mut skin = Skin::bare();
-    skin.go(0).force.set_models(with_plays(), 0.0);
+    skin.go(0).force.set_models(models(), 0.0);
     skin.go(1).go(0);
     let little = skin.go(5).scan(5).total_sigma.unwrap().0;
     let usual = Skin::known().go(5).scan(5).total_sigma.unwrap().0;
@@ -241,7 +215,7 @@ proptest! {
         for count in past {
             plays.bend_kpa(&mut truth, f64::from(count));
         }
-        let mut hysteresis = Hysteresis::unknown(&averaged_over(0.0), &rest(TAXELS)).unwrap();
+        let mut hysteresis = Hysteresis::unknown(&with_plays(TAXELS, 0.0), &rest(TAXELS)).unwrap();
         let mut time = Time::default();
         for count in path {
             time = time + PERIOD;

@@ -253,57 +253,20 @@ fn gain(step_s: f64, tau_s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model_set::{Recorded, RecordedTaxel};
-    use proptest::prelude::*;
-    use taxel_model::{FitOptions, Plays, Samples, fit};
+    use crate::force::tests::with_plays;
 
-    const RADII: [f64; 4] = [4.0, 10.0, 0.0, 0.0];
     /// Twice the sum of weight x radius: the offset can be no further below 0.
     const OFFSET_MAX_KPA: f64 = 2.0 * (0.8 * 4.0 + 0.4 * 10.0);
 
     /// Two taxels whose counts fall from 240 by one a kilopascal; the first one's hysteresis is compensated.
     fn set(smooth_s: f64) -> Arc<ModelSet> {
-        let kpa: Vec<f64> = (0..700).map(|k| f64::from(k) / 10.0).collect();
-        let counts: Vec<f64> = kpa.iter().map(|kpa| (240.0 - kpa).round()).collect();
-        let model = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
-        let range = model.range.unwrap();
-        let plays = Plays {
-            range,
-            sign: model.sign,
-            radii_counts: RADII,
-            weights_kpa: [0.8, 0.4, 0.0, 0.0],
-            slack_counts: 0.0,
-        };
-        let taxel = |plays| RecordedTaxel { sensitivity: 1.0, plays };
-        Arc::new(ModelSet {
-            id: "m-test".to_owned(),
-            patch: "p".to_owned(),
-            created_wall_ns: 0,
-            session: None,
-            method: String::new(),
-            board_settings: vec![],
-            baseline: rest(),
-            pressure_max_kpa: 70.0,
-            gauge_gain_rel: 0.0,
-            gauge_offset_kpa: 0.0,
-            dead_zone_kpa: 0.0,
-            taxels: vec![model.clone(), model],
-            recorded: Some(Recorded {
-                smooth_s,
-                plays_mean_s: 0.0,
-                module_size: 10,
-                zero_return_counts: None,
-                unloading_share: Some(0.1),
-                plays_error_ratio: Some(0.5),
-                taxels: vec![Some(taxel(Some(plays))), Some(taxel(None))],
-            }),
-            recalibrated: None,
-            maker: crate::model_set::Maker::default(),
-        })
+        let mut set = ModelSet::clone(&with_plays(2, smooth_s));
+        set.recorded.as_mut().unwrap().taxels[1].as_mut().unwrap().plays = None;
+        Arc::new(set)
     }
 
     fn rest() -> Vec<TaxelBaseline> {
-        vec![TaxelBaseline { mean: 240.0, noise: 0.7 }; 2]
+        crate::force::tests::rest(2)
     }
 
     /// Bends of the first taxel while the counts go along `path`, a scan every 50 ms.
@@ -347,35 +310,5 @@ mod tests {
         moved.shift_zero(&drifted);
         let there = offsets(&mut still, (200..240).rev());
         assert_eq!(offsets(&mut moved, (197..237).rev()), there);
-    }
-
-    proptest! {
-        #[test]
-        fn any_time_step_leaves_it_finite_and_bounded(
-            steps in proptest::collection::vec(
-                (prop_oneof![Just(0_i64), Just(-5_000_000_000), 1_000..3_600_000_000_000_i64], 0..=255_u16), 1..200)
-        ) {
-            let mut hysteresis = Hysteresis::new(&set(0.5), &rest()).unwrap();
-            let mut now = 0_i64;
-            for (step, count) in steps {
-                now = now.saturating_add(step);
-                hysteresis.follow(Time::from_nanos(now), &[count; 2], |_| true);
-                let offset = f64::from(hysteresis.offset_kpa()[0]);
-                prop_assert!((-OFFSET_MAX_KPA - 1e-3..=1e-3).contains(&offset), "{offset}");
-            }
-        }
-
-        #[test]
-        fn one_long_step_is_the_same_as_many_short_ones(count in 180..=240_u16, parts in 1..1000_i64) {
-            let mut long = Hysteresis::new(&set(0.5), &rest()).unwrap();
-            let mut short = long.clone();
-            for hysteresis in [&mut long, &mut short] {
-                hysteresis.follow(Time::from_nanos(0), &[count; 2], |_| true);
-            }
-            let whole_ns = 1_000_000_000;
-            (1..=parts).for_each(|k| short.follow(Time::from_nanos(whole_ns * k / parts), &[count; 2], |_| true));
-            long.follow(Time::from_nanos(whole_ns), &[count; 2], |_| true);
-            prop_assert!((long.offset_kpa()[0] - short.offset_kpa()[0]).abs() < 1e-4);
-        }
     }
 }

@@ -148,8 +148,7 @@ mod tests {
 
     /// A row of taxels 6 mm apart.
     fn row(taxels: usize) -> Neighbours {
-        let pose = |i: usize| TaxelPose { position: [0.006 * i as f64, 0.0, 0.0], normal: [0.0, 0.0, 1.0] };
-        Neighbours::new(&Geometry::from_poses((0..taxels).map(|i| Some(pose(i))).collect()))
+        Neighbours::new(&crate::force::tests::row(taxels))
     }
 
     /// A grid of so many taxels a side, this pitch apart.
@@ -189,25 +188,12 @@ mod tests {
         assert_eq!([0, 2, 3, 4, 6].map(|taxel| labels[taxel]), [1, 2, 2, 2, 3]);
     }
 
-    /// A hexagonal patch of so many rings about a centre, and the ring that each taxel lies on.
-    fn hexagon(rings: i32) -> (Neighbours, Vec<usize>) {
-        let pitch = 0.0065;
-        let at =
-            |q: i32, r: i32| [pitch * (f64::from(q) + 0.5 * f64::from(r)), pitch * 0.75_f64.sqrt() * f64::from(r), 0.0];
-        let all = (-rings..=rings).flat_map(|q| (-rings..=rings).map(move |r| (q, r)));
-        let ring = |(q, r): (i32, i32)| q.abs().max(r.abs()).max((q + r).abs());
-        let all = all.filter(|&place| ring(place) <= rings);
-        let (places, on): (Vec<_>, Vec<_>) = all.map(|place| (at(place.0, place.1), ring(place) as usize)).unzip();
-        let poses = places.into_iter().map(|position| Some(TaxelPose { position, normal: [0.0, 0.0, 1.0] })).collect();
-        (Neighbours::new(&Geometry::from_poses(poses)), on)
-    }
-
     #[test]
     fn taxels_at_the_rim_have_their_neighbours_on_one_side() {
-        let (neighbours, rings) = hexagon(2);
-        assert_eq!(rings.len(), 19);
-        for (taxel, ring) in rings.iter().enumerate() {
-            assert_eq!(neighbours.at_rim[taxel], *ring == 2, "{taxel}");
+        let grid = grid(5, 0.004);
+        let inside = |taxel: usize| [taxel % 5, taxel / 5].iter().all(|at| (1..4).contains(at));
+        for taxel in 0..25 {
+            assert_eq!(grid.at_rim[taxel], !inside(taxel), "{taxel}");
         }
     }
 }

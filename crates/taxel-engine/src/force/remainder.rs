@@ -259,24 +259,6 @@ mod tests {
     }
 
     #[test]
-    fn counts_of_more_than_eight_bits_leave_as_much_room() {
-        let (zero, range) = (rest(TAXELS), taxel_skin::CountRange::to(65_535).unwrap());
-        let bytes: Vec<u16> = (0..TAXELS as u16).map(|taxel| REST - taxel % 4).collect();
-        let words: Vec<u16> = bytes.iter().map(|&count| range.nearest(f64::from(count))).collect();
-        let held = Rest { taken: &zero, vouched: &[] };
-        let remainder = Remainder::new(&tables(), held, &[true; TAXELS], &MODULES, 0.1);
-        let active = || [3, 7].into_iter();
-        let (narrow, wide) = (
-            remainder.unseen(&bytes, active(), [0.0, 0.1]),
-            remainder.unseen(Counts::new(&words, range), active(), [0.0, 0.1]),
-        );
-        assert!(narrow.newton > 0.1, "{narrow:?}");
-        for (narrow, wide) in [(narrow.newton, wide.newton), (narrow.sigma_n, wide.sigma_n)] {
-            assert!((narrow - wide).abs() < 1e-3, "{narrow} N of bytes, {wide} N of words");
-        }
-    }
-
-    #[test]
     fn a_taxel_whose_zero_is_not_known_leaves_no_room_and_makes_no_number_that_is_none() {
         let mut unknown = rest(TAXELS);
         unknown[3] = TaxelBaseline::UNKNOWN;

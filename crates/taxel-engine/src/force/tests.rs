@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
-use taxel_model::{FitOptions, Flag, GaugeUncertainty, Samples, Status, TaxelModel, fit};
+use taxel_model::{FitOptions, Flag, GaugeUncertainty, Plays, Samples, Status, TaxelModel, fit};
 use taxel_skin::{CountRange, Geometry, Newton, SquareMillimetre, TaxelPose, Time};
 
 use crate::baseline::{Activation, TaxelBaseline};
@@ -13,9 +13,7 @@ use crate::force::measure::{Layout, Outputs};
 use crate::force::owner::{Force, ForcePlan, Measured, ZeroState};
 use crate::force::reason::{Reason, ReasonCode};
 use crate::force::sample::ForceState;
-use crate::force::taxels::{Basis, ModuleAge, Taxels};
-use crate::intake::faults::fault::FaultSet;
-use crate::model_set::ModelSet;
+use crate::model_set::{ModelSet, Recorded, RecordedTaxel};
 use crate::scan::Scan;
 
 mod jumps;
@@ -91,20 +89,37 @@ pub fn set(taxels: usize) -> Arc<ModelSet> {
     Arc::new(ModelSet {
         id: "m-test".to_owned(),
         patch: "p".to_owned(),
-        created_wall_ns: 0,
-        session: None,
-        method: String::new(),
-        board_settings: vec![],
         baseline: rest(taxels),
         pressure_max_kpa: 70.0,
-        gauge_gain_rel: 0.0,
-        gauge_offset_kpa: 0.0,
-        dead_zone_kpa: 0.0,
         taxels: vec![model(); taxels],
-        recorded: None,
-        recalibrated: None,
-        maker: crate::model_set::Maker::default(),
+        ..ModelSet::default()
     })
+}
+
+/// Plays for that model.
+pub fn plays() -> Plays {
+    let model = model();
+    Plays {
+        range: model.range.unwrap(),
+        sign: model.sign,
+        radii_counts: [4.0, 10.0, 0.0, 0.0],
+        weights_kpa: [0.8, 0.4, 0.0, 0.0],
+        slack_counts: 0.0,
+    }
+}
+
+/// The set with these plays, which follow the mean of so many seconds.
+pub fn with_plays(taxels: usize, smooth_s: f64) -> Arc<ModelSet> {
+    let taxel = RecordedTaxel { sensitivity: 1.0, plays: Some(plays()) };
+    let recorded = Recorded {
+        smooth_s,
+        module_size: 10,
+        unloading_share: Some(0.0),
+        plays_error_ratio: Some(0.5),
+        taxels: vec![Some(taxel); taxels],
+        ..Recorded::default()
+    };
+    Arc::new(ModelSet { recorded: Some(recorded), ..ModelSet::clone(&set(taxels)) })
 }
 
 /// Taxels in a row, 6 mm apart, with 100 mm from each module of ten to the next.
@@ -278,19 +293,6 @@ fn more_than_the_contact_itself_on_unread_taxels_leaves_the_force_without_an_upp
 }
 
 #[test]
-fn a_sound_skin_is_ok_at_rest_and_under_load_and_never_certain() {
-    for geometry in [None, Some(row(TAXELS))] {
-        for counts in [0, 30] {
-            let mut skin = Skin::new(geometry.clone()).press(20..26, counts);
-            let sample = skin.measured().sample;
-            assert_eq!((sample.state, sample.unbounded), (ForceState::Ok, false), "{:?}", sample.reasons);
-            assert!(sample.total_sigma.is_some_and(|sigma| sigma.0 > 0.0), "{sample:?}");
-            assert!(sample.undetected.is_some_and(|undetected| undetected.at_most().0 > 0.0), "{sample:?}");
-        }
-    }
-}
-
-#[test]
 fn a_fault_away_from_the_contact_degrades_nothing_and_one_beside_it_does() {
     let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).press(20..24, 30).fault(75).verdict();
     assert_eq!((state, reasons.as_slice(), bound), (ForceState::Ok, [].as_slice(), false));
@@ -427,40 +429,5 @@ proptest! {
         evaluator.select(|taxel| skin.sound[taxel]);
         let total = evaluator.active(&skin.counts).iter().fold(0.0, |sum, (_, newton)| sum + newton);
         prop_assert_eq!(skin.measured().sample.total.map(|t| t.0.to_bits()), Some(total.to_bits()));
-    }
-
-    /// A reader of taxels sees as active those that the total is of: to their forces comes only what those beside them read.
-    #[test]
-    fn the_active_taxels_are_those_in_the_total(
-        pressed in proptest::collection::vec(prop_oneof![3 => Just(0_u16), 1 => 0..5_u16, 1 => 0..70_u16], TAXELS)
-    ) {
-        let mut skin = Skin::new(Some(row(TAXELS))).fault(33);
-        skin.counts.iter_mut().zip(&pressed).for_each(|(count, pressed)| *count -= pressed);
-        let Measured { sample, active } = skin.measured();
-        prop_assert_eq!(sample.active as usize, active.len());
-        let (tables, offsets) = skin.force.tables().unwrap();
-        let light = std::sync::Arc::clone(&tables);
-        let taxels = Taxels::of(Basis {
-            counts: skin.counts.clone().into(),
-            modules: vec![ModuleAge { last: Some(Time::default()), stale: false }; TAXELS / 10].into(),
-            module_of: (0..TAXELS).map(|taxel| (taxel / 10) as u16).collect(),
-            faults: vec![FaultSet::default(); TAXELS].into(),
-            tables: Some(tables),
-            offsets,
-            active,
-            model_set: skin.force.models().cloned(),
-        });
-        let of_active = taxels.iter().filter(|taxel| taxel.active);
-        let newton: f64 = of_active.map(|taxel| f64::from(taxel.pressure_kpa.unwrap()) * AREA.0 * 1e-3).sum();
-        let is_active = |taxel: usize| taxels.get(taxel).is_some_and(|state| state.active);
-        let is_beside = |taxel: usize| {
-            let of_module = |other: usize| other / 10 == taxel / 10 && is_active(other);
-            !is_active(taxel) && taxel != 33 && (of_module(taxel + 1) || taxel.checked_sub(1).is_some_and(of_module))
-        };
-        let beside = (0..TAXELS).filter(|&taxel| is_beside(taxel));
-        let newton = newton + beside.map(|t| light.light(t).newton_per_count * f64::from(pressed[t])).sum::<f64>();
-        let total = sample.total.unwrap().0;
-        prop_assert!((newton - total).abs() <= 1e-5 * total.max(1.0), "{newton} N against {total} N");
-        prop_assert!(!taxels[33].active, "its fault keeps it out");
     }
 }

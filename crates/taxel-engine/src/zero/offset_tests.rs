@@ -1,8 +1,9 @@
 //! Where the zero is: by the pads, by what nothing touches, and never by what may be a load.
 
-use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
+use taxel_skin::ModuleKind;
 
 use super::*;
+use crate::tests::patch;
 use crate::zero::module_offset::GUESS;
 use crate::zero::rest::tests::Noise;
 
@@ -22,10 +23,7 @@ struct Watched {
 
 impl Watched {
     fn new(follow: bool) -> Self {
-        let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
-        let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
-        let patch = Patch::new("p", vec![board]).unwrap();
-        let regions = Regions::new(&patch);
+        let regions = Regions::new(&patch(&[ModuleKind::Triangle; MODULES]));
         let taken = vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; TAXELS];
         let mut ground = Ground::new(&regions);
         ground.take(&taken);

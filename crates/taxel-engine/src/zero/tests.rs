@@ -3,16 +3,17 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_model::{FitOptions, Samples, TaxelModel};
-use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, Time};
+use taxel_skin::{ModuleKind, Time};
 
 use crate::baseline::TaxelBaseline;
 use crate::force::reason::ReasonCode;
+use crate::force::tests::{REST, set};
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::regions::Regions;
 use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
+use crate::tests::patch;
 use crate::zero::bag::Bag;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::{Trust, Zero};
@@ -29,7 +30,7 @@ const PERIOD_NS: i64 = 50_000_000;
 fn a_vouched_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_the_disk() {
     for for_operator in [false, true] {
         let mut skin = Skin::new();
-        skin.models = Some(models(240.0));
+        skin.models = Some(models());
         let confirmed_by = Some("Ada".to_owned());
         let request = RequestId(1);
         let purpose =
@@ -54,7 +55,7 @@ fn a_vouched_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_t
 fn a_zero_of_before_the_start_is_valid_once_its_counts_have_shown_that_no_board_has_another() {
     for (load, holds) in [(0, true), (20, true), (-3, false)] {
         let mut earlier = Skin::new();
-        earlier.models = Some(models(240.0));
+        earlier.models = Some(models());
         earlier.zero.on_models(earlier.models.as_ref().unwrap());
         let earlier = earlier.zeroed(|_| 0);
         let known = earlier.zero.news(7, &KeptZero::default()).unwrap();
@@ -103,10 +104,7 @@ impl Skin {
     }
 
     fn with_drift(follow_drift: bool) -> Self {
-        let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
-        let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
-        let patch = Patch::new("p", vec![board]).unwrap();
-        let regions = Regions::new(&patch);
+        let regions = Regions::new(&patch(&[ModuleKind::Triangle; MODULES]));
         let plan = ZeroPlan {
             tare: TarePlan { at_start: false, ..TarePlan::default() },
             follow_drift,
@@ -178,29 +176,10 @@ impl Skin {
     }
 }
 
-/// Models of a skin whose counts fall with pressure from `rest` on.
-fn models(rest: f64) -> ModelSet {
-    let pressure: Vec<f64> = (0..=400).map(|i| 70.0 * f64::from(i) / 400.0).collect();
-    let counts: Vec<f64> = (0..).zip(&pressure).map(|(i, p)| rest - p + 0.1 * f64::from(i * 7 % 11) - 0.5).collect();
-    let options = FitOptions { order: 1, ..FitOptions::default() };
-    let model: TaxelModel = taxel_model::fit(&Samples::new(&counts, &pressure), &options);
-    ModelSet {
-        id: "m-1".to_owned(),
-        patch: "p".to_owned(),
-        created_wall_ns: 0,
-        session: None,
-        method: String::new(),
-        board_settings: Vec::new(),
-        baseline: vec![TaxelBaseline { mean: rest, noise: 1.0 }; TAXELS],
-        pressure_max_kpa: 70.0,
-        gauge_gain_rel: 0.0,
-        gauge_offset_kpa: 0.0,
-        dead_zone_kpa: 0.0,
-        taxels: vec![model; TAXELS],
-        recorded: None,
-        recalibrated: None,
-        maker: crate::model_set::Maker::default(),
-    }
+/// Models of the skin at its zero.
+fn models() -> ModelSet {
+    let baseline = vec![TaxelBaseline { mean: f64::from(REST), noise: 1.0 }; TAXELS];
+    ModelSet { baseline, ..ModelSet::clone(&set(TAXELS)) }
 }
 
 /// Another patch of the same board proves some scans later that it has a new zero. A load that vanished here with it lies
@@ -209,7 +188,7 @@ fn models(rest: f64) -> ModelSet {
 fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
     for (scans_after, distrusted) in [(4, true), (30, true), (40, false)] {
         let mut skin = Skin::new();
-        skin.models = Some(models(240.0));
+        skin.models = Some(models());
         skin.zero.on_models(skin.models.as_ref().unwrap());
         let mut skin = skin.zeroed(|_| 0);
         skin.scan(20, |taxel| if taxel < 30 { 20 } else { 0 });

@@ -40,13 +40,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn plays(sign: Sign) -> Plays {
-        Plays {
-            range: [175.0, 225.0],
-            sign,
-            radii_counts: [4.0, 10.0, 0.0, 0.0],
-            weights_kpa: [0.8, 0.4, 0.0, 0.0],
-            slack_counts: 0.0,
-        }
+        Plays { range: [175.0, 225.0], sign, ..crate::force::tests::plays() }
     }
 
     proptest! {

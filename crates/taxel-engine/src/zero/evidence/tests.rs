@@ -1,10 +1,11 @@
 //! What the counts of a board show, and what they are worth.
 
-use taxel_skin::{Board, BoardAddress, BusIndex, Module, Patch, Time};
+use taxel_skin::Time;
 
 use super::account::LEARNING_SCANS;
 use super::*;
 use crate::baseline::TaxelBaseline;
+use crate::tests::patch;
 use crate::zero::rest::tests::Noise;
 
 const MODULES: usize = 8;
@@ -28,9 +29,7 @@ struct Watched {
 
 impl Watched {
     fn new() -> Self {
-        let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
-        let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
-        let regions = Regions::new(&Patch::new("bag", vec![board]).unwrap());
+        let regions = Regions::new(&patch(&[ModuleKind::Triangle; MODULES]));
         let mut evidence = Evidence::new(&regions, &["12".to_owned()]);
         evidence.begin(true);
         let mut ground = Ground::new(&regions);

@@ -200,13 +200,6 @@ mod tests {
     }
 
     #[test]
-    fn so_few_taxels_make_a_mean_and_fewer_none() {
-        let of = |taxels: usize| mean_of_most(&(0..taxels).map(|taxel| Some(taxel as f64)).collect::<Vec<_>>());
-        assert_eq!(of(TAXELS_MIN - 1), None);
-        assert_eq!(of(TAXELS_MIN), Some((TAXELS_MIN - 1) as f64 / 2.0));
-    }
-
-    #[test]
     fn five_modules_of_23_that_move_by_less_than_a_module_may_are_seen() {
         // The median of a module may move by half a count and four standard errors, which is 1.5 here.
         let refused = refused(23, 0.0, |taxel, late| if late && taxel < 50 { 0.9 } else { 0.0 });
