@@ -117,17 +117,6 @@ fn what_a_zero_is_off_by_after_a_ramp_is_what_it_was_off_by_from_ramp_to_ramp() 
 }
 
 #[test]
-fn a_set_says_what_it_was_fitted_of() {
-    let rising = job(gathered(&[240], false), Branch::Rising);
-    assert_eq!(set(&rising).method, "monotone, order 1 in pressure");
-    let both = job(gathered(&[240], true), Branch::Both);
-    let several = FitJob { sessions: vec![3, 7], ..both.clone() };
-    assert_eq!(set(&both).method, "monotone, order 1 in pressure, hysteresis from falling");
-    let together = "monotone, order 1 in pressure, hysteresis from falling, of sessions 3, 7 together";
-    assert_eq!(set(&several).method, together);
-}
-
-#[test]
 fn why_there_is_no_set_is_told() {
     let why = |samples: SessionSamples| job(samples, Branch::Rising).run(|_| String::new()).result.unwrap_err();
     let nothing = "no sample was gathered: the pressure never rose while every module was heard";
@@ -138,15 +127,6 @@ fn why_there_is_no_set_is_told() {
     still.samples.iter_mut().for_each(|sample| sample.counts = vec![240; TAXELS].into());
     let why = why(still);
     assert!(why.starts_with("no taxel moves: all counts stay the same"), "{why}");
-}
-
-#[test]
-fn a_ramp_without_a_zero_of_a_taxel_says_nothing_of_it() {
-    let mut samples = gathered(&[240, 220], false);
-    samples.ramps[1].taxels[2].mean = f64::NAN;
-    let set = set(&job(samples, Branch::Rising));
-    let usable: Vec<bool> = set.taxels.iter().map(taxel_model::TaxelModel::is_usable).collect();
-    assert_eq!(usable, [true, true, false, true], "half of its scans are missing");
 }
 
 #[test]

@@ -106,24 +106,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn a_refusal_says_what_cannot_be_done() {
-        let why = |command| match commanded(3, SessionState::Active, command) {
-            Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why)) => why,
-            other => panic!("{other:?}"),
-        };
-        assert_eq!(
-            why(Trigger::FinishRamp),
-            "session 3 is ACTIVE; a ramp can be finished only in RAMPING, FAILED, INTERRUPTED"
-        );
-        assert_eq!(
-            why(Trigger::StartRamp),
-            "session 3 is ACTIVE; a ramp can begin only in REVIEW, ABORTED, FAILED, INTERRUPTED. Gather it in a new session, and fit \
-             both: taxeld sessions refit 3 NEW"
-        );
-        assert!(why(Trigger::Abort).contains("a session can be aborted only in TARING, RAMPING, FITTING"));
-        assert!(why(Trigger::Discard).contains("a session can be discarded only in REVIEW, DISCARDED"));
-        assert!(why(Trigger::Fitted).contains("this can happen only in"));
-    }
 }

@@ -116,34 +116,21 @@ fn odd(curve: Served<'_>, [low, high]: [f64; 2], sign: Sign, most: f64) -> Optio
 
 #[cfg(test)]
 mod tests {
-    use taxel_model::{Curve, GaugeUncertainty, Plays, SigmaProfile, Status};
+    use taxel_model::{Curve, GaugeUncertainty, SigmaProfile, Status};
 
     use super::*;
-    use crate::model_set::{Recorded, RecordedTaxel};
 
-    const SIGN: Sign = Sign::Falling;
+    use Sign::{Falling, Rising};
 
-    /// Over 150 to 250 counts, in the polynomials of Chebyshev.
-    fn curve(chebyshev: &[f64]) -> Curve {
-        Curve { centre: 200.0, half_width: 50.0, chebyshev: chebyshev.to_vec() }
-    }
-
-    fn set(pressure_max_kpa: f64, model: TaxelModel, plays: Option<Plays>) -> ModelSet {
-        let taxel = RecordedTaxel { sensitivity: 1.0, plays };
-        let recorded = Recorded { taxels: vec![Some(taxel)], ..Recorded::default() };
-        ModelSet {
-            id: "m-1".to_owned(),
-            patch: "p".to_owned(),
-            pressure_max_kpa,
-            taxels: vec![model],
-            recorded: Some(recorded),
-            ..ModelSet::default()
-        }
-    }
-
+    /// Of a taxel over 150 to 250 counts, its curve in the polynomials of Chebyshev.
     fn model(chebyshev: &[f64], sign: Sign) -> TaxelModel {
+        let curve = Curve { centre: 200.0, half_width: 50.0, chebyshev: chebyshev.to_vec() };
         let without = TaxelModel::without_curve(Status::Ok, GaugeUncertainty::default());
-        TaxelModel { sign, range: Some([150.0, 250.0]), curve: Some(curve(chebyshev)), ..without }
+        TaxelModel { sign, range: Some([150.0, 250.0]), curve: Some(curve), ..without }
+    }
+
+    fn set(pressure_max_kpa: f64, taxels: Vec<TaxelModel>) -> ModelSet {
+        ModelSet { id: "m-1".to_owned(), patch: "p".to_owned(), pressure_max_kpa, taxels, ..ModelSet::default() }
     }
 
     /// What is said of a set for a patch that is calibrated to 70 kPa.
@@ -153,73 +140,45 @@ mod tests {
 
     #[test]
     fn a_calibration_reached_more_than_nothing_and_at_most_ten_times_the_target() {
-        for (kpa, plausible) in
-            [(0.0, false), (-1.0, false), (f64::NAN, false), (0.1, true), (700.0, true), (700.1, false)]
-        {
-            let found = says(&set(kpa, model(&[0.0], SIGN), None));
+        for (kpa, plausible) in [(0.0, false), (f64::NAN, false), (0.1, true), (700.0, true), (700.1, false)] {
+            let found = says(&set(kpa, vec![model(&[0.0], Falling)]));
             let said = found.is_some_and(|why| why.contains("more than 0 and at most 700 for this patch"));
             assert_eq!(said, !plausible, "{kpa}");
         }
         let none = TaxelModel::without_curve(Status::NoData, GaugeUncertainty::default());
-        assert_eq!(says(&set(0.0, none, None)), None, "a set without models was calibrated to nothing");
+        assert_eq!(says(&set(0.0, vec![none])), None, "a set without models was calibrated to nothing");
     }
 
-    /// From -35 to 105 kPa after a calibration to 70 kPa.
+    /// Curves that err by more than half of 70 kPa, go against their sign, or were scaled down and would read too little.
     #[test]
-    fn a_curve_errs_by_half_of_the_calibrations_pressure_at_most() {
-        for (chebyshev, problem) in [
-            ([35.0, -69.9, 0.0], None),
-            ([35.1, -70.0, 0.0], Some("its curve gives 105.1 kPa at count 150, expected -35 to 105 kPa")),
-            ([34.9, -70.0, 0.0], Some("kPa at count 250, expected -35 to 105 kPa")),
+    fn a_curve_is_near_the_pressures_of_the_calibration_and_goes_the_way_of_its_sign() {
+        let most =
+            "half of the curves end at 34.3 kPa or below, where the calibration went up to 70 kPa: expected 35 kPa";
+        for (chebyshev, sign, problem) in [
+            ([35.0, -69.9, 0.0], Falling, None),
+            ([35.1, -70.0, 0.0], Falling, Some("its curve gives 105.1 kPa at count 150, expected -35 to 105 kPa")),
             // A bay between its ends, which are within the limits.
-            ([30.0, -1.0, 70.0], Some("kPa at count 192.1875, expected -35 to 105 kPa")),
-            ([f64::NAN, 0.0, 0.0], Some("its curve gives NaN kPa at count 150")),
+            ([30.0, -1.0, 70.0], Falling, Some("kPa at count 192.1875, expected -35 to 105 kPa")),
+            ([f64::NAN, 0.0, 0.0], Falling, Some("its curve gives NaN kPa at count 150")),
+            ([30.0, 5.0, 0.0], Rising, None),
+            ([30.0, 5.0, 0.0], Falling, Some("taxel 0: its curve goes from 25 to 35 kPa, against its `sign`")),
+            ([18.36, -17.34, 0.0], Falling, None),
+            ([17.64, -16.66, 0.0], Falling, Some(most)),
+            ([0.72, -0.68, 0.0], Falling, Some("expected 1.4 kPa or more between its ends")),
         ] {
-            let found = says(&set(70.0, model(&chebyshev, SIGN), None));
+            let found = says(&set(70.0, vec![model(&chebyshev, sign)]));
             let is = found.as_deref().zip(problem).is_some_and(|(is, problem)| is.contains(problem));
             assert!(is || (found.is_none() && problem.is_none()), "{chebyshev:?}: {found:?}");
         }
-    }
-
-    #[test]
-    fn a_curve_goes_the_way_of_its_sign() {
-        for (slope, sign, plausible) in [
-            (-5.0, Sign::Falling, true),
-            (5.0, Sign::Falling, false),
-            (-5.0, Sign::Rising, false),
-            (5.0, Sign::Rising, true),
-        ] {
-            let found = says(&set(70.0, model(&[30.0, slope], sign), None));
-            let (from, to) = (30.0 - slope, 30.0 + slope);
-            let why = format!("taxel 0: its curve goes from {from} to {to} kPa, against its `sign`");
-            assert_eq!(found, (!plausible).then_some(why));
-        }
-    }
-
-    /// Curves that were scaled down, which would read too little under every load.
-    #[test]
-    fn a_curve_rises_and_most_come_near_the_calibrations_pressure() {
-        let scaled = |factor: f64| says(&set(70.0, model(&[36.0 * factor, -34.0 * factor], SIGN), None));
-        assert_eq!(scaled(1.0), None);
-        assert_eq!(scaled(0.51), None);
-        let most =
-            "half of the curves end at 34.3 kPa or below, where the calibration went up to 70 kPa: expected 35 kPa";
-        assert!(scaled(0.49).is_some_and(|why| why.contains(most)), "{:?}", scaled(0.49));
-        for factor in [0.02, 0.001, 0.0] {
-            let found = scaled(factor);
-            let why = "expected 1.4 kPa or more between its ends";
-            assert!(found.as_ref().is_some_and(|found| found.contains(why)), "{factor}: {found:?}");
-        }
         // A taxel whose count ended early is one of many.
-        let mut some = set(70.0, model(&[36.0, -34.0], SIGN), None);
-        some.taxels.extend([model(&[4.0, -4.0], SIGN), model(&[35.0, -30.0], SIGN)]);
-        assert_eq!(says(&some), None);
+        let some = [[36.0, -34.0], [4.0, -4.0], [35.0, -30.0]].map(|chebyshev| model(&chebyshev, Falling));
+        assert_eq!(says(&set(70.0, some.into())), None);
     }
 
     #[test]
     fn uncertainties_and_zeros_are_those_of_a_skin() {
         let with = |change: &dyn Fn(&mut ModelSet)| {
-            let mut set = set(70.0, model(&[35.0, -5.0], SIGN), None);
+            let mut set = set(70.0, vec![model(&[35.0, -5.0], Falling)]);
             set.baseline = vec![TaxelBaseline { mean: 250.0, noise: 0.5 }];
             let profile = SigmaProfile { first_count: 150.0, step_counts: 50.0, sigma_kpa: vec![0.5, 700.0, 2.0] };
             set.taxels[0].sigma = Some(profile);

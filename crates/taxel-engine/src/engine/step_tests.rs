@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use taxel_sim::GaugeConfig;
-use taxel_skin::{BusIndex, Kilopascal, ModuleKind, Patch, Time};
+use taxel_skin::{BusIndex, ModuleKind, Patch, Time};
 use taxel_wire::array::{CountField, FrameSpec};
 use taxel_wire::bits::{BitField, ByteOrder, FrameMatch, Selector};
 use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
@@ -14,13 +14,12 @@ use crate::boundary::catalogue::Restored;
 use crate::boundary::command::{Command, Done};
 use crate::boundary::input::Input;
 use crate::boundary::output::Output;
-use crate::boundary::pushed::PushedScan;
 use crate::boundary::snapshot::Health;
 use crate::force;
 use crate::intake::health::BusNotice;
 use crate::now::Now;
 use crate::patch::edge_tests::configuring;
-use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan, PushPlan};
+use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan};
 use crate::request::RequestId;
 use crate::tests::{board, patch};
 
@@ -99,16 +98,6 @@ fn what_is_to_be_shown_is_not_forgotten_because_of_what_comes_after_it() {
     bare.frames(1_320, BUS, 0);
     assert!(bare.health_at(1_330).is_none());
     assert_eq!(bare.health_at(1_500).unwrap().buses[0].foreign, 2);
-    // Counters alone: two batches are no less than one, and none takes nothing back.
-    bare.frames(1_510, BUS, 1);
-    bare.frames(1_520, BUS, 1);
-    bare.frames(1_530, BUS, 0);
-    assert_eq!(bare.health_at(2_500).unwrap().buses[0].foreign, 4);
-    bare.step(2_510, Input::Bus(BUS, BusNotice::Down("unplugged".to_owned())));
-    bare.frames(2_520, BUS, 1);
-    assert_eq!(bare.wakes(), Some(2_750), "down and up again is news, too");
-    let health = bare.health_at(2_750).unwrap();
-    assert_eq!((health.buses[0].up, health.buses[0].problem.as_str()), (true, ""));
 }
 
 /// A socket gives its error first, and then the frames that it held.
@@ -143,27 +132,6 @@ fn what_a_bus_and_the_store_tell_is_shown_and_what_changes_nothing_is_not() {
         (health.problems.as_slice(), health.store.problem.as_deref()),
         ([problem.to_owned()].as_slice(), Some(problem))
     );
-}
-
-/// Two patches, each with a bus and a gauge of its own; both gauges send under the same identifier.
-#[test]
-fn a_gauge_is_read_on_its_own_bus() {
-    let id = CanId::Standard(0x123);
-    let patch = |bus: u8| {
-        let board = board(bus, 1 + bus, &[ModuleKind::Triangle]);
-        let signal = SignalSpec { id, ..GaugeConfig::default().signal };
-        let gauge = Some(Gauge::new(BusIndex(bus), signal));
-        PatchPlan { gauge, ..PatchPlan::new(Patch::new(format!("p{bus}"), vec![board]).unwrap()) }
-    };
-    let plan = Plan { buses: 2, patches: vec![patch(0), patch(1)] };
-    let signal = plan.patches[0].gauge.as_ref().unwrap().signal;
-    let mut engine = Engine::new(Arc::new(plan), Restored::default());
-    let frame = signal.encode(Kilopascal(40.0)).unwrap();
-    let mut out = Vec::new();
-    engine.step(now(1_000), Input::Frames(BusIndex(1), &[TimedFrame { time: ms(1_000), frame }]), &mut out);
-    let presses = |patch: usize| engine.patches[patch].check_vented(now(1_000)).is_err();
-    assert_eq!([presses(0), presses(1)], [false, true]);
-    assert_eq!((engine.buses[0].health.frames, engine.buses[1].health.frames), (0, 1));
 }
 
 #[test]
@@ -273,36 +241,6 @@ fn a_set_that_was_in_use_is_used_again_if_it_is_there_and_of_the_layout() {
     let why = "model set `m-test` is of another layout of patch `p`: it is not used; calibrate again";
     assert_eq!(problems(Some(20)), (false, why.to_owned()));
     assert_eq!(problems(None), (false, "the active model set `m-test` of patch `p` is lost".to_owned()));
-}
-
-/// Four taxels that a program pushes.
-fn pushed() -> Engine {
-    let patch = PatchPlan {
-        devices: vec![DevicePlan::without_frames()],
-        pushed: Some(PushPlan { pressure: false }),
-        ..PatchPlan::new(patch(&[ModuleKind::Cells(4)]))
-    };
-    Engine::new(Arc::new(Plan { buses: 1, patches: vec![patch] }), Restored::default())
-}
-
-#[test]
-fn the_first_scan_that_is_pushed_is_news_and_what_comes_after_it_takes_nothing_back() {
-    let mut engine = pushed();
-    let mut health_at = |at_ms: i64, scans: &[i64]| {
-        let mut out = Vec::new();
-        for &scan in scans {
-            let scan = PushedScan { patch: 0, time: ms(scan), taken: ms(scan), counts: vec![200; 4], pressure: None };
-            engine.step(now(scan.time.as_nanos() / 1_000_000), Input::Pushed(&scan), &mut out);
-        }
-        engine.step(now(at_ms), Input::Tick, &mut out);
-        out.into_iter().rev().find_map(|output| match output {
-            Output::Health(health) => Some((health.buses[0].up, health.buses[0].frames)),
-            _ => None,
-        })
-    };
-    assert_eq!(health_at(1_000, &[]), Some((false, 0)));
-    assert_eq!(health_at(1_250, &[]), None);
-    assert_eq!(health_at(1_500, &[1_300, 1_320, 1_340]), Some((true, 3)));
 }
 
 /// Two patches with a module each of one board, of which one was configured otherwise before the start.

@@ -3,11 +3,9 @@
 use super::dropouts::dropouts;
 use super::scans::modules;
 use super::smooth::half_width;
-use super::zero::{baseline, rest_scans, zero_return};
+use super::zero::zero_return;
 use super::*;
 use crate::baseline::TaxelBaseline;
-use crate::intake::faults::fault::Fault;
-use crate::intake::faults::limits::FaultLimits;
 
 /// A recording of so many scans, one each so many seconds, with these columns.
 fn scans<'a>(time_s: &'a [f64], counts: &[&'a [f64]]) -> Scans<'a> {
@@ -42,15 +40,11 @@ fn a_score_is_what_its_words_say() {
     near(score.coverage_beyond_percent.unwrap(), 100.0);
     near(score.beyond_percent, 100.0 / 7.0);
     // What is a lower bound alone is far off or near, nobody knows: it does not count for the interval.
-    let mut open = applied.clone();
+    let mut open = applied;
     open.sigma_kpa[0][3] = f64::INFINITY;
     let open = judge(&open, &[10.0, 30.0, 40.0, 50.0]);
     near(open.coverage_percent.unwrap(), 100.0 * 2.0 / 6.0);
     assert_eq!((open.coverage_beyond_percent, open.beyond_percent), (None, 0.0));
-    let without = Applied { sigma_kpa: vec![Vec::new(); 3], ..applied };
-    let score = judge(&without, &[10.0, 30.0, 40.0, 50.0]);
-    assert_eq!(score.coverage_percent, None);
-    assert_eq!((score.coverage_beyond_percent, score.beyond_percent), (None, 0.0));
 }
 
 #[test]
@@ -67,54 +61,18 @@ fn a_recording_tells_its_pace_by_its_middle_step() {
     let at = |time_s: &[f64]| scans(time_s, &[]).period_s();
     assert_eq!(at(&[0.0, 0.0, 0.0, 0.0, 1.0]), 1.0, "scans at one time have no pace");
     assert_eq!([at(&[0.0, 0.25, 0.5, 7.0, 7.0, 6.0]), at(&[3.0]), at(&[])], [0.25, 0.0, 0.0]);
-    let time_s = every(0.25, 40);
-    let recording = scans(&time_s, &[]);
-    assert_eq!([0.0, 0.3, 2.0, 9.9, 99.0].map(|seconds| recording.scans_in(seconds)), [1, 1, 8, 39, 40]);
+    assert_eq!(scans(&every(0.25, 40), &[]).scans_in(2.0), 8);
     assert_eq!(scans(&[1.0, 1.0], &[]).scans_in(5.0), 1, "nobody knows");
-    assert!(scans(&[], &[]).is_empty() && !recording.is_empty());
-    assert_eq!([0.0, 0.4, 0.5, 1.3].map(|seconds| half_width(&recording, seconds)), [0, 0, 1, 2]);
     assert_eq!(half_width(&scans(&[1.0, 1.0], &[]), 0.5), 0);
     assert_eq!(modules(25, 10), [0..10, 10..20, 20..25]);
-    assert_eq!(modules(2, 0), [0..1, 1..2]);
-}
-
-#[test]
-fn the_rig_is_at_rest_before_its_top_within_two_hundredths_of_the_range() {
-    // From 10 to 110 kPa these are 2 kPa.
-    assert_eq!(rest_scans(&[10.0, 11.99, 12.1, 110.0, 10.0]), [true, true, false, false, false]);
-    let counts: Vec<f64> = (0..24).map(|i| if i % 2 == 0 { 100.0 } else { 102.0 }).collect();
-    let all = [true; 24];
-    let of = |masked: &[bool], rest: &[bool]| baseline(&counts, masked, rest);
-    let known = of(&[false; 24], &all);
-    assert_eq!((known.mean, known.noise), (101.0, 1.0));
-    let without = |n: usize| -> Vec<bool> { (0..24).map(|i| i < n).collect() };
-    assert!(of(&without(4), &all).mean.is_finite(), "twenty scans are enough");
-    assert!(of(&without(5), &all).mean.is_nan() && of(&without(5), &all).noise.is_nan());
-    assert!(of(&[false; 24], &without(19)).mean.is_nan());
-    let odd: Vec<bool> = (0..24).map(|i| i % 2 == 1).collect();
-    let long = [counts.clone(), counts.clone()].concat();
-    let odd = [odd.clone(), odd].concat();
-    assert_eq!(baseline(&long, &odd, &[true; 48]).mean, 100.0, "what is masked has no say");
 }
 
 #[test]
 fn the_return_to_zero_is_that_of_the_last_five_seconds_if_these_are_at_rest() {
     // Twelve scans after the load, one each 0.5 s: the last ten of them count.
     let time_s = every(0.5, 30);
-    let kpa = |end: f64| -> Vec<f64> {
-        (0..30)
-            .map(|i| {
-                if i == 0 {
-                    0.0
-                } else if i < 18 {
-                    100.0
-                } else {
-                    end
-                }
-            })
-            .collect()
-    };
-    let column = |end: f64| -> Vec<f64> { (0..30).map(|i| if i < 20 { 50.0 } else { end }).collect() };
+    let kpa = |end: f64| [vec![0.0], vec![100.0; 17], vec![end; 12]].concat();
+    let column = |end: f64| [vec![50.0; 20], vec![end; 10]].concat();
     let (mut a, b, c) = (column(102.0), column(99.0), column(180.0));
     a[25] = f64::NAN;
     let recording = scans(&time_s, &[&a, &b, &c]);
@@ -175,19 +133,6 @@ fn what_is_lighter_later_takes_a_tare_back_and_is_told_with_its_time() {
 }
 
 #[test]
-fn what_was_done_about_a_zero_is_told() {
-    let moved = vec![2.0, f64::NAN, f64::NAN];
-    let by_word = Zero { moved: Some(moved), told: String::new() };
-    assert_eq!([0, 1, 3].map(|taxel| by_word.moved(taxel)), [Some(2.0), None, None]);
-    let by_word = rest_of(Tare::Seconds(3.0), |t, _, count| if t < 2 { f64::NAN } else { count });
-    let text = "tared from the first 3 s, confirmed by the operator; 2 of 40 taxels have no zero of their own there";
-    assert_eq!(by_word.told, text);
-    let left = rest_of(Tare::None, |_, _, count| count);
-    assert_eq!(left.moved(7), Some(0.0));
-    assert_eq!(left.told, "not tared, the zero is that of the calibration");
-}
-
-#[test]
 fn what_the_gauge_reads_at_rest_is_its_zero_where_nothing_moves_and_no_bag_could_press() {
     let time_s = every(0.0625, 132);
     // Two seconds at rest, of two halves, and then from `low` to 200 kPa above that.
@@ -201,31 +146,17 @@ fn what_the_gauge_reads_at_rest_is_its_zero_where_nothing_moves_and_no_bag_could
     };
     let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} is not {expected}");
     near(find([4.0, 4.0], 4.0, 0.0), 4.0);
-    near(find([-4.0, -4.0], -4.0, 0.0), -4.0);
     near(find([4.0, 4.4], 4.0, 0.0), 4.2); // by less than a tenth
     near(find([4.0, 4.45], 4.0, 0.0), 0.0);
-    near(find([4.4, 4.0], 4.0, 0.0), 4.2);
-    near(find([4.45, 4.0], 4.0, 0.0), 0.0);
     near(find([4.0, 4.0], 4.0, 0.09), 4.0); // counts may move by a tenth of one
     near(find([4.0, 4.0], 4.0, 0.11), 0.0);
-    near(find([4.0, 4.0], 4.0, -0.11), 0.0);
     near(find([9.9, 9.9], 9.9, 0.0), 9.9); // from 10 kPa on it is a pressure
     near(find([10.1, 10.1], 10.1, 0.0), 0.0);
-    near(find([-10.1, -10.1], -10.1, 0.0), 0.0);
     near(find([5.8, 5.8], 0.0, 0.0), 5.8); // the least reading is 2 kPa there, and 2 % of the range are 3.96 kPa
     near(find([6.0, 6.0], 0.0, 0.0), 0.0);
     let (short, still) = (every(0.0625, 19), [200.0; 19]);
     let recording = scans(&short, &[&still, &still]);
     near(gauge_zero::find(&recording, &[4.0; 19], &Masks::missing(&recording)), 0.0); // too few scans
-    // A taxel that moves and is missing in more than one scan of a hundred has no say.
-    for (missing, zero_kpa) in [(1, 0.0), (2, 4.0)] {
-        let kpa: Vec<f64> = (0..132).map(|i| if i < 32 { 4.0 } else { 2.0 * (i - 30) as f64 }).collect();
-        let mut moves: Vec<f64> = (0..132).map(|i| if i < 16 { 200.0 } else { 201.0 }).collect();
-        moves[100..100 + missing].fill(f64::NAN);
-        let still = vec![200.0; 132];
-        let recording = scans(&time_s, &[&moves, &still]);
-        near(gauge_zero::find(&recording, &kpa, &Masks::missing(&recording)), zero_kpa);
-    }
 }
 
 #[test]
@@ -236,14 +167,8 @@ fn a_reading_stands_alone_by_more_than_three_counts_and_five_deviations() {
         dropouts(&counts, &[false; 60])
     };
     assert_eq!(found(&[(30, 103.0)], 0.0), [0_usize; 0]);
-    assert_eq!(found(&[(29, 99.0), (30, 103.0)], 0.0), [0_usize; 0]);
     assert_eq!(found(&[(30, 103.5)], 0.0), [30]);
     assert_eq!(found(&[(0, 90.0), (30, 96.0), (59, 0.0)], 0.0), [0, 30, 59], "at the ends, too");
-    assert_eq!(
-        found(&[(29, 103.0), (30, 106.0), (31, 103.0)], 0.0),
-        [0_usize; 0],
-        "on its way it does not stand alone"
-    );
     let step: Vec<(usize, f64)> = (30..60).map(|i| (i, 60.0)).collect();
     assert_eq!(found(&step, 0.0), [0_usize; 0], "nor is a step one reading");
     // Deviations of one count: 5 times 1.48 of them.
@@ -253,33 +178,4 @@ fn a_reading_stands_alone_by_more_than_three_counts_and_five_deviations() {
     let mut ramp: Vec<f64> = (0..120).map(|i| 240.0 - 0.5 * f64::from(i)).collect();
     ramp[30] += 20.0;
     assert_eq!(dropouts(&ramp, &[false; 120]), [30]);
-    let mut counts = [100.0; 60];
-    (counts[20], counts[40]) = (0.0, f64::NAN);
-    let mut masked = [false; 60];
-    masked[20] = true;
-    assert_eq!(dropouts(&counts, &masked), [0_usize; 0], "what is masked already or missing is nothing anew");
-}
-
-#[test]
-fn the_fault_of_a_taxel_is_the_one_that_holds_longer_than_it_is_missing() {
-    let time_s = every(0.02, 1_000);
-    // On its rail for a second, and missing from 6 s on for so many scans.
-    let column = |missing: usize| -> Vec<f64> {
-        let count = |i: usize| match i {
-            100..150 => 255.0,
-            _ if (300..300 + missing).contains(&i) => f64::NAN,
-            _ => 200.0 + (7 * i % 3) as f64,
-        };
-        (0..1_000).map(count).collect()
-    };
-    let (long, short) = (column(600), column(20));
-    let sound: Vec<f64> = (0..1_000).map(|i| 200.0 + f64::from(7 * i % 3)).collect();
-    let columns: Vec<&[f64]> = [&long, &short].into_iter().chain([&sound; 8]).map(Vec::as_slice).collect();
-    let recording = scans(&time_s, &columns);
-    let masks = Masks::find(&recording, &modules(10, 10), &FaultLimits::default());
-    let faults = [0, 1, 2].map(|taxel| masks.main_fault(taxel));
-    assert_eq!(faults, [None, Some(Fault::Rail), None]);
-    let first = [0, 1, 2].map(|taxel| masks.of(taxel).iter().position(|masked| *masked));
-    assert_eq!(first, [Some(100), Some(100), None], "from the very scan at which the fault began");
-    assert!(masks.share(0) >= 0.65 && (0.07..0.4).contains(&masks.share(1)) && masks.share(2) == 0.0);
 }

@@ -95,20 +95,6 @@ mod tests {
         assert_eq!(legs.iter().map(|leg| leg.scans.len()).sum::<usize>(), kpa.len());
     }
 
-    /// The median may have moved a turn by as many scans as it is of.
-    #[test]
-    fn a_turn_is_looked_for_as_near_as_the_median_may_have_moved_it() {
-        let mut kpa = vec![0.0; 60];
-        kpa[30] = 5.0;
-        let highest = |kpa: &[f64], turns: [usize; 4]| turns.map(|turn| highest_near(kpa, turn));
-        assert_eq!(highest(&kpa, [15, 45, 14, 46]), [30, 30, 0, 31], "none but equals: the first of them");
-        kpa[25..29].fill(5.0);
-        assert_eq!(highest(&kpa, [30, 26, 25, 40]), [25; 4], "the first of the highest");
-        kpa[25] = f64::NAN;
-        assert_eq!(highest_near(&kpa, 30), 26);
-        assert_eq!(highest_near(&kpa, 59), 44);
-    }
-
     /// A range does not begin at nothing.
     #[test]
     fn what_is_a_dip_and_what_is_a_turn_goes_by_the_range() {

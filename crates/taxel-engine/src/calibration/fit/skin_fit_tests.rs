@@ -82,14 +82,3 @@ fn every_scale_of_counts_and_every_order_of_pressures_gives_finite_models() {
         }
     }
 }
-
-#[test]
-fn a_fault_is_told_as_a_status() {
-    let told = |fault, first| faulty(fault, 0.5, first);
-    assert_eq!(told(Some(Fault::Rail), None), Status::Railed { share: 0.5 });
-    assert_eq!(told(Some(Fault::Dead), Some(7.0)), Status::Dead { count: 7.0 });
-    assert_eq!(told(Some(Fault::Dead), None), Status::Frozen { share: 0.5 });
-    assert_eq!(told(Some(Fault::Frozen), Some(7.0)), Status::Frozen { share: 0.5 });
-    assert_eq!(told(Some(Fault::ModuleFlicker), None), Status::ModuleFlicker { share: 0.5 });
-    assert_eq!((told(None, None), told(None, Some(1.0))), (Status::NoData, Status::Missing { share: 0.5 }));
-}
