@@ -158,14 +158,6 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_force_is_read_for_a_second() {
-        let reading = read(|s| 5.0 + 0.1 * (40.0 * s).sin()).unwrap();
-        assert_eq!((reading.scans, reading.taxels.as_slice()), (20, [3, 4, 17].as_slice()));
-        assert!((reading.mean_n - 5.0).abs() < 0.05 && (reading.sigma_n - 0.5).abs() < 1e-12, "{reading:?}");
-        assert!((0.05..0.1).contains(&reading.scatter_n), "{reading:?}");
-    }
-
-    #[test]
     fn what_moves_or_is_not_there_is_refused_in_words() {
         use ErrorReason::{LoadNotFelt, LoadUnsteady};
         for (what, code, refused) in [

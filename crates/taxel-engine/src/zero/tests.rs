@@ -19,7 +19,6 @@ use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::{Trust, Zero};
 use crate::zero::kept::{KeptZero, TakenZero};
 use crate::zero::plan::{TarePlan, ZeroPlan};
-use crate::zero::view::DriftView;
 use crate::zero::watch::Purpose;
 
 const MODULES: usize = 8;
@@ -92,33 +91,19 @@ struct Skin {
     zero: Zero,
     scans: i64,
     events: Vec<ZeroEvent>,
-    session_open: bool,
     models: Option<ModelSet>,
-    /// What the thermal pads of all modules read, counts.
-    pads: u8,
 }
 
 impl Skin {
     fn new() -> Self {
-        Self::with_drift(false)
-    }
-
-    fn with_drift(follow_drift: bool) -> Self {
         let regions = Regions::new(&patch(&[ModuleKind::Triangle; MODULES]));
         let plan = ZeroPlan {
             tare: TarePlan { at_start: false, ..TarePlan::default() },
-            follow_drift,
+            follow_drift: false,
             board_names: vec!["12".to_owned()],
             module_names: Vec::new(),
         };
-        Self {
-            zero: Zero::new(plan, regions),
-            scans: 0,
-            events: Vec::new(),
-            session_open: false,
-            models: None,
-            pads: 100,
-        }
+        Self { zero: Zero::new(plan, regions), scans: 0, events: Vec::new(), models: None }
     }
 
     fn now(&self) -> Now {
@@ -137,7 +122,7 @@ impl Skin {
                 time: now.time,
                 whole: true,
                 counts: (&counts).into(),
-                pads: &[[self.pads; 2]; MODULES],
+                pads: &[[100; 2]; MODULES],
                 silent: &[false; MODULES],
                 sound: &[true; TAXELS],
                 soundness: 0,
@@ -147,7 +132,7 @@ impl Skin {
                 models: self.models.as_ref(),
                 boards_ready: true,
                 configuring: false,
-                bag: Bag { session_open: self.session_open, ..Bag::default() },
+                bag: Bag::default(),
                 parts_left_out: false,
                 no_rest: false,
             };
@@ -162,10 +147,6 @@ impl Skin {
         assert!(matches!(self.events[..], [ZeroEvent::Taken(_)]), "{:?}", self.events);
         self.events.clear();
         self
-    }
-
-    fn mean(&self, taxel: usize) -> f64 {
-        self.zero.zero().expect("a zero")[taxel].mean
     }
 
     fn lost(&self) -> Option<&str> {
@@ -214,26 +195,4 @@ fn a_watch_that_gets_no_scans_ends_at_its_deadline() {
     skin.zero.tick(deadline, || "nothing came".to_owned(), &mut skin.events);
     let [ZeroEvent::Refused(_, ErrorReason::SkinSilent, why)] = &skin.events[..] else { panic!("{:?}", skin.events) };
     assert!(why.ends_with("nothing came") && skin.zero.watching().is_none(), "{why}");
-}
-
-/// All taxels creep by four counts in forty minutes, and the pads cool down with them.
-#[test]
-fn a_drift_is_followed_held_in_a_session_and_told_at_its_bound() {
-    let mut skin = Skin::with_drift(true).zeroed(|_| 0);
-    let before = skin.mean(0);
-    assert_eq!(skin.zero.state().shortcoming, None);
-    for second in 0..2400 {
-        skin.pads = 100 - (second / 400) as u8;
-        skin.scan(20, |taxel| ((second * TAXELS + taxel * 600) / (600 * TAXELS)) as i16);
-    }
-    assert_eq!(skin.lost(), None);
-    let held = before - skin.mean(0);
-    assert!((2.85..=3.0).contains(&held), "in steps of a seventh: {held} counts");
-    assert_eq!(skin.zero.state().shortcoming.expect("at its bound").code(), ReasonCode::DriftBounded);
-    assert!(skin.events.iter().any(|event| matches!(event, ZeroEvent::Moved)));
-    skin.session_open = true;
-    skin.scan(20 * 60, |_| 3);
-    assert_eq!(before - skin.mean(0), held, "a session holds it");
-    skin.zero.lose(ReasonCode::ZeroLost, "of a test", &mut skin.events);
-    assert_eq!(skin.zero.view().drift, DriftView::default());
 }

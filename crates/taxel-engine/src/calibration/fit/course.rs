@@ -85,15 +85,6 @@ mod tests {
     }
 
     #[test]
-    fn scans_at_one_time_have_no_pace() {
-        let ramps: Vec<Sample> = (0..20).map(|k| sample((k / 10) as u16, 40 * k, k as f64)).collect();
-        let mut twice: Vec<Sample> = ramps.iter().flat_map(|sample| vec![sample.clone(); 3]).collect();
-        assert!((period_s(&twice) - 0.04).abs() < 1e-12, "{}", period_s(&twice));
-        twice.truncate(3);
-        assert_eq!(period_s(&twice), 0.0);
-    }
-
-    #[test]
     fn the_clock_of_a_session_tells_pauses_from_silences() {
         let step = |ms: i64, ramp: u16| {
             let mut samples: Vec<Sample> = (0..20).map(|k| sample(0, 40 * k, 0.0)).collect();

@@ -40,14 +40,7 @@ impl Skin {
     /// Falling counts that follow `kpa` through a play of `slack_kpa`, shifted by `shift` counts.
     fn new(kpa: Vec<f64>, slack_kpa: f64, shift: f64, seed: u64) -> Self {
         let mut noise = Noise(seed);
-        let mut felt = kpa[0];
-        let felt: Vec<f64> = kpa
-            .iter()
-            .map(|p| {
-                felt = felt.max(p - slack_kpa).min(p + slack_kpa);
-                felt
-            })
-            .collect();
+        let felt = felt(&kpa, slack_kpa);
         let column = |taxel: usize| {
             let gain = 30.0 + taxel as f64;
             let count = |p: &f64| 235.0 + shift - gain * p / (p + 200.0);
@@ -76,6 +69,15 @@ impl Skin {
             self.counts[taxel][i] = count(i);
         }
     }
+}
+
+/// The pressure after a play.
+fn felt(kpa: &[f64], slack_kpa: f64) -> Vec<f64> {
+    let follow = |felt: &mut f64, p: &f64| {
+        *felt = felt.max(p - slack_kpa).min(p + slack_kpa);
+        Some(*felt)
+    };
+    kpa.iter().scan(kpa[0], follow).collect()
 }
 
 fn cycle(rest: f64, top: f64) -> Vec<f64> {
@@ -166,16 +168,7 @@ fn plays_take_the_loop_out_of_what_was_not_fitted() {
 /// Twenty sensitive taxels in a bag up to 70 kPa that follow the pressure through a play of 8 kPa alone.
 fn pure_play() -> Skin {
     let mut skin = Skin::new(cycle(0.0, 70.0), 8.0, 0.0, 1);
-    let mut noise = Noise(11);
-    let mut felt = 0.0_f64;
-    let felt: Vec<f64> = skin
-        .kpa
-        .iter()
-        .map(|p| {
-            felt = felt.max(p - 8.0).min(p + 8.0);
-            felt
-        })
-        .collect();
+    let (mut noise, felt) = (Noise(11), felt(&skin.kpa, 8.0));
     skin.counts.truncate(20);
     for column in &mut skin.counts {
         column.iter_mut().zip(&felt).for_each(|(count, p)| *count = (230.0 - 1.5 * p + 0.7 * noise.next()).round());
@@ -194,16 +187,6 @@ fn a_taxel_is_judged_with_its_plays() {
     };
     let (with, without) = (error(true), error(false));
     assert!(with < 3.0 && without > 2.0 * with, "{with} {without}");
-    // What plays cannot take out still excludes.
-    let mut noisy = skin.clone();
-    let mut noise = Noise(12);
-    noisy.counts[4].iter_mut().for_each(|count| *count = (*count + 60.0 * noise.next()).round().clamp(1.0, 254.0));
-    let with = fitted(
-        &noisy,
-        &FitRecipe { faults: FaultLimits { jump_on_counts: 999.0, ..FaultLimits::default() }, ..FitRecipe::default() },
-    );
-    assert!(!with.taxels[4].is_usable() && with.taxels[5].is_usable(), "{:?}", with.taxels[4].status);
-    assert!(with.recorded.unwrap().taxels[4].is_none());
 }
 
 #[test]
@@ -235,14 +218,11 @@ fn a_recording_without_pressure_or_scans_is_no_panic() {
     let gone = Scans { pressure_kpa: Some(&nothing), ..skin.scans() };
     assert!(fit(&gone, &FitRecipe::default(), &OneByOne).is_err());
     let set = fitted(&skin, &FitRecipe::default());
-    let empty = Scans { time_s: &[], pressure_kpa: None, counts: vec![&[]; TAXELS] };
-    let applied = apply(&empty, &set, Tare::Auto).unwrap();
-    assert!(applied.zero.moved.is_none());
-    for scans in 1..30 {
+    for scans in [0, 1, 29] {
         let time_s = vec![0.0; scans];
-        let short =
-            Scans { time_s: &time_s, pressure_kpa: None, counts: skin.counts.iter().map(|c| &c[..scans]).collect() };
-        apply(&short, &set, Tare::Auto).unwrap();
+        let counts = skin.counts.iter().map(|column| &column[..scans]).collect();
+        let short = Scans { time_s: &time_s, pressure_kpa: None, counts };
+        assert!(apply(&short, &set, Tare::Auto).unwrap().zero.moved.is_none());
     }
     let mut fewer = skin.scans();
     fewer.counts.pop();
