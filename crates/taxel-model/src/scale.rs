@@ -71,11 +71,4 @@ mod tests {
             prop_assert_eq!((after.status, after.range, after.order), (before.status, before.range, before.order));
         }
     }
-
-    #[test]
-    fn a_model_without_a_curve_has_none_afterwards() {
-        let none = TaxelModel::without_curve(model().status, model().gauge);
-        let scaled = none.scaled(1.1, 0.0);
-        assert!(scaled.curve.is_none() && scaled.raw_coefficients.is_empty());
-    }
 }
