@@ -1,8 +1,9 @@
 //! 48 taxels that are no skin of iCub, in front of an engine, whichever way their scans come.
 
 use taxel_engine::plan::Gauge;
+use taxel_sim::GaugeConfig;
 use taxel_skin::{BoardAddress, BusIndex, CountRange, Module};
-use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
+use taxel_wire::signal::SignalSpec;
 
 use crate::prelude::*;
 
@@ -21,18 +22,7 @@ pub fn patch_of(name: &str, modules: u8, top: u16) -> PatchPlan {
 
 /// A gauge that sends Pascals.
 pub fn gauge(bus: BusIndex, id: CanId) -> Gauge {
-    let signal = SignalSpec {
-        id,
-        start_bit: 0,
-        length_bits: 32,
-        byte_order: ByteOrder::Little,
-        signed: true,
-        scale: 0.001,
-        offset: 0.0,
-        unit: PressureUnit::Kilopascal,
-        meaning: PressureMeaning::Differential,
-    };
-    Gauge::new(bus, signal)
+    Gauge::new(bus, SignalSpec { id, ..GaugeConfig::default().signal })
 }
 
 /// What presses on the taxels, and what they make of it.

@@ -7,15 +7,11 @@ use taxel_engine::snapshot::ReasonCode;
 use crate::prelude::*;
 
 /// The small skin, its boards set in another way than usual.
-fn with_boards(change: impl FnOnce(&mut Vec<BoardSetup>)) -> Arc<Plan> {
-    let mut patch = patch_plan(&small_skin());
-    change(&mut patch.bring_up);
-    plan(patch)
-}
-
 pub fn with_shift(shift: u8) -> Arc<Plan> {
-    let set = |triangles: &mut TriangleConfig| triangles.shift = shift;
-    with_boards(|boards| boards.iter_mut().flat_map(|board| &mut board.triangles).for_each(set))
+    let mut patch = patch_plan(&small_skin());
+    let triangles = patch.bring_up.iter_mut().flat_map(|board| &mut board.triangles);
+    triangles.for_each(|triangles| triangles.shift = shift);
+    plan(patch)
 }
 
 /// What a calibration left, on boards that were configured so.
@@ -50,13 +46,13 @@ fn calibrate(bench: &mut Bench) -> Arc<ModelSet> {
 }
 
 impl Calibrated {
-    /// The daemon starts anew, beside boards that stream, with this set in use and its session. It has configured them if
+    /// The daemon starts anew, beside boards that stream, with the set in use and its session. It has configured them if
     /// they were configured otherwise.
-    fn restarted_with(&self, plan: Arc<Plan>, set: Arc<ModelSet>) -> Bench {
+    fn restarted(&self, plan: Arc<Plan>) -> Bench {
         let restored = Restored {
             sessions: vec![Arc::clone(&self.session)],
-            active: vec![(set.patch.clone(), set.id.clone())],
-            model_sets: vec![set.into()],
+            active: vec![(self.set.patch.clone(), self.set.id.clone())],
+            model_sets: vec![Arc::clone(&self.set).into()],
             next_session: 2,
             zeros: vec![("small".to_owned(), self.configured.clone())],
             ..Restored::default()
@@ -64,10 +60,6 @@ impl Calibrated {
         let mut bench = Bench::new(self.world.clone(), plan, restored);
         bench.brought_up();
         bench
-    }
-
-    fn restarted(&self, plan: Arc<Plan>) -> Bench {
-        self.restarted_with(plan, Arc::clone(&self.set))
     }
 }
 
@@ -92,10 +84,9 @@ fn unused(bench: &mut Bench) -> String {
     problems[0].clone()
 }
 
-fn other(id: &str, change: impl FnOnce(&mut ModelSet)) -> Arc<ModelSet> {
-    let mut set = ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&at_shift_1().set) };
-    change(&mut set);
-    Arc::new(set)
+/// The same set from elsewhere.
+fn other() -> Arc<ModelSet> {
+    Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&at_shift_1().set) })
 }
 
 #[test]
@@ -152,7 +143,7 @@ fn after_a_restart_with_the_settings_of_the_calibration_the_force_is_told_as_bef
 #[test]
 fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     let mut bench = small().in_charge();
-    bench.import(other("m-other", |_| {}));
+    bench.import(other());
     let why = refused_as(ErrorReason::LayoutChanged, bench.ask(say::activate("m-other")));
     let said =
         "`m-other` was gathered with shift 0-5 = 1 on board 13, where the configuration has shift 0-5 = 2 (and 1 more)";
@@ -161,32 +152,7 @@ fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     weighs(&mut bench, "another set was refused");
     // Whoever changes the configuration then may use it.
     let mut later = at_shift_1().restarted(with_shift(1));
-    later.import(other("m-other", |_| {}));
+    later.import(other());
     later.activate("m-other").unwrap();
     weighs(&mut later, "a set of boards with the same settings");
-}
-
-#[test]
-fn where_the_settings_of_one_side_are_not_known_nothing_changes() {
-    let calibrated = at_shift_1();
-    // Of a file, or of a daemon that only listened.
-    let listened = ["board 13: modules 0-5", "board 12: modules 0-1"].map(str::to_owned).to_vec();
-    for lines in [Vec::new(), listened] {
-        let set = other("m-unknown", |set| set.board_settings.clone_from(&lines));
-        let mut bench = calibrated.restarted_with(with_shift(1), set);
-        assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some("m-unknown"), "{lines:?}");
-        weighs(&mut bench, "a set whose settings are not known");
-        bench.import(other("m-too", |set| set.board_settings.clone_from(&lines)));
-        bench.activate("m-too").unwrap();
-    }
-    // One that only listens now does not know what the boards were told.
-    let restored = Restored {
-        active: vec![(calibrated.set.patch.clone(), calibrated.set.id.clone())],
-        model_sets: vec![Arc::clone(&calibrated.set).into()],
-        ..Restored::default()
-    };
-    let mut bench = Bench::new(calibrated.world.clone(), with_boards(Vec::clear), restored);
-    weighs(&mut bench, "a daemon that only listens");
-    bench.import(other("m-too", |_| {}));
-    bench.activate("m-too").unwrap();
 }

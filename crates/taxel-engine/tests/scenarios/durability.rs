@@ -67,52 +67,6 @@ fn a_tare_that_the_disk_refuses_does_not_keep_the_first_zero_away() {
     bench.until_force(3.0, ForceState::Ok);
 }
 
-/// Its patch holds the one session; of the other it knows what is on disk.
-#[test]
-fn a_discard_that_the_disk_refuses_has_no_effect() {
-    let (mut held, session) = in_review(30.0);
-    let mut unheld = Bench::after(held.world.clone(), held.host.plan.clone(), held.host.disk.clone());
-    let set = held.host.session().model_set.clone().unwrap();
-    for (bench, is_held) in [(&mut held, true), (&mut unheld, false)] {
-        let discard = || Command::DiscardSession { session };
-        bench.host.disk_is_slow = true;
-        let before = seen(bench);
-        let request = bench.host.command(discard());
-        bench.seconds(1.0);
-        for second in [discard(), Command::StartRamp { session }, Command::DeleteSession { session }] {
-            assert_eq!(bench.refused(second), format!("session {session} is being discarded"));
-        }
-        if is_held {
-            let why = bench.refused(activate(&set));
-            assert!(why.contains("DISCARDED"), "{why}");
-        }
-        is_refused_and_has_no_effect(bench, request, &before, "a discard");
-        bench.host.disk_is_slow = false;
-        let Ok(Done::Session(view)) = bench.ask(discard()) else { panic!("it cannot be asked for again") };
-        assert_eq!(view.state, SessionState::Discarded);
-        assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Discarded);
-    }
-}
-
-/// The one before has judged it.
-#[test]
-fn a_tare_beside_which_another_set_comes_into_use_is_not_taken() {
-    let mut bench = small().in_use();
-    bench.import(other("m-other"));
-    bench.until_force(10.0, ForceState::Ok);
-    bench.host.disk_is_slow = true;
-    let activation = bench.host.command(activate("m-other"));
-    let tare = bench.host.command(tare());
-    bench.seconds(3.0);
-    assert_eq!(bench.host.commits.len(), 2, "both wait for the disk");
-    bench.host.disk_is_slow = false;
-    bench.host.commit(Ok(()));
-    assert!(matches!(bench.host.reply(activation), Some(Ok(Done::Activated { .. }))));
-    let reply = bench.host.reply(tare);
-    let Some(Err(Rejection::FailedPrecondition(_, why))) = reply else { panic!("{reply:?}") };
-    assert!(why.ends_with("another model set came into use: tare again"), "{why}");
-}
-
 #[test]
 fn a_second_import_of_a_set_is_not_acknowledged_while_the_first_waits_for_the_disk() {
     for result in [Ok(()), Err("no space left on device".to_owned())] {

@@ -8,13 +8,12 @@ pub use taxel_engine::calibration::{SampleRefusal, SessionState, SessionView};
 pub use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 pub use taxel_engine::known_set::{KnownSet, SetSummary};
 pub use taxel_engine::model_set::ModelSet;
-pub use taxel_engine::plan::{BoardSetup, PatchPlan, Plan};
+pub use taxel_engine::plan::{PatchPlan, Plan};
 pub use taxel_engine::record::Record;
 pub use taxel_engine::snapshot::ForceState;
 pub use taxel_engine::{BusNotice, Input, Restored};
 pub use taxel_sim::{Config, DielectricConfig, Fault, Mass, PumpCommand, World};
 pub use taxel_skin::{Board, ModuleKind, Patch, SquareMillimetre, TaxelIndex, Time};
-pub use taxel_wire::icub::TriangleConfig;
 pub use taxel_wire::{CanId, Frame, TimedFrame};
 
 pub use crate::bench::{Bench, fresh, fresh_with, refused_as, session_of};

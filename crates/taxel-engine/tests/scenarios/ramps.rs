@@ -236,15 +236,3 @@ fn a_sample_has_all_boards_of_one_scan_and_none_of_the_next() {
     // 26, and 2 if whatever has every module once were one scan.
     assert!(mixed > 20, "the first boards of a scan and the last ones of the next were taken for one: {mixed} refused");
 }
-
-#[test]
-fn a_store_that_fails_ends_the_session_and_takes_no_new_one() {
-    let (mut bench, number) = ramping(10.0);
-    let now = bench.now();
-    bench.host.input(now, Input::StoreFailed("the disk is full".to_owned()));
-    let session = bench.host.session();
-    assert_eq!((session.state, session.reason.as_str()), (SessionState::Failed, "the store failed: the disk is full"));
-    for command in [start(), Command::FinishRamp { session: number }] {
-        assert!(matches!(bench.ask(command), Err(Rejection::Unavailable(_, why)) if why.contains("the disk is full")));
-    }
-}

@@ -1,20 +1,14 @@
 //! A bag whose pressure an operator reads off a dial and types, plateau by plateau.
 
-use std::time::Duration;
-
-use taxel_engine::Restored;
-use taxel_engine::calibration::fit::Branch;
-use taxel_engine::calibration::{PLATEAUS_MIN, SessionState};
-use taxel_engine::command::{Command, Rejection, Reply};
-use taxel_engine::plan::{PatchPlan, SessionLimits};
-use taxel_engine::snapshot::ForceState;
+use taxel_engine::calibration::PLATEAUS_MIN;
+use taxel_engine::command::Reply;
+use taxel_engine::plan::SessionLimits;
 use taxel_model::{FitOptions, GaugeUncertainty};
-use taxel_sim::{Config, Mass, PumpCommand, Skin, World};
-use taxel_skin::{Kilopascal, Newton, TaxelIndex};
+use taxel_sim::Skin;
+use taxel_skin::{Kilopascal, Newton};
 
-use crate::bench::Bench;
-use crate::rig::{patch_plan, plan, small_world, start_session};
-use crate::sessions::ramping;
+use crate::prelude::*;
+use crate::rig::start_session;
 
 /// To so many kPa the dial is read.
 const RESOLUTION_KPA: f64 = 0.5;
@@ -90,10 +84,7 @@ fn a_plateau_below_the_last_is_refused_and_too_few_are_not_fitted() {
         plateau(&mut bench, session, kpa).unwrap();
     }
     let taken = bench.host.samples(session).len();
-    let why = match plateau(&mut bench, session, 15.0) {
-        Err(Rejection::FailedPrecondition(_, why)) => why,
-        other => panic!("{other:?}"),
-    };
+    let why = plateau(&mut bench, session, 15.0).unwrap_err().to_string();
     assert!(why.contains("is not above the 20 kPa of the plateau before"), "{why}");
     assert_eq!(bench.host.samples(session).len(), taken, "nothing of it entered");
     let why = bench.refused(Command::FinishRamp { session });

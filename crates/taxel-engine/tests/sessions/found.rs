@@ -76,6 +76,12 @@ fn a_tare_that_was_being_written_when_a_ramp_took_its_zero_is_refused() {
     walk(&[Pass(Hold), DiskSlow, Tare { confirmed: true }, Pass(Hold), StartSession, Pass(Hold), DiskWrites]);
 }
 
+/// It was judged by the models of before.
+#[test]
+fn a_tare_beside_which_other_models_come_into_use_is_refused() {
+    from_review(&[DiskSlow, Activate(Set::Fit(0)), Tare { confirmed: true }, Pass(Hold), DiskWrites]);
+}
+
 #[test]
 fn a_session_whose_models_are_being_activated_cannot_be_laid_aside() {
     from_review(&[DiskSlow, Activate(Set::Fit(0)), Discard(1), DiskWrites]);
@@ -93,6 +99,7 @@ fn after_a_crash_within_an_activation_the_active_session_is_that_of_the_active_s
 #[test]
 fn nothing_is_laid_aside_or_aborted_that_cannot_be_written_down() {
     from_review(&[Pass(Vent), StartSession, DiskFails, Discard(1)]);
+    from_review(&[DiskSlow, Discard(1), StartRamp(1), Discard(1), DiskFails]);
     walk(&[StartSession, Pass(Hold), Restart, DiskFails, Abort(1)]);
 }
 
