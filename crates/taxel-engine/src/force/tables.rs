@@ -239,40 +239,6 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn beyond_the_calibrated_range_pressure_and_uncertainty_grow_and_it_is_told() {
-        let tables = Tables::new(set(1), &rest(1), &[AREA], ACTIVATION);
-        let readings: Vec<TaxelReading> = (0..=255_u16).map(|count| tables.reading(0, count, 0.0).unwrap()).collect();
-        // Counts fall with pressure: the first one in range is the one of most pressure.
-        let end = readings.iter().position(|reading| reading.range != RangeFlag::Above).unwrap();
-        assert!(end > 20, "{end}");
-        for pair in readings[..end].windows(2) {
-            assert!(pair[0].pressure_kpa >= pair[1].pressure_kpa && pair[0].sigma_kpa >= pair[1].sigma_kpa, "{pair:?}");
-        }
-        let (last, beyond) = (readings[end], readings[end - 15]);
-        assert!(
-            beyond.pressure_kpa > last.pressure_kpa + 5.0 && beyond.sigma_kpa > last.sigma_kpa,
-            "{beyond:?} {last:?}"
-        );
-    }
-
-    #[test]
-    fn what_a_count_contributes_follows_from_what_it_means() {
-        let tables = Tables::new(set(1), &rest(1), &[AREA], ACTIVATION);
-        for count in 0..=255_u16 {
-            let (share, reading) = (tables.share(0, count).unwrap(), tables.reading(0, count, 0.0).unwrap());
-            let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * b.abs().max(1e-3);
-            assert!(near(share.per_count_n, 0.1 * reading.kpa_per_count), "{count}: {share:?} {reading:?}");
-            let all_n2 = share.own_n2 + share.shared_n().powi(2);
-            assert!(near(all_n2, 0.01 * reading.sigma_kpa.powi(2)), "{count}: {share:?} {reading:?}");
-            assert_eq!(share.is_above, reading.range == RangeFlag::Above, "{count}");
-            assert!(
-                !reading.active || near(tables.newton(0, count), 0.1 * reading.pressure_kpa),
-                "{count}: {reading:?}"
-            );
-        }
-    }
-
-    #[test]
     fn how_skin_bends_below_the_least_calibrated_pressure_is_common_to_a_contact() {
         let mut late = ModelSet::clone(&set(1));
         late.taxels[0] = begun_late();

@@ -18,20 +18,6 @@ use crate::scan::Scan;
 
 mod jumps;
 
-/// The offset is one of a zero: after another none is left of it.
-#[test]
-fn a_new_zero_of_a_skin_that_has_become_lighter_gives_the_force_at_once() {
-    let mut skin = Skin::new(Some(row(TAXELS)));
-    skin.counts.fill(REST + 1);
-    skin.counts[20..24].fill(REST - 30);
-    (0..100).for_each(|_| drop(skin.measured()));
-    let mut zero = rest(TAXELS);
-    zero.iter_mut().for_each(|taxel| taxel.mean += 1.0);
-    skin.force.set_zero(Some(&zero), 0.0);
-    let totals: Vec<f64> = (0..100).map(|_| skin.measured().sample.total.unwrap().0).collect();
-    assert!((totals[0] - totals[99]).abs() < 1e-9, "{} N, then {} N", totals[0], totals[99]);
-}
-
 /// Noise must not decide which taxels at the rim of a contact are summed.
 #[test]
 fn what_lies_beside_a_touch_is_summed_with_its_sign() {

@@ -1,7 +1,6 @@
 //! The owner of the zero, on a board of eight triangles that are scanned every 50 ms.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use taxel_skin::{ModuleKind, Time};
 
@@ -11,7 +10,7 @@ use crate::force::tests::{REST, set};
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::regions::Regions;
-use crate::request::{ErrorReason, RequestId};
+use crate::request::RequestId;
 use crate::scan::Scan;
 use crate::tests::patch;
 use crate::zero::bag::Bag;
@@ -180,19 +179,4 @@ fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
         assert_eq!((skin.lost(), skin.zero.zero()), (Some(why), None));
         assert_eq!(skin.zero.needs_confirmation(), distrusted.then_some(why), "{scans_after} scans after");
     }
-}
-
-/// Two seconds longer than planned, and then at once.
-#[test]
-fn a_watch_that_gets_no_scans_ends_at_its_deadline() {
-    let mut skin = Skin::new();
-    assert_eq!(skin.zero.deadline(), None);
-    skin.zero.watch(skin.now().time, Purpose::Session { confirmed_by: None }, &mut skin.events);
-    let (last, deadline) = (Time::from_nanos(3_000_000_000), skin.zero.deadline().expect("a deadline"));
-    assert_eq!(deadline, last + Duration::from_nanos(1));
-    skin.zero.tick(last, || "nothing came".to_owned(), &mut skin.events);
-    assert!(skin.events.is_empty() && skin.zero.watching().is_some());
-    skin.zero.tick(deadline, || "nothing came".to_owned(), &mut skin.events);
-    let [ZeroEvent::Refused(_, ErrorReason::SkinSilent, why)] = &skin.events[..] else { panic!("{:?}", skin.events) };
-    assert!(why.ends_with("nothing came") && skin.zero.watching().is_none(), "{why}");
 }

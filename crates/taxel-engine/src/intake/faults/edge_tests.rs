@@ -194,30 +194,6 @@ fn seven_of_ten_at_a_rail_condemn_their_module() {
 }
 
 #[test]
-fn a_module_that_fell_silent_is_so_until_it_is_heard() {
-    let mut detector = detector();
-    assert!(!detector.push_reals(at(0.0), 1, &[100.0; 10], 0));
-    [1, 9].into_iter().for_each(|module| detector.on_silent(at(1.0), module));
-    assert_eq!([0, 10, 19, 20, 30].map(|taxel| says(&detector, taxel)), ["", "silent", "silent", "", ""]);
-    assert_eq!(detector.wrong_since(10), Some(at(1.0)));
-    assert!(detector.push_reals(at(1.8), 1, &[100.0; 10], 0), "it is not silent any more");
-    assert_eq!(says(&detector, 10), String::new());
-}
-
-/// The counts before and after more than a second of silence do not belong together.
-#[test]
-fn a_flicker_does_not_go_on_over_a_silence() {
-    for (interval, jumps) in [(1.0, true), (1.01, false)] {
-        let mut detector = detector();
-        for scan in 0..8 {
-            let count = if scan % 2 == 0 { 100.0 } else { 120.0 };
-            detector.push_reals(at(interval * f64::from(scan)), 0, &[count; 10], 0);
-        }
-        assert_eq!(detector.faults(0).contains(Fault::Jumping), jumps, "{interval}");
-    }
-}
-
-#[test]
 fn what_a_status_word_or_a_doubt_says_ends_after_its_time() {
     let mut detector = detector();
     for (status, words) in [(1, "no acknowledgement"), (2, "not connected"), (1 << 4, "out of range by status")] {

@@ -177,29 +177,6 @@ mod tests {
     }
 
     #[test]
-    fn two_scans_a_half_are_enough_and_what_is_read_in_one_half_alone_has_no_say() {
-        let unlike = |scans: usize, silent: Option<usize>| {
-            let mut window = RestWindow::new(30, &[0..10, 10..20, 20..30]);
-            for late in [false, true] {
-                for scan in 0..scans {
-                    let count = |taxel: usize| 240.0 + if taxel / 10 == 1 && late { 3.0 } else { 0.1 * scan as f64 };
-                    let read = |taxel: usize| Some(count(taxel)).filter(|_| !(late && silent == Some(taxel / 10)));
-                    window.push(late, (0..30).map(read));
-                }
-            }
-            window.unlikeness()
-        };
-        assert_eq!(unlike(1, None), None);
-        assert!(unlike(2, None).is_some_and(|unlike| unlike > UNLIKENESS_MAX));
-        assert!(
-            unlike(2, Some(2)).is_some_and(|unlike| unlike > 1.0),
-            "two of three are read: {:?}",
-            unlike(2, Some(2))
-        );
-        assert!(unlike(2, Some(1)).is_some_and(|unlike| unlike < 0.0), "the third moved: {:?}", unlike(2, Some(1)));
-    }
-
-    #[test]
     fn five_modules_of_23_that_move_by_less_than_a_module_may_are_seen() {
         // The median of a module may move by half a count and four standard errors, which is 1.5 here.
         let refused = refused(23, 0.0, |taxel, late| if late && taxel < 50 { 0.9 } else { 0.0 });
