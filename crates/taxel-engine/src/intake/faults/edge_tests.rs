@@ -48,7 +48,7 @@ impl One {
     }
 }
 
-/// The noise is 4 counts, or four times what is known; a jump counts for no more than ten counts.
+/// The noise is 4 counts, or four times what is known; a jump counts for no more than ten counts. It began 1.5 s before.
 #[test]
 fn after_how_many_changes_a_taxel_jumps() {
     for (noise, by, changes) in [
@@ -61,7 +61,10 @@ fn after_how_many_changes_a_taxel_jumps() {
         (2.0, 9.0, Some(32)),
         (f32::NAN, 5.0, Some(16)),
     ] {
-        assert_eq!(One::new(noise).flicker(by), changes, "{noise} {by}");
+        let mut one = One::new(noise);
+        assert_eq!(one.flicker(by), changes, "{noise} {by}");
+        let began = changes.map(|changes| at(0.02 * f64::from(changes) - 1.5));
+        assert_eq!(one.watch.wrong_since(), began);
     }
     // Scans without a change are none: the converter is slower than the bus.
     let mut one = One::new(0.0);
@@ -190,6 +193,19 @@ fn seven_of_ten_at_a_rail_condemn_their_module() {
         assert!(!detector.push_reals(at(1.0), 1, &counts(broken), 0), "nothing is new");
         assert!(!detector.push_reals(at(2.9), 1, &counts(0), 0) && detector.push_reals(at(3.0), 1, &counts(0), 0));
         assert_eq!((says(&detector, 10), says(&detector, 19)), (String::new(), String::new()));
+    }
+}
+
+/// The counts before and after more than a second of silence do not belong together.
+#[test]
+fn a_flicker_does_not_go_on_over_a_silence() {
+    for (interval, jumps) in [(1.0, true), (1.01, false)] {
+        let mut detector = detector();
+        for scan in 0..8 {
+            let count = if scan % 2 == 0 { 100.0 } else { 120.0 };
+            detector.push_reals(at(interval * f64::from(scan)), 0, &[count; 10], 0);
+        }
+        assert_eq!(detector.faults(0).contains(Fault::Jumping), jumps, "{interval}");
     }
 }
 
