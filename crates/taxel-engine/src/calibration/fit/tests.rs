@@ -136,6 +136,7 @@ fn taxels_that_cannot_be_fitted_say_why() {
     skin.spoil(1, 20.0..60.0, |_| 240.0);
     skin.spoil(2, 0.0..76.0, |_| 240.0);
     skin.spoil(4, 0.0..40.0, |_| f64::NAN);
+    skin.spoil(4, 50.0..51.0, |_| 255.0); // for a shorter time than it is missing
     for (i, count) in skin.counts[6].iter_mut().enumerate() {
         *count += ((i as f64 / 300.0).sin() * 4.0).round(); // sound to every detector, and wrong
     }
