@@ -214,17 +214,18 @@ pub fn scatter_kpa(samples: &SessionSamples) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::zero::rest::tests::Noise;
 
     /// A skin of 24 taxels that is read every 50 ms, whose counts follow `counts` of seconds, with noise of one count.
     struct Skin {
         now: Time,
-        bits: u64,
+        noise: Noise,
         plateaus: Plateaus,
     }
 
     impl Skin {
         fn new() -> Self {
-            Self { now: Time::default(), bits: 7, plateaus: Plateaus::begin(Time::default()) }
+            Self { now: Time::default(), noise: Noise(7), plateaus: Plateaus::begin(Time::default()) }
         }
 
         fn run(&mut self, seconds: f64, counts: impl Fn(f64) -> f64) {
@@ -232,15 +233,10 @@ mod tests {
             while self.now.seconds_since(begun) < seconds {
                 self.now = self.now + Duration::from_millis(50);
                 let level = counts(self.now.seconds_since(begun));
-                let counts: Vec<u16> = (0..24).map(|_| (level + self.chance()).round() as u16).collect();
+                let counts: Vec<u16> =
+                    (0..24).map(|_| (level + 2.0 * self.noise.uniform() - 1.0).round() as u16).collect();
                 self.plateaus.push(Pending { time: self.now, counts: counts.into() });
             }
-        }
-
-        /// Between -1 and 1.
-        fn chance(&mut self) -> f64 {
-            self.bits = self.bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (self.bits >> 33) as f64 / f64::from(1_u32 << 30) - 1.0
         }
 
         fn take(&mut self, kpa: f64) -> Result<usize, String> {

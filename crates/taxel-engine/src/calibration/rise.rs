@@ -109,12 +109,7 @@ mod tests {
         assert!(says(&[5.0, 5.9], [200, 160]).contains("it is not in this bag"));
         // Four counts are a taxel that responds, to either side.
         assert!(says(&[5.0, 5.0], [200, 196]).contains("4 of 4 taxels have moved, and the gauge only"));
-        assert!(says(&[5.0, 5.0], [196, 200]).contains("4 of 4 taxels"));
         assert!(says(&[5.0, 5.0], [200, 197]).contains("0 of 4 taxels have moved: is the bag closed"));
-        let short = says(&[69.9], [200, 160]);
-        let why = "the pressure did not rise for 60 s: it is 69.9 kPa, the target is 70.0 kPa";
-        assert!(short.starts_with(why), "{short}");
-        assert!(says(&[70.0], [200, 160]).contains("beyond the target"), "the target itself has been reached");
     }
 
     #[test]

@@ -165,18 +165,6 @@ mod tests {
             let times = late.iter().enumerate().map(|(i, late)| i as f64 * 50.0 * (1.0 + ppm * 1e-6) + late);
             prop_assert_eq!(refused(&mut pace, times), Vec::<f64>::new());
         }
-
-        /// Wherever a second node's scans fall, one of two within a period is found.
-        #[test]
-        fn a_second_node_is_found_at_once(phase in 0.5..49.5_f64) {
-            let mut pace = Pace::new(PERIOD);
-            let first = (0..20).map(|i| f64::from(i) * 50.0);
-            prop_assert!(refused(&mut pace, first).is_empty());
-            let both = (20..24).flat_map(|i| [f64::from(i) * 50.0, f64::from(i) * 50.0 + phase]);
-            let found = refused(&mut pace, both);
-            prop_assert!(found[0] <= 1_050.0, "{found:?}");
-            prop_assert!(found.len() >= 3, "{found:?}");
-        }
     }
 
     #[test]

@@ -89,17 +89,6 @@ fn what_a_module_learns_of_its_pads_it_and_the_others_know_later() {
     near(watched.offset.applied_to(&watched.taken, watched.ground.signs())[40].mean, ZERO - 1.56, 0.2);
 }
 
-#[test]
-fn a_module_that_is_touched_is_not_read_for_half_a_minute() {
-    let mut watched = Watched::new(false);
-    watched.seconds(4.0, |taxel| if taxel < 3 { 10.0 } else { 0.0 });
-    watched.seconds(20.0, |_| -0.4);
-    near(watched.offset(0), 0.0, 0.2); // as far as its pads are noisy
-    near(watched.offset(5), -0.4, 0.2);
-    watched.seconds(20.0, |_| -0.4);
-    near(watched.offset(0), -0.4, 0.2);
-}
-
 /// The tables follow lighter alone, unless the zero is to follow the temperature; then to its bound.
 #[test]
 fn the_tables_follow_what_no_load_can_be_and_the_rest_where_it_is_asked_for() {

@@ -1,7 +1,8 @@
 //! Plays where they could do harm: at light touch, in minor loops and after an overload.
 
-use super::tests::{Noise, PERIOD_S, Skin};
+use super::tests::{PERIOD_S, Skin};
 use super::*;
+use crate::zero::rest::tests::Noise;
 
 const TAXELS: usize = 20;
 const TOP_KPA: f64 = 70.0;
@@ -40,7 +41,7 @@ impl Truth {
 fn recorded(truth: Truth, kpa: Vec<f64>, seed: u64) -> Skin {
     let (felt, mut noise) = (truth.felt(&kpa), Noise(seed));
     let mut column = |gain: f64| {
-        let count = |p: &f64| (235.0 - gain * p / (p + 80.0) + 0.8 * noise.next()).round();
+        let count = |p: &f64| (235.0 - gain * p / (p + 80.0) + 0.8 * noise.normal()).round();
         felt.iter().map(count).collect()
     };
     let counts = (0..TAXELS).map(|taxel| column(150.0 + 3.0 * taxel as f64)).collect();

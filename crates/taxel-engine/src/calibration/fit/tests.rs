@@ -10,23 +10,10 @@ use super::scans::modules;
 use super::*;
 use crate::intake::faults::fault::Fault;
 use crate::intake::faults::limits::FaultLimits;
+use crate::zero::rest::tests::Noise;
 
 pub const PERIOD_S: f64 = 0.02;
 const TAXELS: usize = 30;
-
-/// Reproducible noise of standard deviation 1.
-pub struct Noise(pub u64);
-
-impl Noise {
-    pub fn next(&mut self) -> f64 {
-        let mut sum = 0.0;
-        for _ in 0..12 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            sum += (self.0 >> 40) as f64 / f64::from(1_u32 << 24);
-        }
-        sum - 6.0
-    }
-}
 
 /// A recording that owns its columns.
 #[derive(Clone)]
@@ -44,7 +31,7 @@ impl Skin {
         let column = |taxel: usize| {
             let gain = 30.0 + taxel as f64;
             let count = |p: &f64| 235.0 + shift - gain * p / (p + 200.0);
-            felt.iter().map(|p| (count(p) + 1.0 * noise.next()).round()).collect()
+            felt.iter().map(|p| (count(p) + 1.0 * noise.normal()).round()).collect()
         };
         let counts = (0..TAXELS).map(column).collect();
         Self { time_s: (0..kpa.len()).map(|i| i as f64 * PERIOD_S).collect(), kpa, counts }
@@ -110,7 +97,7 @@ fn faults_are_masked_from_their_onset_until_they_are_over() {
     skin.spoil(3, 20.0..30.0, |_| 240.0);
     skin.spoil(5, 20.0..20.5, |_| 255.0);
     let mut noise = Noise(9);
-    let jumps: Vec<f64> = (0..4000).map(|_| (210.0 + 7.0 * noise.next()).clamp(1.0, 254.0).round()).collect();
+    let jumps: Vec<f64> = (0..4000).map(|_| (210.0 + 7.0 * noise.normal()).clamp(1.0, 254.0).round()).collect();
     skin.spoil(7, 20.0..30.0, |i| jumps[i]);
     let masks = find(&skin);
     let (begin, end) = masked(&masks, 3).unwrap();
@@ -172,7 +159,7 @@ fn pure_play() -> Skin {
     let (mut noise, felt) = (Noise(11), felt(&skin.kpa, 8.0));
     skin.counts.truncate(20);
     for column in &mut skin.counts {
-        column.iter_mut().zip(&felt).for_each(|(count, p)| *count = (230.0 - 1.5 * p + 0.7 * noise.next()).round());
+        column.iter_mut().zip(&felt).for_each(|(count, p)| *count = (230.0 - 1.5 * p + 0.7 * noise.normal()).round());
     }
     skin
 }

@@ -156,9 +156,8 @@ mod tests {
         let all = 50.0_f64.sqrt();
         // Of a contact 30 taxels of residues, and the median of 20 that it is told from is off by 1.25 / sqrt(20).
         let of_contact = 30.0_f64.sqrt().hypot(30.0 * 1.2533 / 20.0_f64.sqrt());
-        let table: [(&str, Moved, f64, f64); 8] = [
+        let table: [(&str, Moved, f64, f64); 5] = [
             ("a load on everything", |_| 1.0, 50.0, 0.0),
-            ("on one module, which is as much as everything", |t| if t / 10 == 2 { 2.0 } else { 0.0 }, 20.0, 0.0),
             // The median is 1, and half of the taxels lie 0.5 or less from it; the median of the other two modules is -1.25.
             (
                 "the three greatest of four, where the fifth is lighter",
@@ -167,15 +166,7 @@ mod tests {
                 0.5 * of_contact,
             ),
             ("a colder skin, of which one module is not", |t| if t / 10 == 4 { 0.0 } else { -1.0 }, 10.0, 0.0),
-            ("a warmer one, of which one is not", |t| if t / 10 == 4 { 0.0 } else { 1.0 }, 40.0, 0.0),
             ("residues", |t| if t % 2 == 0 { 1.0 } else { -1.0 }, 0.0, all),
-            // The median of the other two modules is -0.1.
-            (
-                "residues, and one module that is lighter",
-                |t| [0.12, 0.12, 0.12, 0.0, -0.2][t / 10] + if t % 2 == 0 { 1.0 } else { -1.0 },
-                6.6,
-                of_contact,
-            ),
             ("residues under a load", |t| if t % 2 == 0 { 2.0 } else { 0.0 }, 50.0, all),
         ];
         for (what, moved, counts, deviations) in table {

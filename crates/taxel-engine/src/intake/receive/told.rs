@@ -134,17 +134,3 @@ fn last_seen(last: Time, now: Time) -> String {
         minutes => format!("last {} h ago", minutes / 60),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_last_time_is_told_in_minutes_and_then_in_hours() {
-        let told = |seconds| last_seen(Time::from_seconds(50.0), Time::from_seconds(50.0 + seconds));
-        assert_eq!(told(59.0), "last within a minute");
-        assert_eq!(told(60.0), "last 1 min ago");
-        assert_eq!(told(7_199.0), "last 119 min ago");
-        assert_eq!(told(7_200.0), "last 2 h ago");
-    }
-}
