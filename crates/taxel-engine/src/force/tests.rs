@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
-use taxel_model::{FitOptions, Flag, GaugeUncertainty, Plays, Samples, Status, TaxelModel, fit};
+use taxel_model::{FitOptions, GaugeUncertainty, Plays, Samples, Status, TaxelModel, fit};
 use taxel_skin::{CountRange, Geometry, Newton, SquareMillimetre, TaxelPose, Time};
 
 use crate::baseline::{Activation, TaxelBaseline};
@@ -306,16 +306,6 @@ fn what_may_lie_on_a_taxel_without_a_model_is_in_the_interval() {
     assert!((newton(sample.total) - felt).abs() < 0.3 && high > felt + unfelt, "{:?} to {high}", sample.total);
 }
 
-#[test]
-fn silent_and_blind_modules_leave_the_force_without_an_upper_bound() {
-    let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).silence(5).verdict();
-    assert_eq!((state, reasons, bound), (ForceState::Degraded, vec!["10 taxels are silent".to_owned()], true));
-    let blind = (50..60).fold(Skin::new(Some(row(TAXELS))), Skin::fault);
-    let (state, reasons, bound) = blind.verdict();
-    assert!(state == ForceState::Degraded && bound && reasons.len() == 1, "{reasons:?}");
-    assert!(reasons[0].starts_with("10 taxels cannot be read"), "{reasons:?}");
-}
-
 /// An untouched skin would be DEGRADED for one scan in twenty, for whatever taxel the noise activates beside a faulty one.
 #[test]
 fn a_single_active_taxel_beside_one_with_a_fault_degrades_nothing_and_two_do() {
@@ -337,39 +327,6 @@ fn what_the_zero_says_of_itself_degrades_the_force() {
     let sample = skin.measured().sample;
     assert_eq!((sample.state, sample.total), (ForceState::TareInvalid, None));
     assert_eq!(sample.reasons, [Reason::new(ReasonCode::ZeroLost, "power cycle")]);
-}
-
-/// A model as the paper's equation may give it: between rest and threshold, and again further on, it turns.
-fn paper_set() -> Arc<ModelSet> {
-    let mut models = ModelSet::clone(&set(TAXELS));
-    for model in &mut models.taxels {
-        let curve = model.curve.as_mut().unwrap();
-        curve.chebyshev[5] += 6.0;
-        model.flags.push(Flag::NotMonotone { count: 200.0 });
-        assert_eq!(model.validate(), Ok(()));
-    }
-    Arc::new(models)
-}
-
-#[test]
-fn a_curve_that_turns_is_served_as_it_is() {
-    let curve = paper_set().taxels[0].clone();
-    let kpa = |counts: u16| curve.evaluate(f64::from(REST - counts)).unwrap().kpa;
-    assert!((1..70).any(|counts| kpa(counts) < kpa(counts - 1) - 0.1), "it does not turn");
-    for counts in 0..=120 {
-        let mut skin = Skin::with_models(Some(row(TAXELS)), paper_set()).press(20..26, counts);
-        let sample = skin.measured().sample;
-        let (total, sigma) = (sample.total.unwrap().0, sample.total_sigma.unwrap().0);
-        assert!(total.is_finite() && total >= 0.0 && sigma.is_finite(), "{counts}: {sample:?}");
-        // Up to the threshold nothing is felt, and what the curve says there is in the floor.
-        if (4..=60).contains(&counts) {
-            let expected = 6.0 * kpa(counts).max(0.0) * 0.1;
-            assert!((total - expected).abs() < 1e-3 * expected.max(1.0), "{counts}: {total} N, not {expected}");
-        }
-        let floor = sample.undetected.unwrap().at_most().0;
-        let hidden = (0..=3).map(|counts| 0.1 * kpa(counts)).fold(0.0, f64::max);
-        assert!(floor >= hidden, "{counts}: a floor of {floor} N under {hidden} N");
-    }
 }
 
 /// Six taxels beside each other are pressed, and those at their ends lie under the edge.

@@ -55,30 +55,6 @@ fn taxels_are_excluded_for_what_they_are() {
 fn recordings_that_say_nothing_are_refused_in_words() {
     let same = plateaus(&[sound], |kpa, _| kpa.fill(20.0)).unwrap_err().to_string();
     assert!(same.contains("1 distinct pressures in `pressure_kpa`"), "{same}");
-    let two = plateaus(&[sound], |kpa, _| kpa.iter_mut().for_each(|p| *p = if *p > 30.0 { 60.0 } else { 0.0 }));
-    assert!(two.unwrap_err().to_string().contains("2 distinct pressures"));
-    let none = plateaus(&[sound], |kpa, _| kpa.fill(f64::NAN)).unwrap_err().to_string();
-    assert!(none.contains("0 distinct pressures"), "{none}");
     let still = plateaus(&[|_, _| 17.0], |_, _| {}).unwrap_err().to_string();
     assert!(still.contains("no taxel moves"), "{still}");
-}
-
-#[test]
-fn every_scale_of_counts_and_every_order_of_pressures_gives_finite_models() {
-    let order: Vec<usize> = (0..360).map(|k| k * 7 % 360).collect();
-    for (name, scale, base) in [("1e-9", 1e-9, 0.0), ("1e9", 1e9, 0.0), ("1e9 and little more", 1.0, 1e9)] {
-        let change = |kpa: &mut Vec<f64>, counts: &mut Vec<Vec<f64>>| {
-            counts.iter_mut().flatten().for_each(|count| *count = base + scale * *count);
-            counts[1][7] = f64::NAN;
-            let mixed = |column: &Vec<f64>| order.iter().map(|k| column[*k]).collect::<Vec<f64>>();
-            *kpa = mixed(kpa);
-            counts.iter_mut().for_each(|column| *column = mixed(column));
-        };
-        let set = plateaus(&[sound, sound], change).unwrap();
-        for model in &set.taxels {
-            let sigma = model.sigma.as_ref().unwrap();
-            assert!(sigma.sigma_kpa.iter().all(|s| s.is_finite() && *s > 0.0), "{name}: {sigma:?}");
-            assert!(model.is_usable() && model.validate().is_ok(), "{name}: {:?}", model.status);
-        }
-    }
 }

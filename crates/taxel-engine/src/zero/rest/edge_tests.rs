@@ -1,18 +1,14 @@
 //! Where each limit of the test of rest lies: a little less is rest, a little more is not.
 
 use super::judge::{Reference, judge, lighter};
+use super::tests::{TAXELS, modules};
 use super::verdict::RestVerdict;
 use super::window::RestWindow;
 use crate::baseline::TaxelBaseline;
 use crate::zero::rest::verdict::{Beyond, Figure};
 
-const TAXELS: usize = 150;
 const SCANS: usize = 20;
 const NOISE: f64 = 1.1;
-
-fn modules() -> Vec<std::ops::Range<usize>> {
-    (0..TAXELS / 10).map(|module| 10 * module..10 * module + 10).collect()
-}
 
 /// A window of scans in which taxel `t` lies `level(t, scan)` counts towards load from 240, and goes up and down about that
 /// by `wiggle(t)`, which moves neither half of the window.

@@ -5,7 +5,7 @@ use super::window::RestWindow;
 use crate::baseline::TaxelBaseline;
 use proptest::prelude::*;
 
-const TAXELS: usize = 150;
+pub const TAXELS: usize = 150;
 const SCANS: usize = 100;
 
 /// A small linear congruential generator: tests need repeatable noise, not good noise.
@@ -27,7 +27,7 @@ fn reference() -> Vec<TaxelBaseline> {
     vec![TaxelBaseline { mean: 240.0, noise: 1.1 }; TAXELS]
 }
 
-fn modules() -> Vec<std::ops::Range<usize>> {
+pub fn modules() -> Vec<std::ops::Range<usize>> {
     (0..TAXELS / 10).map(|m| 10 * m..10 * m + 10).collect()
 }
 
