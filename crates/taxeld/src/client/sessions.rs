@@ -113,29 +113,19 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
                 (false, true) => SessionAction::Discard,
                 (false, false) => SessionAction::Abort,
             };
-            let view = advance(&one.asked.daemon().await?, one.session, action).await?;
+            let view = advance(&one.asked.daemon().await?, one.session, action, "").await?;
             one.asked.show("Session", &view, print)
         }
     }
 }
 
-/// Takes a session a step further.
+/// Takes a session a step further, for a reason where it is aborted.
 ///
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
-pub async fn advance(daemon: &Daemon, session: u64, action: SessionAction) -> Outcome<Session> {
-    let request = AdvanceSessionRequest { session, action: action.into(), ..AdvanceSessionRequest::default() };
-    Ok(daemon.calibration().advance_session(request).await?.into_inner())
-}
-
-/// Aborts a session for this reason.
-///
-/// # Errors
-/// Refused with the daemon's reason, or no daemon.
-pub async fn abort(daemon: &Daemon, session: u64, reason: &str) -> Outcome<Session> {
+pub async fn advance(daemon: &Daemon, session: u64, action: SessionAction, reason: &str) -> Outcome<Session> {
     let reason = printable(reason).chars().take(REASON_CHARS_MAX).collect();
-    let action = SessionAction::Abort.into();
-    let request = AdvanceSessionRequest { session, action, reason, typed_kpa: None };
+    let request = AdvanceSessionRequest { session, action: action.into(), reason, typed_kpa: None };
     Ok(daemon.calibration().advance_session(request).await?.into_inner())
 }
 

@@ -39,7 +39,7 @@ fn a_script_types_what_a_dial_shows_and_the_models_are_in_use() {
     assert!(!said.status.success() && why.contains("1 kPa is not above the 2 kPa of the plateau before"), "{why}");
     let dial = "0,5,10,15,20,25,30,35,40";
     assert!(taxeld_in(folder.path(), &["sessions", "end", "1"]).status.success());
-    let options = ["calibrate", "--new", "--target", "40", "--confirmed-by", "test", "--yes", "--typed", dial];
+    let options = ["calibrate", "--target", "40", "--confirmed-by", "test", "--yes", "--typed", dial];
     let said = taxeld_in(folder.path(), &options);
     let (out, wrong) = (text(&said.stdout), text(&said.stderr));
     assert!(said.status.success(), "{out}\n{wrong}");

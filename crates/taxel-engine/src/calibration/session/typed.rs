@@ -63,8 +63,8 @@ impl SessionRun {
         let (taken, number) = (self.samples.plateaus(), self.view.number);
         ErrorReason::SessionWrongState.unless(self.plateaus.is_none() || taken >= PLATEAUS_MIN, || {
             format!(
-                "{taken} plateaus above the vented bag, and {PLATEAUS_MIN} make a calibration: type more, or, to begin another ramp: \
-                 taxeld sessions end {number}, then taxeld calibrate --session {number}"
+                "{taken} plateaus above the vented bag, and {PLATEAUS_MIN} make a calibration: type more, or, to begin anew: \
+                 taxeld sessions end {number}, then taxeld calibrate"
             )
         })
     }

@@ -22,7 +22,7 @@ use super::screen::Screen;
 use crate::client::ask;
 use crate::client::connect::Daemon;
 use crate::client::failure::{Failure, Outcome};
-use crate::client::sessions::{abort, advance, session_word};
+use crate::client::sessions::{advance, session_word};
 use crate::config;
 use crate::rig::{At, Link};
 
@@ -313,8 +313,8 @@ impl ByDevice<'_> {
                 begun.look.iter().for_each(|line| self.screen.tell(&format!("check: {line}")));
                 begun
             }
-            Ask::Ramp => advance(self.daemon, number, SessionAction::StartRamp).await?,
-            Ask::Abort => abort(self.daemon, number, why).await?,
+            Ask::Ramp => advance(self.daemon, number, SessionAction::StartRamp, "").await?,
+            Ask::Abort => advance(self.daemon, number, SessionAction::Abort, why).await?,
         };
         let request = SessionRequest { session: session.session };
         followed.stream = Some(self.daemon.calibration().watch_session(request).await?.into_inner());

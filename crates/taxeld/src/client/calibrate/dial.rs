@@ -18,7 +18,7 @@ impl Course {
             Some(script) => match script.pop_front() {
                 Some(kpa) => kpa,
                 None => {
-                    self.session = advance(&self.daemon, number, SessionAction::FinishRamp).await?;
+                    self.session = advance(&self.daemon, number, SessionAction::FinishRamp, "").await?;
                     return Ok(());
                 }
             },

@@ -79,13 +79,13 @@ impl Course {
         let answer = if self.asks { ask::ask(question).await? } else { "l".to_owned() };
         match answer.as_str() {
             "a" => {
-                advance(&self.daemon, number, SessionAction::Abort).await?;
+                advance(&self.daemon, number, SessionAction::Abort, "").await?;
                 Err(Failure::refused(format!("session {number} is aborted; its samples are kept")))
             }
-            "f" => advance(&self.daemon, number, SessionAction::FinishRamp).await.map(drop),
+            "f" => advance(&self.daemon, number, SessionAction::FinishRamp, "").await.map(drop),
             "l" => {
                 let why = format!("session {number} goes on in the daemon");
-                Err(Failure::refused(why).help("taxeld calibrate   # takes it up again"))
+                Err(Failure::refused(why).help("taxeld calibrate   # follows it again"))
             }
             _ => Ok(()),
         }

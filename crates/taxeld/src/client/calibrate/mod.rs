@@ -7,8 +7,7 @@ mod screen;
 
 use taxel_client::Server;
 use taxel_proto::v1::{
-    Branches, ListRequest, ModuleName, PatchRequest, Session, SessionAction, SessionRequest, SessionState,
-    StartSessionRequest,
+    Branches, ListRequest, ModuleName, PatchRequest, Session, SessionAction, SessionState, StartSessionRequest,
 };
 
 use super::ask;
@@ -17,14 +16,14 @@ use super::failure::{Failure, Outcome};
 use super::json;
 use super::model_set::{Candidate, print_set};
 use super::places::Places;
-use super::sessions::{abort, advance, session_word};
+use super::sessions::{advance, session_word};
 use device::{ByDevice, Pump};
 use follow::Course;
 use screen::Screen;
 
 /// Guides through a calibration in the vacuum bag: zero, ramps, review, use of the new set.
 ///
-/// A session that is under way is taken up again. Ctrl-C asks whether to end the ramp, to abort, or to leave it to the daemon. Several patches
+/// A session that is under way is followed again. Ctrl-C asks whether to end the ramp, to abort, or to leave it to the daemon. Several patches
 /// in one bag are calibrated by one ramp: one `taxeld calibrate --patch NAME` for each, in terminals of their own; pump when
 /// all of them wait for it.
 #[derive(Debug, clap::Args)]
@@ -53,15 +52,9 @@ pub struct CalibrateArgs {
     /// What a dial shows at each plateau, in kPa, for scripts; without it you are asked. After the last of them the models are fitted.
     #[arg(long, value_name = "KPA,KPA,...", value_delimiter = ',')]
     typed: Vec<f64>,
-    /// Take up this session.
-    #[arg(long, value_name = "SESSION", conflicts_with = "new", value_parser = clap::value_parser!(u64).range(1..))]
-    session: Option<u64>,
-    /// Begin a new session although an earlier one could be taken up.
-    #[arg(long)]
-    new: bool,
     /// A drive moves the pressure: its profile, a file as in deploy/rigs, or `micro`, `alicat`, `epick`, `vg10` or `analogue`. Ctrl-C,
     /// or an abort from anywhere, vents.
-    #[arg(long, value_name = "FILE", conflicts_with = "session")]
+    #[arg(long, value_name = "FILE")]
     device: Option<String>,
     /// Where the drive is, if not where its profile says: a serial device, or tcp:HOST:PORT.
     #[arg(long, value_name = "LINE", requires = "device")]
@@ -69,7 +62,7 @@ pub struct CalibrateArgs {
     /// You stand beside the valve until the end, because the drive holds the vacuum if this computer stops.
     #[arg(long, requires = "device")]
     attended: bool,
-    /// Ask nothing: take up what was interrupted, use the new set if it is good; exit code 4 if it is not.
+    /// Ask nothing: use the new set if it is good; exit code 4 if it is not.
     #[arg(long)]
     yes: bool,
     /// Print the session as lines of JSON, as it changes.
@@ -102,7 +95,7 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
         let session = course.run(&mut pump).await?;
         return conclude(&Course { daemon, screen, asks, typed: None, session }, &args).await;
     }
-    let session = begin(&daemon, &args, &screen, asks).await?;
+    let session = begin(&daemon, &args, &screen).await?;
     let typed = (!args.typed.is_empty()).then(|| args.typed.clone().into());
     let mut course = Course { daemon, screen, asks, typed, session };
     loop {
@@ -116,39 +109,36 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
             break;
         }
         course.screen.tell(&format!("ramp {} of {}", taken + 1, args.ramps));
-        course.session = advance(&course.daemon, course.session.session, SessionAction::StartRamp).await?;
+        course.session = advance(&course.daemon, course.session.session, SessionAction::StartRamp, "").await?;
     }
     conclude(&course, &args).await
 }
 
-/// The session to follow: the one that was named, one that can be taken up, or a new one.
-async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen, asks: bool) -> Outcome<Session> {
-    if let Some(session) = args.session {
-        let session = daemon.calibration().get_session(SessionRequest { session }).await?.into_inner();
-        return take_up(daemon, session).await;
-    }
-    if let Some(session) = newest(daemon).await?.filter(|_| !args.new)
-        && wants(&session, args, screen, asks).await?
-    {
-        return take_up(daemon, session).await;
+/// The session to follow: the one that is under way, or a new one.
+async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen) -> Outcome<Session> {
+    if let Some(session) = under_way(daemon).await? {
+        screen.tell(&format!("session {} is under way: following it", session.session));
+        return Ok(session);
     }
     let session = daemon.calibration().start_session(new_session(daemon, args)).await?.into_inner();
     session.look.iter().for_each(|line| screen.tell(&format!("check: {line}")));
     Ok(session)
 }
 
-async fn newest(daemon: &Daemon) -> Outcome<Option<Session>> {
+/// The session of the patch that has not come to its end, if there is one.
+async fn under_way(daemon: &Daemon) -> Outcome<Option<Session>> {
     let request = ListRequest { patch: daemon.patch(), most: 1, before: 0 };
-    Ok(daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next())
+    let newest = daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next();
+    let is_open = |state| matches!(state, SessionState::Taring | SessionState::Ramping | SessionState::Fitting);
+    Ok(newest.filter(|session| is_open(session.state())))
 }
 
 /// A drive whose program was killed leaves its session under way.
 async fn end_what_was_left(daemon: &Daemon, agreed: bool) -> Outcome {
-    let is_open = |one: &Session| matches!(one.state(), SessionState::Taring | SessionState::Ramping);
-    if let Some(session) = newest(daemon).await?.filter(is_open) {
+    if let Some(session) = under_way(daemon).await? {
         let number = session.session;
         ask::agree(agreed, &format!("session {number} is under way. Abort it?"), "taxeld calibrate --device").await?;
-        abort(daemon, number, "the program of a drive began anew").await?;
+        advance(daemon, number, SessionAction::Abort, "the program of a drive began anew").await?;
     }
     Ok(())
 }
@@ -165,41 +155,12 @@ fn new_session(daemon: &Daemon, args: &CalibrateArgs) -> StartSessionRequest {
     }
 }
 
-/// Whether this earlier session is the one to go on with.
-async fn wants(session: &Session, args: &CalibrateArgs, screen: &Screen, asks: bool) -> Outcome<bool> {
-    let (number, scans) = (session.session, session.accepted);
-    match session.state() {
-        SessionState::Taring | SessionState::Ramping | SessionState::Fitting => {
-            screen.tell(&format!("session {number} is under way: following it"));
-            Ok(true)
-        }
-        SessionState::Interrupted if asks => {
-            ask::yes(&format!("session {number} was interrupted with {scans} scans. Take it up?"), true).await
-        }
-        SessionState::Interrupted => Ok(args.yes),
-        SessionState::Review if asks => {
-            ask::yes(&format!("session {number} waits for review, with {scans} scans. Look at it?"), true).await
-        }
-        _ => Ok(false),
-    }
-}
-
-async fn take_up(daemon: &Daemon, session: Session) -> Outcome<Session> {
-    match session.state() {
-        // Of a session in use the daemon says what to do instead.
-        SessionState::Interrupted | SessionState::Failed | SessionState::Aborted | SessionState::Active => {
-            advance(daemon, session.session, SessionAction::StartRamp).await
-        }
-        _ => Ok(session),
-    }
-}
-
 /// Why no models came of it, and what can be done.
 fn failed(session: &Session) -> Failure {
     let (number, state) = (session.session, session_word(session.state()));
     let kept = session.accepted;
     let why = format!("session {number} is {state}: {}; its {kept} scans are kept", session.reason);
-    Failure::refused(why).help(format!("taxeld calibrate --session {number}   # adds another ramp"))
+    Failure::refused(why).help(format!("taxeld calibrate   # then, to fit both: taxeld sessions refit {number} NEW"))
 }
 
 /// The review, and what the operator makes of it.
