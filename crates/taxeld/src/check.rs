@@ -9,7 +9,7 @@ use taxel_rig::Speech;
 use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, counted, printable, written_modules};
 
-use crate::config::{self, BusSource, Config, Doors, Problems, RecordSection, Scene, SharedMemorySection, UNRULED};
+use crate::config::{self, BusSource, Config, Doors, RecordSection, Scene, SharedMemorySection, UNRULED};
 use crate::rig::ASK_EVERY;
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
@@ -24,11 +24,9 @@ macro_rules! tell {
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
-    let (config, scene) = told(config::examine(path), json)?;
-    if !json {
-        print(&config, &scene);
-    }
+pub fn check(path: &Path) -> anyhow::Result<()> {
+    let (config, scene) = config::examine(path)?;
+    print(&config, &scene);
     Ok(())
 }
 
@@ -36,22 +34,11 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn device(file: &str, json: bool) -> anyhow::Result<()> {
-    let (profile, _) = told(config::examine_profile(file, None), json)?;
-    if !json {
-        tell!("drive {} on {}", profile.name(), profile.at());
-        profile.lines().iter().for_each(|line| tell!("  {line}"));
-    }
+pub fn device(file: &str) -> anyhow::Result<()> {
+    let (profile, _) = config::examine_profile(file, None)?;
+    tell!("drive {} on {}", profile.name(), profile.at());
+    profile.lines().iter().for_each(|line| tell!("  {line}"));
     Ok(())
-}
-
-/// What was found, whose problems are printed first where they are wanted as JSON.
-fn told<T>(examined: Result<T, Problems>, json: bool) -> Result<T, Problems> {
-    if json {
-        let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
-        say!("{}", serde_json::json!({ "problems": problems }));
-    }
-    examined
 }
 
 /// Looks at a store that no daemon has open, and changes nothing.

@@ -76,20 +76,17 @@ enum Subcommands {
     },
     /// Validates a configuration or a drive's profile: what it resolves to, and what it leaves out.
     #[command(
-        after_help = "Examples:\n  taxeld check\n  taxeld check --config palm.toml\n  taxeld check --json | jq .problems\n  taxeld check --device board.toml\n  taxeld check --store /var/lib/taxeld/taxeld.db"
+        after_help = "Examples:\n  taxeld check\n  taxeld check --config palm.toml\n  taxeld check --device board.toml\n  taxeld check --store /var/lib/taxeld/taxeld.db"
     )]
     Check {
         /// Configuration.
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
-        /// Print what is wrong with it as JSON: file, line, key, what was expected.
-        #[arg(long)]
-        json: bool,
         /// Check this profile of a drive instead, without the drive: a file as in deploy/rigs, or the name of one that comes with taxeld.
         #[arg(long, value_name = "FILE", conflicts_with = "config")]
         device: Option<String>,
         /// Look at this store instead, an SQLite file that no daemon has open: what it holds, and what of it is damaged or lost.
-        #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "json", "device"])]
+        #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "device"])]
         store: Option<PathBuf>,
     },
     /// A candump log, plain or .gz, or a recording (MCAP), through the same engine.
@@ -154,8 +151,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
             ended
         }
         Subcommands::Check { store: Some(store), .. } => check::store(&store),
-        Subcommands::Check { device: Some(device), json, .. } => check::device(&device, json),
-        Subcommands::Check { config, json, .. } => check::check(&config, json),
+        Subcommands::Check { device: Some(device), .. } => check::device(&device),
+        Subcommands::Check { config, .. } => check::check(&config),
         Subcommands::Replay(args) => {
             let (config, scene) = config::examine(&args.config)?;
             replay::replay(args, &config, scene)

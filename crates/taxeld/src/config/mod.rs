@@ -22,7 +22,6 @@ pub use file::{BusSection, BusSource, Config, RecordSection, SharedMemorySection
 pub use gauge::line_of;
 pub use listen::{Door, Doors, SOCKET_MODE, UNRULED};
 pub use ports::of_bus as port_of;
-pub use problem::Problems;
 pub use read::{examine, examine_profile, examine_text};
 pub use scene::Scene;
 

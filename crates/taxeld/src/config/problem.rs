@@ -2,7 +2,6 @@
 
 use std::fmt::{self, Display};
 
-use serde::Serialize;
 use taxel_skin::printable;
 
 /// After so many problems no more are looked for.
@@ -19,7 +18,7 @@ pub struct Said {
 
 /// One problem. What of the file is in its texts is written out where it is no printable character: a problem is one line, and
 /// changes no terminal.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Problem {
     /// The file.
     pub file: String,
@@ -27,8 +26,6 @@ pub struct Problem {
     pub line: usize,
     /// The key, for example `patch[0].gauge.id`; empty if it is about none.
     pub key: String,
-    /// What stands there; `None` if nothing does.
-    pub value: Option<String>,
     /// What is wrong and what was expected.
     pub message: String,
 }
@@ -54,6 +51,7 @@ impl Problems {
     }
 
     /// All of them.
+    #[cfg(test)]
     pub fn all(&self) -> &[Problem] {
         &self.0
     }

@@ -3,7 +3,6 @@
 //! serde tells one fault at a time. A key that is unknown, or has a value of another type, is noted, taken out of the tree and
 //! the rest is read again: so all unknown keys are told, and what is left is checked as well.
 
-use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
@@ -24,27 +23,26 @@ use crate::rig::At;
 /// Most patches, and most buses: every pair of patches is compared.
 const PATCHES_MAX: usize = 100;
 
-/// So much of what stands in the file is repeated, in characters.
-const SHOWN_CHARS_MAX: usize = 60;
-
 /// Reads and resolves a configuration.
 ///
 /// # Errors
 /// Everything that is wrong with it.
 pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
-    examine_text(path, &read_text(path)?)
+    examine_text(path, &read_text(path).map_err(|why| unread(path, why))?)
 }
 
-fn read_text(path: &Path) -> Result<String, Problems> {
-    let text = match taxel_files::is_standard(path) {
+fn read_text(path: &Path) -> Result<String, String> {
+    match taxel_files::is_standard(path) {
         true => files::read_text(path).map_err(|error| error.root_cause().to_string()),
         false => files::read_utf8(path).map_err(|error| match error.kind() {
             std::io::ErrorKind::NotFound => format!("{error}; `taxeld setup` writes one"),
             _ => error.to_string(),
         }),
-    };
-    let file = path.display().to_string();
-    text.map_err(|message| Problems::new(vec![Problem { file, message, ..Problem::default() }]))
+    }
+}
+
+fn unread(path: &Path, message: String) -> Problems {
+    Problems::new(vec![Problem { file: path.display().to_string(), message, ..Problem::default() }])
 }
 
 /// The same of a text; `path` is for messages and for files beside it.
@@ -85,13 +83,9 @@ pub fn examine_profile(file: &str, at: Option<&str>) -> Result<(Profile, At), Pr
     let path = Path::new(file);
     let text = match SHIPPED.iter().find(|(name, _)| *name == file) {
         Some((_, text)) => (*text).to_owned(),
-        None => read_text(path).map_err(|found| {
+        None => read_text(path).map_err(|why| {
             let names = SHIPPED.map(|(name, _)| name).join(", ");
-            let but = |found: &Problem| Problem {
-                message: format!("{}; expected a file, or one of {names}", found.message),
-                ..found.clone()
-            };
-            Problems::new(found.all().iter().map(but).collect())
+            unread(path, format!("{why}; expected a file, or one of {names}"))
         })?,
     };
     let (mut reading, mut faults) = (Reading::new(path, &text), Faulty::default());
@@ -163,12 +157,10 @@ impl<'a> Reading<'a> {
         None
     }
 
-    /// Notes what is wrong with a key, where that is in the file, and what stands there.
+    /// Notes what is wrong with a key, and where that is in the file.
     fn note(&mut self, key: &str, message: String) {
-        let (at, value) = find(self.tree.get_ref(), key);
-        let line = at.map_or(0, |at| self.line_of(at));
-        let value = value.and_then(|span| self.text.get(span)).map(|text| printable(&shortened(text)));
-        self.push(Problem { line, key: printable(key), value, message: printable(&message), ..Problem::default() });
+        let line = find(self.tree.get_ref(), key).map_or(0, |at| self.line_of(at));
+        self.push(Problem { line, key: printable(key), message: printable(&message), ..Problem::default() });
     }
 
     fn push(&mut self, problem: Problem) {
@@ -216,22 +208,21 @@ fn take_out(table: &mut DeTable<'_>, at: usize) -> bool {
     below || own.is_some_and(|key| table.remove(&key).is_some())
 }
 
-/// Where a key, or the nearest section above it, begins in the text, and where the value of the key is. `patch[0].gauge.id` is
-/// such a key.
-fn find(root: &DeTable<'_>, key: &str) -> (Option<usize>, Option<Range<usize>>) {
-    let (mut begin, mut table, mut span) = (None, Some(root), None);
+/// Where a key, or the nearest section above it, begins in the text. `patch[0].gauge.id` is such a key.
+fn find(root: &DeTable<'_>, key: &str) -> Option<usize> {
+    let (mut begin, mut table) = (None, Some(root));
     for part in key.split('.').filter(|part| !part.is_empty()) {
         let (name, elements) = part.split_once('[').unwrap_or((part, ""));
-        let Some((key, mut value)) = table.and_then(|table| table.get_key_value(name)) else { return (begin, None) };
+        let Some((key, mut value)) = table.and_then(|table| table.get_key_value(name)) else { return begin };
         begin = Some(key.span().start);
         for number in elements.split(['[', ']']).filter_map(|number| number.parse::<usize>().ok()) {
             let element = value.get_ref().as_array().and_then(|list| list.get(number));
-            let Some(element) = element else { return (begin, None) };
+            let Some(element) = element else { return begin };
             (begin, value) = (Some(element.span().start), element);
         }
-        (table, span) = (value.get_ref().as_table(), Some(value.span()));
+        table = value.get_ref().as_table();
     }
-    (begin, span)
+    begin
 }
 
 /// What is said of a key that does not exist, by "unknown field `x`, expected one of `a`, `b`".
@@ -240,12 +231,7 @@ fn nearest_key(message: &str) -> String {
     let Some((unknown, known)) = words.split_first() else { return message.to_owned() };
     let closeness = known.iter().map(|word| (strsim::jaro_winkler(unknown, word), *word));
     let nearest = closeness.max_by(|(a, _), (b, _)| a.total_cmp(b)).map_or("", |(_, word)| word);
-    format!("unknown key `{}`; did you mean `{nearest}`? Known here: {}", shortened(unknown), known.join(", "))
-}
-
-fn shortened(text: &str) -> String {
-    let more = if text.chars().count() > SHOWN_CHARS_MAX { "..." } else { "" };
-    text.chars().take(SHOWN_CHARS_MAX).collect::<String>() + more
+    format!("unknown key `{unknown}`; did you mean `{nearest}`? Known here: {}", known.join(", "))
 }
 
 /// The words of the parser on one line.

@@ -135,16 +135,6 @@ fn check_lists_every_error_and_run_lists_the_same_and_begins_nothing() {
     assert_eq!(fails(&["run", "--config", &config]), said);
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(left, ["t.toml"], "no store, no socket");
-
-    let output = common::taxeld(&["check", "--json", "--config", &config]);
-    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let found = found["problems"].as_array().unwrap();
-    assert!(!output.status.success() && found.len() == 4, "{found:?}");
-    assert!(found.iter().all(|problem| problem["line"].as_u64() > Some(0) && problem["file"] == *config), "{found:?}");
-    let good = scratch(&[("t.toml", CONFIG)]);
-    let found = succeeds(&["check", "--json", "--config", &path(good.path(), "t.toml")]);
-    let found: serde_json::Value = serde_json::from_str(&found).unwrap();
-    assert_eq!(found["problems"], serde_json::json!([]));
 }
 
 #[test]
@@ -171,9 +161,6 @@ fn check_says_everything_that_is_wrong_with_the_profile_of_a_drive_without_the_d
     ] {
         assert!(said.contains(&format!("{file}:{}: {words}", lines(key))), "expected `{words}` in: {said}");
     }
-    let found = common::taxeld(&["check", "--json", "--device", &file]).stdout;
-    let found: serde_json::Value = serde_json::from_slice(&found).unwrap();
-    assert_eq!(found["problems"][0]["value"], "9.0", "{found}");
     assert!(
         fails(&["calibrate", "--device", &file, "--server", "127.0.0.1:1"]).contains("no daemon"),
         "the daemon is asked first"

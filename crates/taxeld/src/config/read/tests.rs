@@ -79,7 +79,7 @@ fn a_problem_is_one_line_whatever_the_names_in_it() {
 }
 
 #[test]
-fn every_fault_is_told_in_one_run_with_line_key_value_and_what_was_expected() {
+fn every_fault_is_told_in_one_run_with_line_key_and_what_was_expected() {
     let text = EXAMPLE
         .replace("period_ms = 50", "period_ms = \"50\"")
         .replace("socket_group =", "soket_group =")
@@ -95,11 +95,11 @@ fn every_fault_is_told_in_one_run_with_line_key_value_and_what_was_expected() {
     };
     assert_eq!(found.len(), 7, "{found:#?}");
     let period = about("patch[0].period_ms");
-    assert_eq!((period.value.as_deref(), period.line), (Some("\"50\""), line(&text, "period_ms = \"50\"")));
+    assert_eq!(period.line, line(&text, "period_ms = \"50\""));
     assert!(period.message.ends_with("expected u16"), "{period}");
     assert!(about("soket_group").message.contains("did you mean `socket_group`?"));
     assert_eq!(about("patch[0].boards[0].adress").line, line(&text, "adress = 13"));
-    assert_eq!(about("patch[0].gauge.unit").value.as_deref(), Some("\"ell\""));
+    assert!(about("patch[0].gauge.unit").message.contains("gauge.unit = \"ell\""));
     let area = about("patch[0].area_mm2");
     assert_eq!(area.line, line(&text, "area_mm2 = 0.0"));
     assert_eq!(area.message, "patch `left_forearm`: area_mm2 = 0: expected 0.01 to 100000");
