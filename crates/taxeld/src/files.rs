@@ -13,18 +13,6 @@ pub fn named(path: PathBuf) -> PathBuf {
     if is_standard(&path) { PathBuf::from("/dev/stdin") } else { path }
 }
 
-/// Longest text that is read whole: configurations, positions, models and messages are a thousandth of it.
-const TEXT_BYTES_MAX: u64 = 64 << 20;
-
-/// Reads what there is, which must be no more than a text may have: what has no end would fill the memory.
-fn read_to_limit(from: impl Read, bytes: &mut Vec<u8>) -> io::Result<()> {
-    from.take(TEXT_BYTES_MAX + 1).read_to_end(bytes)?;
-    match bytes.len() as u64 {
-        0..=TEXT_BYTES_MAX => Ok(()),
-        _ => Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("it has more than {TEXT_BYTES_MAX} bytes"))),
-    }
-}
-
 /// Opens a file that has an end. A pipe without a writer would hold the daemon up for ever, at its start or at a reload.
 fn open_regular(path: &Path) -> io::Result<File> {
     let file = File::options().read(true).custom_flags(nix::libc::O_NONBLOCK).open(path)?;
@@ -40,16 +28,9 @@ fn open_regular(path: &Path) -> io::Result<File> {
 /// The text of a file.
 ///
 /// # Errors
-/// The system's reason, or that it is no regular file, no UTF-8, or longer than a text may be.
+/// The system's reason, or that it is no regular file, or no UTF-8.
 pub fn read_utf8(path: &Path) -> io::Result<String> {
-    utf8(open_regular(path)?)
-}
-
-fn utf8(from: impl Read) -> io::Result<String> {
-    let mut bytes = Vec::new();
-    read_to_limit(from, &mut bytes)?;
-    let no_text = |_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8");
-    String::from_utf8(bytes).map_err(no_text)
+    io::read_to_string(open_regular(path)?)
 }
 
 /// The text of a file, or of standard input.
@@ -57,7 +38,7 @@ fn utf8(from: impl Read) -> io::Result<String> {
 /// # Errors
 /// The file's path, and the system's reason or bytes that are not UTF-8.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
-    let text = if is_standard(path) { utf8(io::stdin().lock()) } else { File::open(path).and_then(utf8) };
+    let text = if is_standard(path) { io::read_to_string(io::stdin()) } else { std::fs::read_to_string(path) };
     text.with_context(|| path.display().to_string())
 }
 
@@ -68,17 +49,6 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
 /// The system's reason, or that it is no regular file.
 pub fn read_any_text(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
-    read_to_limit(open_regular(path)?, &mut bytes)?;
+    open_regular(path)?.read_to_end(&mut bytes)?;
     Ok(taxel_skin::text::decode(&bytes))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_has_no_end_is_not_read_as_a_text() {
-        let endless = read_text(Path::new("/dev/zero")).unwrap_err();
-        assert!(format!("{endless:#}").ends_with(&format!("it has more than {TEXT_BYTES_MAX} bytes")), "{endless:#}");
-    }
 }
