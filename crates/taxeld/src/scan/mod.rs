@@ -1,6 +1,5 @@
 //! `taxeld scan`: listens, and says what is on a bus or in a log.
 
-mod module;
 mod ports;
 mod serial;
 mod survey;

@@ -1,13 +1,15 @@
 //! From frames to what is on a bus. Nothing here reads a bus or a clock.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use taxel_can::BusError;
 use taxel_skin::{BoardAddress, Module, Time};
-use taxel_wire::icub::{Message, decode};
+use taxel_wire::icub::{Message, Pairer, StatusWord, decode};
 use taxel_wire::{CanId, Frame, TimedFrame};
 
-use super::module::ModuleWatch;
+/// Head and tail of one scan are closer than this, and boards do not send faster.
+const WINDOW: Duration = Duration::from_millis(15);
 
 /// Listens, and knows at its end what is there.
 #[derive(Debug, Default)]
@@ -27,6 +29,38 @@ pub struct Survey {
 pub struct Board {
     intervals_s: Vec<f64>,
     modules: BTreeMap<Module, ModuleWatch>,
+}
+
+/// A module while somebody listens.
+#[derive(Debug)]
+pub struct ModuleWatch {
+    pairer: Pairer,
+    /// Whole scans.
+    pub scans: u64,
+    last: Option<Time>,
+    /// Least and most of its values.
+    pub range: (u8, u8),
+}
+
+impl Default for ModuleWatch {
+    fn default() -> Self {
+        Self { pairer: Pairer::new(WINDOW), scans: 0, last: None, range: (u8::MAX, 0) }
+    }
+}
+
+impl ModuleWatch {
+    /// A tail frame. If it makes a scan whole: the seconds since the scan before.
+    fn tail(&mut self, time: Time, values: [u8; 5], status: StatusWord) -> Option<f64> {
+        let scan = self.pairer.tail(time, values, status)?;
+        self.scans += 1;
+        self.range = scan.values.iter().fold(self.range, |(least, most), value| (least.min(*value), most.max(*value)));
+        self.last.replace(scan.time).map(|last| scan.time.seconds_since(last))
+    }
+
+    /// Halves without a partner.
+    pub fn orphans(&self) -> u64 {
+        self.pairer.orphans().heads + self.pairer.orphans().tails
+    }
 }
 
 /// Frames with an identifier that is no skin board's.
@@ -49,7 +83,7 @@ impl Survey {
         self.frames += 1;
         match decode(frame) {
             Ok(Message::Head { board, module, values }) => {
-                self.board(board).modules.entry(module).or_default().head(*time, values);
+                self.board(board).modules.entry(module).or_default().pairer.head(*time, values);
             }
             Ok(Message::Tail { board, module, values, status }) => {
                 let board = self.board(board);

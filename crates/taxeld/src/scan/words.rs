@@ -1,11 +1,16 @@
 //! What was found, in words and as the beginning of a configuration.
 
-use std::fmt::Write as _;
+use std::path::Path;
 
-use super::survey::Survey;
+use taxel_skin::{BoardAddress, Module, ModuleKind};
+
+use super::survey::{Board, Survey};
+use crate::setup::{self, BoardDraft, BoardValues, PatchDraft, USUAL};
+
+/// The address of a hand's board.
+const HAND: u8 = 14;
 
 /// A text for people.
-#[must_use]
 pub fn text(survey: &Survey) -> String {
     let seconds = survey.seconds();
     let mut lines = vec![format!("{} frames in {seconds:.1} s", survey.frames)];
@@ -31,49 +36,35 @@ pub fn text(survey: &Survey) -> String {
 }
 
 /// The beginning of a configuration: what was heard, with marks at what cannot be.
-#[must_use]
 pub fn beginning(survey: &Survey, interface: &str) -> String {
-    let mut text = format!(
-        r#"# Begun by `taxeld scan` with what was heard on the bus.
-# Lines with `CHECK:` say what that leaves open. deploy/taxeld.toml explains every key.
-
-[store]
-path = "/var/lib/taxeld/taxeld.db"
-
-[[bus]]
-name = "skin"
-interface = {}
-
-# CHECK: one patch of all boards; name it, and make a patch of each part that has a bag of its own.
-[[patch]]
-name = "skin"
-bus = "skin"
-listen_only = true # CHECK: false lets the daemon configure the boards
-"#,
-        toml::Value::String(interface.to_owned())
-    );
-    match survey.boards().filter_map(|(_, board)| board.period_ms()).reduce(f64::max) {
-        Some(period) => {
-            let _ = writeln!(text, "period_ms = {}", period.round().clamp(1.0, 209.0));
-        }
-        None => text.push_str("# period_ms = 50 # CHECK: too few scans came to tell\n"),
+    let mut open = vec![
+        "one patch of all boards: name it, and make a patch of each part that has a bag of its own".to_owned(),
+        "geometry = \"FILE\" is missing, a position file; boards are then in its order".to_owned(),
+    ];
+    let period = survey.boards().filter_map(|(_, board)| board.period_ms()).reduce(f64::max);
+    if period.is_none() {
+        open.push("too few scans came to tell period_ms".to_owned());
     }
-    text.push_str("# geometry = \"FILE\" # CHECK: a position file; boards are then in its order\nboards = [\n");
-    for (address, board) in survey.boards().rev() {
-        let modules = numbers(board.modules().map(|(number, _)| number));
-        let _ = writeln!(text, "    {{ address = {address}, modules = \"{modules}\" }},");
-        if address.get() == 14 {
-            text.push_str(
-                "    # CHECK: a hand has its fingertips and palm here: modules = \"0-4 fingertip, 8-11 palm\"\n",
-            );
-        }
+    if survey.boards().any(|(address, _)| address.get() == HAND) {
+        open.push("a hand has fingertips and palm on board 14: modules = \"0-4 fingertip, 8-11 palm\"".to_owned());
     }
-    text.push_str("]\n");
-    text.push_str(
-        "# CHECK: without the bag's pressure sensor there is no calibration, only force. Put in yours:\n\
-         # gauge = { id = 0x3A1, signal = \"0|32@1-\", unit = \"Pa\" }\n",
-    );
-    text
+    let period_ms = period.map_or(50, |ms| ms.round().clamp(1.0, 209.0) as i64);
+    let values = BoardValues { period_ms, board_type: 0, no_load: 240 };
+    let board = |(address, board): (BoardAddress, &Board)| {
+        let modules = board.modules().map(|(number, _)| (Module::from_nibble(number), ModuleKind::Triangle));
+        BoardDraft { address: address.get(), values, modules: vec![(USUAL, modules.collect())] }
+    };
+    let draft = PatchDraft {
+        name: "skin".to_owned(),
+        bus: "skin".to_owned(),
+        interface: Some(interface.to_owned()),
+        boards: survey.boards().rev().map(board).collect(),
+        listens: Some("CHECK: false lets the daemon configure the boards"),
+        period_ms,
+        open,
+        ..PatchDraft::default()
+    };
+    setup::text("Begun by `taxeld scan` with what was heard on the bus.", &[draft], Path::new(""))
 }
 
 /// Numbers as a configuration writes them, in runs: `0-3, 7`.

@@ -28,20 +28,24 @@ pub struct Sources {
 }
 
 /// A patch of the configuration, with what is to be said of it in comments.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct PatchDraft {
-    /// Which part.
-    pub part: Part,
-    /// Its bus: that of the part, with a number where several devices or CAN ports share the name.
+    /// Its name.
+    pub name: String,
+    /// The bus of its part.
+    pub limb: String,
+    /// Its own bus: that of the part, with a number where several devices or CAN ports share the name.
     pub bus: String,
+    /// The network interface of that, where it is known.
+    pub interface: Option<String>,
     /// Which CAN bus of the robot that is, where its configuration says so.
     pub line: Option<String>,
     /// The position file.
     pub geometry: Option<PathBuf>,
     /// Its boards, in the order of the port.
     pub boards: Vec<BoardDraft>,
-    /// Whether a board has the address of everyone: whatever is sent to it is sent to all.
-    pub is_shared_address: bool,
+    /// Why nothing is to be sent to its boards, if that is so.
+    pub listens: Option<&'static str>,
     /// The port of YARP that its counts come over, where the robot's computer has no interface for its bus.
     pub port: Option<DraftPort>,
     /// Period of its boards, milliseconds.
@@ -115,12 +119,17 @@ pub fn compose(sources: &Sources, source: Option<&Source<'_>>, given: bool) -> R
         open.push(words.to_owned());
     }
     Ok(PatchDraft {
-        part,
+        name: part.name(),
+        limb: part.bus(),
         bus: part.bus(),
+        interface: None,
         line: source.zip(addresses.first()).map(|(source, (bus, _))| source.device.line(*bus)),
         geometry: sources.positions.as_ref().map(|(path, _)| path.clone()),
         boards,
-        is_shared_address: addresses.iter().any(|(_, address)| *address == EVERYONE),
+        listens: addresses
+            .iter()
+            .any(|(_, address)| *address == EVERYONE)
+            .then_some("a command to board 15 would go to all boards of the bus"),
         port: None,
         period_ms,
         area_mm2,

@@ -17,9 +17,13 @@ use taxel_skin::{Drawing, PositionFile};
 use crate::config;
 use crate::files::read_any_text;
 use crate::say;
-use compose::{PatchDraft, Sources, compose};
 use part::Part;
 use robot::{Robot, Source};
+
+pub use compose::{BoardDraft, PatchDraft};
+use compose::{Sources, compose};
+pub use settings::{BoardValues, USUAL};
+pub use write::text;
 
 /// What the files are.
 #[derive(Debug, clap::Args)]
@@ -61,7 +65,7 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     }
     let (drafts, notes) = drafts(args)?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let text = write::text(&drafts, folder);
+    let text = text("Written by `taxeld setup` from the robot's own files.", &drafts, folder);
     let (_, scene) =
         config::examine_text(&args.out, &text).context("what was made of the files is no configuration")?;
     taxel_files::write_text(&args.out, &text)?;
@@ -72,7 +76,7 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     }
     for draft in &drafts {
         if let Some(port) = &draft.port {
-            say!("{}: on no CAN interface of this computer, read over the YARP port {}", draft.part.name(), port.name);
+            say!("{}: on no CAN interface of this computer, read over the YARP port {}", draft.name, port.name);
         }
     }
     notes.iter().for_each(|note| say!("{note}"));
@@ -125,7 +129,7 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
 /// Parts of one limb may be on several devices, or on both CAN ports of one: each is a bus of its own, and the second and later
 /// ones of a name get a number.
 fn name_bus(draft: &mut PatchDraft, before: &[PatchDraft]) {
-    let same: Vec<&PatchDraft> = before.iter().filter(|other| other.part.bus() == draft.bus).collect();
+    let same: Vec<&PatchDraft> = before.iter().filter(|other| other.limb == draft.limb).collect();
     if let Some(known) = same.iter().find(|other| other.line == draft.line) {
         draft.bus.clone_from(&known.bus);
     } else if draft.line.is_some() && !same.is_empty() {

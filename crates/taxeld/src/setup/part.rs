@@ -5,16 +5,9 @@ use taxel_skin::KindWord;
 /// One part of the robot, for example its left forearm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
-    side: Side,
+    /// `left_` or `right_`; nothing for the torso.
+    side: &'static str,
     place: &'static Place,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
-    Left,
-    Right,
-    /// The torso has none.
-    Middle,
 }
 
 /// What left and right have in common.
@@ -58,26 +51,18 @@ impl Part {
         let place = PLACES
             .iter()
             .find(|place| std::iter::once(&place.name).chain(place.others).any(|name| begins_with_word(rest, name)))?;
-        let fits = (side == Side::Middle) == (place.name == "torso");
+        let fits = side.is_empty() == (place.name == "torso");
         fits.then_some(Self { side, place })
     }
 
     /// Its name, as that of the robot's port: `left_forearm`.
     pub fn name(self) -> String {
-        self.with_side(self.place.name)
+        format!("{}{}", self.side, self.place.name)
     }
 
     /// Its bus: `left_arm`; legs have two, `left_leg_1` and `left_leg_2`.
     pub fn bus(self) -> String {
-        self.with_side(self.place.bus)
-    }
-
-    fn with_side(self, name: &str) -> String {
-        match self.side {
-            Side::Left => format!("left_{name}"),
-            Side::Right => format!("right_{name}"),
-            Side::Middle => name.to_owned(),
-        }
+        format!("{}{}", self.side, self.place.bus)
     }
 
     /// Board addresses in the order of its port, as nearly all iCubs have them.
@@ -101,10 +86,10 @@ impl Part {
 }
 
 /// The side that a name begins with, and the rest of it.
-fn side_of(text: &str) -> (Side, &str) {
-    let sides = [("left_", Side::Left), ("l_", Side::Left), ("right_", Side::Right), ("r_", Side::Right)];
+fn side_of(text: &str) -> (&'static str, &str) {
+    let sides = [("left_", "left_"), ("l_", "left_"), ("right_", "right_"), ("r_", "right_")];
     let found = sides.iter().find_map(|(prefix, side)| Some((*side, text.strip_prefix(prefix)?)));
-    found.unwrap_or((Side::Middle, text))
+    found.unwrap_or(("", text))
 }
 
 /// Whether a name begins with this word and not with a longer one.

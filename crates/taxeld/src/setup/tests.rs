@@ -285,7 +285,7 @@ fn a_device_on_a_can_card_has_its_parameters_in_params_and_its_settings_in_what_
     let wrapper = wrapper("w", "left_hand", "0 191 0 191", "");
     let draft = &patches(&[("left_hand", &[0])], &[&files[0], &files[1], &wrapper]).unwrap()[0];
     assert_eq!((addresses(draft), draft.boards[0].modules[0].0), (vec![15], (0, 0x2000)));
-    assert!(draft.is_shared_address && draft.port.is_none());
+    assert!(draft.listens.is_some() && draft.port.is_none());
 }
 
 #[test]
@@ -299,7 +299,7 @@ fn boards_behind_an_ethernet_board_are_read_over_the_port_of_their_counts() {
     assert_eq!(addresses(draft), [13, 12], "the second bus comes first");
     let port = draft.port.as_ref().unwrap();
     assert_eq!((port.name.as_str(), &port.boards[..]), ("/robo/skin/left_forearm", &[13, 12][..]));
-    let text = super::write::text(std::slice::from_ref(draft), Path::new("."));
+    let text = text("", std::slice::from_ref(draft), Path::new("."));
     let (_, scene) = crate::config::examine_text(Path::new("t.toml"), &text).unwrap();
     assert!(text.contains("source = \"yarp\"") && !scene.plan.patches[0].configures(), "{text}");
 }
@@ -309,7 +309,7 @@ fn boards_behind_an_ethernet_board_are_read_over_the_port_of_their_counts() {
 fn a_port_has_all_of_its_boards_in_the_patch_also_those_without_a_module() {
     let files = [device("d", &boards("13 12")), wrapper("w", "left_forearm", "0 383 0 383", "d")];
     let draft = patches(&[("left_forearm", &[17])], &[&files[0], &files[1]]).unwrap();
-    let text = super::write::text(&draft, Path::new("."));
+    let text = text("", &draft, Path::new("."));
     assert!(text.contains("{ address = 13, modules = \"\" },"), "{text}");
     let (_, scene) = crate::config::examine_text(Path::new("t.toml"), &text).unwrap();
     assert_eq!(scene.plan.patches[0].patch.port_index(0), Some(204), "as the rows of port and position file");

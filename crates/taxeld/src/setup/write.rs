@@ -11,8 +11,8 @@ use super::settings::ModuleValues;
 /// Marks what somebody has to look at.
 pub const CHECK: &str = "CHECK:";
 
-/// What each configuration begins with.
-const HEAD: &str = "# Written by `taxeld setup` from the robot's own files. Lines with `CHECK:` say what these leave open.
+/// What each configuration begins with, behind who wrote it.
+const HEAD: &str = "Lines with `CHECK:` say what is left open.
 # deploy/taxeld.toml explains every key.
 
 # Without [access] everybody on this machine is administrator; with all four lines the group skin are operators, over the
@@ -27,8 +27,8 @@ path = \"/var/lib/taxeld/taxeld.db\" # sessions, samples and model sets; one SQL
 ";
 
 /// The text of a configuration; `folder` is where it will lie.
-pub fn text(drafts: &[PatchDraft], folder: &Path) -> String {
-    let mut text = HEAD.to_owned();
+pub fn text(written: &str, drafts: &[PatchDraft], folder: &Path) -> String {
+    let mut text = format!("# {written} {HEAD}");
     let mut buses: Vec<&String> = Vec::new();
     for draft in drafts {
         if !buses.contains(&&draft.bus) {
@@ -38,10 +38,13 @@ pub fn text(drafts: &[PatchDraft], folder: &Path) -> String {
     let mut interfaces = 0..;
     for bus in buses {
         let _ = write!(text, "\n[[bus]]\nname = \"{bus}\"\n");
-        if drafts.iter().any(|draft| draft.bus == *bus && draft.port.is_some()) {
+        let on_it = || drafts.iter().filter(|draft| draft.bus == *bus);
+        if on_it().any(|draft| draft.port.is_some()) {
             text.push_str(
                 "source = \"yarp\" # the name server that `yarp conf` names; else: server = \"10.0.0.2:10000\"\n",
             );
+        } else if let Some(interface) = on_it().find_map(|draft| draft.interface.as_ref()) {
+            let _ = writeln!(text, "interface = {}", quoted(interface));
         } else {
             let number = interfaces.next().unwrap_or(0);
             let _ = writeln!(text, "interface = \"can{number}\" # {CHECK} which interface is the bus of {bus}");
@@ -52,7 +55,7 @@ pub fn text(drafts: &[PatchDraft], folder: &Path) -> String {
 }
 
 fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
-    let (name, bus) = (draft.part.name(), &draft.bus);
+    let PatchDraft { name, bus, .. } = draft;
     let _ = writeln!(text, "\n# {name}: {} taxels", draft.taxels());
     for line in &draft.open {
         let _ = writeln!(text, "# {CHECK} {line}");
@@ -61,11 +64,9 @@ fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
     if let Some(port) = &draft.port {
         let _ = writeln!(text, "port = {} # the robot's own software configures the boards", quoted(&port.name));
     } else {
-        let (listen_only, why) = match draft.is_shared_address {
-            true => (true, "a command to board 15 would go to all boards of the bus"),
-            false => (false, "true: the robot's own software configures the boards, nothing is sent to them"),
-        };
-        let _ = writeln!(text, "listen_only = {listen_only} # {why}");
+        let why =
+            draft.listens.unwrap_or("true: the robot's own software configures the boards, nothing is sent to them");
+        let _ = writeln!(text, "listen_only = {} # {why}", draft.listens.is_some());
     }
     let _ = writeln!(text, "period_ms = {}", draft.period_ms);
     if let Some(path) = &draft.geometry {
