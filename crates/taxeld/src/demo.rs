@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, bail};
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::plan::Plan;
@@ -169,7 +169,7 @@ impl Bench {
         let mut done = self.offline.ask(Command::Tare { patch: String::new(), confirmed_by: None })?;
         while done.is_none() {
             self.run(STEP);
-            done = self.offline.take_reply().transpose().map_err(|rejection| anyhow!("{rejection}"))?;
+            done = self.offline.replied()?;
         }
         Ok(())
     }

@@ -148,28 +148,26 @@ impl Offline {
         slot_end
     }
 
-    /// Gives a command now. A reply that takes time comes out of [`Offline::take_reply`] later.
-    pub fn command(&mut self, command: Command) -> Option<Reply> {
-        self.step(Input::Command(RequestId(0), command));
-        self.take_reply()
-    }
-
-    /// Gives a command that is to be done; nothing if its reply takes time.
+    /// Gives a command that is to be done; nothing if its reply takes time: then it is in [`Offline::replied`] later.
     ///
     /// # Errors
     /// Why it is refused.
     pub fn ask(&mut self, command: Command) -> anyhow::Result<Option<Done>> {
-        self.command(command).transpose().map_err(|rejection| anyhow::anyhow!("{rejection}"))
+        self.step(Input::Command(RequestId(0), command));
+        self.replied()
+    }
+
+    /// What came of the last command, once that is known.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn replied(&mut self) -> anyhow::Result<Option<Done>> {
+        self.reply.take().transpose().map_err(|rejection| anyhow::anyhow!("{rejection}"))
     }
 
     /// The session of the first patch.
     pub fn session(&self) -> Option<&Arc<SessionView>> {
         self.sessions.first()?.as_ref()
-    }
-
-    /// The reply to the last command, once it is there.
-    pub fn take_reply(&mut self) -> Option<Reply> {
-        self.reply.take()
     }
 
     /// The present, as the data have it.
