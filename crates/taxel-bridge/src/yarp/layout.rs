@@ -14,7 +14,6 @@ pub struct Layout {
 
 impl Layout {
     /// Of what the daemon says of the patch, whose boards are in the order of the port's vector.
-    #[must_use]
     pub fn new(skin: &Skin) -> Self {
         let mut boards: Vec<_> = skin.taxels.iter().map(|taxel| (taxel.bus, taxel.board)).collect();
         boards.dedup();
@@ -28,7 +27,6 @@ impl Layout {
 }
 
 /// As three numbers.
-#[must_use]
 pub fn array(vector: &Option<Vector3>) -> [f64; 3] {
     vector.as_ref().map(|vector| [vector.x, vector.y, vector.z]).unwrap_or_default()
 }

@@ -13,7 +13,6 @@ use crate::daemon::pressure_kpa;
 
 /// `(total low high) (x y z) STATE (reasons) age`, in N, m and s; the first two lists are empty where there is no force or no
 /// centre. `high` is `inf` where any amount more may press.
-#[must_use]
 pub fn force(force: &Result<Force, NoForce>) -> Vec<Value> {
     let (numbers, centre) = match force {
         Ok(force) => {
@@ -43,7 +42,6 @@ fn interval(force: &Force) -> Vec<f64> {
 }
 
 /// kPa, one value a row; `NaN` where there is no taxel or none that can be believed, `waited` after the sample was sent.
-#[must_use]
 pub fn pressures(sample: &TaxelSample, layout: &Layout, waited: Duration) -> Vec<f64> {
     let mut rows = vec![f64::NAN; layout.rows];
     for (reading, (row, _)) in sample.taxels.iter().zip(&layout.taxels) {
@@ -56,7 +54,6 @@ pub fn pressures(sample: &TaxelSample, layout: &Layout, waited: Duration) -> Vec
 
 /// A contact as skinManager writes it: (number, body part, link, skin part), centre of pressure, force, moment about that centre,
 /// mean place, normal, rows of the taxels, mean pressure (here in kPa). Lengths in m, forces in N.
-#[must_use]
 pub fn contact(part: Part, contact: &Contact, layout: &Layout) -> Value {
     let taxels: Vec<_> = contact.taxels.iter().filter_map(|taxel| layout.taxels.get(*taxel as usize)).collect();
     let (centre, resultant, moment) =

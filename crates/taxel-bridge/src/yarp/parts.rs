@@ -41,7 +41,6 @@ const PARTS: [(&str, [i64; 3]); 16] = [
 ];
 
 /// The part of this name, if it is one of iCub's.
-#[must_use]
 pub fn named(name: &str) -> Option<Part> {
     PARTS.iter().find(|(part, _)| *part == name).map(|(_, numbers)| Part::from(*numbers))
 }
