@@ -13,7 +13,7 @@ use crate::config::{self, Doors};
 use crate::systemd;
 
 /// What the service takes from files to know who calls.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Credentials {
     access: Access,
     tokens: Option<PathBuf>,
@@ -76,13 +76,10 @@ fn tokens(path: Option<&Path>) -> anyhow::Result<Tokens> {
 /// that a disk that hangs holds up nobody else.
 pub async fn keep(
     credentials: Credentials,
-    reload: Option<(Signal, PathBuf)>,
+    mut hangup: Signal,
+    config: PathBuf,
     cancel: CancellationToken,
 ) -> anyhow::Result<()> {
-    let Some((mut hangup, config)) = reload else {
-        cancel.cancelled().await;
-        return Ok(());
-    };
     let files = Arc::new((credentials, config));
     while let Some(Some(())) = cancel.run_until_cancelled(hangup.recv()).await {
         systemd::reloading();

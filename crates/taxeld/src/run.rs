@@ -46,8 +46,6 @@ pub struct Daemon {
     tasks: Tasks,
     /// Listened to since before anybody could see that it serves: until then SIGTERM ends the process as it is.
     terminate: Signal,
-    /// SIGHUP, and the configuration that is read again then; without it SIGHUP ends the process, as it does by itself.
-    reload: Option<(Signal, PathBuf)>,
 }
 
 impl Daemon {
@@ -105,8 +103,8 @@ impl Daemon {
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
         let to_buses = receivers.into_iter().zip(taps).map(Some).collect();
-        let (tasks, reload) = (std::mem::take(tasks), None);
-        Ok(Self { plan, handle, to_engine, to_buses, credentials, tasks, terminate, reload })
+        let tasks = std::mem::take(tasks);
+        Ok(Self { plan, handle, to_engine, to_buses, credentials, tasks, terminate })
     }
 
     /// Adds the source of a bus.
@@ -186,8 +184,7 @@ impl Daemon {
     /// # Errors
     /// If signals cannot be waited for, or if not all closes in time.
     pub async fn until_the_end(self) -> anyhow::Result<()> {
-        let Self { credentials, reload, mut tasks, mut terminate, .. } = self;
-        tasks.parts.spawn_fallible(reload::keep(credentials, reload, tasks.cancel.clone()));
+        let Self { mut tasks, mut terminate, .. } = self;
         let ended = end(&mut tasks, &mut terminate).await;
         let closed = close(tasks).await;
         if let (Err(_), Err(late)) = (&ended, &closed) {
@@ -252,9 +249,12 @@ pub async fn run(config: Config, scene: Scene, path: PathBuf) -> anyhow::Result<
     let _heard = signal(SignalKind::from_raw(nix::libc::SIGXFSZ))?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let mut daemon = Daemon::start(&config, scene, Some(&config.store)).await?;
-    daemon.reload = Some((hangup, path));
     match daemon.add_buses(&config) {
-        Ok(()) => daemon.until_the_end().await,
+        Ok(()) => {
+            let reload = reload::keep(daemon.credentials.clone(), hangup, path, daemon.tasks.cancel.clone());
+            daemon.tasks.parts.spawn_fallible(reload);
+            daemon.until_the_end().await
+        }
         Err(error) => {
             close(daemon.tasks).await.unwrap_or_else(|late| tracing::error!("{late:#}"));
             Err(error)
