@@ -1,6 +1,7 @@
 //! What is wrong with a configuration, each with its key.
 
 use std::fmt::{self, Display};
+use std::path::Path;
 
 use taxel_skin::printable;
 
@@ -20,9 +21,7 @@ pub struct Said {
 /// changes no terminal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Problem {
-    /// The file.
-    pub file: String,
-    /// Its line, from 1; 0 if it is about no line.
+    /// The line of the file, from 1; 0 if it is about no line.
     pub line: usize,
     /// The key, for example `patch[0].gauge.id`; empty if it is about none.
     pub key: String,
@@ -33,33 +32,34 @@ pub struct Problem {
 impl Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.line {
-            0 => write!(f, "{}: {}", self.file, self.message),
-            line => write!(f, "{}:{line}: {}", self.file, self.message),
+            0 => write!(f, ": {}", self.message),
+            line => write!(f, ":{line}: {}", self.message),
         }
     }
 }
 
-/// Everything that is wrong with a configuration, in the order of its lines; never empty.
+/// Everything that is wrong with a file, in the order of its lines; never empty.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Problems(Vec<Problem>);
+pub struct Problems(String, Vec<Problem>);
 
 impl Problems {
-    /// These, in the order of their lines.
-    pub fn new(mut problems: Vec<Problem>) -> Self {
+    /// These of a file, in the order of their lines.
+    pub fn new(file: &Path, mut problems: Vec<Problem>) -> Self {
         problems.sort_by_key(|problem| problem.line);
-        Self(problems)
+        Self(printable(&file.display().to_string()), problems)
     }
 
     /// All of them.
     #[cfg(test)]
     pub fn all(&self) -> &[Problem] {
-        &self.0
+        &self.1
     }
 }
 
 impl Display for Problems {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))
+        let Self(file, problems) = self;
+        f.write_str(&problems.iter().map(|problem| format!("{file}{problem}")).collect::<Vec<_>>().join("\n"))
     }
 }
 

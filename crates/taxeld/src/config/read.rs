@@ -42,7 +42,7 @@ fn read_text(path: &Path) -> Result<String, String> {
 }
 
 fn unread(path: &Path, message: String) -> Problems {
-    Problems::new(vec![Problem { file: path.display().to_string(), message, ..Problem::default() }])
+    Problems::new(path, vec![Problem { message, ..Problem::default() }])
 }
 
 /// The same of a text; `path` is for messages and for files beside it.
@@ -120,7 +120,7 @@ impl<'a> Reading<'a> {
 
     /// The value, if nothing is wrong.
     fn end<T>(self, value: Option<T>) -> Result<T, Problems> {
-        value.filter(|_| self.problems.is_empty()).ok_or_else(|| Problems::new(self.problems))
+        value.filter(|_| self.problems.is_empty()).ok_or_else(|| Problems::new(self.path, self.problems))
     }
 
     /// The sections, if there is enough in the file to make them.
@@ -160,12 +160,12 @@ impl<'a> Reading<'a> {
     /// Notes what is wrong with a key, and where that is in the file.
     fn note(&mut self, key: &str, message: String) {
         let line = find(self.tree.get_ref(), key).map_or(0, |at| self.line_of(at));
-        self.push(Problem { line, key: printable(key), message: printable(&message), ..Problem::default() });
+        self.push(Problem { line, key: printable(key), message: printable(&message) });
     }
 
     fn push(&mut self, problem: Problem) {
         if self.problems.len() < PROBLEMS_MAX {
-            self.problems.push(Problem { file: printable(&self.path.display().to_string()), ..problem });
+            self.problems.push(problem);
         }
     }
 

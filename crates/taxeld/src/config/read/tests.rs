@@ -13,7 +13,8 @@ fn problems(text: &str) -> Vec<Problem> {
 }
 
 fn lines(text: &str) -> Vec<String> {
-    problems(text).iter().map(ToString::to_string).collect()
+    let told = examine_text(Path::new("t.toml"), text).err().map(|problems| problems.to_string()).unwrap_or_default();
+    told.lines().map(str::to_owned).collect()
 }
 
 /// The line of the text that holds these words.
