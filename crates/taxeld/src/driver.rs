@@ -130,21 +130,13 @@ impl Driver {
             self.catch_up(queues).await;
         }
         self.tick_if_due();
-        match self.select(queues, cancel).await {
-            Action::Stop => return false,
-            action => self.apply(action),
-        }
-        true
-    }
-
-    /// What to do next; at the latest when a tick is due, or a sign of life.
-    async fn select(&self, queues: &mut Queues, cancel: &CancellationToken) -> Action {
         tokio::select! {
             biased;
-            () = cancel.cancelled() => Action::Stop,
-            action = queues.next() => action,
-            () = tokio::time::sleep(self.time_to_sleep()) => Action::Wake,
+            () = cancel.cancelled() => return false,
+            action = queues.next() => self.apply(action),
+            () = tokio::time::sleep(self.time_to_sleep()) => {} // a tick is due, or a sign of life
         }
+        true
     }
 
     fn apply(&mut self, action: Action) {
@@ -153,7 +145,6 @@ impl Driver {
             Action::Pushed(pushed) => self.take_pushed(pushed),
             Action::Command(request) => self.take_command(request),
             Action::Done(done) => self.take_done(done),
-            Action::Wake | Action::Stop => {}
         }
     }
 

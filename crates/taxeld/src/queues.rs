@@ -71,10 +71,6 @@ pub enum Action {
     Command(Request),
     /// Take what is done.
     Done(Done),
-    /// Nothing but to look at the clock.
-    Wake,
-    /// End.
-    Stop,
 }
 
 /// Everything that waits for the engine's task. The other ends: the bus tasks, the service, and [`TellDone`].
