@@ -1,7 +1,7 @@
 //! Opens the doors of the service: binds what the configuration names.
 
 use std::io::ErrorKind;
-use std::net::TcpListener;
+use std::net::{SocketAddr, TcpListener};
 use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::Path;
@@ -22,6 +22,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<(Vec<Listener>, Credentials)> {
         tracing::warn!("{UNRULED}");
     }
     doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
+    let bind = |address: &SocketAddr| TcpListener::bind(address).with_context(|| format!("listening on {address}"));
     let mut listeners = Vec::new();
     for door in &doors.doors {
         listeners.push(match door {
@@ -33,13 +34,12 @@ pub fn open(doors: &Doors) -> anyhow::Result<(Vec<Listener>, Credentials)> {
                          \"insecure:\" in listen, or the demo's --listen, wants it: everybody on that net can read along and connect"
                     );
                 }
-                Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)
+                Listener::Tcp(bind(address)?)
             }
             Door::Tls { address, files } => {
                 let tls = Tls::load(files.clone()).map_err(anyhow::Error::msg)?;
                 credentials.add(tls.clone());
-                let listener = TcpListener::bind(address).with_context(|| format!("listening on {address}"))?;
-                Listener::Tls(listener, tls)
+                Listener::Tls(bind(address)?, tls)
             }
         });
     }
