@@ -8,13 +8,6 @@ pub fn seconds(text: &str, least: f64, most: f64) -> Result<f64, String> {
     value.ok_or_else(|| format!("expected {least} to {most} seconds"))
 }
 
-/// Least, median and greatest of the finite values.
-pub fn spread(mut values: Vec<f64>) -> Option<(f64, f64, f64)> {
-    values.retain(|v| v.is_finite());
-    values.sort_by(f64::total_cmp);
-    Some((*values.first()?, values[values.len() / 2], *values.last()?))
-}
-
 /// Refused scans by reason.
 pub fn refusals<'a>(counted: impl Iterator<Item = (&'a str, u64)>) -> String {
     let counted = counted.filter(|(_, scans)| *scans > 0);

@@ -116,9 +116,9 @@ pub fn print_set(set: &ModelSet, places: &Places) {
         say!("    {} {reason}: {}", counted(taxels.len(), "taxel", "taxels"), places.name(taxels.iter().copied()));
     }
     let usable = set.taxels.iter().filter(|taxel| taxel.status == "ok");
-    if let Some((_, median, worst)) =
-        crate::values::spread(usable.filter_map(|taxel| taxel.figures.get("rmse_kpa").copied()).collect())
-    {
+    let mut errors_kpa: Vec<f64> = usable.filter_map(|taxel| taxel.figures.get("rmse_kpa").copied()).collect();
+    errors_kpa.sort_by(f64::total_cmp);
+    if let (Some(median), Some(worst)) = (errors_kpa.get(errors_kpa.len() / 2), errors_kpa.last()) {
         say!("  error of the fit: median {median:.2} kPa, at worst {worst:.2} kPa");
     }
     if let Some(plays) = set.in_use.get("taxels_with_plays") {
