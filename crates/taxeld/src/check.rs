@@ -93,10 +93,7 @@ fn recordings(section: &RecordSection) -> String {
 
 /// Who may do what, a line each.
 fn access(doors: &Doors) -> Vec<String> {
-    if !doors.ruled {
-        return vec![UNRULED.to_owned()];
-    }
-    let rules = &doors.rules;
+    let Some(rules) = &doors.rules else { return vec![UNRULED.to_owned()] };
     let word = |role: Option<Role>| role.map_or("none", Role::name);
     let ways = [
         ("over loopback TCP without a token", rules.loopback),

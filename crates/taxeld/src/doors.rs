@@ -18,7 +18,7 @@ use crate::reload::Credentials;
 /// The door or the file, and what is wrong with it.
 pub fn open(doors: &Doors) -> anyhow::Result<(Vec<Listener>, Credentials)> {
     let mut credentials = Credentials::read(doors)?;
-    if !doors.ruled {
+    if doors.rules.is_none() {
         tracing::warn!("{UNRULED}");
     }
     doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
@@ -26,7 +26,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<(Vec<Listener>, Credentials)> {
     let mut listeners = Vec::new();
     for door in &doors.doors {
         listeners.push(match door {
-            Door::Unix { path, group } => Listener::Unix(bind_unix(path, group.as_deref())?),
+            Door::Unix(path) => Listener::Unix(bind_unix(path, doors.group.as_deref())?),
             Door::Tcp(address) => {
                 if !address.ip().is_loopback() {
                     tracing::warn!(

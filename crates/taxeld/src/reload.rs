@@ -28,9 +28,10 @@ impl Credentials {
     /// # Errors
     /// The file of tokens and what is wrong with it.
     pub fn read(doors: &Doors) -> anyhow::Result<Self> {
-        let rules = Rules { tokens: tokens(doors.tokens.as_deref())?, ..doors.rules.clone() };
+        let rules = doors.rules.clone().unwrap_or_else(Rules::open);
+        let rules = Rules { tokens: tokens(doors.tokens.as_deref())?, ..rules };
         let (access, tokens) = (Access::new(rules), doors.tokens.clone());
-        Ok(Self { access, tokens, tls: Vec::new(), ruled: doors.ruled })
+        Ok(Self { access, tokens, tls: Vec::new(), ruled: doors.rules.is_some() })
     }
 
     /// Looks after the certificates of one more listener.
@@ -53,13 +54,14 @@ impl Credentials {
         for error in self.tls.iter().filter_map(|tls| tls.reload().err()) {
             tracing::error!("{error}; the certificates stay as they were");
         }
-        match config::examine(config).map(|(_, scene)| scene.doors) {
+        match config::examine(config).map(|(_, scene)| scene.doors.rules) {
             Err(why) => tracing::error!("nothing is reloaded: {}", why.to_string().replace('\n', "; ")),
-            Ok(doors) if doors.ruled != self.ruled => {
+            Ok(rules) if rules.is_some() != self.ruled => {
                 tracing::warn!("not reloaded: whether there is an [access] section needs a restart");
             }
-            Ok(doors) => {
-                self.access.update(|now| Rules { tokens: now.tokens.clone(), ..doors.rules });
+            Ok(rules) => {
+                let rules = rules.unwrap_or_else(Rules::open);
+                self.access.update(|now| Rules { tokens: now.tokens.clone(), ..rules });
                 tracing::info!("reloaded: the lists of [access], certificates and tokens; other keys need a restart");
             }
         }

@@ -10,7 +10,6 @@ use taxel_client::Address;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Outputs;
-use taxel_rpc::Rules;
 use taxel_sim::STANDARD_GRAVITY;
 use taxel_skin::{BusIndex, Geometry};
 
@@ -151,7 +150,7 @@ async fn serve_live(
     let page = bound.local_addr()?;
     config.page = Some(PageSection { listen: page, bound: Some(Arc::new(bound)), ..PageSection::default() });
     // Whoever plays with a simulated skin may do everything with it.
-    scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
+    scene.doors = Doors { doors: vec![Door::Tcp(listen)], group: None, rules: None, tokens: None };
     let mut daemon = Daemon::start(&config, scene, None).await?;
     let calibrated = models.is_some();
     if let Some(models) = models {

@@ -26,12 +26,7 @@ pub const UNRULED: &str = "access: there is no [access] section: EVERYBODY ON TH
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Door {
     /// A Unix socket.
-    Unix {
-        /// Its path.
-        path: PathBuf,
-        /// Its group.
-        group: Option<String>,
-    },
+    Unix(PathBuf),
     /// TCP without encryption; from elsewhere only where that was allowed.
     Tcp(SocketAddr),
     /// TCP with TLS and client certificates.
@@ -46,7 +41,7 @@ pub enum Door {
 impl fmt::Display for Door {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unix { path, .. } => write!(f, "unix:{} (mode {SOCKET_MODE:03o})", path.display()),
+            Self::Unix(path) => write!(f, "unix:{} (mode {SOCKET_MODE:03o})", path.display()),
             Self::Tcp(address) if address.ip().is_loopback() => write!(f, "{address} (loopback, unencrypted)"),
             Self::Tcp(address) => write!(f, "{address} (INSECURE: unencrypted, for everybody on that net)"),
             Self::Tls { address, .. } => write!(f, "{address} (TLS 1.3 with client certificates)"),
@@ -59,19 +54,19 @@ impl fmt::Display for Door {
 pub struct Doors {
     /// Where.
     pub doors: Vec<Door>,
-    /// Who; the tokens are read when the daemon starts.
-    pub rules: Rules,
+    /// The group of the Unix sockets.
+    pub group: Option<String>,
+    /// Who, if the configuration says it; the tokens are read when the daemon starts.
+    pub rules: Option<Rules>,
     /// Where the tokens are.
     pub tokens: Option<PathBuf>,
-    /// Whether the rules are the configuration's.
-    pub ruled: bool,
 }
 
 impl Doors {
     /// The grants that reach nobody as far as the configuration goes, because an account is known on a Unix socket alone and a
     /// certificate where there is TLS: a line each.
     pub fn unreached_grants(&self) -> Vec<String> {
-        let unix = self.doors.iter().any(|door| matches!(door, Door::Unix { .. }));
+        let unix = self.doors.iter().any(|door| matches!(door, Door::Unix(_)));
         let tls = self.doors.iter().any(|door| matches!(door, Door::Tls { .. }));
         let of_unix = "a Unix socket: add \"unix:PATH\" to listen, or run it as taxeld.service";
         let unreached = |Grant { subject, role }: &Grant| {
@@ -85,7 +80,7 @@ impl Doors {
             };
             Some(format!("access: {kind} {name} is {role} only over {place}"))
         };
-        self.rules.grants.iter().filter_map(unreached).collect()
+        self.rules.iter().flat_map(|rules| &rules.grants).filter_map(unreached).collect()
     }
 }
 
@@ -97,26 +92,20 @@ pub fn doors(config: &Config, path: &Path, faults: &mut Faults) -> Doors {
         let folders = std::env::var_os("RUNTIME_DIRECTORY").unwrap_or_default();
         let folder = std::env::split_paths(&folders).find(|folder| !folder.as_os_str().is_empty());
         doors.push(Door::Tcp(LISTEN_DEFAULT));
-        doors.extend(folder.map(|folder| unix(folder.join(SOCKET_NAME), config)));
+        doors.extend(folder.map(|folder| Door::Unix(folder.join(SOCKET_NAME))));
     }
     for (position, text) in config.listen.iter().enumerate() {
         let key = format!("listen[{position}]");
         let Some(door) = faults.take(&key, door(text, config, path)) else { continue };
         doors.push(door);
     }
-    let Some(access) = &config.access else {
-        if !doors.iter().all(is_near) {
-            let words = "listen: an address for other machines needs an [access] section that says who may do what";
-            faults.note("listen", words);
-        }
-        return Doors { doors, rules: Rules::open(), tokens: None, ruled: false };
-    };
-    let tokens = access.tokens.as_deref().map(|file| beside(path, file));
-    Doors { doors, rules: rules(access, faults), tokens, ruled: true }
-}
-
-fn unix(path: PathBuf, config: &Config) -> Door {
-    Door::Unix { path, group: config.socket_group.clone() }
+    if config.access.is_none() && !doors.iter().all(is_near) {
+        let words = "listen: an address for other machines needs an [access] section that says who may do what";
+        faults.note("listen", words);
+    }
+    let tokens = config.access.as_ref().and_then(|access| Some(beside(path, access.tokens.as_deref()?)));
+    let rules = config.access.as_ref().map(|access| rules(access, faults));
+    Doors { doors, group: config.socket_group.clone(), rules, tokens }
 }
 
 /// Where one of `listen` is.
@@ -127,7 +116,7 @@ fn door(text: &str, config: &Config, path: &Path) -> Result<Door, String> {
     if kind == "unix" {
         return match place {
             "" => Err(wrong("expected a path behind unix:")),
-            _ => Ok(unix(beside(path, Path::new(place)), config)),
+            _ => Ok(Door::Unix(beside(path, Path::new(place)))),
         };
     }
     if !["tcp", "tls", "insecure"].contains(&kind) {
@@ -152,7 +141,7 @@ fn door(text: &str, config: &Config, path: &Path) -> Result<Door, String> {
 
 /// Whether only this machine reaches it.
 fn is_near(door: &Door) -> bool {
-    matches!(door, Door::Unix { .. }) || matches!(door, Door::Tcp(address) if address.ip().is_loopback())
+    matches!(door, Door::Unix(_)) || matches!(door, Door::Tcp(address) if address.ip().is_loopback())
 }
 
 /// The lists of `[access]` as rules: who is in several has the greatest role.

@@ -47,7 +47,7 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
     record(config, faults);
     let doors = doors(config, path, faults);
     if let Some(section) = &config.shared_memory {
-        shared_memory(section, doors.ruled.then_some(&doors.rules), faults);
+        shared_memory(section, doors.rules.as_ref(), faults);
     }
     let plan = Plan { buses: config.bus.len(), patches: Vec::new() };
     let mut scene = Scene { plan, doors, said: Said::default() };

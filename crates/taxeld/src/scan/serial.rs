@@ -32,15 +32,8 @@ pub struct Gauge {
     #[arg(long, value_name = "TEMPLATE", requires = "serial")]
     template: Option<String>,
     /// A question that it answers with a line, as in "P\r\n"; without it is only listened.
-    #[arg(long, value_name = "TEXT", requires = "serial")]
+    #[arg(long, value_name = "TEXT", requires = "serial", value_parser = |text: &str| Ok::<_, String>(unescaped(text)))]
     poll: Option<String>,
-}
-
-impl Gauge {
-    /// What to ask.
-    fn unescaped_poll(&self) -> Option<String> {
-        self.poll.as_deref().map(unescaped)
-    }
 }
 
 /// Listens there so long at each rate; a text for people.
@@ -78,13 +71,13 @@ struct Heard {
 
 async fn listen(at: &At, gauge: &Gauge, over: Duration) -> anyhow::Result<Heard> {
     let mut link = at.open().await.map_err(anyhow::Error::msg)?;
-    let poll = gauge.unescaped_poll();
+    let poll = gauge.poll.as_ref();
     let mut lines = if poll.is_some() { Lines::from_the_first() } else { Lines::default() };
     let (begun, mut buffer) = (Instant::now(), [0; 1024]);
     let end = begun + over;
     let mut heard = Heard { lines: Vec::new(), bytes: 0, seconds: over.as_secs_f64() };
     while Instant::now() < end {
-        if let Some(poll) = &poll {
+        if let Some(poll) = poll {
             link.write(poll.as_bytes()).await?;
         }
         let until = if poll.is_some() { end.min(Instant::now() + ASK_EVERY) } else { end };
@@ -136,7 +129,7 @@ fn proposal(gauge: &Gauge, at: &str, heard: &Heard, template: &Template) -> Stri
         Some(_) if least < -VACUUM_KPA && most < VACUUM_KPA => (", reference = \"ambient\"", "below 0 in vacuum"),
         Some(_) => ("", "taken as above 0 in vacuum; if it is below 0 there, add reference = \"ambient\""),
     };
-    let poll = gauge.unescaped_poll().map_or_else(String::new, |poll| format!(", poll = {poll:?}"));
+    let poll = gauge.poll.as_ref().map_or_else(String::new, |poll| format!(", poll = {poll:?}"));
     let (text, count) = (template.text(), heard.lines.len());
     let range = if read.is_empty() {
         String::new()
@@ -152,7 +145,7 @@ mod tests {
 
     #[test]
     fn a_proposal_says_what_its_numbers_refer_to() {
-        let gauge = Gauge { serial: None, template: None, poll: Some("P\\r".to_owned()) };
+        let gauge = Gauge { serial: None, template: None, poll: Some("P\r".to_owned()) };
         for (line, proposed) in [
             ("p -3.21 kPa", "template = \"p {kPa} kPa\", poll = \"P\\r\", reference = \"ambient\" } # -3.210"),
             (
