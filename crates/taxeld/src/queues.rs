@@ -77,8 +77,8 @@ pub enum Action {
 pub struct Queues {
     /// What buses hand over.
     pub batches: mpsc::Receiver<BusBatch>,
-    /// What is pushed; absent where no patch has its scans pushed.
-    pub pushed: Option<mpsc::Receiver<Pushed>>,
+    /// What is pushed.
+    pub pushed: mpsc::Receiver<Pushed>,
     /// What is asked.
     pub commands: mpsc::Receiver<Request>,
     /// What is done.
@@ -89,15 +89,9 @@ impl Queues {
     /// The next item, of any queue that has one with the same chance. A queue whose other end is gone counts as empty for ever.
     pub async fn next(&mut self) -> Action {
         let Self { batches, pushed, commands, done } = self;
-        let pushed = async {
-            match pushed {
-                Some(pushed) => pushed.recv().await,
-                None => None,
-            }
-        };
         tokio::select! {
             Some(batch) = batches.recv() => Action::Batch(batch),
-            Some(pushed) = pushed => Action::Pushed(pushed),
+            Some(pushed) = pushed.recv() => Action::Pushed(pushed),
             Some(command) = commands.recv() => Action::Command(command),
             Some(done) = done.recv() => Action::Done(done),
             else => pending().await,
@@ -107,6 +101,6 @@ impl Queues {
     /// A batch or a scan that waits already.
     pub fn waiting_input(&mut self) -> Option<Action> {
         let batch = self.batches.try_recv().ok().map(Action::Batch);
-        batch.or_else(|| self.pushed.as_mut()?.try_recv().ok().map(Action::Pushed))
+        batch.or_else(|| self.pushed.try_recv().ok().map(Action::Pushed))
     }
 }

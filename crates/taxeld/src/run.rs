@@ -80,7 +80,8 @@ impl Daemon {
         let pushes =
             |patch: &PatchPlan| patch.pushed.is_some() || patch.gauge.as_ref().is_some_and(|gauge| gauge.pushed);
         let is_pushed = plan.patches.iter().any(pushes);
-        let (push, pushed) = is_pushed.then(|| push_line(patches)).unzip();
+        let (push, pushed) = push_line(patches);
+        let push = is_pushed.then_some(push);
         let mut driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders);
         driver.pages = pages;
         let driver = driver.begun();

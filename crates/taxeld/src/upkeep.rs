@@ -105,7 +105,8 @@ mod tests {
         let (to_bus, sent) = mpsc::channel(64);
         let (frames, batches) = mpsc::channel(4);
         let driver = Driver::new(plan, restored, clock, publisher, (store, tell_done), vec![to_bus]);
-        let end = tokio::spawn(driver.run(Queues { batches, pushed: None, commands, done }, cancel.clone()));
+        let end =
+            tokio::spawn(driver.run(Queues { batches, pushed: mpsc::channel(1).1, commands, done }, cancel.clone()));
         handle.first_turn().await;
         Running { handle, size, cancel, end, _ends: (sent, frames) }
     }

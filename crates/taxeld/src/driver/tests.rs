@@ -64,7 +64,7 @@ impl Bench {
         let (commands, requests) = mpsc::channel(16);
         let restored = Restored::default();
         let driver = Driver::new(plan, restored, clock.clone(), publisher, (store, tell_done), vec![bus]);
-        let queues = Queues { batches: frames, pushed: None, commands: requests, done };
+        let queues = Queues { batches: frames, pushed: mpsc::channel(1).1, commands: requests, done };
         Self { driver, queues, batches, commands, handle, clock, cancel, _to_send }
     }
 
