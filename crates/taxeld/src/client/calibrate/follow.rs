@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState};
+use taxel_proto::v1::{AdvanceSessionRequest, Session, SessionAction, SessionRequest, SessionState};
 use tonic::Streaming;
 
 use super::screen::{Screen, bell};
@@ -73,7 +73,7 @@ impl Course {
     }
 
     /// Ctrl-C: end the ramp, abort, leave, or go on.
-    pub(super) async fn interrupt(&self) -> Outcome {
+    async fn interrupt(&self) -> Outcome {
         let number = self.session.session;
         let question = "f: end the ramp here and fit what there is, a: abort, l: leave it to the daemon, Enter: go on.";
         let answer = if self.asks { ask::ask(question).await? } else { "l".to_owned() };
@@ -89,6 +89,41 @@ impl Course {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Types what the dial shows, of the script or of whoever is asked. Elsewhere than at a terminal it is typed on the page.
+    ///
+    /// # Errors
+    /// A plateau of a script that is refused, a lost connection, or an operator who leaves or aborts the session.
+    async fn type_plateau(&mut self) -> Outcome {
+        let number = self.session.session;
+        let kpa = match &mut self.typed {
+            Some(script) => match script.pop_front() {
+                Some(kpa) => kpa,
+                None => {
+                    self.session = advance(&self.daemon, number, SessionAction::FinishRamp, "").await?;
+                    return Ok(());
+                }
+            },
+            None if self.asks => {
+                match ask::ask("What does the dial show, in kPa? (e: end, abort or leave)").await?.as_str() {
+                    "e" => return self.interrupt().await,
+                    answer => match answer.replace(',', ".").parse() {
+                        Ok(kpa) => kpa,
+                        Err(_) => return Ok(()),
+                    },
+                }
+            }
+            None => return Ok(()),
+        };
+        let action = SessionAction::Plateau.into();
+        let request = AdvanceSessionRequest { session: number, action, typed_kpa: Some(kpa), reason: String::new() };
+        match self.daemon.calibration().advance_session(request).await {
+            Ok(session) => self.session = session.into_inner(),
+            Err(refused) if self.typed.is_none() => self.screen.tell(refused.message()),
+            Err(refused) => return Err(refused.into()),
+        }
+        Ok(())
     }
 
     /// Whether the bag is vented as far as the session asks for; a pressure that is not known says nothing against it.

@@ -1,7 +1,6 @@
 //! `taxeld calibrate`: a session from the zero to the models in use, guided.
 
 mod device;
-mod dial;
 mod follow;
 mod screen;
 
