@@ -114,7 +114,7 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
         let source = robot.source(sources.part, &sources.names).map_err(wrong)?;
         let mut draft = compose(sources, source.as_ref(), robot.is_given()).map_err(wrong)?;
         let by_port = source.as_ref().filter(|source| args.yarp || source.device.is_out_of_reach() && !args.can);
-        draft.port = by_port.map(Source::draft_port);
+        draft.port = by_port.map(|source| source.port.clone());
         match draft.port {
             Some(_) => draft.bus = "robot".to_owned(),
             None => name_bus(&mut draft, &drafts),

@@ -78,10 +78,8 @@ pub struct Source<'a> {
     /// The place of the part's first board in the device's list.
     pub first_board: usize,
     /// The port that has the part's values, and the file that names it.
-    pub port: String,
+    pub port: DraftPort,
     file: Option<&'a Path>,
-    /// How many boards are in it.
-    pub port_boards: usize,
 }
 
 impl Robot {
@@ -185,8 +183,9 @@ impl Robot {
         let (name, wrapper, file) = (&port.name, &port.wrapper, &port.file);
         match devices[..] {
             [device] => {
-                let (first_board, port_boards) = (port.first / VALUES_PER_BOARD, port.boards);
-                Ok(Some(Source { device, first_board, port: self.port(name), file: Some(file), port_boards }))
+                let first_board = port.first / VALUES_PER_BOARD;
+                let port = self.port(name, device, (first_board, port.boards));
+                Ok(Some(Source { device, first_board, port, file: Some(file) }))
             }
             [] => {
                 let networks = networks.into_iter().cloned().collect::<Vec<_>>().join(", ");
@@ -208,14 +207,15 @@ impl Robot {
         let of_limb = |device: &&Device| Part::named(&device.name).is_some_and(|of| of.bus() == part.bus());
         let mut devices = self.devices.iter().filter(of_limb);
         let device = devices.next().filter(|device| part.is_hand() && device.in_order().len() == 1)?;
-        let port = self.port(&part.name());
-        devices.next().is_none().then_some(Source { device, first_board: 0, port, file: None, port_boards: 1 })
+        let port = self.port(&part.name(), device, (0, 1));
+        devices.next().is_none().then_some(Source { device, first_board: 0, port, file: None })
     }
 
-    /// The whole name of a port.
-    fn port(&self, name: &str) -> String {
+    /// A port by its whole name, with so many boards of a device from a first one on.
+    fn port(&self, name: &str, device: &Device, (first, boards): (usize, usize)) -> DraftPort {
         let prefix = self.prefix.as_deref().unwrap_or("icub").trim().trim_matches('/');
-        format!("/{prefix}/skin/{name}")
+        let addresses = device.in_order().into_iter().map(|(_, address)| address);
+        DraftPort { name: format!("/{prefix}/skin/{name}"), boards: addresses.skip(first).take(boards).collect() }
     }
 
     /// What of the files is not used, where these are the sources of all patches: files, boards, includes; a line each.
@@ -234,7 +234,7 @@ impl Robot {
             files.map(|file| format!("{}: not used: it says nothing of the parts that were given", file.display()));
         let boards = devices.iter().filter_map(|device| {
             let of_device = sources.iter().filter(|source| source.device.name == device.name);
-            let taken: BTreeSet<u8> = of_device.flat_map(|source| source.draft_port().boards).collect();
+            let taken: BTreeSet<u8> = of_device.flat_map(|source| source.port.boards.clone()).collect();
             let left: Vec<String> = device
                 .in_order()
                 .iter()
@@ -255,14 +255,6 @@ impl Robot {
     /// Whether any file was given.
     pub fn is_given(&self) -> bool {
         !self.given.is_empty()
-    }
-}
-
-impl Source<'_> {
-    /// The port that the part is read over.
-    pub fn draft_port(&self) -> DraftPort {
-        let boards = self.device.in_order().into_iter().map(|(_, address)| address);
-        DraftPort { name: self.port.clone(), boards: boards.skip(self.first_board).take(self.port_boards).collect() }
     }
 }
 
