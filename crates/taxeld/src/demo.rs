@@ -10,7 +10,6 @@ use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Config, Effect, Footprint, Mass, Profile, PumpCommand, STANDARD_GRAVITY, Skin, World};
 use taxel_skin::{BusIndex, Kilopascal, TaxelIndex, Time};
-use taxel_wire::TimedFrame;
 
 use crate::offline::Offline;
 
@@ -87,8 +86,6 @@ pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
 struct Bench {
     world: World,
     offline: Offline,
-    frames: Vec<TimedFrame>,
-    now: Time,
 }
 
 impl Bench {
@@ -97,27 +94,27 @@ impl Bench {
         let world = World::new(skin, config);
         let mut offline = Offline::new(plan);
         offline.advance(Time::default());
-        Ok(Self { world, offline, frames: Vec::new(), now: Time::default() })
+        Ok(Self { world, offline })
     }
 
     fn run(&mut self, span: Duration) {
-        let end = self.now + span;
-        while self.now < end {
-            self.now = self.now + STEP;
-            self.frames.clear();
-            self.world.advance(self.now, &mut self.frames);
-            self.offline.frames(BusIndex(0), &self.frames);
-            self.offline.advance(self.now);
+        let (end, mut frames) = (self.world.now() + span, Vec::new());
+        while self.world.now() < end {
+            let now = self.world.now() + STEP;
+            self.world.advance(now, &mut frames);
+            self.offline.frames(BusIndex(0), &frames);
+            self.offline.advance(now);
+            frames.clear();
             for (_, frame) in self.offline.to_send.drain(..) {
-                self.world.send(self.now, &frame);
+                self.world.send(now, &frame);
             }
         }
     }
 
     fn run_until(&mut self, limit: Duration, what: &str, done: impl Fn(&Self) -> bool) -> anyhow::Result<()> {
-        let end = self.now + limit;
+        let end = self.world.now() + limit;
         while !done(self) {
-            if self.now >= end {
+            if self.world.now() >= end {
                 let force = self.offline.snapshots.first().map(|snapshot| snapshot.force.why()).unwrap_or_default();
                 bail!("{what} did not happen within {} s of simulated time: {force}", limit.as_secs());
             }

@@ -215,9 +215,9 @@ async fn ask(daemon: &Daemon, command: Command) -> anyhow::Result<()> {
 
 /// The address to listen on: the one asked for, or the usual one, or one with another port if that is taken.
 fn address(asked: Option<SocketAddr>) -> anyhow::Result<SocketAddr> {
-    let bind = |address: SocketAddr| TcpListener::bind(address).and_then(|bound| bound.local_addr());
-    match asked {
-        Some(asked) => bind(asked).with_context(|| format!("--listen {asked}")),
-        None => Ok(crate::page::bind_some(USUAL)?.local_addr()?),
-    }
+    let bound = match asked {
+        Some(asked) => TcpListener::bind(asked).with_context(|| format!("--listen {asked}"))?,
+        None => crate::page::bind_some(USUAL)?,
+    };
+    Ok(bound.local_addr()?)
 }
