@@ -54,7 +54,7 @@ pub fn pressures(sample: &TaxelSample, layout: &Layout, waited: Duration) -> Vec
 
 /// A contact as skinManager writes it: (number, body part, link, skin part), centre of pressure, force, moment about that centre,
 /// mean place, normal, rows of the taxels, mean pressure (here in kPa). Lengths in m, forces in N.
-pub fn contact(part: Part, contact: &Contact, layout: &Layout) -> Value {
+pub fn contact([body, link, skin]: Part, contact: &Contact, layout: &Layout) -> Value {
     let taxels: Vec<_> = contact.taxels.iter().filter_map(|taxel| layout.taxels.get(*taxel as usize)).collect();
     let (centre, resultant, moment) =
         (array(&contact.centre_m), array(&contact.resultant_n), array(&contact.moment_nm));
@@ -68,7 +68,7 @@ pub fn contact(part: Part, contact: &Contact, layout: &Layout) -> Value {
     let length = normal.iter().map(|part| part * part).sum::<f64>().sqrt();
     let area_mm2: f64 = taxels.iter().map(|(_, taxel)| taxel.area_mm2).sum();
     Value::List(vec![
-        Value::List([i64::from(contact.id), part.body, part.link, part.skin].map(Value::Int).to_vec()),
+        Value::List([i64::from(contact.id), body, link, skin].map(Value::Int).to_vec()),
         Value::floats(centre),
         Value::floats(resultant),
         Value::floats([0, 1, 2].map(|axis| moment[axis] - arm[axis])),

@@ -1,27 +1,11 @@
 //! The numbers under which iCub's programs know a part of the body.
 
-use serde::Deserialize;
-
-/// Where a patch sits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(from = "[i64; 3]")]
-pub struct Part {
-    /// Body part: torso 1, head 2, left arm 3, right arm 4, left leg 5, right leg 6.
-    pub body: i64,
-    /// Link of its kinematic chain.
-    pub link: i64,
-    /// Skin part: left hand 1, forearm 2, upper arm 3; right 4, 5, 6; chest 7; left upper leg 8, lower leg 9, foot 10; right 11, 12, 13.
-    pub skin: i64,
-}
-
-impl From<[i64; 3]> for Part {
-    fn from([body, link, skin]: [i64; 3]) -> Self {
-        Self { body, link, skin }
-    }
-}
+/// Body part: torso 1, head 2, left arm 3, right arm 4, left leg 5, right leg 6; link of its kinematic chain; skin part: left hand 1,
+/// forearm 2, upper arm 3; right 4, 5, 6; chest 7; left upper leg 8, lower leg 9, foot 10; right 11, 12, 13.
+pub type Part = [i64; 3];
 
 /// Names as on the robots' skin ports.
-const PARTS: [(&str, [i64; 3]); 16] = [
+const PARTS: [(&str, Part); 16] = [
     ("torso", [1, 2, 7]),
     ("chest", [1, 2, 7]),
     ("left_hand", [3, 6, 1]),
@@ -42,5 +26,5 @@ const PARTS: [(&str, [i64; 3]); 16] = [
 
 /// The part of this name, if it is one of iCub's.
 pub fn named(name: &str) -> Option<Part> {
-    PARTS.iter().find(|(part, _)| *part == name).map(|(_, numbers)| Part::from(*numbers))
+    PARTS.iter().find(|(part, _)| *part == name).map(|(_, numbers)| *numbers)
 }
