@@ -288,4 +288,18 @@ mod tests {
         board.on_message(firmware((1, 25, 0)));
         assert_eq!(board.warnings().len(), 1);
     }
+
+    #[test]
+    fn a_device_that_was_not_well_is_doubted_when_it_is_again() {
+        let mut board = BoardState::default();
+        let mut news = |ms: i64, is_well| {
+            board.on_device(Time::from_nanos(ms * 1_000_000), is_well, LIMITS).map(|news| match news {
+                ZeroSign::Well(doubt) => Some(doubt.certain),
+                _ => None,
+            })
+        };
+        assert_eq!([news(0, true), news(20, true), news(40, false), news(60, false)], [None, None, Some(None), None]);
+        assert_eq!([news(840, true), news(860, true)], [Some(Some(false)), None]);
+        assert_eq!([news(1_000, false), news(2_000, false), news(2_020, true)], [Some(None), None, Some(Some(true))]);
+    }
 }

@@ -256,4 +256,17 @@ mod tests {
         }
         assert_eq!(stages, [(100, 4), (130, 2), (640, 2), (670, 2)]);
     }
+
+    #[test]
+    fn a_board_that_is_not_wanted_gets_no_command_and_has_to_be_heard_all_the_same() {
+        let mut bring_up = BringUp::new(4);
+        bring_up.start(ms(0), &patch(), &[setup(), setup()], &[], &[false, true]);
+        let sent: Vec<usize> = (0..=530).flat_map(|t| bring_up.next_due(ms(t))).map(|(board, _)| board).collect();
+        assert!(sent.iter().all(|board| *board == 1) && bring_up.state == BringUpState::Proving, "{sent:?}");
+        bring_up.start(ms(1_000), &patch(), &[setup(), setup()], &[], &[false; 2]);
+        assert_eq!((bring_up.next_due(ms(9_999)), bring_up.is_done()), (None, true));
+        (0..3).for_each(|module| bring_up.heard(module));
+        bring_up.tick(ms(3_001));
+        assert_eq!(bring_up.state, BringUpState::Incomplete(vec![3]));
+    }
 }

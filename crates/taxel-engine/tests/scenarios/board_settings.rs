@@ -1,17 +1,23 @@
 //! A model set comes into use only on boards that are set as they were when it was gathered: the rest looks the same
 //! whatever a count is worth, so that nothing else tells a force that is half of the true one.
 
+use taxel_engine::plan::BoardSetup;
 use taxel_engine::record::KeptZero;
 use taxel_engine::snapshot::ReasonCode;
+use taxel_wire::icub::TriangleConfig;
 
 use crate::prelude::*;
 
 /// The small skin, its boards set in another way than usual.
-pub fn with_shift(shift: u8) -> Arc<Plan> {
+fn with_boards(change: impl FnOnce(&mut Vec<BoardSetup>)) -> Arc<Plan> {
     let mut patch = patch_plan(&small_skin());
-    let triangles = patch.bring_up.iter_mut().flat_map(|board| &mut board.triangles);
-    triangles.for_each(|triangles| triangles.shift = shift);
+    change(&mut patch.bring_up);
     plan(patch)
+}
+
+pub fn with_shift(shift: u8) -> Arc<Plan> {
+    let set = |triangles: &mut TriangleConfig| triangles.shift = shift;
+    with_boards(|boards| boards.iter_mut().flat_map(|board| &mut board.triangles).for_each(set))
 }
 
 /// What a calibration left, on boards that were configured so.
@@ -46,13 +52,13 @@ fn calibrate(bench: &mut Bench) -> Arc<ModelSet> {
 }
 
 impl Calibrated {
-    /// The daemon starts anew, beside boards that stream, with the set in use and its session. It has configured them if
+    /// The daemon starts anew, beside boards that stream, with this set in use and its session. It has configured them if
     /// they were configured otherwise.
-    fn restarted(&self, plan: Arc<Plan>) -> Bench {
+    fn restarted_with(&self, plan: Arc<Plan>, set: Arc<ModelSet>) -> Bench {
         let restored = Restored {
             sessions: vec![Arc::clone(&self.session)],
-            active: vec![(self.set.patch.clone(), self.set.id.clone())],
-            model_sets: vec![Arc::clone(&self.set).into()],
+            active: vec![(set.patch.clone(), set.id.clone())],
+            model_sets: vec![set.into()],
             next_session: 2,
             zeros: vec![("small".to_owned(), self.configured.clone())],
             ..Restored::default()
@@ -60,6 +66,10 @@ impl Calibrated {
         let mut bench = Bench::new(self.world.clone(), plan, restored);
         bench.brought_up();
         bench
+    }
+
+    fn restarted(&self, plan: Arc<Plan>) -> Bench {
+        self.restarted_with(plan, Arc::clone(&self.set))
     }
 }
 
@@ -84,9 +94,10 @@ fn unused(bench: &mut Bench) -> String {
     problems[0].clone()
 }
 
-/// The same set from elsewhere.
-fn other() -> Arc<ModelSet> {
-    Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&at_shift_1().set) })
+fn other(id: &str, change: impl FnOnce(&mut ModelSet)) -> Arc<ModelSet> {
+    let mut set = ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&at_shift_1().set) };
+    change(&mut set);
+    Arc::new(set)
 }
 
 #[test]
@@ -143,7 +154,7 @@ fn after_a_restart_with_the_settings_of_the_calibration_the_force_is_told_as_bef
 #[test]
 fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     let mut bench = small().in_charge();
-    bench.import(other());
+    bench.import(other("m-other", |_| {}));
     let why = refused_as(ErrorReason::LayoutChanged, bench.ask(say::activate("m-other")));
     let said =
         "`m-other` was gathered with shift 0-5 = 1 on board 13, where the configuration has shift 0-5 = 2 (and 1 more)";
@@ -152,7 +163,32 @@ fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     weighs(&mut bench, "another set was refused");
     // Whoever changes the configuration then may use it.
     let mut later = at_shift_1().restarted(with_shift(1));
-    later.import(other());
+    later.import(other("m-other", |_| {}));
     later.activate("m-other").unwrap();
     weighs(&mut later, "a set of boards with the same settings");
+}
+
+#[test]
+fn where_the_settings_of_one_side_are_not_known_nothing_changes() {
+    let calibrated = at_shift_1();
+    // Of a file, or of a daemon that only listened.
+    let listened = ["board 13: modules 0-5", "board 12: modules 0-1"].map(str::to_owned).to_vec();
+    for lines in [Vec::new(), listened] {
+        let set = other("m-unknown", |set| set.board_settings.clone_from(&lines));
+        let mut bench = calibrated.restarted_with(with_shift(1), set);
+        assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some("m-unknown"), "{lines:?}");
+        weighs(&mut bench, "a set whose settings are not known");
+        bench.import(other("m-too", |set| set.board_settings.clone_from(&lines)));
+        bench.activate("m-too").unwrap();
+    }
+    // One that only listens now does not know what the boards were told.
+    let restored = Restored {
+        active: vec![(calibrated.set.patch.clone(), calibrated.set.id.clone())],
+        model_sets: vec![Arc::clone(&calibrated.set).into()],
+        ..Restored::default()
+    };
+    let mut bench = Bench::new(calibrated.world.clone(), with_boards(Vec::clear), restored);
+    weighs(&mut bench, "a daemon that only listens");
+    bench.import(other("m-too", |_| {}));
+    bench.activate("m-too").unwrap();
 }

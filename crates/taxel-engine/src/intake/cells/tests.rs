@@ -96,3 +96,14 @@ fn a_frame_that_is_too_short_is_refused_and_changes_nothing() {
     let other = TimedFrame { frame: Frame::of(CanId::Standard(1), []), ..short };
     assert_eq!(device.on_frame(&other), Ok(None));
 }
+
+#[test]
+fn a_status_that_is_not_the_good_one_is_told_until_it_is_good_again() {
+    let mut device = device(ScanBegin::Time);
+    let mut bad = frame(0.0, 0, 1);
+    bad.frame = Frame::of(ID, [0, 1, 0, 1, 0, 0, 7]);
+    complete(&mut device, bad);
+    assert!(!device.is_well());
+    complete(&mut device, frame(20.0, 0, 2));
+    assert!(device.is_well());
+}

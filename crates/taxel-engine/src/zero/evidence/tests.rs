@@ -19,6 +19,7 @@ struct Watched {
     noise: Noise,
     scans: i64,
     pads: f64,
+    silent: [bool; MODULES],
     /// Only five taxels are sound.
     is_deaf: bool,
     bag: Bag,
@@ -34,8 +35,8 @@ impl Watched {
         let mut ground = Ground::new(&regions);
         ground.take(&vec![TaxelBaseline { mean: ZERO, noise: 0.85 }; regions.taxels()]);
         evidence.compare_with(&ground);
-        let bag = Bag::default();
-        Self { evidence, noise: Noise(11), scans: 0, pads: 100.4, is_deaf: false, bag, lost: None }
+        let (silent, bag) = ([false; MODULES], Bag::default());
+        Self { evidence, noise: Noise(11), scans: 0, pads: 100.4, silent, is_deaf: false, bag, lost: None }
     }
 
     /// Takes so many scans in which each taxel feels `load` counts; when a new zero or a doubt came first, and why.
@@ -46,15 +47,16 @@ impl Watched {
             let mut count = |mean: f64| (mean + 0.8 * self.noise.normal()).round() as u16;
             let counts: Vec<u16> = (0..10 * MODULES).map(|taxel| count(ZERO - load(taxel))).collect();
             let pads: Vec<[u8; 2]> = (0..MODULES).map(|_| [0; 2].map(|_: u8| count(self.pads) as u8)).collect();
-            let sound: Vec<bool> = (0..counts.len()).map(|taxel| taxel < 5 || !self.is_deaf).collect();
+            let sound: Vec<bool> =
+                (0..counts.len()).map(|taxel| !self.silent[taxel / 10] && (taxel < 5 || !self.is_deaf)).collect();
             let scan = Scan {
                 time: Time::from_nanos(self.scans * 50_000_000),
                 whole: true,
                 counts: (&counts).into(),
                 pads: &pads,
-                silent: &[false; MODULES],
+                silent: &self.silent,
                 sound: &sound,
-                soundness: 0,
+                soundness: self.silent.iter().filter(|silent| **silent).count() as u64,
                 jumps: &[],
             };
             let doubted = self.evidence.doubted().is_some();
@@ -152,5 +154,39 @@ fn the_load_of_a_whole_board_does_not_vanish_while_the_bag_presses_and_that_of_f
         watched.scan(30, |taxel| if taxel % every == 0 { 6.0 } else { 0.0 });
         let why = watched.lost(30, |_| 0.0);
         assert_eq!(why.is_some_and(|why| why.contains("while the bag was pressing")), lost, "one in {every}");
+    }
+}
+
+/// A board that sent a sign of trouble: its load is compared with what it was.
+#[test]
+fn a_suspect_board_that_reads_nothing_of_its_load_has_lost_its_zero_and_needs_confirmation() {
+    let load = |taxel: usize| if taxel < 4 { 20.0 } else { 0.0 };
+    let mut watched = Watched::new();
+    watched.scan(30, load);
+    watched.evidence.doubt(0, "board 12 reported a lost acknowledgement".to_owned());
+    let why = watched.lost(1, |_| 0.0).expect("it is gone");
+    assert!(why.contains("while it was silent or reported a fault"), "{why}");
+    assert_eq!(watched.evidence.unproven(), Some(why.as_str()));
+    watched.evidence.begin(true);
+    assert_eq!(watched.evidence.unproven(), None, "of a new zero nothing is held");
+    assert_eq!(watched.scan(60, |_| 0.0), None);
+}
+
+/// A bag presses on the board, which falls silent. When it is heard again it reads nothing: of a bag that has pressed on all the
+/// time that shows a new zero, of one that was let go meanwhile it shows nothing.
+#[test]
+fn a_board_that_was_silent_while_the_bag_let_go_has_not_lost_its_zero() {
+    let vented = Bag { session_open: true, presses: false, holds: false };
+    let falling = Bag { presses: true, ..vented };
+    for (in_silence, after, lost) in
+        [(IN_BAG, IN_BAG, true), (IN_BAG, falling, false), (falling, falling, false), (vented, vented, false)]
+    {
+        let mut watched = Watched { bag: IN_BAG, ..Watched::new() };
+        assert_eq!(watched.scan(30, |_| 6.0), None);
+        (watched.silent, watched.bag) = ([true; MODULES], in_silence);
+        assert_eq!(watched.scan(10, |_| 6.0), None);
+        (watched.silent, watched.bag) = ([false; MODULES], after);
+        let why = watched.lost(3, |_| 0.0);
+        assert_eq!(why.is_some_and(|why| why.contains("while it was silent")), lost, "{in_silence:?}, {after:?}");
     }
 }

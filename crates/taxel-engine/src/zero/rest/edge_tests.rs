@@ -246,3 +246,17 @@ fn two_taxels_of_a_module_that_stand_far_towards_load_are_no_rest() {
         assert_eq!(is_standing(&standing(&[32, 37], 200.0, false, flutter)), loaded, "{flutter}");
     }
 }
+
+#[test]
+fn halves_of_any_length_are_compared() {
+    for late_from in [SCANS - 1, SCANS - 2, 1, 2] {
+        let mut window = RestWindow::new(TAXELS, &modules());
+        for scan in 0..SCANS {
+            let late = scan >= late_from;
+            let wiggle = |t: usize| if (scan + t).is_multiple_of(2) { 0.4 } else { -0.4 };
+            let count = |t: usize| Some(240.0 + wiggle(t) - if late && (30..40).contains(&t) { 3.0 } else { 0.0 });
+            window.push(late, (0..TAXELS).map(count));
+        }
+        assert!(!is_rest(&window, None), "{late_from}: {}", say(&window, None));
+    }
+}
