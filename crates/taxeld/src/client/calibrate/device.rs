@@ -38,7 +38,9 @@ const GAUGE_WITHIN: Duration = Duration::from_millis(150);
 const SESSION_WITHIN: Duration = Duration::from_secs(10);
 /// What vents is waited for so long.
 const VENT_WITHIN: Duration = Duration::from_secs(15);
-/// Boards that are being set up are waited for so long: then the session refuses, or does without.
+/// Boards that are being set up are waited for so long: then the session refuses, or does without. For less than the first of these the
+/// daemon listens whether they stream; boards that others set up it listens to for ever.
+const LISTENED_WITHIN: Duration = Duration::from_secs(1);
 const SET_UP_WITHIN: Duration = Duration::from_secs(5);
 /// A bag above this is told of before it is vented, kPa.
 const FOUND_KPA: f64 = 2.0;
@@ -204,8 +206,8 @@ impl ByDevice<'_> {
     pub async fn run(mut self, pump: &mut Pump) -> Outcome<Session> {
         self.look_first().await;
         // Boards that are set up take what presses on them for nothing, and the self-test presses.
-        let end = Instant::now() + SET_UP_WITHIN;
-        while self.sets_boards_up().await && Instant::now() < end {
+        let begun = Instant::now();
+        while self.sets_boards_up(begun.elapsed()).await {
             sleep(TICK).await;
         }
         let ended = self.procedure(pump).await;
@@ -287,10 +289,15 @@ impl ByDevice<'_> {
         }
     }
 
-    async fn sets_boards_up(&self) -> bool {
+    /// Whether boards are being set up still, after so long a wait.
+    async fn sets_boards_up(&self, waited: Duration) -> bool {
         let Ok(health) = self.daemon.skin().get_health(()).await else { return false };
         let mut boards = health.get_ref().boards.iter().filter(|board| board.patch == self.request.patch);
-        boards.any(|board| ["listening", "configuring"].contains(&&*board.bring_up))
+        boards.any(|board| match board.bring_up.as_str() {
+            "listening" => waited < LISTENED_WITHIN,
+            "configuring" => waited < SET_UP_WITHIN,
+            _ => false,
+        })
     }
 
     /// What the gauge reads, kPa below ambient, and how long ago.
