@@ -30,15 +30,21 @@ fn start(folder: &Path, gauge: &str) -> Ended {
 }
 
 #[test]
-fn a_script_types_what_a_dial_shows_and_the_models_are_in_use() {
+fn what_is_typed_below_the_plateau_before_is_refused_and_the_session_can_be_ended() {
     let folder = tempfile::tempdir().unwrap();
     let _daemon = start(folder.path(), "typed = true, resolution_kpa = 0.2");
     let below = ["calibrate", "--target", "16", "--confirmed-by", "test", "--yes", "--typed", "0,2,1"];
     let said = taxeld_in(folder.path(), &below);
     let why = text(&said.stderr);
     assert!(!said.status.success() && why.contains("1 kPa is not above the 2 kPa of the plateau before"), "{why}");
-    let dial = "0,5,10,15,20,25,30,35,40";
     assert!(taxeld_in(folder.path(), &["sessions", "end", "1"]).status.success());
+}
+
+#[test]
+fn a_script_types_what_a_dial_shows_and_the_models_are_in_use() {
+    let folder = tempfile::tempdir().unwrap();
+    let _daemon = start(folder.path(), "typed = true, resolution_kpa = 0.2");
+    let dial = "0,5,10,15,20,25,30,35,40";
     let options = ["calibrate", "--target", "40", "--confirmed-by", "test", "--yes", "--typed", dial];
     let said = taxeld_in(folder.path(), &options);
     let (out, wrong) = (text(&said.stdout), text(&said.stderr));
