@@ -67,7 +67,7 @@ impl Patch {
 
     /// What is known of zeros outlives the daemon, as those of the boards do.
     pub fn note_zero(&mut self) {
-        if !self.has_begun || self.zero.is_written_down() {
+        if !self.has_begun || self.zero.is_being_written() {
             return; // the zero of before the start may be valid yet, or the next one is going to disk
         }
         if let Some(zero) = self.zero.news(self.settings, &self.noted) {

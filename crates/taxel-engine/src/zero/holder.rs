@@ -152,7 +152,7 @@ impl Zero {
     }
 
     /// Whether a zero waits for the disk.
-    pub const fn is_written_down(&self) -> bool {
+    pub const fn is_being_written(&self) -> bool {
         self.writing.is_some()
     }
 
