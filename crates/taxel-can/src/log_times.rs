@@ -1,6 +1,6 @@
 //! The times of a log, made to go on where its clock was set.
 //!
-//! Whoever recorded may have set the clock, a robot may have had no time of its own at first, and files may have been joined in
+//! The recording computer's clock may have been set, a robot may have had no time of its own at first, and files may have been joined in
 //! another order than they were recorded in. Everything behind this takes time to go on: it would refuse what follows a
 //! step back until it has caught up, and wait for years at a step forward. So from a step on a log's times are counted on
 //! from the newest one, and the report says where.

@@ -17,7 +17,7 @@ use crate::can_error::BusError;
 pub struct Batch {
     /// Data and remote frames, in the order of reception. Error frames are told as [`BusEvent::Error`].
     pub frames: Vec<TimedFrame>,
-    /// Error frames of a real bus's controller as they came, for whoever records the bus.
+    /// Error frames of a real bus's controller as they came, for recordings of the bus.
     pub errors: Vec<TimedFrame>,
     /// What happened to the bus, in order.
     pub events: Vec<BusEvent>,

@@ -1,4 +1,4 @@
-//! Signals by the names that a DBC file gives them, and single ones in its notation. Whoever has the file gives its text.
+//! Signals by the names that a DBC file gives them, and single ones in its notation. The caller reads the file.
 
 use std::collections::HashMap;
 

@@ -25,13 +25,13 @@ pub fn line(board: &Board, device: Option<&DevicePlan>, setup: Option<&BoardSetu
 }
 
 /// The period is left out: no count depends on it. A no-load value alone moves all counts by as much, and a force is made of
-/// differences; but rest is told from a load by where the counts lie, so that a load that makes up for it passes for rest.
+/// differences; but an unloaded skin is told from a load by where the counts lie, so that a load that makes up for it passes for rest.
 fn of_setup(setup: &BoardSetup, board: &Board) -> Vec<String> {
     let by_module = |what: &str, value: fn(&TriangleConfig) -> String| {
         // The last command that counts for a module.
         let of = |module: Module| setup.triangles.iter().rfind(|t| t.first <= module && module <= t.last).map(value);
-        let told = board.modules.iter().filter(|(module, _)| of(*module).is_some()).copied();
-        let words = in_words(&told.collect::<Vec<_>>(), |module, _| format!(" = {}", of(module).unwrap_or_default()));
+        let known = board.modules.iter().filter(|(module, _)| of(*module).is_some()).copied();
+        let words = in_words(&known.collect::<Vec<_>>(), |module, _| format!(" = {}", of(module).unwrap_or_default()));
         format!("{what} {words}")
     };
     vec![
@@ -67,10 +67,10 @@ pub fn sum(text: &str) -> u32 {
     text.bytes().fold(0x811c_9dc5, |sum, byte| (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193))
 }
 
-/// Modules, ascending, with a word for each; those in a row that have the same word are told together.
+/// Modules, ascending, with a word for each; those in a row that have the same word are listed together.
 fn in_words(modules: &[(Module, ModuleKind)], word: impl Fn(Module, ModuleKind) -> String) -> String {
-    let told: Vec<(Module, String)> = modules.iter().map(|&(module, kind)| (module, word(module, kind))).collect();
-    let runs = told.chunk_by(|a, b| a.0.get() + 1 == b.0.get() && a.1 == b.1);
+    let words: Vec<(Module, String)> = modules.iter().map(|&(module, kind)| (module, word(module, kind))).collect();
+    let runs = words.chunk_by(|a, b| a.0.get() + 1 == b.0.get() && a.1 == b.1);
     let in_words = runs.map(|run| match run {
         [(only, word)] => format!("{only}{word}"),
         [(first, word), .., (last, _)] => format!("{first}-{last}{word}"),
@@ -91,12 +91,12 @@ fn kind(_: Module, kind: ModuleKind) -> String {
 }
 
 /// What a line tells of a board.
-struct Told<'a> {
+struct Line<'a> {
     name: &'a str,
     facts: Vec<&'a str>,
 }
 
-impl<'a> Told<'a> {
+impl<'a> Line<'a> {
     /// Of a line; `None` if it is none of [`line()`].
     fn read(line: &'a str) -> Option<Self> {
         let (name, facts) = line.split_once(": ")?;
@@ -120,8 +120,8 @@ impl<'a> Told<'a> {
 /// the order of the boards taxels have their numbers. One whose address no board had before has new electronics, on the same
 /// pads.
 pub fn difference(lines: &[String], now: &[String]) -> Option<String> {
-    let then: Vec<Option<Told<'_>>> = lines.iter().map(|line| Told::read(line)).collect();
-    let now: Vec<Told<'_>> = now.iter().filter_map(|line| Told::read(line)).collect();
+    let then: Vec<Option<Line<'_>>> = lines.iter().map(|line| Line::read(line)).collect();
+    let now: Vec<Line<'_>> = now.iter().filter_map(|line| Line::read(line)).collect();
     if let Some(why) = other_order(&then, &now) {
         return Some(why);
     }
@@ -134,9 +134,9 @@ pub fn difference(lines: &[String], now: &[String]) -> Option<String> {
 }
 
 /// Why the boards are not in the order in which they were; `None` where they are, as far as all of them are known.
-fn other_order(then: &[Option<Told<'_>>], now: &[Told<'_>]) -> Option<String> {
-    let then: Vec<&str> = then.iter().map(|told| Some(told.as_ref()?.name)).collect::<Option<_>>()?;
-    let now: Vec<&str> = now.iter().map(|told| told.name).collect();
+fn other_order(then: &[Option<Line<'_>>], now: &[Line<'_>]) -> Option<String> {
+    let then: Vec<&str> = then.iter().map(|line| Some(line.as_ref()?.name)).collect::<Option<_>>()?;
+    let now: Vec<&str> = now.iter().map(|line| line.name).collect();
     let mut pairs = now.iter().zip(&then);
     let moved = pairs.any(|(now, before)| now != before && then.contains(now));
     if then.is_empty() || (then.len() == now.len() && !moved) {
@@ -156,8 +156,8 @@ pub fn differ_in(lines: &[String], others: &[String]) -> Option<(String, String)
 }
 
 fn mean_the_same(a: &str, b: &str) -> bool {
-    let (Some(one), Some(other)) = (Told::read(a), Told::read(b)) else { return a == b };
-    let is_configured = |told: &Told<'_>| told.fact(Some("type")).is_some();
+    let (Some(one), Some(other)) = (Line::read(a), Line::read(b)) else { return a == b };
+    let is_configured = |line: &Line<'_>| line.fact(Some("type")).is_some();
     one.name == other.name && is_configured(&one) == is_configured(&other) && one.changes(&other).next().is_none()
 }
 

@@ -2,7 +2,7 @@
 //!
 //! What is serializable here is so by the names of its fields: they are the format of MODELS.json, and its id depends on them.
 
-mod doubt;
+mod curve_sigma;
 
 use serde::{Deserialize, Serialize};
 use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};

@@ -104,7 +104,7 @@ pub enum ErrorReason {
     TareLoaded,
     /// The skin moved while it was watched for a tare.
     TareUnsteady,
-    /// The counts cannot show that nothing touches the skin; somebody may vouch for it.
+    /// The counts cannot show that nothing touches the skin; somebody may confirm it.
     TareUnproven,
     /// Another tare began meanwhile.
     TareSuperseded,

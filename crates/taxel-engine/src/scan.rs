@@ -4,7 +4,7 @@ use taxel_skin::Time;
 
 use crate::counts::Counts;
 
-/// One value from every module that was heard, and what of it may be believed.
+/// One value from every module that was heard, and what of it is valid.
 #[derive(Clone, Copy, Debug)]
 pub struct Scan<'a> {
     /// Mean receive time of its modules.
@@ -27,12 +27,12 @@ pub struct Scan<'a> {
 }
 
 impl Scan<'_> {
-    /// The counts of all taxels in units, `None` for those that may not be believed.
+    /// The counts of all taxels in units, `None` for those that are not valid.
     pub fn sound_counts(&self) -> impl Iterator<Item = Option<f64>> {
         self.counts.iter_units().zip(self.sound).map(|(count, &sound)| sound.then_some(count))
     }
 
-    /// The counts of those that may not be believed, as last received, `None` for the others.
+    /// The counts of those that are not valid, as last received, `None` for the others.
     pub fn faulty_counts(&self) -> impl Iterator<Item = Option<f64>> {
         self.counts.iter_units().zip(self.sound).map(|(count, &sound)| (!sound).then_some(count))
     }

@@ -122,7 +122,7 @@ fn refuse_other_counts(set: &ModelSet, recording: &Recording) -> anyhow::Result<
 
 /// Says what was done and what was left out.
 fn print_applied(data: &Path, notes: &[String], applied: &Applied) {
-    say!("{}: {}", data.display(), applied.zero.told);
+    say!("{}: {}", data.display(), applied.zero.words);
     notes.iter().for_each(|note| say!("  {note}"));
     let all = applied.unread.len();
     let read = applied.unread.iter().filter(|why| why.is_none()).count();

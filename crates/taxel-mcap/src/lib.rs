@@ -1,7 +1,7 @@
 //! Recordings as MCAP files, the container of Foxglove and ROS 2: live traffic and sessions, in messages of `taxel.v1`.
 //!
 //! Principles:
-//! 1. Whoever gives something to a [`Recorder`] never waits for a disk: its queue is bounded, and what it has no room for
+//! 1. A caller of [`Recorder`] never waits for a disk: its queue is bounded, and what it has no room for
 //!    is counted.
 //! 2. Every second what was gathered becomes a chunk of the file and goes to the disk. Whatever happens then, that chunk
 //!    can be read, also without the summary that only a file that was closed has.

@@ -56,7 +56,7 @@ pub enum Given {
     Lost,
 }
 
-/// Where whoever has something to record gives it. Cheap to clone.
+/// Where frames and samples to be recorded are given. Cheap to clone.
 #[derive(Clone)]
 pub struct Queue {
     sender: Sender<Item>,

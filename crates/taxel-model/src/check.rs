@@ -1,4 +1,4 @@
-//! Whether a model that came from outside (a file, a message) may be believed.
+//! Whether a model that came from outside (a file, a message) may be used.
 
 use crate::curve::Curve;
 use crate::model::TaxelModel;

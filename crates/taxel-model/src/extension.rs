@@ -1,4 +1,4 @@
-//! Beyond the calibrated range: a curve goes on with a slope that the whole skin vouches for.
+//! Beyond the calibrated range: a curve goes on with a slope that the whole skin has shown.
 //!
 //! The slope of one taxel's polynomial at its very end is its least certain figure: there the samples are few, and a
 //! static curve bends where hysteresis turns. So the slope is a chord over the last quarter of the range, in units of the

@@ -196,7 +196,7 @@ impl<'a> Fit<'a> {
                 let sum = (squares[0] + squares[1] + squares[2]) * self.data.samples / dof;
                 let local = (sum + PRIOR_SAMPLES * pooled) / (near + PRIOR_SAMPLES);
                 let quantum = if integer { curve.slope(*count).powi(2) / 12.0 } else { 0.0 };
-                // Where no sample vouches for the curve, the step from the next lower order stands for its error.
+                // Where no sample shows the curve, the step from the next lower order stands for its error.
                 let unseen = if near > 0.0 { 0.0 } else { self.d[curve.order()] * last };
                 // Quantisation is in the residuals of integer counts already: it is a floor, not a term. Far from all
                 // samples a basis overflows: the deviation stays a number that files can hold.

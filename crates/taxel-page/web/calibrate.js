@@ -124,7 +124,7 @@ function adviser() {
     if (grew("too_fast")) heed("Slower: scans at this rate are not used", "bad");
     else if (grew("gauge_spike") || grew("no_pressure")) heed("The gauge: its readings jump or do not come", "bad");
     else if (grew("stale_module")) heed("A module is silent", "bad");
-    else if (grew("zero_in_doubt")) heed("The zero is in doubt: does something touch the skin?", "bad");
+    else if (grew("zero_in_check")) heed("The zero is being checked: does something touch the skin?", "bad");
     before = refused;
     if (now < heeded.until) return heeded.advice;
     if (rate === undefined) return ["Waiting for the pressure", "warn"];

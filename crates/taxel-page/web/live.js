@@ -169,7 +169,7 @@ function overTime(all, now, seconds) {
 /** What the daemon refuses because it cannot see that the skin is unloaded: somebody may confirm it. */
 const CONFIRMABLE = ["SKIN_LOADED", "ZERO_INVALID"];
 
-/** A call that wants the skin unloaded; where that is in doubt, it asks who confirms it. */
+/** A call that wants the skin unloaded; where that is not certain, it asks who confirms it. */
 export async function unloaded(method) {
   try {
     return await call(method, { patch: state.patch });

@@ -1,4 +1,4 @@
-//! Whether a force may be acted on: the one rule, for whoever sends a sample or receives it.
+//! Whether a force may be acted on: the one rule, for senders and receivers of samples.
 //!
 //! A sample is a force while its state is OK or DEGRADED, its total is a number, and its age has not passed `max_age_s`.
 //! Its age is the age that it was sent with and the time that has passed since. The same rule is in

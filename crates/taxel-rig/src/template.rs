@@ -215,7 +215,7 @@ pub struct Found {
     pub template: String,
 }
 
-/// Every number in a line: for whoever looks for the right one.
+/// Every number in a line: for a user who looks for the right one.
 #[must_use]
 pub fn numbers_of(line: &str) -> Vec<Found> {
     let (mut found, mut before, mut rest) = (Vec::new(), String::new(), line.trim());

@@ -1,6 +1,6 @@
 //! When a pushed scan came at the earliest: what was taken late may have waited in its socket, where nobody stamps it.
 //!
-//! A scan has the time at which it is taken, as long as whoever takes it has its turn every few milliseconds. Where it had
+//! A scan has the time at which it is taken, as long as its task runs every few milliseconds. Where it had
 //! none for longer, because the process stood still or the machine was overloaded, a scan may have come as long ago as the turn
 //! before. With the time at which it is taken it would look fresh, whatever has happened on the skin since. The same holds
 //! for what is taken soon afterwards, since not all that has waited is read at once.

@@ -4,7 +4,7 @@
 //! reads its socket and gives no HTTP/2 window looks alive to TCP and to the keepalive, while its stream holds a place.
 //! Idle connections may live as long as there is room: when there is none, the longest idle one is closed for the new one.
 //!
-//! A connection is ended by shutting its socket down, which whoever reads or writes it learns at once.
+//! A connection is ended by shutting its socket down, which its reader and writer learn at once.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;

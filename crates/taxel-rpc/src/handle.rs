@@ -50,7 +50,7 @@ pub struct Handle {
     pub(crate) clock: Clock,
     pub(crate) heartbeat: Arc<Heartbeat>,
     pub(crate) shutdown: CancellationToken,
-    /// Held by whoever fits: one fit takes up to 150 MB.
+    /// Held by the fit that runs: one fit takes up to 150 MB.
     pub(crate) fits: Arc<Semaphore>,
     pub(crate) events: watch::Receiver<EventLog>,
 }
@@ -120,7 +120,7 @@ pub fn channel(
 }
 
 impl Publisher {
-    /// What whoever fits has to hold meanwhile: the fits of sessions and those that clients ask for take turns.
+    /// What a fit has to hold meanwhile: the fits of sessions and those that clients ask for take turns.
     #[must_use]
     pub fn fits(&self) -> Arc<Semaphore> {
         Arc::clone(&self.fits)

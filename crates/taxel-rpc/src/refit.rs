@@ -29,7 +29,7 @@ impl Service {
             return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, words).into());
         }
         let refit = self.plan_refit(views)?;
-        // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
+        // One at a time, so that memory for one is enough. A refused caller has lost nothing.
         let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
             let why = "another fit is under way, which ends within seconds: try again then";
             Refusal::exhausted(ErrorReason::DaemonBusy, why)

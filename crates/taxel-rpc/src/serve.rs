@@ -54,7 +54,7 @@ const REQUEST_MAX: Duration = Duration::from_secs(5);
 /// it is given one.
 const ERROR_RESETS_MAX: usize = 1024;
 
-/// The services for whoever calls them without a socket: the page. It gives the client's address as
+/// The services without a socket, for the page. It gives the client's address as
 /// [`TcpConnectInfo`](tonic::transport::server::TcpConnectInfo) and its `authorization`.
 pub type SharedServices = Routes;
 
@@ -82,7 +82,7 @@ impl Server {
         Ok(Self { handle, limits, refusals, reporter, routes })
     }
 
-    /// The services for whoever calls them without a socket, from any runtime, let through by the same rules and limits.
+    /// The services without a socket, from any runtime, let through by the same rules and limits.
     #[must_use]
     pub fn shared(&self) -> SharedServices {
         self.routes.clone()

@@ -211,7 +211,7 @@ pub(crate) fn check_session(number: u64) -> Result<u64, Status> {
     if number == 0 { Err(invalid("session", "0 is not a session; they are numbered from 1")) } else { Ok(number) }
 }
 
-/// The operator who vouches for something, if one does.
+/// The operator who confirms something, if one does.
 pub(crate) fn confirmed_by(text: &str) -> Result<Option<String>, Status> {
     let name = name("confirmed_by", text)?;
     Ok((!name.is_empty()).then_some(name))

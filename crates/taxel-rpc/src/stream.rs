@@ -3,7 +3,7 @@
 //! A value is taken from the engine's `watch` only when HTTP/2 asks for a message, so nothing queues here and the newest
 //! value always wins. hyper asks for one before it knows that there is room (since 1.10): one message may wait there, and
 //! what waits in HTTP/2 windows beyond is the client's; sequence and time in every message let it see that. Whether a value
-//! may still be believed is judged at that moment, too, and every few milliseconds while none comes. A reader that takes
+//! may still be used is judged at that moment, too, and every few milliseconds while none comes. A reader that takes
 //! nothing for too long is ended by the watch over connections.
 
 use futures_util::stream::{self, Stream};
@@ -112,7 +112,7 @@ impl PatchFollower {
 struct Subscription<M> {
     states: PatchFollower,
     /// At a rate of the subscriber's own, at which the last value is held. Without one a message is due with each new value,
-    /// and once more when it is too old to be believed.
+    /// and once more when it is too old to be used.
     ticks: Option<Ticks>,
     encode: Encode<M>,
     /// Registered once, not for every message.

@@ -109,7 +109,7 @@ fn load(load: &Load) -> v1::Load {
         scans: load.read.scans,
         error_percent: 100.0 * load.error(),
         within_two_sigma: load.is_within_two_sigma(),
-        reasons: load.read.reasons.iter().cloned().chain(load.doubt()).collect(),
+        reasons: load.read.reasons.iter().cloned().chain(load.far_off()).collect(),
         model_set: load.model_set.clone(),
         replaces: load.replaces.unwrap_or(0),
         taxels: load.read.taxels.iter().map(|taxel| u32::from(*taxel)).collect(),

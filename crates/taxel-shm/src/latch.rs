@@ -22,7 +22,7 @@ const TRIES: usize = 16;
 /// Writes the next sample. There must be one writer.
 pub(crate) fn write(words: &Words, sample: &SampleWords) {
     let number = words[AT_WRITES].load(Ordering::Relaxed).wrapping_add(1);
-    // Whoever sees a word of this sample also sees the count of the one before it.
+    // A reader that sees a word of this sample also sees the count of the one before it.
     fence(Ordering::Release);
     let at = AT_SAMPLES[(number & 1) as usize];
     for (word, value) in words[at..at + SAMPLE_WORDS].iter().zip(sample) {

@@ -47,7 +47,7 @@ pub struct PageWriter {
 
 impl PageWriter {
     /// Makes the page under a name of its own and then gives it that of the patch, so that nobody sees half of it, and
-    /// whoever still reads an older page is left with that.
+    /// a reader of an older page keeps that.
     pub(crate) fn create(
         (folder, lock): (&Path, Arc<Lock>),
         patch: &str,

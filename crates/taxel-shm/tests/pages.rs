@@ -203,7 +203,7 @@ fn readers(place: &std::path::Path) -> Vec<(std::path::PathBuf, Vec<String>)> {
 
 /// Also of another account, as systemd makes `/run/taxeld` for the daemon's own.
 #[test]
-fn a_page_is_believed_if_nobody_but_its_owner_can_write_in_it_or_in_its_folder() {
+fn a_page_is_read_if_nobody_but_its_owner_can_write_in_it_or_in_its_folder() {
     const NOBODY: u32 = 65_534;
     let (place, programs) = (in_memory(), tempfile::tempdir().unwrap());
     let mut writer = folder(&place).page("palm", LIMITS).unwrap();

@@ -221,7 +221,7 @@ impl Board {
         nominal.mul_f64(self.clock)
     }
 
-    /// Converts all dots. Goes on without power too: the fabric has its history whoever looks.
+    /// Converts all dots. Goes on without power too: the fabric has its history even so.
     pub(crate) fn convert(&mut self, pressures_kpa: &[f64], temperature_k: f64) {
         let period = self.local(CONVERSION);
         self.next_conversion = self.next_conversion + period;

@@ -65,7 +65,7 @@ pub(crate) fn take_its_place(path: &Path, copy: bool) -> Result<Option<PathBuf>,
         let from = connect::to_read(&beside(path, COPY))?;
         Backup::new(&from, &mut connection)?.step(-1)?;
         schema::bring_up_to_date(&mut connection)?;
-        doubt_zeros(&connection)?;
+        require_confirmation(&connection)?;
     } else {
         make_empty(&mut connection)?;
     }
@@ -84,9 +84,9 @@ pub(crate) fn make_empty(connection: &mut Connection) -> Result<(), StoreError> 
 }
 
 /// Writes down that every zero of a database needs confirmation.
-pub(crate) fn doubt_zeros(connection: &Connection) -> Result<(), StoreError> {
+pub(crate) fn require_confirmation(connection: &Connection) -> Result<(), StoreError> {
     let Found { mut restored, generation, .. } = restore::read(connection)?;
-    restore::doubt_zeros(&mut restored);
+    restore::require_confirmation(&mut restored);
     for (patch, zero) in &restored.zeros {
         facts::put(connection, Key::named(ZEROS, patch), zero)?;
     }

@@ -50,13 +50,13 @@ impl Db {
         Ok(Self { connection, state: State::default(), lock: None })
     }
 
-    /// Writes down that it is open, and that every zero needs confirmation if those are `doubted`. The log is folded back, so
+    /// Writes down that it is open, and that every zero needs confirmation if that is `required`. The log is folded back, so
     /// that the file alone says so.
-    pub(crate) fn begin(&mut self, path: &Path, doubted: bool) -> Result<(), StoreError> {
+    pub(crate) fn begin(&mut self, path: &Path, required: bool) -> Result<(), StoreError> {
         schema::use_log(&self.connection)?;
         let transaction = Transaction::new_unchecked(&self.connection, TransactionBehavior::Immediate)?;
-        if doubted {
-            copy::doubt_zeros(&transaction)?;
+        if required {
+            copy::require_confirmation(&transaction)?;
         }
         facts::put(&transaction, OPEN, &true)?;
         self.state.generation = restore::state(&transaction, GENERATION)?;

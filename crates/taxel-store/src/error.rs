@@ -7,7 +7,7 @@ use std::path::Path;
 use rusqlite::ErrorCode;
 use thiserror::Error;
 
-/// Why the store could not be opened, or could not write. Whoever opened it names the file.
+/// Why the store could not be opened, or could not write. The caller names the file.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum StoreError {
     /// Another process has it; its number, if that is known.

@@ -27,7 +27,7 @@ impl<'a> Key<'a> {
     }
 }
 
-/// A row, and what it says or why it is not believed.
+/// A row, and what it says or why it is invalid.
 #[derive(Debug)]
 pub(crate) struct Found<T> {
     pub(crate) name: String,

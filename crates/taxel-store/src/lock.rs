@@ -1,4 +1,4 @@
-//! One process at a time has a store. Whoever starts takes this lock first: before that nothing is written, moved or removed.
+//! One process at a time has a store. A process that starts takes this lock first: before that nothing is written, moved or removed.
 //!
 //! It is a lock on a small file of its own, which stays: the database may be replaced while the store is held, and of a
 //! damaged one SQLite gives no lock. The file holds the number of the process that has the store.
@@ -40,7 +40,7 @@ impl StoreLock {
         Ok(Self { was_ours: files::length(&path) > 0, file: Some(file) })
     }
 
-    /// Keeps whoever would write from a database that is read, and changes nothing.
+    /// Keeps writers from a database that is read, and changes nothing.
     ///
     /// # Errors
     /// [`StoreError::InUse`].

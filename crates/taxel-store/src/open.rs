@@ -62,10 +62,10 @@ fn to_write(path: &Path, mut lock: StoreLock) -> Result<Opened, StoreError> {
         }
         begun => begun?,
     };
-    let is_doubted = found.open || found.zeros_damaged;
+    let needs_confirmation = found.open || found.zeros_damaged;
     tell(&mut found, &mut findings);
     let mut db = Db { connection, state: State::of(&found, path), lock: None };
-    db.begin(path, is_doubted)?;
+    db.begin(path, needs_confirmation)?;
     lock.sign();
     db.lock = Some(lock);
     db.state.copy_due |= copy.is_none() && !found.restored.model_sets.is_empty();
@@ -136,7 +136,7 @@ fn tell(found: &mut Found, findings: &mut Vec<Quarantined>) {
         findings.push(Quarantined::lost(STORE, why));
     }
     if found.open || found.zeros_damaged {
-        restore::doubt_zeros(&mut found.restored);
+        restore::require_confirmation(&mut found.restored);
     }
     findings.append(&mut found.damage);
 }
@@ -156,7 +156,7 @@ fn to_read(path: &Path, failure: StoreError) -> Result<Opened, StoreError> {
             let path = beside(path, COPY);
             let why = format!("{error}; its copy of {} is served as it is, and {ZEROS}", files::made(&path));
             findings.push(Quarantined::lost(STORE, why));
-            restore::doubt_zeros(&mut copy.restored);
+            restore::require_confirmation(&mut copy.restored);
             (connect::to_read(&path)?, copy)
         }
         (begun, _) => begun?,

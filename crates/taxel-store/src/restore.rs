@@ -1,4 +1,4 @@
-//! What a start finds: every row is proven before it is believed.
+//! What a start finds: every row is checked before it is used.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -157,7 +157,7 @@ fn interrupt(connection: &Connection, view: &mut SessionView, samples: u64) -> R
 const UNKNOWN: &str = "what was noted of the zeros of its boards is lost: one may have taken a zero under a load";
 
 /// Has every patch of which anything is known need its zero confirmed.
-pub(crate) fn doubt_zeros(restored: &mut Restored) {
+pub(crate) fn require_confirmation(restored: &mut Restored) {
     let of_sets = restored.model_sets.iter().map(|set| &set.patch);
     let of_sessions = restored.sessions.iter().map(|view| &view.patch);
     let of_zeros = restored.zeros.iter().map(|(patch, _)| patch);
@@ -165,7 +165,7 @@ pub(crate) fn doubt_zeros(restored: &mut Restored) {
     let mut known: BTreeMap<_, _> = restored.zeros.drain(..).collect();
     for patch in patches {
         let zero = known.entry(patch).or_default();
-        zero.unproven.get_or_insert_with(|| UNKNOWN.to_owned());
+        zero.needs_confirmation.get_or_insert_with(|| UNKNOWN.to_owned());
         (zero.excused, zero.zero) = (None, None);
     }
     restored.zeros = known.into_iter().collect();

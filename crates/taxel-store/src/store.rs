@@ -43,7 +43,7 @@ impl Queue {
     }
 
     fn put(&self, work: Work) {
-        let _ = self.work.send(work); // whoever waits for a thread that has ended is told as this is dropped
+        let _ = self.work.send(work); // a caller that waits for a thread that has ended sees this being dropped
     }
 }
 
@@ -92,7 +92,7 @@ impl Store {
     }
 
     /// As [`Store::submit`], for what somebody asks for: it is refused while more than [`QUEUE_BATCHES_ASKED`] wait, so that
-    /// whoever asks much of a slow disk takes no room from what must be stored.
+    /// many queries on a slow disk take no room from what must be stored.
     ///
     /// # Errors
     /// [`QueueFull`] with the batch, nothing of which is stored.

@@ -109,7 +109,7 @@ impl Writer {
         }
     }
 
-    /// Copies the database, a part at a time: commits and whoever asks have their turns in between.
+    /// Copies the database, a part at a time: commits and queries have their turns in between.
     fn copy(&mut self, connection: &Connection, work: &WorkSource) -> Result<(), StoreError> {
         let Some(path) = self.state.path.clone() else { return Ok(()) };
         let mut part = copy::begin(&path)?;
@@ -157,7 +157,7 @@ impl Writer {
         }
         let kept = if self.state.path.is_some() { Durability::OnDisk } else { Durability::InMemory };
         let written = self.state.write(connection, group.iter().flat_map(|entry| &entry.records));
-        // Whoever deleted something may rely on its bytes being gone. That the commit holds does not hang on it.
+        // After a deletion the bytes have to be gone. That the commit holds does not hang on it.
         let erased = if written.is_ok() { self.state.tidy_log(connection) } else { Ok(()) };
         let outcome = written.as_ref().map(|_| kept).map_err(Clone::clone);
         for entry in group {

@@ -15,7 +15,7 @@
 //! way the frame went (`-x`), and is passed over.
 //!
 //! No line says whether its time is counted from 1970 (`-ta`), from the log's beginning (`-tz`), or from the frame before
-//! (`-td`). Times from the beginning are as good as any; times from the frame before go up and down, and whoever reads a
+//! (`-td`). Times from the beginning are as good as any; times from the frame before go up and down, and a reader of a
 //! whole log can tell by that.
 
 use taxel_skin::Time;

@@ -65,7 +65,7 @@ impl Connection {
         self.stream.write_all(text.as_bytes()).await
     }
 
-    /// The stream, for whoever only writes from now on.
+    /// The stream, for callers that only write from now on.
     pub fn into_stream(self) -> TcpStream {
         self.stream.into_inner()
     }

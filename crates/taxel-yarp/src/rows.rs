@@ -1,7 +1,7 @@
 //! From the vector of a skin port to the frames that its boards sent.
 //!
 //! A port goes on under fresh stamps when a board died, a cable came out or the Ethernet board hangs: the robot's software
-//! sends what it has. So nothing is believed but change. The ten counts of a live triangle do not all stay equal for more
+//! sends what it has. So only change counts. The ten counts of a live triangle do not all stay equal for more
 //! than three scans (58,000 scans of real skin); those of a dead one stay for ever. A triangle of which nothing changed
 //! sends no frame here, and is silent to the engine after as many periods as any board. Its values are as old as their
 //! last change: up to a period too old, never too young.

@@ -183,7 +183,7 @@ impl Bench {
         let (mut measured_n, mut sigma_n) = (0.0, 0.0);
         for _ in 0..10 {
             self.run(Duration::from_millis(50));
-            // A zero that is in doubt for a moment gives no force; a weighing waits for it as an operator would.
+            // A zero that is in check for a moment gives no force; a weighing waits for it as an operator would.
             self.run_until(Duration::from_secs(3), "a force", Self::has_force)?;
             let sample = &self.offline.snapshots[0].force;
             measured_n += sample.total.map_or(f64::NAN, |total| total.0) / 10.0;

@@ -1,7 +1,7 @@
 //! What happened that an operator may ask for later: zeros, faults, activations, sessions and buses, with their times.
 //!
-//! [`EventWatch`] derives it from what the engine puts out, so that an event says what every reader was told, and nothing
-//! else. Zeros, sessions, activations and buses are told each; of faults of taxels those that come and end.
+//! [`EventWatch`] derives it from what the engine puts out, so that an event says what every reader was shown, and nothing
+//! else. Zeros, sessions, activations and buses are reported each; of faults of taxels those that come and end.
 
 use crate::boundary::catalogue::Catalogue;
 use crate::boundary::fault_events::FaultLog;
@@ -58,7 +58,7 @@ impl Event {
     }
 }
 
-/// What was last told of a patch.
+/// What was last reported of a patch.
 #[derive(Debug)]
 struct PatchSeen {
     name: String,
@@ -160,8 +160,8 @@ impl PatchSeen {
 
     fn faults(&mut self, wall_ns: i64, snapshot: &PatchSnapshot, events: &mut Vec<Event>) {
         let Some(now) = snapshot.taxels.faults() else { return };
-        let told = [EventKind::FaultsCame, EventKind::FaultsWent].into_iter().zip(self.faults.look(wall_ns, now));
-        for (kind, (text, taxels)) in told.filter_map(|(kind, news)| Some((kind, news?))) {
+        let news = [EventKind::FaultsCame, EventKind::FaultsWent].into_iter().zip(self.faults.look(wall_ns, now));
+        for (kind, (text, taxels)) in news.filter_map(|(kind, news)| Some((kind, news?))) {
             events.push(Event { taxels, ..Event::new(wall_ns, kind, &self.name, text) });
         }
     }

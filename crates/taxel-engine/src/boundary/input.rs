@@ -61,6 +61,6 @@ pub enum Input<'a> {
     },
     /// The store refused a write; why. No session can go on.
     StoreFailed(String),
-    /// The store found that something on disk is not what was written: all that is damaged, a line each, also what was told before.
+    /// The store found that something on disk is not what was written: all that is damaged, a line each, also what was reported before.
     StoreDamaged(Vec<String>),
 }

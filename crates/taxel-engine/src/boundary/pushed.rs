@@ -9,7 +9,7 @@ pub struct PushedScan {
     pub patch: usize,
     /// When this machine received it, at the earliest: the age of its force is counted from here.
     pub time: Time,
-    /// When it was taken. It may have waited for that since `time`, where nobody has told when it came; how fast scans come is
+    /// When it was taken. It may have waited for that since `time`, where nobody has said when it came; how fast scans come is
     /// judged by this.
     pub taken: Time,
     /// One raw count per taxel.

@@ -50,17 +50,17 @@ impl GaugeZero {
     }
 
     /// Standard uncertainty of what was taken off, kPa: that of a rectangle as wide as the greatest.
-    pub fn doubt_kpa(&self) -> f64 {
+    pub fn sigma_kpa(&self) -> f64 {
         self.greatest_kpa() / 3.0_f64.sqrt()
     }
 
     /// In words, for the method of a set; nothing where it is as good as none.
-    pub fn told(&self) -> String {
+    pub fn in_words(&self) -> String {
         let zeros = || self.ramps.iter().filter_map(|(_, kpa)| *kpa);
         let (least, greatest) = (zeros().fold(f64::INFINITY, f64::min), zeros().fold(f64::NEG_INFINITY, f64::max));
-        let told = if least == greatest { format!("{least:.1}") } else { format!("{least:.1} to {greatest:.1}") };
+        let zero = if least == greatest { format!("{least:.1}") } else { format!("{least:.1} to {greatest:.1}") };
         let is_worth_it = self.greatest_kpa() >= TOLD_FROM_KPA;
-        if is_worth_it { format!(", less {told} kPa that the gauge read at rest") } else { String::new() }
+        if is_worth_it { format!(", less {zero} kPa that the gauge read at rest") } else { String::new() }
     }
 
     fn greatest_kpa(&self) -> f64 {
@@ -68,7 +68,7 @@ impl GaugeZero {
     }
 }
 
-/// By how much a doubt about the zero is to be raised for what it makes of the upper end of the range: (s - 1) / sqrt(3), s being
+/// By how much the uncertainty of the zero is to be raised for what it makes of the upper end of the range: (s - 1) / sqrt(3), s being
 /// how many times as many counts a kPa moves at rest as at the upper end, over secants of a fifth of the range. Nine taxels of ten
 /// have no more; at least 1.
 pub(crate) fn steeper_at_rest(models: &[TaxelModel], rest: &[TaxelBaseline]) -> f64 {
@@ -93,8 +93,8 @@ impl SessionSamples {
     /// Standard uncertainty that the models of a set have because of what was taken off the pressures that they are fitted to,
     /// kPa. The set has it in its offset.
     #[must_use]
-    pub fn gauge_zero_doubt_kpa(&self, set: &ModelSet) -> f64 {
-        GaugeZero::of(&self.ramps).doubt_kpa() * steeper_at_rest(&set.taxels, &set.baseline)
+    pub fn gauge_zero_sigma_kpa(&self, set: &ModelSet) -> f64 {
+        GaugeZero::of(&self.ramps).sigma_kpa() * steeper_at_rest(&set.taxels, &set.baseline)
     }
 }
 
@@ -111,13 +111,13 @@ mod tests {
     }
 
     #[test]
-    fn each_ramp_is_taken_from_its_own_zero_and_the_farthest_stays_in_doubt() {
+    fn each_ramp_is_taken_from_its_own_zero_and_the_farthest_stays_uncertain() {
         let zero = GaugeZero::of(&[begun(0, Some(-0.3)), begun(1, Some(6.0))]);
         assert_eq!([0, 1].map(|ramp| zero.pressure_kpa(&read(ramp, 20.0))), [20.3, 14.0]);
-        assert!((zero.doubt_kpa() - 6.0 / 3.0_f64.sqrt()).abs() < 1e-12);
-        assert_eq!(zero.told(), ", less -0.3 to 6.0 kPa that the gauge read at rest");
+        assert!((zero.sigma_kpa() - 6.0 / 3.0_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(zero.in_words(), ", less -0.3 to 6.0 kPa that the gauge read at rest");
         let several: Vec<RampBaseline> = (0..).zip([5.2, 5.9, 5.0, 5.4]).map(|(n, kpa)| begun(n, Some(kpa))).collect();
-        assert_eq!(GaugeZero::of(&several).told(), ", less 5.0 to 5.9 kPa that the gauge read at rest");
+        assert_eq!(GaugeZero::of(&several).in_words(), ", less 5.0 to 5.9 kPa that the gauge read at rest");
     }
 
     #[test]

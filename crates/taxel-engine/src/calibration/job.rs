@@ -143,7 +143,7 @@ impl FitJob {
             patch: self.patch.clone(),
             created_wall_ns: self.wall_ns,
             session: self.sessions.last().copied(),
-            method: format!("{}{falls}{}{}", set.method, self.together_in_words(), gauge_zero.told()),
+            method: format!("{}{falls}{}{}", set.method, self.together_in_words(), gauge_zero.in_words()),
             board_settings: self.board_settings.clone(),
             baseline: rest.to_vec(),
             pressure_max_kpa: kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),

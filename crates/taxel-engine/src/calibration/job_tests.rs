@@ -79,9 +79,9 @@ fn another_zero_of_a_ramp_changes_no_curve() {
 }
 
 /// A skin that bends nine times as much at rest as at the upper end: by ([`steeper_at_rest`](super::gauge_zero)) 8 over the root
-/// of 3 what is in doubt of the zero.
+/// of 3 the uncertainty of the zero.
 #[test]
-fn a_zero_of_the_gauge_is_in_more_doubt_on_a_skin_that_bends_more_at_rest() {
+fn a_zero_of_the_gauge_is_less_certain_on_a_skin_that_bends_more_at_rest() {
     let offset_kpa = |count: fn(f64) -> f64| {
         let mut samples = gathered(&[240], false);
         samples.ramps[0].gauge_kpa = Some(0.06);
@@ -90,7 +90,7 @@ fn a_zero_of_the_gauge_is_in_more_doubt_on_a_skin_that_bends_more_at_rest() {
             sample.pressure_kpa += 0.06;
         }
         let set = set(&job(samples.clone(), Branch::Rising));
-        [set.gauge_offset_kpa, samples.gauge_zero_doubt_kpa(&set)] // a certificate asks for the second
+        [set.gauge_offset_kpa, samples.gauge_zero_sigma_kpa(&set)] // a certificate asks for the second
     };
     let (straight, bent) = (offset_kpa(|kpa| 240.0 - 2.0 * kpa), offset_kpa(|kpa| 240.0 - 20.0 * kpa.sqrt()));
     let own = straight[0].powi(2) - (0.06_f64.powi(2)) / 3.0;
@@ -192,7 +192,7 @@ fn what_a_curve_reads_at_its_own_zero_is_in_the_uncertainty_of_a_sum() {
 /// Of the same skin, whose bag bridges two taxels up to 6 kPa, with counts that fall and with counts that rise.
 #[test]
 fn what_a_curve_reads_at_its_own_zero_is_as_much_where_counts_rise() {
-    let doubts_kpa = |mirrored: bool| {
+    let curve_sigmas_kpa = |mirrored: bool| {
         let mirror = |count: f64| if mirrored { 255.0 - count } else { count };
         let mut samples = gathered(&[240], false);
         samples.ramps[0].taxels.iter_mut().for_each(|rest| rest.mean = mirror(rest.mean));
@@ -202,9 +202,9 @@ fn what_a_curve_reads_at_its_own_zero_is_as_much_where_counts_rise() {
             let count = |taxel: usize| mirror((240.0 - (2.0 + 0.1 * taxel as f64) * pressed(taxel)).round());
             sample.counts = (0..TAXELS).map(|taxel| count(taxel) as u16).collect::<Vec<u16>>().into();
         }
-        set(&job(samples, Branch::Rising)).doubts_kpa()
+        set(&job(samples, Branch::Rising)).curve_sigmas_kpa()
     };
-    let (falling, rising) = (doubts_kpa(false), doubts_kpa(true));
+    let (falling, rising) = (curve_sigmas_kpa(false), curve_sigmas_kpa(true));
     assert!(falling[0] > 1.0 && falling[3] < 0.5, "{falling:?}");
     assert!(falling.iter().zip(&rising).all(|(a, b)| (a - b).abs() < 1e-6), "{falling:?} {rising:?}");
 }
@@ -215,7 +215,7 @@ fn states_and_refusals_have_the_words_of_the_service() {
     assert_eq!(words, "TARING RAMPING FITTING REVIEW ACTIVE DISCARDED ABORTED FAILED INTERRUPTED");
     let words = SampleRefusal::ALL.map(SampleRefusal::name).join(" ");
     let expected =
-        "not_rising too_fast no_pressure stale_module full gauge_spike not_falling zero_in_doubt gauge_stuck";
+        "not_rising too_fast no_pressure stale_module full gauge_spike not_falling zero_in_check gauge_stuck";
     assert_eq!(words, expected);
     let on_disk = SampleRefusal::ALL.map(|reason| serde_json::to_string(&reason).unwrap());
     assert_eq!(on_disk.join(" ").replace('"', ""), expected);

@@ -13,7 +13,7 @@ const SPIKE_BANDS: f64 = 4.0;
 /// on the skin, and taxels that move while they are watched get no zero.
 const DRIFT_BANDS: f64 = 0.25;
 
-/// A scan enters the session when the zero has stood for so long after it. A board that takes a new zero unseen is
+/// A scan enters the session when the zero has stood for so long after it. A board that takes a new zero unnoticed is
 /// found within that time, and the scans with the wrong zero never get in.
 pub const PROBATION: Duration = Duration::from_secs(1);
 

@@ -19,7 +19,7 @@ const SCANS_MIN: usize = 60;
 /// From the first third of that to the last a settled skin moves by less, in counts in the mean of its taxels: by a leak of 0.05 kPa
 /// a second, which is below what a dial tells, and by creep.
 const DRIFT_COUNTS: f64 = 0.1;
-/// While somebody reads and types it may move by so many times that: what is told must not be taken back at once.
+/// While somebody reads and types it may move by so many times that: what is shown must not be taken back at once.
 const TYPING_SLACK: f64 = 2.0;
 /// Or by this share of what it moved since the plateau before: after a large step creep goes on for minutes.
 const DRIFT_SHARE: f64 = 0.01;
@@ -76,7 +76,7 @@ impl Plateaus {
         }
     }
 
-    /// The scans are not to be believed.
+    /// The scans are invalid.
     pub fn forget_scans(&mut self) {
         self.scans.clear();
     }

@@ -1,4 +1,4 @@
-//! What gauge and taxels did since a rise began: by that an operator is told why nothing enters any more.
+//! What gauge and taxels did since a rise began: by that an operator learns why nothing enters any more.
 
 use std::time::Duration;
 
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gauge_is_only_doubted_where_most_taxels_have_moved() {
+    fn a_gauge_is_only_suspect_where_most_taxels_have_moved() {
         let says = |moved: u16| {
             let mut rise = rise(&[5.0, 5.0], [200, 200]);
             rise.on_scan(&[0, 1, 2, 3].map(|taxel| if taxel < moved { 180 } else { 200 }).into());

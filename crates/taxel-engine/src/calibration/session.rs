@@ -68,7 +68,7 @@ pub struct SessionRun {
     extremes: Vec<(f64, f64)>,
     /// Scans whose modules were not all fresh, since the last sample: they explain a failure.
     stale_since_progress: u64,
-    /// Whether it was told that the rise cannot get further.
+    /// Whether it was reported that the rise cannot get further.
     stalled: bool,
     /// When it reached its present state, on the run's clock.
     entered: Time,
@@ -199,12 +199,12 @@ impl SessionRun {
         }
     }
 
-    /// The zero was lost or is in doubt: the scans that wait are not to be believed.
+    /// The zero was lost or is in check: the scans that wait are not valid.
     pub fn drop_waiting(&mut self) {
         let dropped = self.pending.len() as u64;
         self.pending.clear();
         self.plateaus.iter_mut().for_each(Plateaus::forget_scans);
-        self.view.refused.add(SampleRefusal::ZeroInDoubt, dropped);
+        self.view.refused.add(SampleRefusal::ZeroInCheck, dropped);
         self.dirty = true;
     }
 

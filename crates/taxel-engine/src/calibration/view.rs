@@ -63,8 +63,8 @@ named! {
         GaugeSpike = "gauge_spike",
         /// On the falling branch the pressure was not below what had been reached.
         NotFalling = "not_falling",
-        /// The zero was lost or came into doubt within a second after it.
-        ZeroInDoubt = "zero_in_doubt",
+        /// The zero was lost or came into check within a second after it.
+        ZeroInCheck = "zero_in_check",
         /// The gauge repeated the same reading while the pressure went on.
         GaugeStuck = "gauge_stuck",
     }

@@ -1,5 +1,5 @@
 //! Whether the curves, zeros and uncertainties of a model set from elsewhere can be those of a patch. A set that was scaled,
-//! turned over or damaged on its way reads as a force that nobody would doubt.
+//! turned over or damaged on its way reads as a force that looks right.
 
 use taxel_model::{Served, Sign, TaxelModel, figure};
 use taxel_skin::Kilopascal;

@@ -27,9 +27,9 @@ use crate::plan::Plan;
 use crate::request::RequestId;
 
 /// The kernel keeps half a second of a full bus, and what it drops began after that: of so long a time frames may lack that it
-/// dropped. A longer pause of the host is told as such.
+/// dropped. A longer pause of the host is reported as such.
 const BUFFERED: Duration = Duration::from_millis(500);
-/// After a longer pause of the daemon the boards' zero is in doubt.
+/// After a longer pause of the daemon the boards are suspect.
 const PAUSE_MAX: Duration = Duration::from_secs(10);
 /// Health is shown this soon after something changed; staleness and faults have their own, faster ways out.
 const HEALTH_EVERY: Duration = Duration::from_millis(250);
@@ -159,7 +159,7 @@ impl Engine {
         }
         self.note_sessions();
         if std::mem::take(&mut self.catalogue_dirty) {
-            // Before the sessions of this step: whoever reads that one is in review asks for its model set.
+            // Before the sessions of this step: a reader that sees one in review asks for its model set.
             let session = self.out.iter().position(|output| matches!(output, Output::Session(..)));
             let catalogue = Output::Catalogue(Arc::new(self.catalogue()));
             self.out.insert(session.unwrap_or(self.out.len()), catalogue);

@@ -2,7 +2,7 @@
 //!
 //! An *unread* taxel bears the mean of the read ones beside it, and at most that and two standard deviations of theirs: three times as
 //! much at the rim of the skin, where they lie on one side of it. Without positions those of its module count as beside it. Of
-//! fewer than two nothing follows: such a taxel is *blind*. Where unread taxels are filled, contacts that fit those beside them say
+//! fewer than two nothing follows: such a taxel is *uncovered*. Where unread taxels are filled, contacts that fit those beside them say
 //! what they bear (`fill.rs`). A contact that lies on one taxel alone, or in a gap of several, is not
 //! held by this rule; nothing in the counts shows it.
 
@@ -14,7 +14,7 @@ use crate::force::reason::positions;
 use crate::force::tables::Tables;
 use crate::scan::Scan;
 
-/// A taxel is told by so many others at least.
+/// So many others at least say what a taxel bears.
 const READ_BESIDE_MIN: usize = 2;
 /// Standard deviations of the readings beside it that an unread taxel bears more at most: 95 %.
 const SIGMAS: f64 = 2.0;
@@ -96,9 +96,9 @@ impl Watched {
 }
 
 /// The taxels that are not selected and lie where no selected ones tell of a load on them either, ascending.
-pub fn blind(neighbours: Option<&Neighbours>, modules: &[Range<usize>], selected: &[bool]) -> Vec<u16> {
+pub fn uncovered(neighbours: Option<&Neighbours>, modules: &[Range<usize>], selected: &[bool]) -> Vec<u16> {
     let unread = |range: Range<usize>| range.filter(|&taxel| !selected[taxel]);
-    let mut blind = match neighbours {
+    let mut uncovered = match neighbours {
         Some(neighbours) => {
             let read_beside = |taxel: usize| neighbours.of(taxel).filter(|&other| selected[other]).count();
             positions(unread(0..selected.len()).filter(|&taxel| read_beside(taxel) < READ_BESIDE_MIN))
@@ -112,8 +112,8 @@ pub fn blind(neighbours: Option<&Neighbours>, modules: &[Range<usize>], selected
             positions(modules.iter().filter(is_cornered).flat_map(|range| unread(range.clone())))
         }
     };
-    blind.sort_unstable();
-    blind
+    uncovered.sort_unstable();
+    uncovered
 }
 
 #[cfg(test)]
@@ -121,28 +121,29 @@ mod tests {
     use super::*;
     use crate::force::tests::row;
 
-    fn blind_of(neighbours: Option<&Neighbours>, lengths: &[usize], missing: impl Fn(usize) -> bool) -> Vec<u16> {
+    fn uncovered_of(neighbours: Option<&Neighbours>, lengths: &[usize], missing: impl Fn(usize) -> bool) -> Vec<u16> {
         let starts = lengths.iter().scan(0, |end, length| Some(std::mem::replace(end, *end + length)));
         let modules: Vec<Range<usize>> = starts.zip(lengths).map(|(start, length)| start..start + length).collect();
         let selected: Vec<bool> = (0..lengths.iter().sum()).map(|taxel| !missing(taxel)).collect();
-        blind(neighbours, &modules, &selected)
+        uncovered(neighbours, &modules, &selected)
     }
 
     #[test]
-    fn a_taxel_is_blind_where_fewer_than_two_beside_it_can_be_read() {
+    fn a_taxel_is_uncovered_where_fewer_than_two_beside_it_can_be_read() {
         let row = Neighbours::new(&row(20));
-        let blind = |missing: &dyn Fn(usize) -> bool| blind_of(Some(&row), &[10, 10], missing);
-        assert!(blind(&|taxel| taxel == 5).is_empty(), "one among sound ones");
-        assert_eq!(blind(&|taxel| taxel >= 10), (10..20).collect::<Vec<u16>>(), "a module");
-        assert_eq!(blind(&|_| true).len(), 20);
+        let uncovered = |missing: &dyn Fn(usize) -> bool| uncovered_of(Some(&row), &[10, 10], missing);
+        assert!(uncovered(&|taxel| taxel == 5).is_empty(), "one among sound ones");
+        assert_eq!(uncovered(&|taxel| taxel >= 10), (10..20).collect::<Vec<u16>>(), "a module");
+        assert_eq!(uncovered(&|_| true).len(), 20);
     }
 
     #[test]
     fn without_positions_a_corner_of_a_module_may_be_missing() {
-        let blind = |lengths: &[usize], missing: &[usize]| blind_of(None, lengths, |t| missing.contains(&t)).len();
-        assert_eq!([blind(&[10, 10], &[0, 1, 10, 11]), blind(&[10, 10], &[0, 1, 2])], [0, 3]);
-        assert_eq!([blind(&[12, 3], &[13, 14]), blind(&[12, 3], &[13]), blind(&[12, 2], &[13])], [2, 0, 1]);
-        assert_eq!([blind(&[12, 1], &[12]), blind(&[12, 1], &[])], [1, 0]);
+        let uncovered =
+            |lengths: &[usize], missing: &[usize]| uncovered_of(None, lengths, |t| missing.contains(&t)).len();
+        assert_eq!([uncovered(&[10, 10], &[0, 1, 10, 11]), uncovered(&[10, 10], &[0, 1, 2])], [0, 3]);
+        assert_eq!([uncovered(&[12, 3], &[13, 14]), uncovered(&[12, 3], &[13]), uncovered(&[12, 2], &[13])], [2, 0, 1]);
+        assert_eq!([uncovered(&[12, 1], &[12]), uncovered(&[12, 1], &[])], [1, 0]);
     }
 
     #[test]

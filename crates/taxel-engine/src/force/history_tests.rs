@@ -85,7 +85,7 @@ impl Skin {
         self
     }
 
-    fn doubt(&mut self) -> &mut Self {
+    fn check_zero(&mut self) -> &mut Self {
         self.force.move_zero(None, None, 0.0);
         self
     }
@@ -125,9 +125,9 @@ impl Skin {
 }
 
 #[test]
-fn a_set_that_comes_into_use_while_the_zero_is_in_doubt_has_a_history_from_then_on() {
+fn a_set_that_comes_into_use_while_the_zero_is_in_check_has_a_history_from_then_on() {
     let mut skin = Skin::bare();
-    skin.go(50).doubt().force.set_models(models(), 0.0);
+    skin.go(50).check_zero().force.set_models(models(), 0.0);
     skin.clear();
     let first = skin.scan(50);
     skin.holds(&first, "of the past nothing is known");

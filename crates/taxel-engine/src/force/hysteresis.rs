@@ -4,7 +4,7 @@
 //! no scans to come, and the mean runs over the past only: exponential, with the same mean age that half the window of
 //! the recording has. The curve itself is read at the newest count, so that a touch is seen at once.
 //!
-//! An offset may be off in two ways, both told as [`Offsets::sigma_kpa`]:
+//! An offset may be off in two ways, both given as [`Offsets::sigma_kpa`]:
 //! - **A history that is not known**, of a set that comes into use or of a taxel that was not heard for a while: whatever
 //!   lies on the skin may have risen to it or fallen to it. Two runs of the plays enclose all that may have been
 //!   (`hysteresis/bracket.rs`); the middle of both is served until they meet.

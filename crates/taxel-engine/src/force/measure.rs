@@ -12,10 +12,10 @@ use crate::force::evaluator::Evaluator;
 use crate::force::fill::{Discs, near, of_unread};
 use crate::force::neighbours::Neighbours;
 use crate::force::offsets::Offsets;
-use crate::force::remainder::SHARED_NOISE;
 use crate::force::sample::ForceSample;
 use crate::force::sampling::{Contact, Pressed};
 use crate::force::unloading::still_there_n;
+use crate::force::untouched::SHARED_NOISE;
 use crate::model_set::GAIN_OF_DAY_REL;
 
 /// Which parts of a force sample are computed beside the total.
@@ -301,9 +301,9 @@ impl ForceModel {
         touch.unread.iter().map(|one| one.at_most_kpa * self.newton_per_kpa(one.taxel)).sum()
     }
 
-    /// The taxels that are not selected and of which none beside them tells, ascending.
-    pub fn blind(&self, selected: &[bool]) -> Vec<u16> {
-        coverage::blind(self.neighbours.as_ref(), &self.layout.modules, selected)
+    /// The taxels that are neither selected nor beside two that are, ascending.
+    pub fn uncovered(&self, selected: &[bool]) -> Vec<u16> {
+        coverage::uncovered(self.neighbours.as_ref(), &self.layout.modules, selected)
     }
 
     /// 1 kPa on 1 mm2 is 1e-3 N.

@@ -15,7 +15,6 @@ pub(crate) mod neighbours;
 pub(crate) mod offsets;
 pub(crate) mod owner;
 pub(crate) mod reason;
-pub(crate) mod remainder;
 pub(crate) mod sample;
 pub(crate) mod sampling;
 mod source;
@@ -24,6 +23,7 @@ pub(crate) mod taxels;
 #[cfg(test)]
 pub(crate) mod tests;
 mod unloading;
+pub(crate) mod untouched;
 
 pub use crate::baseline::Activation;
 pub use evaluator::Evaluator;

@@ -2,7 +2,7 @@
 //!
 //! Touch at the edge of a contact is too weak for a taxel to be activated by itself. Beside an activated one, the low of two
 //! thresholds suffices ([`Neighbours::grow`]; hysteresis thresholding after Canny 1986). What lies on a taxel that cannot be read
-//! is told by those beside it (`coverage.rs`).
+//! follows from those beside it (`coverage.rs`).
 
 use taxel_skin::Geometry;
 

@@ -17,10 +17,10 @@ use crate::force::hysteresis::Hysteresis;
 use crate::force::measure::{ForceModel, Layout, Present, Touch};
 use crate::force::offsets::Offsets;
 use crate::force::reason::{Reason, ReasonCode};
-use crate::force::remainder::{Remainder, Rest};
-use crate::force::sample::{ForceSample, ForceState, Undetected};
+use crate::force::sample::{ForceSample, ForceState};
 use crate::force::tables::Tables;
 use crate::force::unloading::Unloading;
+use crate::force::untouched::{Untouched, Zeros};
 use crate::model_set::{GAIN_OF_DAY_REL, ModelSet};
 use crate::scan::Scan;
 
@@ -95,8 +95,8 @@ pub struct Force {
     zero: Option<Vec<TaxelBaseline>>,
     /// The same without what it has followed of the temperature since it was taken; empty without a zero.
     taken: Vec<TaxelBaseline>,
-    /// The zero that somebody vouched for, if there is one with the zeros that the boards have.
-    vouched: Option<Arc<[TaxelBaseline]>>,
+    /// The zero that somebody confirmed, if there is one with the zeros that the boards have.
+    confirmed: Option<Arc<[TaxelBaseline]>>,
     /// How far it lies towards load from that of the models, as far as that may be what the skin remembers, counts.
     residue_counts: f64,
     evaluator: Option<Evaluator>,
@@ -104,13 +104,13 @@ pub struct Force {
     hysteresis: Option<Hysteresis>,
     /// Soundness of the scan that it followed last.
     followed: Option<u64>,
-    remainder: Remainder,
+    untouched: Untouched,
     /// Soundness of the scan that the selection was last made for.
     selected_for: Option<u64>,
     /// Taxels of modules that are heard, with a usable model, that are not selected.
     watched: Vec<Watched>,
-    /// Taxels of which nothing that is read tells, ascending.
-    blind: Arc<[u16]>,
+    /// Taxels that are neither read nor beside two that are, ascending.
+    uncovered: Arc<[u16]>,
     /// How many taxels are selected.
     usable: usize,
     /// The last total, and by how much it jumped at the last change of zero or model set.
@@ -139,15 +139,15 @@ impl Force {
             lacks_models: Reason::new(ReasonCode::NoModelSet, NO_MODELS),
             zero: None,
             taken: Vec::new(),
-            vouched: None,
+            confirmed: None,
             residue_counts: 0.0,
             evaluator: None,
             hysteresis: None,
             followed: None,
-            remainder: Remainder::default(),
+            untouched: Untouched::default(),
             selected_for: None,
             watched: Vec::new(),
-            blind: Arc::default(),
+            uncovered: Arc::default(),
             usable: 0,
             last: None,
             step: None,
@@ -198,8 +198,8 @@ impl Force {
     }
 
     /// A zero that somebody confirmed since the boards took theirs.
-    pub fn set_vouched(&mut self, vouched: Option<&Arc<[TaxelBaseline]>>) {
-        self.vouched = vouched.cloned();
+    pub fn set_confirmed(&mut self, confirmed: Option<&Arc<[TaxelBaseline]>>) {
+        self.confirmed = confirmed.cloned();
         self.selected_for = None;
     }
 
@@ -245,7 +245,7 @@ impl Force {
         self.selected_for = None;
     }
 
-    /// The play operators of sound taxels follow the scan. While the zero is in doubt they follow by the one that held
+    /// The play operators of sound taxels follow the scan. While the zero is in check they follow by the one that held
     /// before: if it holds again they have missed nothing, and another one begins them anew.
     pub fn follow(&mut self, scan: &Scan<'_>) {
         let Some(hysteresis) = &mut self.hysteresis else { return };
@@ -271,7 +271,7 @@ impl Force {
         }
         self.selected_for = Some(scan.soundness);
         evaluator.select(|taxel| scan.sound[taxel]);
-        self.blind = self.model.blind(evaluator.selection()).into();
+        self.uncovered = self.model.uncovered(evaluator.selection()).into();
         self.usable = evaluator.selected().count();
         let layout = self.model.layout();
         let heard = layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
@@ -280,10 +280,10 @@ impl Force {
         let watched = |taxel| Watched::new(tables, zero, self.activation, taxel, scan.sound[taxel]);
         self.watched = unread.filter_map(watched).collect();
         if self.zero.is_some() {
-            let zero = Rest { taken: &self.taken, vouched: self.vouched.as_deref().unwrap_or_default() };
+            let zeros = Zeros { taken: &self.taken, confirmed: self.confirmed.as_deref().unwrap_or_default() };
             let relative_sigma = tables.set().gauge_gain_rel.hypot(layout.area_uncertainty).hypot(GAIN_OF_DAY_REL);
             let selected = evaluator.selection();
-            self.remainder = Remainder::new(tables, zero, selected, &layout.modules, relative_sigma);
+            self.untouched = Untouched::new(tables, zeros, selected, &layout.modules, relative_sigma);
         }
     }
 
@@ -317,9 +317,9 @@ impl Force {
         let mut touch = std::mem::take(&mut self.touch);
         self.model.touch(evaluator, scan.counts, &mut touch);
         let summed = touch.active.iter().map(|(taxel, _)| *taxel).chain(touch.ring.iter().map(|(taxel, _)| *taxel));
-        let unseen = self.remainder.unseen(scan.counts, summed, [zero.hides.0, zero.sigma.0]);
-        let before = self.off_counts.unwrap_or(unseen.off_counts);
-        let off_counts = before + (unseen.off_counts - before) / OFFSET_SCANS;
+        let below = self.untouched.below(scan.counts, summed, [zero.hides.0, zero.sigma.0]);
+        let before = self.off_counts.unwrap_or(below.off_counts);
+        let off_counts = before + (below.off_counts - before) / OFFSET_SCANS;
         self.off_counts = Some(off_counts);
         // What has become heavier may be load.
         let zero_sigma_counts = zero.sigma_counts.hypot(off_counts.max(OFFSET_LEFT_COUNTS));
@@ -330,7 +330,7 @@ impl Force {
             missed_counts: zero.missed_counts,
             off_counts,
             residue_sigma_counts,
-            choice_n: unseen.choice_n,
+            choice_n: below.choice_n,
             jumps,
             gone_n,
         };
@@ -338,7 +338,7 @@ impl Force {
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, present);
         self.unloading.follow(sample.total, sample.budget.of(Term::Readings).0);
         self.contact_ids.give(&mut sample.contacts);
-        sample.undetected = Some(Undetected { newton: unseen.newton, sigma_n: unseen.sigma_n });
+        sample.undetected = Some(below.undetected);
         sample.model_set = self.id.clone();
         let (stale, excluded) = (silent as u32, (taxels - self.usable).saturating_sub(silent) as u32);
         (sample.stale, sample.excluded) = (stale, excluded);

@@ -7,11 +7,11 @@ use std::sync::Arc;
 /// way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ReasonCode {
-    /// No frame of the patch has come yet. Told by whoever sends the sample.
+    /// No frame of the patch has come yet. Added by the sender of the sample.
     NoFrame,
-    /// The newest frame is too old. Told by whoever sends the sample.
+    /// The newest frame is too old. Added by the sender of the sample.
     FrameOld,
-    /// The engine does not run. Told by whoever sends the sample.
+    /// The engine does not run. Added by the sender of the sample.
     EngineStalled,
     /// Taxels are silent.
     TaxelsSilent,

@@ -1,4 +1,4 @@
-//! What is told of the force and of each taxel at one moment.
+//! What is known of the force and of each taxel at one moment.
 
 use std::sync::Arc;
 use taxel_skin::{Newton, Time};

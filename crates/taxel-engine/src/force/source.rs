@@ -14,8 +14,8 @@ const RANGE_MARGIN_SIGMAS: f64 = 2.0;
 
 /// Least uncertainty of what a curve's extension adds, as a share of it. Live, a count beyond the range may also come from
 /// a zero that is wrong or a fault that is not seen yet: two standard deviations reach back to the range's end, which is
-/// all that the calibration vouches for.
-const UNVOUCHED_SHARE: f64 = 0.5;
+/// all that the calibration has seen.
+const EXTENSION_SHARE: f64 = 0.5;
 
 /// A unit is a 256th of the range, so that one more entry is the end of the last.
 pub(super) const ENTRIES: usize = 257;
@@ -82,7 +82,7 @@ pub(super) struct Source<'a> {
     /// What lies between its zero and its range; `None` where hysteresis is compensated.
     light: Option<LightEnd>,
     /// What its calibration leaves open and neighbouring taxels share, kPa.
-    doubt_kpa: f64,
+    curve_sigma_kpa: f64,
     /// The present zero.
     now: TaxelBaseline,
     /// What is added to a count to get the count that the models refer to.
@@ -140,7 +140,7 @@ impl<'a> Source<'a> {
         set: &'a ModelSet,
         taxel: usize,
         extension: Option<Extension>,
-        doubt_kpa: f64,
+        curve_sigma_kpa: f64,
         (now, then): (TaxelBaseline, TaxelBaseline),
         dead_zone: DeadZone,
     ) -> Self {
@@ -148,7 +148,19 @@ impl<'a> Source<'a> {
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let light = plays.is_none().then(|| LightEnd::new(model, then.mean)).flatten();
         let shift = then.mean - now.mean + sign.as_f64() * dead_zone.stays_counts;
-        Self { model, plays, in_use: set.in_use(taxel), set, extension, light, doubt_kpa, now, shift, dead_zone, sign }
+        Self {
+            model,
+            plays,
+            in_use: set.in_use(taxel),
+            set,
+            extension,
+            light,
+            curve_sigma_kpa,
+            now,
+            shift,
+            dead_zone,
+            sign,
+        }
     }
 
     /// What a count of so many units means in the range of counts, of which `pressure_kpa` are the pressures.
@@ -170,11 +182,12 @@ impl<'a> Source<'a> {
             _ => self.range_at(units),
         };
         // Left-out readings of a skin fit show what the calibration leaves open, too.
-        let doubt_kpa = self.doubt_kpa(units) as f32;
+        let curve_sigma_kpa = self.curve_sigma_kpa(units) as f32;
         let in_sigma = self.model.points.is_some();
-        let sigma_kpa = if in_sigma { doubt_kpa.max(sigma_kpa as f32) } else { doubt_kpa.hypot(sigma_kpa as f32) };
+        let sigma_kpa =
+            if in_sigma { curve_sigma_kpa.max(sigma_kpa as f32) } else { curve_sigma_kpa.hypot(sigma_kpa as f32) };
         let beyond = self.beyond(units);
-        let sigma_kpa = sigma_kpa.hypot(beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa) as f32);
+        let sigma_kpa = sigma_kpa.hypot(beyond.sigma_kpa().max(EXTENSION_SHARE * beyond.kpa) as f32);
         Meaning { units, sigma_kpa, kpa_per_count, range }
     }
 
@@ -211,20 +224,20 @@ impl<'a> Source<'a> {
     }
 
     /// What the calibration leaves open at a count, kPa.
-    fn doubt_kpa(&self, units: f64) -> f64 {
-        self.doubt_kpa.hypot(self.light_end(units).map_or(0.0, |(_, sigma_kpa)| sigma_kpa))
+    fn curve_sigma_kpa(&self, units: f64) -> f64 {
+        self.curve_sigma_kpa.hypot(self.light_end(units).map_or(0.0, |(_, sigma_kpa)| sigma_kpa))
     }
 
     /// What of the uncertainty beyond the calibrated range all taxels have in common, kPa: how stiff the skin is there.
     fn beyond_shared_kpa(&self, units: f64) -> f64 {
         let beyond = self.beyond(units);
-        beyond.shared_kpa.max(UNVOUCHED_SHARE * beyond.kpa)
+        beyond.shared_kpa.max(EXTENSION_SHARE * beyond.kpa)
     }
 
     /// What a count contributes to the uncertainty of a force.
     fn share(&self, meaning: &Meaning, area: SquareMillimetre) -> Share {
         let newton_per_kpa = area.0 * 1e-3;
-        let shared_kpa = [self.doubt_kpa(meaning.units), self.beyond_shared_kpa(meaning.units)];
+        let shared_kpa = [self.curve_sigma_kpa(meaning.units), self.beyond_shared_kpa(meaning.units)];
         Share {
             per_count_n: (newton_per_kpa * f64::from(meaning.kpa_per_count)) as f32,
             is_above: meaning.range == RangeFlag::Above,

@@ -76,7 +76,7 @@ impl Tables {
     /// models.
     ///
     /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
-    /// The next load finds of that remainder what the skin's dead zone explains (`dead_zone.rs`), and reads as much too little; the
+    /// The next load finds of that what the skin's dead zone explains (`dead_zone.rs`), and reads as much too little; the
     /// rest creeps back. So touched taxels are read at that much more, which is uncertain.
     pub fn of_range(
         counts: CountRange,
@@ -102,14 +102,14 @@ impl Tables {
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
         };
-        let of_set = tables.set.extensions().into_iter().zip(tables.set.doubts_kpa());
-        for (taxel, (extension, doubt_kpa)) in of_set.enumerate() {
+        let of_set = tables.set.extensions().into_iter().zip(tables.set.curve_sigmas_kpa());
+        for (taxel, (extension, curve_sigma_kpa)) in of_set.enumerate() {
             let then = tables.set.baseline.get(taxel);
             if let (Some(now), Some(then), Some(area)) = (rest.get(taxel), then, areas.get(taxel))
                 // A zero or a reference that was never measured proves nothing about the taxel.
                 && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
             {
-                let source = Source::new(&tables.set, taxel, extension, doubt_kpa, (*now, *then), dead_zone);
+                let source = Source::new(&tables.set, taxel, extension, curve_sigma_kpa, (*now, *then), dead_zone);
                 let (table, force_n) = source.tabulate(*area, counts);
                 tables.light[taxel] = source.light(&table, *area, activation);
                 tables.polarity[taxel] = if source.sign == Sign::Falling { u16::MAX } else { 0 };

@@ -301,9 +301,9 @@ fn what_may_lie_on_a_taxel_without_a_model_is_in_the_interval() {
     let mut skin = Skin::with_models(Some(row(TAXELS)), Arc::new(models)).press(24..30, 6).press(23..24, 20);
     let sample = skin.measured().sample;
     let newton = |value: Option<Newton>| value.unwrap().0;
-    let (felt, unfelt) = (5.6, 7.0);
+    let (felt, undetected) = (5.6, 7.0);
     let high = newton(sample.most(3.0));
-    assert!((newton(sample.total) - felt).abs() < 0.3 && high > felt + unfelt, "{:?} to {high}", sample.total);
+    assert!((newton(sample.total) - felt).abs() < 0.3 && high > felt + undetected, "{:?} to {high}", sample.total);
 }
 
 /// An untouched skin would be DEGRADED for one scan in twenty, for whatever taxel the noise activates beside a faulty one.

@@ -10,12 +10,12 @@ const NO_ACKS_TO_SILENT_TARE: u32 = 5;
 /// A board that was not heard for so long does not stream: three of the longest periods.
 pub const SILENT_AFTER: Duration = Duration::from_millis(300);
 
-/// Why a board's zero is in doubt.
+/// Why a board's zero may be another.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BoardDoubt {
+pub struct Suspicion {
     /// In words that name the board.
     pub why: String,
-    /// Whether the board has surely taken a new zero, or may have lost it unseen. Else the counts have to show it.
+    /// Whether the board has surely taken a new zero, or may have lost it unnoticed. Else the counts have to show it.
     pub certain: bool,
 }
 
@@ -33,8 +33,8 @@ pub enum BoardNews {
 /// How long a board may be silent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SilenceLimits {
-    /// After a longer silence its zero is in doubt.
-    pub doubt_after: Duration,
+    /// After a longer silence it is suspect.
+    pub suspect_after: Duration,
     /// After a longer silence it may have lost its power.
     pub power_cycle_after: Duration,
 }
@@ -43,11 +43,11 @@ pub struct SilenceLimits {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ZeroSign {
     /// It may have another.
-    Doubted(BoardDoubt),
+    Suspect(Suspicion),
     /// It is a described device that is not well from now on.
     Unwell,
-    /// It is one that is well again, and why its zero is in doubt.
-    Well(BoardDoubt),
+    /// It is one that is well again, and why it is suspect.
+    Well(Suspicion),
     /// It has a new one: the counts of another patch that has modules of it have shown that; why, in words that name the board.
     Moved(String),
 }
@@ -62,7 +62,7 @@ pub struct BoardState {
     /// Since the board was last known to begin its own count anew.
     no_acks: u32,
     overflows: u64,
-    /// From when to when the host may have lost frames, as told last: so much of a silence need not be the board's.
+    /// From when to when the host may have lost frames, as reported last: so much of a silence need not be the board's.
     lost: Option<[Time; 2]>,
     /// Since when a described device has said that it is not well.
     unwell_since: Option<Time>,
@@ -91,36 +91,36 @@ impl BoardState {
                 let name = &self.name;
                 let why =
                     format!("{name} was not well by its own status for {seconds:.2} s and may have taken a new zero");
-                Some(ZeroSign::Well(BoardDoubt { why, certain: unwell > limits.power_cycle_after }))
+                Some(ZeroSign::Well(Suspicion { why, certain: unwell > limits.power_cycle_after }))
             }
             _ => None,
         }
     }
 
-    /// A module of the board came whole. Returns why the board's zero is in doubt, if it is.
-    pub fn on_module(&mut self, time: Time, status: StatusWord, limits: SilenceLimits) -> Option<BoardDoubt> {
+    /// A module of the board came whole. Returns why the board is suspect, if it is.
+    pub fn on_module(&mut self, time: Time, status: StatusWord, limits: SilenceLimits) -> Option<Suspicion> {
         let silence = self.last.map(|last| time.since(last));
         let unheard = self.last.map_or(Duration::ZERO, |last| self.lost_between(last, time));
         self.last = Some(time);
         self.status_errors += u64::from(!status.is_ok());
         let no_ack = status.no_ack().then(|| self.on_no_ack()); // counted whatever else is found
-        if let Some(silence) = silence.filter(|&s| s > limits.doubt_after) {
+        if let Some(silence) = silence.filter(|&s| s > limits.suspect_after) {
             let seconds = silence.as_secs_f64();
             if silence.saturating_sub(unheard) > limits.power_cycle_after {
                 self.no_acks = 0; // it counts from its start, too
                 let why = format!("{} was silent for {seconds:.1} s and may have lost its power", self.name);
-                return Some(BoardDoubt { why, certain: true });
+                return Some(Suspicion { why, certain: true });
             }
             let why = format!("{} was not heard for {seconds:.2} s", self.name);
-            let not_heard = BoardDoubt { why, certain: false };
-            return no_ack.filter(|doubt| doubt.certain).or(Some(not_heard));
+            let not_heard = Suspicion { why, certain: false };
+            return no_ack.filter(|suspicion| suspicion.certain).or(Some(not_heard));
         }
         no_ack
     }
 
     /// How far the board's own count was when we began to listen is not known, so any lost acknowledgement may be the
     /// one that makes it take a new zero; of five, one surely did.
-    fn on_no_ack(&mut self) -> BoardDoubt {
+    fn on_no_ack(&mut self) -> Suspicion {
         self.no_acks += 1;
         let certain = self.no_acks >= NO_ACKS_TO_SILENT_TARE;
         let name = &self.name;
@@ -132,7 +132,7 @@ impl BoardState {
         } else {
             format!("{name} reported a lost acknowledgement and may have taken a new zero")
         };
-        BoardDoubt { why, certain }
+        Suspicion { why, certain }
     }
 
     /// Whether it streams.
@@ -206,21 +206,21 @@ mod tests {
     use super::*;
 
     const LIMITS: SilenceLimits =
-        SilenceLimits { doubt_after: Duration::from_millis(150), power_cycle_after: Duration::from_secs(1) };
+        SilenceLimits { suspect_after: Duration::from_millis(150), power_cycle_after: Duration::from_secs(1) };
 
     /// What is held against a board that was silent from 1 s on for so long, of which the host may have heard nothing in these
     /// gaps, from and to, seconds.
     fn after(silence_s: f64, gaps_s: &[[f64; 2]]) -> Option<bool> {
         let mut board = BoardState::default();
-        let doubt = board.on_module(Time::from_seconds(1.0), StatusWord(0), LIMITS);
-        assert_eq!(doubt, None);
+        let suspicion = board.on_module(Time::from_seconds(1.0), StatusWord(0), LIMITS);
+        assert_eq!(suspicion, None);
         for [from_s, to_s] in gaps_s {
             board.on_frames_lost(Time::from_seconds(*to_s), Duration::from_secs_f64(to_s - from_s));
         }
-        let doubt = board.on_module(Time::from_seconds(1.0 + silence_s), StatusWord(0), LIMITS);
+        let suspicion = board.on_module(Time::from_seconds(1.0 + silence_s), StatusWord(0), LIMITS);
         let again = board.on_module(Time::from_seconds(8.0 + silence_s), StatusWord(0), LIMITS);
-        assert!(again.is_some_and(|doubt| doubt.certain), "a gap excuses one silence");
-        doubt.map(|doubt| doubt.certain)
+        assert!(again.is_some_and(|suspicion| suspicion.certain), "a gap excuses one silence");
+        suspicion.map(|suspicion| suspicion.certain)
     }
 
     #[test]
@@ -249,19 +249,19 @@ mod tests {
         assert_eq!(board.on_module(Time::from_seconds(1.05), StatusWord(0), LIMITS), None);
         board.on_frames_lost(Time::from_seconds(2.81), Duration::from_millis(500));
         assert_eq!(board.on_module(Time::from_seconds(1.15), StatusWord(0), LIMITS), None);
-        let doubt = board.on_module(Time::from_seconds(2.85), StatusWord(0), LIMITS).unwrap();
-        assert!(!doubt.certain, "{doubt:?}");
+        let suspicion = board.on_module(Time::from_seconds(2.85), StatusWord(0), LIMITS).unwrap();
+        assert!(!suspicion.certain, "{suspicion:?}");
     }
 
     #[test]
-    fn up_to_a_limit_nothing_is_doubted_and_nothing_is_certain() {
+    fn up_to_a_limit_nothing_is_suspect_and_nothing_is_certain() {
         assert_eq!((after(0.15, &[]), after(0.16, &[])), (None, Some(false)));
         assert_eq!((after(1.0, &[]), after(1.01, &[])), (Some(false), Some(true)));
         let mut board = BoardState::default();
         let mut unwell_for = |seconds: f64| {
             board.on_device(Time::from_seconds(5.0), false, LIMITS);
             match board.on_device(Time::from_seconds(5.0 + seconds), true, LIMITS) {
-                Some(ZeroSign::Well(doubt)) => doubt.certain,
+                Some(ZeroSign::Well(suspicion)) => suspicion.certain,
                 news => panic!("{news:?}"),
             }
         };
@@ -290,11 +290,11 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_was_not_well_is_doubted_when_it_is_again() {
+    fn a_device_that_was_not_well_is_suspect_when_it_is_again() {
         let mut board = BoardState::default();
         let mut news = |ms: i64, is_well| {
             board.on_device(Time::from_nanos(ms * 1_000_000), is_well, LIMITS).map(|news| match news {
-                ZeroSign::Well(doubt) => Some(doubt.certain),
+                ZeroSign::Well(suspicion) => Some(suspicion.certain),
                 _ => None,
             })
         };

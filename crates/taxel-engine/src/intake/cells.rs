@@ -2,7 +2,7 @@
 //!
 //! A device is a group of taxels that has its power and its zero in common, as a skin board has. Its taxels lie in one
 //! frame or in several, of one identifier or more, multiplexed or not. A module is complete when all frames that hold its
-//! taxels have come *of one and the same scan*. What belongs to one scan is told by
+//! taxels have come *of one and the same scan*. What belongs to one scan is shown by
 //!
 //! - **time**: frames that are less than half a period apart, as a board's head and tail;
 //! - a **frame** that begins each scan: what came before it is of another one;
@@ -162,7 +162,7 @@ impl Device {
     /// Takes a frame. `None` if the device has no such frame.
     ///
     /// # Errors
-    /// [`TooShort`] if it ends before one of its numbers does; nothing of it is believed.
+    /// [`TooShort`] if it ends before one of its numbers does; nothing of it is used.
     pub fn on_frame(&mut self, frame: &TimedFrame) -> Result<Option<Brought>, TooShort> {
         let mut brought = None;
         let number = |signal: &DeviceSignal| {
@@ -246,7 +246,7 @@ impl Device {
         found.and_then(|parts| self.counts.get(parts.taxels.clone())).unwrap_or_default()
     }
 
-    /// Whether its status is the good one, as far as it told.
+    /// Whether its status is the good one, as far as it said.
     pub const fn is_well(&self) -> bool {
         self.well
     }

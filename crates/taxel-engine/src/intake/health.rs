@@ -28,12 +28,12 @@ pub struct BusState {
     pub health: BusHealth,
     /// The problem is an error that the controller reported, and not why no frame can come.
     reported: bool,
-    /// When it was told last that no frame can come.
+    /// When it was reported last that no frame can come.
     down_at: Option<Time>,
 }
 
 impl BusState {
-    /// Frames came, the newest of them received at this time: the bus is up, whatever was told before. Those that were
+    /// Frames came, the newest of them received at this time: the bus is up, whatever was reported before. Those that were
     /// received before it went down say nothing: what a socket holds then is read after the error. Gives whether that is
     /// news.
     pub fn on_frames(&mut self, received: Time) -> bool {
@@ -53,7 +53,7 @@ impl BusState {
         self.health.last_malformed = why;
     }
 
-    /// Takes a notice that is told `now`; returns why the boards' zero is in doubt, if it is.
+    /// Takes a notice that comes `now`; returns why the boards are suspect, if they are.
     pub fn on_notice(&mut self, now: Time, notice: BusNotice) -> Option<String> {
         let health = &mut self.health;
         match notice {

@@ -1,4 +1,4 @@
-//! Frames to scans: what was heard, what of it may be believed, and what it says of the boards.
+//! Frames to scans: what was heard, what of it is valid, and what it says of the boards.
 
 pub(crate) mod assembler;
 pub(crate) mod boards;

@@ -2,13 +2,13 @@
 //!
 //! Frames carry neither a counter nor a time of their own. Two things make more scans than a board sends: a queue
 //! somewhere on the way that lets old frames go at once, and a second node that uses the board's identifier. In both
-//! cases some of the values are wrong and nothing in a frame says which. So at most one scan a period is believed, with
+//! cases some of the values are wrong and nothing in a frame says which. So at most one scan a period is taken, with
 //! a tolerance of half a period for what the bus delays (the generic cell rate algorithm of ITU-T I.371). One scan too
 //! many takes the module out for two periods, a second one within `MEMORY` for a whole second.
 //!
 //! A board that steadily sends faster than configured is no such case: after `STEADY` of even intervals its own period
-//! is believed, and the health says that the configuration has another. But a board changes its pace only where it starts
-//! anew. One that has kept the period that is believed for `STEADY` and then seems to send twice as often is two nodes, half
+//! is taken, and the health says that the configuration has another. But a board changes its pace only where it starts
+//! anew. One that has kept the period that is taken for `STEADY` and then seems to send twice as often is two nodes, half
 //! a period apart: the module stays out for as long as both send. After a silence of `BREAK` it may have started anew.
 
 use std::time::Duration;
@@ -39,7 +39,7 @@ const WORD_SHARE: f64 = 0.2;
 #[derive(Clone, Debug)]
 pub struct Pace {
     configured: Duration,
-    /// The period that is believed.
+    /// The period that is taken.
     period: Duration,
     /// [`PERIOD_SHARE`] and [`TOLERANCE_SHARE`] of it.
     least: Duration,
@@ -54,7 +54,7 @@ pub struct Pace {
     excess: (Option<Time>, u64),
     /// Since when, from its start on, no scan was too many.
     kept_since: Option<Time>,
-    /// It has kept the believed period for [`STEADY`] since its start: from now on it is no faster.
+    /// It has kept the period taken for [`STEADY`] since its start: from now on it is no faster.
     is_proven: bool,
 }
 
@@ -158,7 +158,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_board_on_a_busy_bus_is_believed(
+        fn a_board_on_a_busy_bus_is_taken(
             late in proptest::collection::vec(0.0..20.0_f64, 400), ppm in -5_000.0..5_000.0_f64,
         ) {
             let mut pace = Pace::new(PERIOD);
@@ -183,14 +183,14 @@ mod tests {
             let mut pace = Pace::new(PERIOD);
             assert!(refused(&mut pace, (0..60).map(|i| f64::from(i) * 50.0)).is_empty());
             let both = (60..1_200).flat_map(|i| [f64::from(i) * 50.0, f64::from(i) * 50.0 + phase]);
-            let (mut out_until, mut believed) = (ms(0.0), 0);
+            let (mut out_until, mut taken) = (ms(0.0), 0);
             for time in both.map(ms) {
                 match pace.on_scan(time) {
                     Some(until) => out_until = out_until.max(until),
-                    None => believed += u32::from(time > ms(3_200.0) && time >= out_until),
+                    None => taken += u32::from(time > ms(3_200.0) && time >= out_until),
                 }
             }
-            assert_eq!(believed, 0, "scans of one of two nodes while the module is in use, {phase} ms apart");
+            assert_eq!(taken, 0, "scans of one of two nodes while the module is in use, {phase} ms apart");
             // Neither does a second without frames make one board of them.
             let both = (1_224..1_400).flat_map(|i| [f64::from(i) * 50.0, f64::from(i) * 50.0 + phase]);
             assert!(refused(&mut pace, both).len() > 80);
@@ -203,7 +203,7 @@ mod tests {
     fn a_board_that_is_configured_sends_at_the_configured_period_from_then_on() {
         let mut pace = Pace::new(PERIOD);
         refused(&mut pace, (0..200).map(|i| f64::from(i) * 25.0));
-        assert!(refused(&mut pace, (200..240).map(|i| f64::from(i) * 25.0)).is_empty(), "it is believed");
+        assert!(refused(&mut pace, (200..240).map(|i| f64::from(i) * 25.0)).is_empty(), "it is taken");
         pace.on_bring_up();
         let found = refused(&mut pace, (120..160).flat_map(|i| [f64::from(i) * 50.0, f64::from(i) * 50.0 + 25.0]));
         assert!(found.len() > 10, "{found:?}");
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_that_is_steadily_faster_is_believed_and_told() {
+    fn a_board_that_is_steadily_faster_is_taken_and_reported() {
         let mut fast = Pace::new(PERIOD);
         let refused_ms = refused(&mut fast, (0..1_000).map(|i| f64::from(i) * 10.0));
         assert!(refused_ms.last().is_some_and(|last| *last < 2_100.0), "{:?}", refused_ms.last());

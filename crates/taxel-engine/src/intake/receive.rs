@@ -3,7 +3,7 @@
 //! Order of calls: [`Intake::on_module_frame`] and its sisters for each frame, at the frame's own time; when one of them
 //! gives [`IntakeEvent::Scan`], [`Intake::scan`] is that scan. [`Intake::tick`] at the latest at [`Intake::deadline`].
 
-mod told;
+mod reports;
 
 use std::time::Duration;
 use taxel_skin::{BusIndex, Patch, Time};
@@ -242,7 +242,7 @@ impl Intake {
         write: impl FnOnce(&mut ScanAssembler, &Patch) -> Option<ScanEnd>,
     ) {
         if let Some(until) = self.paces[module].on_scan(came) {
-            self.faults.doubt_module(came, module, until);
+            self.faults.suspect_module(came, module, until);
             self.refresh_soundness();
             events.push(IntakeEvent::Changed);
             return;
@@ -268,14 +268,14 @@ impl Intake {
     /// Looks for signs that the board has lost its zero.
     fn watch_board(&mut self, board: usize, time: Time, status: StatusWord, events: &mut Vec<IntakeEvent>) {
         let limits = self.silence_limits();
-        let doubt = self.boards[board].on_module(time, status, limits);
+        let suspicion = self.boards[board].on_module(time, status, limits);
         // While boards are configured, silence and new zeros are what that is for.
-        let doubt = doubt.filter(|_| !self.bring_up.is_busy());
-        events.extend(doubt.map(|doubt| IntakeEvent::Board(board, ZeroSign::Doubted(doubt))));
+        let suspicion = suspicion.filter(|_| !self.bring_up.is_busy());
+        events.extend(suspicion.map(|why| IntakeEvent::Board(board, ZeroSign::Suspect(why))));
     }
 
     const fn silence_limits(&self) -> SilenceLimits {
-        SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after }
+        SilenceLimits { suspect_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after }
     }
 
     /// A reading of the gauge.
@@ -333,7 +333,7 @@ impl Intake {
         self.soundness += 1;
     }
 
-    /// The scan that ended last, with what is believed of it now.
+    /// The scan that ended last, with what is valid of it now.
     pub fn scan(&self) -> Scan<'_> {
         Scan {
             time: self.end.time,

@@ -125,7 +125,7 @@ impl Load {
 
     /// That it is far off, and what to do; `None` where it is not.
     #[must_use]
-    pub fn doubt(&self) -> Option<String> {
+    pub fn far_off(&self) -> Option<String> {
         let percent = 100.0 * self.error();
         (percent.abs() > FAR_OFF_PERCENT).then(|| {
             format!(

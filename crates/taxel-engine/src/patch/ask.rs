@@ -212,12 +212,12 @@ impl Patch {
         self.zero.on_models(&set);
         self.force.set_models(set, self.zero.residue_counts());
         self.force.move_zero(self.zero.in_force(), self.zero.as_taken(), self.zero.residue_counts()); // it may be one for other models
-        self.force.set_vouched(self.zero.vouched());
+        self.force.set_confirmed(self.zero.confirmed());
         self.zero.weigh(&self.force.newton_per_count());
         self.dirty = true;
     }
 
-    /// The set that was in use before the start is not used; why is told with every force that is missing, until another
+    /// The set that was in use before the start is not used; why is said with every force that is missing, until another
     /// one is.
     pub fn refuse_models(&mut self, why: &str) {
         self.force.refuse_models(why);

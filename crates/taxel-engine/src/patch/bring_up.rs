@@ -10,7 +10,7 @@ use crate::now::Now;
 use crate::patch::owner::{BEING_CONFIGURED, Patch};
 
 /// What is held against the zeros of boards that were configured while nothing could show what lay on them.
-const CONFIGURED_UNSEEN: &str =
+const CONFIGURED_UNCHECKED: &str =
     "the boards were configured while there was no force to show a load: one that lay there then reads as 0 N";
 
 impl Patch {
@@ -57,10 +57,10 @@ impl Patch {
         let streams = self.intake.streams(now.time);
         let streaming = streams.iter().zip(wanted).any(|(streams, wanted)| *streams && *wanted);
         let shows_loads = self.force.is_ready() && self.felt.is_some();
-        let unseen = streaming && !confirmed && !shows_loads;
+        let unchecked = streaming && !confirmed && !shows_loads;
         self.with_zero(now, |zero, events| zero.lose(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, events));
         self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
-        self.zero.on_bring_up(confirmed, unseen.then_some(CONFIGURED_UNSEEN));
+        self.zero.on_bring_up(confirmed, unchecked.then_some(CONFIGURED_UNCHECKED));
         self.intake.start_bring_up(now.time, wanted);
         (self.has_begun, self.dirty) = (true, true);
     }

@@ -54,7 +54,7 @@ impl Patch {
         self.session = None;
     }
 
-    /// What the zero says goes to whoever depends on it.
+    /// What the zero says goes to all that depends on it.
     pub(super) fn on_zero_events(&mut self, now: Now, events: Vec<ZeroEvent>) {
         for event in events {
             self.dirty = true;
@@ -100,7 +100,7 @@ impl Patch {
                 ZeroEvent::BoardMoved { board, why } => {
                     self.intents.push(Intent::News { board, news: BoardNews::Moved(why) });
                 }
-                ZeroEvent::Doubted => {
+                ZeroEvent::InCheck => {
                     self.force.move_zero(None, None, self.zero.residue_counts());
                     self.session.iter_mut().for_each(SessionRun::drop_waiting);
                 }
@@ -115,12 +115,12 @@ impl Patch {
 
     pub(super) fn use_zero(&mut self) {
         // A set that says nothing of the unloaded skin takes it from a zero that somebody confirmed.
-        let completed = self.force.models().zip(self.zero.vouched_now()).and_then(|(set, zero)| set.with_rest(zero));
+        let completed = self.force.models().zip(self.zero.confirmed_now()).and_then(|(set, zero)| set.with_rest(zero));
         if let Some(set) = completed {
             self.set_models(Arc::new(set));
         }
         self.force.set_zero(self.zero.in_force(), self.zero.residue_counts());
-        self.force.set_vouched(self.zero.vouched());
+        self.force.set_confirmed(self.zero.confirmed());
         self.zero.weigh(&self.force.newton_per_count());
         if let Some(baseline) = self.zero.baseline() {
             self.intake.expect_noise(baseline);

@@ -15,7 +15,7 @@ use crate::calibration::samples::Pending;
 use crate::calibration::session::SessionRun;
 use crate::calibration::view::SessionView;
 use crate::force::owner::Force;
-use crate::intake::boards::{BoardDoubt, BoardNews, ZeroSign};
+use crate::intake::boards::{BoardNews, Suspicion, ZeroSign};
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::gauge::GaugeAtRest;
 use crate::intake::health::BoardHealth;
@@ -205,10 +205,10 @@ impl Patch {
             match event {
                 IntakeEvent::Scan => self.on_scan(now),
                 IntakeEvent::Board(board, sign) => self.with_zero(now, |zero, events| match sign {
-                    ZeroSign::Doubted(BoardDoubt { why, certain: true }) => zero.lose_by_board(board, &why, events),
-                    ZeroSign::Doubted(doubt) => zero.doubt(board, &doubt.why, events),
+                    ZeroSign::Suspect(Suspicion { why, certain: true }) => zero.lose_by_board(board, &why, events),
+                    ZeroSign::Suspect(suspicion) => zero.suspect(board, &suspicion.why, events),
                     ZeroSign::Unwell => zero.on_unwell(board),
-                    ZeroSign::Well(doubt) => zero.on_well(board, &doubt.why, doubt.certain, events),
+                    ZeroSign::Well(suspicion) => zero.on_well(board, &suspicion.why, suspicion.certain, events),
                     ZeroSign::Moved(why) => zero.lose_by_another(board, &why, events),
                 }),
                 IntakeEvent::News(board, news) => self.intents.push(Intent::News { board, news }),

@@ -178,7 +178,7 @@ impl Recalibration {
     pub fn relative_sigma(&self) -> f64 {
         let place_rel = self.assumptions.place_rel;
         let assumed = self.widening().sqrt() * place_rel;
-        // Who assumes less than skins are known for is believed as far as the loads bear it out.
+        // Who assumes less than skins are known for is right as far as the loads bear it out.
         let place =
             if place_rel < Assumptions::MASSES.place_rel { assumed.max(self.seen_place_rel()) } else { assumed };
         (self.gain_sigma() / self.line.gain).hypot(place)

@@ -1,4 +1,4 @@
-//! What the zero is told, and what it tells.
+//! What the zero takes in and what it reports.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::zero::watch::Purpose;
 /// What became of the zero.
 #[derive(Clone, Debug)]
 pub enum ZeroEvent {
-    /// Rest is proven, or vouched for, for an operator: the zero waits for `Zero::adopt`, once it is on disk.
+    /// Rest is proven, or confirmed, for an operator: the zero waits for `Zero::adopt`, once it is on disk.
     Proven {
         /// Whom to answer.
         request: RequestId,
@@ -24,7 +24,7 @@ pub enum ZeroEvent {
     Refused(Purpose, ErrorReason, String),
     /// The zero does not hold any more; why.
     Lost(String),
-    /// The counts show that a board has a new zero, which is why the patch's is lost; told after [`ZeroEvent::Lost`].
+    /// The counts show that a board has a new zero, which is why the patch's is lost; reported after [`ZeroEvent::Lost`].
     BoardMoved {
         /// Position of the board in the patch.
         board: usize,
@@ -33,15 +33,15 @@ pub enum ZeroEvent {
     },
     /// It has followed the temperature.
     Moved,
-    /// Whether it holds is not known for now.
-    Doubted,
+    /// Whether it holds is being checked.
+    InCheck,
     /// It holds after all.
     Cleared,
     /// That of before the start is valid again.
     Restored,
 }
 
-/// What the zero has to be told with each scan.
+/// What the zero has to know with each scan.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings<'a> {
     /// The active model set.

@@ -22,7 +22,7 @@
 //! What it cannot see: a board with fewer than `WITNESSES_MIN` sound inputs; a new zero whose residues differ from the old
 //! ones by less than [`Evidence::missed_counts`], about half a count on a board of twenty taxels. What such a zero does to a force
 //! is in the uncertainty. Its remnants are those of single conversions, so that they add up as noise does, over taxels and boards.
-//! A load that a board takes into its new zero is no part of that: it vanishes, or a taken zero hides it (`force/remainder/hidden.rs`).
+//! A load that a board takes into its new zero is no part of that: it vanishes, or a taken zero hides it (`force/untouched/hidden.rs`).
 
 mod account;
 mod inputs;
@@ -40,10 +40,10 @@ use crate::zero::ground::Ground;
 /// A bag that presses touches at least this share of a board's taxels.
 const IN_BAG_SHARE: f32 = 0.5;
 
-/// What is said of a board whose load is gone after a silence.
+/// A board whose load is gone after a silence.
 const SINCE_SILENT: &str = "lost its load while it was silent or reported a fault: it has taken a new zero under it, or \
                             the load was lifted; unload the skin, then `taxeld bring-up --confirmed-by NAME`";
-/// What is said of a board on which the bag presses.
+/// A board on which the bag presses.
 const IN_BAG: &str = "lost its load at once while the bag was pressing: it has taken a new zero";
 
 /// Watches the boards of a patch. Begins anew with each zero.
@@ -54,8 +54,8 @@ pub struct Evidence {
     /// Two per module, whether it has them or not.
     pads: Vec<Pad>,
     scans: u32,
-    /// Why the counts cannot show any more that nothing lies on the skin.
-    unproven: Option<String>,
+    /// Why the counts cannot show any more that nothing lies on the skin, so that somebody has to confirm it.
+    needs_confirmation: Option<String>,
     /// Whether the present zero is one of an unloaded skin. If somebody confirmed another one, a skin that a load leaves
     /// reads less than it without any fault of a board.
     at_rest: bool,
@@ -77,7 +77,7 @@ impl Evidence {
             taxels: vec![Taxel::default(); regions.taxels()],
             pads: pads.collect(),
             scans: 0,
-            unproven: None,
+            needs_confirmation: None,
             at_rest: true,
         }
     }
@@ -125,7 +125,7 @@ impl Evidence {
     }
 
     /// Something else says that the zero of a board may be another: the next scans have to show that it is not.
-    pub fn doubt(&mut self, board: usize, why: String) {
+    pub fn suspect(&mut self, board: usize, why: String) {
         if let Some(board) = self.boards.get_mut(board) {
             board.suspect(why);
             if self.scans > 0 {
@@ -155,13 +155,13 @@ impl Evidence {
     /// The board has taken a new zero within the last scans: if its load has vanished with that, nothing shows it any more.
     pub fn moved(&mut self, board: usize, why: &str) {
         if self.at_rest && self.boards.get(board).is_some_and(|board| board.vanished_lately > 0) {
-            self.distrust(why.to_owned());
+            self.require_confirmation(why.to_owned());
         }
     }
 
-    /// Why the zero of some board is in doubt now. A silent one has no part in the force, and its doubt waits.
+    /// Why some board is suspect now. A silent one has no part in the force, and waits.
     #[must_use]
-    pub fn doubted(&self) -> Option<&str> {
+    pub fn suspicion(&self) -> Option<&str> {
         self.boards.iter().filter(|board| !board.silent).find_map(|board| board.suspect.as_deref())
     }
 
@@ -173,25 +173,25 @@ impl Evidence {
     /// Why the counts cannot show that the skin is unloaded: a load vanished while its board was silent, or with a new zero
     /// of its board. Over with the next zero, which somebody has to confirm, or once the boards are configured and somebody does.
     #[must_use]
-    pub fn unproven(&self) -> Option<&str> {
-        self.unproven.as_deref()
+    pub fn needs_confirmation(&self) -> Option<&str> {
+        self.needs_confirmation.as_deref()
     }
 
-    /// As if that had been found here: it was, before the daemon started, or nobody saw what the boards were configured under.
-    /// What was found first stays.
-    pub fn distrust(&mut self, why: String) {
-        self.unproven.get_or_insert(why);
+    /// The same for a reason that was found elsewhere: before the daemon started, or because nothing showed what lay on the boards
+    /// when they were configured. The first reason stays.
+    pub fn require_confirmation(&mut self, why: String) {
+        self.needs_confirmation.get_or_insert(why);
     }
 
-    /// What was distrusted for this reason no longer is.
-    pub fn trust_again(&mut self, why: &str) {
-        self.unproven.take_if(|unproven| unproven == why);
+    /// This reason is none any more.
+    pub fn no_longer_needs(&mut self, why: &str) {
+        self.needs_confirmation.take_if(|reason| reason == why);
     }
 
     /// A zero was taken, or somebody confirms the skin on which the boards take zeros of their own: what was seen before says
     /// nothing of these.
     pub fn forget(&mut self) {
-        self.unproven = None;
+        self.needs_confirmation = None;
         self.boards.iter_mut().for_each(Board::begin);
     }
 
@@ -217,7 +217,7 @@ impl Evidence {
         }
         if board.has_lost_its_load(&self.taxels) {
             let why = format!("{}{SINCE_SILENT}", board.name);
-            self.distrust(why.clone());
+            self.require_confirmation(why.clone());
             return Some(why);
         }
         let taxels = &self.taxels[board.taxels.clone()];
@@ -242,7 +242,7 @@ impl Evidence {
         let under_a_load = self.at_rest && (board.vanished_lately > 0 || vanishes);
         let finding = board.pay(evidence, inputs, vanishes);
         if let Some(why) = finding.as_ref().filter(|_| under_a_load) {
-            self.distrust(why.clone());
+            self.require_confirmation(why.clone());
         }
         finding
     }

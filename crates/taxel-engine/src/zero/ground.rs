@@ -8,7 +8,7 @@ use crate::model_set::ModelSet;
 use crate::regions::Regions;
 use crate::statistics::median;
 
-/// More than this is no remainder of earlier loads but another zero of the boards, or the temperature; counts.
+/// More than this is no creep of earlier loads but another zero of the boards, or the temperature; counts.
 const RESIDUE_MAX_COUNTS: f64 = 2.0;
 
 /// What counts are compared with, all per taxel. Without a zero it is the last one, or that of the models.
@@ -47,7 +47,7 @@ impl Ground {
         self.zero = zero;
     }
 
-    /// Other models are in use. The zero is `taken`; without one, loads are told from the models'.
+    /// Other models are in use. The zero is `taken`; without one, loads are judged from the models'.
     pub fn set_models(&mut self, set: &ModelSet, taken: Option<&[TaxelBaseline]>) {
         (self.signs, self.models) = (set.signs(), set.baseline.clone());
         match taken {

@@ -1,7 +1,7 @@
 //! The one owner of the zero: takes it, follows it, loses it.
 //!
 //! Order of calls: [`Zero::watch`] when somebody wants a zero, [`Zero::on_scan`] for each scan, [`Zero::tick`] when time
-//! passed, [`Zero::lose`] and [`Zero::doubt`] when something else says that it does not hold. [`Zero::zero`] is `None`
+//! passed, [`Zero::lose`] and [`Zero::suspect`] when something else says that it does not hold. [`Zero::zero`] is `None`
 //! unless it holds.
 
 use std::sync::Arc;
@@ -24,20 +24,20 @@ use crate::zero::offset::Offset;
 use crate::zero::plan::ZeroPlan;
 use crate::zero::rest::window::RestWindow;
 use crate::zero::view::TareView;
-use crate::zero::watch::{HeldAgainst, Purpose, Watch, Writing};
+use crate::zero::watch::{Findings, Purpose, Watch, Writing};
 
-/// What is said while it is not known whether a board took a new zero under its load.
+/// While it is not known whether a board took a new zero under its load.
 const VANISHED: &str = "a whole board lost its load in one scan; checking whether it took a new zero (about 8 scans); until then \
                         nothing bounds the force above";
 
-/// What is said from when the boards are configured until rest is proven, or shown not to be.
+/// From when the boards are configured until the skin is shown to be unloaded, or loaded.
 const CONFIGURED: &str = "the boards were configured and took a new zero, but nothing has shown yet that the skin was unloaded: unload it and tare";
 
-/// What is said of a zero that the models in use have not judged.
+/// Of a zero that the models in use have not judged.
 const UNJUDGED: &str =
     "the zero was taken in a session without models to judge it by, and those in use are not of that session: tare";
 
-/// What is said of a zero that other models judged than those that are in use since.
+/// Of a zero that other models judged than those that are in use since.
 const OTHER_MODELS: &str = "another model set came into use: tare again";
 
 /// Whether a patch has a zero. Why it has none is in its view.
@@ -45,7 +45,7 @@ const OTHER_MODELS: &str = "another model set came into use: tare again";
 pub(super) enum Trust {
     /// None since the start: one is taken by itself, if it is proven.
     None,
-    /// One that holds, unless it is in doubt.
+    /// One that holds, unless it is in check.
     Held(Held),
     /// One was, and is lost: somebody has to want another.
     Lost,
@@ -58,8 +58,8 @@ pub(super) struct Held {
     pub(super) baseline: Vec<TaxelBaseline>,
     /// The same as it outlives the daemon.
     pub(super) kept: Arc<TakenZero>,
-    /// Whether the zero of a board is in doubt, as last told.
-    pub(super) doubted: bool,
+    /// Whether a board is suspect, as last reported.
+    pub(super) in_check: bool,
     /// It is of before the start, and the counts have not shown yet that the boards still have theirs.
     pub(super) on_trial: bool,
 }
@@ -73,8 +73,8 @@ pub struct Zero {
     pub(super) trust: Trust,
     pub(super) watch: Option<Watch>,
     pub(super) writing: Option<Writing>,
-    /// The zero that somebody vouched for since the boards took theirs.
-    pub(super) vouched: Option<Arc<[TaxelBaseline]>>,
+    /// The zero that somebody confirmed since the boards took theirs.
+    pub(super) confirmed: Option<Arc<[TaxelBaseline]>>,
     /// That no models were there to judge the zero of a first session, and what is in use since.
     pub(super) unjudged: Option<Unjudged>,
     /// Whether the boards were being configured when the last scan came, or are since.
@@ -93,7 +93,7 @@ impl Zero {
             trust: Trust::None,
             watch: None,
             writing: None,
-            vouched: None,
+            confirmed: None,
             unjudged: None,
             configuring: false,
             evidence: Evidence::new(&regions, &plan.board_names),
@@ -104,14 +104,14 @@ impl Zero {
         }
     }
 
-    /// The zero that is held, whether or not it is in doubt.
+    /// The zero that is held, whether or not it is in check.
     pub(super) const fn held(&self) -> Option<&Held> {
         if let Trust::Held(held) = &self.trust { Some(held) } else { None }
     }
 
     /// Whether the boards still have it, as far as the counts show.
     pub fn holds(&self) -> bool {
-        self.held().is_some_and(|held| !held.doubted)
+        self.held().is_some_and(|held| !held.in_check)
     }
 
     /// The zero as it was taken, one per taxel, if there is one.
@@ -143,7 +143,7 @@ impl Zero {
     pub fn view(&self) -> TareView {
         let mut view = self.view.clone();
         view.drift = *self.offset.view();
-        if let Some(why) = self.evidence.doubted().filter(|_| self.held().is_some_and(|held| held.doubted)) {
+        if let Some(why) = self.evidence.suspicion().filter(|_| self.held().is_some_and(|held| held.in_check)) {
             view.invalidate(ReasonCode::ZeroInCheck, format!("{why}; this is being looked at"));
         } else if view.valid && self.is_of_other_models() {
             view.invalidate(ReasonCode::NotUnloaded, UNJUDGED);
@@ -193,9 +193,9 @@ impl Zero {
         Some(Reason::about(positions(taxels), ReasonCode::LoadVanished, VANISHED))
     }
 
-    pub(super) fn held_against(&self) -> HeldAgainst {
+    pub(super) fn findings(&self) -> Findings {
         let vanished = self.evidence.unloaded().next().map(|_| VANISHED);
-        [self.evidence.doubted(), vanished, self.evidence.unproven()].map(|why| why.map(str::to_owned))
+        [self.evidence.suspicion(), vanished, self.evidence.needs_confirmation()].map(|why| why.map(str::to_owned))
     }
 
     /// How much a count more of each taxel weighs, N, negative where counts fall with load; empty while nobody knows.
@@ -204,7 +204,7 @@ impl Zero {
         self.evidence.weigh(newton_per_count);
     }
 
-    /// Begins to watch the skin. An earlier watch is given up, and whoever wanted it told.
+    /// Begins to watch the skin. An earlier watch is given up, and its caller hears of it.
     pub fn watch(&mut self, now: Time, purpose: Purpose, events: &mut Vec<ZeroEvent>) {
         let why = "another tare began before this one had seen enough".to_owned();
         self.end_watch(ErrorReason::TareSuperseded, why, events);
@@ -212,7 +212,7 @@ impl Zero {
         self.watch = Some(Watch::new(now, self.plan.tare.duration, window, purpose));
     }
 
-    /// Gives up the watch; who wanted it is told why.
+    /// Gives up the watch; who wanted it hears why.
     pub fn end_watch(&mut self, reason: ErrorReason, why: String, events: &mut Vec<ZeroEvent>) {
         events.extend(self.watch.take().map(|watch| ZeroEvent::Refused(watch.purpose, reason, why)));
     }
@@ -240,33 +240,33 @@ impl Zero {
     }
 
     fn check_evidence(&mut self, scan: &Scan<'_>, around: &Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
-        let needs_confirmation = self.evidence.unproven().filter(|_| self.configuring).map(str::to_owned);
+        let needs_confirmation = self.evidence.needs_confirmation().filter(|_| self.configuring).map(str::to_owned);
         let found = self.evidence.on_scan(scan, around.bag);
         if self.held().is_some()
             && let Some((board, why)) = found
         {
-            self.vouched = None;
+            self.confirmed = None;
             self.lose(ReasonCode::ZeroLost, why.clone(), events);
             events.push(ZeroEvent::BoardMoved { board, why });
             return;
         }
-        self.tell_doubt(events);
+        self.tell_check(events);
         let configuring = std::mem::replace(&mut self.configuring, around.configuring);
         if configuring && self.held().is_none() {
             self.evidence.begin(true); // boards that were configured have taken zeros of their own
-            needs_confirmation.into_iter().for_each(|why| self.evidence.distrust(why));
+            needs_confirmation.into_iter().for_each(|why| self.evidence.require_confirmation(why));
             if !around.configuring && self.view.code == Some(ReasonCode::BoardsNotConfigured) {
                 self.explain(ReasonCode::NotUnloaded, CONFIGURED.to_owned());
             }
         }
     }
 
-    pub(super) fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
+    pub(super) fn tell_check(&mut self, events: &mut Vec<ZeroEvent>) {
         let Trust::Held(held) = &mut self.trust else { return };
-        let doubted = self.evidence.doubted().is_some();
-        held.on_trial &= doubted;
-        if doubted != std::mem::replace(&mut held.doubted, doubted) {
-            events.push(if doubted { ZeroEvent::Doubted } else { ZeroEvent::Cleared });
+        let in_check = self.evidence.suspicion().is_some();
+        held.on_trial &= in_check;
+        if in_check != std::mem::replace(&mut held.in_check, in_check) {
+            events.push(if in_check { ZeroEvent::InCheck } else { ZeroEvent::Cleared });
         }
     }
 
@@ -275,12 +275,12 @@ impl Zero {
     fn follow_offset(&mut self, scan: &Scan<'_>, session_open: bool, events: &mut Vec<ZeroEvent>) {
         let counts = !session_open && self.holds();
         let taken = if let Trust::Held(held) = &self.trust { Some(held.baseline.as_slice()) } else { None };
-        let told = self.offset.on_scan(scan, counts, &self.ground, taken);
-        if let Some(found) = told.lighter.filter(|_| self.holds() && self.watch.is_none()) {
-            let found = found.told_lighter(|module| self.plan.module_name(module));
+        let change = self.offset.on_scan(scan, counts, &self.ground, taken);
+        if let Some(found) = change.lighter.filter(|_| self.holds() && self.watch.is_none()) {
+            let found = found.lighter_in_words(|module| self.plan.module_name(module));
             let why = "the zero was taken under a load, or is another; unload the skin and tare";
             self.lose(ReasonCode::ZeroLost, format!("{found}: {why}"), events);
-        } else if told.moves
+        } else if change.moves
             && let Some(baseline) = self.baseline()
         {
             self.ground.follow(self.offset.applied_to(baseline, self.ground.signs()));
@@ -293,14 +293,14 @@ impl Zero {
     pub(super) fn hold(&mut self, kept: Arc<TakenZero>) {
         let baseline = kept.baseline();
         if kept.confirmed {
-            self.vouched = Some(baseline.as_slice().into());
+            self.confirmed = Some(baseline.as_slice().into());
         }
         self.view = TareView::taken(kept.epoch, kept.wall_ns, kept.reason.clone(), kept.at_rest, &baseline);
         self.ground.take(&baseline);
         self.offset.begin(&kept.pads);
         self.evidence.begin(self.view.at_rest);
         self.evidence.compare_with(&self.ground);
-        self.trust = Trust::Held(Held { baseline, kept, doubted: false, on_trial: false });
+        self.trust = Trust::Held(Held { baseline, kept, in_check: false, on_trial: false });
     }
 
     /// Time passed: a watch that gets no scans ends. `silence` says which modules are silent.

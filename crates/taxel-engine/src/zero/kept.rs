@@ -15,7 +15,7 @@ pub struct KeptZero {
     /// The sum over the settings of the boards when the daemon ran last, with which it has configured them if it does.
     pub configured: Option<u32>,
     /// Why a zero needs confirmation, if it does: a board took a zero of its own under a load, or nobody saw what lay on it.
-    pub unproven: Option<String>,
+    pub needs_confirmation: Option<String>,
     /// The model set for which that does not count: it was made in a session on the boards as they are.
     pub excused: Option<String>,
     /// The zero that is valid.
@@ -71,8 +71,8 @@ fn fingerprint(rest: &[TaxelBaseline]) -> u64 {
 /// A zero that no models were there to judge: that of a first session.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Unjudged {
-    /// What was held against the boards when it was taken. It is again once the models are others than those of the session.
-    pub(super) held: Option<String>,
+    /// Why a zero needed confirmation when it was taken. It does again once the models are others than those of the session.
+    pub(super) needs_confirmation: Option<String>,
     pub(super) models: Models,
     /// Of the models of such a session those that were in use last, perhaps before the daemon started.
     pub(super) own: Option<String>,
@@ -93,8 +93,8 @@ pub(super) enum Models {
 
 impl Unjudged {
     /// Another zero of this kind was taken, after that of `before`, if there was one.
-    pub(super) fn after(before: Option<Self>, held: Option<String>) -> Self {
-        Self { held, rests: before.map(|before| before.rests).unwrap_or_default(), ..Self::default() }
+    pub(super) fn after(before: Option<Self>, needs_confirmation: Option<String>) -> Self {
+        Self { needs_confirmation, rests: before.map(|before| before.rests).unwrap_or_default(), ..Self::default() }
     }
 
     pub(super) fn is_of_other_models(&self) -> bool {

@@ -1,4 +1,4 @@
-//! What takes the zero away or puts it in doubt, and how a patch goes on after a restart of the daemon or of its boards.
+//! What takes the zero away or puts it in check, and how a patch goes on after a restart of the daemon or of its boards.
 
 use std::sync::Arc;
 
@@ -10,15 +10,15 @@ use crate::zero::events::ZeroEvent;
 use crate::zero::holder::{Trust, Zero};
 use crate::zero::kept::{KeptZero, Models, TakenZero, Unjudged, have_same_rest};
 
-/// Why a zero of before the start is in doubt for its first scans.
+/// Why a zero of before the start is checked in its first scans.
 const AWAY: &str = "the daemon did not run, and a board may have taken a new zero meanwhile";
 
 impl Zero {
     /// Something may have moved the zero of a board: the counts have to show that it did not.
-    pub fn doubt(&mut self, board: usize, why: &str, events: &mut Vec<ZeroEvent>) {
+    pub fn suspect(&mut self, board: usize, why: &str, events: &mut Vec<ZeroEvent>) {
         self.refuse_watch(why, events);
-        self.evidence.doubt(board, why.to_owned());
-        self.tell_doubt(events);
+        self.evidence.suspect(board, why.to_owned());
+        self.tell_check(events);
     }
 
     /// A board says that it is not well: what it sends says nothing until it is, and what it read before is kept, as of a
@@ -34,19 +34,19 @@ impl Zero {
             return self.lose_boards_zero(why, events);
         }
         self.refuse_watch(why, events);
-        self.tell_doubt(events);
+        self.tell_check(events);
     }
 
     /// Something has moved the zero: there is none until rest is proven again.
     ///
-    /// Whoever watches has seen what was before, so every watch ends, too, and a zero that is being written down.
+    /// A watch has seen what was before, so every watch ends, too, and a zero that is being written down.
     pub fn lose(&mut self, code: ReasonCode, reason: impl Into<String>, events: &mut Vec<ZeroEvent>) {
         let reason = reason.into();
         self.refuse_watch(&reason, events);
-        // For models of a session nothing is held against the boards, and for others it is already.
+        // With models of a session no confirmation is needed, and with others it is already.
         let without_models = self.unjudged.take_if(|unjudged| unjudged.models != Models::OfSession);
-        if let Some(held) = without_models.and_then(|unjudged| unjudged.held) {
-            self.evidence.distrust(held);
+        if let Some(why) = without_models.and_then(|unjudged| unjudged.needs_confirmation) {
+            self.evidence.require_confirmation(why);
         }
         let on_trial = match &self.trust {
             Trust::Held(held) => held.on_trial,
@@ -63,7 +63,7 @@ impl Zero {
 
     /// As [`Zero::lose`], by what a board has sent, which takes a new zero now: whatever lies on it reads as nothing then.
     pub fn lose_by_board(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
-        self.evidence.doubt(board, reason.to_owned());
+        self.evidence.suspect(board, reason.to_owned());
         self.lose_boards_zero(reason, events);
     }
 
@@ -75,24 +75,25 @@ impl Zero {
     }
 
     pub(super) fn lose_boards_zero(&mut self, reason: &str, events: &mut Vec<ZeroEvent>) {
-        self.vouched = None;
+        self.confirmed = None;
         self.lose(ReasonCode::ZeroLost, reason, events);
     }
 
     /// Ends a watch because of what has happened meanwhile. A zero that is being written down is none any more; who
-    /// asked for it is told when that has ended, by [`Zero::adopt`].
+    /// asked for it hears of it when that has ended, by [`Zero::adopt`].
     fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {
         self.writing.iter_mut().for_each(|writing| writing.spoil(why));
         self.end_watch(ErrorReason::ZeroLost, format!("meanwhile {why}"), events);
     }
 
-    /// What was held against the boards before the daemon started still is.
+    /// If a zero needed confirmation before the daemon started, it still does.
     pub fn remember(&mut self, known: &KeptZero) {
         if let own @ Some(_) = known.excused.clone() {
-            // It is held against the boards as soon as other models are in use.
-            self.unjudged = Some(Unjudged { held: known.unproven.clone(), own, ..Unjudged::default() });
-        } else if let Some(why) = &known.unproven {
-            self.evidence.distrust(why.clone());
+            // It needs one as soon as other models are in use.
+            let needs_confirmation = known.needs_confirmation.clone();
+            self.unjudged = Some(Unjudged { needs_confirmation, own, ..Unjudged::default() });
+        } else if let Some(why) = &known.needs_confirmation {
+            self.evidence.require_confirmation(why.clone());
         }
     }
 
@@ -104,40 +105,40 @@ impl Zero {
             return; // of another layout, or nobody can tell
         }
         self.hold(kept);
-        (0..self.regions.boards().len()).for_each(|board| self.evidence.doubt(board, AWAY.to_owned()));
+        (0..self.regions.boards().len()).for_each(|board| self.evidence.suspect(board, AWAY.to_owned()));
         if let Trust::Held(held) = &mut self.trust {
             held.on_trial = true;
         }
         events.push(ZeroEvent::Restored);
-        self.tell_doubt(events);
+        self.tell_check(events);
     }
 
     /// Why the counts cannot show whether the skin is unloaded, so that somebody has to confirm it; also after a restart.
     pub fn needs_confirmation(&self) -> Option<&str> {
-        self.evidence.unproven()
+        self.evidence.needs_confirmation()
     }
 
     /// The same, or why it will once other models than those of a session are in use.
-    pub(super) fn held_over_restarts(&self) -> Option<&str> {
-        self.needs_confirmation().or_else(|| self.unjudged.as_ref()?.held.as_deref())
+    pub(super) fn needs_confirmation_later(&self) -> Option<&str> {
+        self.needs_confirmation().or_else(|| self.unjudged.as_ref()?.needs_confirmation.as_deref())
     }
 
     /// What is known of the zero, if that is no more what was `noted`. The boards are set as the
     /// sum says.
     pub fn news(&self, settings: u32, noted: &KeptZero) -> Option<KeptZero> {
-        let (configured, unproven, unjudged) = (Some(settings), self.held_over_restarts(), self.unjudged.as_ref());
+        let (configured, why, unjudged) = (Some(settings), self.needs_confirmation_later(), self.unjudged.as_ref());
         // The set for which that does not count.
-        let excused = unjudged.filter(|unjudged| unjudged.held.as_deref() == unproven);
+        let excused = unjudged.filter(|unjudged| unjudged.needs_confirmation.as_deref() == why);
         let excused = excused.and_then(|unjudged| unjudged.own.as_deref());
         // Not one that no models have judged yet.
         let judged = unjudged.is_none_or(|unjudged| unjudged.own.is_some());
         let zero = self.held().filter(|_| judged).map(|held| &held.kept);
-        let same = (configured, unproven, excused)
-            == (noted.configured, noted.unproven.as_deref(), noted.excused.as_deref())
+        let same = (configured, why, excused)
+            == (noted.configured, noted.needs_confirmation.as_deref(), noted.excused.as_deref())
             && zero.map(Arc::as_ptr) == noted.zero.as_ref().map(Arc::as_ptr);
         let news = || KeptZero {
             configured,
-            unproven: unproven.map(str::to_owned),
+            needs_confirmation: why.map(str::to_owned),
             excused: excused.map(str::to_owned),
             zero: zero.cloned(),
         };
@@ -145,30 +146,29 @@ impl Zero {
     }
 
     /// The boards are being configured, and take zeros of their own. Somebody has `confirmed` that nothing touches the skin, or
-    /// nobody could see what lay on it: then that is held against the zeros of the boards, and so is what was before, until
-    /// somebody confirms a zero.
-    pub fn on_bring_up(&mut self, confirmed: bool, unseen: Option<&'static str>) {
+    /// nothing could show what lay on it, which is why their zeros need confirmation, as they may have before.
+    pub fn on_bring_up(&mut self, confirmed: bool, unchecked: Option<&'static str>) {
         self.configuring = true;
         if confirmed {
             self.evidence.forget();
             self.unjudged = None;
         }
-        unseen.into_iter().for_each(|why| self.evidence.distrust(why.to_owned()));
-        self.vouched = None;
+        unchecked.into_iter().for_each(|why| self.evidence.require_confirmation(why.to_owned()));
+        self.confirmed = None;
     }
 
     /// The zero that somebody confirmed, if there is one with the zeros that the boards have.
-    pub const fn vouched(&self) -> Option<&Arc<[TaxelBaseline]>> {
-        self.vouched.as_ref()
+    pub const fn confirmed(&self) -> Option<&Arc<[TaxelBaseline]>> {
+        self.confirmed.as_ref()
     }
 
     /// The zero that holds, if somebody confirmed this very one.
-    pub fn vouched_now(&self) -> Option<&[TaxelBaseline]> {
-        self.baseline().filter(|zero| self.is_vouched(zero))
+    pub fn confirmed_now(&self) -> Option<&[TaxelBaseline]> {
+        self.baseline().filter(|zero| self.is_confirmed(zero))
     }
 
-    pub(super) fn is_vouched(&self, zero: &[TaxelBaseline]) -> bool {
-        self.vouched.as_deref().is_some_and(|vouched| have_same_rest(zero, vouched))
+    pub(super) fn is_confirmed(&self, zero: &[TaxelBaseline]) -> bool {
+        self.confirmed.as_deref().is_some_and(|confirmed| have_same_rest(zero, confirmed))
     }
 
     /// A session has taken a zero, the rest of the models that it makes: they are of the skin as the boards see it now.
@@ -182,9 +182,9 @@ impl Zero {
         let is_own = unjudged.owns(set);
         let models = if is_own { Models::OfSession } else { Models::Others };
         let before = std::mem::replace(&mut unjudged.models, models);
-        match &unjudged.held {
-            Some(held) if !is_own => self.evidence.distrust(held.clone()),
-            Some(held) if before == Models::Others => self.evidence.trust_again(held),
+        match &unjudged.needs_confirmation {
+            Some(why) if !is_own => self.evidence.require_confirmation(why.clone()),
+            Some(why) if before == Models::Others => self.evidence.no_longer_needs(why),
             _ => {}
         }
     }

@@ -7,7 +7,7 @@
 //!
 //! Load is one-sided, and so is the gate. What is lighter than predicted is always taken. What is heavier is taken only
 //! within three standard deviations, and while what no warmth of the pads explains weighs less than `ABSORBED_MAX`: else
-//! it may be a load. That force is told as [`DriftView::absorbed`].
+//! it may be a load. That force is reported as [`DriftView::absorbed`].
 //!
 //! Where the zero follows (`follow_drift`) the tables move by `b`, up to the bound; else only as far as the skin becomes
 //! lighter, which no load does. What is not followed stays in the uncertainty: `hypot(b - followed, sqrt P)`.
@@ -33,7 +33,7 @@ use crate::zero::view::DriftView;
 /// Standard uncertainty of a new zero, counts.
 const ZERO_SIGMA: f64 = 0.15;
 /// How an offset wanders by itself, counts per root of a second. What creeps back of the residue that a zero was taken with is no
-/// part of it: it may as well be a load that the zero hides (`force/remainder/hidden.rs`), and is in the undetected force as one.
+/// part of it: it may as well be a load that the zero hides (`force/untouched/hidden.rs`), and is in the undetected force as one.
 const WANDER: f64 = 0.004;
 /// Least standard uncertainty of what a module's taxels say together, counts: they differ by hysteresis and warmth.
 const READING_SIGMA: f64 = 0.12;
@@ -82,7 +82,7 @@ pub struct Offset {
 
 /// What a scan says of the offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Told {
+pub struct Change {
     /// The tables have to be made anew.
     pub moves: bool,
     /// The skin is lighter than its zero may be.
@@ -142,11 +142,17 @@ impl Offset {
     }
 
     /// Takes a scan, `ground` being what it is compared with and `taken` the zero as it was taken. While its counts do not
-    /// `count`, as in a session or in doubt, only the pads are followed.
-    pub fn on_scan(&mut self, scan: &Scan<'_>, count: bool, ground: &Ground, taken: Option<&[TaxelBaseline]>) -> Told {
+    /// `count`, as in a session or in a check, only the pads are followed.
+    pub fn on_scan(
+        &mut self,
+        scan: &Scan<'_>,
+        count: bool,
+        ground: &Ground,
+        taken: Option<&[TaxelBaseline]>,
+    ) -> Change {
         let dt_s = self.last.map_or(0.0, |last| scan.time.seconds_since(last));
         if dt_s < 0.0 {
-            return Told::default();
+            return Change::default();
         }
         self.last = Some(scan.time);
         let gap = dt_s > GAP_S;
@@ -159,7 +165,7 @@ impl Offset {
                 module.feel(*pads, sign, share);
             }
         }
-        let Some(taken) = taken else { return Told::default() };
+        let Some(taken) = taken else { return Change::default() };
         self.predict_s += dt_s;
         self.tables_s += dt_s;
         if self.predict_s >= PREDICT_S {
@@ -170,23 +176,23 @@ impl Offset {
         if gap {
             self.restart();
             self.modules.iter_mut().for_each(|module| module.untouched_s = 0.0);
-            return Told::default();
+            return Change::default();
         }
         self.window.push(scan.sound_counts());
         self.window_s += dt_s;
         self.counts &= count;
-        let mut told = Told::default();
+        let mut change = Change::default();
         if self.window_s >= WINDOW_S {
             let (seen, scans) = (self.window.baseline(), self.window.count());
             if self.counts {
                 self.read(&seen, taken, ground);
             }
-            told.lighter = lighter(ground.zero(), (&seen, scans), &self.taxels, ground.signs());
+            change.lighter = lighter(ground.zero(), (&seen, scans), &self.taxels, ground.signs());
             self.restart();
             self.describe();
         }
-        told.moves = self.follow();
-        told
+        change.moves = self.follow();
+        change
     }
 
     /// What the window says of each module that nothing touches.

@@ -25,7 +25,7 @@ const TAXELS: usize = 10 * MODULES;
 const PERIOD_NS: i64 = 50_000_000;
 
 #[test]
-fn a_vouched_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_the_disk() {
+fn a_confirmed_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_the_disk() {
     for for_operator in [false, true] {
         let mut skin = Skin::new();
         skin.models = Some(models());
@@ -36,16 +36,16 @@ fn a_vouched_zero_is_known_until_a_board_takes_another_also_one_that_waits_for_t
         skin.zero.watch(skin.now().time, purpose, &mut skin.events);
         skin.scan(30, |_| 0);
         if for_operator {
-            assert!(skin.zero.vouched().is_none(), "it does not hold before it is on disk");
+            assert!(skin.zero.confirmed().is_none(), "it does not hold before it is on disk");
             skin.zero.adopt(request).unwrap();
         }
         assert!(skin.zero.holds());
-        assert_eq!(skin.zero.vouched().map(|zero| zero[0].mean), Some(240.0));
-        // Another that nobody vouches for is told from that one, until a board takes another zero.
+        assert_eq!(skin.zero.confirmed().map(|zero| zero[0].mean), Some(240.0));
+        // Another that nobody confirms is told from that one, until a board takes another zero.
         skin.zero.lose(ReasonCode::ZeroLost, "bus-off", &mut skin.events);
-        assert!(skin.zero.vouched().is_some());
+        assert!(skin.zero.confirmed().is_some());
         skin.zero.lose_by_board(0, "a power cycle", &mut skin.events);
-        assert!(skin.zero.vouched().is_none());
+        assert!(skin.zero.confirmed().is_none());
     }
 }
 
@@ -63,7 +63,7 @@ fn a_zero_of_before_the_start_is_valid_once_its_counts_have_shown_that_no_board_
         skin.zero.remember(&known);
         skin.zero.on_models(earlier.models.as_ref().unwrap());
         skin.zero.go_on(known.zero.unwrap(), &mut skin.events);
-        assert!(!skin.zero.holds(), "it is in doubt at first");
+        assert!(!skin.zero.holds(), "it is in check at first");
         // Where a load lies on half of the skin, or what has become lighter.
         skin.scan(21, |taxel| if taxel < TAXELS / 2 { load } else { 0 });
         assert_eq!(skin.zero.holds(), holds, "{load}: {:?}", skin.events);
@@ -75,11 +75,11 @@ fn a_zero_of_before_the_start_is_valid_once_its_counts_have_shown_that_no_board_
 
 #[test]
 fn a_zero_of_another_layout_or_one_that_needs_confirmation_is_not_gone_on_with() {
-    for (taxels, unproven) in [(TAXELS - 10, None), (TAXELS, Some("a load vanished".to_owned()))] {
+    for (taxels, needs_confirmation) in [(TAXELS - 10, None), (TAXELS, Some("a load vanished".to_owned()))] {
         let numbers = vec![240.0; taxels];
         let zero = TakenZero { mean: numbers.clone(), noise: numbers, ..TakenZero::default() };
         let mut skin = Skin::new();
-        skin.zero.remember(&KeptZero { unproven, ..KeptZero::default() });
+        skin.zero.remember(&KeptZero { needs_confirmation, ..KeptZero::default() });
         skin.zero.go_on(Arc::new(zero), &mut skin.events);
         assert!(!skin.zero.view().valid && skin.events.is_empty(), "{taxels} taxels");
     }
@@ -166,7 +166,7 @@ fn models() -> ModelSet {
 /// there still, as far as anybody knows.
 #[test]
 fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
-    for (scans_after, distrusted) in [(4, true), (30, true), (40, false)] {
+    for (scans_after, needed) in [(4, true), (30, true), (40, false)] {
         let mut skin = Skin::new();
         skin.models = Some(models());
         skin.zero.on_models(skin.models.as_ref().unwrap());
@@ -177,6 +177,6 @@ fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
         let why = "board 12 has taken a new zero";
         skin.zero.lose_by_another(0, why, &mut skin.events);
         assert_eq!((skin.lost(), skin.zero.zero()), (Some(why), None));
-        assert_eq!(skin.zero.needs_confirmation(), distrusted.then_some(why), "{scans_after} scans after");
+        assert_eq!(skin.zero.needs_confirmation(), needed.then_some(why), "{scans_after} scans after");
     }
 }

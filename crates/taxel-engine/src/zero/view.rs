@@ -13,7 +13,7 @@ pub struct TareView {
     pub epoch: u64,
     /// Whether live force may rely on it.
     pub valid: bool,
-    /// Whether the counts themselves showed rest when it was taken, and nobody had to vouch for it.
+    /// Whether the counts themselves showed rest when it was taken, and nobody had to confirm it.
     pub at_rest: bool,
     /// When it was taken, nanoseconds since 1970.
     pub wall_ns: i64,

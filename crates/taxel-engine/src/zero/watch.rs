@@ -18,22 +18,22 @@ const GRACE: Duration = Duration::from_secs(2);
 pub enum Purpose {
     /// Nobody: after start, against the active model set.
     AtStart,
-    /// An operator; `confirmed_by` vouches that nothing touches the skin.
+    /// An operator; `confirmed_by` confirms that nothing touches the skin.
     Operator {
         /// Whom to answer.
         request: RequestId,
-        /// Who vouches.
+        /// Who confirms.
         confirmed_by: Option<String>,
     },
     /// A calibration session, before a ramp.
     Session {
-        /// Who vouches.
+        /// Who confirms.
         confirmed_by: Option<String>,
     },
 }
 
 impl Purpose {
-    /// Who vouches that nothing touches the skin.
+    /// Who confirms that nothing touches the skin.
     pub fn confirmed_by(&self) -> Option<&str> {
         match self {
             Self::AtStart => None,
@@ -76,19 +76,19 @@ impl Watch {
     }
 }
 
-/// What is held against the boards, in words: that the zero of one is in doubt, that a load has just vanished from one at once, and
-/// that the counts cannot show rest.
-pub(super) type HeldAgainst = [Option<String>; 3];
+/// What was found of the boards, in words: that one is suspect, that a load has just vanished from one at once, and that the counts
+/// cannot show an unloaded skin.
+pub(super) type Findings = [Option<String>; 3];
 
 /// A zero that was proven for an operator and holds once it is on disk.
 #[derive(Clone, Debug)]
 pub(super) struct Writing {
     /// For whom it was taken.
     pub(super) request: RequestId,
-    /// What was held against the boards when it was taken.
-    pub(super) held: HeldAgainst,
-    /// Whether somebody vouches for it.
-    pub(super) vouched: bool,
+    /// What was found of the boards when it was taken.
+    pub(super) findings: Findings,
+    /// Whether somebody confirms it.
+    pub(super) confirmed: bool,
     /// The zero, or what has moved it meanwhile.
     pub(super) zero: Result<Arc<TakenZero>, String>,
 }

@@ -40,7 +40,7 @@ impl Zero {
         }
     }
 
-    /// The watch has seen enough: rest is proven, vouched for, or refused.
+    /// The watch has seen enough: rest is proven, confirmed, or refused.
     fn conclude(&mut self, now: Now, watch: Watch, models: Option<&ModelSet>, events: &mut Vec<ZeroEvent>) {
         let Watch { purpose, window, .. } = watch;
         // Models without a rest of their own have nothing to compare with.
@@ -52,49 +52,49 @@ impl Zero {
         };
         let verdict = judge(&window, reference);
         // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
-        // gauge shows that the bag does not press. Whatever is held against the boards, the models are of them as they are; other
-        // models are not, and what is held against the boards is held against them.
+        // gauge shows that the bag does not press. Whatever was found of the boards, the models are of them as they are. With other
+        // models the zero needs confirmation.
         let first = matches!((&verdict, &purpose), (RestVerdict::Unproven { .. }, Purpose::Session { .. }));
         let rest = first || verdict.is_rest();
-        let told = verdict.told(|module| self.plan.module_name(module));
-        // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
-        let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
-        let held = self.needs_confirmation().filter(|_| !first);
-        if vouched.is_none() && (!rest || held.is_some()) {
-            // Who confirmed already is told what else keeps the zero away.
-            let held = held.filter(|_| purpose.confirmed_by().is_none());
-            let refused = held.map(|why| (ErrorReason::TareUnproven, why.to_owned()));
-            let (reason, why) = refused.unwrap_or((verdict.refusal(), told));
+        let words = verdict.in_words(|module| self.plan.module_name(module));
+        // Nobody can confirm a skin that moved while it was watched: a mean over that is no zero.
+        let confirmed = purpose.confirmed_by().filter(|_| verdict.is_still());
+        let needed = self.needs_confirmation().filter(|_| !first);
+        if confirmed.is_none() && (!rest || needed.is_some()) {
+            // Who confirmed already hears what else keeps the zero away.
+            let needed = needed.filter(|_| purpose.confirmed_by().is_none());
+            let refused = needed.map(|why| (ErrorReason::TareUnproven, why.to_owned()));
+            let (reason, why) = refused.unwrap_or((verdict.refusal(), words));
             events.push(ZeroEvent::Refused(purpose, reason, why));
             return;
         }
-        let reason = match vouched {
-            Some(who) => format!("{who} confirms that nothing touches the skin; {told}"),
-            None => told,
+        let reason = match confirmed {
+            Some(who) => format!("{who} confirms that nothing touches the skin; {words}"),
+            None => words,
         };
-        let vouched = vouched.is_some();
+        let confirmed = confirmed.is_some();
         let baseline = with_noise_known(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
         let zero = Arc::new(TakenZero {
             epoch: self.view.epoch + 1,
             at_rest: rest,
             wall_ns: now.wall_ns,
             reason,
-            confirmed: vouched || self.is_vouched(&baseline),
+            confirmed: confirmed || self.is_confirmed(&baseline),
             mean: baseline.iter().map(|taxel| taxel.mean).collect(),
             noise: baseline.iter().map(|taxel| taxel.noise).collect(),
             pads: self.offset.pads(),
         });
         if let Purpose::Operator { request, .. } = purpose {
-            let held = self.held_against();
-            self.writing = Some(Writing { request, held, vouched, zero: Ok(Arc::clone(&zero)) });
+            let findings = self.findings();
+            self.writing = Some(Writing { request, findings, confirmed, zero: Ok(Arc::clone(&zero)) });
             events.push(ZeroEvent::Proven { request, zero });
         } else {
             self.writing = None; // of an earlier moment
-            if first && !vouched {
-                let held = self.held_over_restarts().map(str::to_owned);
-                self.unjudged = Some(Unjudged::after(self.unjudged.take(), held));
+            if first && !confirmed {
+                let why = self.needs_confirmation_later().map(str::to_owned);
+                self.unjudged = Some(Unjudged::after(self.unjudged.take(), why));
             }
-            self.take(zero, vouched, !first);
+            self.take(zero, confirmed, !first);
             events.push(ZeroEvent::Taken(purpose));
         }
     }
@@ -106,12 +106,12 @@ impl Zero {
     pub fn adopt(&mut self, request: RequestId) -> Result<TareView, String> {
         let writing = self.writing.take_if(|writing| writing.request == request).ok_or("a newer zero was taken")?;
         let zero = writing.zero?;
-        // What is held against the boards now and was not when they were watched would be forgotten with this zero.
-        let mut held = self.held_against().into_iter().zip(writing.held);
-        if let Some((Some(why), _)) = held.find(|(now, then)| now.is_some() && now != then) {
+        // What was found of the boards since they were watched would be forgotten with this zero.
+        let mut findings = self.findings().into_iter().zip(writing.findings);
+        if let Some((Some(why), _)) = findings.find(|(now, then)| now.is_some() && now != then) {
             return Err(why);
         }
-        self.take(zero, writing.vouched, true);
+        self.take(zero, writing.confirmed, true);
         Ok(self.view.clone())
     }
 
@@ -120,10 +120,10 @@ impl Zero {
         self.writing.take_if(|writing| writing.request == request);
     }
 
-    /// A zero holds from now on that somebody vouched for, or models have `judged`. Until a board takes another, what a zero may hide
-    /// is told from one that somebody vouched for, too.
-    fn take(&mut self, zero: Arc<TakenZero>, vouched: bool, judged: bool) {
-        self.unjudged.take_if(|unjudged| vouched || (judged && unjudged.is_of_other_models()));
+    /// A zero holds from now on that somebody confirmed, or models have `judged`. Until a board takes another, what a zero may hide
+    /// is judged from one that somebody confirmed, too.
+    fn take(&mut self, zero: Arc<TakenZero>, confirmed: bool, judged: bool) {
+        self.unjudged.take_if(|unjudged| confirmed || (judged && unjudged.is_of_other_models()));
         self.hold(zero);
     }
 }

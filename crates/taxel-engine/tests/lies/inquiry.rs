@@ -8,22 +8,22 @@ use std::time::Duration;
 
 use crate::house::Setting;
 use crate::kinds::{Kind, Kinds};
-use crate::story::{self, LyingSample, Told};
+use crate::story::{self, LyingSample, Outcome};
 use crate::suspects::RETARES;
 
 /// Without a fault that delays frames a sample comes earlier by as much.
 const TOGETHER: Duration = Duration::from_millis(250);
 
 /// Plays the story of this seed; its lies that are not argued are named after faults that they need.
-pub fn play(setting: Setting, seed: u64) -> Told {
+pub fn play(setting: Setting, seed: u64) -> Outcome {
     let (mut cleared, mut lines) = (Kinds::default(), Vec::new());
     loop {
         let play = |without, cleared| story::play(setting, seed, without, cleared);
-        let mut told = play(Kinds::default(), cleared);
-        let cleared_of = |kind| Some((kind, clears(&play, &told, kind, cleared)?));
-        let Some((kind, why)) = accused(&told).find_map(cleared_of) else {
-            told.lines.splice(0..0, lines);
-            return told;
+        let mut outcome = play(Kinds::default(), cleared);
+        let cleared_of = |kind| Some((kind, clears(&play, &outcome, kind, cleared)?));
+        let Some((kind, why)) = accused(&outcome).find_map(cleared_of) else {
+            outcome.lines.splice(0..0, lines);
+            return outcome;
         };
         lines.push(format!("   `{}` is cleared: {why}", kind.name()));
         cleared.insert(kind);
@@ -31,8 +31,8 @@ pub fn play(setting: Setting, seed: u64) -> Told {
 }
 
 /// The faults that lies are named after which are not argued, each once. What an operator did can't be left out of a story.
-fn accused(told: &Told) -> impl Iterator<Item = Kind> + use<> {
-    let named = told.lies.iter().filter(|lie| !lie.argued).filter_map(|lie| lie.from);
+fn accused(outcome: &Outcome) -> impl Iterator<Item = Kind> + use<> {
+    let named = outcome.lies.iter().filter(|lie| !lie.argued).filter_map(|lie| lie.from);
     named
         .filter(|kind| Kind::faults().contains(kind))
         .fold(Kinds::default(), |all, kind| all.or(Kinds::one(kind)))
@@ -41,11 +41,11 @@ fn accused(told: &Told) -> impl Iterator<Item = Kind> + use<> {
 
 /// Why the lies that are named after this fault and not argued do not come from it; `None` if they may. It is left out
 /// together with those that are `cleared` already: of two that each suffice, one is to blame.
-fn clears(play: &dyn Fn(Kinds, Kinds) -> Told, told: &Told, kind: Kind, cleared: Kinds) -> Option<String> {
+fn clears(play: &dyn Fn(Kinds, Kinds) -> Outcome, outcome: &Outcome, kind: Kind, cleared: Kinds) -> Option<String> {
     let lies: Vec<LyingSample> =
-        told.lies.iter().filter(|lie| lie.from == Some(kind) && !lie.argued).copied().collect();
+        outcome.lies.iter().filter(|lie| lie.from == Some(kind) && !lie.argued).copied().collect();
     let without = |kind: Kind| play(cleared.or(Kinds::one(kind)), Kinds::default());
-    let told_by = |other: &Told| lies.iter().filter(|lie| other.lies.iter().any(|same| is_same(lie, same))).count();
+    let told_by = |other: &Outcome| lies.iter().filter(|lie| other.lies.iter().any(|same| is_same(lie, same))).count();
     if told_by(&without(kind)) == lies.len() {
         return Some("the same lies are told without it".to_owned());
     }

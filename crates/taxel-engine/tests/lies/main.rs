@@ -39,7 +39,7 @@ use std::time::{Duration, Instant};
 
 use crate::figures::{Bounds, Figures};
 use crate::house::{Course, Patches, Setting};
-use crate::story::Told;
+use crate::story::Outcome;
 use crate::tally::Tally;
 
 /// What 500 stories of one patch must not be worse than: what they came to, and a twentieth to a tenth.
@@ -96,7 +96,7 @@ fn play_each(
     setting: Setting,
     first: u64,
     more: impl Fn(u64, Duration) -> bool + Sync,
-    each: impl Fn(u64, &Told) + Sync,
+    each: impl Fn(u64, &Outcome) + Sync,
 ) -> Tally {
     let next = AtomicU64::new(first);
     let (whole, panicked) = (Mutex::new(Tally::new()), Mutex::new(Vec::new()));
@@ -108,11 +108,11 @@ fn play_each(
                     if !more(seed - first, whole.lock().unwrap().simulated) {
                         break;
                     }
-                    let told = catch_unwind(|| inquiry::play(setting, seed));
-                    match told {
-                        Ok(told) => {
-                            each(seed, &told);
-                            whole.lock().unwrap().add(&told.tally);
+                    let outcome = catch_unwind(|| inquiry::play(setting, seed));
+                    match outcome {
+                        Ok(outcome) => {
+                            each(seed, &outcome);
+                            whole.lock().unwrap().add(&outcome.tally);
                         }
                         Err(_) => panicked.lock().unwrap().push(seed),
                     }
@@ -171,9 +171,9 @@ fn numbers_of(setting: Setting, first: u64, stories: u64) -> BTreeMap<u64, Vec<f
         setting,
         first,
         |begun, _| begun < stories,
-        |seed, told| {
-            let mut line = vec![told.tally.lies as f64];
-            line.extend(told.tally.figures.numbers());
+        |seed, outcome| {
+            let mut line = vec![outcome.tally.lies as f64];
+            line.extend(outcome.tally.figures.numbers());
             numbers.lock().unwrap().insert(seed, line);
         },
     );
@@ -267,7 +267,7 @@ fn a_long_run_holds_no_lie_but_argued_ones() {
 #[test]
 fn the_story_of_a_named_seed_holds_no_lie_but_argued_ones() {
     let Some(seed) = variable("LIES_SEED").filter(|_| variable("LIES_MINUTES").is_none()) else { return };
-    let told = inquiry::play(setting(), seed);
-    println!("{}\n\n{}", told.lines.join("\n"), told.tally);
-    assert_no_lies(&told.tally);
+    let outcome = inquiry::play(setting(), seed);
+    println!("{}\n\n{}", outcome.lines.join("\n"), outcome.tally);
+    assert_no_lies(&outcome.tally);
 }

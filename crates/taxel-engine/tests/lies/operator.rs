@@ -190,17 +190,17 @@ impl Operator {
         }
     }
 
-    /// Vouches for a free skin only where it is free.
+    /// Confirms a free skin only where it is free.
     fn tare(&mut self, stage: &mut Stage, patch: usize) {
-        let vouches = stage.force_on(patch).0 < FREE_N && self.dice.chance(0.3);
-        let confirmed_by = vouches.then(|| "Ada".to_owned());
+        let confirms = stage.force_on(patch).0 < FREE_N && self.dice.chance(0.3);
+        let confirmed_by = confirms.then(|| "Ada".to_owned());
         stage.give(Kind::Tare, Command::Tare { patch: name_of(stage, patch), confirmed_by });
     }
 
-    /// Of a skin of one patch nobody vouches when its boards are configured.
+    /// Of a skin of one patch nobody confirms when its boards are configured.
     fn bring_up(&mut self, stage: &mut Stage, patch: usize) {
-        let vouches = stage.house.parts.len() > 1 && stage.force_on(patch).0 < FREE_N && self.dice.chance(0.3);
-        let confirmed_by = vouches.then(|| "Ada".to_owned());
+        let confirms = stage.house.parts.len() > 1 && stage.force_on(patch).0 < FREE_N && self.dice.chance(0.3);
+        let confirmed_by = confirms.then(|| "Ada".to_owned());
         stage.give(Kind::BringUp, Command::BringUp { patch: name_of(stage, patch), confirmed_by });
     }
 

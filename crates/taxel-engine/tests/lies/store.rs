@@ -59,8 +59,8 @@ impl Store {
 
     /// The daemon stopped: what had not reached the disk is lost.
     pub fn lose_waiting(&mut self) {
-        let doubts = self.waiting.iter().any(|(_, record)| finds_a_load(record));
-        self.forgotten |= doubts || std::mem::take(&mut self.unwritten);
+        let finds = self.waiting.iter().any(|(_, record)| finds_a_load(record));
+        self.forgotten |= finds || std::mem::take(&mut self.unwritten);
         self.waiting.clear();
     }
 
@@ -72,5 +72,5 @@ impl Store {
 
 /// Whether it was found that a board's zero may hold a load.
 fn finds_a_load(record: &Record) -> bool {
-    matches!(record, Record::Zero { zero, .. } if zero.unproven.is_some())
+    matches!(record, Record::Zero { zero, .. } if zero.needs_confirmation.is_some())
 }

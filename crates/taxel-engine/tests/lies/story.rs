@@ -64,7 +64,7 @@ pub struct LyingSample {
 }
 
 /// What a story came to.
-pub struct Told {
+pub struct Outcome {
     pub tally: Tally,
     /// Everything that happened, a line each.
     pub lines: Vec<String>,
@@ -73,7 +73,7 @@ pub struct Told {
 }
 
 /// Plays the story of this seed, `without` what goes wrong of these kinds; those that are `cleared` name no lie.
-pub fn play(setting: Setting, seed: u64, without: Kinds, cleared: Kinds) -> Told {
+pub fn play(setting: Setting, seed: u64, without: Kinds, cleared: Kinds) -> Outcome {
     let mut story = Story::new(setting, seed, without, cleared);
     let length = story.length;
     let end = story.stage.now() + length;
@@ -82,7 +82,7 @@ pub fn play(setting: Setting, seed: u64, without: Kinds, cleared: Kinds) -> Told
     }
     let (ever, lied) = (story.stage.suspects.ever, story.tally.lies > 0);
     story.tally.story(ever, lied);
-    Told { lines: story.stage.last_lines(usize::MAX), tally: story.tally, lies: story.lies }
+    Outcome { lines: story.stage.last_lines(usize::MAX), tally: story.tally, lies: story.lies }
 }
 
 struct Story {

@@ -161,7 +161,7 @@ fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     assert!(why.starts_with(said), "{why}");
     assert_eq!(bench.host.catalogue.active[0].1.as_ref(), Some(&small().set.id), "what is refused has no effect");
     weighs(&mut bench, "another set was refused");
-    // Whoever changes the configuration then may use it.
+    // An operator who changes the configuration then may use it.
     let mut later = at_shift_1().restarted(with_shift(1));
     later.import(other("m-other", |_| {}));
     later.activate("m-other").unwrap();

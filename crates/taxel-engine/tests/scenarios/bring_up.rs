@@ -29,7 +29,7 @@ fn a_bring_up_loses_the_zero_and_is_verified_again() {
 }
 
 #[test]
-fn boards_that_bear_a_load_are_configured_only_if_somebody_vouches_for_the_skin() {
+fn boards_that_bear_a_load_are_configured_only_if_somebody_confirms_the_skin() {
     let mut bench = small().in_charge();
     bench.lay(0.5, 33);
     bench.seconds(1.0);
@@ -156,8 +156,8 @@ fn a_board_that_is_silent_at_the_start_is_configured_alone_and_the_zero_is_prove
 /// Without a model set nothing shows what lies on boards that stream, and what lies on them when they are configured reads as
 /// nothing to the set that is activated later.
 #[test]
-fn a_set_that_comes_after_the_boards_were_configured_unseen_takes_no_zero_unless_somebody_vouches_for_the_skin() {
-    // At the start, and by whoever vouched once and asked again without a word: the newest counts.
+fn a_set_that_comes_after_the_boards_were_configured_unseen_takes_no_zero_unless_somebody_confirms_the_skin() {
+    // At the start, and by an operator who confirmed once and asked again without confirming: the newest counts.
     configured_unseen(&[], false);
     configured_unseen(&[Some("Ada"), None], false);
     // A session takes its zero there nevertheless, but not for these models.

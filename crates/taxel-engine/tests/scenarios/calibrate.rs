@@ -48,7 +48,7 @@ fn a_mass_beyond_the_calibrated_range_is_flagged_and_counted_and_the_curves_go_o
     for state in beyond {
         let (kpa, sigma) = (f64::from(state.pressure_kpa.unwrap()), f64::from(state.sigma_kpa.unwrap()));
         assert!((0.8 * calibrated..4.0 * calibrated).contains(&kpa), "{kpa} kPa, {calibrated} was calibrated");
-        assert!(kpa - 2.0 * sigma <= calibrated + 1.0, "{kpa} kPa with {sigma}: more than anybody vouches for");
+        assert!(kpa - 2.0 * sigma <= calibrated + 1.0, "{kpa} kPa with {sigma}: more than anybody confirms");
     }
 }
 

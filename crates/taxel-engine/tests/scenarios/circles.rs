@@ -1,4 +1,4 @@
-//! No file of a crate imports in a circle with another: whoever reads one file never needs a second one that needs the first.
+//! No file of a crate imports in a circle with another: a reader of one file never needs a second one that needs the first.
 //! Files are read as text: paths are what a `use` names and what has `::` elsewhere, without comments and tests.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -87,7 +87,7 @@ fn a_gauge_that_is_back_within_a_second_costs_the_ramp_only_what_it_said_meanwhi
 }
 
 #[test]
-fn a_gauge_that_is_off_since_before_the_ramp_is_taken_from_what_it_read_at_rest_and_that_stays_in_doubt() {
+fn a_gauge_that_is_off_since_before_the_ramp_is_taken_from_what_it_read_at_rest_and_that_stays_uncertain() {
     let benches = [0.0, 9.0].map(|kpa| {
         let mut bench = fresh();
         bench.inject(Fault::GaugeOffset { kpa });
@@ -167,7 +167,7 @@ fn an_absolute_gauge_takes_the_ambient_pressure_from_the_vented_bag() {
     assert!((read - truth).abs() < 0.6, "{read} of {truth} kPa");
     let mut known = bench_of(false, 97.0);
     known.start_session(None);
-    assert!(known.host.session().gauge_zero_kpa > 4.0, "a stated ambient pressure is believed");
+    assert!(known.host.session().gauge_zero_kpa > 4.0, "a stated ambient pressure counts");
     // What no weather makes is a bag that is not vented.
     let mut pressed = bench_of(true, 88.0);
     let why = pressed.refused(say::start());

@@ -209,7 +209,7 @@ impl Host {
 
     fn step(&mut self, input: Input<'_>) {
         let now = Now { time: self.now, wall_ns: EPOCH_NS + self.now.as_nanos() };
-        // Whoever runs the engine may not have done everything of the step before: outputs are appended to that.
+        // The shell may not have done everything of the step before: outputs are appended to that.
         let mut out = vec![Output::SessionGone(usize::MAX), Output::SessionGone(usize::MAX)];
         self.engine.step(now, input, &mut out);
         for output in out.drain(2..) {

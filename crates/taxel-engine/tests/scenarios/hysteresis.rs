@@ -99,7 +99,7 @@ fn plays_of_a_session_take_the_hysteresis_out_of_the_live_force() {
 
 /// In a bag that presses and lets go within a scan or two.
 #[test]
-fn a_squeeze_while_the_zero_is_in_doubt_is_not_forgotten() {
+fn a_squeeze_while_the_zero_is_in_check_is_not_forgotten() {
     let quick = BagConfig { pump_kpa_per_s: 1_000.0, vent_s: 0.05, ..BagConfig::default() };
     let (mut bench, set) = calibrated(quick);
     put_to_use(&mut bench, &set);
@@ -110,25 +110,25 @@ fn a_squeeze_while_the_zero_is_in_doubt_is_not_forgotten() {
         }
     };
     let mut errors = [0.0; 2];
-    for (error, in_doubt) in errors.iter_mut().zip([false, true]) {
+    for (error, in_check) in errors.iter_mut().zip([false, true]) {
         squeeze(&mut bench, 15.0, 10.0);
         bench.seconds(2.0);
         let mark = bench.mark();
-        if in_doubt {
+        if in_check {
             // A lost acknowledgement is no proof of a new zero, and has to be looked at.
             bench.inject(Fault::ModuleNoAck(board(12), module(0)));
-            bench.until(3.0, "the doubt", |host| host.reasons().contains("looked at"));
+            bench.until(3.0, "the check", |host| host.reasons().contains("looked at"));
             bench.repair(Fault::ModuleNoAck(board(12), module(0)));
         }
         squeeze(&mut bench, 60.0, 250.0);
         squeeze(&mut bench, 15.0, 250.0);
-        assert_eq!(bench.host.snapshot().force.total.is_some(), !in_doubt, "{}", bench.host.reasons());
-        bench.until(10.0, "the end of the doubt", |host| host.snapshot().force.total.is_some());
+        assert_eq!(bench.host.snapshot().force.total.is_some(), !in_check, "{}", bench.host.reasons());
+        bench.until(10.0, "the end of the check", |host| host.snapshot().force.total.is_some());
         bench.seconds(2.0);
         let (force, truth) = (bench.host.snapshot().force.total.unwrap().0, bench.world.true_force().0);
         *error = force / truth - 1.0;
         bench.is_truthful_since(mark, "squeezed");
         bench.vent(20.0);
     }
-    assert!((errors[1] - errors[0]).abs() < 0.05, "{errors:?}: without and with a doubt");
+    assert!((errors[1] - errors[0]).abs() < 0.05, "{errors:?}: without and with a check");
 }

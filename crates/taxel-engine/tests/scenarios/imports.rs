@@ -38,7 +38,7 @@ fn a_set_without_a_zero_takes_it_from_the_next_confirmed_tare() {
     assert!(format!("{:?}", bench.tare(None)).contains("TareLoaded"));
 }
 
-/// Whoever insists gets no force that nobody would doubt: what says that it may be off by more than a number holds is none.
+/// An operator who insists gets no force without a warning: what says that it may be off by more than a number holds is none.
 #[test]
 fn a_set_that_cannot_be_of_the_patch_is_refused_and_one_whose_uncertainty_is_no_number_has_no_force() {
     let scaled = |set: &mut ModelSet| {

@@ -47,7 +47,7 @@ fn what_does_not_exist_is_not_found_by_its_name() {
 }
 
 #[test]
-fn a_session_says_when_it_began_and_who_vouches_for_its_rest() {
+fn a_session_says_when_it_began_and_who_confirms_its_rest() {
     let mut bench = fresh();
     let began = EPOCH_NS + bench.now().as_nanos();
     let (patch, leave_out, confirmed_by) = (String::new(), Vec::new(), Some("Ada".to_owned()));

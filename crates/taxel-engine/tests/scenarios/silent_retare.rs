@@ -32,24 +32,24 @@ fn a_retare_under_a_load_tells_no_lie() {
     }
 }
 
-/// A board that may have taken a new zero and falls silent then has no part in the force: its doubt waits until it is
+/// A board that may have taken a new zero and falls silent then has no part in the force: the check waits until it is
 /// heard, and the other board's force comes meanwhile.
 #[test]
-fn the_doubt_of_a_silent_board_leaves_the_other_boards_their_force() {
+fn the_check_of_a_silent_board_leaves_the_other_boards_their_force() {
     let mut bench = small().in_use_with(|plan| plan.live.stale_share_max = 0.3);
     bench.lay(0.5, 33);
     bench.seconds(3.0);
     bench.inject(Fault::ModuleNoAck(board(12), module(0)));
-    bench.until(3.0, "the doubt", |host| host.reasons().contains("looked at"));
+    bench.until(3.0, "the check", |host| host.reasons().contains("looked at"));
     bench.repair(Fault::ModuleNoAck(board(12), module(0)));
     bench.inject(Fault::BoardSilent(board(12)));
     let mark = bench.mark();
     bench.seconds(0.5);
     assert!(bench.host.snapshot().force.total.is_some(), "{}", bench.host.reasons());
     bench.repair(Fault::BoardSilent(board(12)));
-    bench.until(1.0, "the doubt again", |host| host.snapshot().force.total.is_none());
+    bench.until(1.0, "the check again", |host| host.snapshot().force.total.is_none());
     bench.until(2.0, "its end", |host| host.snapshot().force.total.is_some());
-    bench.is_truthful_since(mark, "a silent board in doubt");
+    bench.is_truthful_since(mark, "a silent suspect board");
 }
 
 #[test]

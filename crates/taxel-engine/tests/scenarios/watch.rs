@@ -82,7 +82,7 @@ pub mod check {
         assert!(view.remaining_s.is_none_or(|s| s >= 0.0), "{view:?}");
     }
 
-    /// Whoever reads that a session is in review asks for its model set.
+    /// A client that reads that a session is in review asks for its model set.
     pub fn model_set_is_there(view: &SessionView, catalogue: &Catalogue) {
         let Some(id) = view.model_set.as_ref().filter(|_| view.state == SessionState::Review) else { return };
         let there = catalogue.model_sets.iter().any(|set| set.id == **id);

@@ -124,7 +124,7 @@ fn a_tare_that_no_word_would_have_helped_asks_for_none() {
 /// What presses a few taxels to the end of their range takes them out of every comparison: they have a fault. So they look
 /// as broken ones do, and only somebody who sees the skin can tell.
 #[test]
-fn no_tare_is_taken_beside_taxels_that_stand_at_their_rail_unless_somebody_vouches() {
+fn no_tare_is_taken_beside_taxels_that_stand_at_their_rail_unless_somebody_confirms() {
     let mut bench = small().in_use();
     let stuck = |taxel: u16| Fault::TaxelStuck { taxel: TaxelIndex(taxel), value: 0 };
     bench.inject(stuck(43));
@@ -146,7 +146,7 @@ fn zero_of(record: &Record) -> Option<(&str, &taxel_engine::record::TakenZero)> 
 }
 
 #[test]
-fn a_tare_that_somebody_vouches_for_is_taken_and_written_down_with_the_name() {
+fn a_tare_that_somebody_confirms_is_taken_and_written_down_with_the_name() {
     let mut bench = small().in_use();
     bench.press_everywhere(1.5); // light, so that the skin does not step when it goes
     bench.seconds(1.0);

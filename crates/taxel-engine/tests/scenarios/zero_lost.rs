@@ -15,7 +15,7 @@ fn a_zero_taken_under_a_load_stays_lost_when_the_load_comes_back() {
         load(&mut bench);
         bench.seconds(2.0);
         bench.tare(Some("Ada")).unwrap();
-        bench.seconds(3.0); // Ada is believed until the counts say otherwise
+        bench.seconds(3.0); // Ada is right until the counts say otherwise
         bench.world.clear();
         bench.until(5.0, "the finding", |host| {
             host.snapshot().tare.as_ref().is_some_and(|tare| tare.reason.contains("taken under a load"))

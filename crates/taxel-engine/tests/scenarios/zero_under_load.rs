@@ -55,7 +55,7 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
         bench.until(3.0, "the finding", |host| host.snapshot().tare.as_ref().is_some_and(|tare| !tare.valid));
         bench.seconds(1.0);
         let mut zeros = bench.host.disk.restored.zeros.clone();
-        assert!(zeros.iter().all(|(_, zero)| zero.unproven.is_some() && zero.zero.is_none()), "{zeros:?}");
+        assert!(zeros.iter().all(|(_, zero)| zero.needs_confirmation.is_some() && zero.zero.is_none()), "{zeros:?}");
         assert_eq!(zeros.len(), 1);
         for _ in 0..2 {
             let patch = patch_plan(&ordinary().skin);
@@ -82,21 +82,21 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
             bench.seconds(2.0);
             bench.tare(Some("Ada")).unwrap();
         }
-        assert_eq!(noted(&bench), Some(None), "somebody has vouched for the zero");
+        assert_eq!(noted(&bench), Some(None), "somebody has confirmed the zero");
     }
 }
 
 /// What was last written down to be held against the boards' zeros.
 fn noted(bench: &Bench) -> Option<Option<String>> {
     bench.host.records.iter().rev().find_map(|record| match record {
-        Record::Zero { zero, .. } => Some(zero.unproven.clone()),
+        Record::Zero { zero, .. } => Some(zero.needs_confirmation.clone()),
         _ => None,
     })
 }
 
 /// Five lost acknowledgements under a load, after which a board takes a new zero by itself: nor is that taken for rest.
 #[test]
-fn after_lost_acknowledgements_under_a_load_a_tare_needs_somebody_who_vouches() {
+fn after_lost_acknowledgements_under_a_load_a_tare_needs_somebody_who_confirms() {
     for skin in [small(), ordinary()] {
         let mut bench = skin.in_use();
         bench.lay(0.5, 33);
@@ -143,9 +143,9 @@ fn a_load_that_is_lifted_without_a_zero_leaves_a_skin_at_rest() {
     }
 }
 
-/// A zero that somebody vouched for shows what the boards hide, and the next one, which nobody did, may hide it once more.
+/// A zero that somebody confirmed shows what the boards hide, and the next one, which nobody did, may hide it once more.
 #[test]
-fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interval() {
+fn a_load_that_is_lifted_for_a_confirmed_zero_and_comes_back_is_within_the_interval() {
     for skin in [small(), ordinary()] {
         let mut bench = skin.started();
         let mass = Mass::on_disc(0.3, TaxelIndex(33), 3000.0);
@@ -161,7 +161,7 @@ fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interva
             bench.until(3.0, "a force", |host| host.snapshot().force.total.is_some());
         }
         bench.seconds(1.0);
-        bench.is_truthful_since(mark, "0.3 kg that came back after a vouched zero");
+        bench.is_truthful_since(mark, "0.3 kg that came back after a confirmed zero");
     }
 }
 

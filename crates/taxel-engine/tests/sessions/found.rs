@@ -117,15 +117,15 @@ fn a_tare_that_is_being_written_is_not_overtaken_by_the_zero_after_start() {
     walk(&[&begin[..], &[DiskSlow, Tare { confirmed: false }, Pass(Hold), DiskWrites]].concat());
 }
 
-/// Somebody vouched for a zero under the bag's pressure: a skin that reads less than that afterwards is vented, and no board
+/// Somebody confirmed a zero under the bag's pressure: a skin that reads less than that afterwards is vented, and no board
 /// has taken a new zero.
 #[test]
-fn a_zero_that_somebody_vouched_for_under_pressure_leaves_the_next_session_alone() {
+fn a_zero_that_somebody_confirmed_under_pressure_leaves_the_next_session_alone() {
     let first =
         [StartSession, Pass(Hold), Pass(Rise), Pass(Rise), Pass(Rise), Pass(Vent), FitEnds { fit: 0, well: true }];
     let second = [StartSession, Pass(Hold), Pass(Rise), FinishRamp(2), FitEnds { fit: 1, well: true }];
-    let vouched = [Tare { confirmed: true }, Pass(Hold), Pass(Rise), Pass(Vent)];
-    walk(&[&first[..], &second, &vouched, &[StartSession, Pass(Vent)]].concat());
+    let confirmed = [Tare { confirmed: true }, Pass(Hold), Pass(Rise), Pass(Vent)];
+    walk(&[&first[..], &second, &confirmed, &[StartSession, Pass(Vent)]].concat());
 }
 
 /// Models of a session from before the boards lost their zero are none of the boards as they are.

@@ -42,7 +42,7 @@ impl Certificate {
         let errors: Vec<f64> = (0..course.kpa.len()).map(of_all).collect();
         let (figures, zero_kpa) = (course.figures(&errors), budget::zero_shift_of_mean_kpa(&taxels, course.ramps));
         let stated_kpa = stated.reference_expanded_uncertainty_kpa;
-        let reference_kpa = budget::reference_kpa(set, stated_kpa, samples.gauge_zero_doubt_kpa(set));
+        let reference_kpa = budget::reference_kpa(set, stated_kpa, samples.gauge_zero_sigma_kpa(set));
         let rows = budget::rows(&taxels, &figures, zero_kpa, reference_kpa, per_unit(samples));
         for taxel in &mut taxels {
             taxel.part["expanded_uncertainty_kpa"] = budget::expanded_of_taxel(taxel, reference_kpa).into();
@@ -247,7 +247,7 @@ fn limits(evidence: &Evidence, usable: usize) -> Vec<String> {
     say(compensated, "In use the hysteresis is compensated. The uncertainties are those without, which are greater.");
     let traceable = stated.traceability.is_some() && stated.reference_certificate.is_some();
     say(!traceable, "Traceability of the reference sensor is not stated: the pressures are traceable to nothing.");
-    let of_zero_kpa = samples.gauge_zero_doubt_kpa(set) * (1.0 + ROUNDING);
+    let of_zero_kpa = samples.gauge_zero_sigma_kpa(set) * (1.0 + ROUNDING);
     let in_set = set.gauge_gain_rel > 0.0 || set.gauge_offset_kpa > of_zero_kpa;
     let known = in_set || stated.reference_expanded_uncertainty_kpa.is_some();
     say(!known, "The uncertainty of the reference sensor is not stated and counts as 0.");

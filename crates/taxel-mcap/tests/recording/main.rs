@@ -117,7 +117,7 @@ fn a_file_that_was_cut_anywhere_gives_its_whole_chunks_and_says_so() {
 }
 
 #[test]
-fn a_damaged_chunk_is_not_believed() {
+fn a_damaged_chunk_is_not_used() {
     let (bytes, ends) = three_chunks(true);
     for at in ends[1]..ends[2] {
         let mut damaged = bytes.clone();

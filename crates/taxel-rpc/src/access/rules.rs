@@ -87,7 +87,7 @@ impl Write for Short {
     }
 }
 
-/// All rules. Whoever none of them means has the role of the way by which he came, which may be none.
+/// All rules. A caller that none of them names has the role of its listener, which may be none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rules {
     /// The highest role of those that fit counts.

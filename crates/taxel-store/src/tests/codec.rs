@@ -146,7 +146,7 @@ fn when_by_what_and_in_which_session_a_set_was_made_goes_with_it_and_is_no_part_
 }
 
 #[test]
-fn of_a_set_from_elsewhere_no_session_here_is_believed() {
+fn of_a_set_from_elsewhere_no_session_here_is_used() {
     let set = model_set(1);
     assert!(set.session.is_some());
     let imported = from_elsewhere(&to_json(&set).unwrap()).unwrap();

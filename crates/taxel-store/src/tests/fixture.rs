@@ -166,14 +166,14 @@ pub fn load(number: u64) -> Record {
     }))
 }
 
-pub fn zeros(unproven: Option<&str>) -> Record {
-    let unproven = unproven.map(str::to_owned);
-    Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { unproven, ..KeptZero::default() } }
+pub fn zeros(needs_confirmation: Option<&str>) -> Record {
+    let needs_confirmation = needs_confirmation.map(str::to_owned);
+    Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { needs_confirmation, ..KeptZero::default() } }
 }
 
 /// Whether every zero of the patch needs confirmation.
-pub fn is_doubted(restored: &Restored) -> bool {
-    restored.zeros.iter().any(|(patch, zero)| patch == PATCH && zero.unproven.is_some())
+pub fn needs_confirmation(restored: &Restored) -> bool {
+    restored.zeros.iter().any(|(patch, zero)| patch == PATCH && zero.needs_confirmation.is_some())
 }
 
 /// A store whose events can be received.

@@ -64,7 +64,7 @@ fn started(closed: bool, what: &str, change: impl Fn(&Path), from: From) {
     }
     if from != From::File {
         assert!(!found.is_empty() && !restored.problems.is_empty(), "{what} is not told");
-        assert_eq!(is_doubted(&restored), from == From::Copy, "{what}: {:?}", restored.zeros);
+        assert_eq!(needs_confirmation(&restored), from == From::Copy, "{what}: {:?}", restored.zeros);
     }
     // It takes new ones, and the next start says nothing and believes no zero either.
     write(&store, vec![session(9, SessionState::Aborted)]).unwrap();
@@ -159,13 +159,13 @@ fn the_main_file_of_a_running_store_copied_alone_says_that_its_log_is_missing() 
     assert_eq!(restored.problems.len(), 1);
     other.close().unwrap();
     assert_eq!(open(&copied).2, [], "it was told");
-    // With a set that was folded back its zero is not believed.
+    // With a set that was folded back its zero is not valid.
     write(&store, vec![activated(&set)]).unwrap();
     store.close().unwrap();
     let (_store, ..) = open(&path);
     fs::copy(&path, &copied).unwrap();
     let (_other, restored, found, _events) = open(&copied);
-    assert_eq!((restored.active.len(), found.len(), is_doubted(&restored)), (1, 1, true));
+    assert_eq!((restored.active.len(), found.len(), needs_confirmation(&restored)), (1, 1, true));
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn damaged_rows_are_told_and_left_out() {
         println!("| {what} changed | {} |", found[0]);
         assert_eq!((found.len(), &*found[0].what), (1, what));
         assert_eq!(restored.active[0].1, second);
-        assert!(is_doubted(&restored), "{what}: of its zeros only the worst is believed");
+        assert!(needs_confirmation(&restored), "{what}: of its zeros only the worst counts");
     }
     // Samples are proven when they are read.
     let (_dir, path, _) = scene(true);

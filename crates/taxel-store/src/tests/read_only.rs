@@ -30,7 +30,7 @@ fn read_only_child() {
     restored.active.iter().for_each(|(_, id)| println!("\nactive {id}"));
     println!("\nsamples {}", samples_of(&store, 2).map_or(0, |found| found.samples.len()));
     println!("\nlog {}", entries(&store, u64::MAX, 9).unwrap().len());
-    println!("\ndoubted {}", is_doubted(&restored));
+    println!("\ndoubted {}", needs_confirmation(&restored));
     match write(&store, vec![session(9, SessionState::Aborted)]) {
         Ok(_) => println!("\nwritten yes"),
         Err(error) => println!("\nrefused {error}"),

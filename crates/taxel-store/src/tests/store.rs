@@ -51,7 +51,7 @@ fn loads_zeros_and_the_audit_log_come_back_and_numbers_go_on() {
     };
     let known = KeptZero {
         configured: Some(u32::MAX),
-        unproven: Some("a load: 2 N".to_owned()),
+        needs_confirmation: Some("a load: 2 N".to_owned()),
         excused: Some("m-1".to_owned()),
         zero: Some(Arc::new(zero)),
     };

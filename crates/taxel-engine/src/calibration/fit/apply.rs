@@ -68,12 +68,12 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, tare: Tare) -> Result<Applied, R
     };
     let one_skin = skin || set.taxels.iter().any(|model| model.points.is_some());
     let extensions = if one_skin { set.extensions() } else { vec![None; models] };
-    let doubts_kpa = if skin { set.doubts_kpa() } else { vec![0.0; models] };
+    let curve_sigmas_kpa = if skin { set.curve_sigmas_kpa() } else { vec![0.0; models] };
     let tared = applied.zero.moved.is_some();
     let reader = Reader {
         set,
         extensions,
-        doubts_kpa,
+        curve_sigmas_kpa,
         half: half_width(scans, smooth_s),
         period_s: scans.period_s(),
         skin,
@@ -107,7 +107,7 @@ struct Reader<'a> {
     set: &'a ModelSet,
     extensions: Vec<Option<Extension>>,
     /// What the calibration leaves open, kPa, by taxel.
-    doubts_kpa: Vec<f64>,
+    curve_sigmas_kpa: Vec<f64>,
     half: usize,
     period_s: f64,
     skin: bool,
@@ -133,9 +133,9 @@ impl Reader<'_> {
     }
 
     /// What a reading of a taxel is uncertain by because of its zero, kPa.
-    fn zero_doubt_kpa(&self, taxel: usize) -> f64 {
+    fn zero_sigma_kpa(&self, taxel: usize) -> f64 {
         let Some((recorded, in_use)) = self.set.recorded.as_ref().zip(self.set.in_use(taxel)) else { return 0.0 };
-        // What nobody told may all be common, and the zero of another day mostly is.
+        // What is not known may all be common, and the zero of another day mostly is.
         let day = if self.tared || !self.skin { 0.0 } else { DAY_COUNTS };
         // A tare finds the skin anywhere between its zero and where the last load has left it: a rectangle.
         (recorded.zero_return_counts.unwrap_or(0.0) / 3.0_f64.sqrt()).hypot(day) / in_use.sensitivity
@@ -144,8 +144,8 @@ impl Reader<'_> {
     /// Pressures of a taxel with their uncertainty.
     fn column(&self, taxel: usize, counts: &[f64], masked: &[bool], moved: f64) -> Column {
         let (model, plays) = (&self.set.taxels[taxel], self.set.plays(taxel));
-        let (zero_kpa, doubt_kpa, extension) =
-            (self.zero_doubt_kpa(taxel), self.doubts_kpa[taxel], self.extensions[taxel]);
+        let (zero_kpa, curve_sigma_kpa, extension) =
+            (self.zero_sigma_kpa(taxel), self.curve_sigmas_kpa[taxel], self.extensions[taxel]);
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let rail = if sign == Sign::Falling { 0.0 } else { 255.0 };
         // What corrected a set by known loads is in these, too.
@@ -170,7 +170,7 @@ impl Reader<'_> {
             let bend_kpa = plays.map_or(0.0, |plays| plays.bend_kpa(&mut state, felt[i] - moved));
             let kpa = reading.kpa + bend_kpa + beyond.kpa;
             // Left-out readings of a skin fit show what the calibration leaves open, too.
-            let in_sigma = if model.points.is_some() { doubt_kpa.min(reading.sigma_kpa) } else { 0.0 };
+            let in_sigma = if model.points.is_some() { curve_sigma_kpa.min(reading.sigma_kpa) } else { 0.0 };
             let own_kpa = (reading.sigma_kpa.powi(2) - in_sigma.powi(2)).sqrt();
             let range = plays.map_or(reading.range, |plays| RangeState::of(count, plays.range)).in_pressure(sign);
             // Nothing tells how much more than at the range's end it is.
@@ -178,7 +178,8 @@ impl Reader<'_> {
             // Anything from there to nothing.
             let before_kpa = if range == RangeState::Below { kpa } else { 0.0 };
             column.kpa[i] = kpa;
-            let parts = [zero_kpa, doubt_kpa, beyond.sigma_kpa(), gain * kpa, self.set.gauge_offset_kpa, before_kpa];
+            let parts =
+                [zero_kpa, curve_sigma_kpa, beyond.sigma_kpa(), gain * kpa, self.set.gauge_offset_kpa, before_kpa];
             let sigma_kpa = parts.into_iter().fold(own_kpa, f64::hypot);
             column.sigma_kpa[i] = if is_open { f64::INFINITY } else { sigma_kpa };
             column.beyond[i] = beyond.sigma_kpa() > 0.0 || is_open;

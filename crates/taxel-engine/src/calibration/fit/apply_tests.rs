@@ -24,19 +24,19 @@ fn recorded() -> ModelSet {
 }
 
 fn reader(set: &ModelSet, skin: bool, tared: bool) -> Reader<'_> {
-    let doubts_kpa = vec![0.0; set.taxels.len()];
+    let curve_sigmas_kpa = vec![0.0; set.taxels.len()];
     let extensions = if skin { set.extensions() } else { vec![None; set.taxels.len()] };
-    Reader { set, extensions, doubts_kpa, half: 0, period_s: 0.0, skin, tared }
+    Reader { set, extensions, curve_sigmas_kpa, half: 0, period_s: 0.0, skin, tared }
 }
 
 #[test]
-fn a_zero_is_in_doubt_by_where_loads_leave_it_and_by_the_day_unless_it_was_tared() {
+fn a_zero_is_uncertain_by_where_loads_leave_it_and_by_the_day_unless_it_was_tared() {
     let set = recorded();
     for (skin, tared, day) in [(true, true, 0.0), (true, false, 3.0), (false, false, 0.0)] {
-        near(reader(&set, skin, tared).zero_doubt_kpa(0), (1.2 / 3.0_f64.sqrt()).hypot(day) / 2.0);
+        near(reader(&set, skin, tared).zero_sigma_kpa(0), (1.2 / 3.0_f64.sqrt()).hypot(day) / 2.0);
     }
     let nothing =
-        |set: &ModelSet, taxel: usize| assert_eq!(reader(set, true, true).zero_doubt_kpa(taxel), 0.0, "{taxel}");
+        |set: &ModelSet, taxel: usize| assert_eq!(reader(set, true, true).zero_sigma_kpa(taxel), 0.0, "{taxel}");
     nothing(&set, 2);
     let mut unmeasured = set;
     unmeasured.recorded.as_mut().unwrap().zero_return_counts = None;
@@ -50,7 +50,7 @@ fn the_gain_of_the_day_grows_with_the_pressure_and_is_a_skins_alone() {
     let counts = [rest - 10.0, rest - 60.0, f64::NAN];
     let masked = [false, false, true];
     let read = |set: &ModelSet, skin: bool| reader(set, skin, true).column(0, &counts, &masked, 0.0);
-    let zero = reader(&set, true, true).zero_doubt_kpa(0);
+    let zero = reader(&set, true, true).zero_sigma_kpa(0);
     let own =
         counts.map(|count| set.taxels[0].evaluate(count).map_or(f64::NAN, |reading| reading.sigma_kpa.hypot(zero)));
     let skin = read(&set, true);

@@ -23,7 +23,7 @@ fn a_score_is_what_its_words_say() {
         sigma_kpa: vec![vec![1.0, 2.0, 2.0, 0.1], vec![1.0, 1.0, 1.0, 1.0], Vec::new()],
         beyond: vec![vec![false, false, false, true], vec![false; 4], Vec::new()],
         unread: vec![None, None, Some("faulty in every scan".to_owned())],
-        zero: Zero { moved: None, told: String::new() },
+        zero: Zero { moved: None, words: String::new() },
         masked: (1, 8),
     };
     let score = judge(&applied, &[10.0, 30.0, 40.0, 50.0]);
@@ -101,11 +101,11 @@ fn rest_of(tare: Tare, spoil: impl Fn(usize, usize, f64) -> f64) -> Zero {
 #[test]
 fn a_recording_is_tared_from_two_seconds_that_are_at_rest_throughout() {
     let zero = rest_of(Tare::Auto, |_, _, count| count);
-    assert!(zero.told.starts_with("tared from the first 2 s: unloaded: ") && zero.moved.is_some(), "{zero:?}");
+    assert!(zero.words.starts_with("tared from the first 2 s: unloaded: ") && zero.moved.is_some(), "{zero:?}");
     assert!((0..40).all(|taxel| zero.moved(taxel).is_some_and(|moved| (moved - 0.45).abs() < 0.1)), "{zero:?}");
     // All taxels of a module move within the window.
     let moves = rest_of(Tare::Auto, |taxel, i, count| if taxel < 10 && i >= 16 { count + 1.0 } else { count });
-    assert!(moves.moved.is_none() && moves.told.contains("something moved on "), "{moves:?}");
+    assert!(moves.moved.is_none() && moves.words.contains("something moved on "), "{moves:?}");
     // Of 32 scans 29 are enough.
     let missing =
         |scans: usize| rest_of(Tare::Seconds(2.0), move |t, i, c| if t == 3 && i < scans { f64::NAN } else { c });
@@ -128,7 +128,7 @@ fn a_zero_is_of_scans_that_are_sound() {
 fn what_is_lighter_later_takes_a_tare_back_and_is_told_with_its_time() {
     for (from, after) in [(32, " 2.0 s later"), (64, " 4.0 s later")] {
         let lighter = rest_of(Tare::Auto, |t, i, count| if t < 3 && i >= from { count + 12.0 } else { count });
-        assert!(lighter.moved.is_none() && lighter.told.ends_with(after), "{lighter:?}");
+        assert!(lighter.moved.is_none() && lighter.words.ends_with(after), "{lighter:?}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Which scans of which taxel must not be believed, over a whole recording.
+//! Which scans of which taxel are invalid, over a whole recording.
 
 use std::ops::Range;
 

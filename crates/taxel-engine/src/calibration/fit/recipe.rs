@@ -56,7 +56,7 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
     });
     let set = fitted.set(recipe, &gauge_zero, 0.0);
     let branch = if rises_alone { ", rising" } else { "" };
-    let method = format!("{}{branch}{}", set.method, gauge_zero.told());
+    let method = format!("{}{branch}{}", set.method, gauge_zero.in_words());
     Ok(ModelSet { method, recorded, maker: Maker::this(false), ..set })
 }
 

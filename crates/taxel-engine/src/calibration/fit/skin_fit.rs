@@ -20,7 +20,7 @@ pub(crate) const MASKED_MAX: f64 = 0.3;
 pub(crate) struct SkinScans<'a> {
     /// The scans; all counts refer to one zero.
     pub scans: &'a Scans<'a>,
-    /// What of them must not be believed.
+    /// What of them is invalid.
     pub masks: &'a Masks,
     /// Pressure that belongs to each scan, kPa; NaN where there is none.
     pub kpa: &'a [f64],
@@ -109,7 +109,7 @@ impl SkinScans<'_> {
         taxel_model::fit(&Samples::new(&counts, &kpa), options)
     }
 
-    /// The counts of a taxel as they are in use, NaN where they must not be believed; empty where too many must not be.
+    /// The counts of a taxel as they are in use, NaN where they are invalid; empty where too many are.
     fn column(&self, taxel: usize) -> Vec<f64> {
         if self.masks.share(taxel) > MASKED_MAX {
             return Vec::new();
@@ -150,11 +150,11 @@ impl FittedSkin {
         }
     }
 
-    /// The models, which all share what was taken off the gauge's readings, and `doubt_kpa` beside that. The set comes without id,
+    /// The models, which all share what was taken off the gauge's readings, and `curve_sigma_kpa` beside that. The set comes without id,
     /// patch and time of making.
-    pub(crate) fn set(mut self, recipe: &FitRecipe, gauge_zero: &GaugeZero, doubt_kpa: f64) -> ModelSet {
-        let zero_kpa = gauge_zero.doubt_kpa() * steeper_at_rest(&self.models, &self.zeros);
-        let gauge_offset_kpa = zero_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(doubt_kpa);
+    pub(crate) fn set(mut self, recipe: &FitRecipe, gauge_zero: &GaugeZero, curve_sigma_kpa: f64) -> ModelSet {
+        let zero_kpa = gauge_zero.sigma_kpa() * steeper_at_rest(&self.models, &self.zeros);
+        let gauge_offset_kpa = zero_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(curve_sigma_kpa);
         self.models.iter_mut().for_each(|model| model.gauge.offset_kpa = gauge_offset_kpa);
         ModelSet {
             method: self.method,

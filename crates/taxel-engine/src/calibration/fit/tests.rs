@@ -200,8 +200,8 @@ fn beyond_the_calibrated_range_readings_go_on_and_their_interval_grows() {
 #[test]
 fn a_recording_without_pressure_or_scans_is_no_panic() {
     let skin = Skin::cycle(0.0);
-    let blind = Scans { pressure_kpa: None, ..skin.scans() };
-    assert_eq!(fit(&blind, &FitRecipe::default(), &OneByOne).unwrap_err(), RecordingError::NoPressure);
+    let without = Scans { pressure_kpa: None, ..skin.scans() };
+    assert_eq!(fit(&without, &FitRecipe::default(), &OneByOne).unwrap_err(), RecordingError::NoPressure);
     let nothing = vec![f64::NAN; skin.kpa.len()];
     let gone = Scans { pressure_kpa: Some(&nothing), ..skin.scans() };
     assert!(fit(&gone, &FitRecipe::default(), &OneByOne).is_err());
@@ -279,5 +279,5 @@ fn what_the_gauge_reads_at_rest_is_taken_off_where_it_is_shown() {
     let top = running_median(&Skin::cycle(5.0).kpa, legs::GAUGE_MEDIAN_SCANS).into_iter().fold(0.0, f64::max);
     assert!((top - less.pressure_max_kpa - 4.0).abs() < 1e-9, "{}", less.pressure_max_kpa);
     assert!(less.method.ends_with(", less 4.0 kPa that the gauge read at rest"), "{}", less.method);
-    assert!(less.gauge_offset_kpa > 4.0 / 2.0, "and stays in doubt: {}", less.gauge_offset_kpa);
+    assert!(less.gauge_offset_kpa > 4.0 / 2.0, "and stays uncertain: {}", less.gauge_offset_kpa);
 }

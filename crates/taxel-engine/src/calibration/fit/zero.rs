@@ -90,7 +90,7 @@ pub struct Zero {
     /// calibration was left.
     pub moved: Option<Vec<f64>>,
     /// The same in words, and why.
-    pub told: String,
+    pub words: String,
 }
 
 impl Zero {
@@ -101,15 +101,15 @@ impl Zero {
 
     /// The zero of the calibration is left.
     fn left(why: &str) -> Self {
-        Self { moved: None, told: format!("not tared, the zero is that of the calibration{why}") }
+        Self { moved: None, words: format!("not tared, the zero is that of the calibration{why}") }
     }
 
     fn tared(window_s: f64, proof: &str, moved: Vec<f64>) -> Self {
         let (taxels, without) = (moved.len(), moved.iter().filter(|m| !m.is_finite()).count());
-        let told = format!(
+        let words = format!(
             "tared from the first {window_s} s{proof}; {without} of {taxels} taxels have no zero of their own there"
         );
-        Self { moved: Some(moved), told }
+        Self { moved: Some(moved), words }
     }
 
     /// Does what `tare` asks for.
@@ -149,7 +149,7 @@ impl Zero {
         for first in (n..scans.len().saturating_sub(n - 1)).step_by(n) {
             let later = window(first, true);
             if let Some(lift) = lighter(&zero, (&later.all().baseline(), later.all().count()), &modules, &sign) {
-                let (lift, after_s) = (lift.told_lighter(module_name), scans.time_s[first] - scans.time_s[0]);
+                let (lift, after_s) = (lift.lighter_in_words(module_name), scans.time_s[first] - scans.time_s[0]);
                 return Self::left(&format!(": the beginning is not unloaded; {lift} {after_s:.1} s later"));
             }
         }

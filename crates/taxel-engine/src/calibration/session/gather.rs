@@ -17,7 +17,7 @@ use crate::counts::Counts;
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
 
-/// A rise that gains nothing for so long is told as one that cannot get further.
+/// A rise that gains nothing for so long is reported as one that cannot get further.
 const STALLED_AFTER: Duration = Duration::from_secs(5);
 
 /// Scans that wait for the gauge and for the end of their probation: at the longest gauge timeout of 1 s and the

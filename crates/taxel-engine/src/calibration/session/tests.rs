@@ -173,10 +173,10 @@ fn a_scan_enters_when_the_zero_has_stood_for_a_second_after_it() {
     assert!((sample.pressure_kpa - 3.0).abs() < 1e-9, "{}", sample.pressure_kpa);
 }
 
-/// A board that took a new zero unseen is found within the second for which scans wait: those are not to be believed. At 5 ms and
+/// A board that took a new zero unnoticed is found within the second for which scans wait: those are not valid. At 5 ms and
 /// 1 s of patience with the gauge there are 400; more than 512 would wait for ever.
 #[test]
-fn scans_that_wait_while_the_zero_comes_into_doubt_never_enter_and_no_more_than_512_wait() {
+fn scans_that_wait_while_the_zero_comes_into_check_never_enter_and_no_more_than_512_wait() {
     let mut scene = Scene::ramping(Branch::Rising, 50.0);
     (1..=512).for_each(|i| scene.run.on_scan(scan(ms(i), [200; TAXELS])));
     assert_eq!(scene.refused(SampleRefusal::NoPressure), 0);
@@ -184,7 +184,7 @@ fn scans_that_wait_while_the_zero_comes_into_doubt_never_enter_and_no_more_than_
     assert_eq!(scene.refused(SampleRefusal::NoPressure), 1, "the oldest goes first");
     scene.run.drop_waiting();
     let shown = scene.shown_after(200).unwrap();
-    assert_eq!((shown.refused.get(SampleRefusal::ZeroInDoubt), shown.accepted), (512, 0));
+    assert_eq!((shown.refused.get(SampleRefusal::ZeroInCheck), shown.accepted), (512, 0));
 }
 
 #[test]

@@ -8,9 +8,9 @@ use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::force::sample::{ForceSample, ForceState};
 use crate::scan::Scan;
 
-/// So many blind taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a
+/// So many uncovered taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a
 /// fingertip.
-const BLIND_TAXELS_BORNE: usize = 2;
+const UNCOVERED_MAX: usize = 2;
 
 /// One active taxel may be noise: of 250 one passes its threshold in every twentieth scan. Two beside the same taxel seldom are.
 const CONTACT_TAXELS_MIN: usize = 2;
@@ -33,8 +33,8 @@ impl Force {
             reasons.push(Reason::about(self.silent(scan), ReasonCode::TaxelsSilent, text));
         }
         let beside_unbounded = in_total.len() >= CONTACT_TAXELS_MIN && self.beside(scan, touch, sample, &mut reasons);
-        if self.blind.len() > BLIND_TAXELS_BORNE.max(stale) {
-            self.say_blind(&mut reasons);
+        if self.uncovered.len() > UNCOVERED_MAX.max(stale) {
+            self.add_uncovered(&mut reasons);
         }
         if sample.out_of_range > 0 {
             let beyond = self.out_of_range(scan, in_total);
@@ -45,12 +45,12 @@ impl Force {
         reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
         sample.unbounded = beside_unbounded
             || stale > 0
-            || !self.blind.is_empty()
+            || !self.uncovered.is_empty()
             || sample.out_of_range > 0
             || zero.load_vanished.is_some();
         sample.state = if reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
         if sample.state == ForceState::Ok && sample.unbounded {
-            self.say_blind(&mut reasons);
+            self.add_uncovered(&mut reasons);
         }
         sample.reasons = reasons;
     }
@@ -84,10 +84,10 @@ impl Force {
         more || !loaded.is_empty()
     }
 
-    fn say_blind(&self, reasons: &mut Vec<Reason>) {
+    fn add_uncovered(&self, reasons: &mut Vec<Reason>) {
         let text =
-            counted(self.blind.len(), "taxel", "taxels") + " cannot be read, nor can those beside: no upper bound";
-        reasons.push(Reason::about(std::sync::Arc::clone(&self.blind), ReasonCode::TaxelsExcluded, text));
+            counted(self.uncovered.len(), "taxel", "taxels") + " cannot be read, nor can those beside: no upper bound";
+        reasons.push(Reason::about(std::sync::Arc::clone(&self.uncovered), ReasonCode::TaxelsExcluded, text));
         let without_zero = positions(self.without_zero());
         if !without_zero.is_empty() {
             let text = format!(

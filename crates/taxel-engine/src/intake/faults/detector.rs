@@ -176,7 +176,7 @@ impl FaultDetector {
     }
 
     /// The module's scans come faster than its board can send them: none of its values can be trusted until then.
-    pub fn doubt_module(&mut self, now: Time, module: usize, until: Time) {
+    pub fn suspect_module(&mut self, now: Time, module: usize, until: Time) {
         if let Some(watch) = self.modules.get_mut(module) {
             watch.too_fast_until = watch.too_fast_until.max(until);
             self.blame(now, module, Fault::TooFast);

@@ -210,7 +210,7 @@ fn a_flicker_does_not_go_on_over_a_silence() {
 }
 
 #[test]
-fn what_a_status_word_or_a_doubt_says_ends_after_its_time() {
+fn what_a_status_word_or_a_suspicion_says_ends_after_its_time() {
     let mut detector = detector();
     for (status, words) in [(1, "no acknowledgement"), (2, "not connected"), (1 << 4, "out of range by status")] {
         let mut detector = detector.clone();
@@ -227,8 +227,8 @@ fn what_a_status_word_or_a_doubt_says_ends_after_its_time() {
     detector.push_reals(at(3.0), 0, &[100.0; 10], 0);
     assert_eq!(says(&detector, 0), "not connected");
     // Scans that come too fast, until the latest moment that was named.
-    detector.doubt_module(at(4.0), 1, at(6.0));
-    detector.doubt_module(at(4.0), 1, at(5.0));
+    detector.suspect_module(at(4.0), 1, at(6.0));
+    detector.suspect_module(at(4.0), 1, at(5.0));
     assert_eq!((says(&detector, 10), says(&detector, 20)), ("too fast".to_owned(), String::new()));
     assert_eq!(detector.wrong_since(10), Some(at(4.0)));
     assert!(!detector.push_reals(at(5.99), 1, &[100.0; 10], 0) && says(&detector, 10) == "too fast");

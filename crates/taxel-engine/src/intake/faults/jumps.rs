@@ -1,6 +1,6 @@
 //! How far the taxels of a module jump together, there and back, faster than anything that is pressed and let go.
 //!
-//! A converter that flickers moves all taxels of its module at once, by less than any of them alone would be told for. What
+//! A converter that flickers moves all taxels of its module at once, by less than any of them alone would be reported for. What
 //! comes and goes within one conversion is no known load: half of the way is what each reading may be off by, for nothing
 //! that stays within a range has a standard deviation of more than half of that (Popoviciu's inequality). One such jump is a
 //! blow; two of them within seconds count, by the lesser. What stays for two conversions looks like a touch, and is none of these.

@@ -19,7 +19,7 @@ const UNCLEAR_FALL: f32 = 1.5;
 pub(super) const LEARNING_SCANS: u32 = 64;
 /// Fewest sound inputs, pads counted twice, that may clear a board; so many scans a suspicion waits for them.
 const WITNESSES_MIN: f32 = 8.0;
-const BLIND_SCANS_MAX: u32 = 160;
+const UNJUDGED_SCANS_MAX: u32 = 160;
 /// Scans for which a load that vanished may leave it unclear whether the board has its zero, and for which it counts as lately.
 const UNCLEAR_SCANS: u8 = 16;
 const VANISHED_LATELY_SCANS: u8 = 32;
@@ -48,7 +48,7 @@ pub(super) struct Board {
     pub(super) account: f32,
     /// Why it is suspect.
     pub(super) suspect: Option<String>,
-    pub(super) blind: u32,
+    pub(super) unjudged_scans: u32,
     /// What it had more evidence than by chance at first: sum and scans.
     pub(super) learned: (f32, u32),
     /// A second account, paid in when its load vanishes: until it is empty, nothing bounds the force above.
@@ -66,13 +66,14 @@ pub(super) struct Board {
 
 impl Board {
     pub(super) fn begin(&mut self) {
-        (self.account, self.suspect, self.blind, self.learned) = (0.0, None, 0, (0.0, 0));
+        (self.account, self.suspect, self.unjudged_scans, self.learned) = (0.0, None, 0, (0.0, 0));
         (self.unclear, self.vanished_lately) = (0.0, 0);
         self.before.take_if(|_| !self.unwell);
     }
 
     pub(super) fn suspect(&mut self, why: String) {
-        (self.account, self.suspect, self.blind, self.silent) = (self.account.max(SUSPECT), Some(why), 0, false);
+        (self.account, self.suspect, self.unjudged_scans, self.silent) =
+            (self.account.max(SUSPECT), Some(why), 0, false);
     }
 
     /// Keeps what the board read, unless that is kept already, or what presses is a bag that lets go.
@@ -135,11 +136,11 @@ impl Board {
             (self.unclear, self.vanished_lately) = (SUSPECT, VANISHED_LATELY_SCANS);
         }
         if taxels + 2.0 * pads < WITNESSES_MIN {
-            self.blind += 1;
-            let why = self.suspect.as_ref().filter(|_| self.blind > BLIND_SCANS_MAX)?;
+            self.unjudged_scans += 1;
+            let why = self.suspect.as_ref().filter(|_| self.unjudged_scans > UNJUDGED_SCANS_MAX)?;
             return Some(format!("{why}, and too few of its taxels are sound to show that it has not"));
         }
-        self.blind = 0;
+        self.unjudged_scans = 0;
         let (by_chance, sd) = (0.5 * taxels + pads, (1.25 * taxels + 2.0 * pads).sqrt());
         let (more, expected) = ((evidence - by_chance) / sd, self.expected());
         let (learned, scans) = self.learned;

@@ -39,7 +39,7 @@ impl Watched {
         Self { evidence, noise: Noise(11), scans: 0, pads: 100.4, silent, is_deaf: false, bag, lost: None }
     }
 
-    /// Takes so many scans in which each taxel feels `load` counts; when a new zero or a doubt came first, and why.
+    /// Takes so many scans in which each taxel feels `load` counts; when a new zero or a suspicion came first, and why.
     fn scan(&mut self, scans: usize, load: impl Fn(usize) -> f64) -> Option<(usize, String)> {
         let mut found = None;
         for after in 0..scans {
@@ -59,10 +59,10 @@ impl Watched {
                 soundness: self.silent.iter().filter(|silent| **silent).count() as u64,
                 jumps: &[],
             };
-            let doubted = self.evidence.doubted().is_some();
+            let suspect = self.evidence.suspicion().is_some();
             self.lost = self.evidence.on_scan(&scan, self.bag).map(|(_, why)| why);
-            let doubt = self.evidence.doubted().filter(|_| !doubted).map(str::to_owned);
-            found = found.or_else(|| Some((after, self.lost.clone().or(doubt)?)));
+            let suspicion = self.evidence.suspicion().filter(|_| !suspect).map(str::to_owned);
+            found = found.or_else(|| Some((after, self.lost.clone().or(suspicion)?)));
         }
         found
     }
@@ -122,12 +122,12 @@ fn pads_that_step_are_evidence_in_both_directions_but_in_a_bag() {
 fn a_suspect_board_is_cleared_by_its_counts_and_waits_for_sound_ones_but_not_for_ever() {
     let mut watched = Watched::new();
     watched.scan(50, |_| 0.0);
-    watched.evidence.doubt(0, "board 12 was not heard".to_owned());
+    watched.evidence.suspect(0, "board 12 was not heard".to_owned());
     assert_eq!(watched.scan(8, |_| 0.0), None);
-    assert_eq!(watched.evidence.doubted(), Some("board 12 was not heard"));
+    assert_eq!(watched.evidence.suspicion(), Some("board 12 was not heard"));
     assert_eq!(watched.scan(20, |_| 0.0), None);
-    assert_eq!(watched.evidence.doubted(), None);
-    watched.evidence.doubt(0, "board 12 was not heard".to_owned());
+    assert_eq!(watched.evidence.suspicion(), None);
+    watched.evidence.suspect(0, "board 12 was not heard".to_owned());
     (watched.is_deaf, watched.pads) = (true, -20.0);
     let why = watched.lost(200, |_| 0.0).expect("nobody can tell any more");
     assert!(why.contains("too few of its taxels are sound"), "{why}");
@@ -163,12 +163,12 @@ fn a_suspect_board_that_reads_nothing_of_its_load_has_lost_its_zero_and_needs_co
     let load = |taxel: usize| if taxel < 4 { 20.0 } else { 0.0 };
     let mut watched = Watched::new();
     watched.scan(30, load);
-    watched.evidence.doubt(0, "board 12 reported a lost acknowledgement".to_owned());
+    watched.evidence.suspect(0, "board 12 reported a lost acknowledgement".to_owned());
     let why = watched.lost(1, |_| 0.0).expect("it is gone");
     assert!(why.contains("while it was silent or reported a fault"), "{why}");
-    assert_eq!(watched.evidence.unproven(), Some(why.as_str()));
+    assert_eq!(watched.evidence.needs_confirmation(), Some(why.as_str()));
     watched.evidence.begin(true);
-    assert_eq!(watched.evidence.unproven(), None, "of a new zero nothing is held");
+    assert_eq!(watched.evidence.needs_confirmation(), None, "of a new zero nothing is held");
     assert_eq!(watched.scan(60, |_| 0.0), None);
 }
 

@@ -229,7 +229,7 @@ fn two_taxels_of_a_module_that_stand_far_towards_load_are_no_rest() {
     for sound in [false, true] {
         let loaded = |level| standing(&[32, 37, 90], level, sound, 0.0);
         assert_eq!(loaded(16.1), two(), "{sound}");
-        assert!(loaded(16.1).is_still(), "somebody may vouch for broken ones");
+        assert!(loaded(16.1).is_still(), "somebody may confirm broken ones");
         for level in [15.9, 0.0, -200.0] {
             assert!(matches!(loaded(level), RestVerdict::Rest { .. }), "{sound}, {level}: {}", loaded(level));
         }

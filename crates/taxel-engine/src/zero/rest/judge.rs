@@ -28,7 +28,7 @@ pub struct Reference<'a> {
 /// Judges a window of scans.
 ///
 /// A taxel without a value, a reference or a sign does not take part. Without a reference nothing is proven: a still skin
-/// is [`RestVerdict::Unproven`], which needs somebody who vouches for it.
+/// is [`RestVerdict::Unproven`], which needs somebody who confirms it.
 pub fn judge(window: &RestWindow, reference: Reference<'_>) -> RestVerdict {
     let scans = window.all().count();
     if scans < SCANS_MIN {

@@ -91,13 +91,13 @@ impl Beyond {
     }
 
     /// Of what is lighter than its zero, in words.
-    pub fn told_lighter(&self, name: impl Fn(usize) -> String) -> String {
+    pub fn lighter_in_words(&self, name: impl Fn(usize) -> String) -> String {
         let on = if matches!(self.figure, Figure::Taxels(_)) { " on three taxels" } else { "" };
         format!("{} is {:.1} counts lighter than its zero{on}", self.place(name), self.seen)
     }
 
-    /// In words, with the modules by the names that they have for whoever looks for them.
-    fn told(&self, name: impl Fn(usize) -> String) -> String {
+    /// In words, with the modules by the names that operators know.
+    fn in_words(&self, name: impl Fn(usize) -> String) -> String {
         let (Self { figure, seen, limit, .. }, place) = (*self, self.place(name));
         match figure {
             Figure::Drift => format!("the whole skin moved ({seen:+.1} counts in the median, limit {limit:.1})"),
@@ -129,12 +129,12 @@ impl RestVerdict {
         matches!(self, Self::Rest { .. })
     }
 
-    /// Whether enough was seen and nothing moved: then an operator may vouch for what the counts cannot show.
+    /// Whether enough was seen and nothing moved: then an operator may confirm what the counts cannot show.
     pub const fn is_still(&self) -> bool {
         !matches!(self.refusal(), ErrorReason::TareUnsteady | ErrorReason::SkinSilent)
     }
 
-    /// Why no zero is taken of a skin that this was said of, unless somebody vouches for it.
+    /// Why no zero is taken of a skin that this was said of, unless somebody confirms it.
     pub const fn refusal(&self) -> ErrorReason {
         match self {
             Self::Loaded(_) => ErrorReason::TareLoaded,
@@ -144,8 +144,8 @@ impl RestVerdict {
         }
     }
 
-    /// In words, with the modules by the names that they have for whoever looks for them.
-    pub fn told(&self, name: impl Fn(usize) -> String) -> String {
+    /// In words, with the modules by the names that operators know.
+    pub fn in_words(&self, name: impl Fn(usize) -> String) -> String {
         match self {
             Self::Rest { median, worst } => {
                 // What a module moved beyond the others is said with what all moved: the largest is never less than the median.
@@ -157,7 +157,7 @@ impl RestVerdict {
                 let worst = worst.unwrap_or_default();
                 format!("unloaded: median shift from the models' zero {median:.2} counts{worst}{recovers}")
             }
-            Self::Loaded(beyond) | Self::Moved(beyond) => beyond.told(name),
+            Self::Loaded(beyond) | Self::Moved(beyond) => beyond.in_words(name),
             Self::OtherZero(away) => {
                 format!(
                     "the boards have another zero than the models ({away:.1} counts away from load, limit {MOVED_AWAY_MAX})"
@@ -176,6 +176,6 @@ impl RestVerdict {
 
 impl fmt::Display for RestVerdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.told(|module| format!("module {module}")))
+        f.write_str(&self.in_words(|module| format!("module {module}")))
     }
 }

@@ -66,7 +66,7 @@ impl Model {
                 }
                 self.lose_zero();
                 (self.boards_ready, self.whole) = (false, false);
-                (self.unseen, self.unjudged) = (false, None); // it is vouched for
+                (self.unseen, self.unjudged) = (false, None); // it is confirmed
                 Answer::Done
             }
         }

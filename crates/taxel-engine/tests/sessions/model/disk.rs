@@ -35,10 +35,10 @@ impl Model {
                     self.live.known.insert(set);
                 }
                 // A zero that was judged by the models of before is none.
-                Pending::Zero { request, good, vouched } => {
+                Pending::Zero { request, good, confirmed } => {
                     let good = good && !other_models;
                     self.unseen &= !good;
-                    self.unjudged.take_if(|since| good && (vouched || *since == Since::Others));
+                    self.unjudged.take_if(|since| good && (confirmed || *since == Since::Others));
                     self.settle(request, good);
                 }
                 Pending::End { request, number, state } => {
@@ -69,7 +69,7 @@ impl Model {
         }
     }
 
-    /// Whoever waits for the disk is refused, and no session can go on.
+    /// A caller that waits for the disk is refused, and no session can go on.
     pub(super) fn disk_fails(&mut self) {
         self.disk = Disk::Failed;
         for pending in std::mem::take(&mut self.pending) {
@@ -103,9 +103,9 @@ impl Model {
         self.pending.clear();
         self.waiting.clear();
         self.settled.clear();
-        // The boards stream as they were configured, and the store of these tests keeps no doubts.
+        // The boards stream as they were configured, and the store of these tests keeps no suspicions.
         (self.gauge_fresh, self.boards_ready, self.heard, self.unseen) = (false, false, false, false);
-        (self.unjudged, self.whole, self.falsely_vouched) = (None, false, false);
+        (self.unjudged, self.whole, self.falsely_confirmed) = (None, false, false);
         self.begun.clear();
     }
 }

@@ -1,4 +1,4 @@
-//! Where everything stands, and what whoever changes it needs.
+//! Where everything stands, and what its changes need.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -38,7 +38,7 @@ impl Facts {
 pub enum Pending {
     Activate { request: u64, set: Set },
     Import { request: u64, set: Set },
-    Zero { request: u64, good: bool, vouched: bool },
+    Zero { request: u64, good: bool, confirmed: bool },
     Fitted { fit: usize },
     End { request: u64, number: u64, state: S },
 }
@@ -79,13 +79,13 @@ pub struct Model {
     /// How many zeros sessions have taken, and which of them was the last of each session.
     pub(super) zeros: u64,
     pub(super) rests: BTreeMap<u64, u64>,
-    /// Somebody vouched for a zero while the bag pressed: boards that are configured after that contradict it.
-    pub(super) falsely_vouched: bool,
+    /// Somebody confirmed a zero while the bag pressed: boards that are configured after that contradict it.
+    pub(super) falsely_confirmed: bool,
     /// Whether all modules were heard together since the boards were configured.
     pub(super) whole: bool,
     /// What was held against the boards is no longer, since the last time that passed: a watch that goes on may end at once.
     pub(super) just_trusted: bool,
-    /// A zero that an operator waits for: request, and whether it was vouched for.
+    /// A zero that an operator waits for: request, and whether it was confirmed.
     pub(super) tare: Option<(u64, bool)>,
     /// How long the open session has come no further, at least and at most.
     pub(super) idle_s: (f64, f64),
@@ -123,7 +123,7 @@ impl Model {
             begun: BTreeSet::new(),
             zeros: 0,
             rests: BTreeMap::new(),
-            falsely_vouched: false,
+            falsely_confirmed: false,
             whole: true,
             just_trusted: false,
             tare: None,

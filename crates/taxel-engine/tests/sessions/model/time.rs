@@ -64,7 +64,7 @@ impl Model {
             // Of a module that was silent while its board took a zero, what it read before is of another one.
             Step::BusOff => self.whole,
             // Whether a load is felt depends on the zero, which is not in the table.
-            Step::BringUp if self.falsely_vouched => false,
+            Step::BringUp if self.falsely_confirmed => false,
             Step::BringUp => self.kpa == 0 || self.presses() || self.open().is_some(),
             _ => true,
         }
@@ -95,8 +95,8 @@ impl Model {
             let proven = self.live.active.is_some() && self.kpa == 0 && !self.unseen;
             if still && (confirmed || proven) && self.disk != Disk::Failed {
                 self.void_zeros();
-                self.falsely_vouched |= confirmed && self.kpa > 0;
-                self.pending.push(Pending::Zero { request, good: true, vouched: confirmed });
+                self.falsely_confirmed |= confirmed && self.kpa > 0;
+                self.pending.push(Pending::Zero { request, good: true, confirmed });
             } else {
                 self.settle(request, false);
             }

@@ -203,12 +203,13 @@ impl Drawing {
 
     /// Something is found against a zero, or another is taken.
     fn zero(&self) -> Record {
-        let unproven = self.held.zero.unproven.is_none().then(|| format!("found with {} loads", self.held.loads));
+        let needs_confirmation =
+            self.held.zero.needs_confirmation.is_none().then(|| format!("found with {} loads", self.held.loads));
         let mean: Vec<f64> = (0..self.held.asked % 4).map(|taxel| taxel as f64 / 8.0).collect();
         let taken = || TakenZero { noise: mean.clone(), mean: mean.clone(), ..TakenZero::default() };
         let zero = (!mean.is_empty()).then(|| Arc::new(taken()));
-        let excused = unproven.as_ref().map(|why| format!("m-{}", why.len()));
-        Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { configured: None, unproven, excused, zero } }
+        let excused = needs_confirmation.as_ref().map(|why| format!("m-{}", why.len()));
+        Record::Zero { patch: PATCH.to_owned(), zero: KeptZero { configured: None, needs_confirmation, excused, zero } }
     }
 
     /// A set that is not in use or a session that is over goes.

@@ -1,4 +1,4 @@
-//! The zero of a recording: proven, refused, and vouched for.
+//! The zero of a recording: proven, refused, and confirmed.
 
 use super::*;
 
@@ -8,7 +8,7 @@ fn a_recording_at_rest_is_tared_and_read_right() {
     let mut skin = Skin::new(cycle(4.0, 150.0), 8.0, 2.0, 77);
     skin.spoil(11, 0.5..1.0, |_| 255.0);
     let applied = apply(&skin.scans(), &set, Tare::Auto).unwrap();
-    assert!(applied.zero.moved.is_some(), "{}", applied.zero.told);
+    assert!(applied.zero.moved.is_some(), "{}", applied.zero.words);
     assert!((applied.zero.moved(0).unwrap() - 2.0).abs() < 0.4);
     assert_eq!(applied.unread[11].as_deref(), Some("no zero: faulty while the others were tared"));
     assert!(applied.pressure_kpa[11].is_empty());

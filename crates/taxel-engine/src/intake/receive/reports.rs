@@ -1,4 +1,4 @@
-//! What is told of a patch's boards: which modules are silent, and the health of each board.
+//! What is reported of a patch's boards: which modules are silent, and the health of each board.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -126,7 +126,7 @@ fn look_at_gauge(gauge: &GaugeHistory, now: Time, timeout: Duration) -> Option<S
     })
 }
 
-/// When a thing that may be over happened last. In whole minutes: health is told anew whenever a word of it changes.
+/// When a thing that may be over happened last. In whole minutes: health is reported anew whenever a word of it changes.
 fn last_seen(last: Time, now: Time) -> String {
     match now.since(last).as_secs() / 60 {
         0 => "last within a minute".to_owned(),

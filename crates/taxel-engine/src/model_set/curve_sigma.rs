@@ -11,17 +11,16 @@ use super::ModelSet;
 use crate::statistics::median;
 
 impl ModelSet {
-    /// What every reading of a taxel is in doubt by and shares with those beside it, standard uncertainty in kPa; one per
-    /// taxel, 0 without a usable model.
-    pub(crate) fn doubts_kpa(&self) -> Vec<f64> {
+    /// Standard uncertainty that every reading of a taxel shares with those beside it, kPa; one per taxel, 0 without a usable model.
+    pub(crate) fn curve_sigmas_kpa(&self) -> Vec<f64> {
         let usable = || (0..self.taxels.len()).filter(|&taxel| self.taxels[taxel].is_usable());
         // How far two ramps lie apart is known of each taxel, with the noise of one in it.
         let known =
             usable().filter_map(|taxel| self.taxels[taxel].quality.repeatability_kpa.filter(|kpa| kpa.is_finite()));
         let repeatability_kpa = median(known).unwrap_or(0.0);
-        let mut doubts_kpa = vec![0.0; self.taxels.len()];
-        usable().for_each(|taxel| doubts_kpa[taxel] = repeatability_kpa.hypot(self.at_rest_kpa(taxel)));
-        doubts_kpa
+        let mut curve_sigmas_kpa = vec![0.0; self.taxels.len()];
+        usable().for_each(|taxel| curve_sigmas_kpa[taxel] = repeatability_kpa.hypot(self.at_rest_kpa(taxel)));
+        curve_sigmas_kpa
     }
 
     /// What a taxel reads too much or too little at its own zero, kPa, not negative; 0 where that was never measured, or where

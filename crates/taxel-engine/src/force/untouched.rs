@@ -1,7 +1,7 @@
 //! What presses below the activation thresholds: the force that a scan cannot show as a touch.
 //!
 //! The counts of all taxels that are not in the total still say how much may lie there. With `w` the force per count of a taxel
-//! below its threshold (`Light`) and `c` its counts from the zero towards pressure, the remainder is `R = sum w c`. Its standard
+//! below its threshold (`Light`) and `c` its counts from the zero towards pressure, that is `R = sum w c`. Its standard
 //! uncertainty is the noise of single readings, `sum (w s)^2`, and what the zero's uncertainty weighs on the whole skin.
 //!
 //! A zero is taken where nothing seems to lie on the skin, so what the zero itself may hide counts, too: `H`, with an
@@ -20,16 +20,17 @@ mod hidden;
 
 use std::ops::Range;
 
-pub use self::hidden::Rest;
+pub use self::hidden::Zeros;
 
-use self::hidden::{CONTACT_MODULES, Hidden};
+use self::hidden::{CONTACT_MODULES, hidden};
 use crate::counts::Counts;
+use crate::force::sample::Undetected;
 use crate::force::source::Light;
 use crate::force::tables::Tables;
 
-/// The remainder of a patch at one zero and one selection.
+/// The taxels of a patch at one zero and one selection, of which those are looked at that are in no total.
 #[derive(Clone, Debug, Default)]
-pub struct Remainder {
+pub struct Untouched {
     /// Force per raw count of every taxel, N, for the walk over all.
     newton_per_count: Vec<f32>,
     /// By taxel; of one that is not selected nothing.
@@ -43,7 +44,7 @@ pub struct Remainder {
     /// Sum of the forces per count, N.
     per_count_n: f64,
     /// What the zero may hide.
-    hidden: Hidden,
+    hidden: Undetected,
     /// Standard uncertainty that all forces share, relative to them.
     relative_sigma: f64,
     /// How many taxels are selected.
@@ -59,25 +60,23 @@ pub(super) const SHARED_NOISE: f64 = 2.0;
 /// A touch of which a taxel reads so many times its threshold is no noise.
 const SURE_OF_TOUCH: f64 = 3.0;
 
-/// What may press unseen.
+/// What presses below the thresholds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Unseen {
+pub struct Below {
     /// Standard uncertainty because a touch may be noise, N.
     pub choice_n: f64,
-    /// The force that may press in addition without activating a taxel, in the mean, N.
-    pub newton: f64,
-    /// Its standard uncertainty, N.
-    pub sigma_n: f64,
+    /// The force that may press in addition without activating a taxel.
+    pub undetected: Undetected,
     /// How far the taxels lie from their zero that no contact is near, counts; 0 where they are too few to tell.
     pub off_counts: f64,
 }
 
-impl Remainder {
-    /// For the taxels that are `selected` at the zero `rest`; all slices by taxel. `relative_sigma` is the standard
+impl Untouched {
+    /// For the taxels that are `selected`; all slices by taxel. `relative_sigma` is the standard
     /// uncertainty that all forces share, relative to them.
     pub fn new(
         tables: &Tables,
-        rest: Rest<'_>,
+        zeros: Zeros<'_>,
         selected: &[bool],
         modules: &[Range<usize>],
         relative_sigma: f64,
@@ -91,7 +90,7 @@ impl Remainder {
         Self {
             newton_per_count: taxels.iter().map(|light| (light.sign * light.newton_per_count) as f32).collect(),
             zeros_n: sum(&|light| light.sign * light.newton_per_count * light.zero),
-            hidden: Hidden::of(tables, &taxels, rest, modules),
+            hidden: hidden(tables, &taxels, zeros, modules),
             noise_n2: sum(&|light| light.noise_n().powi(2)),
             contact_noise_n2: noise_n2.iter().take(CONTACT_MODULES).sum(),
             per_count_n: sum(&|light| light.newton_per_count),
@@ -108,12 +107,12 @@ impl Remainder {
 
     /// What may press beside the taxels that are `summed` in a total, where the zero hides a load of `hides_n` on the whole skin,
     /// and its uncertainty weighs `zero_n`, N.
-    pub fn unseen<'a>(
+    pub fn below<'a>(
         &self,
         counts: impl Into<Counts<'a>>,
         summed: impl Iterator<Item = usize>,
         [hides_n, zero_n]: [f64; 2],
-    ) -> Unseen {
+    ) -> Below {
         let counts = counts.into();
         let (mut rest_n, mut noise_n2, mut per_count_n) =
             (self.walk_n(counts) - self.zeros_n, self.noise_n2, self.per_count_n);
@@ -135,7 +134,8 @@ impl Remainder {
         let sigma_n2 =
             SHARED_NOISE * noise_n2.max(0.0) + zero_n.powi(2) + self.hidden.sigma_n.powi(2) + shared_n.powi(2);
         let choice_n = self.contact_noise_n2.sqrt() * (SURE_OF_TOUCH - strongest).clamp(0.0, 1.0);
-        Unseen { choice_n, newton, sigma_n: sigma_n2.sqrt(), off_counts }
+        let undetected = Undetected { newton, sigma_n: sigma_n2.sqrt() };
+        Below { choice_n, undetected, off_counts }
     }
 }
 
@@ -174,18 +174,18 @@ mod tests {
         proptest::collection::vec((counts, prop::bool::weighted(0.9), prop::bool::weighted(0.2)), TAXELS)
     }
 
-    fn unseen(tables: &Tables, taxels: &[(u16, bool, bool)], zero_n: f64) -> Unseen {
-        unseen_of(tables, taxels, zero_n, 0.0)
+    fn below(tables: &Tables, taxels: &[(u16, bool, bool)], zero_n: f64) -> Below {
+        below_of(tables, taxels, zero_n, 0.0)
     }
 
-    fn unseen_of(tables: &Tables, taxels: &[(u16, bool, bool)], zero_n: f64, relative_sigma: f64) -> Unseen {
+    fn below_of(tables: &Tables, taxels: &[(u16, bool, bool)], zero_n: f64, relative_sigma: f64) -> Below {
         let counts: Vec<u16> = taxels.iter().map(|t| t.0).collect();
         let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
         let zero = rest(TAXELS);
-        let rest = Rest { taken: &zero, vouched: &[] };
-        let remainder = Remainder::new(tables, rest, &selected, &MODULES, relative_sigma);
-        remainder.unseen(&counts, active, [0.0, zero_n])
+        let zeros = Zeros { taken: &zero, confirmed: &[] };
+        let untouched = Untouched::new(tables, zeros, &selected, &MODULES, relative_sigma);
+        untouched.below(&counts, active, [0.0, zero_n])
     }
 
     proptest! {
@@ -196,7 +196,7 @@ mod tests {
             relative_sigma in 0.0..0.2_f64,
         ) {
             let tables = tables();
-            let (mut remainder, mut noise, mut per_count, mut strongest) = (0.0, 0.0, 0.0, 0.0_f64);
+            let (mut pressed_n, mut noise, mut per_count, mut strongest) = (0.0, 0.0, 0.0, 0.0_f64);
             let mut of_modules = [0.0; 4];
             for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
                 let distance = ACTIVATION.distance_counts(0.5);
@@ -208,38 +208,38 @@ mod tests {
                     strongest = strongest.max((f64::from(REST) - f64::from(count)) / distance);
                 }
                 if selected && !active {
-                    remainder += newton_per_count * (f64::from(REST) - f64::from(count));
+                    pressed_n += newton_per_count * (f64::from(REST) - f64::from(count));
                     noise += (newton_per_count * 0.5).powi(2);
                     per_count += newton_per_count;
                 }
             }
-            let found = unseen_of(&tables, &taxels, zero_n, relative_sigma);
+            let found = below_of(&tables, &taxels, zero_n, relative_sigma);
             of_modules.sort_by(f64::total_cmp);
             let choice = of_modules[1..].iter().sum::<f64>().sqrt() * (SURE_OF_TOUCH - strongest).clamp(0.0, 1.0);
             prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
-            let offset = if per_count > 0.0 { remainder / per_count } else { 0.0 };
+            let offset = if per_count > 0.0 { pressed_n / per_count } else { 0.0 };
             // The walk is one of single precision over raw counts: 37 products of up to 255 counts that weigh 0.1 N each.
             let slack = 1e-3;
             let untouched = taxels.iter().filter(|&&(_, selected, active)| selected && !active).count();
             let off = if untouched < FAR_TAXELS_MIN { 0.0 } else { offset };
             prop_assert!((found.off_counts - off).abs() * per_count < slack, "{found:?} {off}");
-            let pressing = remainder.max(0.0);
+            let pressing = pressed_n.max(0.0);
             let sigma = (SHARED_NOISE * noise + zero_n * zero_n).sqrt().hypot(relative_sigma * pressing);
             let is_near = |is: f64, expected: f64| (is - expected).abs() < 2.0 * slack;
-            prop_assert!(is_near(found.newton, pressing) && is_near(found.sigma_n, sigma), "{found:?} {pressing} {sigma}");
+            prop_assert!(is_near(found.undetected.newton, pressing) && is_near(found.undetected.sigma_n, sigma), "{found:?} {pressing} {sigma}");
         }
 
         /// Whatever lies on taxels below their thresholds, as their own curves tell it, is less than the floor.
         #[test]
         fn the_floor_holds_what_presses_below_the_thresholds(taxels in taxels(REST - 2..=REST), zero_n in 0.0..0.5_f64) {
             let tables = tables();
-            let below = |(taxel, &(count, selected, active)): (usize, &(u16, bool, bool))| {
+            let newton = |(taxel, &(count, selected, active)): (usize, &(u16, bool, bool))| {
                 let kpa = tables.reading(taxel, count, 0.0).map_or(0.0, |reading| f64::from(reading.pressure_kpa));
                 if selected && !active { kpa * AREA.0 * 1e-3 } else { 0.0 }
             };
-            let pressing: f64 = taxels.iter().enumerate().map(below).sum();
-            let found = unseen(&tables, &taxels, zero_n);
-            prop_assert!(found.newton + 2.0 * found.sigma_n >= pressing - 1e-4, "{found:?} {pressing}");
+            let pressing: f64 = taxels.iter().enumerate().map(newton).sum();
+            let found = below(&tables, &taxels, zero_n);
+            prop_assert!(found.undetected.newton + 2.0 * found.undetected.sigma_n >= pressing - 1e-4, "{found:?} {pressing}");
         }
     }
 
@@ -249,9 +249,9 @@ mod tests {
         let mut zero = rest(TAXELS);
         zero.iter_mut().for_each(|taxel| taxel.mean -= 1.0);
         let found = |relative_sigma: f64| {
-            let rest = Rest { taken: &zero, vouched: &[] };
-            let remainder = Remainder::new(&tables(), rest, &[true; TAXELS], &MODULES, relative_sigma);
-            remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), [0.0; 2])
+            let zeros = Zeros { taken: &zero, confirmed: &[] };
+            let untouched = Untouched::new(&tables(), zeros, &[true; TAXELS], &MODULES, relative_sigma);
+            untouched.below(&[REST - 1; TAXELS], std::iter::empty(), [0.0; 2]).undetected
         };
         let (alone, shared) = (found(0.0), found(0.2));
         assert!(alone.newton > 1.0 && shared.newton == alone.newton, "{alone:?}");
@@ -265,13 +265,13 @@ mod tests {
         unknown[4].noise = f64::NAN;
         unknown[5].mean = f64::NAN;
         let tables = Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION);
-        let unseen = |selected: &[bool; TAXELS]| {
-            let rest = Rest { taken: &unknown, vouched: &[] };
-            let remainder = Remainder::new(&tables, rest, selected, &MODULES, 0.1);
-            remainder.unseen(&[REST - 1; TAXELS], std::iter::once(4), [0.0, 0.1])
+        let below = |selected: &[bool; TAXELS]| {
+            let zeros = Zeros { taken: &unknown, confirmed: &[] };
+            let untouched = Untouched::new(&tables, zeros, selected, &MODULES, 0.1);
+            untouched.below(&[REST - 1; TAXELS], std::iter::once(4), [0.0, 0.1])
         };
-        let found = unseen(&[true; TAXELS]);
-        assert!(found.newton > 0.1 && found.choice_n > 0.0, "{found:?}");
-        assert_eq!(found, unseen(&std::array::from_fn(|taxel| taxel != 3 && taxel != 5)), "those do not count");
+        let found = below(&[true; TAXELS]);
+        assert!(found.undetected.newton > 0.1 && found.choice_n > 0.0, "{found:?}");
+        assert_eq!(found, below(&std::array::from_fn(|taxel| taxel != 3 && taxel != 5)), "those do not count");
     }
 }
