@@ -89,6 +89,8 @@ struct Seen {
 /// What a curve leaves of a taxel's counts.
 struct Curved {
     curve: LoadCurve,
+    /// The curve without each fold of groups; `None` if what is left does not carry one.
+    without: [Option<LoadCurve>; READING_FOLDS],
     of_scans: Moments,
     of_groups: Moments,
     rms_counts: f64,
@@ -228,7 +230,7 @@ impl Fit<'_> {
             form: self.whole.form,
             range_kpa: self.range_kpa,
             dead_zone_kpa: self.dead_zone_kpa,
-            shared_kpa: self.shared_kpa(&taxels),
+            shared_kpa: self.shared_kpa(&curved, &taxels),
             apart_kpa: root_mean_square(common_kpa(&taxels, &self.course.groups, true).into_iter().map(|(_, kpa)| kpa)),
             fall_share: self.fall_share(&taxels),
             zero_known: self.zero_known,
@@ -264,7 +266,8 @@ impl Fit<'_> {
         };
         let of_scans = Moments::of(scans.map(residual), span);
         let rms_counts = of_scans.mean_square().max(of_groups.mean_square()).sqrt() * span;
-        Some(Curved { is_noise: curve.span() < span, curve, of_scans, of_groups, rms_counts, span })
+        let without = self.without.each_ref().map(|problem| Some(problem.as_ref()?.fit(&seen.groups)));
+        Some(Curved { is_noise: curve.span() < span, curve, without, of_scans, of_groups, rms_counts, span })
     }
 
     /// Plays, and the soft inverse, if they err less on scans that were left out.
@@ -276,7 +279,7 @@ impl Fit<'_> {
                 let (Ok(seen), Some(curved)) = (&self.seen[pilots[i]], clear) else { return 0.0 };
                 let load = self.load(pilots[i], seen);
                 let lags = plays.then(|| lag::lags(&load, seen.swing));
-                let readings = self.left_out(seen, &load, lags.as_deref(), soft.then_some(curved.rms_counts));
+                let readings = self.left_out(seen, curved, &load, lags.as_deref(), soft);
                 let errors = readings.iter().zip(&self.course.kpa).filter(|(r, p)| r.is_finite() && **p > from);
                 errors.map(|(r, p)| (r - p).powi(2)).sum()
             });
@@ -306,14 +309,13 @@ impl Fit<'_> {
         }))
     }
 
-    /// Each scan read by a fit without its fold of groups, kPa; NaN for scans of no group.
-    fn left_out(&self, seen: &Seen, load: &[f64], lags: Option<&[Lag]>, soft: Option<f64>) -> Vec<f64> {
+    /// Each scan read by the curve without its fold of groups, kPa; NaN for scans of no group.
+    fn left_out(&self, seen: &Seen, curved: &Curved, load: &[f64], lags: Option<&[Lag]>, soft: bool) -> Vec<f64> {
         let mut readings = vec![f64::NAN; load.len()];
-        for (k, problem) in self.without.iter().enumerate() {
-            let Some(problem) = problem else { continue };
-            let curve = problem.fit(&seen.groups);
-            let plays = lags.map(|lags| (lags, self.plays(&curve, seen, lags, |g| self.course.reading_fold(g) != k)));
-            let soft = soft.map(|sigma| curve.soft(sigma));
+        for (k, curve) in curved.without.iter().enumerate() {
+            let Some(curve) = curve else { continue };
+            let plays = lags.map(|lags| (lags, self.plays(curve, seen, lags, |g| self.course.reading_fold(g) != k)));
+            let soft = soft.then(|| curve.soft(curved.rms_counts));
             let own = |(g, _): &(usize, &Group)| self.course.reading_fold(*g) == k;
             for (_, group) in self.course.groups.iter().enumerate().filter(own) {
                 for scan in &group.scans {
@@ -350,22 +352,18 @@ impl Fit<'_> {
 
     /// Root mean square over light groups of what the left-out readings of the taxels in use have in common, of those that show
     /// their load; kPa.
-    fn shared_kpa(&self, taxels: &[Result<FittedTaxel, Status>]) -> Option<f64> {
+    fn shared_kpa(&self, curved: &[Option<Curved>], taxels: &[Result<FittedTaxel, Status>]) -> Option<f64> {
         let groups = &self.course.groups;
         let width = groups.iter().filter(|g| g.on_curve).map(|g| g.kpa).fold(0.0, f64::max) - self.course.rest_kpa;
         let light = LIGHT.map(|share| self.course.rest_kpa + share * width);
         let mut sums = vec![(0.0, 0.0); groups.len()];
-        for (k, problem) in self.without.iter().enumerate() {
-            let Some(problem) = problem else { continue };
-            let both =
-                self.seen.iter().zip(taxels).filter_map(|(seen, taxel)| seen.as_ref().ok().zip(taxel.as_ref().ok()));
-            for (seen, taxel) in both.filter(|(_, taxel)| taxel.status.is_ok()) {
-                let curve = problem.fit(&seen.groups);
-                for ((g, group), count) in groups.iter().enumerate().zip(&seen.groups) {
-                    let is_light = group.on_curve && group.kpa > light[0] && group.kpa < light[1];
-                    if is_light && self.course.reading_fold(g) == k && *count > SHOWN * taxel.noise_counts {
-                        sums[g] = (sums[g].0 + curve.read(*count) - group.kpa, sums[g].1 + 1.0);
-                    }
+        for ((seen, curved), taxel) in self.seen.iter().zip(curved).zip(taxels) {
+            let (Ok(seen), Some(curved), Ok(taxel)) = (seen, curved, taxel) else { continue };
+            for ((g, group), count) in groups.iter().enumerate().zip(&seen.groups) {
+                let is_light = group.on_curve && group.kpa > light[0] && group.kpa < light[1];
+                let shows = taxel.status.is_ok() && is_light && *count > SHOWN * taxel.noise_counts;
+                if let Some(curve) = curved.without[self.course.reading_fold(g)].as_ref().filter(|_| shows) {
+                    sums[g] = (sums[g].0 + curve.read(*count) - group.kpa, sums[g].1 + 1.0);
                 }
             }
         }
@@ -395,8 +393,7 @@ impl Fit<'_> {
     ) -> FittedTaxel {
         let load = self.load(taxel, seen);
         let lags = reading.plays.then(|| lag::lags(&load, seen.swing));
-        let soft = reading.soft.then_some(curved.rms_counts);
-        let readings = self.left_out(seen, &load, lags.as_deref(), soft);
+        let readings = self.left_out(seen, curved, &load, lags.as_deref(), reading.soft);
         let pairs = || readings.iter().copied().zip(self.course.kpa.iter().copied());
         let squares = pairs().filter(|(r, _)| r.is_finite()).map(|(r, p)| (r - p).powi(2));
         let curve = &curved.curve;
@@ -409,7 +406,7 @@ impl Fit<'_> {
             zero_counts: seen.zero_counts,
             noise_counts: if self.zero_known { seen.noise_counts } else { curved.rms_counts },
             swing_counts: seen.swing,
-            soft: soft.map(|sigma| curve.soft(sigma)),
+            soft: reading.soft.then(|| curve.soft(curved.rms_counts)),
             others_kpa: self.others_kpa(curve, seen, lags.as_deref().zip(plays_kpa)),
             plays_kpa,
             sigma: SigmaByReading::new(curve, &noise, self.range_kpa, pairs(), prior_scans),
