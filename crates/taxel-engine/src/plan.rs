@@ -179,7 +179,6 @@ impl PatchPlan {
                 outputs: self.outputs,
                 geometry: self.geometry.clone(),
                 modules: self.modules(),
-                contact_reach_m: CONTACT_REACH_M,
             },
             counts: self.patch.counts(),
             activation: Activation::OF_SKIN,
@@ -260,9 +259,6 @@ pub struct PushPlan {
     /// Whether the pressure in the bag comes with them.
     pub pressure: bool,
 }
-
-/// Two active taxels closer than this belong to one contact, in metres.
-const CONTACT_REACH_M: f64 = 0.015;
 
 /// When a taxel counts as stale.
 #[derive(Clone, Copy, Debug, PartialEq)]

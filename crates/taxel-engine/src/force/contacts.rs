@@ -1,4 +1,4 @@
-//! Contacts: clusters of active taxels that lie within reach of each other.
+//! Contacts: touched taxels that are connected (`Neighbours::grow`), as readers see them.
 
 use nalgebra::Vector3;
 use taxel_skin::TaxelPose;
@@ -10,6 +10,8 @@ use crate::force::sample::Contact;
 pub struct Placed {
     /// Its number.
     pub taxel: u16,
+    /// The label of its contact.
+    pub contact: u16,
     /// Where it is.
     pub pose: TaxelPose,
     /// Its force, N.
@@ -46,28 +48,11 @@ impl ContactIds {
     }
 }
 
-/// Groups taxels: two closer than `reach_m` belong together, and so do their friends. Strongest contact first; ties keep the
-/// order of their first taxel.
-pub fn clusters(taxels: &[Placed], reach_m: f64) -> Vec<Contact> {
-    let mut is_taken = vec![false; taxels.len()];
-    let mut contacts: Vec<Contact> = Vec::new();
-    for seed in 0..taxels.len() {
-        if is_taken[seed] {
-            continue;
-        }
-        is_taken[seed] = true;
-        let (mut members, mut looked_at) = (vec![seed], 0);
-        while let Some(&member) = members.get(looked_at) {
-            looked_at += 1;
-            for other in 0..taxels.len() {
-                if !is_taken[other] && distance(&taxels[member].pose, &taxels[other].pose) <= reach_m {
-                    is_taken[other] = true;
-                    members.push(other);
-                }
-            }
-        }
-        contacts.push(together(members.into_iter().map(|member| taxels[member])));
-    }
+/// Each contact by itself, the strongest first; ties in the order of their labels.
+pub fn apart(mut taxels: Vec<Placed>) -> Vec<Contact> {
+    taxels.sort_by_key(|taxel| taxel.contact);
+    let labelled = taxels.chunk_by(|a, b| a.contact == b.contact);
+    let mut contacts: Vec<Contact> = labelled.map(|members| together(members.iter().copied())).collect();
     contacts.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
     contacts
 }
@@ -76,7 +61,7 @@ pub fn clusters(taxels: &[Placed], reach_m: f64) -> Vec<Contact> {
 pub fn together(members: impl Iterator<Item = Placed>) -> Contact {
     let mut contact = Contact::default();
     let (mut weighted, mut resultant, mut moment) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
-    for Placed { taxel, pose, force_n, area_mm2, kpa } in members {
+    for Placed { taxel, pose, force_n, area_mm2, kpa, .. } in members {
         let (position, force) = (Vector3::from(pose.position), -force_n * Vector3::from(pose.normal));
         contact.taxels.push(taxel);
         contact.force_n += force_n;
@@ -94,18 +79,14 @@ pub fn together(members: impl Iterator<Item = Placed>) -> Contact {
     contact
 }
 
-fn distance(a: &TaxelPose, b: &TaxelPose) -> f64 {
-    (Vector3::from(a.position) - Vector3::from(b.position)).norm()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
 
-    fn placed(taxel: u16, position: [f64; 3], force_n: f64) -> Placed {
+    fn placed(taxel: u16, contact: u16, position: [f64; 3], force_n: f64) -> Placed {
         Placed {
             taxel,
+            contact,
             pose: TaxelPose { position, normal: [0.0, 0.0, 1.0] },
             force_n,
             area_mm2: 100.0,
@@ -115,8 +96,9 @@ mod tests {
 
     #[test]
     fn two_fingers_are_two_contacts_with_their_own_centres_and_moments() {
-        let taxels = [placed(7, [0.0; 3], 1.0), placed(3, [0.01, 0.0, 0.0], 3.0), placed(9, [0.1, 0.0, 0.0], 10.0)];
-        let found = clusters(&taxels, 0.015);
+        let x = |x: f64| [x, 0.0, 0.0];
+        let taxels = vec![placed(7, 1, x(0.0), 1.0), placed(9, 2, x(0.1), 10.0), placed(3, 1, x(0.01), 3.0)];
+        let found = apart(taxels);
         assert_eq!(found.len(), 2);
         assert_eq!((&found[0].taxels[..], found[0].force_n, found[0].resultant), (&[9][..], 10.0, [0.0, 0.0, -10.0]));
         assert_eq!(found[0].moment, [0.0, 1.0, 0.0]);
@@ -138,18 +120,5 @@ mod tests {
         assert_eq!(given(&[&[3, 4, 11, 12]]), [1], "the last of those that share as many");
         assert_eq!(given(&[&[3, 4], &[12]]), [1, 3], "it parts");
         assert_eq!((given(&[]), given(&[&[3, 4]])), (vec![], vec![4]), "one that went and came again");
-    }
-
-    proptest! {
-        #[test]
-        fn no_force_is_lost_and_clusters_are_apart(
-            points in proptest::collection::vec((prop::array::uniform3(-0.1..0.1_f64), 0.1..5.0_f64), 0..40)
-        ) {
-            let taxels: Vec<_> = (0..).zip(&points).map(|(taxel, (position, n))| placed(taxel, *position, *n)).collect();
-            let found = clusters(&taxels, 0.02);
-            let total: f64 = points.iter().map(|p| p.1).sum();
-            prop_assert!((found.iter().map(|c| c.force_n).sum::<f64>() - total).abs() < 1e-9);
-            prop_assert_eq!(found.iter().map(|c| c.taxels.len()).sum::<usize>(), points.len());
-        }
     }
 }

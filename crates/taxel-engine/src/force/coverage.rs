@@ -31,6 +31,8 @@ const LOADED_COUNTS: f64 = 16.0;
 pub struct Unread {
     /// Which.
     pub taxel: usize,
+    /// The label of the contact; 0 while that was not looked for.
+    pub contact: u16,
     /// What it bears, kPa: the mean of those beside it, or what made-up contacts that fit them say.
     pub kpa: f64,
     /// Standard uncertainty of that, kPa.
@@ -49,7 +51,7 @@ impl Unread {
         let mean = sum / count as f64;
         let variance = kpa().map(|kpa| (kpa - mean).powi(2)).sum::<f64>() / (count - 1) as f64;
         let at_most_kpa = (mean + SIGMAS * variance.sqrt()) * if at_rim { AT_RIM } else { 1.0 };
-        Some(Self { taxel, kpa: mean, sigma_kpa: (at_most_kpa - mean) / SIGMAS, at_most_kpa })
+        Some(Self { taxel, contact: 0, kpa: mean, sigma_kpa: (at_most_kpa - mean) / SIGMAS, at_most_kpa })
     }
 
     /// Standard uncertainty where it is taken to bear nothing, kPa.
@@ -149,7 +151,7 @@ mod tests {
     #[test]
     fn what_an_unread_taxel_bears_is_the_mean_beside_it_and_at_most_two_deviations_more() {
         let of = |at_rim| Unread::by(7, at_rim, || [8.0, 12.0, 10.0].into_iter()).unwrap();
-        assert_eq!(of(false), Unread { taxel: 7, kpa: 10.0, sigma_kpa: 2.0, at_most_kpa: 14.0 });
+        assert_eq!(of(false), Unread { taxel: 7, contact: 0, kpa: 10.0, sigma_kpa: 2.0, at_most_kpa: 14.0 });
         assert_eq!(of(false).missing_kpa(), 7.0);
         assert_eq!(of(true).at_most_kpa, 42.0);
         assert_eq!(Unread::by(7, false, || [8.0].into_iter()), None);

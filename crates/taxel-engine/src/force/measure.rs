@@ -6,7 +6,7 @@ use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 
 use crate::counts::Counts;
 use crate::force::budget::{Budget, Term};
-use crate::force::contacts::{Placed, clusters, together};
+use crate::force::contacts::{Placed, apart, together};
 use crate::force::coverage::{self, Unread};
 use crate::force::evaluator::Evaluator;
 use crate::force::fill::{Discs, near, of_unread};
@@ -25,7 +25,7 @@ pub struct Outputs {
     pub resultant: bool,
     /// Moment about the patch origin and centre of pressure; needs usable normals.
     pub moment: bool,
-    /// Clusters of touched taxels; needs positions.
+    /// Contacts of touched taxels; needs positions.
     pub contacts: bool,
     /// The total includes pressures of unread taxels, taken from those beside them; needs positions.
     pub fill: bool,
@@ -44,8 +44,6 @@ pub struct Layout {
     pub geometry: Option<Geometry>,
     /// Which taxels form each module, ascending.
     pub modules: Vec<Range<usize>>,
-    /// Two active taxels closer than this belong to one contact, in metres.
-    pub contact_reach_m: f64,
 }
 
 /// The fixed part of a patch's force: its layout, with no outputs that geometry does not allow, and which taxels lie beside which.
@@ -208,13 +206,13 @@ impl ForceModel {
         let Touch { active, unread, labels, .. } = touch;
         let kpa = |taxel: usize| low(taxel) / self.newton_per_kpa(taxel);
         let beside = |taxel: usize| neighbours.of(taxel).filter(move |&other| selected[other]);
-        let contact_of = |one: &Unread| {
+        for one in unread.iter_mut() {
             let most = beside(one.taxel).max_by(|a, b| kpa(*a).total_cmp(&kpa(*b)));
-            most.map_or(0, |other| labels[other])
-        };
-        let contacts: Vec<u16> = unread.iter().map(contact_of).collect();
-        for (place, &contact) in contacts.iter().enumerate() {
-            if contacts[..place].contains(&contact) {
+            one.contact = most.map_or(0, |other| labels[other]);
+        }
+        for place in 0..unread.len() {
+            let contact = unread[place].contact;
+            if unread[..place].iter().any(|one| one.contact == contact) {
                 continue; // it was its turn
             }
             let pressed = active.iter().filter(|(taxel, _)| labels[*taxel] == contact);
@@ -224,7 +222,7 @@ impl ForceModel {
             let Some((taxels, near)) = near(geometry, pressed, is_of_another, read) else { continue };
             let fit = discs.fit(&near);
             let at = |taxel: usize| taxels.binary_search(&taxel).ok();
-            for (one, _) in unread.iter_mut().zip(&contacts).filter(|(_, of)| **of == contact) {
+            for one in unread.iter_mut().filter(|one| one.contact == contact) {
                 let Some(own) = at(one.taxel) else { continue };
                 let beside = beside(one.taxel).filter_map(|other| Some([kpa(other), fit[at(other)?][0]]));
                 (one.kpa, one.sigma_kpa) = of_unread(fit[own], beside);
@@ -242,7 +240,7 @@ impl ForceModel {
     ) -> ForceSample {
         let mut sums = self.sums(evaluator, counts, &touch.active);
         self.add_ring(evaluator, counts, touch, present.off_counts, &mut sums);
-        let Touch { active, unread, contacts, added_n, .. } = touch;
+        let Touch { active, unread, contacts, added_n, labels, .. } = touch;
         let added = active.iter().map(|(taxel, _)| added_n[*taxel]).fold(0.0, |sum, newton| sum + newton);
         let read_n = active.iter().fold(0.0, |sum, &(_, newton)| sum + newton); // sum() of nothing is -0.0
         let read_n = (read_n + added).max(0.0);
@@ -289,9 +287,10 @@ impl ForceModel {
         };
         if self.layout.outputs.fill {
             active.extend(unread.iter().map(|one| (one.taxel, one.kpa * self.newton_per_kpa(one.taxel))));
+            unread.iter().for_each(|one| labels[one.taxel] = one.contact);
         }
         if let Some(geometry) = &self.layout.geometry {
-            self.add_geometry(&mut sample, geometry, active, added_n);
+            self.add_geometry(&mut sample, geometry, active, added_n, labels);
         }
         sample
     }
@@ -374,14 +373,22 @@ impl ForceModel {
         self.layout.modules.iter().zip(jumps).map(of_module).map(|newton| newton * newton).sum::<f64>().sqrt()
     }
 
-    fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)], added_n: &[f64]) {
+    fn add_geometry(
+        &self,
+        sample: &mut ForceSample,
+        geometry: &Geometry,
+        active: &[(usize, f64)],
+        added_n: &[f64],
+        labels: &[u16],
+    ) {
         if self.layout.outputs == (Outputs { fill: self.layout.outputs.fill, ..Outputs::default() }) {
             return; // nobody asks for any of it
         }
         let placed = active.iter().filter_map(|&(taxel, force_n)| {
             let (pose, area_mm2) = (geometry.poses.get(taxel).copied().flatten()?, self.layout.areas[taxel].0);
             let (kpa, added_n) = (1e3 * force_n / area_mm2, added_n.get(taxel).copied().unwrap_or(0.0));
-            Some(Placed { taxel: taxel as u16, pose, force_n: force_n + added_n, area_mm2, kpa }) // 1 N on 1 mm2 is 1,000 kPa
+            let contact = labels.get(taxel).copied().unwrap_or_default();
+            Some(Placed { taxel: taxel as u16, contact, pose, force_n: force_n + added_n, area_mm2, kpa }) // 1 N on 1 mm2 is 1,000 kPa
         });
         let (placed, outputs) = (placed.collect::<Vec<_>>(), self.layout.outputs);
         let all = together(placed.iter().copied());
@@ -389,7 +396,7 @@ impl ForceModel {
         sample.moment = outputs.moment.then_some(all.moment);
         sample.centre_of_pressure = (outputs.moment && all.force_n > 0.0).then_some(all.centre);
         if outputs.contacts {
-            sample.contacts = clusters(&placed, self.layout.contact_reach_m);
+            sample.contacts = apart(placed);
         }
     }
 }

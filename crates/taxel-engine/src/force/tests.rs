@@ -123,7 +123,6 @@ pub fn layout(taxels: usize, geometry: Option<Geometry>) -> Layout {
         outputs: Outputs::default(),
         geometry,
         modules: (0..taxels / 10).map(|module| 10 * module..10 * module + 10).collect(),
-        contact_reach_m: 0.015,
     }
 }
 
