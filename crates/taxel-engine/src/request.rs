@@ -84,8 +84,6 @@ pub enum ErrorReason {
     SessionOpen,
     /// The session is in a state in which this cannot be done.
     SessionWrongState,
-    /// The session or the model set is being deleted, or the session is being discarded or aborted.
-    BeingDeleted,
     /// The patch has no pressure sensor.
     NoPressureSensor,
     /// The boards are still being configured.
@@ -128,8 +126,8 @@ pub enum ErrorReason {
     ModelSetDiscarded,
     /// Another model set is active than was expected.
     ActiveSetChanged,
-    /// A model set of the patch is being activated.
-    ActivationUnderWay,
+    /// Another change of sessions or model sets is being written to disk.
+    ChangeUnderWay,
     /// What was asked for is of another layout of the patch, or was gathered with other settings of its boards.
     LayoutChanged,
     /// Sessions cannot be fitted together.

@@ -56,10 +56,9 @@ const fn sent_as(reason: ErrorReason) -> v1::ErrorReason {
         | ErrorReason::LoadNotFelt
         | ErrorReason::LoadUnsteady
         | ErrorReason::LoadInterrupted => Sent::LoadUnusable,
-        ErrorReason::SessionOpen
-        | ErrorReason::SessionWrongState
-        | ErrorReason::BeingDeleted
-        | ErrorReason::ModelSetDiscarded => Sent::SessionWrongState,
+        ErrorReason::SessionOpen | ErrorReason::SessionWrongState | ErrorReason::ModelSetDiscarded => {
+            Sent::SessionWrongState
+        }
         ErrorReason::NoPressureSensor | ErrorReason::ListenOnly | ErrorReason::NotPushed => Sent::NotConfigured,
         ErrorReason::BoardsNotConfigured => Sent::BoardsNotConfigured,
         ErrorReason::BagPresses | ErrorReason::SkinLoaded | ErrorReason::TareLoaded => Sent::SkinLoaded,
@@ -69,9 +68,8 @@ const fn sent_as(reason: ErrorReason) -> v1::ErrorReason {
             Sent::ZeroInvalid
         }
         ErrorReason::NoModelSet => Sent::NoModelSet,
-        ErrorReason::ModelSetInUse | ErrorReason::ActiveSetChanged | ErrorReason::ActivationUnderWay => {
-            Sent::ActiveSetChanged
-        }
+        ErrorReason::ModelSetInUse | ErrorReason::ActiveSetChanged => Sent::ActiveSetChanged,
+        ErrorReason::ChangeUnderWay => Sent::DaemonBusy,
         ErrorReason::LayoutChanged => Sent::LayoutChanged,
         ErrorReason::SessionsDiffer | ErrorReason::SessionsTooLarge => Sent::NotFitted,
         ErrorReason::DataDamaged => Sent::DataDamaged,

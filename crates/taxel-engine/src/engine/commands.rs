@@ -63,6 +63,11 @@ impl Engine {
             .map_or(Ok(()), |why| Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why.clone())))
     }
 
+    /// Refuses a change of sessions and sets that could not be written down now, or may contradict one that is being written.
+    pub(super) fn check_changes(&self) -> Result<(), Rejection> {
+        self.store_takes_records().and_then(|()| self.pending.check_settled())
+    }
+
     fn tare(&mut self, now: Now, request: RequestId, patch: &str, confirmed_by: Option<String>) -> Answer {
         let index = self.patch_named(patch)?;
         self.store_takes_records()?;

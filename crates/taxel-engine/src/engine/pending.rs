@@ -9,7 +9,7 @@ use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 
 /// What a command did; `None` if its effect answers it later, when it is on disk or read from there.
 pub(super) type Answer = Result<Option<Done>, Rejection>;
@@ -52,7 +52,7 @@ pub enum Origin {
 }
 
 /// What is deleted.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub enum Forgotten {
     /// The model set of this id.
     ModelSet(String),
@@ -92,30 +92,20 @@ impl Pending {
         self.effects.remove(&ticket)
     }
 
-    fn any(&self, is: impl Fn(&Effect) -> bool) -> bool {
-        self.effects.values().any(|(_, effect)| is(effect))
-    }
-
-    /// Whether a patch waits for a model set to come into use.
-    pub fn activates(&self, index: usize) -> bool {
-        self.any(|effect| matches!(effect, Effect::Activate(patch, _) if *patch == index))
-    }
-
-    /// Whether a model set waits to come into use.
-    pub fn activates_set(&self, id: &str) -> bool {
-        self.any(|effect| matches!(effect, Effect::Activate(_, set) if set.id == id))
-    }
-
-    /// How a session is being ended.
-    pub fn ends(&self, number: u64) -> Option<Trigger> {
-        self.effects.values().find_map(|(_, effect)| match effect {
-            Effect::End(command, view) if view.number == number => Some(*command),
-            _ => None,
-        })
-    }
-
-    /// Whether something is being deleted.
-    pub fn forgets(&self, gone: &Forgotten) -> bool {
-        self.any(|effect| matches!(effect, Effect::Forget(what) if what == gone))
+    /// Refuses a change of sessions and sets while another waits for the disk that it may contradict: what is activated, deleted or
+    /// ended.
+    ///
+    /// # Errors
+    /// [`Rejection`] with what is being written.
+    pub fn check_settled(&self) -> Result<(), Rejection> {
+        let words = self.effects.values().find_map(|(_, effect)| match effect {
+            Effect::Activate(_, set) => Some(format!("model set `{}` is being activated", set.id)),
+            Effect::Forget(Forgotten::ModelSet(id)) => Some(format!("model set `{id}` is being deleted")),
+            Effect::Forget(Forgotten::Session(number)) => Some(format!("session {number} is being deleted")),
+            Effect::End(_, view) => Some(format!("session {} is being ended", view.number)),
+            Effect::Keep(..) | Effect::Zero(..) | Effect::Load(..) | Effect::TakeUp(..) | Effect::ReadSet(_) => None,
+        });
+        let refuse = |words| Rejection::Unavailable(ErrorReason::ChangeUnderWay, format!("{words}: ask again"));
+        words.map_or(Ok(()), |words| Err(refuse(words)))
     }
 }

@@ -116,8 +116,13 @@ impl Engine {
         (command, why): (Trigger, &str),
         read: Option<Result<SessionSamples, NotLoaded>>,
     ) -> Answer {
-        self.store_takes_records()?;
-        self.refuse_if_session_ends(number)?;
+        // What waits for the disk concerns no session that gathers: its operator is not kept waiting.
+        let gathers = self.sessions.get(&number).is_some_and(|view| view.state.is_open());
+        if gathers {
+            self.store_takes_records()?
+        } else {
+            self.check_changes()?
+        }
         self.refuse_if_in_use(number, command)?;
         if command == Trigger::StartRamp && read.is_none() {
             self.check_settings(number)?;
@@ -170,7 +175,6 @@ impl Engine {
     /// What a dial shows, of a session that a patch holds.
     pub(super) fn plateau(&mut self, now: Now, number: u64, kpa: f64) -> Reply {
         self.store_takes_records()?;
-        self.refuse_if_session_ends(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let Some(index) = self.held(number) else {
             let why = format!("session {number} is {}; a plateau is typed only in RAMPING", view.state.name());
@@ -181,14 +185,13 @@ impl Engine {
     }
 
     pub(super) fn discard(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
-        self.refuse_if_session_ends(number)?;
+        self.check_changes()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
             let state = self.seen(view).state.name();
             let why = format!("session {number} is {state} and its models are in use; activate others first");
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
-        self.store_takes_records()?;
         self.end_on_disk(now, request, number, (Trigger::Discard, Trigger::Discard.reason()))
     }
 
@@ -198,10 +201,6 @@ impl Engine {
         let view = held.or_else(|| self.sessions.get(&number).map(Arc::as_ref));
         let mut view = view.cloned().ok_or_else(|| Rejection::no_session(number))?;
         view.state = commanded(number, view.state, command)?;
-        if let Some(id) = view.model_set.as_deref().filter(|id| self.pending.activates_set(id)) {
-            let why = format!("model set `{id}` of session {number} is being activated");
-            return Err(ErrorReason::ModelSetInUse.because(why));
-        }
         view.reason = why.to_owned();
         view.changed_wall_ns = now.wall_ns;
         let view = Arc::new(view);
@@ -245,9 +244,8 @@ impl Engine {
     }
 
     pub(super) fn delete_session(&mut self, request: RequestId, number: u64) -> Answer {
-        self.store_takes_records()?;
+        self.check_changes()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
-        self.refuse_if_session_ends(number)?;
         view.check_closed("abort it first")?;
         if let Some(id) = view.model_set.as_deref() {
             self.refuse_if_set_is_used(id)?;
@@ -271,26 +269,6 @@ impl Engine {
         }
         self.catalogue_dirty = true;
     }
-
-    /// Refuses what needs the samples of a session that is on its way out.
-    pub(super) fn refuse_if_session_goes(&self, number: u64) -> Result<(), Rejection> {
-        let goes = self.pending.forgets(&Forgotten::Session(number));
-        if goes { Err(session_is_being(number, "deleted")) } else { Ok(()) }
-    }
-
-    /// Refuses what changes a session that is on its way out, or about to end.
-    pub(super) fn refuse_if_session_ends(&self, number: u64) -> Result<(), Rejection> {
-        self.refuse_if_session_goes(number)?;
-        match self.pending.ends(number) {
-            Some(Trigger::Discard) => Err(session_is_being(number, "discarded")),
-            Some(_) => Err(session_is_being(number, "aborted")),
-            None => Ok(()),
-        }
-    }
-}
-
-fn session_is_being(number: u64, what: &str) -> Rejection {
-    ErrorReason::BeingDeleted.because(format!("session {number} is being {what}"))
 }
 
 /// The positions of the modules that an operator leaves out, given as board address and module number.

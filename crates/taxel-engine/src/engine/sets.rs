@@ -6,7 +6,6 @@ use crate::boundary::command::Done;
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::calibration::samples::NotLoaded;
-use crate::calibration::transition::Trigger;
 use crate::calibration::view::{SessionState, SessionView};
 use crate::engine::pending::{Answer, Effect, Forgotten, Origin, ReadSet};
 use crate::engine::plausible::implausible;
@@ -66,7 +65,10 @@ impl Engine {
     /// # Errors
     /// [`Rejection`] of a set that cannot be one of its patch, or is not of what is in use.
     pub(super) fn keep(&mut self, request: Option<RequestId>, set: Arc<ModelSet>, origin: Origin) -> Answer {
-        self.store_takes_records()?;
+        match origin {
+            Origin::Session(..) => self.store_takes_records()?,
+            _ => self.check_changes()?,
+        }
         let index = self.patch_named(&set.patch)?;
         let (given, taxels) = (set.taxels.len(), self.patches[index].taxels());
         if given != taxels {
@@ -82,7 +84,6 @@ impl Engine {
             Origin::Loads => self.check_source(index, &set)?,
             Origin::Session(..) => {}
         }
-        self.refuse_if_set_is_deleted(&set.id)?;
         let record = Record::ModelSet(Arc::clone(&set));
         self.commit(request, Effect::Keep(set, origin), vec![record]);
         Ok(None)
@@ -101,7 +102,6 @@ impl Engine {
     /// Refuses what was fitted to samples of sessions that are not there any more, or of another patch.
     fn check_sessions(&self, set: &ModelSet, sessions: &[u64]) -> Result<(), Rejection> {
         for number in sessions {
-            self.refuse_if_session_goes(*number)?;
             let view = self.sessions.get(number).ok_or_else(|| Rejection::no_session(*number))?;
             ErrorReason::SessionsDiffer.unless(view.patch == set.patch, || {
                 format!("session {number} is of patch `{}`, the model set is of `{}`", view.patch, set.patch)
@@ -206,9 +206,8 @@ impl Engine {
     /// The set, if it may come into use on the patch now.
     fn check_activation(&self, asked: &ReadSet) -> Result<KnownSet, Rejection> {
         let (index, id) = (asked.patch, asked.model_set.as_str());
-        self.store_takes_records()?;
+        self.check_changes()?;
         let set = self.known_set(id).ok_or_else(|| Rejection::no_model_set(id))?;
-        self.refuse_if_set_is_deleted(id)?;
         let patch = &self.patches[index];
         let name = patch.name();
         if set.patch != name {
@@ -220,9 +219,6 @@ impl Engine {
         let (given, taxels) = (set.taxels, patch.taxels());
         ErrorReason::LayoutChanged.unless(given == taxels, || {
             format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed")
-        })?;
-        ErrorReason::ActivationUnderWay.unless(!self.pending.activates(index), || {
-            format!("another model set of patch `{name}` is being activated: ask again")
         })?;
         let is = patch.models().map_or("none", |set| set.id.as_str());
         if let Some(expected) = &asked.expected {
@@ -247,9 +243,8 @@ impl Engine {
     }
 
     pub(super) fn delete_model_set(&mut self, request: RequestId, id: String) -> Answer {
-        self.store_takes_records()?;
+        self.check_changes()?;
         self.known_set(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
-        self.refuse_if_set_is_deleted(&id)?;
         self.refuse_if_set_is_used(&id)?;
         if let Some(view) = self.session_of(&id).filter(|view| view.state.is_open()) {
             let (session, state) = (view.number, view.state.name());
@@ -261,30 +256,20 @@ impl Engine {
         Ok(None)
     }
 
-    /// Refuses what needs a model set that is on its way out.
-    pub(super) fn refuse_if_set_is_deleted(&self, id: &str) -> Result<(), Rejection> {
-        let gone = Forgotten::ModelSet(id.to_owned());
-        ErrorReason::BeingDeleted.unless(!self.pending.forgets(&gone), || format!("model set `{id}` is being deleted"))
-    }
-
-    /// Refuses what cannot be while a model set is in use or about to be.
+    /// Refuses what cannot be while a model set is in use.
     pub(super) fn refuse_if_set_is_used(&self, id: &str) -> Result<(), Rejection> {
         let uses = |patch: &&Patch| patch.models().is_some_and(|set| set.id == id);
         if let Some(patch) = self.patches.iter().find(uses) {
             let why = format!("model set `{id}` is in use on patch `{}`; activate another one first", patch.name());
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
-        let in_use = |set: &KnownSet| {
-            self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id)
-                || self.pending.activates_set(&set.id)
-        };
+        let in_use = |set: &KnownSet| self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id);
         let comes_of_it = |set: &KnownSet| set.origins.iter().any(|origin| origin == id);
         if let Some(set) = self.model_sets.iter().find(|set| in_use(set) && comes_of_it(set)) {
             let why = format!("`{}`, which is in use, was made of model set `{id}` by known loads", set.id);
             return Err(ErrorReason::ModelSetInUse.because(why));
         }
-        let comes = self.pending.activates_set(id);
-        ErrorReason::ModelSetInUse.unless(!comes, || format!("model set `{id}` is being activated"))
+        Ok(())
     }
 
     /// The session of this daemon that a set came from, which names the set. It may have come back from a file since, which
@@ -303,7 +288,7 @@ impl Engine {
     pub(super) fn comes_of_discarded(&self, set: &SetSummary) -> bool {
         let discarded = |id: &str| {
             let of = |view: &Arc<SessionView>| view.model_set.as_deref() == Some(id);
-            self.sessions.values().any(|view| of(view) && self.is_discarded(view))
+            self.sessions.values().any(|view| of(view) && view.state == SessionState::Discarded)
         };
         discarded(&set.id) || set.origins.iter().any(|origin| discarded(origin))
     }
@@ -313,10 +298,5 @@ impl Engine {
         ErrorReason::ModelSetDiscarded.unless(!self.comes_of_discarded(set), || {
             format!("the session of `{named}` is DISCARDED: its models are not to be used")
         })
-    }
-
-    /// Whether a session was laid aside, or is about to be.
-    fn is_discarded(&self, view: &SessionView) -> bool {
-        view.state == SessionState::Discarded || self.pending.ends(view.number) == Some(Trigger::Discard)
     }
 }

@@ -135,11 +135,13 @@ impl Bench {
         panic!("no reply within 10 s");
     }
 
-    /// A command that must be refused as not of this state; the reason.
+    /// A command that must be refused as not of this state, or not now; the reason.
     pub fn refused(&mut self, command: Command) -> String {
         match self.ask(command) {
-            Err(Rejection::FailedPrecondition(_, why)) => why,
-            other => panic!("expected a failed precondition, got {other:?}"),
+            Err(Rejection::FailedPrecondition(_, why) | Rejection::Unavailable(ErrorReason::ChangeUnderWay, why)) => {
+                why
+            }
+            other => panic!("expected a refusal, got {other:?}"),
         }
     }
 

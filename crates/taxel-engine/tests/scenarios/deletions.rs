@@ -51,7 +51,7 @@ fn a_deletion_takes_effect_when_it_is_on_disk_and_a_refused_one_has_none() {
         for command in
             [Command::StartRamp { session }, Command::DiscardSession { session }, Command::DeleteSession { session }]
         {
-            assert_eq!(bench.refused(command), "session 1 is being deleted");
+            assert_eq!(bench.refused(command), "session 1 is being deleted: ask again");
         }
         if refused {
             bench.host.commit(Err("no space".to_owned()));
@@ -86,13 +86,13 @@ fn what_is_being_activated_is_not_deleted_and_what_is_being_deleted_not_activate
     bench.host.disk_is_slow = true;
     let activation = bench.host.command(activate(&set));
     for command in [delete_set(&set), Command::DeleteSession { session }] {
-        assert_eq!(bench.refused(command), format!("model set `{set}` is being activated"));
+        assert_eq!(bench.refused(command), format!("model set `{set}` is being activated: ask again"));
     }
     bench.host.commit(Err("no space".to_owned()));
     assert!(bench.host.reply(activation).unwrap().is_err());
     let deletion = bench.host.command(delete_set(&set));
     for command in [activate(&set), delete_set(&set)] {
-        assert_eq!(bench.refused(command), format!("model set `{set}` is being deleted"));
+        assert_eq!(bench.refused(command), format!("model set `{set}` is being deleted: ask again"));
     }
     bench.host.commit(Ok(()));
     assert!(matches!(bench.host.reply(deletion), Some(Ok(Done::Deleted))));

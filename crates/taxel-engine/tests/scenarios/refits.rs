@@ -140,7 +140,7 @@ fn a_refit_is_kept_once_and_not_used_by_that_and_not_kept_of_a_session_that_is_g
     assert_eq!(bench.host.catalogue.active[0].1, None, "it is not in use");
     bench.host.disk_is_slow = true;
     let deletion = bench.host.command(Command::DeleteSession { session: 1 });
-    assert_eq!(bench.refused(keep("m-late")), "session 1 is being deleted");
+    assert_eq!(bench.refused(keep("m-late")), "session 1 is being deleted: ask again");
     bench.host.disk_is_slow = false;
     bench.host.commit(Ok(()));
     assert!(bench.host.reply(deletion).unwrap().is_ok());

@@ -114,10 +114,10 @@ async fn one_fit_runs_at_a_time_and_the_engine_has_the_last_word() {
     assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
     drop(turn);
     let refused =
-        Err(Rejection::FailedPrecondition(ErrorReason::BeingDeleted, "session 1 is being deleted".to_owned()));
+        Err(Rejection::Unavailable(ErrorReason::ChangeUnderWay, "session 1 is being deleted: ask again".to_owned()));
     let call = client.refit_sessions(refit(&[1]));
     let (answer, ()) = tokio::join!(call, daemon.answer(refused, |_| ()));
-    assert_eq!(answer.unwrap_err().message(), "session 1 is being deleted");
+    assert_eq!(answer.unwrap_err().message(), "session 1 is being deleted: ask again");
 }
 
 #[tokio::test]

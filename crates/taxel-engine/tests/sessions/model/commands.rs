@@ -13,11 +13,12 @@ impl Model {
             return Answer::Refused;
         }
         match step {
-            Step::StartRamp(number) | Step::FinishRamp(number) | Step::Abort(number) | Step::Discard(number)
-                if self.ends(number).is_some() =>
+            Step::StartRamp(number) | Step::FinishRamp(number) | Step::Abort(number)
+                if self.is_changing() && !self.gathers(number) =>
             {
                 Answer::Refused
             }
+            Step::Discard(_) | Step::Activate(_) | Step::Import(_) if self.is_changing() => Answer::Refused,
             Step::StartSession => {
                 if self.open().is_some() || self.presses() || self.gauge_gone() {
                     return Answer::Refused;
@@ -73,10 +74,8 @@ impl Model {
     }
 
     fn activate(&mut self, request: u64, set: Set) -> Answer {
-        let other = self.pending.iter().any(|pending| matches!(pending, Pending::Activate { .. }));
-        let is_discarded = |number| [self.state(number), self.ends(number)].contains(&Some(S::Discarded));
-        let discarded = self.owner(set).is_some_and(is_discarded);
-        if !self.live.known.contains(&set) || other || discarded {
+        let discarded = self.owner(set).is_some_and(|number| self.state(number) == Some(S::Discarded));
+        if !self.live.known.contains(&set) || discarded {
             return Answer::Refused;
         }
         self.recorded.active = Some(set);
@@ -85,7 +84,7 @@ impl Model {
     }
 
     fn abort(&mut self, request: u64, number: u64) -> Answer {
-        if !matches!(self.state(number), Some(S::Taring | S::Ramping | S::Fitting | S::Interrupted)) {
+        if !self.gathers(number) && self.state(number) != Some(S::Interrupted) {
             return Answer::Refused;
         }
         // What the patch holds ends at once.
@@ -105,16 +104,9 @@ impl Model {
         self.end(request, number, S::Discarded)
     }
 
-    /// A session that gathers nothing ends once that is on disk, unless its models are coming into use.
+    /// A session that gathers nothing ends once that is on disk.
     fn end(&mut self, request: u64, number: u64, state: S) -> Answer {
         let Some((_, set)) = self.live.sessions.get(&number).copied() else { return Answer::Refused };
-        let comes_into_use = |pending: &Pending| match pending {
-            Pending::Activate { set: coming, .. } => Some(*coming) == set,
-            _ => false,
-        };
-        if self.pending.iter().any(comes_into_use) {
-            return Answer::Refused;
-        }
         self.recorded.sessions.insert(number, (state, set));
         self.pending.push(Pending::End { request, number, state });
         Answer::Later

@@ -154,12 +154,14 @@ impl Model {
         self.live.seen(number)
     }
 
-    /// How a session is about to end.
-    pub(super) fn ends(&self, number: u64) -> Option<S> {
-        self.pending.iter().find_map(|pending| match pending {
-            Pending::End { number: ended, state, .. } if *ended == number => Some(*state),
-            _ => None,
-        })
+    /// Whether an activation or the end of a session waits for the disk: no other change of sessions and sets begins.
+    pub(super) fn is_changing(&self) -> bool {
+        self.pending.iter().any(|pending| matches!(pending, Pending::Activate { .. } | Pending::End { .. }))
+    }
+
+    /// Whether a session gathers.
+    pub(super) fn gathers(&self, number: u64) -> bool {
+        matches!(self.state(number), Some(S::Taring | S::Ramping | S::Fitting))
     }
 
     /// Whether the bag is known to press.
