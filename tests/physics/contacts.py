@@ -4,7 +4,8 @@
 usage: contacts.py [--seed 1] [--contacts 300] [--errors] [--edge]      needs numpy
 
 Presses made-up contacts of eight shapes on the second simulated skin (skin.py), under layers of 1, 2 and 3 mm, and prints for each
-shape the root mean square error of the sum, what the table states, and the share of contacts within 95 %. With --errors the root mean
+shape the root mean square error of the sum, that of the sum as crates/taxel-engine/src/force/place.rs reads it by its place, what the
+table states, and the share of contacts within 95 %. With --errors the root mean
 square errors that the table follows from: by effective taxels, and by how many times as long a contact is as a round one. With --edge
 what untouched taxels beside a touch bear of a dead zone of 0.3 to 2 kPa; crates/taxel-engine/src/force/measure.rs says, such a share as of
 those beside them are touched.
@@ -24,6 +25,7 @@ import skin
 
 LAYERS_MM = (1.0, 2.0, 3.0)
 SHAPES = ("round", "ellipse", "skewed", "flat 6", "flat 10", "flat 20", "edge", "two", "mass")
+RADII_MM = (3.5, 4.5, 5.5, 6.5, 8, 10, 13, 18)
 NOISE_KPA, TOUCHED_KPA, BESIDE_KPA, RIM = 0.35, 1.4, 0.55, 0.1
 SOURCE = pathlib.Path(__file__).parents[2] / "crates/taxel-engine/src/force/sampling.rs"
 
@@ -44,6 +46,22 @@ class Surface:
         away = np.where(self.beside[..., None], offset / np.where(apart > 0, apart, 1)[..., None], 0).sum(1)
         self.at_rim = np.linalg.norm(away, axis=1) >= 0.4 * np.maximum(self.beside.sum(1), 1)
         self.stencils = {depth: skin.layer_stencil(depth) for depth in LAYERS_MM}
+        self.discs = [self.disc_kpa(radius) for radius in RADII_MM]
+
+    def disc_kpa(self, radius):
+        """What a pad so far from the centre of a disc of 1 N feels under 2 mm of layer, mm and kPa."""
+        x, y, weights = skin.layer_stencil(2.0)
+        r = np.arange(0, 30, 0.25)
+        within = 1 - ((r[:, None] + x) ** 2 + y**2) / radius**2
+        return r, 1.5e3 / (math.pi * radius**2) * np.sqrt(np.maximum(within, 0)) @ weights
+
+    def factor(self, centre, taxels):
+        """How many times its sum a round contact is: one over what is read of the disc about there that as many taxels carry."""
+        apart = np.linalg.norm(self.places - centre, axis=1)
+        kpa = np.array([np.interp(apart, *disc, right=0) for disc in self.discs])
+        carried = np.where(kpa > 0.03 * np.array([disc[1][0] for disc in self.discs])[:, None], kpa, 0)
+        carry = np.maximum.accumulate(carried.sum(1) ** 2 / np.maximum((carried**2).sum(1), 1e-9))
+        return 1 / np.interp(taxels, carry, kpa @ self.newton_per_kpa)
 
     def pads_kpa(self, pressure, layer_mm):
         x, y, weights = self.stencils[layer_mm]
@@ -98,7 +116,8 @@ def shape(rng, surface, kind):
 
 
 def press(rng, surface, kind, layer_mm):
-    """Relative error of the sum, and of each part its force, effective taxels, length over a round one's, share at the rim; or None."""
+    """Relative errors of the sum, and of it read by place; newtons; of each part its force, effective taxels, length over a round one's,
+    share at the rim; or None."""
     newton = rng.uniform(2, 10) if kind == "mass" else rng.uniform(1.5, 8)
     kpa = newton * surface.pads_kpa(shape(rng, surface, kind), layer_mm)
     read = kpa + rng.normal(0, NOISE_KPA, len(kpa)) * (1 + kpa / 40)
@@ -107,15 +126,20 @@ def press(rng, surface, kind, layer_mm):
         return None
     touched |= surface.beside[touched].any(0) & (read > BESIDE_KPA)
     summed = touched | surface.beside[touched].any(0)
-    parts = []
+    parts, placed_n = [], 0.0
     for part in surface.parts(touched):
         p = np.where(part, read, 0)
         force_n, taxels = surface.newton_per_kpa @ p, p.sum() ** 2 / (p @ p)
-        apart = surface.places - p @ surface.places / p.sum()
+        centre = p @ surface.places / p.sum()
+        apart = surface.places - centre
         length_mm = math.sqrt(max(np.linalg.eigvalsh((p[:, None] * apart).T @ apart / p.sum())[1], 0))
         longness = length_mm / (0.293 * math.sqrt(taxels * 1e3 * force_n / p.sum()))
+        round_share = 1 - min(max((longness - 1.1) / 0.2, 0), 1)
+        placed_n += force_n * (1 + round_share * (min(max(surface.factor(centre, taxels), 0.7), 1.6) - 1))
         parts.append((force_n, taxels, longness, surface.newton_per_kpa @ (p * surface.at_rim) / force_n))
-    return (surface.newton_per_kpa @ np.where(summed, read, 0) - newton) / newton, newton, parts
+    sum_n = surface.newton_per_kpa @ np.where(summed, read, 0)
+    placed_n *= sum_n / sum(part[0] for part in parts)
+    return [sum_n / newton - 1, placed_n / newton - 1], newton, parts
 
 
 def stated(table, newton, parts):
@@ -160,17 +184,17 @@ def main():
     rows = re.search(r"BY_TAXELS[^=]*= \[(.*?)\];", SOURCE.read_text(encoding="utf-8"), re.S)[1]
     table = np.array([[float(x) for x in row.split(",")] for row in re.findall(r"\[([^\]]+)\]", rows)])
     rng, surface, alone, least = np.random.default_rng(args.seed), Surface(), [], 1.0
-    print("| shape | contacts | error, rms | stated | stated over error | within 95 % |\n|---|---|---|---|---|---|")
+    print("| shape | contacts | of the sum, rms | by place | stated | stated over error | within 95 % |\n|---|---|---|---|---|---|---|")
     for kind in SHAPES:
         pressed = [press(rng, surface, kind, layer) for layer in LAYERS_MM for _ in range(args.contacts)]
         pressed = [one for one in pressed if one]
-        errors = np.array([error for error, _, _ in pressed])
+        sums, errors = np.array([both for both, _, _ in pressed]).T
         says = np.array([stated(table, newton, parts) for _, newton, parts in pressed])
         within = np.mean(abs(errors) < 1.96 * says)
         least = min(least, within)
-        print(f"| {kind} | {len(pressed)} | {100 * rms(errors):.1f} % | {100 * rms(says):.1f} % | {rms(says) / rms(errors):.2f} | "
+        print(f"| {kind} | {len(pressed)} | {100 * rms(sums):.1f} % | {100 * rms(errors):.1f} % | {100 * rms(says):.1f} % | {rms(says) / rms(errors):.2f} | "
               f"{100 * within:.0f} % |", flush=True)
-        alone += [(*parts[0][1:3], error) for error, _, parts in pressed if len(parts) == 1 and parts[0][3] < 0.1]
+        alone += [(*parts[0][1:3], both[1]) for both, _, parts in pressed if len(parts) == 1 and parts[0][3] < 0.1]
     if args.errors:
         alone, lengths = np.array(alone), [0, 0.95, 1.05, 1.15, 1.25, 1.4, 9]
         print("\neffective taxels, then errors by length from " + ", ".join(map(str, lengths)))

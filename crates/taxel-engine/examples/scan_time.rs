@@ -136,7 +136,7 @@ fn forearm(full: bool) -> Result<PatchPlan, Error> {
     let geometry = if full { Some(Geometry::parse(&skin.positions_file(), &patch)?) } else { None };
     let all = geometry.is_some();
     Ok(PatchPlan {
-        outputs: Outputs { resultant: all, moment: all, contacts: all, fill: all },
+        outputs: Outputs { resultant: all, moment: all, contacts: all, fill: all, place: all },
         geometry,
         gauge: full.then(|| Gauge::new(BusIndex(0), GaugeConfig::default().signal)),
         fit: FitOptions {

@@ -11,7 +11,7 @@ use taxel_engine::calibration::fit::FitRecipe;
 use taxel_engine::force::{Force, ZeroState};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Gauge, Outputs, PatchPlan};
-use taxel_sim::{BoardsConfig, Config, Effect, GaugeConfig, Mass, PumpCommand, World};
+use taxel_sim::{BoardsConfig, Config, Effect, GaugeConfig, LoadPath, Mass, PumpCommand, World};
 use taxel_skin::{BusIndex, Geometry, Kilopascal, ModuleSite, TaxelIndex, Time, area};
 use taxel_wire::TimedFrame;
 use taxel_wire::icub::{Message, Pairer, decode};
@@ -68,6 +68,8 @@ struct Forearm {
     gauge_kpa: f64,
     /// By module.
     pairers: Vec<Pairer>,
+    /// Pads sample what presses, as on a real skin.
+    samples: bool,
 }
 
 impl Forearm {
@@ -78,6 +80,7 @@ impl Forearm {
     fn new(effects: &[Effect], seed: u64) -> anyhow::Result<Self> {
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
         let (skin, config) = Effect::forearm(effects, seed)?;
+        let samples = config.loads != LoadPath::Shared;
         let world = World::new(skin, Config { boards, ..config });
         let patch = world.skin().patch();
         let mut boards = vec![0..0; patch.boards().len()];
@@ -88,7 +91,7 @@ impl Forearm {
         let counts = vec![0; patch.taxels().len()];
         let pairers = vec![Pairer::new(PERIOD / 2); patch.modules().len()];
         let gauge = GaugeConfig::default().signal;
-        let mut forearm = Self { gauge, boards, counts, gauge_kpa: f64::NAN, pairers, world };
+        let mut forearm = Self { gauge, boards, counts, gauge_kpa: f64::NAN, pairers, samples, world };
         forearm.watch(1.0); // the first conversions are the boards' tare
         Ok(forearm)
     }
@@ -106,7 +109,7 @@ impl Forearm {
             areas: vec![skin.taxel_area(); patch.taxels().len()],
             area_uncertainty: 0.01,
             gauge: Some(Gauge::new(BusIndex(0), self.gauge)),
-            outputs: Outputs { resultant: true, moment: true, contacts: true, fill: true },
+            outputs: Outputs { resultant: true, moment: true, contacts: true, fill: true, place: self.samples },
             ..PatchPlan::new(patch)
         })
     }

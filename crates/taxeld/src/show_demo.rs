@@ -87,7 +87,7 @@ fn scene() -> anyhow::Result<(Config, Scene)> {
     if let Some(patch) = scene.plan.patches.first_mut() {
         // The simulator writes its positions as the robots' files are written; they are read as any other.
         patch.geometry = Some(Geometry::parse(&skin.positions_file(), &patch.patch)?);
-        patch.outputs = Outputs { resultant: true, moment: true, contacts: true, fill: true };
+        patch.outputs = Outputs { resultant: true, moment: true, contacts: true, fill: true, place: true };
     }
     Ok((config, scene))
 }

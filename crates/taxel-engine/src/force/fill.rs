@@ -8,15 +8,14 @@
 use nalgebra::Vector3;
 use taxel_skin::{Geometry, TaxelPose};
 
+use crate::force::discs::Discs;
+
 /// Radii of the discs, mm: three after Hertz, and a flat one.
 const RADII_MM: [f64; 4] = [5.0, 7.0, 10.0, 13.0];
 const HERTZ: usize = 3;
 /// How far places lie apart, and from the centre of pressure at most, mm.
 const STEP_MM: f32 = 2.0;
 const FROM_CENTRE_MM: f32 = 6.0;
-/// The soft layer spreads pressure as half-space of this depth does, and a pad has this radius, mm.
-const LAYER_MM: f64 = 2.0;
-const PAD_MM: f64 = 2.0;
 /// Taxels within this distance of the centre of pressure are compared, mm.
 const REACH_MM: f64 = 17.0;
 /// Error of a read pressure in kPa, and as a share of the peak: with it discs fit contacts that are none in the mean.
@@ -28,18 +27,14 @@ const CHI2_OF_DISC: f32 = 6.0;
 const NO_WEIGHT: f32 = -9.2;
 /// An unread taxel bears so many times the most of those beside it at most.
 const MOST_OF_BESIDE: f64 = 1.6;
-/// Entries of a profile, by the squared distance, mm2 each.
-const ENTRIES: usize = 512;
-const ENTRY_MM2: f32 = 2.0;
 
 /// A number of each size.
 type BySize = [f32; RADII_MM.len()];
 
 /// The made-up contacts.
 #[derive(Clone, Debug)]
-pub struct Discs {
-    /// Pressure of each size by squared distance from the centre.
-    profiles: Box<[BySize]>,
+pub struct MadeUp {
+    discs: Discs<{ RADII_MM.len() }>,
     /// Places about the centre of pressure, mm.
     places: Vec<[f32; 2]>,
 }
@@ -53,17 +48,14 @@ pub struct Near {
     pub kpa: Option<f64>,
 }
 
-impl Discs {
+impl MadeUp {
     /// Worked out once.
     pub fn new() -> Self {
-        let spread = spread_by_layer();
-        let profiles: [_; RADII_MM.len()] = std::array::from_fn(|size| profile(RADII_MM[size], size < HERTZ, &spread));
-        let profiles = (0..ENTRIES).map(|entry| std::array::from_fn(|size| profiles[size][entry])).collect();
         let steps = (FROM_CENTRE_MM / STEP_MM) as i16;
         let along = || (-steps..=steps).map(|step| STEP_MM * f32::from(step));
         let all = along().flat_map(|x| along().map(move |y| [x, y]));
         let places = all.filter(|[x, y]| x.hypot(*y) <= FROM_CENTRE_MM).collect();
-        Self { profiles, places }
+        Self { discs: Discs::new(RADII_MM, HERTZ), places }
     }
 
     /// What each of `near` bears by the discs that fit those that are read, and the spread of that, kPa.
@@ -82,7 +74,7 @@ impl Discs {
             all += weights.iter().sum::<f32>();
             for ([mean, square], taxel) in found.iter_mut().zip(near) {
                 for ((weight, fit), shape) in weights.iter().zip(fits).zip(self.shape(place, taxel)) {
-                    let kpa = fit.scale_kpa * shape;
+                    let kpa = fit.newton * shape;
                     *mean += weight * kpa;
                     *square += weight * kpa * kpa;
                 }
@@ -110,24 +102,24 @@ impl Discs {
                 }
             }
             std::array::from_fn(|size| {
-                let scale_kpa = (product[size] / own[size]).max(0.0);
-                DiscFit { scale_kpa, chi2: (squares - scale_kpa * product[size]) * per_variance }
+                let newton = (product[size] / own[size]).max(0.0);
+                DiscFit { newton, chi2: (squares - newton * product[size]) * per_variance }
             })
         };
         self.places.iter().map(of_place).collect()
     }
 
-    /// What the discs of a place press on a taxel with.
+    /// What the discs of a place press on a taxel with, kPa for 1 N.
     fn shape(&self, place: &[f32; 2], taxel: &Near) -> BySize {
         let [x, y] = [taxel.place_mm[0] - place[0], taxel.place_mm[1] - place[1]];
-        self.profiles[((x * x + y * y) * (1.0 / ENTRY_MM2)) as usize & (ENTRIES - 1)]
+        self.discs.at(x * x + y * y)
     }
 }
 
 /// A disc that is scaled to what is read.
 #[derive(Clone, Copy, Debug)]
 struct DiscFit {
-    scale_kpa: f32,
+    newton: f32,
     chi2: f32,
 }
 
@@ -176,48 +168,19 @@ pub fn of_unread([mean, spread]: [f64; 2], beside: impl Iterator<Item = [f64; 2]
     (bounded, spread.hypot(kpa - bounded).hypot((squares / n).sqrt()))
 }
 
-/// What a load at one point presses on a pad with, by the distance in quarters of a mm: the mean over the pad of the half-space.
-fn spread_by_layer() -> Vec<f64> {
-    let point = |r2: f64| (r2 + LAYER_MM * LAYER_MM).powf(-2.5);
-    let cells = || (-4..=4).map(|n| 0.25 * PAD_MM * f64::from(n));
-    let pad: Vec<[f64; 2]> =
-        cells().flat_map(|x| cells().map(move |y| [x, y])).filter(|[x, y]| x.hypot(*y) <= PAD_MM).collect();
-    let at = |r: f64| pad.iter().map(|[x, y]| point((r - x).powi(2) + y * y)).sum::<f64>();
-    (0..200).map(|n| at(0.25 * f64::from(n))).collect()
-}
-
-/// Pressure of a disc by squared distance from its centre; its scale does not matter.
-fn profile(radius_mm: f64, hertz: bool, spread: &[f64]) -> Box<[f32]> {
-    let cells = || (-10..=10).map(|n| 0.1 * radius_mm * f64::from(n));
-    let all = cells().flat_map(|x| cells().map(move |y| [x, y]));
-    let disc: Vec<[f64; 3]> = all
-        .filter_map(|[x, y]| {
-            let within = 1.0 - (x * x + y * y) / (radius_mm * radius_mm);
-            (within >= 0.0).then(|| [x, y, if hertz { within.sqrt() } else { 1.0 }])
-        })
-        .collect();
-    let at = |r: f64| {
-        let of = |&[x, y, weight]: &[f64; 3]| {
-            weight * spread.get((4.0 * (r - x).hypot(y)).round() as usize).copied().unwrap_or(0.0)
-        };
-        disc.iter().map(of).sum::<f64>()
-    };
-    let most = at(0.0);
-    (0..ENTRIES).map(|entry| (at((f64::from(ENTRY_MM2) * (entry as f64 + 0.5)).sqrt()) / most) as f32).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     /// Pads 6.5 mm apart about the centre of a disc that is not one of the library, and what they read of it.
-    fn pressed(radius_mm: f64, centre_mm: [f32; 2], newton: f64) -> Vec<Near> {
-        let profile = profile(radius_mm, true, &spread_by_layer());
+    fn pressed(radius_mm: f64, centre_mm: [f32; 2], kpa: f64) -> Vec<Near> {
+        let disc = Discs::new([radius_mm], 1);
+        let peak = f64::from(disc.at(0.0)[0]);
         let rows = (-3..=3).flat_map(|row: i16| (-3..=3).map(move |k: i16| (row, k)));
         let places = rows.map(|(row, k)| [6.5 * (f32::from(k) + 0.5 * f32::from(row)), 5.63 * f32::from(row)]);
         let read = |[x, y]: [f32; 2]| {
-            let entry = ((x - centre_mm[0]).powi(2) + (y - centre_mm[1]).powi(2)) / ENTRY_MM2;
-            newton * f64::from(profile[entry as usize])
+            let at = disc.at((x - centre_mm[0]).powi(2) + (y - centre_mm[1]).powi(2));
+            kpa * f64::from(at[0]) / peak
         };
         places
             .filter(|[x, y]| f64::from(x.hypot(*y)) < REACH_MM)
@@ -227,7 +190,7 @@ mod tests {
 
     #[test]
     fn an_unread_taxel_is_told_by_the_discs_that_fit_those_about_it_better_than_by_their_mean() {
-        let discs = Discs::new();
+        let discs = MadeUp::new();
         let (mut error, mut of_mean, mut sigma) = (0.0, 0.0, 0.0);
         for (radius_mm, centre_mm) in [(6.0, [1.3, -0.8]), (8.0, [-2.0, 1.0]), (6.5, [0.0, 3.0])] {
             let all = pressed(radius_mm, centre_mm, 30.0);
@@ -256,7 +219,7 @@ mod tests {
     fn nothing_that_is_read_is_nothing_on_what_is_not() {
         let near: Vec<Near> =
             pressed(6.0, [0.0; 2], 0.0).into_iter().chain([Near { place_mm: [1.0, 1.0], kpa: None }]).collect();
-        let fit = Discs::new().fit(&near);
+        let fit = MadeUp::new().fit(&near);
         assert!(fit.iter().flatten().all(|kpa| *kpa == 0.0), "{fit:?}");
         assert_eq!(of_unread([5.0, 1.0], [[0.0, 0.0]].into_iter()).0, 0.0, "bounded by those beside it");
     }

@@ -9,9 +9,10 @@ use crate::force::budget::{Budget, Term};
 use crate::force::contacts::{Placed, apart, together};
 use crate::force::coverage::{self, Unread};
 use crate::force::evaluator::Evaluator;
-use crate::force::fill::{Discs, near, of_unread};
+use crate::force::fill::{MadeUp, near, of_unread};
 use crate::force::neighbours::Neighbours;
 use crate::force::offsets::Offsets;
+use crate::force::place::Places;
 use crate::force::sample::ForceSample;
 use crate::force::sampling::{Contact, Pressed};
 use crate::force::unloading::still_there_n;
@@ -29,6 +30,8 @@ pub struct Outputs {
     pub contacts: bool,
     /// The total includes pressures of unread taxels, taken from those beside them; needs positions.
     pub fill: bool,
+    /// Contacts are read by where they lie between the pads; needs positions, of iCub's triangles.
+    pub place: bool,
 }
 
 /// What the force of a patch is worked out with.
@@ -52,7 +55,9 @@ pub struct ForceModel {
     layout: Layout,
     neighbours: Option<Neighbours>,
     /// Where unread taxels are filled.
-    discs: Option<Discs>,
+    made_up: Option<MadeUp>,
+    /// Where contacts are read by their places.
+    places: Option<Places>,
 }
 
 /// What a scan touches. Its owner keeps it from scan to scan, so that a scan seldom has to ask for memory.
@@ -71,6 +76,8 @@ pub struct Touch {
     /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
     labels: Vec<u16>,
     contacts: Vec<Contact>,
+    /// How many times its sum each of them is.
+    factors: Vec<f64>,
 }
 
 /// What the uncertainty of a force depends on beside its scan.
@@ -112,6 +119,21 @@ struct Sums {
 }
 
 impl Touch {
+    /// How many times its sum the contact of this label is.
+    fn factor(&self, contact: u16) -> f64 {
+        self.factors.get(usize::from(contact)).copied().unwrap_or(1.0)
+    }
+
+    /// What the touched taxels read together with those beside them, as a sum and with each contact read by its place, N, not negative.
+    fn sums_n(&self) -> [f64; 2] {
+        let of_taxel = |&(taxel, newton): &(usize, f64)| {
+            let newton = newton + self.added_n[taxel];
+            [newton, self.factor(self.labels.get(taxel).copied().unwrap_or_default()) * newton]
+        };
+        let both = self.active.iter().map(of_taxel).fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+        both.map(|newton: f64| newton.max(0.0))
+    }
+
     /// What a taxel of the ring bears of its dead zone: such a share as of those beside it are touched, in the mean over made-up
     /// contacts (`tests/physics/contacts.py --edge`).
     fn dead_share(&self, neighbours: &Neighbours, taxel: usize) -> f64 {
@@ -131,8 +153,10 @@ impl ForceModel {
         layout.outputs.moment &= directed;
         layout.outputs.contacts &= neighbours.is_some();
         layout.outputs.fill &= neighbours.is_some();
-        let discs = layout.outputs.fill.then(Discs::new);
-        Self { layout, neighbours, discs }
+        let made_up = layout.outputs.fill.then(MadeUp::new);
+        let placed = layout.geometry.as_ref().zip(neighbours.as_ref()).filter(|_| layout.outputs.place);
+        let places = placed.map(|(geometry, neighbours)| Places::new(geometry, &layout.areas, neighbours));
+        Self { layout, neighbours, made_up, places }
     }
 
     /// How the patch is laid out.
@@ -155,14 +179,31 @@ impl ForceModel {
         let Touch { active, labels, ring, .. } = touch;
         let contacts = self.neighbours.as_ref().map_or(0, |all| all.grow(active, labels, ring, low));
         self.find_unread(evaluator.selection(), low, touch);
-        if let (Some(discs), false) = (&self.discs, touch.unread.is_empty()) {
-            self.fill(discs, evaluator.selection(), low, touch);
+        if let (Some(made_up), false) = (&self.made_up, touch.unread.is_empty()) {
+            self.fill(made_up, evaluator.selection(), low, touch);
         }
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
             let contact = touch.labels.get(taxel).filter(|_| contacts > 0).map_or(0, |&label| usize::from(label));
             touch.contacts[contact].add(self.pressed(taxel, newton));
         }
+        self.find_factors(touch);
+    }
+
+    /// How many times its sum each contact is, by its place. What lies on unread taxels belongs to its shape, where that is known.
+    fn find_factors(&self, touch: &mut Touch) {
+        let Touch { unread, missing, contacts, factors, .. } = touch;
+        factors.clear();
+        let Some(places) = self.places.as_ref().filter(|_| self.layout.outputs.fill || missing.is_empty()) else {
+            return factors.resize(contacts.len(), 1.0);
+        };
+        let of_contact = |(label, contact): (usize, &Contact)| {
+            let mut shape = *contact;
+            let filled = unread.iter().filter(|one| usize::from(one.contact) == label);
+            filled.for_each(|one| shape.add(self.pressed(one.taxel, one.kpa * self.newton_per_kpa(one.taxel))));
+            places.factor(&shape)
+        };
+        factors.extend(contacts.iter().enumerate().map(of_contact));
     }
 
     fn pressed(&self, taxel: usize, newton: f64) -> Pressed {
@@ -201,7 +242,7 @@ impl ForceModel {
     }
 
     /// What lies on the unread taxels of each contact, by made-up ones that fit it; `low` is what a read one bears, N.
-    fn fill(&self, discs: &Discs, selected: &[bool], low: impl Fn(usize) -> f64, touch: &mut Touch) {
+    fn fill(&self, made_up: &MadeUp, selected: &[bool], low: impl Fn(usize) -> f64, touch: &mut Touch) {
         let (Some(neighbours), Some(geometry)) = (&self.neighbours, &self.layout.geometry) else { return };
         let Touch { active, unread, labels, .. } = touch;
         let kpa = |taxel: usize| low(taxel) / self.newton_per_kpa(taxel);
@@ -220,7 +261,7 @@ impl ForceModel {
             let is_of_another = |taxel: usize| ![0, contact, Neighbours::BESIDE].contains(&labels[taxel]);
             let read = |taxel: usize| selected[taxel].then(|| kpa(taxel));
             let Some((taxels, near)) = near(geometry, pressed, is_of_another, read) else { continue };
-            let fit = discs.fit(&near);
+            let fit = made_up.fit(&near);
             let at = |taxel: usize| taxels.binary_search(&taxel).ok();
             for one in unread.iter_mut().filter(|one| one.contact == contact) {
                 let Some(own) = at(one.taxel) else { continue };
@@ -240,12 +281,12 @@ impl ForceModel {
     ) -> ForceSample {
         let mut sums = self.sums(evaluator, counts, &touch.active);
         self.add_ring(evaluator, counts, touch, present.off_counts, &mut sums);
-        let Touch { active, unread, contacts, added_n, labels, .. } = touch;
-        let added = active.iter().map(|(taxel, _)| added_n[*taxel]).fold(0.0, |sum, newton| sum + newton);
-        let read_n = active.iter().fold(0.0, |sum, &(_, newton)| sum + newton); // sum() of nothing is -0.0
-        let read_n = (read_n + added).max(0.0);
-        let unread_n =
-            |kpa: fn(&Unread) -> f64| unread.iter().map(move |one| kpa(one) * self.newton_per_kpa(one.taxel));
+        let touched = &*touch;
+        let Touch { active, unread, contacts, .. } = touched;
+        let [summed_n, read_n] = touched.sums_n();
+        let unread_n = |kpa: fn(&Unread) -> f64| {
+            unread.iter().map(move |one| touched.factor(one.contact) * kpa(one) * self.newton_per_kpa(one.taxel))
+        };
         // Filled taxels err independently; what is left out is too little of all of them.
         let (filled_n, missing_n) = if self.layout.outputs.fill {
             let squares: f64 = unread_n(|one| one.sigma_kpa).map(|newton| newton * newton).sum();
@@ -255,13 +296,13 @@ impl ForceModel {
         };
         let total_n = read_n + filled_n;
         // What all touched taxels share those have, too, that are filled from them.
-        let scale = if read_n > 0.0 { total_n / read_n } else { 1.0 };
+        let [placed, scale] = [read_n, total_n].map(|newton| if summed_n > 0.0 { newton / summed_n } else { 1.0 });
         let set = evaluator.tables().set();
         let zero_n = scale * (present.zero_sigma_counts * sums.per_count_n);
         let missed_n = scale * present.missed_counts * sums.per_count_n2.sqrt();
         let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
         let budget = Budget::default()
-            .with(Term::Readings, sums.own_n2.sqrt())
+            .with(Term::Readings, placed * sums.own_n2.sqrt())
             .with(Term::Choice, present.choice_n)
             .with(Term::Zero, zero_n.hypot(missed_n))
             .with(Term::Residue, scale * present.residue_sigma_counts * sums.per_count_n)
@@ -286,11 +327,12 @@ impl ForceModel {
             ..ForceSample::default()
         };
         if self.layout.outputs.fill {
+            let Touch { active, unread, labels, .. } = &mut *touch;
             active.extend(unread.iter().map(|one| (one.taxel, one.kpa * self.newton_per_kpa(one.taxel))));
             unread.iter().for_each(|one| labels[one.taxel] = one.contact);
         }
         if let Some(geometry) = &self.layout.geometry {
-            self.add_geometry(&mut sample, geometry, active, added_n, labels);
+            self.add_geometry(&mut sample, geometry, touch);
         }
         sample
     }
@@ -373,24 +415,18 @@ impl ForceModel {
         self.layout.modules.iter().zip(jumps).map(of_module).map(|newton| newton * newton).sum::<f64>().sqrt()
     }
 
-    fn add_geometry(
-        &self,
-        sample: &mut ForceSample,
-        geometry: &Geometry,
-        active: &[(usize, f64)],
-        added_n: &[f64],
-        labels: &[u16],
-    ) {
-        if self.layout.outputs == (Outputs { fill: self.layout.outputs.fill, ..Outputs::default() }) {
+    fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, touch: &Touch) {
+        let outputs = self.layout.outputs;
+        if !(outputs.resultant || outputs.moment || outputs.contacts) {
             return; // nobody asks for any of it
         }
-        let placed = active.iter().filter_map(|&(taxel, force_n)| {
+        let placed = touch.active.iter().filter_map(|&(taxel, newton)| {
             let (pose, area_mm2) = (geometry.poses.get(taxel).copied().flatten()?, self.layout.areas[taxel].0);
-            let (kpa, added_n) = (1e3 * force_n / area_mm2, added_n.get(taxel).copied().unwrap_or(0.0));
-            let contact = labels.get(taxel).copied().unwrap_or_default();
-            Some(Placed { taxel: taxel as u16, contact, pose, force_n: force_n + added_n, area_mm2, kpa }) // 1 N on 1 mm2 is 1,000 kPa
+            let (contact, kpa) = (touch.labels.get(taxel).copied().unwrap_or_default(), 1e3 * newton / area_mm2);
+            let force_n = touch.factor(contact) * (newton + touch.added_n.get(taxel).copied().unwrap_or(0.0));
+            Some(Placed { taxel: taxel as u16, contact, pose, force_n, area_mm2, kpa }) // 1 N on 1 mm2 is 1,000 kPa
         });
-        let (placed, outputs) = (placed.collect::<Vec<_>>(), self.layout.outputs);
+        let placed = placed.collect::<Vec<_>>();
         let all = together(placed.iter().copied());
         sample.resultant = outputs.resultant.then_some(all.resultant);
         sample.moment = outputs.moment.then_some(all.moment);

@@ -4,6 +4,7 @@ pub(crate) mod budget;
 pub(crate) mod contacts;
 mod coverage;
 mod dead_zone;
+mod discs;
 pub(crate) mod evaluator;
 mod fill;
 #[cfg(test)]
@@ -14,6 +15,7 @@ pub(crate) mod measure;
 pub(crate) mod neighbours;
 pub(crate) mod offsets;
 pub(crate) mod owner;
+mod place;
 pub(crate) mod reason;
 pub(crate) mod sample;
 pub(crate) mod sampling;

@@ -80,19 +80,29 @@ impl Contact {
 
     /// Standard uncertainty of its force because pads sample it, N.
     pub fn sigma_n(&self) -> f64 {
-        let taxels = if self.kpa2 > 0.0 { self.kpa * self.kpa / self.kpa2 } else { 1.0 };
-        relative_sigma(taxels, self.longness(taxels)) * self.force_n.abs()
+        relative_sigma(self.taxels(), self.long_share()) * self.force_n.abs()
     }
 
-    /// How many times as long it is as a round contact of so many effective taxels; endless where nobody knows.
-    fn longness(&self, taxels: f64) -> f64 {
-        let centre = self.kpa_mm / self.kpa;
+    /// How many taxels carry it in effect.
+    pub fn taxels(&self) -> f64 {
+        if self.kpa2 > 0.0 { self.kpa * self.kpa / self.kpa2 } else { 1.0 }
+    }
+
+    /// Its centre of pressure, mm; not finite where a place is not known, or nothing presses.
+    pub fn centre_mm(&self) -> Vector3<f64> {
+        self.kpa_mm / self.kpa
+    }
+
+    /// How long it is: 0 for a round contact, 1 for a long one and where nobody knows.
+    pub fn long_share(&self) -> f64 {
+        let centre = self.centre_mm();
         let spread = self.kpa_squares / self.kpa - centre * centre.transpose();
         if !spread.sum().is_finite() {
-            return f64::INFINITY;
+            return 1.0;
         }
         let length_mm = spread.symmetric_eigenvalues().max().max(0.0).sqrt();
-        length_mm / (ROUND * (taxels * self.kpa_mm2 / self.kpa).sqrt())
+        let times = length_mm / (ROUND * (self.taxels() * self.kpa_mm2 / self.kpa).sqrt());
+        ((times - LONG[0]) / (LONG[1] - LONG[0])).clamp(0.0, 1.0)
     }
 
     /// Standard uncertainty of its force because some of it lies at the rim of the skin, N.
@@ -102,9 +112,8 @@ impl Contact {
 }
 
 /// Between the tabulated numbers as on a line.
-fn relative_sigma(taxels: f64, longness: f64) -> f64 {
+fn relative_sigma(taxels: f64, long: f64) -> f64 {
     let taxels = taxels.clamp(BY_TAXELS[0][0], BY_TAXELS[BY_TAXELS.len() - 1][0]);
-    let long = ((longness - LONG[0]) / (LONG[1] - LONG[0])).clamp(0.0, 1.0);
     let of = |[_, round, edge]: [f64; 3]| round + long * (edge - round);
     let pair = BY_TAXELS.windows(2).find(|pair| taxels <= pair[1][0]);
     pair.map_or(of(BY_TAXELS[0]), |pair| {

@@ -71,7 +71,8 @@ pub fn plan_of_part(skin: &Skin, patch: Patch) -> PatchPlan {
         areas: vec![skin.taxel_area(); patch.taxels().len()],
         area_uncertainty: 0.01,
         gauge: Some(Gauge::new(BUS, GaugeConfig::default().signal)),
-        outputs: Outputs { resultant: true, moment: true, contacts: true, fill: true },
+        // Loads are shared out over the taxels under them: a sum has nothing to be mended by place.
+        outputs: Outputs { resultant: true, moment: true, contacts: true, fill: true, place: false },
         fit: FitOptions {
             gauge: GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.02 },
             ..FitOptions::default()

@@ -20,9 +20,10 @@ pub(super) fn section(args: &ReportArgs) -> anyhow::Result<Section> {
     let tried = Tried::new(&[], args.seed, 1, 0)?;
     let set = Arc::new(fit(&tried.calibration.as_scans(), &FitRecipe::default(), &OneByOne)?);
     let none = Outputs::default();
-    let all = Outputs { resultant: true, moment: true, contacts: true, fill: true };
+    let all = Outputs { resultant: true, moment: true, contacts: true, fill: true, place: true };
     let scenes = [
-        ("the total force alone (shipped default)", none),
+        ("the total force alone", none),
+        ("the total force by the places of contacts (shipped default)", Outputs { place: true, ..none }),
         ("resultant", Outputs { resultant: true, ..none }),
         ("moment and centre of pressure", Outputs { moment: true, ..none }),
         ("contacts", Outputs { contacts: true, ..none }),

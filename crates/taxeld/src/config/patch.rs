@@ -6,7 +6,7 @@ use std::time::Duration;
 use taxel_dbc::DbcFile;
 use taxel_engine::plan::{BoardSetup, DevicePlan, Outputs, PatchPlan, PushPlan, SessionLimits};
 use taxel_model::FitOptions;
-use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre, area};
+use taxel_skin::{BusIndex, Geometry, ModuleKind, NormalsVerdict, Patch, SquareMillimetre, area};
 
 use super::array::{Described, describe, grid, pushed};
 use super::boards::{boards, bus_index};
@@ -58,7 +58,7 @@ pub fn patch_plan(
     let push = push(config, section, bus, faults);
     let Skin { patch, devices, setups, geometry, areas } = skin(section, file.as_ref(), bus, (path, faults))?;
     said.remarks.extend(geometry.iter().flat_map(|g| &g.remarks).map(|r| format!("{name}: geometry: {r}")));
-    let outputs = outputs(section, geometry.as_ref(), said);
+    let outputs = outputs(section, &patch, geometry.as_ref(), said);
     let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
     tell(section, (devices.is_empty(), padless), said);
     Some(PatchPlan {
@@ -220,7 +220,7 @@ fn area_uncertainty(section: &PatchSection, faults: &mut Faults) -> f64 {
     faults.range("area_uncertainty", stated, 0.0, 1.0)
 }
 
-fn outputs(section: &PatchSection, geometry: Option<&Geometry>, said: &mut Said) -> Outputs {
+fn outputs(section: &PatchSection, patch: &Patch, geometry: Option<&Geometry>, said: &mut Said) -> Outputs {
     let asked = |word| section.outputs.contains(&word);
     let directed = geometry.is_some_and(|g| g.normals == NormalsVerdict::Usable);
     let lacks = if geometry.is_some() { "the geometry has no usable normals" } else { "there is no geometry" };
@@ -241,5 +241,7 @@ fn outputs(section: &PatchSection, geometry: Option<&Geometry>, said: &mut Said)
         moment: decide(OutputWord::Moment, "moment and centre of pressure", directed),
         contacts: decide(OutputWord::Contacts, "contacts", geometry.is_some()),
         fill: decide(OutputWord::Fill, "fill of excluded taxels", geometry.is_some()),
+        // No output but the total itself; only of triangles it is known where their pads lie under which layer.
+        place: geometry.is_some() && patch.modules().iter().all(|site| site.kind == ModuleKind::Triangle),
     }
 }
