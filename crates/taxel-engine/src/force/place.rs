@@ -22,7 +22,7 @@ const SIZES: usize = 8;
 /// The disc that is read alike wherever it lies.
 const EVEN: usize = 6;
 /// Taxels within this distance of the centre feel a disc, mm.
-const REACH_MM: f32 = 30.0;
+const REACH_MM: f32 = 24.0;
 /// A taxel that bears less than this share of the peak of a disc does not carry it.
 const CARRIES: f32 = 0.03;
 /// A contact lies at most so far from where its centre seems to be, mm.
@@ -79,13 +79,11 @@ impl Places {
                 continue;
             }
             let kpa = self.discs.at(distance2);
-            for disc in 0..SIZES {
-                let carried = if kpa[disc] > least[disc] { kpa[disc] } else { 0.0 };
-                shown.newton[disc] += newton_per_kpa * kpa[disc];
-                shown.carry[disc] += carried;
-                squares[disc] += carried * carried;
-                (0..3).for_each(|axis| shown.off_mm[axis][disc] += carried * apart[axis]);
-            }
+            let carried: BySize = std::array::from_fn(|disc| if kpa[disc] > least[disc] { kpa[disc] } else { 0.0 });
+            add(&mut shown.newton, *newton_per_kpa, &kpa);
+            add(&mut shown.carry, 1.0, &carried);
+            add(&mut squares, 1.0, &carried.map(|kpa| kpa * kpa));
+            shown.off_mm.iter_mut().zip(apart).for_each(|(off_mm, apart)| add(off_mm, apart, &carried));
         }
         for (disc, squares) in squares.into_iter().enumerate() {
             let sum = shown.carry[disc].max(f32::MIN_POSITIVE);
@@ -110,6 +108,11 @@ impl Places {
         let (newton, _) = self.under_discs(true_mm).of_as_many(taxels);
         1.0 + round * ((1.0 / f64::from(newton)).clamp(FACTORS[0], FACTORS[1]) - 1.0)
     }
+}
+
+/// Adds so many times each of them.
+fn add(sums: &mut BySize, times: f32, numbers: &BySize) {
+    sums.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += times * number);
 }
 
 impl Shown {
