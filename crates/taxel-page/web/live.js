@@ -17,7 +17,7 @@ const BUDGET_EVERY_MS = 1000;
 
 /** What the terms of the budget are, in words. */
 const TERMS = {
-  readings: "noise of each taxel", choice: "a light touch may be noise", zero: "the zero may have moved", creep: "creep after an earlier load",
+  readings: "noise of each taxel", choice: "a light touch may be noise", zero: "the zero may have moved",
   hysteresis: "hysteresis", unloading: "a load that decreases", curve: "fit of the curves", "beyond range": "beyond the calibrated range", gauge: "the pressure gauge",
   "gain of the day": "the skin differs from day to day", area: "area of a taxel", sampling: "load between the taxels", rim: "load at the rim of the skin",
   "dead zone": "load that no count shows", "unread taxels": "excluded and faulty taxels", flicker: "a module that jumps",

@@ -17,8 +17,6 @@ named! {
         Choice = "choice",
         /// The zero may be off. Type A, from untouched taxels. Common to all taxels, as temperature is.
         Zero = "zero",
-        /// The skin has not returned from an earlier load. Type B: between nothing and all that the zero moved. Common to all.
-        Residue = "creep",
         /// How a load came is not known (`hysteresis.rs`). Type B, half of what it may be off by. A contact has one history.
         Hysteresis = "hysteresis",
         /// A load decreases (`unloading.rs`): it is read too high, so this is of the lower end of the interval alone. Type A, from falling

@@ -89,8 +89,6 @@ pub struct Present<'a> {
     pub missed_counts: f64,
     /// How far all taxels lie from their zero, counts towards load.
     pub off_counts: f64,
-    /// Standard uncertainty because the skin remembers earlier loads, counts.
-    pub residue_sigma_counts: f64,
     /// Standard uncertainty because a touch may be noise, N.
     pub choice_n: f64,
     /// By how many counts the taxels of each module jump together.
@@ -305,7 +303,6 @@ impl ForceModel {
             .with(Term::Readings, placed * sums.own_n2.sqrt())
             .with(Term::Choice, present.choice_n)
             .with(Term::Zero, zero_n.hypot(missed_n))
-            .with(Term::Residue, scale * present.residue_sigma_counts * sums.per_count_n)
             .with(Term::Hysteresis, scale * sums.history_n)
             .with(Term::Unloading, still_there_n(set.unloading_share(), present.gone_n, total_n))
             .with(Term::Curve, scale * sums.curve_n)

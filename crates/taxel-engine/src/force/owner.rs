@@ -323,13 +323,12 @@ impl Force {
         self.off_counts = Some(off_counts);
         // What has become heavier may be load.
         let zero_sigma_counts = zero.sigma_counts.hypot(off_counts.max(OFFSET_LEFT_COUNTS));
-        let (off_counts, residue_sigma_counts) = evaluator.tables().offset_and_residue(off_counts.min(0.0));
+        let off_counts = evaluator.tables().offset_of_touched(off_counts.min(0.0));
         let (jumps, gone_n) = (scan.jumps, self.unloading.gone_n());
         let present = Present {
             zero_sigma_counts,
             missed_counts: zero.missed_counts,
             off_counts,
-            residue_sigma_counts,
             choice_n: below.choice_n,
             jumps,
             gone_n,

@@ -13,9 +13,6 @@ use crate::force::sample::RangeFlag;
 use crate::force::source::{ENTRIES, ForceTable, Light, Share, Source, TaxelTable};
 use crate::model_set::ModelSet;
 
-/// Standard deviation of what the next load finds of a residue, a share of it that may as well be anything from 0 to 1.
-const RESIDUE_SIGMA: f64 = 0.29;
-
 /// What a taxel's count means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaxelReading {
@@ -77,7 +74,7 @@ impl Tables {
     ///
     /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
     /// The next load finds of that what the skin's dead zone explains (`dead_zone.rs`), and reads as much too little; the
-    /// rest creeps back. So touched taxels are read at that much more, which is uncertain.
+    /// rest creeps back. So touched taxels are read at that much more.
     pub fn of_range(
         counts: CountRange,
         set: Arc<ModelSet>,
@@ -137,11 +134,11 @@ impl Tables {
         entry + usize::from(part >= 0.5)
     }
 
-    /// How far touched taxels lie from where they are read, and the standard uncertainty of that because the skin remembers earlier
-    /// loads, counts, where untouched ones lie `off_counts`, 0 or less, from their zero. What these have lost of the residue has gone.
-    pub(crate) fn offset_and_residue(&self, off_counts: f64) -> (f64, f64) {
+    /// How far touched taxels lie from where they are read, counts, where untouched ones lie `off_counts`, 0 or less, from their zero.
+    /// What these have lost of the residue has gone.
+    pub(crate) fn offset_of_touched(&self, off_counts: f64) -> f64 {
         let left = (self.residue_counts + off_counts).max(0.0);
-        (off_counts + (self.stays_counts - left).max(0.0), RESIDUE_SIGMA * left)
+        off_counts + (self.stays_counts - left).max(0.0)
     }
 
     /// The model set.
