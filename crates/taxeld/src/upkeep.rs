@@ -54,74 +54,43 @@ async fn size_of(size: &Reader) -> Option<u64> {
 
 #[cfg(all(test, feature = "sim"))]
 mod tests {
-    use std::path::Path;
+    use std::path::{Path, PathBuf};
     use std::sync::Arc;
 
     use taxel_engine::calibration::{SessionState, SessionView};
     use taxel_engine::record::Record;
-    use taxel_rpc::handle::channel;
     use taxel_store::{Batch, Store};
-    use tokio::sync::mpsc;
 
     use super::*;
-    use crate::clock::boottime;
-    use crate::config;
-    use crate::driver::Driver;
-    use crate::driver::tests::model_set as set;
-    use crate::queues::{Queues, TellDone};
+    use crate::driver::tests::{Bench, model_set as set};
 
     const PATCH: &str = "left_forearm";
 
-    /// Five model sets, the first active, and five sessions that ended.
-    fn records() -> Vec<Record> {
+    /// A database with five model sets, the first active, and five sessions that ended.
+    #[allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
+    fn filled(folder: &Path) -> PathBuf {
         let mut records: Vec<_> = (1..=5).map(|time| Record::ModelSet(set(time))).collect();
         records.push(Record::Activated { patch: PATCH.to_owned(), model_set: set(1).id.clone(), wall_ns: 1 });
         records.extend((1..=5).map(|number| {
             let (patch, state) = (PATCH.to_owned(), SessionState::Aborted);
             Record::Session(Arc::new(SessionView { number, patch, state, ..SessionView::default() }))
         }));
-        records
-    }
-
-    /// An engine on a store with these records: the way to it, and its end.
-    struct Running {
-        handle: Handle,
-        size: Reader,
-        cancel: CancellationToken,
-        end: tokio::task::JoinHandle<()>,
-        _ends: (mpsc::Receiver<taxel_wire::Frame>, mpsc::Sender<crate::queues::BusBatch>),
-    }
-
-    #[allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
-    async fn running(database: &Path) -> Running {
-        let path = Path::new("demo_config.toml");
-        let plan = Arc::new(config::examine_text(path, include_str!("demo_config.toml")).unwrap().1.plan);
-        let cancel = CancellationToken::new();
-        let (clock, now) = (boottime(), boottime());
-        let (handle, publisher, commands) = channel(Arc::clone(&plan), Arc::new(move || now().time), cancel.clone());
-        let (tell_done, done) = TellDone::new();
-        let (store, restored, _) = Store::open(database, tell_done.of_store()).unwrap();
-        let size = store.reader();
-        let (to_bus, sent) = mpsc::channel(64);
-        let (frames, batches) = mpsc::channel(4);
-        let driver = Driver::new(plan, restored, clock, publisher, (store, tell_done), vec![to_bus]);
-        let end =
-            tokio::spawn(driver.run(Queues { batches, pushed: mpsc::channel(1).1, commands, done }, cancel.clone()));
-        handle.first_turn().await;
-        Running { handle, size, cancel, end, _ends: (sent, frames) }
+        let database = folder.join("store.db");
+        let (store, ..) = Store::open(&database, Box::new(|_| ())).unwrap();
+        store.submit(Batch { records, on_durable: None }).unwrap();
+        store.close().unwrap();
+        database
     }
 
     #[tokio::test]
     async fn while_the_daemon_runs_the_oldest_sessions_beyond_the_limits_go() {
         let folder = tempfile::tempdir().unwrap();
-        let database = folder.path().join("store.db");
-        let (store, ..) = Store::open(&database, Box::new(|_| ())).unwrap();
-        store.submit(Batch { records: records(), on_durable: None }).unwrap();
-        store.close().unwrap();
-        let Running { handle, size, cancel, end, _ends } = running(&database).await;
-        tidy(&handle, &size, 0).await;
-        cancel.cancel();
-        end.await.unwrap();
+        let database = filled(folder.path());
+        let mut bench = Bench::on(&database);
+        let (handle, size) = (bench.handle.clone(), bench.reader());
+        bench.during(handle.first_turn()).await;
+        bench.during(tidy(&handle, &size, 0)).await;
+        bench.end().await;
         let (store, restored, quarantined) = Store::open(&database, Box::new(|_| ())).unwrap();
         assert_eq!(quarantined, []);
         assert_eq!(restored.sessions.iter().map(|view| view.number).collect::<Vec<_>>(), [5]);
@@ -133,22 +102,20 @@ mod tests {
     #[tokio::test]
     async fn a_set_that_is_only_on_disk_comes_into_use_and_is_in_use_after_a_restart() {
         let folder = tempfile::tempdir().unwrap();
-        let database = folder.path().join("store.db");
-        let (store, ..) = Store::open(&database, Box::new(|_| ())).unwrap();
-        store.submit(Batch { records: records(), on_durable: None }).unwrap();
-        store.close().unwrap();
-        let Running { handle, cancel, end, _ends, .. } = running(&database).await;
-        let in_memory = |handle: &Handle| {
+        let database = filled(folder.path());
+        let mut bench = Bench::on(&database);
+        let handle = bench.handle.clone();
+        bench.during(handle.first_turn()).await;
+        let in_memory = || {
             let catalogue = handle.stored();
             let here = catalogue.model_sets.iter().filter(|set| set.at_hand.is_some());
             here.map(|set| set.created_wall_ns).collect::<Vec<_>>()
         };
-        assert_eq!(in_memory(&handle), [1], "what is in use");
+        assert_eq!(in_memory(), [1], "what is in use");
         let activate = Command::Activate { patch: PATCH.to_owned(), model_set: set(4).id.clone(), expected: None };
-        handle.ask(activate).await.unwrap().unwrap();
-        assert_eq!(in_memory(&handle), [4]);
-        cancel.cancel();
-        end.await.unwrap();
+        bench.during(handle.ask(activate)).await.unwrap().unwrap();
+        assert_eq!(in_memory(), [4]);
+        bench.end().await;
         let (store, restored, quarantined) = Store::open(&database, Box::new(|_| ())).unwrap();
         assert_eq!((restored.active, quarantined), (vec![(PATCH.to_owned(), set(4).id.clone())], vec![]));
         store.close().unwrap();

@@ -30,22 +30,3 @@ pub fn print(name: &str, message: &impl Message) -> Outcome {
     say!("{}", text(name, message)?);
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use taxel_proto::v1::{ForceSample, ForceState};
-
-    #[test]
-    fn a_message_has_all_its_fields_but_the_absent_ones() {
-        let sample =
-            ForceSample { sequence: 7, state: ForceState::Ok.into(), total_n: Some(0.0), ..Default::default() };
-        let json: serde_json::Value = serde_json::from_str(&text("ForceSample", &sample).unwrap()).unwrap();
-        assert_eq!(json["sequence"], "7");
-        assert_eq!(json["state"], "FORCE_STATE_OK");
-        assert_eq!(json["totalN"], 0.0);
-        assert_eq!(json["excluded"], 0);
-        assert!(json.get("ageS").is_none(), "{json}");
-        assert!(text("Nothing", &sample).is_err());
-    }
-}

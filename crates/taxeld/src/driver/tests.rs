@@ -33,12 +33,13 @@ fn virtual_clock() -> RunClock {
 }
 
 /// A driver with nothing but the test around it.
-struct Bench {
+pub(crate) struct Bench {
     driver: Driver,
     queues: Queues,
     batches: mpsc::Sender<BusBatch>,
     commands: mpsc::Sender<Request>,
-    handle: Handle,
+    pub(crate) handle: Handle,
+    of_handle: mpsc::Receiver<Request>,
     clock: RunClock,
     cancel: CancellationToken,
     _to_send: mpsc::Receiver<Frame>,
@@ -47,29 +48,61 @@ struct Bench {
 impl Bench {
     /// The forearm of the demo, whose boards send already.
     fn new() -> Self {
-        Self::with_store(|notify| Store::in_memory(notify).unwrap())
+        Self::with_store(|notify| (Store::in_memory(notify).unwrap(), Restored::default()))
     }
 
-    fn with_store(open: impl FnOnce(taxel_store::Notify) -> Store) -> Self {
+    /// The same on the store in this file.
+    pub(crate) fn on(database: &Path) -> Self {
+        Self::with_store(|notify| {
+            let (store, restored, _) = Store::open(database, notify).unwrap();
+            (store, restored)
+        })
+    }
+
+    fn with_store(open: impl FnOnce(taxel_store::Notify) -> (Store, Restored)) -> Self {
         let path = Path::new("demo_config.toml");
         let mut plan = config::examine_text(path, include_str!("../demo_config.toml")).unwrap().1.plan;
         plan.patches[0].bring_up.clear();
         let (plan, clock, cancel) = (Arc::new(plan), virtual_clock(), CancellationToken::new());
         let now = Arc::clone(&clock);
-        let (handle, publisher, _) = channel(Arc::clone(&plan), Arc::new(move || now().time), cancel.clone());
+        let (handle, publisher, of_handle) = channel(Arc::clone(&plan), Arc::new(move || now().time), cancel.clone());
         let (tell_done, done) = TellDone::new();
-        let store = open(tell_done.of_store());
+        let (store, restored) = open(tell_done.of_store());
         let (bus, _to_send) = mpsc::channel(64);
         let (batches, frames) = mpsc::channel(BATCHES_WAITING_MAX);
         let (commands, requests) = mpsc::channel(16);
-        let restored = Restored::default();
         let driver = Driver::new(plan, restored, clock.clone(), publisher, (store, tell_done), vec![bus]);
         let queues = Queues { batches: frames, pushed: mpsc::channel(1).1, commands: requests, done };
-        Self { driver, queues, batches, commands, handle, clock, cancel, _to_send }
+        Self { driver, queues, batches, commands, handle, of_handle, clock, cancel, _to_send }
     }
 
     async fn turn(&mut self) {
+        while let Ok(request) = self.of_handle.try_recv() {
+            self.commands.try_send(request).unwrap();
+        }
         assert!(self.driver.turn(&mut self.queues, &self.cancel).await);
+    }
+
+    /// Takes turns until this is done.
+    pub(crate) async fn during<T>(&mut self, work: impl Future<Output = T>) -> T {
+        tokio::pin!(work);
+        loop {
+            tokio::select! {
+                biased;
+                done = &mut work => return done,
+                () = self.turn() => {}
+            }
+        }
+    }
+
+    /// Closes the store.
+    pub(crate) async fn end(self) {
+        self.cancel.cancel();
+        self.driver.run(self.queues, self.cancel).await;
+    }
+
+    pub(crate) fn reader(&self) -> taxel_store::Reader {
+        self.driver.store.reader()
     }
 
     /// By how much the tick that the engine wants is late; zero if it is not due.
@@ -91,14 +124,8 @@ impl Bench {
         answer
     }
 
-    /// Takes turns until a command is answered.
-    async fn answered(&mut self, mut answer: oneshot::Receiver<Reply>) -> Reply {
-        loop {
-            match answer.try_recv() {
-                Err(oneshot::error::TryRecvError::Empty) => self.turn().await,
-                answered => return answered.unwrap(),
-            }
-        }
+    async fn answered(&mut self, answer: oneshot::Receiver<Reply>) -> Reply {
+        self.during(answer).await.unwrap()
     }
 
     async fn reply(&mut self, command: Command) -> Reply {
@@ -261,7 +288,7 @@ async fn what_the_store_has_is_known_before_the_first_turn() {
 async fn a_commit_that_the_disk_refuses_is_refused_with_the_reason_and_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let [path, elsewhere] = ["store.db", "elsewhere.db"].map(|name| folder.path().join(name));
-    let mut bench = Bench::with_store(|notify| Store::open(&path, notify).unwrap().0);
+    let mut bench = Bench::on(&path);
     let Ok(taxel_engine::command::Done::Kept { model_set, .. }) = bench.reply(import(1)).await else { panic!() };
     std::fs::rename(&path, &elsewhere).unwrap();
     let why = bench.refused_import(2).await;
@@ -277,22 +304,6 @@ async fn a_commit_that_the_disk_refuses_is_refused_with_the_reason_and_changes_n
     assert_eq!(restored.model_sets.iter().map(|set| set.id.as_str()).collect::<Vec<_>>(), [model_set.id.as_str()]);
     assert_eq!(quarantined, []);
     store.close().unwrap();
-}
-
-#[tokio::test]
-async fn a_commit_that_the_stores_queue_has_no_room_for_is_refused_with_the_reason() {
-    let mut bench = Bench::new();
-    bench.turn().await;
-    let release = bench.hold_writer();
-    while bench.driver.store.submit(Batch::default()).is_ok() {}
-    let why = bench.refused_import(1).await;
-    let behind = StoreError::Behind { waiting: QUEUE_BATCHES }.to_string();
-    assert_eq!(why, format!("it could not be written to disk, and nothing has changed: {behind}"));
-    release.send(()).unwrap();
-    // Nothing was lost, so that the store goes on when the disk does.
-    while let Err(Rejection::Unavailable(_, why)) = bench.reply(import(2)).await {
-        assert!(why.contains(&behind), "{why}");
-    }
 }
 
 /// Else whoever asks for what is refused could fill the queue of a slow disk, and end all writing with that.
@@ -400,23 +411,6 @@ async fn the_audit_log_has_who_asked_and_the_model_set_before_and_after() {
         ["eve", b, b, refused.as_str()],
     ];
     assert_eq!(bench.audit_log(), expected.map(|entry| entry.map(str::to_owned)));
-}
-
-#[tokio::test]
-async fn nothing_is_done_that_the_audit_log_cannot_have() {
-    let mut bench = Bench::new();
-    bench.driver.take_done(Done::Input(Input::StoreFailed("the disk is gone".to_owned())));
-    let command = Command::BringUp { patch: String::new(), confirmed_by: None };
-    let refused = bench.audited("ann", command).await.unwrap_err();
-    assert_eq!(
-        refused,
-        Rejection::Unavailable(
-            ErrorReason::StoreUnavailable,
-            "the audit log cannot be written: nothing is stored until the daemon is restarted: the disk is gone"
-                .to_owned()
-        )
-    );
-    assert_eq!(bench.audit_log(), Vec::<[String; 4]>::new());
 }
 
 /// A bring-up sends to the boards at once, with nothing of it to be written first but who asked.

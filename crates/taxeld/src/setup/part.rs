@@ -96,28 +96,3 @@ fn side_of(text: &str) -> (&'static str, &str) {
 fn begins_with_word(text: &str, word: &str) -> bool {
     text.strip_prefix(word).is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_alphabetic()))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_are_found_by_the_names_of_files_headers_and_ports() {
-        for (text, name) in [
-            ("left_forearm_V2", "left_forearm"),
-            ("l_forearm", "left_forearm"),
-            ("right_hand_V2_1", "right_hand"),
-            ("r_upper_arm", "right_arm"),
-            ("left_arm_mesh", "left_arm"),
-            ("l_upper_leg", "left_leg_upper"),
-            ("right_leg_lower", "right_leg_lower"),
-            ("l_foot", "left_foot"),
-            ("Torso", "torso"),
-        ] {
-            assert_eq!(Part::named(text).map(Part::name).as_deref(), Some(name), "{text}");
-        }
-        for text in ["forearm", "left_torso", "left_leg", "skin", "", "left_armour"] {
-            assert_eq!(Part::named(text), None, "{text}");
-        }
-    }
-}

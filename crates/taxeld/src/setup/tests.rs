@@ -81,7 +81,9 @@ fn every_part_of_the_robot_resolves_with_all_of_its_positioned_taxels() {
     let folder = Folder::new();
     let mut arguments = vec!["--out".to_owned(), folder.path("t.toml"), "--positions".to_owned()];
     let mut expected = 0;
-    for (file, link, boards) in PARTS {
+    for (number, (file, link, boards)) in PARTS.into_iter().enumerate() {
+        // Its link says what part it is where the name of its file does not.
+        let file = if number % 3 == 0 { format!("part_{number}") } else { file.to_owned() };
         let is_hand = link.ends_with("hand");
         let modules: Vec<usize> =
             (0..16 * boards).filter(|m| if is_hand { (8..12).contains(m) } else { m % 4 != 3 }).collect();

@@ -74,25 +74,6 @@ fn a_scan_of_a_log_says_what_is_there_and_begins_a_configuration() {
     assert!(refused.contains("no frames to scan: `taxeld replay "), "{refused}");
 }
 
-/// 28 triangles, 16 and 12 on two boards, every third scan of about 48.7 Hz, and the chamber's pressure in pascal.
-#[test]
-fn a_scan_of_the_recorded_insole_finds_its_boards_and_the_frames_of_its_gauge() {
-    let data = std::env::var("TAXELD_DATA")
-        .map_or_else(|_| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), std::path::PathBuf::from);
-    let log = data.join("insole/left_calibration_16hz.candump.gz");
-    if !log.exists() {
-        eprintln!(
-            "SKIPPED a_scan_of_the_recorded_insole_finds_its_boards_and_the_frames_of_its_gauge: no {}",
-            log.display()
-        );
-        return;
-    }
-    let printed = succeeds(&["scan", log.to_str().unwrap()]);
-    assert!(printed.contains("board 12: modules 0-11, every 61."), "{printed}");
-    assert!(printed.contains("board 13: modules 0-15, every 61."), "{printed}");
-    assert!(printed.contains("identifier 3A1: 8393 frames, "), "{printed}");
-}
-
 #[test]
 fn a_reader_that_goes_away_is_no_failure() {
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);
@@ -217,18 +198,13 @@ fn completions_and_manual_pages_come_from_the_command_line_itself() {
 }
 
 #[test]
-fn a_log_that_is_too_short_not_understood_or_not_there_is_told() {
+fn a_log_that_is_too_short_or_not_there_is_told() {
     let still: String = log().lines().take(100).map(|line| format!("{line}\n")).collect();
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &still)]);
     let said =
         fails(&["replay", &path(folder.path(), "t.log"), "--config", &path(folder.path(), "t.toml"), "--calibrate"]);
     let why = "the log ended while the calibration was TARING: waiting for an unloaded skin: the gauge has been heard for less than a second";
     assert!(said.contains(why), "{said}");
-    // The last one comes at the end of all time that can be told.
-    let foreign = "(1600000000.000000) can0 123#00\n(1600000000.1) can0 123#01\n(9223372036.854775) can0 123#02\n";
-    std::fs::write(folder.path().join("t.log"), foreign).unwrap();
-    let said = fails(&["replay", &path(folder.path(), "t.log"), "--config", &path(folder.path(), "t.toml")]);
-    assert!(said.contains("not one of 3 frames was understood"), "{said}");
     let said = fails(&["replay", "/nowhere.log", "--config", &path(folder.path(), "t.toml")]);
     assert!(said.contains("/nowhere.log"), "{said}");
 }
@@ -237,38 +213,9 @@ fn a_log_that_is_too_short_not_understood_or_not_there_is_told() {
 #[test]
 fn the_demo_weighs_within_the_papers_error() {
     let printed = succeeds(&["demo", "--once", "--seed", "7"]);
-    assert!(demo_summary(&printed, "masses").0 <= 5.0, "{printed}");
-    assert!(demo_summary(&printed, "fingers").0 <= 12.0, "{printed}");
-}
-
-#[cfg(feature = "sim")]
-#[test]
-fn the_intervals_of_a_few_skins_hold_the_truth() {
-    let printed = ["31", "32", "33", "34"].map(|seed| succeeds(&["demo", "--once", "--seed", seed]));
-    for (contact, weighings) in [("masses", 80.0), ("fingers", 64.0)] {
-        let covered: f64 = printed.iter().map(|printed| demo_summary(printed, contact).1).sum();
-        assert!(covered >= 0.93 * weighings, "{covered} of {weighings} within 2 standard uncertainties: {printed:?}");
+    for (contact, most_percent) in [("masses", 5.0), ("fingers", 12.0)] {
+        let (_, mean) = printed.split_once(&format!("{contact}: mean absolute force error ")).unwrap();
+        let percent: f64 = mean.split_whitespace().next().unwrap().parse().unwrap();
+        assert!(percent <= most_percent, "{printed}");
     }
-}
-
-/// Mean error in percent and how many weighings hold the truth, of what `taxeld demo` prints of a kind of contact.
-#[cfg(feature = "sim")]
-fn demo_summary(printed: &str, contact: &str) -> (f64, f64) {
-    let begins = format!("{contact}: mean absolute force error ");
-    let line = printed.lines().find(|line| line.starts_with(&begins)).expect("a line for each kind of contact");
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let number = |at: usize| words.get(at).and_then(|word| word.parse().ok()).expect("a number");
-    (number(5), number(words.len() - 1))
-}
-
-/// Fingertips and palm of a hand are two patches of one board; each may have its own area, bag and session.
-#[test]
-fn a_board_may_serve_patches_of_several_kinds() {
-    let second = "[[patch]]\nname = \"tips\"\nbus = \"skin\"\nlisten_only = true\n\
-                  boards = [{ address = 13, modules = \"2-4 fingertip, 8-11 palm\" }]\n";
-    let both = format!("{CONFIG}{second}");
-    let folder = scratch(&[("t.toml", &both)]);
-    let printed = succeeds(&["check", "--config", &path(folder.path(), "t.toml")]);
-    assert!(printed.contains("patch tips: 80 taxels on 7 modules"), "{printed}");
-    assert!(printed.contains("board 13 of bus skin: modules 2-4 fingertip, 8-11 palm"), "{printed}");
 }

@@ -30,17 +30,6 @@ fn start(folder: &Path, gauge: &str) -> Ended {
 }
 
 #[test]
-fn what_is_typed_below_the_plateau_before_is_refused_and_the_session_can_be_ended() {
-    let folder = tempfile::tempdir().unwrap();
-    let _daemon = start(folder.path(), "typed = true, resolution_kpa = 0.2");
-    let below = ["calibrate", "--target", "16", "--confirmed-by", "test", "--yes", "--typed", "0,2,1"];
-    let said = taxeld_in(folder.path(), &below);
-    let why = text(&said.stderr);
-    assert!(!said.status.success() && why.contains("1 kPa is not above the 2 kPa of the plateau before"), "{why}");
-    assert!(taxeld_in(folder.path(), &["sessions", "end", "1"]).status.success());
-}
-
-#[test]
 fn a_script_types_what_a_dial_shows_and_the_models_are_in_use() {
     let folder = tempfile::tempdir().unwrap();
     let _daemon = start(folder.path(), "typed = true, resolution_kpa = 0.2");

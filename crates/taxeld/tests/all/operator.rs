@@ -63,7 +63,7 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     let json = demo.until_good(&["watch", "--json", "--count", "3", "--rate", "20"]);
     assert!(json.lines().all(|line| line.starts_with("{\"sequence\":")) && json.lines().count() == 3, "{json}");
     // Nobody takes the demo's force for one of a skin.
-    assert!(json.lines().all(|line| line.contains("\"simulated\":true")), "{json}");
+    assert!(json.lines().all(|line| line.contains("\"simulated\":true") && line.contains("\"skipped\":")), "{json}");
     let line = demo.until_good(&["watch", "--count", "1"]);
     assert!(line.contains(", simulated") && !line.contains('\u{1b}'), "{line}");
     let mut coloured = Command::new(env!("CARGO_BIN_EXE_taxeld"));

@@ -1,16 +1,18 @@
 //! The documented way to certificates and tokens, word for word, and a daemon that lives by them.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::Command;
 use std::time::Instant;
 
 use taxel_proto::v1;
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use tempfile::TempDir;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 use tonic::{Code, Request, Status};
 
-use crate::common::{Ended, PATIENCE, free_address};
+use crate::common::{PATIENCE, path, succeeds, text, until_logged};
+use crate::daemon::Daemon;
 
 /// The lines of deploy/security.md that make authority, certificates and a token.
 fn documented_lines() -> &'static str {
@@ -19,70 +21,46 @@ fn documented_lines() -> &'static str {
     rest.split_once("```").unwrap().0
 }
 
-/// Whether there is an openssl; tests/run sees to it that there is.
-fn openssl() -> bool {
-    let there = Command::new("openssl").arg("version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
-    if !there {
+/// A folder with certificates and tokens; `None` without openssl, of which tests/run sees to it that it is there.
+fn certified() -> Option<TempDir> {
+    let folder = tempfile::tempdir().unwrap();
+    let script = format!("set -eu\nopenssl version\n{}", documented_lines());
+    let output = Command::new("sh").args(["-c", &script]).current_dir(folder.path()).output().unwrap();
+    if output.status.code() == Some(127) {
         println!("skipped: openssl is not installed");
+        return None;
     }
-    there
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    Some(folder)
 }
-
-fn make_certificates(folder: &Path) {
-    let script = format!("set -eu\n{}", documented_lines());
-    let output = Command::new("sh").args(["-c", &script]).current_dir(folder).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-}
-
-struct Daemon {
-    child: Ended,
-    folder: PathBuf,
-    tls: String,
-}
-
-const SCENE: &str = r#"
-[[bus]]
-name = "skin"
-source = "sim"
-[[patch]]
-name = "left_forearm"
-bus = "skin"
-boards = [{ address = 13, modules = "0-15" }, { address = 12, modules = "0-6" }]
-"#;
 
 /// What the certificate of the documented lines may do.
 const GRANT: &str = r#"operators = ["certificate:spiffe://robot/skin/operator"]"#;
 
-impl Daemon {
-    fn start(folder: &Path) -> Self {
-        let port = free_address().port();
-        let config = format!(
-            r#"
-            listen = ["unix:socket", "tls:127.0.0.1:{port}"]
-            tls = {{ cert = "server.pem", key = "server.key", client_ca = "ca.pem" }}
-            store.path = "{}/store.db"
-            [access]
-            tokens = "tokens"
-            {GRANT}{SCENE}"#,
-            folder.display()
-        );
-        std::fs::write(folder.join("taxeld.toml"), config).unwrap();
-        let child = Command::new(env!("CARGO_BIN_EXE_taxeld"))
-            .args(["run", "--config"])
-            .arg(folder.join("taxeld.toml"))
-            .stderr(Stdio::inherit())
-            .spawn()
-            .unwrap();
-        let child = Ended(child);
-        Self { child, folder: folder.to_path_buf(), tls: format!("https://127.0.0.1:{port}") }
-    }
+/// Writes the configuration of a daemon that lives by the certificates and tokens in this folder.
+fn secure(folder: &Path, key: &str) {
+    let path = folder.join("taxeld.toml");
+    let tls = format!("tls = {{ cert = \"server.pem\", key = \"{key}\", client_ca = \"ca.pem\" }}");
+    let text = std::fs::read_to_string(&path).unwrap().replace("tcp:", "tls:");
+    let secured = format!("{tls}\n[access]\ntokens = \"tokens\"\n{GRANT}\n[store]");
+    std::fs::write(path, text.replace("[store]", &secured)).unwrap();
+}
 
+fn start(folder: &Path) -> Daemon {
+    Daemon::start_in(folder, |_, folder| secure(folder, "server.key"))
+}
+
+impl Daemon {
     fn socket(&self) -> String {
         format!("unix:{}", self.folder.join("socket").display())
     }
 
+    fn tls(&self) -> String {
+        format!("https://{}", self.address)
+    }
+
     /// The Unix socket, as soon as the daemon answers on it, whatever it says: all its doors are open then. That the socket
-    /// takes a connection says less, since it is the first of them.
+    /// takes a connection says less, since it is there earlier.
     async fn unix(&self) -> Channel {
         let (begun, endpoint) = (Instant::now(), Endpoint::from_shared(self.socket()).unwrap());
         let channel = endpoint.connect_lazy();
@@ -104,13 +82,7 @@ impl Daemon {
             .ca_certificate(Certificate::from_pem(read("ca.pem")))
             .identity(Identity::from_pem(read("operator.pem"), read("operator.key")))
             .domain_name("robot.example");
-        Endpoint::from_shared(self.tls.clone()).unwrap().tls_config(config).unwrap().connect_lazy()
-    }
-
-    fn audit(&self, arguments: &[&str]) -> String {
-        let output = Command::new(env!("CARGO_BIN_EXE_taxeld")).arg("audit").args(arguments).output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
+        Endpoint::from_shared(self.tls()).unwrap().tls_config(config).unwrap().connect_lazy()
     }
 }
 
@@ -128,33 +100,16 @@ async fn tare(channel: &Channel, token: Option<&str>, name: &str) -> Result<(), 
 
 #[test]
 fn a_key_and_a_certificate_that_do_not_go_together_are_refused_at_the_start() {
-    if !openssl() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    make_certificates(folder.path());
-    let taxeld = |command: &str, key: &str| {
-        let listen = "listen = [\"tls:127.0.0.1:0\"]";
-        let tls = format!("tls = {{ cert = \"server.pem\", key = \"{key}\", client_ca = \"ca.pem\" }}");
-        let text = format!("{listen}\n{tls}\nstore.path = \"store.db\"\n[access]\n{SCENE}");
-        std::fs::write(folder.path().join("taxeld.toml"), text).unwrap();
-        let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-        taxeld.args([command, "--config", "taxeld.toml"]).current_dir(folder.path()).output().unwrap()
-    };
-    assert!(taxeld("check", "server.key").status.success());
-    let output = taxeld("run", "operator.key");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && said.contains("server.pem: does not go with the key"), "{said}");
+    let Some(folder) = certified() else { return };
+    let mut daemon = Daemon::start_in(folder.path(), |_, folder| secure(folder, "operator.key"));
+    assert!(!daemon.child.0.wait().unwrap().success());
+    assert!(daemon.log().contains("server.pem: does not go with the key"), "{}", daemon.log());
 }
 
 #[tokio::test]
 async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_log_names_who_came() {
-    if !openssl() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    make_certificates(folder.path());
-    let daemon = Daemon::start(folder.path());
+    let Some(folder) = certified() else { return };
+    let daemon = start(folder.path());
     let unix = daemon.unix().await;
 
     let status = tare(&unix, None, "Nobody").await.unwrap_err();
@@ -171,40 +126,38 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     assert_eq!(shown, [("spiffe://robot/skin/operator", "tls", "Bob"), ("token bench", "unix", "Ann")]);
     assert!(entries.iter().all(|entry| entry.method == "Tare" && !entry.result.is_empty()), "{entries:?}");
 
-    let token_file = folder.path().join("bench.token");
-    let text = daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap()]);
+    for line in ["a call was refused: taxel.v1.SkinService/Tare from ", "command=\"Tare\""] {
+        until_logged(folder.path(), line);
+    }
+
+    let token_file = path(folder.path(), "bench.token");
+    let audit = |daemon: &Daemon, more: &[&str]| {
+        succeeds(&[&["audit", "--server", &daemon.socket(), "--token", &token_file], more].concat())
+    };
+    let text = audit(&daemon, &[]);
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len(), 2, "{text}");
     assert!(lines[0].contains("token bench (operator, unix uid "), "{text}");
     assert!(lines[1].contains("spiffe://robot/skin/operator (operator, tls 127.0.0.1:"), "{text}");
-
-    let of_patch = |patch: &str| {
-        daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap(), "--patch", patch])
-    };
-    assert_eq!(of_patch("no-such-patch"), "the audit log is empty\n");
-    assert_eq!(of_patch("left_forearm"), text);
+    assert_eq!(audit(&daemon, &["--patch", "no-such-patch"]), "the audit log is empty\n");
+    assert_eq!(audit(&daemon, &["--patch", "forearm"]), text);
 
     // Killed and started again on the socket that it left.
     drop(daemon);
-    let daemon = Daemon::start(folder.path());
+    let daemon = start(folder.path());
     tare(&daemon.unix().await, Some(token.trim()), "Ann").await.unwrap();
-    let text = daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap()]);
+    let text = audit(&daemon, &[]);
     assert_eq!(text.lines().count(), 3, "what was answered is there");
 }
 
 #[tokio::test]
 async fn on_a_signal_other_certificates_and_tokens_count_and_useless_ones_change_nothing() {
-    if !openssl() {
-        return;
-    }
-    let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    make_certificates(folder.path());
-    make_certificates(other.path());
+    let (Some(folder), Some(other)) = (certified(), certified()) else { return };
     let old = tempfile::tempdir().unwrap();
     for name in ["ca.pem", "operator.pem", "operator.key"] {
         std::fs::copy(folder.path().join(name), old.path().join(name)).unwrap();
     }
-    let daemon = Daemon::start(folder.path());
+    let daemon = start(folder.path());
     let unix = daemon.unix().await;
     tare(&daemon.with_certificates(old.path()), None, "Ann").await.unwrap();
     tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap_err();
@@ -253,15 +206,11 @@ async fn until_refused(channel: &Channel, token: &str) {
 
 #[tokio::test]
 async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on() {
-    if !openssl() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    make_certificates(folder.path());
-    let daemon = Daemon::start(folder.path());
+    let Some(folder) = certified() else { return };
+    let daemon = start(folder.path());
     let (unix, operator) = (daemon.unix().await, daemon.with_certificates(folder.path()));
     let mut skin = SkinServiceClient::new(unix.clone());
-    let request = v1::StreamRequest { patch: "left_forearm".to_owned(), ..v1::StreamRequest::default() };
+    let request = v1::StreamRequest { patch: "forearm".to_owned(), ..v1::StreamRequest::default() };
     let mut stream = skin.stream_taxels(request).await.unwrap().into_inner();
     assert_eq!(tare(&unix, None, "Ann").await.unwrap_err().code(), Code::PermissionDenied);
     tare(&operator, None, "Ann").await.unwrap();
@@ -290,16 +239,11 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
 
 #[tokio::test]
 async fn the_commands_come_over_tls_with_certificates_and_not_without() {
-    if !openssl() {
-        return;
-    }
-    let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    make_certificates(folder.path());
-    make_certificates(other.path());
-    let daemon = Daemon::start(folder.path());
+    let (Some(folder), Some(other)) = (certified(), certified()) else { return };
+    let daemon = start(folder.path());
     daemon.unix().await;
     let list = |arguments: &[&str], folder: &Path| {
-        let command = ["sessions", "list", "--server", &daemon.tls];
+        let command = ["sessions", "list", "--server", &daemon.tls()];
         let output =
             Command::new(env!("CARGO_BIN_EXE_taxeld")).args(command).args(arguments).current_dir(folder).output();
         let output = output.unwrap();

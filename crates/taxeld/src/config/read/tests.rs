@@ -137,6 +137,8 @@ fn contradictions_of_two_patches_have_the_place_of_the_second() {
     let keys: Vec<&str> = found.iter().map(|problem| problem.key.as_str()).collect();
     assert_eq!(keys, ["patch[0]", "patch[1].period_ms"], "{found:#?}");
     let of_board_13 = second.replace("address = 12", "address = 13");
+    let tips = of_board_13.replace("500", "50").replace("\"0\"", "\"4-7 fingertip\"");
+    assert_eq!(problems(&format!("{SMALL}{tips}")), [], "fingertips and palm may be two patches");
     for (period, modules, says) in [
         ("50", "3-4", "module 3 of board 13 is in patch `p` and in patch `q`"),
         ("100", "4", "board 13 is configured by patch `p` and by patch `q` with other settings"),

@@ -2,8 +2,6 @@ use std::path::Path;
 
 use super::super::examine_text;
 
-const EXAMPLE: &str = include_str!("../../../../../deploy/taxeld.toml");
-
 /// A small configuration; `top` are keys of the file, `rest` sections, `patch` keys of the patch.
 fn text(top: &str, patch: &str, rest: &str) -> String {
     format!(
@@ -23,13 +21,6 @@ fn told(text: &str) -> Vec<(String, String)> {
 
 fn keys(text: &str) -> Vec<String> {
     told(text).into_iter().map(|(key, _)| key).collect()
-}
-
-#[test]
-fn the_example_is_a_forearm() {
-    let path = Path::new("t.toml");
-    let scene = examine_text(path, EXAMPLE).unwrap().1;
-    assert_eq!(scene.plan.patches[0].patch.taxels().len(), 230);
 }
 
 #[cfg(feature = "sim")]
@@ -110,25 +101,24 @@ fn a_slow_array_has_the_time_that_its_period_takes() {
 }
 
 #[test]
-fn the_page_is_on_a_loopback_address() {
+fn the_page_is_on_a_loopback_address_and_recordings_and_the_store_have_room() {
     let of = |rest: &str| keys(&text("", BOARD, rest));
-    for rest in ["[page]\nhosts = [\"robot.lab\", \"x-1.y_2\"]", "[page]\nlisten = \"[::1]:1\""] {
+    for rest in [
+        "[page]\nhosts = [\"robot.lab\", \"x-1.y_2\"]",
+        "[page]\nlisten = \"[::1]:1\"",
+        "[record]\npath = \"r\"\nbudget_mb = 16",
+    ] {
         assert_eq!(of(rest), Vec::<String>::new(), "{rest}");
     }
     for (rest, key) in [
         ("[page]\nlisten = \"0.0.0.0:8080\"", "page.listen"),
         ("[page]\nhosts = [\"robot:80\"]", "page.hosts"),
         ("[page]\nhosts = [\"\"]", "page.hosts"),
+        ("[record]\npath = \"r\"\nbudget_mb = 15", "record.budget_mb"),
     ] {
         assert_eq!(of(rest), [key], "{rest}");
     }
-}
-
-#[test]
-fn recordings_need_room_for_some_files() {
-    let of = |rest: &str| keys(&text("", BOARD, rest));
-    assert_eq!(of("[record]\npath = \"r\"\nbudget_mb = 16"), Vec::<String>::new());
-    assert_eq!(of("[record]\npath = \"r\"\nbudget_mb = 15"), ["record.budget_mb"]);
+    assert_eq!(keys(&text("", BOARD, "").replace("t.db\"", "t.db\"\nkeep_mb = 0")), ["store.keep_mb"]);
 }
 
 #[test]
@@ -153,7 +143,6 @@ fn names_are_there_once_and_refer_to_what_is_there() {
     let found = keys(&text("", BOARD, &second));
     assert_eq!(found, ["bus[1]", "bus[1].name", "patch[1].name", "patch[1].bus"]);
     assert_eq!(keys(&text("", "", "")), ["patch[0]"], "nothing says what its taxels are");
-    assert_eq!(keys(&text("", BOARD, "").replace("t.db\"", "t.db\"\nkeep_mb = 0")), ["store.keep_mb"]);
     let wrong = text("", BOARD, "").replace("can0", "").replace("\"p\"", "\"a b\"");
     assert_eq!(keys(&wrong), ["bus[0]", "patch[0].name"]);
 }
