@@ -179,30 +179,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_failed_precondition_says_what_it_is_about() {
-        let refusal = Refusal::failed_precondition(ErrorReason::SkinLoaded, "something lies on it");
-        let status = Status::from(refusal.about("patch", "left_forearm"));
-        assert_eq!((status.code(), status.message()), (Code::FailedPrecondition, "something lies on it"));
-        let (reason, metadata) = info_of(&status).unwrap();
-        let expected = [("patch".to_owned(), "left_forearm".to_owned())];
-        assert_eq!((reason.as_str(), metadata), ("SKIN_LOADED", HashMap::from(expected)));
-        let failure = status.get_details_precondition_failure().unwrap();
-        let [violation] = failure.violations.as_slice() else { panic!("{failure:?}") };
-        assert_eq!((violation.r#type.as_str(), violation.subject.as_str()), ("SKIN_LOADED", "patches/left_forearm"));
-        assert_eq!(violation.description, "something lies on it");
-    }
-
-    #[test]
-    fn an_invalid_field_is_named_beside_the_words() {
-        let status = Status::from(Refusal::invalid("rate_hz", "0 is not in 1 to 1000"));
-        assert_eq!((status.code(), status.message()), (Code::InvalidArgument, "rate_hz: 0 is not in 1 to 1000"));
-        let request = status.get_details_bad_request().unwrap();
-        let [violation] = request.field_violations.as_slice() else { panic!("{request:?}") };
-        assert_eq!((violation.field.as_str(), violation.description.as_str()), ("rate_hz", "0 is not in 1 to 1000"));
-        assert_eq!(info_of(&status).unwrap().1["field"], "rate_hz");
-    }
-
-    #[test]
     fn long_words_stay_whole_in_the_status_and_short_enough_for_a_header() {
         let text = "\u{fc}".repeat(TEXT_BYTES_MAX / 2);
         let status =

@@ -124,17 +124,4 @@ mod tests {
             assert!(!problem.contains(&OF_ABC[8..40]), "{problem}");
         }
     }
-
-    #[test]
-    fn a_file_is_read_and_its_path_is_in_what_is_wrong_with_it() {
-        use std::os::unix::fs::PermissionsExt;
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("tokens");
-        std::fs::write(&path, format!("admin ann {OF_ABC}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
-        assert_eq!(Tokens::load(&path).unwrap().holder(b"abc").map(|holder| holder.role), Some(Role::Admin));
-        std::fs::write(&path, "admin ann").unwrap();
-        let problem = Tokens::load(&path).unwrap_err();
-        assert!(problem.contains("tokens: line 1: 2 words"), "{problem}");
-    }
 }

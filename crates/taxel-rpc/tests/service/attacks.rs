@@ -2,16 +2,12 @@
 
 use std::time::Duration;
 
-use taxel_proto::v1;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_rpc::Limits;
 use taxel_skin::Time;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpSocket, TcpStream};
-use tonic::Streaming;
-use tonic::transport::Channel;
 
-use crate::fixture::{Daemon, FOREARM, on_two_doors, patient, snapshot, start, start_with};
+use crate::fixture::{Daemon, FOREARM, get_force, on_two_doors, patient, snapshot, start, start_with, stream};
 use crate::server::read_to_end;
 
 /// Preface and empty settings.
@@ -22,15 +18,6 @@ const SHORT: Duration = Duration::from_millis(5);
 
 async fn still_serves(daemon: &Daemon) {
     get_force(daemon.connect().await).await.unwrap();
-}
-
-async fn get_force(channel: Channel) -> Result<(), tonic::Status> {
-    ForceServiceClient::new(channel).get_force(v1::PatchRequest::default()).await.map(drop)
-}
-
-pub async fn stream(channel: Channel) -> Result<Streaming<v1::ForceSample>, tonic::Status> {
-    let answer = ForceServiceClient::new(channel).stream_force(v1::StreamRequest::default()).await;
-    answer.map(tonic::Response::into_inner)
 }
 
 #[tokio::test]
@@ -51,8 +38,8 @@ async fn a_reader_that_gives_no_window_is_ended_and_its_place_is_free() {
     let daemon = start_with(&[FOREARM], limits).await;
     daemon.engine().patch(0, snapshot(1, Time::default()));
     let mute = daemon.endpoint().initial_stream_window_size(0).connect().await.unwrap();
-    let _untaken = stream(mute.clone()).await.unwrap();
-    while stream(daemon.connect().await).await.is_err() {}
+    let _untaken = stream(mute.clone(), None).await.unwrap();
+    while stream(daemon.connect().await, None).await.is_err() {}
     while get_force(mute.clone()).await.is_ok() {} // its connection is gone, and it may come again
 }
 
@@ -79,7 +66,7 @@ async fn a_reader_that_reads_nothing_at_all_is_ended_and_its_place_is_free() {
     let mut refused = false;
     for sequence in 1.. {
         daemon.engine().patch(0, snapshot(sequence, Time::default()));
-        match stream(daemon.connect().await).await {
+        match stream(daemon.connect().await, None).await {
             Err(_) => refused = true,
             Ok(_) if refused => break,
             Ok(_) => {} // it has not subscribed yet
@@ -93,7 +80,7 @@ async fn idle_connections_make_room_for_new_programs_and_not_for_those_with_a_st
     let limits = Limits { connections: 12, connections_per_peer: 8, ..patient() };
     let (daemon, _folder, unix) = on_two_doors(limits);
     daemon.engine().patch(0, snapshot(1, Time::default()));
-    let mut reader = stream(daemon.connect().await).await.unwrap();
+    let mut reader = stream(daemon.connect().await, None).await.unwrap();
     reader.message().await.unwrap().unwrap();
     let mut idle = Vec::new();
     for _ in 0..7 {
@@ -117,7 +104,7 @@ async fn a_connection_is_refused_only_when_all_others_have_calls_under_way() {
     daemon.engine().patch(0, snapshot(1, Time::default()));
     let mut readers = Vec::new();
     for _ in 0..2 {
-        readers.push(stream(daemon.connect().await).await.unwrap());
+        readers.push(stream(daemon.connect().await, None).await.unwrap());
     }
     let mut third = TcpStream::connect(daemon.address).await.unwrap();
     assert_eq!(read_to_end(&mut third).await, 0);

@@ -124,12 +124,3 @@ async fn the_log_is_read_in_pages_and_each_entry_comes_once() {
     let request = v1::ListRequest { most: 1_001, ..Default::default() };
     assert_eq!(client.list_audit(request).await.unwrap_err().code(), Code::InvalidArgument);
 }
-
-#[tokio::test]
-async fn a_log_that_cannot_be_read_says_why() {
-    let daemon = start_backed(Store::default(), patient()).await;
-    let mut client = AuditServiceClient::new(daemon.connect().await);
-    let status = client.list_audit(v1::ListRequest::default()).await.unwrap_err();
-    assert_eq!(status.code(), Code::Unavailable);
-    assert!(status.message() == "there is none", "{status:?}");
-}

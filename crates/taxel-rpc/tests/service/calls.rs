@@ -7,12 +7,11 @@ use taxel_engine::snapshot::{
     RangeFlag, Reason, ReasonCode, StoreHealth, TareView, TaxelState, Term, Undetected,
 };
 use taxel_proto::v1;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_skin::{Newton, Time};
 
-use crate::fixture::{FOREARM, HAND, TAXELS, model_set, patient, snapshot, start, start_with};
+use crate::fixture::{FOREARM, HAND, TAXELS, get_force, model_set, patient, snapshot, start, start_with, stream};
 
 fn vector(x: f64, y: f64, z: f64) -> Option<v1::Vector3> {
     Some(v1::Vector3 { x, y, z })
@@ -62,8 +61,8 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         PatchSnapshot { force: sample, simulated: true, ..PatchSnapshot::clone(&snapshot(9, Time::from_nanos(1_000))) };
     daemon.engine().patch(0, Arc::new(published));
     daemon.set_clock(Time::from_nanos(2_000_001_000));
-    let mut client = ForceServiceClient::new(daemon.connect().await);
-    let got = client.get_force(v1::PatchRequest::default()).await.unwrap().into_inner();
+    let channel = daemon.connect().await;
+    let got = get_force(channel.clone()).await.unwrap();
     let expected = v1::ForceSample {
         sequence: 9,
         state: v1::ForceState::Degraded.into(),
@@ -97,7 +96,7 @@ async fn a_force_carries_everything_that_the_engine_knows() {
     };
     assert!(got.sent.is_some());
     assert_eq!(got, expected);
-    let mut stream = client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner();
+    let mut stream = stream(channel, None).await.unwrap();
     let streamed = stream.message().await.unwrap().unwrap();
     let counted = v1::ForceReason { which: Vec::new(), ..expected.causes[0].clone() };
     let sent = streamed.sent;
@@ -111,8 +110,7 @@ async fn a_force_carries_everything_that_the_engine_knows() {
 #[tokio::test]
 async fn before_the_first_frame_there_is_no_age_and_the_reason_says_so() {
     let daemon = start().await;
-    let mut client = ForceServiceClient::new(daemon.connect().await);
-    let got = client.get_force(v1::PatchRequest::default()).await.unwrap().into_inner();
+    let got = get_force(daemon.connect().await).await.unwrap();
     assert_eq!((got.sequence, got.age_s, got.monotonic_ns, got.time, got.total_n), (0, None, None, None, None));
     assert_eq!(got.state(), v1::ForceState::Uncalibrated);
     assert_eq!(got.reasons, ["no frame of this patch has come yet"]);
@@ -126,8 +124,7 @@ async fn a_sum_that_is_not_a_number_never_goes_out() {
     broken.force.total = Some(Newton(f64::NAN));
     broken.force.total_sigma = Some(Newton(f64::INFINITY));
     daemon.engine().patch(0, Arc::new(broken));
-    let mut client = ForceServiceClient::new(daemon.connect().await);
-    let got = client.get_force(v1::PatchRequest::default()).await.unwrap().into_inner();
+    let got = get_force(daemon.connect().await).await.unwrap();
     assert_eq!((got.total_n, got.total_sigma_n), (None, None));
 }
 
@@ -239,24 +236,16 @@ async fn tare_and_bring_up_reach_the_engine() {
     let mut client = SkinServiceClient::new(daemon.connect().await);
     let request = v1::TareRequest { patch: String::new(), confirmed_by: "  Ada  ".to_owned() };
     let done = Done::Tared(TareView { epoch: 3, valid: true, wall_ns: 5_000_000_000, ..TareView::default() });
-    let (tared, ()) = tokio::join!(
-        client.tare(request),
-        daemon.answer(Ok(done), |command| {
-            let Command::Tare { patch, confirmed_by } = command else { panic!("{command:?}") };
-            assert_eq!((patch.as_str(), confirmed_by.as_deref()), (FOREARM, Some("Ada")));
-        })
-    );
-    let tared = tared.unwrap().into_inner();
+    let tared = daemon.replied(client.tare(request), Ok(done), |command| {
+        let Command::Tare { patch, confirmed_by } = command else { panic!("{command:?}") };
+        assert_eq!((patch.as_str(), confirmed_by.as_deref()), (FOREARM, Some("Ada")));
+    });
+    let tared = tared.await.unwrap();
     assert_eq!((tared.epoch, tared.valid, tared.time.unwrap().seconds), (3, true, 5));
 
     let call = client.bring_up(v1::TareRequest::default());
-    let (begun, ()) = tokio::join!(
-        call,
-        daemon.answer(Ok(Done::BringUpStarted), |command| {
-            assert!(matches!(command, Command::BringUp { .. }));
-        })
-    );
-    begun.unwrap();
+    let begins = |command| assert!(matches!(command, Command::BringUp { .. }));
+    daemon.replied(call, Ok(Done::BringUpStarted), begins).await.unwrap();
 }
 
 #[tokio::test]
@@ -287,31 +276,23 @@ async fn model_sets_are_shown_activated_exported_imported_and_deleted() {
 
     let request = v1::ImportModelSetRequest { json: "set m-c".to_owned(), insist: false };
     let done = Done::Kept { model_set: model_set("m-c", FOREARM).into(), known: false };
-    let (imported, ()) = tokio::join!(
-        client.import_model_set(request),
-        daemon.answer(Ok(done), |command| {
-            let Command::Import { model_set, insist: false } = command else { panic!("{command:?}") };
-            assert_eq!(model_set.id, "m-c");
-        })
-    );
-    assert_eq!(imported.unwrap().into_inner().model_set, "m-c");
+    let imported = daemon.replied(client.import_model_set(request), Ok(done), |command| {
+        assert!(matches!(command, Command::Import { model_set, insist: false } if model_set.id == "m-c"));
+    });
+    assert_eq!(imported.await.unwrap().model_set, "m-c");
 
     let (model_set, expected) = ("m-a".to_owned(), Some(String::new()));
     let request = v1::ActivateModelSetRequest { model_set, expected, ..Default::default() };
     let done = Done::Activated { model_set: "m-a".to_owned(), previous: Some("m-b".to_owned()) };
-    let (activated, ()) = tokio::join!(
-        client.activate_model_set(request),
-        daemon.answer(Ok(done), |command| {
-            let Command::Activate { patch, model_set, expected } = command else { panic!("{command:?}") };
-            assert_eq!((patch.as_str(), model_set.as_str(), expected.as_deref()), (FOREARM, "m-a", Some("")));
-        })
-    );
-    assert_eq!(activated.unwrap().into_inner().previous, "m-b");
+    let activated = daemon.replied(client.activate_model_set(request), Ok(done), |command| {
+        let Command::Activate { patch, model_set, expected } = command else { panic!("{command:?}") };
+        assert_eq!((patch.as_str(), model_set.as_str(), expected.as_deref()), (FOREARM, "m-a", Some("")));
+    });
+    assert_eq!(activated.await.unwrap().previous, "m-b");
 
     let request = v1::DeleteModelSetRequest { model_set: "m-a".to_owned() };
     let named = |command| assert!(matches!(command, Command::DeleteModelSet { model_set } if model_set == "m-a"));
-    let (deleted, ()) = tokio::join!(client.delete_model_set(request), daemon.answer(Ok(Done::Deleted), named));
-    deleted.unwrap();
+    daemon.replied(client.delete_model_set(request), Ok(Done::Deleted), named).await.unwrap();
     let status = client.delete_model_set(v1::DeleteModelSetRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), tonic::Code::InvalidArgument);
 }

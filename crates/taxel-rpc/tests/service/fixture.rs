@@ -13,7 +13,8 @@ use taxel_engine::plan::{DevicePlan, Gauge, LiveLimits, PatchPlan, Plan, PushPla
 use taxel_engine::snapshot::{BusHealth, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
 use taxel_model::{FitOptions, GaugeUncertainty, Samples, Status as ModelStatus, TaxelModel, fit};
 use taxel_proto::refusal::Refusal;
-use taxel_proto::v1::ErrorReason;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::{self, ErrorReason};
 use taxel_rpc::handle::channel;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
 use taxel_rpc::{Access, Backend, Clock, Limits, Listener, Publisher, Request, Rules, Server, Told};
@@ -26,6 +27,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::{Channel, Endpoint};
+use tonic::{Response, Status, Streaming};
 
 pub const FOREARM: &str = "left_forearm";
 pub const HAND: &str = "left_hand";
@@ -167,6 +169,16 @@ fn serve_all(
     Daemon { publisher: Some(publisher), requests, pushed, shutdown, address, server, clock }
 }
 
+/// Subscribes to the force of the only patch.
+pub async fn stream(channel: Channel, rate_hz: Option<f64>) -> Result<Streaming<v1::ForceSample>, Status> {
+    let request = v1::StreamRequest { rate_hz, ..Default::default() };
+    ForceServiceClient::new(channel).stream_force(request).await.map(Response::into_inner)
+}
+
+pub async fn get_force(channel: Channel) -> Result<v1::ForceSample, Status> {
+    ForceServiceClient::new(channel).get_force(v1::PatchRequest::default()).await.map(Response::into_inner)
+}
+
 impl Daemon {
     pub async fn connect(&self) -> Channel {
         self.endpoint().connect().await.unwrap()
@@ -194,6 +206,17 @@ impl Daemon {
     /// The clock says this from now on, and the engine is stuck.
     pub fn set_clock_without_a_beat(&self, time: Time) {
         self.clock.store(time.as_nanos(), Ordering::SeqCst);
+    }
+
+    /// What a call comes to whose command, which `expected` looks at, gets this reply.
+    pub async fn replied<T>(
+        &mut self,
+        call: impl Future<Output = Result<Response<T>, Status>>,
+        reply: Reply,
+        expected: impl FnOnce(Command),
+    ) -> Result<T, Status> {
+        let (answer, ()) = tokio::join!(call, self.answer(reply, expected));
+        answer.map(Response::into_inner)
     }
 
     /// Answers the next command, which `expected` looks at.

@@ -8,8 +8,8 @@ use taxel_skin::Time;
 use tokio::net::TcpStream;
 use tonic::Streaming;
 
-use crate::attacks::{mute, stream};
-use crate::fixture::{Daemon, FOREARM, snapshot, start_with};
+use crate::attacks::mute;
+use crate::fixture::{Daemon, FOREARM, snapshot, start_with, stream};
 
 const ROUNDS: usize = 3;
 const VALUES: usize = 300;
@@ -23,7 +23,7 @@ const IDLE: usize = 2_000;
 async fn latency_beside_peers_that_do_nothing() {
     let daemon = start_with(&[FOREARM], Limits::default()).await;
     daemon.engine().patch(0, snapshot(1, Time::default()));
-    let mut reader = stream(daemon.connect().await).await.unwrap();
+    let mut reader = stream(daemon.connect().await, None).await.unwrap();
     let (mut taken, mut sequence) = ([const { Vec::new() }; 3], 1);
     for _ in 0..ROUNDS {
         for (beside, taken) in taken.iter_mut().enumerate() {

@@ -5,9 +5,8 @@ use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
-use taxel_proto::v1::model_service_client::ModelServiceClient;
 
-use crate::fixture::{FOREARM, HAND, model_set, patient, start_with};
+use crate::fixture::{FOREARM, HAND, patient, start_with};
 
 #[tokio::test]
 async fn sessions_come_newest_first_in_pages_with_the_live_state() {
@@ -40,23 +39,4 @@ async fn sessions_come_newest_first_in_pages_with_the_live_state() {
     let request = v1::ListRequest { most: 1_001, ..Default::default() };
     let status = client.list_sessions(request).await.unwrap_err();
     assert!(status.message().contains("most: 1001 is not in 0 to 1000"), "{status:?}");
-}
-
-#[tokio::test]
-async fn model_sets_come_newest_first_and_the_active_one_is_marked() {
-    let daemon = start_with(&[FOREARM], patient()).await;
-    let model_sets = ["m-1", "m-2", "m-3"].map(|id| model_set(id, FOREARM).into()).to_vec();
-    let active = vec![(FOREARM.to_owned(), Some("m-2".to_owned()))];
-    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
-    let mut client = ModelServiceClient::new(daemon.connect().await);
-    let request = v1::ListRequest { most: 2, ..Default::default() };
-    let first = client.list_model_sets(request).await.unwrap().into_inner();
-    let shown = |page: &v1::ListModelSetsResponse| -> Vec<(String, bool)> {
-        page.model_sets.iter().map(|set| (set.model_set.clone(), set.active)).collect()
-    };
-    assert_eq!(shown(&first), [("m-3".to_owned(), false), ("m-2".to_owned(), true)]);
-    let all = client.list_model_sets(v1::ListRequest::default()).await.unwrap().into_inner();
-    assert_eq!((shown(&all).len(), shown(&all)[2].clone()), (3, ("m-1".to_owned(), false)));
-    let request = v1::ListRequest { before: 2, ..Default::default() };
-    assert!(client.list_model_sets(request).await.unwrap_err().message().contains("model sets have no numbers"));
 }

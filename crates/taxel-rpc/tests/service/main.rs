@@ -11,7 +11,6 @@ mod events;
 mod fixture;
 mod latency;
 mod lists;
-mod log_lines;
 mod models;
 mod push;
 mod reasons;

@@ -69,6 +69,14 @@ impl Client {
     }
 }
 
+/// Why a stream is refused that begins so.
+async fn refused(daemon: &Daemon, patch: &str) -> Status {
+    let (scans, messages) = mpsc::channel(1);
+    scans.send(begin(patch)).await.unwrap();
+    let mut client = IngestServiceClient::new(daemon.connect().await);
+    client.push_scans(ReceiverStream::new(messages)).await.unwrap_err()
+}
+
 async fn glove(limits: Limits) -> Daemon {
     start_with(&[GLOVE, FOREARM], limits).await
 }
@@ -165,10 +173,7 @@ async fn what_is_no_scan_ends_the_stream_with_scan_taxel_and_value_and_is_not_us
 async fn a_second_pusher_is_told_who_pushes_and_may_begin_when_that_one_has_ended() {
     let mut daemon = glove(patient()).await;
     let first = Client::begin(&mut daemon).await;
-    let (scans, messages) = mpsc::channel(1);
-    scans.send(begin(GLOVE)).await.unwrap();
-    let mut second = IngestServiceClient::new(daemon.connect().await);
-    let refused = second.push_scans(ReceiverStream::new(messages)).await.unwrap_err();
+    let refused = refused(&daemon, GLOVE).await;
     assert_eq!(refused.code(), Code::AlreadyExists, "{refused:?}");
     assert!(refused.message().contains("127.0.0.1") && refused.message().contains(GLOVE), "{refused:?}");
     let Client { scans, mut answers } = first;
@@ -211,10 +216,7 @@ async fn a_pusher_that_pauses_for_too_long_makes_room_for_another() {
 async fn nobody_pushes_the_scans_of_boards_or_of_a_patch_that_is_not_there() {
     let daemon = glove(patient()).await;
     for (patch, code) in [(FOREARM, Code::FailedPrecondition), ("elbow", Code::NotFound), ("", Code::InvalidArgument)] {
-        let (scans, messages) = mpsc::channel(1);
-        scans.send(begin(patch)).await.unwrap();
-        let mut client = IngestServiceClient::new(daemon.connect().await);
-        let refused = client.push_scans(ReceiverStream::new(messages)).await.unwrap_err();
+        let refused = refused(&daemon, patch).await;
         assert_eq!(refused.code(), code, "{refused:?}");
     }
 }

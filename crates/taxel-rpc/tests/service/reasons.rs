@@ -8,10 +8,6 @@ use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tonic::{Code, Status};
-use tonic_health::pb::HealthCheckRequest;
-use tonic_health::pb::health_client::HealthClient;
-use tonic_reflection::pb::v1::ServerReflectionRequest;
-use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
 use tonic_types::StatusExt;
 
 use crate::fixture::{FOREARM, start};
@@ -82,8 +78,7 @@ async fn the_engines_refusal_keeps_its_words_and_its_reason_says_what_the_comman
             "the disk is full",
         ),
     ] {
-        let (answer, ()) = tokio::join!(client.tare(v1::TareRequest::default()), daemon.answer(Err(refused), |_| {}));
-        let status = answer.unwrap_err();
+        let status = daemon.replied(client.tare(v1::TareRequest::default()), Err(refused), |_| {}).await.unwrap_err();
         assert!(status.code() == code && status.message().contains(words), "{status:?}");
         let (reason, metadata) = about(&status);
         assert_eq!(reason, why, "{status:?}");
@@ -98,9 +93,9 @@ async fn the_engines_refusal_keeps_its_words_and_its_reason_says_what_the_comman
     let mut models = ModelServiceClient::new(daemon.connect().await);
     let full = Err(Rejection::Unavailable(Engine::StoreUnavailable, "the disk is full".to_owned()));
     let request = v1::ActivateModelSetRequest { model_set: "m-1".to_owned(), ..Default::default() };
-    let (answer, ()) = tokio::join!(models.activate_model_set(request), daemon.answer(full, |_| {}));
+    let status = daemon.replied(models.activate_model_set(request), full, |_| {}).await.unwrap_err();
     let expected = [("model_set", "m-1"), ("patch", FOREARM)].map(|(what, which)| (what.to_owned(), which.to_owned()));
-    assert_eq!(about(&answer.unwrap_err()).1, expected);
+    assert_eq!(about(&status).1, expected);
 }
 
 #[tokio::test]
@@ -114,20 +109,4 @@ async fn however_long_a_refusal_would_be_it_fits_into_the_headers_that_clients_t
     status.add_header(&mut headers).unwrap();
     let bytes: usize = headers.iter().map(|(name, value)| name.as_str().len() + value.len() + 32).sum();
     assert!(bytes <= 8 << 10, "{bytes} bytes of headers, and gRPC's own clients take 8 KiB");
-}
-
-#[tokio::test]
-async fn what_the_libraries_refuse_has_a_reason_too() {
-    let daemon = start().await;
-    let channel = daemon.connect().await;
-    let request = HealthCheckRequest { service: "x.Y".to_owned() };
-    let status = HealthClient::new(channel.clone()).check(request).await.unwrap_err();
-    assert_eq!((status.code(), reason(&status)), (Code::NotFound, ErrorReason::MethodUnknown));
-    let asked = tokio_stream::once(ServerReflectionRequest::default());
-    let answer = ServerReflectionClient::new(channel).server_reflection_info(asked).await;
-    let status = match answer {
-        Ok(answer) => answer.into_inner().message().await.unwrap_err(),
-        Err(status) => status,
-    };
-    assert_eq!((status.code(), reason(&status)), (Code::InvalidArgument, ErrorReason::FieldInvalid));
 }

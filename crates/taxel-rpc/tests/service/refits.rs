@@ -115,8 +115,7 @@ async fn one_fit_runs_at_a_time_and_the_engine_has_the_last_word() {
     drop(turn);
     let refused =
         Err(Rejection::Unavailable(ErrorReason::ChangeUnderWay, "session 1 is being deleted: ask again".to_owned()));
-    let call = client.refit_sessions(refit(&[1]));
-    let (answer, ()) = tokio::join!(call, daemon.answer(refused, |_| ()));
+    let answer = daemon.replied(client.refit_sessions(refit(&[1])), refused, |_| ()).await;
     assert_eq!(answer.unwrap_err().message(), "session 1 is being deleted: ask again");
 }
 

@@ -3,21 +3,18 @@
 use std::sync::Arc;
 use std::time::Duration;
 use taxel_engine::snapshot::{Health, StoreHealth};
-use taxel_proto::v1;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_rpc::Limits;
 use taxel_skin::Time;
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
-use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
-use tonic_health::pb::health_client::HealthClient;
 use tonic_reflection::pb::v1::ServerReflectionRequest;
 use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
 use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
 use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
 
-use crate::fixture::{FOREARM, patient, snapshot, start, start_with, with_a_bus};
+use crate::fixture::{FOREARM, get_force, patient, snapshot, start, start_with, with_a_bus};
+use crate::stalls::{until, watch};
 
 const SERVICES: [&str; 6] = [
     "taxel.v1.ForceService",
@@ -50,13 +47,12 @@ async fn reflection_knows_every_service() {
 #[tokio::test]
 async fn health_follows_the_buses_and_the_force() {
     let daemon = start().await;
-    let mut client = HealthClient::new(daemon.connect().await);
-    let request = |service: &str| HealthCheckRequest { service: service.to_owned() };
-    let mut force = client.watch(request("taxel.v1.ForceService")).await.unwrap().into_inner();
-    let mut skin = client.watch(request("taxel.v1.SkinService")).await.unwrap().into_inner();
-    let mut whole = client.watch(request("")).await.unwrap().into_inner();
+    let channel = daemon.connect().await;
+    let mut force = watch(&channel, "taxel.v1.ForceService").await;
+    let mut skin = watch(&channel, "taxel.v1.SkinService").await;
+    let mut whole = watch(&channel, "").await;
     for stream in [&mut force, &mut skin] {
-        while stream.message().await.unwrap().unwrap().status() != ServingStatus::NotServing {}
+        until(stream, ServingStatus::NotServing).await;
     }
     daemon.engine().health(Arc::new(with_a_bus(true)));
     assert_eq!(
@@ -68,7 +64,7 @@ async fn health_follows_the_buses_and_the_force() {
     assert_eq!(force.message().await.unwrap().unwrap().status(), ServingStatus::Serving);
     daemon.engine().health(Arc::new(with_a_bus(false)));
     assert_eq!(skin.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
-    while whole.message().await.unwrap().unwrap().status() != ServingStatus::Serving {}
+    until(&mut whole, ServingStatus::Serving).await;
     daemon.shutdown.cancel();
     assert_eq!(whole.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
     assert!(whole.message().await.unwrap().is_none(), "a health stream does not hold the shutdown up");
@@ -78,12 +74,11 @@ async fn health_follows_the_buses_and_the_force() {
 async fn health_tells_a_store_that_is_damaged_and_one_that_takes_nothing_more() {
     let daemon = start().await;
     daemon.engine().health(Arc::new(with_a_bus(true)));
-    let mut client = HealthClient::new(daemon.connect().await);
-    let request = |service: &str| HealthCheckRequest { service: service.to_owned() };
-    let mut store = client.watch(request("taxel.store")).await.unwrap().into_inner();
-    let mut calibration = client.watch(request("taxel.v1.CalibrationService")).await.unwrap().into_inner();
+    let channel = daemon.connect().await;
+    let mut store = watch(&channel, "taxel.store").await;
+    let mut calibration = watch(&channel, "taxel.v1.CalibrationService").await;
     for stream in [&mut store, &mut calibration] {
-        while stream.message().await.unwrap().unwrap().status() != ServingStatus::Serving {}
+        until(stream, ServingStatus::Serving).await;
     }
     let damage = vec!["session 3 is damaged on disk".to_owned()];
     let damaged = StoreHealth { damage: damage.clone(), ..StoreHealth::default() };
@@ -100,7 +95,7 @@ async fn a_peer_that_holds_on_is_cut_at_the_deadline() {
     let daemon = start_with(&[FOREARM], limits).await;
     let mut mute = TcpStream::connect(daemon.address).await.unwrap();
     // An answer on a later connection proves that the mute one was accepted.
-    ForceServiceClient::new(daemon.connect().await).get_force(v1::PatchRequest::default()).await.unwrap();
+    get_force(daemon.connect().await).await.unwrap();
     daemon.shutdown.cancel();
     daemon.server.await.unwrap().unwrap();
     read_to_end(&mut mute).await; // ends, so it was closed

@@ -51,20 +51,14 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
         ..v1::StartSessionRequest::default()
     };
     let done = || Ok(Done::Session(Arc::new(full.clone())));
-    let (session, ()) = tokio::join!(
-        client.start_session(request),
-        daemon.answer(done(), |command| {
-            let Command::StartSession { patch, target, branches, confirmed_by, .. } = command else {
-                panic!("{command:?}")
-            };
-            assert_eq!(branches, Some(Branch::Both));
-            assert_eq!(
-                (patch.as_str(), target, confirmed_by.as_deref()),
-                (FOREARM, Some(Kilopascal(60.0)), Some("Ada"))
-            );
-        })
-    );
-    let session = session.unwrap().into_inner();
+    let session = daemon.replied(client.start_session(request), done(), |command| {
+        let Command::StartSession { patch, target, branches, confirmed_by, .. } = command else {
+            panic!("{command:?}")
+        };
+        assert_eq!((patch.as_str(), confirmed_by.as_deref()), (FOREARM, Some("Ada")));
+        assert_eq!((target, branches), (Some(Kilopascal(60.0)), Some(Branch::Both)));
+    });
+    let session = session.await.unwrap();
     assert_eq!((session.session, session.state()), (8, v1::SessionState::Taring));
     assert_eq!((session.accepted, session.durable, session.refused["too_fast"]), (12, 10, 1));
     assert_eq!((session.pressure_kpa, session.remaining_s), (Some(3.5), None), "no infinity goes out");
@@ -81,13 +75,11 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     for (action, expected) in commands {
         let call = client.advance_session(advance(8, action));
         let same = |command| assert_eq!(format!("{command:?}"), format!("{expected:?}"));
-        let (answer, ()) = tokio::join!(call, daemon.answer(done(), same));
-        answer.unwrap();
+        daemon.replied(call, done(), same).await.unwrap();
     }
     let call = client.delete_session(v1::SessionRequest { session: 8 });
-    let deleted = daemon.answer(Ok(Done::Deleted), |c| assert!(matches!(c, Command::DeleteSession { session: 8 })));
-    let (answer, ()) = tokio::join!(call, deleted);
-    answer.unwrap();
+    let named = |command| assert!(matches!(command, Command::DeleteSession { session: 8 }));
+    daemon.replied(call, Ok(Done::Deleted), named).await.unwrap();
     let status = client.delete_session(v1::SessionRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
 }
@@ -105,7 +97,7 @@ async fn an_abort_says_why_and_no_other_step_does() {
             matches!(command, Command::AbortSession { reason, .. } if reason.as_deref() == Some("the gauge is silent"))
         );
     };
-    tokio::join!(call, daemon.answer(done(), has_reason)).0.unwrap();
+    daemon.replied(call, done(), has_reason).await.unwrap();
     for (action, why) in [(Discard, "why".to_owned()), (Abort, "\u{1b}".to_owned()), (Abort, "x".repeat(2001))] {
         let status = client.advance_session(because(action, &why)).await.unwrap_err();
         assert_eq!(status.code(), Code::InvalidArgument, "{why}");

@@ -5,23 +5,14 @@ use std::sync::Arc;
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::refusal::reason_of;
 use taxel_proto::v1;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_rpc::Limits;
-use tonic::transport::Channel;
-use tonic::{Code, Status, Streaming};
+use tonic::Code;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{FOREARM, model_set, on_two_doors, patient, start_with};
-
-type Force = Streaming<v1::ForceSample>;
-
-async fn stream(channel: &Channel) -> Result<Force, Status> {
-    let request = v1::StreamRequest::default();
-    ForceServiceClient::new(channel.clone()).stream_force(request).await.map(tonic::Response::into_inner)
-}
+use crate::fixture::{FOREARM, get_force, model_set, on_two_doors, patient, start_with, stream};
 
 #[tokio::test]
 async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_beside_it_go_on() {
@@ -30,23 +21,23 @@ async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_bes
     let channel = daemon.connect().await;
     let mut held = Vec::new();
     for _ in 0..64 {
-        held.push(stream(&channel).await.unwrap());
+        held.push(stream(channel.clone(), None).await.unwrap());
     }
     for _ in 0..300 {
-        let status = stream(&channel).await.unwrap_err();
+        let status = stream(channel.clone(), None).await.unwrap_err();
         assert_eq!(status.code(), Code::ResourceExhausted);
         assert!(status.message().contains("64 streams of loopback TCP are being served"), "{status:?}");
     }
-    ForceServiceClient::new(channel.clone()).get_force(v1::PatchRequest::default()).await.unwrap();
+    get_force(channel.clone()).await.unwrap();
     // All streams of the channel still run, and another peer has its own share.
     for stream in &mut held {
         stream.message().await.unwrap().unwrap();
     }
-    stream(&unix.connect().await.unwrap()).await.unwrap();
+    stream(unix.connect().await.unwrap(), None).await.unwrap();
     drop(held);
     let mut skin = SkinServiceClient::new(channel.clone());
     while skin.get_health(()).await.unwrap().into_inner().streams > 0 {}
-    stream(&channel).await.unwrap();
+    stream(channel.clone(), None).await.unwrap();
 }
 
 #[tokio::test]
@@ -56,7 +47,7 @@ async fn a_watch_of_the_health_takes_a_place_and_gives_it_back() {
     let mut health = HealthClient::new(channel.clone());
     let request = || HealthCheckRequest { service: String::new() };
     let first = health.watch(request()).await.unwrap();
-    let _second = stream(&channel).await.unwrap();
+    let _second = stream(channel.clone(), None).await.unwrap();
     assert_eq!(health.watch(request()).await.unwrap_err().code(), Code::ResourceExhausted);
     health.check(request()).await.unwrap();
     drop(first);
@@ -80,7 +71,7 @@ async fn a_large_answer_has_its_place_until_it_is_taken() {
     };
     assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::ResourceExhausted, Some("DAEMON_BUSY")));
     assert!(status.message().contains("1 long calls of loopback TCP are being served"), "{status:?}");
-    ForceServiceClient::new(daemon.connect().await).get_force(v1::PatchRequest::default()).await.unwrap();
+    get_force(daemon.connect().await).await.unwrap();
     untaken.abort();
     while client.export_model_set(request()).await.is_err() {}
 }

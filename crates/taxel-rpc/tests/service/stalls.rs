@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Duration;
 use taxel_proto::v1;
 use taxel_proto::v1::ForceState::{Ok as Good, Stale};
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_rpc::STALLED_AFTER;
 use taxel_skin::Time;
@@ -15,15 +14,10 @@ use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 use tonic_health::pb::{HealthCheckRequest, HealthCheckResponse};
 
-use crate::fixture::{STALE_AFTER, TAXELS, snapshot, start, with_a_bus};
+use crate::fixture::{STALE_AFTER, TAXELS, get_force, snapshot, start, stream, with_a_bus};
 
 const BEGUN: Time = Time::from_nanos(10_000_000_000);
 const MS: Duration = Duration::from_millis(1);
-
-async fn subscribe(channel: &Channel, rate_hz: Option<f64>) -> Streaming<v1::ForceSample> {
-    let request = v1::StreamRequest { rate_hz, ..Default::default() };
-    ForceServiceClient::new(channel.clone()).stream_force(request).await.unwrap().into_inner()
-}
 
 /// The next message; whatever it is, one that is not good carries no figure of the force.
 async fn next(stream: &mut Streaming<v1::ForceSample>) -> v1::ForceSample {
@@ -43,12 +37,12 @@ async fn at_age(stream: &mut Streaming<v1::ForceSample>, age: Duration) -> v1::F
     }
 }
 
-async fn watch(channel: &Channel, service: &str) -> Streaming<HealthCheckResponse> {
+pub async fn watch(channel: &Channel, service: &str) -> Streaming<HealthCheckResponse> {
     let request = HealthCheckRequest { service: service.to_owned() };
     HealthClient::new(channel.clone()).watch(request).await.unwrap().into_inner()
 }
 
-async fn until(stream: &mut Streaming<HealthCheckResponse>, wanted: ServingStatus) {
+pub async fn until(stream: &mut Streaming<HealthCheckResponse>, wanted: ServingStatus) {
     while stream.message().await.unwrap().unwrap().status() != wanted {}
 }
 
@@ -59,7 +53,8 @@ async fn a_stalled_engine_is_told_by_every_stream_and_every_health_and_recovers(
     daemon.engine().health(Arc::new(with_a_bus(true)));
     daemon.engine().patch(0, snapshot(5, BEGUN));
     let channel = daemon.connect().await;
-    let (mut each, mut held) = (subscribe(&channel, None).await, subscribe(&channel, Some(100.0)).await);
+    let (mut each, mut held) =
+        (stream(channel.clone(), None).await.unwrap(), stream(channel.clone(), Some(100.0)).await.unwrap());
     let mut skin = SkinServiceClient::new(channel.clone());
     let mut taxels = skin.stream_taxels(v1::StreamRequest::default()).await.unwrap().into_inner();
     assert!(!taxels.message().await.unwrap().unwrap().taxels[0].stale);
@@ -82,8 +77,8 @@ async fn a_stalled_engine_is_told_by_every_stream_and_every_health_and_recovers(
     }
     let got = taxels.message().await.unwrap().unwrap();
     assert!(got.taxels.iter().all(|taxel| taxel.stale && taxel.pressure_kpa.is_none()), "{got:?}");
-    let got = ForceServiceClient::new(channel.clone()).get_force(v1::PatchRequest::default()).await.unwrap();
-    assert_eq!((got.get_ref().state(), got.get_ref().total_n), (Stale, None));
+    let got = get_force(channel.clone()).await.unwrap();
+    assert_eq!((got.state(), got.total_n), (Stale, None));
     let health = skin.get_health(()).await.unwrap().into_inner();
     assert_eq!(health.problems, ["the engine has not run for 0.11 s"]);
     assert_eq!(health.engine_stalled_s, Some(0.11));
@@ -119,7 +114,8 @@ async fn a_value_that_grows_too_old_is_told_once_by_a_stream_without_a_rate() {
     daemon.set_clock(BEGUN);
     daemon.engine().patch(0, snapshot(5, BEGUN));
     let channel = daemon.connect().await;
-    let (mut each, mut held) = (subscribe(&channel, None).await, subscribe(&channel, Some(100.0)).await);
+    let (mut each, mut held) =
+        (stream(channel.clone(), None).await.unwrap(), stream(channel.clone(), Some(100.0)).await.unwrap());
     assert_eq!((next(&mut each).await.state(), next(&mut held).await.state()), (Good, Good));
     daemon.set_clock(BEGUN + STALE_AFTER);
     assert_eq!(at_age(&mut held, STALE_AFTER).await.state(), Good, "not yet");

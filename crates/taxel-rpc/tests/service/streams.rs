@@ -3,20 +3,13 @@
 
 use std::time::Duration;
 use taxel_proto::v1;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_skin::Time;
 use tonic::{Code, Streaming};
 
-use crate::fixture::{Daemon, FOREARM, TAXELS, patient, snapshot, start, start_with};
+use crate::fixture::{Daemon, FOREARM, TAXELS, get_force, patient, snapshot, start, start_with, stream};
 
 type Forces = Streaming<v1::ForceSample>;
-
-async fn subscribe(daemon: &Daemon, rate_hz: Option<f64>) -> Forces {
-    let mut client = ForceServiceClient::new(daemon.connect().await);
-    let request = v1::StreamRequest { rate_hz, ..Default::default() };
-    client.stream_force(request).await.unwrap().into_inner()
-}
 
 async fn next(stream: &mut Forces) -> v1::ForceSample {
     stream.message().await.unwrap().unwrap()
@@ -26,7 +19,7 @@ async fn next(stream: &mut Forces) -> v1::ForceSample {
 async fn the_first_message_comes_at_once_and_then_each_value() {
     let daemon = start().await;
     daemon.engine().patch(0, snapshot(41, Time::default()));
-    let mut stream = subscribe(&daemon, None).await;
+    let mut stream = stream(daemon.connect().await, None).await.unwrap();
     assert_eq!(next(&mut stream).await.sequence, 41);
     for sequence in 42..60 {
         daemon.engine().patch(0, snapshot(sequence, Time::default()));
@@ -47,15 +40,14 @@ async fn the_first_message_comes_at_once_and_then_each_value() {
 async fn stall(daemon: &Daemon) -> (Forces, u64) {
     daemon.engine().patch(0, snapshot(1, Time::default()));
     let endpoint = daemon.endpoint().initial_stream_window_size(256);
-    let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
-    let mut stream = client.stream_force(v1::StreamRequest::default()).await.unwrap().into_inner();
+    let mut stream = stream(endpoint.connect().await.unwrap(), None).await.unwrap();
     assert_eq!(next(&mut stream).await.sequence, 1);
-    let mut other = ForceServiceClient::new(daemon.connect().await);
+    let other = daemon.connect().await;
     let last = 2_001;
     for sequence in 2..=last {
         daemon.engine().patch(0, snapshot(sequence, Time::default()));
         if sequence % 20 == 0 {
-            other.get_force(v1::PatchRequest::default()).await.unwrap();
+            get_force(other.clone()).await.unwrap();
         }
     }
     (stream, last)
@@ -81,7 +73,7 @@ async fn a_fixed_rate_holds_the_value_with_its_true_age() {
     let received = Time::from_seconds(10.0);
     daemon.engine().patch(0, snapshot(5, received));
     daemon.set_clock(received);
-    let mut stream = subscribe(&daemon, Some(1000.0)).await;
+    let mut stream = stream(daemon.connect().await, Some(1000.0)).await.unwrap();
     let (mut clock, mut age) = (received, 0.0);
     for _ in 0..50 {
         let got = next(&mut stream).await;
@@ -107,7 +99,10 @@ async fn a_fixed_rate_holds_the_value_with_its_true_age() {
 async fn every_stream_ends_with_the_reason_when_the_daemon_or_the_engine_stops() {
     for (stops, why) in [(true, "the daemon is shutting down"), (false, "the engine has stopped")] {
         let mut daemon = start().await;
-        let (mut each, mut held) = (subscribe(&daemon, None).await, subscribe(&daemon, Some(500.0)).await);
+        let (mut each, mut held) = (
+            stream(daemon.connect().await, None).await.unwrap(),
+            stream(daemon.connect().await, Some(500.0)).await.unwrap(),
+        );
         next(&mut each).await;
         next(&mut held).await;
         if stops {

@@ -52,16 +52,13 @@ async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
         replaces: 2,
         ..request(Some(Laid::MassKg(0.5)))
     };
-    let (got, ()) = tokio::join!(
-        client.record_load(asked),
-        daemon.answer(Ok(Done::LoadRecorded(load(7, -0.1))), |command| {
-            let Command::RecordLoad { patch, load } = command else { panic!("{command:?}") };
-            assert_eq!((patch.as_str(), load.weight, load.replaces), (FOREARM, Weight::Kilogram(0.5), Some(2)));
-            assert_eq!((load.note.as_str(), load.by.as_str()), ("brass", "Ada"));
-            assert!((load.relative_sigma - 0.01).abs() < 1e-15, "the default");
-        })
-    );
-    let got = got.unwrap().into_inner();
+    let got = daemon.replied(client.record_load(asked), Ok(Done::LoadRecorded(load(7, -0.1))), |command| {
+        let Command::RecordLoad { patch, load } = command else { panic!("{command:?}") };
+        assert_eq!((patch.as_str(), load.weight, load.replaces), (FOREARM, Weight::Kilogram(0.5), Some(2)));
+        assert_eq!((load.note.as_str(), load.by.as_str()), ("brass", "Ada"));
+        assert!((load.relative_sigma - 0.01).abs() < 1e-15, "the default");
+    });
+    let got = got.await.unwrap();
     assert!((got.error_percent + 10.0).abs() < 1e-9 && !got.within_two_sigma, "{got:?}");
     let expected = v1::Load {
         load: 7,
@@ -89,15 +86,13 @@ async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
 
     let why = "the force is unsteady: it moved from 4.00 N to 5.00 N";
     let asked = v1::RecordLoadRequest { relative_uncertainty: Some(0.0), ..request(Some(Laid::ForceN(4.9))) };
-    let (refused, ()) = tokio::join!(
-        client.record_load(asked),
-        daemon.answer(Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why.to_owned())), |command| {
-            let Command::RecordLoad { load, .. } = command else { panic!("{command:?}") };
-            assert!(matches!(load.weight, Weight::Force(force) if force.0.to_bits() == 4.9_f64.to_bits()));
-            assert_eq!((load.relative_sigma.to_bits(), load.replaces), (0, None));
-        })
-    );
-    let refused = refused.unwrap_err();
+    let unsteady = Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why.to_owned()));
+    let refused = daemon.replied(client.record_load(asked), unsteady, |command| {
+        let Command::RecordLoad { load, .. } = command else { panic!("{command:?}") };
+        assert!(matches!(load.weight, Weight::Force(force) if force.0.to_bits() == 4.9_f64.to_bits()));
+        assert_eq!((load.relative_sigma.to_bits(), load.replaces), (0, None));
+    });
+    let refused = refused.await.unwrap_err();
     assert_eq!((refused.code(), refused.message()), (Code::FailedPrecondition, why));
 }
 
