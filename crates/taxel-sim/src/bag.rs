@@ -159,15 +159,4 @@ mod tests {
         bag.command(PumpCommand::Vent);
         assert!(run(&mut bag, 10.0) < 0.001);
     }
-
-    #[test]
-    fn a_ramp_down_bleeds_and_a_pump_has_its_limit() {
-        let mut bag = Bag::new(BagConfig::default());
-        bag.command(ramp(200.0, 50.0));
-        let limit = run(&mut bag, 120.0);
-        assert!((80.0..88.0).contains(&limit), "{limit} kPa");
-        bag.command(ramp(10.0, 1.0));
-        let lower = run(&mut bag, 20.0);
-        assert!((lower - (limit - 20.0)).abs() < 0.5, "{limit} -> {lower}");
-    }
 }

@@ -207,23 +207,6 @@ mod tests {
     use super::*;
     use crate::load::Footprint;
     use crate::path::Layer;
-    use taxel_skin::Kilopascal;
-
-    fn force_n(loads: &Loads, now_s: f64, skin: &Skin) -> f64 {
-        let mut kpa = Vec::new();
-        loads.write(Time::from_seconds(now_s), skin, &mut kpa);
-        kpa.iter().map(|p| Kilopascal(*p).on(skin.taxel_area()).0).sum()
-    }
-
-    #[test]
-    fn a_mass_that_leaves_before_it_has_come_leaves_from_where_it_is() {
-        let skin = Skin::forearm().unwrap();
-        let mut loads = Loads::new(&skin, LoadPath::Shared);
-        let mass = Mass::on_disc(1.0, TaxelIndex(100), 600.0);
-        let id = loads.place(Time::default(), &skin, mass, Duration::from_secs(4)).unwrap();
-        loads.lift(Time::from_seconds(1.0), id, Duration::from_secs(1));
-        assert!((force_n(&loads, 1.5, &skin) - mass.weight().0 / 8.0).abs() < 1e-9);
-    }
 
     /// Through the layer its way is worked out at some places, between which it changes evenly.
     #[test]

@@ -287,18 +287,6 @@ mod tests {
     }
 
     #[test]
-    fn crosstalk_takes_from_a_taxel_what_it_gives_to_its_neighbours() {
-        let skin = Skin::forearm_with_gaps(18.0).unwrap();
-        let mass = Mass::on_disc(0.2, TaxelIndex(103), 60.0);
-        let of =
-            |crosstalk: f64| press(LoadPath::Layer(Layer { crosstalk, ..Layer::default() }), &skin, &mass).unwrap();
-        let at = |pressed: &Pressed, taxel: usize| pressed.iter().find(|(i, _)| *i == taxel).map_or(0.0, |(_, p)| *p);
-        let (without, with) = (of(0.0), of(0.05));
-        assert!(at(&with, 103) < 0.99 * at(&without, 103));
-        assert!(at(&with, 104) > at(&without, 104) || at(&with, 102) > at(&without, 102));
-    }
-
-    #[test]
     fn impossible_loads_are_refused() {
         let skin = Skin::forearm().unwrap();
         let refused = |mass: Mass| press(LoadPath::Layer(Layer::default()), &skin, &mass).unwrap_err();

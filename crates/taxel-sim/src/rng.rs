@@ -129,21 +129,3 @@ impl Rng {
         median * (log_sd * self.truncated_normal(2.5)).exp()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn normal_numbers_have_the_moments_of_the_normal_law() {
-        let mut rng = Rng::new(7, Stream::Fabric);
-        let draws: Vec<f64> = (0..40_000).map(|_| rng.normal()).collect();
-        let n = draws.len() as f64;
-        let mean = draws.iter().sum::<f64>() / n;
-        let variance = draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
-        let kurtosis = draws.iter().map(|x| (x - mean).powi(4)).sum::<f64>() / n / variance.powi(2);
-        assert!(mean.abs() < 0.02, "mean {mean}");
-        assert!((variance - 1.0).abs() < 0.03, "variance {variance}");
-        assert!((kurtosis - 3.0).abs() < 0.12, "kurtosis {kurtosis}");
-    }
-}

@@ -1,10 +1,10 @@
 //! A host that listens.
-#![allow(dead_code, missing_docs, clippy::expect_used, clippy::unwrap_used)]
 
-use taxel_sim::{Config, PumpCommand, Skin, World};
-use taxel_skin::{BoardAddress, Kilopascal, Time};
-use taxel_wire::TimedFrame;
-use taxel_wire::icub::{Message, decode};
+pub use std::time::Duration;
+pub use taxel_sim::{Config, Fault, Mass, PumpCommand, Skin, World};
+pub use taxel_skin::{BoardAddress, Kilopascal, Module, TaxelIndex, Time};
+pub use taxel_wire::TimedFrame;
+pub use taxel_wire::icub::{Message, decode};
 
 pub fn seconds(s: f64) -> Time {
     Time::from_seconds(s)

@@ -1,14 +1,10 @@
 //! What a host sees of the boards, the gauge and the bus.
-#![allow(missing_docs, clippy::unwrap_used)]
 
-mod common;
-use common::*;
 use proptest::prelude::*;
-use std::time::Duration;
-use taxel_sim::{Fault, GaugeConfig, Mass, PumpCommand, World, bring_up};
-use taxel_skin::{Module, TaxelIndex};
-use taxel_wire::TimedFrame;
-use taxel_wire::icub::{BoardConfig, Command, Message, TriangleConfig};
+use taxel_sim::{GaugeConfig, bring_up};
+use taxel_wire::icub::{BoardConfig, Command, TriangleConfig};
+
+use crate::common::*;
 
 fn tell(world: &mut World, address: u8, command: Command) {
     let now = world.now();

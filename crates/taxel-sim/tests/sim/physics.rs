@@ -1,10 +1,8 @@
 //! The simulated skin against the figures of the real one.
-#![allow(missing_docs, clippy::unwrap_used)]
 
-mod common;
-use common::*;
-use taxel_sim::{Config, Mass, PumpCommand, STANDARD_GRAVITY, Skin, World};
-use taxel_skin::TaxelIndex;
+use taxel_sim::STANDARD_GRAVITY;
+
+use crate::common::*;
 
 #[test]
 fn counts_are_spread_as_in_the_paper() {
