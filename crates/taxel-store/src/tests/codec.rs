@@ -2,12 +2,11 @@
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::{Maker, ModelSet, Recalibrated, Recorded, RecordedTaxel};
+use taxel_engine::model_set::{Maker, Recalibrated, Recorded, RecordedTaxel};
 use taxel_engine::recalibration::LoadPoint;
-use taxel_model::{Curve, FitOptions, Flag, GaugeUncertainty, PLAYS, Plays, Samples, Sign, Status, TaxelModel};
+use taxel_model::{Curve, Flag, GaugeUncertainty, PLAYS, Plays, Sign, Status};
 
-use super::fixture::{model_set, with_id};
+use super::fixture::*;
 use crate::models_json::{ModelsJsonError, from_elsewhere, from_json, to_json};
 
 /// Shortest digits that read back, and the sign of zero: equal text is equal bits, but for NaN.
@@ -157,39 +156,30 @@ fn of_a_set_from_elsewhere_no_session_here_is_used() {
 #[test]
 fn what_contradicts_itself_is_refused_with_its_place() {
     type Change = fn(&mut Value);
-    let cases: [(Change, &str); 30] = [
+    let cases: [(Change, &str); 21] = [
         (|f| f["format"] = json!("other"), "`format` is \"other\""),
         (|f| f["version"] = json!(2), "`version` is 2"),
-        (|f| drop(f.as_object_mut().unwrap().remove("version")), "`version` is null"),
         (|f| f["speed"] = json!(1), "unknown field `speed`"),
         (|f| f["taxels"][2]["gain"] = json!(2), "`taxels[2]`: unknown field `gain`"),
-        (|f| drop(f.as_object_mut().unwrap().remove("patch")), "missing field `patch`"),
         (|f| f["patch"] = json!(""), "`patch` is empty"),
         (|f| f["method"] = json!("x".repeat(2049)), "a text of 2049 bytes, the limit is 2048"),
         (|f| f["taxels"] = json!([]), "`taxels` has 0 entries"),
         (|f| f["baseline"] = json!([null]), "`baseline` has 1 entries, expected 4"),
         (|f| f["baseline"][0] = json!(7), "`baseline[0]`: invalid type"),
         (|f| f["gauge_gain_rel"] = json!(-0.1), "`gauge_gain_rel` is -0.1"),
-        (|f| f["gauge_gain_rel"] = json!(null), "`gauge_gain_rel`: invalid type: null"),
-        (|f| f["pressure_max_kpa"] = json!("7"), "`pressure_max_kpa`: invalid type"),
         (|f| f["taxels"][1]["taxel"] = json!(2), "`taxels`: entry 1 says that it is another `taxel`"),
-        (|f| f["taxels"][1]["status"] = json!("fine"), "`taxels[1]`: unknown variant `fine`"),
-        (|f| f["taxels"][2]["figures"] = json!({}), "`taxels[2]`: missing field `count`"),
         (
             |f| f["taxels"][1]["order"] = json!(4),
             "taxel 1: `curve` has 6 terms, `coefficients` has 6, and `order` is 4",
         ),
-        (|f| f["taxels"][1]["order"] = json!(300), "`taxels[1].order`: invalid value"),
         (|f| f["taxels"][0]["coefficients"] = json!([1.0]), "taxel 0: `curve` has 6 terms, `coefficients` has 1"),
         (|f| f["taxels"][0]["coefficients"][0] = json!(3.5), "taxel 0: at count"),
         (|f| f["taxels"][0]["range"] = json!([200.0, 100.0]), "taxel 0: range[1] is 100"),
-        (|f| f["taxels"][0]["range"] = json!([1.0]), "`taxels[0].range`: invalid length 1"),
         (|f| f["taxels"][0]["range"] = Value::Null, "taxel 0: status is `ok` but the model has no range"),
         (|f| f["taxels"][0]["curve"] = Value::Null, "taxel 0: status is `ok` but the model has no curve"),
         (|f| f["taxels"][3]["order"] = json!(3), "taxel 3: `curve` has 0 terms"),
         (|f| f["taxels"][0]["sigma"] = Value::Null, "taxel 0: `sigma` has no values"),
         (|f| f["taxels"][0]["sigma"]["sigma_kpa"] = json!([]), "taxel 0: sigma.sigma_kpa has 0 entries"),
-        (|f| f["taxels"][0]["sign"] = json!("up"), "`taxels[0].sign`: unknown variant `up`"),
         (|f| f["taxels"][0]["sign"] = json!("rising"), "taxel 0: the curve is not monotone"),
     ];
     for (change, expected) in cases {
@@ -244,18 +234,6 @@ fn a_zero_is_two_numbers_or_none() {
     {
         assert!(!written(mean, noise), "{mean} {noise}");
     }
-}
-
-#[test]
-fn what_is_no_json_is_refused_with_its_place() {
-    let refused = from_json("{\"format\": \"taxeld-models\",\n \"version\": NaN}").unwrap_err().to_string();
-    assert!(refused.contains("line 2 column"), "{refused}");
-    assert!(from_json("[]").is_err());
-    assert!(from_json("").is_err());
-    let deep = "[".repeat(100_000);
-    assert!(from_json(&deep).is_err());
-    let huge = to_json(&model_set(1)).unwrap().replace("69.9", "1e999");
-    assert!(from_json(&huge).unwrap_err().to_string().contains("out of range"));
 }
 
 #[test]

@@ -1,11 +1,7 @@
 //! The disk fails, fills, goes read-only, or the process dies: at every single call with which the store changes a
 //! file, through all that the daemon asks of it. `disk_faults.c` is preloaded into a process of its own for each.
 
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::Command;
-
-use tempfile::TempDir;
 
 use super::fixture::*;
 use super::power::check::check;

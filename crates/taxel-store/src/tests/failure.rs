@@ -1,10 +1,6 @@
 //! The disk fails, the queue fills, the engine errs.
 
-use std::sync::Arc;
-use std::sync::mpsc::{Sender, channel};
-
-use taxel_engine::calibration::SessionState;
-use taxel_engine::record::Record;
+use std::sync::mpsc::Sender;
 
 use super::fixture::*;
 use crate::{Batch, Notify, QUEUE_BATCHES, QueueFull, Store, StoreError, StoreEvent};

@@ -1,20 +1,21 @@
 //! Small sessions and model sets, each a function of a few numbers.
 
-use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, LazyLock};
-
-use taxel_engine::Restored;
-use taxel_engine::audit::{Answered, Asked, AuditEntry};
-use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
-use taxel_engine::loads::{Load, Reading};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::{KeptZero, RampBaseline, Record, Sample};
-use taxel_model::{FitOptions, Samples, TaxelModel};
-use tempfile::TempDir;
-
 use crate::{Batch, Durability, Quarantined, Store, StoreError, StoreEvent, models_json};
+pub use rusqlite::Connection;
+pub use std::fs;
+pub use std::fs::File;
+pub use std::path::{Path, PathBuf};
+pub use std::sync::mpsc::{Receiver, channel};
+pub use std::sync::{Arc, LazyLock};
+pub use taxel_engine::Restored;
+pub use taxel_engine::audit::{Answered, Asked, AuditEntry};
+pub use taxel_engine::baseline::TaxelBaseline;
+pub use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
+pub use taxel_engine::loads::{Load, Reading};
+pub use taxel_engine::model_set::ModelSet;
+pub use taxel_engine::record::{KeptZero, RampBaseline, Record, Sample};
+pub use taxel_model::{FitOptions, Samples, TaxelModel};
+pub use tempfile::TempDir;
 
 pub const PATCH: &str = "left_forearm";
 

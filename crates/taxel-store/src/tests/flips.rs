@@ -2,12 +2,6 @@
 //!
 //! `TAXEL_STORE_FLIPS=10000 cargo test -p taxel-store flips` for more; `TAXEL_STORE_SEED=N` repeats one.
 
-use std::fs;
-use std::path::Path;
-
-use taxel_engine::calibration::SessionState;
-use taxel_engine::model_set::ModelSet;
-
 use super::fixture::*;
 use crate::files::{COPY, LOG, beside};
 use crate::{Store, StoreError};

@@ -2,15 +2,7 @@
 //!
 //! `cargo test -p taxel-store --lib loss -- --nocapture` prints the table.
 
-use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
-use rusqlite::Connection;
-use taxel_engine::calibration::SessionState;
-use taxel_engine::record::Record;
-use tempfile::TempDir;
 
 use super::fixture::*;
 use crate::files::{COPY, LOG, NEW, beside};

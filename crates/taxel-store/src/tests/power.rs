@@ -4,14 +4,13 @@
 //! moment.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::mpsc::channel;
+
+use check::check;
+use plan::{Event, Plan};
 
 use super::fixture::*;
 use crate::{Batch, Store};
-use check::check;
-use plan::{Event, Plan};
 
 pub mod check;
 pub mod plan;

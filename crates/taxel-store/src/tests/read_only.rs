@@ -2,12 +2,6 @@
 //! else with the reason.
 
 use std::collections::BTreeSet;
-use std::fs;
-use std::path::Path;
-
-use taxel_engine::calibration::SessionState;
-use taxel_engine::record::Record;
-use tempfile::TempDir;
 
 use super::disk::{folder, shim, told};
 use super::fixture::*;
