@@ -1,13 +1,9 @@
 //! Peers that mean no good, or do not know better: each costs little, is ended, and harms nobody else.
 
-use std::time::Duration;
-
-use taxel_rpc::Limits;
-use taxel_skin::Time;
 use tokio::io::AsyncWriteExt;
-use tokio::net::{TcpSocket, TcpStream};
+use tokio::net::TcpSocket;
 
-use crate::fixture::{Daemon, FOREARM, get_force, on_two_doors, patient, snapshot, start, start_with, stream};
+use crate::fixture::*;
 use crate::server::read_to_end;
 
 /// Preface and empty settings.

@@ -1,46 +1,33 @@
 //! The audit log: what a command takes along for it, and how it is read.
 
-use taxel_engine::audit::{Answered, Asked, AuditEntry};
-use taxel_engine::command::{ErrorReason, Rejection};
-use taxel_proto::v1;
+use taxel_engine::audit::{Answered, Asked};
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_rpc::Told;
-use tonic::Code;
 
-use crate::fixture::{FOREARM, Store, patient, start, start_backed};
+use crate::fixture::*;
+
+/// What the next command takes along, which nobody answers.
+async fn asked(daemon: &mut Daemon) -> Box<Asked> {
+    daemon.requests.recv().await.unwrap().asked.unwrap()
+}
 
 #[tokio::test]
 async fn a_command_takes_along_who_asked_from_where_and_for_what() {
     let mut daemon = start().await;
-    let mut requests = daemon.take_requests();
-    let asked = tokio::spawn(async move {
-        let mut all = Vec::new();
-        while let Some(request) = requests.recv().await {
-            all.push(request.asked.unwrap());
-            let _ =
-                request.reply.send(Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, "no".to_owned())));
-            if all.len() == 2 {
-                break;
-            }
-        }
-        all
-    });
     let channel = daemon.connect().await;
     let tare = v1::TareRequest { confirmed_by: " Ann ".to_owned(), ..Default::default() };
-    SkinServiceClient::new(channel.clone()).tare(tare).await.unwrap_err();
-    let load = v1::record_load_request::Load::MassKg(0.5);
+    let mut skin = SkinServiceClient::new(channel.clone());
+    let (_, tare) = tokio::join!(skin.tare(tare), asked(&mut daemon));
     let load = v1::RecordLoadRequest {
-        load: Some(load),
+        load: Some(v1::record_load_request::Load::MassKg(0.5)),
         by: "Bob".to_owned(),
         replaces: 4,
         note: "left".to_owned(),
         relative_uncertainty: Some(0.02),
         patch: String::new(),
     };
-    ValidationServiceClient::new(channel).record_load(load).await.unwrap_err();
-    let all = asked.await.unwrap();
+    let mut validation = ValidationServiceClient::new(channel);
+    let (_, load) = tokio::join!(validation.record_load(load), asked(&mut daemon));
+    let all = [tare, load];
     let shown: Vec<_> = all.iter().map(|a| (a.method.as_str(), a.what.as_str(), a.claimed.as_str())).collect();
     let expected = [
         ("Tare", "TareRequest { patch: \"\", confirmed_by: \" Ann \" }", "Ann"),

@@ -1,17 +1,10 @@
 //! Each call that answers once: what goes in arrives at the engine, what the engine has comes out.
 
-use std::sync::Arc;
-use taxel_engine::command::{Command, Done};
 use taxel_engine::snapshot::{
-    BoardHealth, Budget, BusHealth, Catalogue, Contact, DriftView, ForceSample, ForceState, Health, PatchSnapshot,
-    RangeFlag, Reason, ReasonCode, StoreHealth, TareView, TaxelState, Term, Undetected,
+    BoardHealth, Budget, Contact, DriftView, RangeFlag, Reason, ReasonCode, StoreHealth, TareView, Term, Undetected,
 };
-use taxel_proto::v1;
-use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_skin::{Newton, Time};
 
-use crate::fixture::{FOREARM, HAND, TAXELS, get_force, model_set, patient, snapshot, start, start_with, stream};
+use crate::fixture::*;
 
 fn vector(x: f64, y: f64, z: f64) -> Option<v1::Vector3> {
     Some(v1::Vector3 { x, y, z })

@@ -2,18 +2,9 @@
 
 use futures_util::StreamExt;
 use futures_util::stream::FuturesUnordered;
-use std::time::Duration;
-use taxel_proto::v1;
-use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::Limits;
 use taxel_rpc::handle::COMMANDS_WAITING_MAX;
-use tonic::transport::Channel;
-use tonic::{Code, Status};
 
-use crate::fixture::{FOREARM, HAND, patient, start, start_with};
+use crate::fixture::*;
 use crate::reasons::reason;
 
 fn expect(status: Status, code: Code, words: &[&str]) {

@@ -1,11 +1,8 @@
 //! The event log: what is kept, and as it goes on.
 
 use taxel_engine::events::{Event, EventKind};
-use taxel_proto::v1;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use tonic::Code;
 
-use crate::fixture::{Daemon, FOREARM, HAND, patient, start_with};
+use crate::fixture::*;
 
 fn happens(daemon: &Daemon, patch: &str, text: &str) {
     daemon.engine().event(Event {

@@ -1,33 +1,41 @@
 //! A server on a free port whose engine is the test itself.
 
-use std::net::{SocketAddr, TcpListener};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicI64, Ordering};
-use std::time::Duration;
-use taxel_engine::audit::AuditEntry;
-use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::calibration::SessionSamples;
-use taxel_engine::command::{Command, Reply};
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{DevicePlan, Gauge, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
-use taxel_engine::snapshot::{BusHealth, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
-use taxel_model::{FitOptions, GaugeUncertainty, Samples, Status as ModelStatus, TaxelModel, fit};
-use taxel_proto::refusal::Refusal;
-use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_proto::v1::{self, ErrorReason};
-use taxel_rpc::handle::channel;
-use taxel_rpc::push_line::{PushLine, Pushed, push_line};
-use taxel_rpc::{Access, Backend, Clock, Limits, Listener, Publisher, Request, Rules, Server, Told};
-use taxel_skin::{
-    Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
+pub use std::net::{SocketAddr, TcpListener};
+pub use std::sync::Arc;
+pub use std::sync::atomic::{AtomicI64, Ordering};
+pub use std::time::Duration;
+pub use taxel_engine::audit::AuditEntry;
+pub use taxel_engine::baseline::TaxelBaseline;
+pub use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
+pub use taxel_engine::command::{Command, Done, Rejection, Reply};
+pub use taxel_engine::model_set::ModelSet;
+pub use taxel_engine::plan::{DevicePlan, Gauge, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
+pub use taxel_engine::snapshot::{BusHealth, Catalogue, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
+pub use taxel_model::{FitOptions, GaugeUncertainty, Samples, Status as ModelStatus, TaxelModel, fit};
+pub use taxel_proto::refusal::Refusal;
+pub use taxel_proto::v1;
+pub use taxel_proto::v1::ErrorReason;
+pub use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+pub use taxel_proto::v1::force_service_client::ForceServiceClient;
+pub use taxel_proto::v1::model_service_client::ModelServiceClient;
+pub use taxel_proto::v1::skin_service_client::SkinServiceClient;
+pub use taxel_proto::v1::validation_service_client::ValidationServiceClient;
+pub use taxel_rpc::handle::channel;
+pub use taxel_rpc::push_line::{PushLine, Pushed, push_line};
+pub use taxel_rpc::{Access, Backend, Clock, Limits, Listener, Publisher, Request, Rules, Server, Told};
+pub use taxel_skin::{
+    Board, BoardAddress, BusIndex, CountRange, Geometry, Kilopascal, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
 };
-use taxel_wire::reading;
-use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
-use tokio::sync::mpsc;
-use tokio::task::JoinHandle;
-use tokio_util::sync::CancellationToken;
-use tonic::transport::{Channel, Endpoint};
-use tonic::{Response, Status, Streaming};
+pub use taxel_wire::reading;
+pub use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
+pub use tokio::net::TcpStream;
+pub use tokio::sync::mpsc;
+pub use tokio::task::JoinHandle;
+pub use tokio_util::sync::CancellationToken;
+pub use tonic::transport::{Channel, Endpoint};
+pub use tonic::{Code, Response, Status, Streaming};
+pub use tonic_health::pb::HealthCheckRequest;
+pub use tonic_health::pb::health_client::HealthClient;
 
 pub const FOREARM: &str = "left_forearm";
 pub const HAND: &str = "left_hand";

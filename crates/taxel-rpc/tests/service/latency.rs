@@ -1,15 +1,9 @@
 //! How long a value takes to a reader beside peers that do nothing. Prints figures and judges none.
 
-use std::time::{Duration, Instant};
-
-use taxel_proto::v1;
-use taxel_rpc::Limits;
-use taxel_skin::Time;
-use tokio::net::TcpStream;
-use tonic::Streaming;
+use std::time::Instant;
 
 use crate::attacks::mute;
-use crate::fixture::{Daemon, FOREARM, snapshot, start_with, stream};
+use crate::fixture::*;
 
 const ROUNDS: usize = 3;
 const VALUES: usize = 300;

@@ -1,12 +1,6 @@
 //! Lists come newest first, in pages, by patch.
 
-use std::sync::Arc;
-use taxel_engine::calibration::{SessionState, SessionView};
-use taxel_engine::snapshot::Catalogue;
-use taxel_proto::v1;
-use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
-
-use crate::fixture::{FOREARM, HAND, patient, start_with};
+use crate::fixture::*;
 
 #[tokio::test]
 async fn sessions_come_newest_first_in_pages_with_the_live_state() {

@@ -1,18 +1,13 @@
 //! What a session over both branches knows beyond its curves goes out too.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
-use taxel_engine::known_set::{KnownSet, SetSummary};
-use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
-use taxel_engine::snapshot::Catalogue;
-use taxel_model::{Plays, Sign};
-use taxel_proto::refusal::Refusal;
-use taxel_proto::v1;
-use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_rpc::Told;
-use tonic::Code;
+use std::sync::Mutex;
 
-use crate::fixture::{FOREARM, Store, TAXELS, model_set, patient, start, start_backed};
+use taxel_engine::known_set::{KnownSet, SetSummary};
+use taxel_engine::model_set::{Recorded, RecordedTaxel};
+use taxel_model::{Plays, Sign};
+
+use crate::fixture::*;
 
 fn damaged(id: String) -> Refusal {
     Refusal::failed_precondition(v1::ErrorReason::DataDamaged, format!("model set {id} is damaged on disk"))

@@ -1,18 +1,12 @@
 //! Scans that a program pushes: what reaches the engine, and what ends the stream.
 
-use std::time::Duration;
-
-use taxel_engine::command::{Command, Done};
-use taxel_proto::v1;
 use taxel_proto::v1::ingest_service_client::IngestServiceClient;
 use taxel_rpc::push_line::{PushEvent, SCANS_WAITING_MAX};
-use taxel_rpc::{Access, Limits, Listener, Role, Rules, Tokens};
-use taxel_skin::{BusIndex, Kilopascal, Time};
-use tokio::sync::mpsc;
+use taxel_rpc::{Role, Tokens};
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::{Code, Request, Status, Streaming};
+use tonic::Request;
 
-use crate::fixture::{ARM, Daemon, FOREARM, GLOVE, TAXELS, patient, pushed_gauge, serve_on, start_with};
+use crate::fixture::*;
 
 fn begin(patch: &str) -> v1::PushScansRequest {
     v1::PushScansRequest { patch: patch.to_owned(), ..Default::default() }

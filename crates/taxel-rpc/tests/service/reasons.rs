@@ -2,15 +2,10 @@
 
 use std::collections::HashMap;
 
-use taxel_engine::command::{ErrorReason as Engine, Rejection};
-use taxel_proto::v1;
-use taxel_proto::v1::ErrorReason;
-use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use tonic::{Code, Status};
+use taxel_engine::command::ErrorReason as Engine;
 use tonic_types::StatusExt;
 
-use crate::fixture::{FOREARM, start};
+use crate::fixture::*;
 
 /// Why a call was refused. Fails if the status does not say that in all the ways in which it has to.
 pub fn reason(status: &Status) -> ErrorReason {

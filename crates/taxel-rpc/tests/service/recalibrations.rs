@@ -1,15 +1,8 @@
 //! Recalibration by known loads: a proposal changes nothing, and what is accepted is what was proposed.
 
-use std::sync::Arc;
-
-use taxel_engine::command::{Command, Done};
 use taxel_engine::loads::{JudgedLoad, Load, Reading, Validation};
-use taxel_engine::snapshot::Catalogue;
-use taxel_proto::v1;
-use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use tonic::Code;
 
-use crate::fixture::{Daemon, FOREARM, model_set, start};
+use crate::fixture::*;
 
 type Client = ValidationServiceClient<tonic::transport::Channel>;
 

@@ -1,18 +1,9 @@
 //! Stored samples fitted once more: read, fitted, and handed to the engine to be kept.
 
-use std::sync::Arc;
+use taxel_engine::calibration::{RampBaseline, Sample};
+use taxel_engine::command::ErrorReason;
 
-use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples, SessionState, SessionView};
-use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
-use taxel_engine::snapshot::Catalogue;
-use taxel_proto::refusal::Refusal;
-use taxel_proto::v1;
-use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
-use taxel_rpc::{Limits, Told};
-use tonic::{Code, Status};
-
-use crate::fixture::{Daemon, FOREARM, Store, TAXELS, patient, start_backed};
+use crate::fixture::*;
 
 type Client = CalibrationServiceClient<tonic::transport::Channel>;
 

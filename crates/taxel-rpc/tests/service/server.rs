@@ -1,19 +1,14 @@
 //! What stands around the services: reflection, health, the drain.
 
-use std::sync::Arc;
-use std::time::Duration;
-use taxel_engine::snapshot::{Health, StoreHealth};
-use taxel_rpc::Limits;
-use taxel_skin::Time;
+use taxel_engine::snapshot::StoreHealth;
 use tokio::io::AsyncReadExt;
-use tokio::net::TcpStream;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_reflection::pb::v1::ServerReflectionRequest;
 use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
 use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
 use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
 
-use crate::fixture::{FOREARM, get_force, patient, snapshot, start, start_with, with_a_bus};
+use crate::fixture::*;
 use crate::stalls::{until, watch};
 
 const SERVICES: [&str; 6] = [

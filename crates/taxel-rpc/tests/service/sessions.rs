@@ -1,16 +1,9 @@
 //! Sessions: commands go to the engine, views come back, and a watcher sees the session to its end.
 
-use std::sync::Arc;
 use taxel_engine::calibration::fit::Branch;
-use taxel_engine::calibration::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
-use taxel_engine::command::{Command, Done};
-use taxel_engine::snapshot::Catalogue;
-use taxel_proto::v1;
-use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
-use taxel_skin::Kilopascal;
-use tonic::Code;
+use taxel_engine::calibration::{Direction, RefusalCounts, SampleRefusal};
 
-use crate::fixture::{Daemon, FOREARM, start};
+use crate::fixture::*;
 
 fn view(number: u64, state: SessionState) -> SessionView {
     SessionView { number, patch: FOREARM.to_owned(), state, ..SessionView::default() }

@@ -1,18 +1,8 @@
 //! What one peer can take, what is left for others, and what is kept for operators.
 
-use std::sync::Arc;
-
-use taxel_engine::snapshot::Catalogue;
 use taxel_proto::refusal::reason_of;
-use taxel_proto::v1;
-use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_rpc::Limits;
-use tonic::Code;
-use tonic_health::pb::HealthCheckRequest;
-use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{FOREARM, get_force, model_set, on_two_doors, patient, start_with, stream};
+use crate::fixture::*;
 
 #[tokio::test]
 async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_beside_it_go_on() {

@@ -1,20 +1,12 @@
 //! An engine that is stuck and a value that has grown too old: every way out says so, without figures, and recovers.
 //! The clock is data here; nothing depends on how fast the test runs.
 
-use std::sync::Arc;
-use std::time::Duration;
-use taxel_proto::v1;
 use taxel_proto::v1::ForceState::{Ok as Good, Stale};
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_rpc::STALLED_AFTER;
-use taxel_skin::Time;
-use tonic::Streaming;
-use tonic::transport::Channel;
+use tonic_health::pb::HealthCheckResponse;
 use tonic_health::pb::health_check_response::ServingStatus;
-use tonic_health::pb::health_client::HealthClient;
-use tonic_health::pb::{HealthCheckRequest, HealthCheckResponse};
 
-use crate::fixture::{STALE_AFTER, TAXELS, get_force, snapshot, start, stream, with_a_bus};
+use crate::fixture::*;
 
 const BEGUN: Time = Time::from_nanos(10_000_000_000);
 const MS: Duration = Duration::from_millis(1);

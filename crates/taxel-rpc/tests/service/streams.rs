@@ -1,13 +1,7 @@
 //! The policy of streams: the first message at once, the newest value wins, what is skipped is counted, a true age
 //! always, and an end that names its reason.
 
-use std::time::Duration;
-use taxel_proto::v1;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_skin::Time;
-use tonic::{Code, Streaming};
-
-use crate::fixture::{Daemon, FOREARM, TAXELS, get_force, patient, snapshot, start, start_with, stream};
+use crate::fixture::*;
 
 type Forces = Streaming<v1::ForceSample>;
 

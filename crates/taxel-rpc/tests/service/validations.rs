@@ -1,15 +1,10 @@
 //! Known loads: what a client says arrives at the engine, what the engine has comes out.
 
-use std::sync::Arc;
-use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
+use taxel_engine::command::ErrorReason;
 use taxel_engine::loads::{JudgedLoad, Load, Reading, Validation, Weight};
-use taxel_engine::snapshot::Catalogue;
-use taxel_proto::v1;
 use taxel_proto::v1::record_load_request::Load as Laid;
-use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use tonic::Code;
 
-use crate::fixture::{FOREARM, HAND, patient, start, start_with};
+use crate::fixture::*;
 
 fn load(number: u64, error: f64) -> Arc<Load> {
     let read = Reading {

@@ -1,22 +1,18 @@
 //! Every method of every service, with every role and every credential: nothing is let through that should not be, and
 //! nothing is kept out that should not be. What is expected is written down here once more, and not read from the table.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 
 use prost::Message;
 use prost_types::FileDescriptorSet;
 use rcgen::SanType;
-use taxel_engine::command::Rejection;
-use taxel_proto::v1::ErrorReason;
-use taxel_rpc::{Access, Grant, Listener, Role, Rules, Subject, Tls, Tokens};
+use taxel_rpc::{Grant, Role, Subject, Tls, Tokens};
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
-use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
-use tonic::{Code, Status};
+use tonic::transport::{Certificate, ClientTlsConfig};
 
 use crate::certificates::{Authority, Leaf, files};
-use crate::fixture::{Daemon, FOREARM, patient, serve_on};
+use crate::fixture::*;
 use crate::reasons::reason;
 
 /// Methods that need more than an observer.
