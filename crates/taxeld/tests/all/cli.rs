@@ -1,9 +1,7 @@
 //! The programme as its users start it.
 
-use std::path::Path;
-use std::process::Command;
-
-use crate::common::{self, CONFIG, fails, path, scratch, succeeds, text};
+use crate::common;
+use crate::common::*;
 
 /// A ramp, with a line that is no frame and a head that is too short.
 fn log() -> String {

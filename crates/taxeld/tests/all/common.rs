@@ -1,10 +1,15 @@
 //! Commands as processes, and the files that they are given.
 
-use std::fmt::Write as _;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
-use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+pub use std::fmt::Write as _;
+pub use std::io::{BufRead, BufReader, Read};
+pub use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+pub use std::path::{Path, PathBuf};
+pub use std::process::{Child, Command, Output, Stdio};
+pub use std::time::{Duration, Instant};
+pub use taxel_proto::v1;
+pub use taxel_proto::v1::skin_service_client::SkinServiceClient;
+pub use tempfile::TempDir;
+pub use tonic::{Code, Status, Streaming};
 
 /// Two triangles on a bus that is only listened to, and a gauge.
 pub const CONFIG: &str = r#"

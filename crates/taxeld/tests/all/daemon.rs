@@ -1,17 +1,10 @@
 //! A daemon of a simulated board, as a process.
 
 use std::fs::File;
-use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::time::Instant;
 
-use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
-use tempfile::TempDir;
-use tonic::Streaming;
 
-use crate::common::{Ended, PATIENCE, free_address};
+use crate::common::*;
 
 pub struct Daemon {
     pub child: Ended,

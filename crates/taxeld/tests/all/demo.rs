@@ -1,9 +1,6 @@
 //! `taxeld demo` as a process of its own, and commands against it.
 
-use std::io::{BufRead, BufReader};
-use std::process::{Command, Output, Stdio};
-
-use crate::common::{Ended, text};
+use crate::common::*;
 
 /// A demo.
 pub struct Demo {

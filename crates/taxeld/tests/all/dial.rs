@@ -2,14 +2,11 @@
 //! plateau that the simulated hand holds. And a daemon whose gauge is text on a pseudo terminal.
 
 use std::io::Write;
-use std::path::Path;
-use std::process::Output;
-use std::time::Duration;
 
 use nix::fcntl::OFlag;
 use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
 
-use crate::common::{Ended, run_in, taxeld_in, text, until};
+use crate::common::*;
 
 const CONFIG: &str = r#"
 listen = ["unix:s"]

@@ -2,20 +2,16 @@
 //! back, and the set in use is the one that was. 12 times, or as often as TAXELD_KILLS says.
 
 use std::collections::BTreeMap;
-use std::process::Command;
-use std::time::{Duration, Instant};
 
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::ModelSet;
 use taxel_model::{GaugeUncertainty, Status, TaxelModel};
-use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_store::models_json;
 use tonic::transport::Channel;
 
-use crate::common::PATIENCE;
+use crate::common::*;
 use crate::daemon::Daemon;
 
 /// Kills unless the environment says otherwise.

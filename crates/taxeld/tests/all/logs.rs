@@ -1,8 +1,9 @@
 //! Logs of a bus as they are found: of several interfaces, cut off, of a clock that was set.
 
-use flate2::{Compression, write::GzEncoder};
+use flate2::Compression;
+use flate2::write::GzEncoder;
 
-use crate::common::{CONFIG, SCAN_LINES, fails, frames, log, path, scratch, taxeld, text};
+use crate::common::*;
 
 /// What a command that must succeed prints, and what it says beside that.
 fn succeeds(arguments: &[&str]) -> (String, String) {

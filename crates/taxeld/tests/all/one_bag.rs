@@ -1,9 +1,6 @@
 //! Two patches in one bag: a command, a session and a model set for each, and one ramp.
 
-use std::path::Path;
-use std::process::Output;
-
-use crate::common::{run_in, taxeld_in, text};
+use crate::common::*;
 
 /// The simulated forearm as two patches, a board each, and one gauge.
 const CONFIG: &str = r#"

@@ -1,12 +1,10 @@
 //! An operator at the terminal: a whole calibration, a known load and the force, against `taxeld demo` as a process of
 //! its own, through the commands alone.
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::io::Write;
+use std::net::TcpStream;
 
-use crate::common::{Ended, taxeld, text};
+use crate::common::*;
 use crate::demo::Demo;
 
 #[test]

@@ -2,18 +2,10 @@
 //! reads the log, memory to share, and the hours for which it slept. The force goes on meanwhile, or is not believed. A write
 //! takes half a second, or as many milliseconds as TAXELD_SLOW_MS says.
 
-use std::io::{BufRead, BufReader};
-use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::time::Instant;
 
-use taxel_proto::v1;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use tonic::{Code, Status, Streaming};
-
-use crate::common::{PATIENCE, succeeds, until_logged};
+use crate::common::*;
 use crate::daemon::Daemon;
 
 /// One whose disk takes so long for each write while there is this file; `with` changes more.

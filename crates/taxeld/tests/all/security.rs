@@ -1,17 +1,10 @@
 //! The documented way to certificates and tokens, word for word, and a daemon that lives by them.
 
-use std::path::Path;
-use std::process::Command;
-use std::time::Instant;
-
-use taxel_proto::v1;
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use tempfile::TempDir;
+use tonic::Request;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
-use tonic::{Code, Request, Status};
 
-use crate::common::{PATIENCE, path, succeeds, text, until_logged};
+use crate::common::*;
 use crate::daemon::Daemon;
 
 /// The lines of deploy/security.md that make authority, certificates and a token.

@@ -2,12 +2,8 @@
 //! plays the service manager.
 
 use std::os::unix::net::UnixDatagram;
-use std::process::Command;
 
-use taxel_proto::v1;
-use tonic::Streaming;
-
-use crate::common::{PATIENCE, until_logged};
+use crate::common::*;
 use crate::daemon::{Daemon, configure};
 
 struct Service {

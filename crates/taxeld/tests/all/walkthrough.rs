@@ -1,10 +1,6 @@
 //! The walk-through as it stands: its lines are run by a shell.
 
-use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
-
-use crate::common::text;
+use crate::common::*;
 use crate::demo::Demo;
 
 /// Each line of the walk-through that begins with `$`, by a shell, in order and in one folder. A line is repeated as an operator
