@@ -62,11 +62,6 @@ mod tests {
     }
 
     #[test]
-    fn before_the_first_sample_there_is_none() {
-        assert_eq!(read(&page()), None);
-    }
-
-    #[test]
     fn a_write_that_is_not_finished_leaves_the_sample_before_it_whole() {
         let words = page();
         write(&words, &[7; SAMPLE_WORDS]);
