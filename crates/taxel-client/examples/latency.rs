@@ -6,22 +6,15 @@
 //! loop on a core of its own does, and again once every millisecond; the service by its stream. Frames of the simulated
 //! boards are stamped when they are handed over, as a kernel does it. What is counted is the time from the newest frame in
 //! a sample to the moment at which a reader has the sample in its hands, on the machine's one clock.
-//!
-//! Beside them stands what the machine itself takes: a thread that sleeps until another one, which keeps the rhythm of the
-//! simulated boards, wakes it through a socket, and does nothing else. No daemon that sleeps can be faster.
 
 use std::error::Error;
 use std::io::{BufRead, BufReader};
-use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use taxel_client::{Address, Options, follow};
 use taxel_shm::{Page, now_ns};
-
-/// Of one scan of the demo's forearm.
-const FRAMES: u32 = 46;
 
 /// A demo that ends with this programme.
 struct Demo(Child);
@@ -74,7 +67,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let address = Address::parse(address.trim_end_matches('.'))?;
     std::thread::sleep(Duration::from_secs(5)); // its first zero
     let path = Path::new(&folder).join("left_forearm");
-    bare(span)?.print("a bare thread, woken by another");
     for (name, pause) in [("shared memory, without a pause", None), ("shared memory, every millisecond", Some(1))] {
         let beside = std::thread::spawn({
             let address = address.clone();
@@ -87,37 +79,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     drop(demo);
     let _ = std::fs::remove_dir_all(folder);
     Ok(())
-}
-
-/// Wakes a sleeping thread in the rhythm of a forearm, and counts how late it is awake: 46 frames, 0.13 ms apart, every
-/// 50 ms, of which the last one counts.
-fn bare(span: Duration) -> Result<Seen, Box<dyn Error>> {
-    let (send, receive) = UnixDatagram::pair()?;
-    let waker = std::thread::spawn(move || -> std::io::Result<()> {
-        let (begun, mut scan) = (Instant::now(), 0);
-        while begun.elapsed() < span {
-            for frame in 0..FRAMES {
-                let due = Duration::from_millis(50 * scan) + Duration::from_micros(130 * u64::from(frame));
-                std::thread::sleep(due.saturating_sub(begun.elapsed()));
-                let mut bytes = [0; 9];
-                bytes[..8].copy_from_slice(&now_ns().to_ne_bytes());
-                bytes[8] = u8::from(frame + 1 == FRAMES);
-                send.send(&bytes)?;
-            }
-            scan += 1;
-        }
-        Ok(())
-    });
-    let (mut seen, mut bytes) = (Seen::default(), [0; 9]);
-    receive.set_read_timeout(Some(Duration::from_secs(1)))?; // the waker has ended
-    while receive.recv(&mut bytes).is_ok() {
-        let now_ns = now_ns();
-        if let [stamp @ .., 1] = &bytes {
-            seen.from_frame.push(now_ns - i64::from_ne_bytes(*stamp));
-        }
-    }
-    waker.join().map_err(|_| "the waker")??;
-    Ok(seen)
 }
 
 /// Reads the page for so long, with these pauses.
