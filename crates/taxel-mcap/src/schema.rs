@@ -31,25 +31,3 @@ fn with_imports(all: &FileDescriptorSet, file: &FileDescriptorProto, found: &mut
         found.push(FileDescriptorProto { source_code_info: None, ..file.clone() });
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_schema_has_every_import_before_the_file_that_needs_it() {
-        let set = FileDescriptorSet::decode(schema_of("ForceSample").unwrap().as_slice()).unwrap();
-        let names: Vec<&str> = set.file.iter().map(FileDescriptorProto::name).collect();
-        let expected = [
-            "google/protobuf/timestamp.proto",
-            "taxel/v1/reason.proto",
-            "taxel/v1/request.proto",
-            "google/protobuf/empty.proto",
-            "taxel/v1/skin.proto",
-            "taxel/v1/force.proto",
-        ];
-        assert_eq!(names, expected);
-        assert!(set.file.iter().all(|file| file.source_code_info.is_none()));
-        assert_eq!(schema_of("Nothing"), None);
-    }
-}

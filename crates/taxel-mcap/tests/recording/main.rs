@@ -92,14 +92,6 @@ fn three_chunks(closed: bool) -> (Vec<u8>, Vec<usize>) {
 }
 
 #[test]
-fn a_closed_file_gives_every_frame_and_no_word() {
-    let (bytes, _) = three_chunks(true);
-    let (all, report) = read_bytes(&bytes);
-    assert_eq!(all, frames(0..300));
-    assert_eq!((report.frames, report.lines, report.words()), (300, 300, Vec::new()));
-}
-
-#[test]
 fn a_file_that_was_cut_anywhere_gives_its_whole_chunks_and_says_so() {
     let (bytes, ends) = three_chunks(false);
     for cut in 0..=bytes.len() {
