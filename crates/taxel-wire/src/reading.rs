@@ -38,17 +38,3 @@ pub fn signal(index: usize, unit: PressureUnit, meaning: PressureMeaning) -> Sig
         meaning,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_a_frame_carries_is_what_its_signal_reads() {
-        for (index, value, kpa) in [(0, -125.5, -12.55), (3, 0.000_001, 1e-7), (INDEX_MAX, 700.0, 70.0)] {
-            let signal = signal(index, PressureUnit::Millibar, PressureMeaning::Differential);
-            let read = signal.decode(&frame(index, value)).unwrap();
-            assert!((read.0 - kpa).abs() < 1e-9, "{value} mbar at {index}: {read:?}");
-        }
-    }
-}

@@ -16,25 +16,6 @@ fn scan(time: Time, head: u8, tail: u8) -> ModuleScan {
 }
 
 #[test]
-fn head_then_tail_is_a_scan_at_the_tails_time() {
-    let mut pairer = Pairer::new(WINDOW);
-    pairer.head(ms(0.0), [1, 2, 3, 4, 5, 6, 7]);
-    let scan = pairer.tail(ms(0.2), [8, 9, 10, 11, 12], StatusWord(0x10)).unwrap();
-    let values = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12];
-    assert_eq!(scan, ModuleScan { time: ms(0.2), values, status: StatusWord(0x10) });
-    assert_eq!(pairer.orphans(), Orphans::default());
-}
-
-#[test]
-fn a_tail_before_its_head_is_an_orphan_and_the_head_waits() {
-    let mut pairer = Pairer::new(WINDOW);
-    assert_eq!(pairer.tail(ms(0.0), [1; 5], OK), None);
-    pairer.head(ms(0.1), [2; 7]);
-    assert_eq!(pairer.orphans(), Orphans { heads: 0, tails: 1 });
-    assert_eq!(pairer.tail(ms(0.2), [2; 5], OK), Some(scan(ms(0.2), 2, 2)));
-}
-
-#[test]
 fn the_window_is_exclusive() {
     let mut pairer = Pairer::new(WINDOW);
     pairer.head(ms(0.0), [1; 7]);
@@ -44,17 +25,6 @@ fn the_window_is_exclusive() {
     assert!(pairer.tail(ms(139.999), [1; 5], OK).is_some());
     pairer.head(ms(140.0), [1; 7]); // a whole window after the last head it is no duplicate
     assert!(pairer.tail(ms(140.0), [1; 5], OK).is_some(), "frames of one batch may share a time");
-}
-
-#[test]
-fn a_lost_tail_and_a_lost_head_make_no_scan() {
-    let mut pairer = Pairer::new(WINDOW);
-    pairer.head(ms(0.0), [1; 7]); // its tail is lost, and the next head
-    assert_eq!(pairer.tail(ms(50.1), [2; 5], OK), None);
-    pairer.head(ms(100.0), [3; 7]);
-    pairer.head(ms(150.0), [4; 7]);
-    assert_eq!(pairer.tail(ms(150.1), [4; 5], OK), Some(scan(ms(150.1), 4, 4)));
-    assert_eq!(pairer.orphans(), Orphans { heads: 2, tails: 1 });
 }
 
 #[test]
