@@ -208,16 +208,6 @@ mod tests {
     }
 
     #[test]
-    fn a_log_without_any_frame_is_told_with_its_first_lines_and_a_converter() {
-        let mut log = reader(b"date Sam Sep 13 12:26:40 2020\nbase hex  timestamps absolute\n", None);
-        assert!(read_all(&mut log).is_empty());
-        let said = log.report().words();
-        assert_eq!(said[0], "2 of 2 lines are no frame:");
-        assert!(said[1].contains("line 1: column 1: found `d`"), "{said:?}");
-        assert!(said[3].contains("can_logconvert IN OUT.log"), "{said:?}");
-    }
-
-    #[test]
     fn gzip_is_known_by_its_bytes_also_in_several_members() {
         let two = [gzipped(LOG.as_bytes()), gzipped(b"\n(3.0) can0 301#04\n")].concat();
         assert_eq!(read_all(&mut reader(&two, None)).len(), 4);
