@@ -299,18 +299,6 @@ mod tests {
     }
 
     #[test]
-    fn a_pattern_without_a_number_is_matched_to_the_end_of_the_line() {
-        for (pattern, line, is_like) in [
-            ("ok vent", "ok vent", true),
-            ("ok vent", "ok vent 3", false),
-            ("A {*}", "A +1 2", true),
-            ("A {*}", "A", false),
-        ] {
-            assert_eq!(Template::pattern(pattern).unwrap().read(line).is_ok(), is_like, "{pattern} of {line:?}");
-        }
-    }
-
-    #[test]
     fn a_line_that_is_not_read_is_shown_cut_and_without_control_characters() {
         let unread = Template::new("P={kPa}").unwrap().read(&format!("\u{1b}[2J{}", "x".repeat(90))).unwrap_err();
         assert_eq!(

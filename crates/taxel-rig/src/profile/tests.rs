@@ -105,16 +105,6 @@ fn what_was_sent_received_and_expected_is_said() {
 }
 
 #[test]
-fn absolute_numbers_and_other_units_are_converted() {
-    let text = MICRO
-        .replace("set = \"set {kPa} {ms}\"", "set = \"P{mbar}\"")
-        .replace("\"below_ambient\"", "\"absolute\"\nambient_kpa = 100.0");
-    let profile = of(&text.replace("ok set {kPa}", "P={mbar}"));
-    assert_eq!(sent(&profile, Order::Set(20.0)), "P800.00\n");
-    assert!(is_answer(&profile, Order::Set(20.0), "P=800.00") && !is_answer(&profile, Order::Set(20.0), "P=200.00"));
-}
-
-#[test]
 fn what_the_drives_own_gauge_reads_is_below_ambient() {
     for (text, line, kpa) in [(MICRO, "p 20.5", 20.5), (ALICAT, "A -020.50 +000.00", 20.5)] {
         let question = of(text).questions(Order::Vent).pop().unwrap();
