@@ -161,15 +161,3 @@ pub fn words(status: &Status) -> String {
     }
     if words.is_empty() { code_name(status.code()).to_owned() } else { words }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[tokio::test]
-    async fn a_certificate_that_is_not_there_is_named() {
-        let section = DaemonSection { tls: Some("/nowhere".into()), ..DaemonSection::default() };
-        let error = format!("{:#}", Daemon::new(&section).err().unwrap());
-        assert!(error.contains("daemon.tls: /nowhere/ca.pem"), "{error}");
-    }
-}

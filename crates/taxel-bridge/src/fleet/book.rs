@@ -95,19 +95,11 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_is_shown_with_its_force_and_its_model_set() {
-        let mut book = Book::default();
-        book.insert(icub_arm(), Received::now(sent(0.0)));
-        let now = first(&book, 0.0);
-        assert_eq!((now.robot.as_str(), now.patch.as_str(), now.state.as_str()), ("icub", "arm", "OK"));
-        assert_eq!((now.force_n, now.sigma_n, now.excluded), (Some(4.9), Some(0.5), Some(3)));
-        assert_eq!(now.model_set, "m-1");
-    }
-
-    #[test]
     fn a_force_grows_old_and_a_robot_that_falls_silent_has_none() {
         let mut book = Book::default();
         book.insert(icub_arm(), Received::now(sent(0.0)));
+        let now = first(&book, 0.0);
+        assert_eq!((now.state.as_str(), now.force_n, now.excluded), ("OK", Some(4.9), Some(3)));
         for (in_s, state, why) in [(1.0, "STALE", "ms old, more than 150 ms"), (3.1, "SILENT", "nothing new for 3.")] {
             let row = first(&book, in_s);
             assert_eq!((row.state.as_str(), row.force_n, row.sigma_n), (state, None, None));
