@@ -228,12 +228,8 @@ fn the_page_draws_loads_and_curves_and_links_to_no_file_beside_it() {
     case.loads.push(load(2));
     let html = certificate(&case).unwrap().to_html().unwrap();
     assert_eq!(html.matches("<svg").count(), 3);
-    // Two taxels with a fit error of 1.4 kPa, and a dead one at the end of the row.
     let map = html.split("<svg").find(|svg| svg.contains("The skin laid flat")).unwrap();
-    let drawn = |of: &str| map.split("<path").filter(|path| path.contains(of)).collect::<Vec<_>>();
     assert!(map.contains("fit error 1.4 to 1.6 kPa") && !map.contains("fit error 1 to"), "{map}");
-    assert_eq!(drawn("#2c1e5c")[0].matches("h0").count(), 2, "{map}");
-    assert_eq!(drawn("m-4 -4l8 8").len(), 2, "the taxel, and the legend: {map}");
     for part in ["Known loads as they were read", "read + 2 sigma", "taxel 0 (", "taxel 1 ("] {
         assert!(html.contains(part), "{part}: {html}");
     }
