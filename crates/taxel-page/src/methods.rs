@@ -94,22 +94,3 @@ impl Method {
         Ok(DynamicMessage::deserialize(input.clone(), Value::Object(object)).map_err(refused)?)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn method(path: &str) -> Method {
-        Methods::new().unwrap().find(path).unwrap()
-    }
-
-    #[test]
-    fn a_query_and_a_body_make_the_same_request() {
-        let method = method("taxel.v1.ForceService/StreamForce");
-        let fields = [("rateHz".to_owned(), "30".to_owned()), ("patch".to_owned(), "p".to_owned())];
-        let body = br#"{"rateHz": 30, "patch": "p"}"#;
-        assert_eq!(method.request_of(&fields).unwrap(), method.request(body).unwrap());
-        let proto_names = [("rate_hz".to_owned(), "30".to_owned()), fields[1].clone()];
-        assert_eq!(method.request_of(&proto_names).unwrap(), method.request(body).unwrap());
-    }
-}

@@ -2,7 +2,7 @@
 
 use taxel_engine::command::{Command, ErrorReason, Rejection};
 
-use crate::fixture::{snapshot, start};
+use crate::fixture::*;
 
 #[tokio::test]
 async fn a_call_by_post_answers_with_the_messages_json() {
@@ -11,13 +11,11 @@ async fn a_call_by_post_answers_with_the_messages_json() {
     let answer = daemon.post("/taxel.v1.ForceService/GetForce", "{}").await;
     assert_eq!(answer.status, 200, "{answer:?}");
     assert!(answer.head.contains("content-type: application/json"), "{answer:?}");
-    let force: serde_json::Value = serde_json::from_str(answer.body.trim_end_matches("\r\n")).unwrap();
-    assert_eq!(force["sequence"], "7");
-    assert_eq!(force["totalN"], 7.0);
+    let force = answer.json();
+    assert_eq!((&force["sequence"], &force["totalN"]), (&"7".into(), &7.0.into()));
     assert_eq!(force["state"], "FORCE_STATE_OK");
     for request in [r#"{"patch": "left_forearm"}"#, ""] {
-        let same = daemon.post("/taxel.v1.ForceService/GetForce", request).await;
-        let mut same: serde_json::Value = serde_json::from_str(same.body.trim_end_matches("\r\n")).unwrap();
+        let mut same = daemon.post("/taxel.v1.ForceService/GetForce", request).await.json();
         same["sent"] = force["sent"].clone();
         assert_eq!(same, force, "{request}");
     }
@@ -36,12 +34,10 @@ async fn a_refusal_says_why_for_programs_too() {
         ("/taxel.v1.ForceService/GetForce/", "{}", "METHOD_UNKNOWN"),
     ] {
         let answer = daemon.post(path, body).await;
-        let refusal: serde_json::Value = serde_json::from_str(answer.body.trim_end_matches("\r\n")).unwrap();
-        assert_eq!(refusal["reason"], reason, "{path} {body}: {answer:?}");
+        assert_eq!(answer.json()["reason"], reason, "{path} {body}: {answer:?}");
     }
     let answer = daemon.post("/taxel.v1.ForceService/GetForce", r#"{"patch": "nose"}"#).await;
-    let refusal: serde_json::Value = serde_json::from_str(answer.body.trim_end_matches("\r\n")).unwrap();
-    assert_eq!(refusal["metadata"], serde_json::json!({ "patch": "nose" }));
+    assert_eq!(answer.json()["metadata"], serde_json::json!({ "patch": "nose" }));
 }
 
 #[tokio::test]

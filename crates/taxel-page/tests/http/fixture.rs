@@ -1,26 +1,22 @@
 //! A page on a free port whose engine is the test itself, and a client that writes requests by hand.
 
-use std::net::SocketAddr;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicI64, Ordering};
-use std::time::Duration;
-
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
-use taxel_page::{Limits, Options, bind, serve};
-use taxel_rpc::handle::channel;
-use taxel_rpc::{Access, Backend, Publisher, Request, Rules, Server};
-use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
-use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
-use tokio::net::TcpStream;
-use tokio::sync::mpsc;
-use tokio_util::sync::CancellationToken;
+pub use std::net::SocketAddr;
+pub use std::sync::Arc;
+pub use std::sync::atomic::{AtomicI64, Ordering};
+pub use std::time::Duration;
+pub use taxel_engine::model_set::ModelSet;
+pub use taxel_engine::plan::{PatchPlan, Plan};
+pub use taxel_engine::snapshot::{BusHealth, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
+pub use taxel_page::{Limits, Options, bind, serve};
+pub use taxel_rpc::handle::channel;
+pub use taxel_rpc::{Access, Backend, Publisher, Request, Rules, Server};
+pub use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
+pub use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+pub use tokio::net::TcpStream;
+pub use tokio::sync::mpsc;
+pub use tokio_util::sync::CancellationToken;
 
 pub const TAXELS: usize = 20;
-/// So long is the text of any exported model set: far longer than what the kernel takes of it for a peer that reads
-/// nothing.
-pub const EXPORTED_BYTES: usize = 4 << 20;
 
 /// A running page and all its ends.
 pub struct Daemon {
@@ -45,14 +41,10 @@ pub fn patient_with(connections: usize) -> Limits {
     Limits { connections, ..patient() }
 }
 
-/// A daemon without a store, whose model sets have long texts.
+/// A daemon without a store.
 struct NoStore;
 
 impl Backend for NoStore {
-    fn to_json(&self, _: &ModelSet) -> Result<String, String> {
-        Ok("x".repeat(EXPORTED_BYTES))
-    }
-
     fn read_json(&self, text: &str) -> Result<ModelSet, String> {
         Err(format!("{} bytes", text.len()))
     }
@@ -96,22 +88,18 @@ pub fn snapshot(sequence: u64) -> Arc<PatchSnapshot> {
     Arc::new(PatchSnapshot { sequence, seen: true, simulated: true, force, taxels, ..PatchSnapshot::default() })
 }
 
-/// A model set without models, for its export.
-pub fn model_set(id: &str) -> Arc<ModelSet> {
-    Arc::new(ModelSet {
-        id: id.to_owned(),
-        patch: "left_forearm".to_owned(),
-        pressure_max_kpa: 70.0,
-        ..ModelSet::default()
-    })
-}
-
 /// What came back.
 #[derive(Debug)]
 pub struct Answer {
     pub status: u16,
     pub head: String,
     pub body: String,
+}
+
+impl Answer {
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(self.body.trim_end_matches("\r\n")).unwrap()
+    }
 }
 
 impl Daemon {

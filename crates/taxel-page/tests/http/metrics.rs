@@ -1,11 +1,6 @@
 //! The metrics, as Prometheus reads them.
 
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
-
-use taxel_engine::snapshot::{BusHealth, Health};
-
-use crate::fixture::{snapshot, start};
+use crate::fixture::*;
 
 #[tokio::test]
 async fn metrics_say_what_the_service_says() {
@@ -54,12 +49,4 @@ async fn of_an_engine_that_stands_still_nobody_is_told_that_buses_and_zeros_are_
             assert_eq!(body.contains(name), runs, "{name} at {ms} ms: {body}");
         }
     }
-}
-
-#[tokio::test]
-async fn a_force_that_is_not_there_is_no_metric() {
-    let daemon = start().await;
-    let body = daemon.get("/metrics").await.body;
-    assert!(!body.contains("taxeld_force_newtons{"), "{body}");
-    assert!(body.contains("taxeld_force_state{patch=\"left_forearm\",state=\"uncalibrated\"} 1.0"), "{body}");
 }
