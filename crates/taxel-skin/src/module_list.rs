@@ -115,15 +115,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_has_modules_of_several_kinds_on_one_board() {
-        let hand = parse_modules("0-4 fingertip, 8-11 palm").unwrap();
-        let taxels: usize = hand.iter().map(|(_, kind)| kind.taxel_slots().len()).sum();
-        assert_eq!((hand.len(), taxels), (9, 104), "as iCub's hand has");
-        assert_eq!(hand[8].1, ModuleKind::PalmPad7);
-        assert_eq!(parse_modules("0-4 fingertip,8 palm, 9-10 palm , 11 palm-pad7").unwrap(), hand);
-    }
-
-    #[test]
     fn what_is_written_is_read_again() {
         for text in
             ["0-15", "1, 5, 8-10, 12-13", "0-4 fingertip, 8-11 palm", "5-7 palm-pad11, 9 palm", "0, 1 palm-pad7"]

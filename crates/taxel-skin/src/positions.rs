@@ -156,13 +156,4 @@ mod tests {
         let bare = PositionFile::parse("0.1 0.2 0.3 0 0 1\n").unwrap();
         assert_eq!((bare.name(), bare.rows().len()), (None, 1));
     }
-
-    #[test]
-    fn modules_are_numbered_over_all_boards() {
-        let mut rows = vec!["0 0 0 0 0 0"; 384];
-        rows[3] = "0.1 0 0 0 0 0";
-        rows[192 + 12 * 5 + 11] = "0.1 0 0 0 0 0";
-        let file = PositionFile::parse(&format!("[calibration]\n{}", rows.join("\n"))).unwrap();
-        assert_eq!(file.modules(), [0, 16 + 5]);
-    }
 }

@@ -22,20 +22,3 @@ fn utf16_order(begin: &[u8]) -> Option<fn([u8; 2]) -> u16> {
         _ => None,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_byte_order_mark_says_how_a_text_is_read() {
-        let units =
-            |order: fn(u16) -> [u8; 2]| "\u{feff}left \u{e9}\n".encode_utf16().flat_map(order).collect::<Vec<_>>();
-        for bytes in
-            [units(u16::to_le_bytes), units(u16::to_be_bytes), "\u{feff}left \u{e9}\n".into(), "left \u{e9}\n".into()]
-        {
-            assert_eq!(decode(&bytes), "left \u{e9}\n");
-        }
-        assert_eq!(decode(b"a\xFFb"), "a\u{fffd}b");
-    }
-}
