@@ -202,12 +202,6 @@ mod tests {
         assert_eq!(reason_of(&status).as_deref(), Some("FIELD_INVALID"));
         let undecodable = completed(&Status::internal("failed to decode"));
         assert_eq!((undecodable.code(), undecodable.message()), (Code::InvalidArgument, "failed to decode"));
-
-        let mut headers = HeaderMap::new();
-        Status::from(Refusal::fault("strange")).add_header(&mut headers).unwrap();
-        let before = headers.clone();
-        complete(&mut headers);
-        assert_eq!(headers, before, "it has one");
     }
 
     #[test]
