@@ -184,30 +184,3 @@ fn commands_have_the_bytes_of_the_manual() {
         assert_eq!(command.encode(address(13)), standard(0x20D, bytes), "{command:?}");
     }
 }
-
-#[test]
-fn only_bit_0_of_the_flags_enables() {
-    for (flags, expected) in [(0, false), (1, true), (0xFE, false), (0xFF, true)] {
-        let (_, command) = Command::decode(&standard(0x20D, &[0x50, 3, 3, 2, flags, 0, 0x22])).unwrap();
-        assert!(matches!(command, Command::SetTriangles(TriangleConfig { enabled, .. }) if enabled == expected));
-    }
-}
-
-#[test]
-fn commands_that_a_board_ignores_are_none() {
-    let ignored: [(u16, &[u8]); 8] = [
-        (0x20F, &[0x07, 0]),                   // to everyone: boards obey, but it names no board
-        (0x21D, &[0x07, 0]),                   // from a board
-        (0x40D, &[0x07, 0]),                   // another class
-        (0x20D, &[0x07, 2]),                   // unknown mode
-        (0x20D, &[0x07]),                      // short
-        (0x20D, &[0x50, 5, 4, 2, 1, 0, 0x22]), // reversed
-        (0x20D, &[0x50, 0, 16, 2, 1, 0, 0]),   // no module 16
-        (0x20D, &[]),
-    ];
-    for (id, bytes) in ignored {
-        assert_eq!(Command::decode(&standard(id, bytes)), None, "{id:03X} {bytes:02X?}");
-    }
-    let remote = Frame::new(CanId::Standard(0x20D), FrameKind::Remote, &[0; 2]).unwrap();
-    assert_eq!(Command::decode(&remote), None);
-}

@@ -43,16 +43,6 @@ fn duplicates_before_and_after_the_pairing_change_nothing() {
 }
 
 #[test]
-fn a_tail_of_other_values_or_status_is_no_duplicate() {
-    let mut pairer = Pairer::new(WINDOW);
-    pairer.head(ms(0.0), [1; 7]);
-    pairer.tail(ms(0.2), [1; 5], OK);
-    pairer.tail(ms(0.3), [2; 5], OK);
-    pairer.tail(ms(0.3), [1; 5], StatusWord(1));
-    assert_eq!(pairer.orphans(), Orphans { heads: 0, tails: 2 });
-}
-
-#[test]
 fn expiry_counts_once_and_at_the_window() {
     let mut pairer = Pairer::new(WINDOW);
     pairer.head(ms(0.0), [1; 7]);
