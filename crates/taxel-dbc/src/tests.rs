@@ -127,14 +127,6 @@ fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
     }
 }
 
-#[test]
-fn patterns_and_names_are_matched_and_sorted_as_people_read_them() {
-    assert!(matches(b"Row*.T*", b"Row12.T3") && matches(b"*", b"") && !matches(b"Row*.T", b"Row1.T2"));
-    let mut names = ["T10", "T9", "T1", "S2", "T9a"];
-    names.sort_by_key(|name| natural(name));
-    assert_eq!(names, ["S2", "T1", "T9", "T9a", "T10"]);
-}
-
 proptest! {
     #[test]
     fn no_damage_to_a_dbc_file_panics(at in 0..SKIN.len(), byte in 0_u8..128) {
