@@ -3,9 +3,9 @@
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 
-use taxel_can::{SocketCan, SocketCanOptions};
+use taxel_can::SocketCan;
 
-use super::run;
+use super::{open, run};
 
 /// An interface of the kernel's driver slcan; gone when this is.
 pub struct Adapter {
@@ -42,8 +42,7 @@ impl Adapter {
     }
 
     pub fn open(&self) -> SocketCan {
-        let options = SocketCanOptions { interface: self.name.clone(), ids: None, tx: true };
-        SocketCan::open(options).unwrap()
+        open(&self.name, None, true)
     }
 }
 

@@ -55,9 +55,12 @@ impl Vcan {
     }
 
     pub fn open(&self, ids: Option<&[CanId]>, tx: bool) -> SocketCan {
-        let options = SocketCanOptions { interface: self.name.clone(), ids: ids.map(<[_]>::to_vec), tx };
-        SocketCan::open(options).unwrap()
+        open(&self.name, ids, tx)
     }
+}
+
+pub fn open(name: &str, ids: Option<&[CanId]>, tx: bool) -> SocketCan {
+    SocketCan::open(SocketCanOptions { interface: name.to_owned(), ids: ids.map(<[_]>::to_vec), tx }).unwrap()
 }
 
 impl Drop for Vcan {
