@@ -70,10 +70,11 @@ faults! {
 }
 
 /// What kind of rig it is.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Rig {
     kpa: f64,
-    order: Order,
+    /// What it was told last; before that it vents.
+    order: Option<Order>,
     /// Orders on their way: a dead time.
     waiting: VecDeque<(Duration, Order)>,
     dead: Duration,
@@ -106,13 +107,9 @@ struct Rig {
 impl Rig {
     fn new(random: &mut ChaCha8Rng, fault: Option<(Fault, Duration)>) -> Self {
         Self {
-            kpa: 0.0,
-            order: Order::Vent,
-            waiting: VecDeque::new(),
             dead: Duration::from_millis(random.random_range(0..600)),
             lag_s: random.random_range(0.05..1.0),
             dead_band_kpa: random.random_range(0.0..0.4),
-            moves: false,
             power_kpa_per_s: random.random_range(4.0..25.0),
             pump_end_kpa: random.random_range(82.0..95.0),
             leak_per_s: random.random_range(0.0..0.002),
@@ -120,17 +117,9 @@ impl Rig {
             offset_kpa: random.random_range(-0.5..0.5),
             noise_kpa: random.random_range(0.0..0.1),
             own_limit: Some(OWN_LIMIT),
-            heard: Duration::ZERO,
             fault,
-            frozen_kpa: 0.0,
-            lagging_kpa: 0.0,
-            read_at: Duration::ZERO,
-            every: Duration::ZERO,
-            next_at: Duration::ZERO,
-            last_kpa: 0.0,
-            late: VecDeque::new(),
             own_step_kpa: random.random_bool(0.5).then(|| random.random_range(0.01..1.0)),
-            own_frozen_kpa: 0.0,
+            ..Self::default()
         }
     }
 
@@ -148,7 +137,7 @@ impl Rig {
             _ if order == Order::Silence => return false,
             Some(Fault::DriveSilent) => return false,
             Some(Fault::DriveRestarts) if self.since_fault(now) < Duration::from_secs(1) => {
-                self.order = Order::Vent;
+                self.order = Some(Order::Vent);
                 return false;
             }
             Some(Fault::OrdersLost) if !(now.as_millis() / 50).is_multiple_of(3) => return false,
@@ -170,9 +159,7 @@ impl Rig {
     fn advance(&mut self, now: Duration) {
         let fault = self.fault(now);
         while self.waiting.front().is_some_and(|(due, _)| *due <= now) {
-            if let Some((_, order)) = self.waiting.pop_front() {
-                self.order = order;
-            }
+            self.order = self.waiting.pop_front().map(|(_, order)| order);
         }
         let lost = self.own_limit.is_some_and(|limit| now.saturating_sub(self.heard) > limit);
         let dt = TICK.as_secs_f64() / f64::from(FINE);
@@ -186,7 +173,7 @@ impl Rig {
             let end_kpa = if fault == Some(Fault::PumpEnds) { 40.0 } else { self.pump_end_kpa };
             let power = self.power_kpa_per_s * (1.0 - self.kpa / end_kpa).max(0.0);
             let vent_s = self.vent_s * if fault == Some(Fault::VentNarrow) { 2.5 } else { 1.0 };
-            let flow = match if lost { Order::Vent } else { self.order } {
+            let flow = match self.order.filter(|_| !lost).unwrap_or(Order::Vent) {
                 Order::Vent => -self.kpa / vent_s,
                 _ if fault == Some(Fault::ValveOpen) => -self.kpa / vent_s,
                 _ if fault == Some(Fault::DriveOff) => 0.0,
