@@ -148,37 +148,22 @@ mod tests {
 
     #[test]
     fn a_cloud_has_the_taxels_whose_pressure_is_known_and_fresh_and_no_others() {
-        let layout = |taxel, placed: bool| TaxelLayout {
-            taxel,
-            position_m: placed.then_some(ProtoVector { x: 0.5, y: 0.0, z: -1.0 }),
-            ..TaxelLayout::default()
-        };
-        let (sigma_kpa, range) = (Some(0.25), Range::Above.into());
-        let reading = |kpa, age_s, stale| TaxelReading {
-            pressure_kpa: kpa,
-            sigma_kpa,
-            range,
-            age_s,
-            stale,
-            ..TaxelReading::default()
-        };
-        let skin = Skin {
-            taxels: [true, false, true, true, true, true]
-                .into_iter()
-                .zip(0..)
-                .map(|(placed, n)| layout(n, placed))
-                .collect(),
-            ..Skin::default()
-        };
+        let position_m = Some(ProtoVector { x: 0.5, y: 0.0, z: -1.0 });
+        let placed = |taxel| TaxelLayout { taxel, position_m, ..TaxelLayout::default() };
+        let mut skin = Skin { taxels: (0..6).map(placed).collect(), ..Skin::default() };
+        skin.taxels[1].position_m = None;
+        let (pressure_kpa, sigma_kpa, age_s) = (Some(2.0), Some(0.25), Some(0.01));
+        let range = Range::Above.into();
+        let good_one = TaxelReading { pressure_kpa, sigma_kpa, range, age_s, ..TaxelReading::default() };
         let sample = TaxelSample {
             time: good().time,
             taxels: vec![
-                reading(Some(2.0), Some(0.01), false),
-                reading(Some(2.0), Some(0.01), false), // has no position
-                reading(None, Some(0.01), false),
-                reading(Some(2.0), Some(0.01), true),
-                reading(Some(f32::NAN), Some(0.01), false),
-                TaxelReading { faults: vec!["frozen".to_owned()], ..reading(Some(2.0), Some(0.01), false) },
+                good_one.clone(),
+                good_one.clone(), // has no position
+                TaxelReading { pressure_kpa: None, ..good_one.clone() },
+                TaxelReading { stale: true, ..good_one.clone() },
+                TaxelReading { pressure_kpa: Some(f32::NAN), ..good_one.clone() },
+                TaxelReading { faults: vec!["frozen".to_owned()], ..good_one.clone() },
             ],
             max_age_s: 0.15,
             ..TaxelSample::default()
@@ -190,7 +175,7 @@ mod tests {
         assert!(cloud.is_dense);
         let old = taxels(&sample, &skin, "f", Duration::from_millis(141)).unwrap();
         assert_eq!((old.width, old.data.len()), (0, 0));
-        let unknown = TaxelReading { sigma_kpa: None, ..reading(Some(2.0), Some(0.01), false) };
+        let unknown = TaxelReading { sigma_kpa: None, ..good_one };
         let cloud = taxels(&TaxelSample { taxels: vec![unknown], ..sample }, &skin, "f", Duration::ZERO).unwrap();
         assert!(cloud.data[20..24] == f32::NAN.to_le_bytes() && !cloud.is_dense, "no uncertainty is no small one");
     }
