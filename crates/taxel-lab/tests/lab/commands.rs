@@ -2,22 +2,14 @@
 //! bearable length.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::process::{Command, Output, Stdio};
 
 use crate::{fails, lab, succeeds, text};
 
-/// A command with something on its standard input.
-fn piped(arguments: &[&str], input: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel-lab"));
-    command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    let mut to = child.stdin.take().unwrap();
-    let input = input.to_owned();
-    let writer = std::thread::spawn(move || drop(to.write_all(input.as_bytes())));
-    let output = child.wait_with_output().unwrap();
-    writer.join().unwrap();
-    output
+/// A command with this file on its standard input.
+fn piped(arguments: &[&str], file: &str) -> Output {
+    let input = std::fs::File::open(file).unwrap();
+    Command::new(env!("CARGO_BIN_EXE_taxel-lab")).args(arguments).stdin(input).output().unwrap()
 }
 
 /// Three taxels that lose one count a kPa over 40 s, after two seconds at rest; `step` makes 16-bit counts of them.
@@ -78,11 +70,11 @@ fn an_apply_that_reads_no_taxel_says_why_and_writes_nothing() {
 fn a_dash_is_standard_input_and_output() {
     let (_folder, [data, models, pressure]) = scratch();
     succeeds(&lab(&["fit", &data, "--patch", "palm", "--out", &models]));
-    let from_pipe = succeeds(&piped(&["fit", "-", "--patch", "palm", "--out", "-"], &recording(1.0)));
+    let from_pipe = succeeds(&piped(&["fit", "-", "--patch", "palm", "--out", "-"], &data));
     let taxels = |json: &str| serde_json::from_str::<serde_json::Value>(json).unwrap()["taxels"].clone();
     assert_eq!(taxels(&from_pipe), taxels(&std::fs::read_to_string(&models).unwrap()));
     succeeds(&lab(&["apply", &models, &data, "--out", &pressure]));
-    let from_pipe = succeeds(&piped(&["apply", &models, "-", "--out", "-"], &recording(1.0)));
+    let from_pipe = succeeds(&piped(&["apply", &models, "-", "--out", "-"], &data));
     assert_eq!(from_pipe, std::fs::read_to_string(&pressure).unwrap());
 }
 
