@@ -246,18 +246,15 @@ mod tests {
     use super::*;
     use taxel_skin::{Geometry, NormalsVerdict};
 
-    fn distance_mm(a: &Pose, b: &Pose) -> f64 {
-        (0..3).map(|k| (a.position_m[k] - b.position_m[k]).powi(2)).sum::<f64>().sqrt() * 1e3
-    }
-
     #[test]
     fn the_forearm_has_230_taxels_at_the_pitch_of_the_real_part() {
         let skin = Skin::forearm().unwrap();
         let poses = skin.poses();
         assert_eq!((poses.len(), skin.patch().modules().len()), (230, 23));
         for (i, a) in poses.iter().enumerate() {
-            let nearest = poses.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, b)| distance_mm(a, b));
-            let nearest = nearest.fold(f64::INFINITY, f64::min);
+            let off_m = |b: &Pose| (0..3).map(|k| (a.position_m[k] - b.position_m[k]).powi(2)).sum::<f64>().sqrt();
+            let others = poses.iter().enumerate().filter(|(j, _)| *j != i);
+            let nearest = others.map(|(_, b)| off_m(b) * 1e3).fold(f64::INFINITY, f64::min);
             // Across the edge of a module its neighbour's taxels are nearer than the module's own.
             assert!((4.7..6.5).contains(&nearest), "taxel {i}: nearest neighbour at {nearest} mm");
             let ([x, y, _], normal) = (a.position_m, a.normal);

@@ -44,8 +44,7 @@ pub fn messages(frames: &[TimedFrame]) -> Vec<(Time, Message)> {
 /// Mean value of all twelve values of every module, in the patch's order of modules; NaN without frames.
 pub fn module_means(world: &World, frames: &[TimedFrame]) -> Vec<[f64; 12]> {
     let patch = world.skin().patch();
-    let mut sums = vec![[0.0; 12]; patch.modules().len()];
-    let mut counts = vec![[0.0; 12]; patch.modules().len()];
+    let mut sums = vec![[(0.0, 0.0); 12]; patch.modules().len()];
     for (_, message) in messages(frames) {
         let (address, module, first, values) = match message {
             Message::Head { board, module, values } => (board, module, 0, values.to_vec()),
@@ -58,16 +57,11 @@ pub fn module_means(world: &World, frames: &[TimedFrame]) -> Vec<[f64; 12]> {
             .position(|site| patch.boards()[site.board as usize].address == address && site.module == module);
         let Some(index) = index else { continue };
         for (k, value) in values.iter().enumerate() {
-            sums[index][first + k] += f64::from(*value);
-            counts[index][first + k] += 1.0;
+            let (sum, count) = &mut sums[index][first + k];
+            (*sum, *count) = (*sum + f64::from(*value), *count + 1.0);
         }
     }
-    for (sum, count) in sums.iter_mut().zip(&counts) {
-        for (s, c) in sum.iter_mut().zip(count) {
-            *s /= c;
-        }
-    }
-    sums
+    sums.into_iter().map(|module| module.map(|(sum, count)| sum / count)).collect()
 }
 
 /// Mean count of every taxel in the patch's order.

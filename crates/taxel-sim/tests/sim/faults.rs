@@ -1,7 +1,5 @@
 //! What a host sees of the faults of boards, taxels, foreign nodes and its own adapter.
 
-use taxel_sim::FaultError;
-
 use crate::common::*;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
@@ -112,13 +110,4 @@ fn loads_come_roll_and_go_and_the_truth_follows() {
     world.lift(load, MS(200));
     advance(&mut world, 5.0);
     assert_eq!(world.true_force().0, 0.0);
-}
-
-#[test]
-fn faults_that_cannot_be_are_refused() {
-    let mut world = silent(1);
-    let nowhere = Fault::TaxelStuck { taxel: TaxelIndex(230), value: 0 };
-    assert_eq!(world.inject(nowhere), Err(FaultError::Taxel { taxel: 230, taxels: 230 }));
-    let module = Fault::ModuleSilent(board(3), Module::from_nibble(0));
-    assert_eq!(world.inject(module), Err(FaultError::Board(board(3))));
 }

@@ -68,23 +68,6 @@ fn pads_feel_the_temperature_and_not_the_pressure() {
 }
 
 #[test]
-fn noise_lies_between_one_half_and_just_over_one_count() {
-    let mut world = streaming(6);
-    advance(&mut world, 1.0);
-    let frames = advance(&mut world, 61.0);
-    let mut first_taxel = Vec::new();
-    for (_, message) in messages(&frames) {
-        if let taxel_wire::icub::Message::Head { board, module, values } = message
-            && (board.get(), module.get()) == (13, 0)
-        {
-            first_taxel.push(f64::from(values[3]));
-        }
-    }
-    let (_, sd) = mean_and_sd(&first_taxel);
-    assert!((0.6..1.25).contains(&sd), "{sd} counts with rounding");
-}
-
-#[test]
 fn the_true_force_is_the_weight_and_the_skin_answers_under_it_alone() {
     let mut world = streaming(8);
     advance(&mut world, 1.0);
