@@ -136,12 +136,9 @@ fn a_change_needs_a_new_id() {
 fn when_by_what_and_in_which_session_a_set_was_made_goes_with_it_and_is_no_part_of_its_id() {
     let set = model_set(1);
     let maker = Maker { software: "taxeld 7".to_owned(), simulated: true };
-    let again = with_id(ModelSet { created_wall_ns: 77, session: None, maker: maker.clone(), ..set.clone() });
+    let again = with_id(ModelSet { created_wall_ns: 77, session: None, maker, ..set.clone() });
     assert_eq!(again.id, set.id);
-    let back = from_json(&to_json(&again).unwrap()).unwrap();
-    assert_eq!((back.created_wall_ns, back.session, &back.maker, &back.id), (77, None, &maker, &set.id));
-    let other = with_id(ModelSet { method: "order 4".to_owned(), ..set.clone() });
-    assert_ne!(other.id, set.id);
+    assert_eq!(bits(&from_json(&to_json(&again).unwrap()).unwrap()), bits(&again));
 }
 
 #[test]
@@ -298,17 +295,6 @@ proptest! {
             Ok(text) => prop_assert_eq!(bits(&from_json(&text).unwrap()), bits(&set)),
             // A fit of samples that lie on one curve may have an infinite ratio of errors in its diagnostics.
             Err(error) => prop_assert!(error.to_string().contains("finite"), "{error}"),
-        }
-    }
-
-    #[test]
-    fn any_text_is_read_or_refused(text in ".{0,200}", at in 0.0..1.0_f64, byte: u8) {
-        let _ = from_json(&text);
-        let mut good = to_json(&model_set(1)).unwrap().into_bytes();
-        let at = (at * good.len() as f64) as usize;
-        good[at] = byte;
-        if let Ok(set) = from_json(&String::from_utf8_lossy(&good)) {
-            prop_assert_eq!(bits(&set), bits(&model_set(1)));
         }
     }
 }

@@ -8,7 +8,7 @@ use taxel_engine::record::TakenZero;
 use taxel_skin::CountRange;
 
 use super::fixture::*;
-use crate::{Durability, Store, StoreError, StoreEvent, check};
+use crate::{Store, StoreError, StoreEvent, check};
 
 #[test]
 fn a_restart_finds_everything_again() {
@@ -193,15 +193,6 @@ fn the_log_stays_short() {
         longest = longest.max(fs::metadata(dir.path().join("store.db-wal")).unwrap().len());
     }
     assert!(longest < 5_500_000, "{longest} bytes after 24 records of 400 kB each");
-    store.close().unwrap();
-}
-
-#[test]
-fn a_store_in_memory_does_the_same_and_says_so() {
-    let store = Store::in_memory(Box::new(|_| ())).unwrap();
-    let set = model_set(1);
-    let records = vec![Record::ModelSet(Arc::new(set.clone())), activated(&set), session(1, SessionState::Review)];
-    assert_eq!(write(&store, records), Ok(Durability::InMemory));
     store.close().unwrap();
 }
 
