@@ -229,7 +229,6 @@ mod tests {
                 grant(Subject::User("77".to_owned()), Role::Operator),
                 grant(Subject::Certificate(uri("spiffe://robot/operator")), Role::Operator),
                 grant(Subject::Certificate(common("ann")), Role::Admin),
-                grant(Subject::Certificate(dns("bench.example")), Role::Admin),
             ],
             loopback: Some(Role::Observer),
             unix: Some(Role::Observer),
@@ -238,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn the_highest_role_that_fits_counts_and_a_name_fits_only_its_own_kind() {
+    fn the_highest_role_that_fits_counts() {
         let future = SystemTime::now() + Duration::from_secs(3600);
         let cases = [
             (unix(1000, "bob", &["users"]), Some(Role::Observer)),
@@ -249,12 +248,7 @@ mod tests {
             (unix(1002, "CN=ann", &["ann", "spiffe://robot/operator"]), Some(Role::Observer)),
             (tls(&[uri("spiffe://robot/operator")], future), Some(Role::Operator)),
             (tls(&[uri("spiffe://robot/operator/x"), common("ann ")], future), None),
-            (tls(&[common("skin"), uri("ann"), uri("skin")], future), None),
             (tls(&[dns("x"), common("ann")], future), Some(Role::Admin)),
-            (tls(&[dns("bench.example")], future), Some(Role::Admin)),
-            (tls(&[uri("CN=ann"), uri("DNS:bench.example"), uri("ann")], future), None),
-            (tls(&[dns("ann"), dns("CN=ann"), dns("spiffe://robot/operator")], future), None),
-            (tls(&[common("DNS:bench.example"), common("CN=ann"), common("spiffe://robot/operator")], future), None),
             (Origin::of_tcp("127.0.0.1:1".parse().unwrap()), Some(Role::Observer)),
             (Origin::of_tcp("[::ffff:127.0.0.1]:1".parse().unwrap()), Some(Role::Observer)),
             (Origin::of_tcp("192.0.2.7:1".parse().unwrap()), None),

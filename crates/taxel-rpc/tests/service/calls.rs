@@ -254,6 +254,8 @@ async fn model_sets_are_shown_activated_exported_imported_and_deleted() {
     assert_eq!((summary.model_set.as_str(), summary.active, summary.calibrated), ("m-b", true, 1));
     assert_eq!((summary.session, summary.created.unwrap().seconds), (Some(7), 1_700_000_000));
     assert_eq!((set.taxels[1].status.as_str(), set.taxels[1].figures.get("rmse_kpa")), ("dead", None));
+    assert_eq!((set.in_use["smooth_s"], set.in_use["unloading_share"]), (0.5, 0.03));
+    assert_eq!(set.taxels[0].figures["sensitivity_counts_per_kpa"], 0.9);
 
     let request = v1::GetModelSetRequest { model_set: "m-a".to_owned(), curves: vec![0], ..Default::default() };
     let model = client.get_model_set(request).await.unwrap().into_inner().curves.remove(0);

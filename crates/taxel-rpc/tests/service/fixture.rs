@@ -8,7 +8,7 @@ pub use taxel_engine::audit::AuditEntry;
 pub use taxel_engine::baseline::TaxelBaseline;
 pub use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
 pub use taxel_engine::command::{Command, Done, Rejection, Reply};
-pub use taxel_engine::model_set::ModelSet;
+pub use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 pub use taxel_engine::plan::{DevicePlan, Gauge, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
 pub use taxel_engine::snapshot::{BusHealth, Catalogue, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
 pub use taxel_model::{FitOptions, GaugeUncertainty, Samples, Status as ModelStatus, TaxelModel, fit};
@@ -293,6 +293,9 @@ pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
     let dead = TaxelModel::without_curve(ModelStatus::Dead { count: 7.0 }, GaugeUncertainty::default());
     let mut taxels = vec![dead; TAXELS];
     taxels[0] = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
+    let mut of_taxels = vec![None; TAXELS];
+    of_taxels[0] = Some(RecordedTaxel { sensitivity: 0.9, plays: None });
+    let recorded = Recorded { smooth_s: 0.5, unloading_share: Some(0.03), taxels: of_taxels, ..Recorded::default() };
     Arc::new(ModelSet {
         id: id.to_owned(),
         patch: patch.to_owned(),
@@ -305,6 +308,7 @@ pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
         gauge_gain_rel: 0.01,
         gauge_offset_kpa: 0.1,
         taxels,
+        recorded: Some(recorded),
         ..ModelSet::default()
     })
 }

@@ -22,18 +22,11 @@ async fn latency_beside_peers_that_do_nothing() {
     for _ in 0..ROUNDS {
         for (beside, taken) in taken.iter_mut().enumerate() {
             let mut peers = Vec::new();
-            match beside {
-                1 => {
-                    for _ in 0..MUTE {
-                        peers.push(mute(&daemon).await);
-                    }
-                }
-                2 => {
-                    for _ in 0..IDLE {
-                        peers.push(TcpStream::connect(daemon.address).await.unwrap());
-                    }
-                }
-                _ => {}
+            for _ in 0..[0, MUTE, 0][beside] {
+                peers.push(mute(&daemon).await);
+            }
+            for _ in 0..[0, 0, IDLE][beside] {
+                peers.push(TcpStream::connect(daemon.address).await.unwrap());
             }
             values(&daemon, &mut reader, &mut sequence, taken).await;
         }

@@ -1,58 +1,13 @@
-//! What a session over both branches knows beyond its curves goes out too.
+//! Model sets that are on disk alone.
 
-use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use taxel_engine::known_set::{KnownSet, SetSummary};
-use taxel_engine::model_set::{Recorded, RecordedTaxel};
-use taxel_model::{Plays, Sign};
 
 use crate::fixture::*;
 
 fn damaged(id: String) -> Refusal {
     Refusal::failed_precondition(v1::ErrorReason::DataDamaged, format!("model set {id} is damaged on disk"))
-}
-
-fn over_both_branches(id: &str) -> ModelSet {
-    let set = ModelSet::clone(&model_set(id, FOREARM));
-    let plays = Plays {
-        range: [180.0, 240.0],
-        sign: Sign::Falling,
-        radii_counts: [4.0, 10.0, 0.0, 0.0],
-        weights_kpa: [0.5, 0.25, 0.0, 0.0],
-        slack_counts: 0.0,
-    };
-    let taxel = RecordedTaxel { sensitivity: 0.9, plays: Some(plays) };
-    let mut taxels = vec![None; TAXELS];
-    taxels[0] = Some(taxel);
-    let recorded = Recorded {
-        smooth_s: 0.5,
-        zero_return_counts: Some(0.4),
-        unloading_share: Some(0.03),
-        plays_error_ratio: Some(0.6),
-        taxels,
-        ..Recorded::default()
-    };
-    ModelSet { recorded: Some(recorded), ..set }
-}
-
-#[tokio::test]
-async fn hysteresis_and_quality_in_use_are_shown() {
-    let daemon = start().await;
-    let active = vec![(FOREARM.to_owned(), Some("m-both".to_owned()))];
-    let model_sets = vec![model_set("m-rising", FOREARM).into(), Arc::new(over_both_branches("m-both")).into()];
-    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
-    let mut client = ModelServiceClient::new(daemon.connect().await);
-
-    let set = client.get_model_set(v1::GetModelSetRequest::default()).await.unwrap().into_inner();
-    let figures = |all: &BTreeMap<String, f64>, names: &[&str]| names.iter().map(|name| all[*name]).collect::<Vec<_>>();
-    let names = ["smooth_s", "zero_return_counts", "unloading_share", "plays_error_ratio", "taxels_with_plays"];
-    assert_eq!(figures(&set.in_use, &names), [0.5, 0.4, 0.03, 0.6, 1.0]);
-    assert_eq!(figures(&set.taxels[0].figures, &["sensitivity_counts_per_kpa"]), [0.9]);
-    assert_eq!(set.taxels[1].figures.get("sensitivity_counts_per_kpa"), None);
-
-    let rising = v1::GetModelSetRequest { model_set: "m-rising".to_owned(), ..Default::default() };
-    assert_eq!(client.get_model_set(rising).await.unwrap().into_inner().in_use, BTreeMap::new());
 }
 
 /// Of three listed sets one is in memory; of the others the store has one, and the other is damaged there.

@@ -46,32 +46,15 @@ fn about(status: &Status) -> (ErrorReason, Vec<(String, String)>) {
 async fn the_engines_refusal_keeps_its_words_and_its_reason_says_what_the_command_was_about() {
     let mut daemon = start().await;
     let mut client = SkinServiceClient::new(daemon.connect().await);
-    let (loaded, problem) = ("tare refused: something presses on the skin".to_owned(), "-1 is no name".to_owned());
+    let loaded = Rejection::FailedPrecondition(Engine::TareLoaded, "something presses on the skin".to_owned());
+    let argument = Rejection::InvalidArgument { field: "confirmed_by", problem: "-1 is no name".to_owned() };
+    let unknown = Rejection::NotFound(Engine::SessionUnknown, "session 4".into());
+    let full = Rejection::Unavailable(Engine::StoreUnavailable, "the disk is full".into());
     for (refused, code, why, words) in [
-        (
-            Rejection::FailedPrecondition(Engine::TareLoaded, loaded),
-            Code::FailedPrecondition,
-            ErrorReason::SkinLoaded,
-            "something presses on the skin",
-        ),
-        (
-            Rejection::InvalidArgument { field: "confirmed_by", problem },
-            Code::InvalidArgument,
-            ErrorReason::FieldInvalid,
-            "confirmed_by: -1 is no name",
-        ),
-        (
-            Rejection::NotFound(Engine::SessionUnknown, "session 4".into()),
-            Code::NotFound,
-            ErrorReason::SessionUnknown,
-            "there is no session 4",
-        ),
-        (
-            Rejection::Unavailable(Engine::StoreUnavailable, "the disk is full".into()),
-            Code::Unavailable,
-            ErrorReason::StoreUnavailable,
-            "the disk is full",
-        ),
+        (loaded, Code::FailedPrecondition, ErrorReason::SkinLoaded, "something presses on the skin"),
+        (argument, Code::InvalidArgument, ErrorReason::FieldInvalid, "confirmed_by: -1 is no name"),
+        (unknown, Code::NotFound, ErrorReason::SessionUnknown, "there is no session 4"),
+        (full.clone(), Code::Unavailable, ErrorReason::StoreUnavailable, "the disk is full"),
     ] {
         let status = daemon.replied(client.tare(v1::TareRequest::default()), Err(refused), |_| {}).await.unwrap_err();
         assert!(status.code() == code && status.message().contains(words), "{status:?}");
@@ -86,9 +69,8 @@ async fn the_engines_refusal_keeps_its_words_and_its_reason_says_what_the_comman
         }
     }
     let mut models = ModelServiceClient::new(daemon.connect().await);
-    let full = Err(Rejection::Unavailable(Engine::StoreUnavailable, "the disk is full".to_owned()));
     let request = v1::ActivateModelSetRequest { model_set: "m-1".to_owned(), ..Default::default() };
-    let status = daemon.replied(models.activate_model_set(request), full, |_| {}).await.unwrap_err();
+    let status = daemon.replied(models.activate_model_set(request), Err(full), |_| {}).await.unwrap_err();
     let expected = [("model_set", "m-1"), ("patch", FOREARM)].map(|(what, which)| (what.to_owned(), which.to_owned()));
     assert_eq!(about(&status).1, expected);
 }

@@ -1,43 +1,11 @@
-//! What stands around the services: reflection, health, the drain.
+//! What stands around the services: health, the drain.
 
 use taxel_engine::snapshot::StoreHealth;
 use tokio::io::AsyncReadExt;
 use tonic_health::pb::health_check_response::ServingStatus;
-use tonic_reflection::pb::v1::ServerReflectionRequest;
-use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
-use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
-use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
 
 use crate::fixture::*;
 use crate::stalls::{until, watch};
-
-const SERVICES: [&str; 6] = [
-    "taxel.v1.ForceService",
-    "taxel.v1.SkinService",
-    "taxel.v1.CalibrationService",
-    "taxel.v1.ModelService",
-    "taxel.v1.ValidationService",
-    "grpc.health.v1.Health",
-];
-
-/// The older version, v1alpha, is called by the walk of all methods.
-#[tokio::test]
-async fn reflection_knows_every_service() {
-    let daemon = start().await;
-    let mut client = ServerReflectionClient::new(daemon.connect().await);
-    let ask = |message| ServerReflectionRequest { host: String::new(), message_request: Some(message) };
-    let mut questions = vec![ask(MessageRequest::ListServices(String::new()))];
-    questions.extend(SERVICES.map(|name| ask(MessageRequest::FileContainingSymbol(name.to_owned()))));
-    let mut answers = client.server_reflection_info(tokio_stream::iter(questions)).await.unwrap().into_inner();
-    let list = answers.message().await.unwrap().unwrap().message_response.unwrap();
-    let MessageResponse::ListServicesResponse(list) = list else { panic!("{list:?}") };
-    let names: Vec<_> = list.service.iter().map(|service| service.name.as_str()).collect();
-    for service in SERVICES {
-        assert!(names.contains(&service), "{service} is not in {names:?}");
-        let file = answers.message().await.unwrap().unwrap().message_response.unwrap();
-        assert!(matches!(file, MessageResponse::FileDescriptorResponse(_)), "{service}: {file:?}");
-    }
-}
 
 #[tokio::test]
 async fn health_follows_the_buses_and_the_force() {

@@ -139,27 +139,14 @@ async fn a_watcher_sees_the_session_at_once_and_to_its_end() {
     let last = watch.message().await.unwrap().unwrap();
     assert_eq!(last.state(), v1::SessionState::Discarded);
     assert!(watch.message().await.unwrap().is_none(), "the stream ends with OK");
+    let mut late = client.watch_session(request).await.unwrap().into_inner();
+    assert_eq!(late.message().await.unwrap().unwrap(), last, "one that has ended is shown once");
+    assert!(late.message().await.unwrap().is_none());
+    assert_eq!(client.get_session(request).await.unwrap().into_inner(), last);
     // One that is not at its end is told of the daemon's.
     let mut watch = client.watch_session(v1::SessionRequest { session: 3 }).await.unwrap().into_inner();
     watch.message().await.unwrap().unwrap();
     daemon.shutdown.cancel();
     let status = watch.message().await.unwrap_err();
     assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
-}
-
-#[tokio::test]
-async fn a_session_that_has_ended_is_shown_once() {
-    let daemon = start().await;
-    let mut client = CalibrationServiceClient::new(daemon.connect().await);
-    let ended = [SessionState::Active, SessionState::Discarded, SessionState::Aborted, SessionState::Failed];
-    for (number, state) in (1..).zip(ended) {
-        publish(&daemon, number, state);
-        let request = v1::SessionRequest { session: number };
-        let mut watch = client.watch_session(request).await.unwrap().into_inner();
-        let shown = watch.message().await.unwrap().unwrap();
-        assert_eq!(shown.state().as_str_name(), format!("SESSION_STATE_{}", state.name()));
-        assert!(watch.message().await.unwrap().is_none());
-        let got = client.get_session(v1::SessionRequest { session: number }).await.unwrap().into_inner();
-        assert_eq!(got, shown);
-    }
 }

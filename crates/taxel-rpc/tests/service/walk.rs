@@ -8,7 +8,7 @@ use prost_types::FileDescriptorSet;
 use rcgen::SanType;
 use taxel_rpc::{Grant, Role, Subject, Tls, Tokens};
 use tonic::body::Body;
-use tonic::codegen::{Service, http};
+use tonic::codegen::{Bytes, Service, http};
 use tonic::transport::{Certificate, ClientTlsConfig};
 
 use crate::certificates::{Authority, Leaf, files};
@@ -73,14 +73,10 @@ async fn call(channel: &mut Channel, method: &str, token: Option<&str>) -> Resul
     if let Some(token) = token {
         request = request.header("authorization", format!("Bearer {token}"));
     }
-    let request = request.body(Body::new(tonic_body(&[0; 5]))).unwrap();
+    let request = request.body(Body::new(http_body_util::Full::new(Bytes::from_static(&[0; 5])))).unwrap();
     std::future::poll_fn(|cx| channel.poll_ready(cx)).await.map_err(|error| format!("{error:?}"))?;
     let answer = channel.call(request).await.map_err(|error| format!("{error:?}"))?;
     Ok(Status::from_header_map(answer.headers()))
-}
-
-fn tonic_body(bytes: &'static [u8]) -> http_body_util::Full<tonic::codegen::Bytes> {
-    http_body_util::Full::new(tonic::codegen::Bytes::from_static(bytes))
 }
 
 /// What a credential should come to.
