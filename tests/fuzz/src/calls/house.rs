@@ -58,7 +58,8 @@ pub fn is_patch(name: &str) {
 }
 
 async fn begin() -> (mpsc::Receiver<Command>, Publisher, SharedServices) {
-    let plan = Arc::new(Plan { buses: 1, patches: vec![forearm(), glove()] });
+    let plan =
+        Arc::new(Plan { buses: 1, patches: vec![PatchPlan::new(patch(FOREARM, 13, ModuleKind::Triangle)), glove()] });
     let clock: Clock = Arc::new(Time::default);
     let (line, pushed) = push_line(plan.patches.len());
     let (handle, publisher, requests) = channel(plan, clock, CancellationToken::new());
@@ -68,7 +69,9 @@ async fn begin() -> (mpsc::Receiver<Command>, Publisher, SharedServices) {
     tokio::spawn(answer_all(requests, note));
     tokio::spawn(take_all(pushed));
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
-    let server = Server::new(handle, Arc::new(Store(line)), Access::new(Rules::open()), limits()).expect("a server");
+    let hour = Duration::from_secs(3600); // no clock cuts anything off
+    let limits = Limits { command: hour, push_pause: hour, check_every: hour, ..Limits::default() };
+    let server = Server::new(handle, Arc::new(Store(line)), Access::new(Rules::open()), limits).expect("a server");
     let services = server.shared();
     tokio::spawn(server.serve(vec![Listener::Tcp(listener)]));
     (noted, publisher, services)
@@ -117,12 +120,6 @@ impl Backend for Store {
     }
 }
 
-/// No clock cuts anything off.
-fn limits() -> Limits {
-    let hour = Duration::from_secs(3600);
-    Limits { command: hour, push_pause: hour, check_every: hour, ..Limits::default() }
-}
-
 async fn answer_all(mut requests: tokio::sync::mpsc::Receiver<Request>, note: mpsc::Sender<Command>) {
     while let Some(Request { command, reply, .. }) = requests.recv().await {
         let answer = answer(&command);
@@ -143,10 +140,6 @@ fn answer(command: &Command) -> Reply {
 
 async fn take_all(mut pushed: tokio::sync::mpsc::Receiver<Pushed>) {
     while pushed.recv().await.is_some() {}
-}
-
-fn forearm() -> PatchPlan {
-    PatchPlan::new(patch(FOREARM, 13, ModuleKind::Triangle))
 }
 
 fn glove() -> PatchPlan {
