@@ -102,29 +102,3 @@ impl Board {
         (answer, told)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_set_point_that_nobody_repeats_is_vented() {
-        let (address, Pump { commands, gauge }) = start().unwrap();
-        gauge.send_replace(1.25);
-        let mut line = TcpStream::connect(address).unwrap();
-        let mut answers = BufReader::new(line.try_clone().unwrap()).lines();
-        let mut tell = |text: &str| {
-            writeln!(line, "{text}").unwrap();
-            answers.next().unwrap().unwrap()
-        };
-        assert_eq!(tell("set 12.50 100"), "ok set 12.50");
-        assert!(matches!(commands.recv().unwrap(), PumpCommand::Ramp { target, .. } if target.0 == 12.5));
-        assert_eq!(commands.recv().unwrap(), PumpCommand::Vent, "its time is over");
-        assert_eq!(tell("hold 60000"), "ok hold");
-        assert_eq!(commands.recv().unwrap(), PumpCommand::Off);
-        assert!(tell("set 200 100").starts_with("error"));
-        assert_eq!(tell("get"), "p 1.25");
-        drop((line, answers));
-        assert_eq!(commands.recv().unwrap(), PumpCommand::Vent, "nobody is there any more");
-    }
-}

@@ -125,14 +125,6 @@ mod tests {
     use taxel_proto::refusal::Refusal;
 
     #[test]
-    fn a_daemon_that_says_no_is_told_from_one_that_cannot_be_asked() {
-        let code = |status: Status| Failure::from(status).code;
-        assert_eq!(Failure::from(Status::failed_precondition("rest")).to_string(), "rest");
-        assert_eq!([Status::failed_precondition("rest"), Status::permission_denied("role")].map(code), [REFUSED; 2]);
-        assert_eq!([Status::unavailable("gone"), Status::deadline_exceeded("late")].map(code), [BROKEN; 2]);
-    }
-
-    #[test]
     fn a_refusal_names_the_command_that_helps() {
         let of = |reason| Failure::from(Status::from(Refusal::failed_precondition(reason, "no")));
         let loaded = of(ErrorReason::SkinLoaded);

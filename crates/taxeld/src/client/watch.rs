@@ -237,11 +237,6 @@ mod tests {
         Judged::new(Received::now(sample), Moment::now())
     }
 
-    /// The line without its colour.
-    fn words(judged: &Judged) -> String {
-        anstream::adapter::strip_str(&describe(judged)).to_string()
-    }
-
     #[test]
     fn a_force_that_waited_too_long_goes_on_as_none() {
         let fresh = judged(ForceState::Ok, Some(4.9));
@@ -253,14 +248,11 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_the_force_its_uncertainty_its_age_and_its_state() {
+    fn a_line_has_the_force_its_uncertainty_its_age_and_its_state_or_why_there_is_none() {
+        let words = |judged: &Judged| anstream::adapter::strip_str(&describe(judged)).to_string();
         let line = words(&judged(ForceState::Degraded, Some(4.9)));
         assert!(line.starts_with("palm: 4.90 N (4.40 N or more), "), "{line}");
         assert!(line.ends_with(" ms old, 18 taxels active, DEGRADED: a module is silent"), "{line}");
-    }
-
-    #[test]
-    fn without_a_force_the_line_says_why_and_shows_no_number() {
         let line = words(&judged(ForceState::TareInvalid, None));
         assert_eq!(line, "palm: no force: TARE_INVALID: a module is silent");
     }

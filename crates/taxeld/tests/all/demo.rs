@@ -37,20 +37,6 @@ impl Demo {
         command.output().unwrap()
     }
 
-    /// A command of which no file may have more than one block, as on a disk that is full by then: it must fail and leave the
-    /// file at the end of its arguments as it is.
-    pub fn leaves(&self, arguments: &[&str]) {
-        let out = arguments.last().unwrap();
-        std::fs::write(out, "what was there").unwrap();
-        let mut command = Command::new("sh");
-        command.args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_taxeld")]);
-        let output = command.args(arguments).env("TAXELD_SERVER", &self.server).output().unwrap();
-        let said = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
-        assert!(said.contains(&format!("{out}: File too large")), "{arguments:?}: {said}");
-        assert_eq!(std::fs::read_to_string(out).unwrap(), "what was there", "{arguments:?}");
-    }
-
     /// What a command that must succeed prints.
     pub fn succeeds(&self, arguments: &[&str]) -> String {
         let output = self.command(arguments);

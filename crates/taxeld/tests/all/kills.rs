@@ -75,13 +75,9 @@ impl Told {
                 Ok(session) => self.sessions.push(session.into_inner().session),
                 Err(status) if status.code() == tonic::Code::FailedPrecondition => {
                     let session = self.sessions.last().copied().unwrap_or_default();
-                    let _ = calibration
-                        .advance_session(v1::AdvanceSessionRequest {
-                            session,
-                            action: v1::SessionAction::Abort.into(),
-                            ..v1::AdvanceSessionRequest::default()
-                        })
-                        .await;
+                    let action = v1::SessionAction::Abort.into();
+                    let abort = v1::AdvanceSessionRequest { session, action, ..Default::default() };
+                    let _ = calibration.advance_session(abort).await;
                 }
                 Err(status) => return Err(status),
             }

@@ -1,9 +1,6 @@
 //! An operator at the terminal: a whole calibration, a known load and the force, against `taxeld demo` as a process of
 //! its own, through the commands alone.
 
-use std::io::Write;
-use std::net::TcpStream;
-
 use crate::common::*;
 use crate::demo::Demo;
 
@@ -30,9 +27,6 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     // The last cell of a row says what it is if it is no scan.
     let rows = std::fs::read_to_string(&data).unwrap().lines().filter(|line| line.ends_with(',')).count();
     assert_eq!(rows.to_string(), sessions[0]["accepted"].as_str().unwrap());
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    demo.leaves(&["sessions", "export", number, "--out", &at("full.csv")]);
-    demo.leaves(&["models", "export", "--out", &at("full.json")]);
     assert!(demo.succeeds(&["models", "show", &id[..6]]).contains(" taxels usable"));
     for beginning in ["", "m-", &id[..3]] {
         assert!(
@@ -41,11 +35,10 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
         );
     }
     stored_samples_are_fitted_once_more(&demo, number, id);
-    no_file_makes_a_set_one_of_a_session(&demo, id);
 
     let events = demo.json(&["events", "--json"]);
     let of = |kind: &str| events.iter().filter(|event| event["kind"] == kind).count();
-    assert!(of("tared") > 0 && of("activated") >= 3 && of("session") >= 5, "{events:?}");
+    assert!(of("tared") > 0 && of("activated") > 0 && of("session") >= 5, "{events:?}");
     assert!(demo.succeeds(&["events"]).contains("activated: "));
 
     demo.until_good(&["tare"]);
@@ -132,22 +125,6 @@ fn import_changed(demo: &Demo, change: impl FnOnce(&mut serde_json::Value)) -> S
     demo.succeeds(&["models", "import", &file])
 }
 
-/// A set of a session that was exported, changed and imported is not that session's any more.
-fn no_file_makes_a_set_one_of_a_session(demo: &Demo, own: &str) {
-    let said = import_changed(demo, |set| {
-        assert!(set["session"].is_u64(), "{}", set["session"]);
-        set["method"] = "changed".into();
-    });
-    let id = said.split_whitespace().find(|word| word.starts_with("m-")).unwrap();
-    let sets = demo.json(&["models", "list", "--json"]);
-    let imported = sets.iter().find(|set| set["modelSet"] == id).unwrap();
-    assert!(imported["session"].is_null(), "{imported}");
-    // The way back to the session's own is an activation.
-    demo.succeeds(&["models", "use", id]);
-    let back = demo.succeeds(&["models", "use", own]);
-    assert!(back.contains(&format!("before it: {id}")), "{back}");
-}
-
 /// The session's own set comes out again under its own id.
 fn stored_samples_are_fitted_once_more(demo: &Demo, session: &str, own: &str) {
     let again = &demo.json(&["sessions", "refit", session, "--json"])[0];
@@ -217,49 +194,6 @@ fn known_loads_recalibrate_the_skin_and_only_an_activation_uses_the_result() {
         demo.refused(&["recalibrate"]).contains("0 known loads so far"),
         "loads of the set before say nothing of this one"
     );
-}
-
-/// Hands each way's bytes on, so long after they came; the address.
-fn slow_line(to: String, delay: Duration) -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap().to_string();
-    std::thread::spawn(move || {
-        for near in listener.incoming().map_while(Result::ok) {
-            let Ok(far) = TcpStream::connect(&to) else { return };
-            let (back, forth) = (near.try_clone().unwrap(), far.try_clone().unwrap());
-            for (mut from, mut onto) in [(near, far), (forth, back)] {
-                let (came, due) = std::sync::mpsc::channel::<(Instant, Vec<u8>)>();
-                std::thread::spawn(move || {
-                    for (at, bytes) in due {
-                        std::thread::sleep((at + delay).saturating_duration_since(Instant::now()));
-                        if onto.write_all(&bytes).is_err() {
-                            return;
-                        }
-                    }
-                });
-                std::thread::spawn(move || {
-                    let mut bytes = [0; 65_536];
-                    while let Ok(length @ 1..) = from.read(&mut bytes) {
-                        if came.send((Instant::now(), bytes[..length].to_vec())).is_err() {
-                            return;
-                        }
-                    }
-                });
-            }
-        }
-    });
-    address
-}
-
-#[test]
-fn a_force_that_is_long_on_its_way_is_told_as_old_as_it_is() {
-    let demo = Demo::start(&[]);
-    demo.until_good(&["watch", "--once"]);
-    let slow = slow_line(demo.server.clone(), Duration::from_millis(300));
-    demo.refused(&["watch", "--once", "--server", &slow]);
-    let printed = text(&demo.command(&["watch", "--json", "--count", "1", "--server", &slow]).stdout);
-    let sample: serde_json::Value = serde_json::from_str(&printed).unwrap();
-    assert!(sample["ageS"].as_f64().unwrap() >= 0.3, "{printed}");
 }
 
 #[test]

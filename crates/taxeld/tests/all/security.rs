@@ -176,25 +176,16 @@ async fn on_a_signal_other_certificates_and_tokens_count_and_useless_ones_change
     tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
 
     // A pipe in its place is never read to its end.
-    make_pipe(&folder.path().join("server.pem"));
+    let certificate = path(folder.path(), "server.pem");
+    std::fs::remove_file(&certificate).unwrap();
+    assert!(Command::new("mkfifo").arg(certificate).status().unwrap().success());
     std::fs::write(folder.path().join("tokens"), "").unwrap();
     daemon.child.signal("-HUP");
-    until_refused(&unix, token.trim()).await;
-    tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
-}
-
-/// Puts a pipe that nobody writes to in the place of a file.
-fn make_pipe(path: &Path) {
-    std::fs::remove_file(path).unwrap();
-    assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
-}
-
-async fn until_refused(channel: &Channel, token: &str) {
     let begun = Instant::now();
-    while tare(channel, Some(token), "Ann").await.is_ok() {
+    while tare(&unix, Some(token.trim()), "Ann").await.is_ok() {
         assert!(begun.elapsed() < PATIENCE, "the token counts for ever");
-        tokio::task::yield_now().await;
     }
+    tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
 }
 
 #[tokio::test]
@@ -237,10 +228,9 @@ async fn the_commands_come_over_tls_with_certificates_and_not_without() {
     daemon.unix().await;
     let list = |arguments: &[&str], folder: &Path| {
         let command = ["sessions", "list", "--server", &daemon.tls()];
-        let output =
-            Command::new(env!("CARGO_BIN_EXE_taxeld")).args(command).args(arguments).current_dir(folder).output();
-        let output = output.unwrap();
-        (output.status.success(), String::from_utf8(output.stderr).unwrap())
+        let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        let output = taxeld.args(command).args(arguments).current_dir(folder).output().unwrap();
+        (output.status.success(), text(&output.stderr))
     };
     for folder in [&folder, &other] {
         for (made, name) in [("operator.pem", "client.pem"), ("operator.key", "client.key")] {

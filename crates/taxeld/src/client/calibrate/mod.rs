@@ -188,16 +188,3 @@ async fn conclude(course: &Course, args: &CalibrateArgs) -> Outcome {
     say!("{} is in use. With nothing on the skin: taxeld tare, then taxeld watch", candidate.summary.model_set);
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_module_is_named_by_board_and_number() {
-        assert_eq!(parse_module("12:3"), Ok(ModuleName { board: 12, module: 3 }));
-        for text in ["", "12", "12:", ":3", "a:b", "12:3:4"] {
-            assert!(parse_module(text).is_err(), "{text}");
-        }
-    }
-}

@@ -164,28 +164,6 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_pressure_rate_coverage_and_who_does_not_respond() {
-        let session = Session {
-            coverage: 0.48,
-            remaining_s: Some(17.9),
-            taxels: 230,
-            taxels_responding: 220,
-            ..ramping(34.2, 2.0)
-        };
-        assert_eq!(
-            line(&session, "board 12 module 3 (all 10)"),
-            "RAMPING 34.2 of 70 kPa, +2.00 kPa/s of 5.0; coverage 48 %, 18 s left; \
-             220 of 230 taxels respond; not: board 12 module 3 (all 10); go on"
-        );
-        let no_gauge = Session { pressure_kpa: None, rate_kpa_per_s: None, ..session };
-        let line = line(&no_gauge, "");
-        assert!(
-            line.starts_with("RAMPING - of 70 kPa, - kPa/s of 5.0") && line.ends_with("is the gauge on?"),
-            "{line}"
-        );
-    }
-
-    #[test]
     fn each_branch_is_guided_by_its_rate_and_other_states_by_the_daemons_words() {
         for (kpa, rate, expected) in [
             (0.1, 0.0, "pump: lower the pressure in the bag slowly"),

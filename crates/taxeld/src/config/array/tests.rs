@@ -33,22 +33,6 @@ fn shipped(name: &str) -> PatchPlan {
 }
 
 #[test]
-fn a_multiplexed_array_is_a_device_with_modules_of_whole_rows() {
-    let plan = shipped("multiplexed");
-    let (patch, device) = (&plan.patch, &plan.devices[0]);
-    assert_eq!((patch.taxels().len(), patch.boards().len(), patch.modules().len()), (64, 1, 4));
-    assert_eq!((patch.counts().top(), patch.counts().per_unit()), (4095, 16.0));
-    assert_eq!(device.frames.len(), 16);
-    let last = &device.frames[15];
-    assert_eq!(last.counts.iter().map(|(taxel, _)| *taxel).collect::<Vec<_>>(), [60, 61, 62, 63]);
-    let frame = Frame::of(CanId::Standard(0x120), [0x0F, 0, 0x23, 0xF1, 0xFF, 0, 0, 0]);
-    let mut counts = Vec::new();
-    last.read(&frame, |taxel, count| counts.push((taxel, count))).unwrap();
-    assert!(last.frames.is(&frame) && !device.frames[14].frames.is(&frame));
-    assert_eq!(counts, [(60, 0), (61, 0x123), (62, 0xFFF), (63, 0)]);
-}
-
-#[test]
 fn a_grid_gives_positions_areas_and_normals() {
     let plan = shipped("multiplexed");
     assert!(plan.areas.iter().all(|area| (area.0 - 16.0).abs() < 1e-12));

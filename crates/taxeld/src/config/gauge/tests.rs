@@ -2,7 +2,6 @@ use std::path::Path;
 
 use taxel_engine::plan::PatchPlan;
 use taxel_rig::modbus::{Number, Request};
-use taxel_wire::signal::PressureMeaning;
 
 use super::super::examine_text;
 use super::*;
@@ -54,12 +53,6 @@ fn what_a_reading_refers_to_is_said_or_below_ambient() {
     let takes = |more: &str| plan(&format!("{line}{more}")).gauge.unwrap().takes_ambient;
     let all = ["", ", reference = \"ambient\"", ", reference = \"absolute\"", ", ambient_kpa = 95.0"].map(takes);
     assert_eq!(all, [false, false, true, false], "only a guess is put right by the vented bag");
-}
-
-#[test]
-fn a_gauge_on_can_may_be_absolute_without_a_known_ambient_pressure() {
-    let gauge = plan("id = 0x200, signal = \"0|32@1-\", unit = \"Pa\", reference = \"absolute\"").gauge.unwrap();
-    assert!(gauge.takes_ambient && gauge.signal.meaning == PressureMeaning::AbsoluteBag { ambient_kpa: AMBIENT_KPA });
 }
 
 #[test]

@@ -181,14 +181,6 @@ fn what_cannot_be_pushed_is_refused_with_key_and_value() {
         (pushed(&PUSHED.replace("4095", "0"), ""), "push.count_max = 0"),
         (pushed(&format!("{PUSHED}\n{BOARD}"), ""), "expected one of boards, [patch.array] and push"),
         (pushed(&format!("{PUSHED}\n{gauge}"), ""), "a gauge sends over a CAN bus"),
-        (
-            pushed(&format!("{PUSHED}\ngauge = {{ ambient_kpa = 101.0 }}"), ""),
-            "gauge.ambient_kpa: it belongs to id and signal or port or line, and the pressure comes by push",
-        ),
-        (
-            pushed(&format!("{PUSHED}\ngauge = {{ bus = \"c\" }}"), ""),
-            "gauge.bus: it belongs to id and signal or port, and the pressure comes by push",
-        ),
         (pushed(BOARD, ""), "expected push = {"),
         (pushed(PUSHED, &format!("[[patch]]\nname = \"q\"\nbus = \"b\"\n{PUSHED}")), "expected one patch on it"),
         (text("", PUSHED, ""), "push needs a bus with source = \"push\", and `b` has none"),
