@@ -148,4 +148,14 @@ mod tests {
         assert_eq!(out[0].frame, frame(0x300));
         assert_eq!(out[1].frame, frame(0x400), "the loser goes while the winner fetches its next");
     }
+
+    #[test]
+    fn a_full_queue_refuses_and_a_discard_keeps_the_frame_on_the_wire() {
+        let mut bus = Bus::new(1, 1, Time::default());
+        (0..100).for_each(|n| bus.queue(0, Time::default(), frame(n)));
+        assert_eq!(drain(&mut bus.clone()).len(), QUEUE_FRAMES);
+        assert!(bus.step(Time::default()).is_none(), "starts the first");
+        bus.discard(0);
+        assert_eq!(drain(&mut bus).len(), 1);
+    }
 }

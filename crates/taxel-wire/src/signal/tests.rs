@@ -117,10 +117,6 @@ fn faulty_specs_are_named() {
             "identifier 20000000 is too large, expected at most 1FFFFFFF",
         ),
         (SignalSpec { length_bits: 65, ..INSOLE }, "length is 65 bits, expected 1 to 64"),
-        (
-            SignalSpec { start_bit: 480, byte_order: ByteOrder::Big, ..INSOLE },
-            "32 bits from start bit 480 (Big endian) do not fit into 64 bytes",
-        ),
         (SignalSpec { scale: 0.0, ..INSOLE }, "scale is 0, expected a finite number other than 0"),
         (SignalSpec { offset: f64::NAN, ..INSOLE }, "offset is NaN, expected a finite number"),
         (
