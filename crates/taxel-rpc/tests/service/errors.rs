@@ -49,8 +49,7 @@ async fn rates_outside_1_to_1000_hz_are_refused() {
     let daemon = start().await;
     let channel = daemon.connect().await;
     for rate_hz in [0.0, 0.99, 1000.1, -5.0, f64::NAN, f64::INFINITY] {
-        let request = v1::StreamRequest { rate_hz: Some(rate_hz), ..Default::default() };
-        let status = ForceServiceClient::new(channel.clone()).stream_force(request).await.unwrap_err();
+        let status = stream(channel.clone(), Some(rate_hz)).await.unwrap_err();
         expect(status, Code::InvalidArgument, &["rate_hz", "1 to 1000", &rate_hz.to_string()]);
     }
 }

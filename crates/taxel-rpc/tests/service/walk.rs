@@ -270,12 +270,11 @@ async fn a_name_of_a_certificate_has_no_role_of_a_name_of_another_kind() {
         (&["boss", "nobody"], uri("spiffe://robot/operator"), Some(Role::Operator)),
     ];
     for (common, alternative, role) in cases {
-        let shown = format!("{common:?}, {alternative:?}");
+        println!("{common:?}, {alternative:?}");
         let leaf = house.authority.named_client(common, alternative);
         let mut channel = house.with_certificate(Some(&leaf));
         for method in ["taxel.v1.SkinService/Tare", "taxel.v1.ModelService/DeleteModelSet"] {
             let answer = call(&mut channel, method, None).await.unwrap();
-            println!("{shown}: {method}");
             judge(method, Expected::Role(role, Code::PermissionDenied), answer.as_ref());
         }
     }

@@ -16,7 +16,7 @@ fn scan(time: Time, head: u8, tail: u8) -> ModuleScan {
 }
 
 #[test]
-fn the_window_is_exclusive() {
+fn the_window_is_exclusive_and_what_waits_for_so_long_is_an_orphan_once() {
     let mut pairer = Pairer::new(WINDOW);
     pairer.head(ms(0.0), [1; 7]);
     assert_eq!(pairer.tail(ms(40.0), [1; 5], OK), None);
@@ -25,6 +25,11 @@ fn the_window_is_exclusive() {
     assert!(pairer.tail(ms(139.999), [1; 5], OK).is_some());
     pairer.head(ms(140.0), [1; 7]); // a whole window after the last head it is no duplicate
     assert!(pairer.tail(ms(140.0), [1; 5], OK).is_some(), "frames of one batch may share a time");
+    pairer.head(ms(200.0), [1; 7]);
+    for (now, heads) in [(239.9, 1), (240.0, 2), (500.0, 2)] {
+        pairer.expire(ms(now));
+        assert_eq!(pairer.orphans().heads, heads, "at {now} ms");
+    }
 }
 
 #[test]
@@ -43,14 +48,13 @@ fn duplicates_before_and_after_the_pairing_change_nothing() {
 }
 
 #[test]
-fn expiry_counts_once_and_at_the_window() {
+fn a_tail_of_other_values_or_status_is_no_duplicate() {
     let mut pairer = Pairer::new(WINDOW);
     pairer.head(ms(0.0), [1; 7]);
-    pairer.expire(ms(39.9));
-    assert_eq!(pairer.orphans(), Orphans::default());
-    pairer.expire(ms(40.0));
-    pairer.expire(ms(500.0));
-    assert_eq!(pairer.orphans(), Orphans { heads: 1, tails: 0 });
+    pairer.tail(ms(0.2), [1; 5], OK);
+    pairer.tail(ms(0.3), [2; 5], OK);
+    pairer.tail(ms(0.3), [1; 5], StatusWord(1));
+    assert_eq!(pairer.orphans(), Orphans { heads: 0, tails: 2 });
 }
 
 #[test]
