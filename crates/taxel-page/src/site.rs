@@ -215,18 +215,3 @@ fn calls_of(query: &str) -> Result<Vec<Call>, Status> {
     }
     Ok(calls)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn fields_belong_to_the_call_before_them() {
-        let calls = calls_of("call=A%2FB&rateHz=30&patch=a+b&call=C/D").unwrap();
-        let field = |name: &str, value: &str| (name.to_owned(), value.to_owned());
-        let first = ("A/B".to_owned(), vec![field("rateHz", "30"), field("patch", "a b")]);
-        assert_eq!(calls, [first, ("C/D".to_owned(), Vec::new())]);
-        assert!(calls_of("rateHz=30&call=A/B").is_err());
-        assert_eq!(calls_of("").unwrap(), []);
-    }
-}

@@ -106,6 +106,7 @@ async fn a_refused_stream_is_refused_before_it_begins() {
         (format!("/{FORCE}?patch=nose"), 404),
         (format!("/streams?call={FORCE}&call=taxel.v1.ForceService/GetForce"), 400),
         ("/streams".to_owned(), 400),
+        (format!("/streams?rateHz=30&call={FORCE}"), 400),
         ("/streams?call=no/such".to_owned(), 404),
     ] {
         let answer = daemon.get(&path).await;
