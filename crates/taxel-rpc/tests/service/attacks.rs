@@ -12,10 +12,6 @@ const BEGIN: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0";
 /// So short that a watch of ten looks takes no time, on the slowest machine.
 const SHORT: Duration = Duration::from_millis(5);
 
-async fn still_serves(daemon: &Daemon) {
-    get_force(daemon.connect().await).await.unwrap();
-}
-
 #[tokio::test]
 async fn a_peer_without_a_preface_is_closed() {
     let daemon = start_with(&[FOREARM], Limits { check_every: SHORT, preface_checks: 4, ..patient() }).await;
@@ -86,7 +82,7 @@ async fn idle_connections_make_room_for_new_programs_and_not_for_those_with_a_st
     }
     // All places of loopback are taken: each new program gets the place of one that is idle.
     for _ in 0..20 {
-        still_serves(&daemon).await;
+        get_force(daemon.connect().await).await.unwrap();
     }
     daemon.engine().patch(0, snapshot(2, Time::default()));
     assert_eq!(reader.message().await.unwrap().unwrap().sequence, 2, "a stream is not idle");
@@ -120,7 +116,7 @@ async fn a_thousand_idle_sockets_keep_no_client_out() {
         idle.push(TcpStream::connect(daemon.address).await.unwrap());
     }
     for _ in 0..20 {
-        still_serves(&daemon).await;
+        get_force(daemon.connect().await).await.unwrap();
     }
     // The oldest were closed for the newer ones, and not a client that is known.
     read_to_end(&mut idle[0]).await;
@@ -136,7 +132,7 @@ async fn garbage_is_answered_by_closing() {
         let _ = peer.write_all(garbage).await;
         read_to_end(&mut peer).await; // its own end stays open
     }
-    still_serves(&daemon).await;
+    get_force(daemon.connect().await).await.unwrap();
 }
 
 /// HTTP/2 frame: length, type, flags, stream, payload (RFC 9113 section 4.1).
@@ -173,5 +169,5 @@ async fn flood(daemon: &Daemon, what: &str, mut frames: impl Iterator<Item = Vec
         }
     };
     assert!(closed, "{what}: all frames were taken");
-    still_serves(daemon).await;
+    get_force(daemon.connect().await).await.unwrap();
 }
