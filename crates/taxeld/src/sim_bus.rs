@@ -245,6 +245,21 @@ mod tests {
     }
 
     #[test]
+    fn of_two_sessions_in_one_bag_nothing_is_pumped_before_both_have_their_zero_and_the_one_that_still_rises_goes_first()
+     {
+        let session = |state, direction| SessionView { state, direction, ..SessionView::default() };
+        let (rising, falling) = (Direction::Rising, Direction::Falling);
+        let in_order = [
+            session(SessionState::Taring, rising),
+            session(SessionState::Ramping, rising),
+            session(SessionState::Ramping, falling),
+            session(SessionState::Fitting, rising),
+            session(SessionState::Review, rising),
+        ];
+        assert!(in_order.windows(2).all(|pair| rank(&pair[0]) > rank(&pair[1])));
+    }
+
+    #[test]
     fn a_patch_is_simulated_on_its_own_bus_unless_the_forearm_has_its_boards() {
         let (forearm, _) = crate::demo::skin(1).unwrap();
         let name = |plan: &Plan, bus| beyond(&forearm, plan, BusIndex(bus)).map(|patch| patch.name().to_owned());

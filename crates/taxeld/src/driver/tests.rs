@@ -124,23 +124,15 @@ impl Bench {
         answer
     }
 
-    async fn answered(&mut self, answer: oneshot::Receiver<Reply>) -> Reply {
+    /// Gives a command and takes turns until it is answered.
+    async fn reply(&mut self, who: Option<&str>, command: Command) -> Reply {
+        let answer = self.give(command, who);
         self.during(answer).await.unwrap()
-    }
-
-    async fn reply(&mut self, command: Command) -> Reply {
-        let answer = self.give(command, None);
-        self.answered(answer).await
-    }
-
-    async fn audited(&mut self, who: &str, command: Command) -> Reply {
-        let answer = self.give(command, Some(who));
-        self.answered(answer).await
     }
 
     /// Imports a set that must be refused as not to be stored; why it is.
     async fn refused_import(&mut self, wall_ns: i64) -> String {
-        match self.reply(import(wall_ns)).await {
+        match self.reply(None, import(wall_ns)).await {
             Err(Rejection::Unavailable(_, why)) => why,
             other => panic!("{other:?}"),
         }
@@ -188,16 +180,13 @@ fn import(created_wall_ns: i64) -> Command {
     Command::Import { model_set: model_set(created_wall_ns), insist: false }
 }
 
-fn foreign(time: Time) -> TimedFrame {
-    TimedFrame { time, frame: Frame::data(CanId::Standard(0x7FE), &[0; 8]).unwrap() }
-}
-
 #[tokio::test(start_paused = true)]
 async fn under_a_flood_of_frames_and_commands_every_tick_comes_in_time_and_every_command_is_answered() {
     let mut bench = Bench::new();
     let mut waiting = Vec::new();
     for turn in 0..1_000 {
-        while bench.hand_over(vec![foreign((bench.clock)().time); 64]) {}
+        let frame = Frame::data(CanId::Standard(0x7FE), &[0; 8]).unwrap();
+        while bench.hand_over(vec![TimedFrame { time: (bench.clock)().time, frame }; 64]) {}
         if turn >= 500 {
             while let Some(answer) = bench.ask() {
                 waiting.push((turn, answer));
@@ -289,7 +278,7 @@ async fn a_commit_that_the_disk_refuses_is_refused_with_the_reason_and_changes_n
     let folder = tempfile::tempdir().unwrap();
     let [path, elsewhere] = ["store.db", "elsewhere.db"].map(|name| folder.path().join(name));
     let mut bench = Bench::on(&path);
-    let Ok(taxel_engine::command::Done::Kept { model_set, .. }) = bench.reply(import(1)).await else { panic!() };
+    let Ok(taxel_engine::command::Done::Kept { model_set, .. }) = bench.reply(None, import(1)).await else { panic!() };
     std::fs::rename(&path, &elsewhere).unwrap();
     let why = bench.refused_import(2).await;
     assert!(why.contains("nothing has changed: the store failed") && why.contains("was removed"), "{why}");
@@ -306,6 +295,22 @@ async fn a_commit_that_the_disk_refuses_is_refused_with_the_reason_and_changes_n
     store.close().unwrap();
 }
 
+#[tokio::test]
+async fn a_commit_that_the_stores_queue_has_no_room_for_is_refused_with_the_reason() {
+    let mut bench = Bench::new();
+    bench.turn().await;
+    let release = bench.hold_writer();
+    while bench.driver.store.submit(Batch::default()).is_ok() {}
+    let why = bench.refused_import(1).await;
+    let behind = StoreError::Behind { waiting: QUEUE_BATCHES }.to_string();
+    assert_eq!(why, format!("it could not be written to disk, and nothing has changed: {behind}"));
+    release.send(()).unwrap();
+    // Nothing was lost, so that the store goes on when the disk does.
+    while let Err(Rejection::Unavailable(_, why)) = bench.reply(None, import(2)).await {
+        assert!(why.contains(&behind), "{why}");
+    }
+}
+
 /// Else whoever asks for what is refused could fill the queue of a slow disk, and end all writing with that.
 #[tokio::test]
 async fn a_refusal_is_told_when_it_is_in_the_audit_log() {
@@ -314,7 +319,7 @@ async fn a_refusal_is_told_when_it_is_in_the_audit_log() {
     let release = bench.hold_writer();
     let mut answer = bench.give(Command::DiscardSession { session: 7 }, Some("eve"));
     // Of the next one it is not known who asked, so that nothing is written down of it.
-    let refused = bench.reply(Command::DiscardSession { session: 8 }).await.unwrap_err();
+    let refused = bench.reply(None, Command::DiscardSession { session: 8 }).await.unwrap_err();
     assert!(matches!(refused, Rejection::NotFound(..)), "{refused:?}");
     assert!(matches!(answer.try_recv(), Err(oneshot::error::TryRecvError::Empty)));
     release.send(()).unwrap();
@@ -346,9 +351,9 @@ async fn whoever_asks_much_of_a_slow_disk_is_refused_before_that_ends_all_writin
     release.send(()).unwrap();
     waiting.pop();
     for answer in waiting {
-        bench.answered(answer).await.unwrap();
+        bench.during(answer).await.unwrap().unwrap();
     }
-    assert!(bench.reply(import(-1)).await.is_ok());
+    assert!(bench.reply(None, import(-1)).await.is_ok());
 }
 
 #[tokio::test]
@@ -395,12 +400,12 @@ async fn the_audit_log_has_who_asked_and_the_model_set_before_and_after() {
     let mut bench = Bench::new();
     let ids = [1, 2].map(|wall_ns| model_set(wall_ns).id.clone());
     for wall_ns in [1, 2] {
-        bench.audited("ann", import(wall_ns)).await.unwrap();
+        bench.reply(Some("ann"), import(wall_ns)).await.unwrap();
     }
     let activate = |id: &str| Command::Activate { patch: String::new(), model_set: id.to_owned(), expected: None };
-    bench.audited("bob", activate(&ids[0])).await.unwrap();
-    bench.audited("joe", activate(&ids[1])).await.unwrap();
-    let refusal = bench.audited("eve", activate("m-none")).await.unwrap_err();
+    bench.reply(Some("bob"), activate(&ids[0])).await.unwrap();
+    bench.reply(Some("joe"), activate(&ids[1])).await.unwrap();
+    let refusal = bench.reply(Some("eve"), activate("m-none")).await.unwrap_err();
     let [a, b, none] = [ids[0].as_str(), ids[1].as_str(), ""];
     let refused = format!("refused: {refusal}");
     let expected = [
@@ -437,7 +442,7 @@ async fn a_bring_up_waits_until_it_is_on_disk_who_asked_for_it() {
     }
     let said = bench.audit_log().into_iter().find(|[who, ..]| who == "eve").unwrap();
     assert!(said[3].contains("nothing is done"), "{said:?}");
-    let Err(Rejection::FailedPrecondition(reason, _)) = bench.audited("bob", command()).await else {
+    let Err(Rejection::FailedPrecondition(reason, _)) = bench.reply(Some("bob"), command()).await else {
         panic!("this one only listens")
     };
     assert_eq!(reason, ErrorReason::ListenOnly);

@@ -158,9 +158,6 @@ fn a_demo_starts_with_its_models_in_use_and_a_stream_ends_with_its_reader() {
     let demo = Demo::start(&[]);
     let slow = demo.until_good(&["watch", "--rate", "1", "--count", "3"]);
     assert_eq!(slow.lines().count(), 3, "a line a sample, however rare they are: {slow}");
-    let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
-    assert!(demo.refused(&["models", "delete", &id, "--yes"]).contains("in use"));
-    assert!(demo.refused(&["sessions", "show", "7"]).contains("no session 7"));
     // As in `taxeld watch --json | head -1`: it ends by itself and says nothing.
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     command.args(["watch", "--json", "--server", &demo.server]).stdout(Stdio::piped()).stderr(Stdio::piped());

@@ -89,7 +89,6 @@ async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
     let code = answer.as_ref().map_or_else(Status::code, |()| Code::Ok);
     let lost = answer.as_ref().is_err_and(|status| status.message().contains("the zero was lost while it was written"));
     assert!(matches!(code, Code::Ok | Code::DeadlineExceeded) || lost, "{answer:?}");
-    println!("{samples} samples until the answer {answer:?}, {stale} of them stale");
     assert!(samples >= 10, "only {samples} samples came while the disk was slow");
     assert_eq!(stale, 0);
     std::fs::remove_file(&slow).unwrap();

@@ -48,10 +48,6 @@ impl Daemon {
         format!("unix:{}", self.folder.join("socket").display())
     }
 
-    fn tls(&self) -> String {
-        format!("https://{}", self.address)
-    }
-
     /// The Unix socket, as soon as the daemon answers on it, whatever it says: all its doors are open then. That the socket
     /// takes a connection says less, since it is there earlier.
     async fn unix(&self) -> Channel {
@@ -75,7 +71,7 @@ impl Daemon {
             .ca_certificate(Certificate::from_pem(read("ca.pem")))
             .identity(Identity::from_pem(read("operator.pem"), read("operator.key")))
             .domain_name("robot.example");
-        Endpoint::from_shared(self.tls()).unwrap().tls_config(config).unwrap().connect_lazy()
+        Endpoint::from_shared(format!("https://{}", self.address)).unwrap().tls_config(config).unwrap().connect_lazy()
     }
 }
 
@@ -227,7 +223,7 @@ async fn the_commands_come_over_tls_with_certificates_and_not_without() {
     let daemon = start(folder.path());
     daemon.unix().await;
     let list = |arguments: &[&str], folder: &Path| {
-        let command = ["sessions", "list", "--server", &daemon.tls()];
+        let command = ["sessions", "list", "--server", &format!("https://{}", daemon.address)];
         let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
         let output = taxeld.args(command).args(arguments).current_dir(folder).output().unwrap();
         (output.status.success(), text(&output.stderr))
