@@ -1,14 +1,11 @@
 //! Wires a bridge as its configuration says.
 
-use taxel_client::NoForce;
-use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 use crate::config::{Config, FleetSection, RosSection, YarpSection};
 use crate::daemon::{Daemon, HealthFeed};
 use crate::fleet::robot;
 use crate::link;
-use crate::ros::diagnostics;
 use crate::ros::node::Node;
 use crate::ros::publish::{self, ForceTopics};
 use crate::ros::{name_of, tare};
@@ -62,14 +59,12 @@ impl Bridge {
         let mut tasks = Tasks::new();
         let (robot, patches) = (&self.config.robot, &self.config.patches);
         let mut node = Node::announce(ros, &self.config.zenoh).await?;
-        let mut statuses = Vec::new();
+        let mut followed = Vec::new();
         for patch in patches {
             let topics = ForceTopics::announce(&mut node, ros, patch).await?;
             let forces = self.daemon.forces(&patch.name, patch.rate_hz);
-            let (sender, status) =
-                watch::channel(diagnostics::patch(robot, &patch.name, &Err(NoForce::NothingYet(None)), 0));
-            tasks.spawn(topics.publish(robot.clone(), patch.clone(), forces, sender));
-            statuses.push(status);
+            tasks.spawn(topics.publish(patch.clone(), forces.clone()));
+            followed.push((patch.name.clone(), forces));
             if patch.taxels_hz > 0.0 {
                 let topic =
                     node.topic(&ros.absolute(&format!("{}/taxels", name_of(&patch.name))), publish::NEWEST).await?;
@@ -78,7 +73,7 @@ impl Bridge {
             }
         }
         let topic = node.topic(publish::DIAGNOSTICS, 10).await?;
-        tasks.spawn(publish::diagnostics(topic, robot.clone(), statuses, self.health.clone()));
+        tasks.spawn(publish::diagnostics(topic, robot.clone(), followed, self.health.clone()));
         if ros.tare {
             let names: Vec<_> = patches.iter().map(|patch| patch.name.clone()).collect();
             let all = node.trigger(&ros.absolute("tare")).await?;

@@ -5,7 +5,6 @@ use std::time::Duration;
 use taxel_proto::code_name;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use tokio::sync::watch;
-use tokio::task::JoinHandle;
 use tonic::Status;
 
 use crate::connect::{ConnectError, Options};
@@ -26,12 +25,11 @@ struct Newest {
     broken: Option<String>,
 }
 
-/// The newest force of a patch. Dropped, the connection ends.
-#[derive(Debug)]
+/// The newest force of a patch. Clones have one connection, which ends with the last of them.
+#[derive(Clone, Debug)]
 pub struct Forces {
     newest: watch::Receiver<Newest>,
     age_max: Option<Duration>,
-    task: Option<JoinHandle<()>>,
 }
 
 /// Follows the force on the present tokio runtime, from now on and for as long as the result lives. Nobody need answer yet.
@@ -40,16 +38,15 @@ pub struct Forces {
 /// Outside of a tokio runtime; [`blocking::follow`](crate::blocking::follow) needs none.
 #[must_use]
 pub fn follow(options: Options) -> Forces {
-    let (mut forces, work) = start(options);
-    forces.task = Some(tokio::spawn(work));
+    let (forces, work) = start(options);
+    tokio::spawn(work);
     forces
 }
 
 /// The force, and the work that has to be done for it.
 pub(crate) fn start(options: Options) -> (Forces, impl Future<Output = ()> + Send) {
     let (to, newest) = watch::channel(Newest::default());
-    let age_max = options.age_max;
-    (Forces { newest, age_max, task: None }, keep(options, to))
+    (Forces { newest, age_max: options.age_max }, keep(options, to))
 }
 
 impl Forces {
@@ -78,14 +75,6 @@ impl Forces {
     pub async fn changed(&mut self) {
         if self.newest.changed().await.is_err() {
             std::future::pending::<()>().await; // nothing changes any more; the force grows old by itself
-        }
-    }
-}
-
-impl Drop for Forces {
-    fn drop(&mut self) {
-        if let Some(task) = &self.task {
-            task.abort();
         }
     }
 }

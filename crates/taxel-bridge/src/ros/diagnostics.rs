@@ -50,10 +50,10 @@ fn of_force(sample: &ForceSample) -> (u8, String) {
     }
 }
 
-/// A patch's force, of which so many samples were published.
-pub fn patch(robot: &str, patch: &str, judged: &Result<Force, NoForce>, published: u64) -> DiagnosticStatus {
+/// A patch's force.
+pub fn patch(robot: &str, patch: &str, judged: &Result<Force, NoForce>) -> DiagnosticStatus {
     let (level, message) = level(judged);
-    let mut values = vec![value("published", published)];
+    let mut values = Vec::new();
     match judged {
         Ok(Force { sample, age, .. }) => {
             values.extend([
@@ -110,13 +110,13 @@ mod tests {
         assert_eq!(level(&force(good())), (OK, "OK".to_owned()));
         let demo = force(ForceSample { simulated: true, ..good() });
         assert_eq!(level(&demo), (OK, "OK, simulated: no skin is touched".to_owned()));
-        assert!(patch("icub", "arm", &demo, 1).values.contains(&value("simulated", true)));
+        assert!(patch("icub", "arm", &demo).values.contains(&value("simulated", true)));
         let (reasons, codes) = (vec!["a board took a new zero".to_owned()], vec![ReasonCode::NotUnloaded]);
         let invalid = Err(NoForce::Sample(judge::NoForce::State(ForceState::TareInvalid, reasons, codes)));
         let said = level(&invalid);
         assert_eq!(said, (ERROR, "no force is published: TARE_INVALID: a board took a new zero".to_owned()));
-        let values = patch("icub", "arm", &invalid, 1).values;
-        assert_eq!(values[1..], [value("state", "TARE_INVALID"), value("reasons", "NOT_UNLOADED")]);
+        let values = patch("icub", "arm", &invalid).values;
+        assert_eq!(values, [value("state", "TARE_INVALID"), value("reasons", "NOT_UNLOADED")]);
         assert_eq!(
             level(&Err(NoForce::Sample(judge::NoForce::TooOld(Duration::from_secs(3), Duration::from_millis(150))))).0,
             STALE

@@ -5,16 +5,13 @@ use std::time::Duration;
 
 use taxel_client::Forces;
 use taxel_proto::v1::ForceSample;
-use tokio::sync::watch;
-use tokio::time::{Interval, MissedTickBehavior, interval};
+use tokio::time::{MissedTickBehavior, interval};
 
 use crate::config::{PatchSection, RosSection};
 use crate::daemon::{HealthFeed, Taxels};
 use crate::ros::diagnostics;
 use crate::ros::node::{Node, Topic};
-use crate::ros::types::{
-    DiagnosticArray, DiagnosticStatus, Header, JointState, PointCloud2, PointStamped, Time, WrenchStamped,
-};
+use crate::ros::types::{DiagnosticArray, Header, JointState, PointCloud2, PointStamped, Time, WrenchStamped};
 use crate::ros::{messages, name_of};
 use crate::wall;
 
@@ -55,26 +52,14 @@ impl ForceTopics {
         })
     }
 
-    /// Publishes each force once, for as long as the daemon is followed, and keeps the patch's diagnostics.
+    /// Publishes each force once, for as long as the daemon is followed.
     ///
     /// # Errors
     /// If the middleware has ended.
-    pub async fn publish(
-        mut self,
-        robot: String,
-        section: PatchSection,
-        mut forces: Forces,
-        status: watch::Sender<DiagnosticStatus>,
-    ) -> anyhow::Result<()> {
-        let (mut last, mut newest, mut published, mut seconds) = (None, Stamp::default(), 0, seconds());
+    pub async fn publish(mut self, section: PatchSection, mut forces: Forces) -> anyhow::Result<()> {
+        let (mut last, mut newest) = (None, Stamp::default());
         loop {
-            tokio::select! {
-                () = forces.changed() => {}
-                _ = seconds.tick() => {
-                    status.send_replace(diagnostics::patch(&robot, &section.name, &forces.force(), published));
-                    continue;
-                }
-            }
+            forces.changed().await;
             let Ok(force) = forces.force() else { continue };
             let sample = &force.sample;
             // A change may also be the end of the stream: a sample that went out already does not go out as a new one.
@@ -82,7 +67,7 @@ impl ForceTopics {
             let time = sample.time.map(|time| (time.seconds, time.nanos)).unwrap_or_default();
             if message != last && !goes_back(newest, time) {
                 self.send(sample, section.frame()).await?;
-                (newest, published) = (time, published + 1);
+                newest = time;
             }
             last = message;
         }
@@ -116,13 +101,6 @@ pub async fn taxels(mut topic: Topic<PointCloud2>, section: PatchSection, mut ta
     }
 }
 
-/// When diagnostics are due.
-fn seconds() -> Interval {
-    let mut seconds = interval(DIAGNOSTICS_EVERY);
-    seconds.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    seconds
-}
-
 /// Publishes how everything is.
 ///
 /// # Errors
@@ -130,13 +108,15 @@ fn seconds() -> Interval {
 pub async fn diagnostics(
     mut topic: Topic<DiagnosticArray>,
     robot: String,
-    patches: Vec<watch::Receiver<DiagnosticStatus>>,
+    patches: Vec<(String, Forces)>,
     health: HealthFeed,
 ) -> anyhow::Result<()> {
-    let mut seconds = seconds();
+    let mut due = interval(DIAGNOSTICS_EVERY);
+    due.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
-        seconds.tick().await;
-        let mut status: Vec<_> = patches.iter().map(|patch| patch.borrow().clone()).collect();
+        due.tick().await;
+        let mut status: Vec<_> =
+            patches.iter().map(|(patch, forces)| diagnostics::patch(&robot, patch, &forces.force())).collect();
         status.push(diagnostics::daemon(&robot, health.borrow().as_ref()));
         let ns = wall::now_ns();
         let stamp =
