@@ -98,7 +98,7 @@ impl Bridge {
             tasks.spawn(ports::taxels(self.ports.clone(), port("pressure:o"), taxels));
         }
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
-        tasks.spawn(ports::events(self.ports.clone(), yarp.skin_events.clone(), followed));
+        tasks.spawn(ports::events(self.ports.clone(), yarp.skin_events.clone(), self.daemon.clone(), followed));
         first_end(tasks).await
     }
 

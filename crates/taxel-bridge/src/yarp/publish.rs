@@ -3,10 +3,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use taxel_client::Forces;
+use taxel_client::{Force, Forces};
 use taxel_proto::Timestamp;
 use taxel_yarp::{NameServer, OutPort, PortError, Value};
-use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
 use super::layout::Layout;
@@ -22,7 +21,7 @@ const EVENTS_EVERY: Duration = Duration::from_millis(20);
 pub const PRESSURES_HZ: f64 = 20.0;
 /// That there is no force is said so often.
 const NO_FORCE_EVERY: Duration = Duration::from_millis(100);
-/// Between two attempts to open a port, or to ask for a layout.
+/// Between two attempts to open a port.
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 
 /// The ports of this bridge.
@@ -122,31 +121,28 @@ pub async fn taxels(ports: Ports, name: String, mut taxels: Taxels) -> anyhow::R
 
 /// A patch whose contacts go out.
 pub struct Followed {
+    patch: String,
     part: Part,
     forces: Forces,
-    layout: watch::Receiver<Arc<Layout>>,
+    /// Asked for anew after a time without a force: a daemon that comes back may have another configuration.
+    layout: Option<Layout>,
 }
 
 impl Followed {
-    /// Follows a patch; its layout comes when the daemon does.
+    /// Follows a patch.
     pub fn new(section: &PatchSection, daemon: &Daemon) -> Option<Self> {
-        let (to, layout_now) = watch::channel(Arc::default());
-        let (patch, asked) = (section.name.clone(), daemon.clone());
-        tokio::spawn(async move {
-            while !to.is_closed() {
-                match asked.layout(&patch).await {
-                    Ok(skin) => return drop(to.send_replace(Arc::new(Layout::new(&skin)))),
-                    Err(_) => sleep(PAUSES[1]).await,
-                }
-            }
-        });
-        let forces = daemon.forces(&section.name, None);
-        Some(Self { part: section.part()?, forces, layout: layout_now })
+        let patch = section.name.clone();
+        Some(Self { forces: daemon.forces(&patch, None), patch, part: section.part()?, layout: None })
     }
 }
 
 /// Sends the contacts of all patches whose force holds.
-pub async fn events(ports: Ports, name: String, mut patches: Vec<Followed>) -> anyhow::Result<()> {
+pub async fn events(
+    ports: Ports,
+    name: String,
+    daemon: Daemon,
+    mut patches: Vec<Followed>,
+) -> anyhow::Result<()> {
     let mut port = ports.open(&name).await;
     let mut tick = interval(EVENTS_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -155,11 +151,16 @@ pub async fn events(ports: Ports, name: String, mut patches: Vec<Followed>) -> a
         tick.tick().await;
         let mut contacts = Vec::new();
         for patch in &mut patches {
-            let found = patch.forces.force().map(|force| (force.sample.contacts, seconds(force.sample.time.as_ref())));
-            let (found, time) = found.unwrap_or_default();
-            stamp = stamp.max(time);
-            let layout = Arc::clone(&patch.layout.borrow());
-            contacts.extend(found.iter().map(|one| contact(patch.part, one, &layout)));
+            let Ok(Force { sample, .. }) = patch.forces.force() else {
+                patch.layout = None;
+                continue;
+            };
+            if patch.layout.is_none() {
+                patch.layout = daemon.layout(&patch.patch).await.ok().map(|skin| Layout::new(&skin));
+            }
+            let Some(layout) = &patch.layout else { continue };
+            stamp = stamp.max(seconds(sample.time.as_ref()));
+            contacts.extend(sample.contacts.iter().map(|one| contact(patch.part, one, layout)));
         }
         port.send(stamp, &contacts);
     }
