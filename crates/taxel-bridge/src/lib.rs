@@ -12,5 +12,4 @@ pub mod link;
 pub mod ros;
 pub mod run;
 mod signals;
-mod wall;
 pub mod yarp;

@@ -5,10 +5,11 @@
 
 use std::time::Duration;
 
+use taxel_proto::Timestamp;
 use taxel_proto::v1::{ForceSample, ForceState, Skin, TaxelSample, Vector3 as ProtoVector};
 
 use crate::daemon::pressure_kpa;
-use crate::ros::types::{Header, JointState, PointCloud2, PointField, PointStamped, Time, Vector3, WrenchStamped};
+use crate::ros::types::{Header, JointState, PointCloud2, PointStamped, Time, Vector3, WrenchStamped};
 
 /// `sensor_msgs/msg/PointField.UINT32` and `FLOAT32`.
 const UINT32: u8 = 6;
@@ -26,7 +27,8 @@ const FIELDS: [(&str, u8); 7] = [
 /// ROS has pressures in pascal.
 const PASCAL_PER_KPA: f32 = 1000.0;
 
-fn header(time: Option<&taxel_proto::Timestamp>, frame: &str) -> Option<Header> {
+/// A header, if ROS has that time; its seconds end in 2038.
+pub fn header(time: Option<&Timestamp>, frame: &str) -> Option<Header> {
     let time = time?;
     let stamp = Time { sec: i32::try_from(time.seconds).ok()?, nanosec: u32::try_from(time.nanos).ok()? };
     Some(Header { stamp, frame_id: frame.to_owned() })
@@ -39,8 +41,8 @@ fn vector(of: Option<&ProtoVector>) -> Option<Vector3> {
 /// The force that acts on the skin and its moment about the origin of the patch's frame; `None` if the scene has no
 /// force vector.
 pub fn wrench(sample: &ForceSample, frame: &str) -> Option<WrenchStamped> {
-    let (force, torque) = (vector(sample.resultant_n.as_ref())?, vector(sample.moment_nm.as_ref())?);
-    Some(WrenchStamped { header: header(sample.time.as_ref(), frame)?, force, torque })
+    let value = [vector(sample.resultant_n.as_ref())?, vector(sample.moment_nm.as_ref())?];
+    Some(WrenchStamped { header: header(sample.time.as_ref(), frame)?, value })
 }
 
 /// The total normal force with what is known of it, by names with their units. A figure that is not known has no entry.
@@ -66,8 +68,8 @@ pub fn force(sample: &ForceSample, frame: &str) -> Option<JointState> {
 
 /// The centre of pressure; `None` without a load or positions.
 pub fn centre_of_pressure(sample: &ForceSample, frame: &str) -> Option<PointStamped> {
-    let point = vector(sample.centre_of_pressure_m.as_ref())?;
-    Some(PointStamped { header: header(sample.time.as_ref(), frame)?, point })
+    let value = vector(sample.centre_of_pressure_m.as_ref())?;
+    Some(PointStamped { header: header(sample.time.as_ref(), frame)?, value })
 }
 
 /// The taxels that have a position, no fault and, at this moment, a pressure that is not too old; the sample was sent
@@ -88,18 +90,12 @@ pub fn taxels(sample: &TaxelSample, skin: &Skin, frame: &str, waited: Duration) 
             width += 1;
         }
     }
-    let field = |(at, (name, datatype)): (usize, (&str, u8))| PointField {
-        name: name.to_owned(),
-        offset: at as u32 * 4,
-        datatype,
-        count: 1,
-    };
     let point_step = FIELDS.len() as u32 * 4;
     Some(PointCloud2 {
         header,
         height: 1,
         width,
-        fields: FIELDS.into_iter().enumerate().map(field).collect(),
+        fields: FIELDS.into_iter().zip(0..).map(|((name, kind), at)| (name.to_owned(), at * 4, kind, 1)).collect(),
         is_bigendian: false,
         point_step,
         row_step: point_step * width,
@@ -119,8 +115,7 @@ mod tests {
         let message = wrench(&good(), "l_forearm_skin").unwrap();
         assert_eq!(message.header.stamp, Time { sec: 1_700_000_000, nanosec: 5 });
         assert_eq!(message.header.frame_id, "l_forearm_skin");
-        assert_eq!(message.force, [1.0, -2.0, 3.0]);
-        assert_eq!(message.torque, [0.1, 0.2, 0.3]);
+        assert_eq!(message.value, [[1.0, -2.0, 3.0], [0.1, 0.2, 0.3]]);
         for sample in [
             ForceSample { resultant_n: None, ..good() },
             ForceSample { moment_nm: None, ..good() },

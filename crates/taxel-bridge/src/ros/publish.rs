@@ -1,7 +1,7 @@
 //! What goes out to ROS, and when: a force the moment it comes and only if it is one, taxels at their rate, the
 //! diagnostics once a second.
 
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use taxel_client::Forces;
 use taxel_proto::v1::ForceSample;
@@ -11,9 +11,8 @@ use crate::config::{PatchSection, RosSection};
 use crate::daemon::{HealthFeed, Taxels};
 use crate::ros::diagnostics;
 use crate::ros::node::{Node, Topic};
-use crate::ros::types::{DiagnosticArray, Header, JointState, PointCloud2, PointStamped, Time, WrenchStamped};
+use crate::ros::types::{DiagnosticArray, JointState, PointCloud2, PointStamped, WrenchStamped};
 use crate::ros::{messages, name_of};
-use crate::wall;
 
 /// Where ROS expects diagnostics, in every namespace.
 pub const DIAGNOSTICS: &str = "/diagnostics";
@@ -118,10 +117,8 @@ pub async fn diagnostics(
         let mut status: Vec<_> =
             patches.iter().map(|(patch, forces)| diagnostics::patch(&robot, patch, &forces.force())).collect();
         status.push(diagnostics::daemon(&robot, health.borrow().as_ref()));
-        let ns = wall::now_ns();
-        let stamp =
-            Time { sec: i32::try_from(ns / 1_000_000_000).unwrap_or(i32::MAX), nanosec: (ns % 1_000_000_000) as u32 };
-        topic.publish(DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status }).await?;
+        let header = messages::header(Some(&SystemTime::now().into()), "").unwrap_or_default();
+        topic.publish(DiagnosticArray { header, value: status }).await?;
     }
 }
 

@@ -46,25 +46,21 @@ pub struct Header {
 /// `geometry_msgs/msg/Vector3`, or `Point`: along x, y and z.
 pub type Vector3 = [f64; 3];
 
-/// `geometry_msgs/msg/WrenchStamped`, whose wrench is no more than its two vectors on the wire.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct WrenchStamped {
+/// What ROS calls stamped: a header, then what it is of. On the wire a message is no more than its fields.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Stamped<T> {
     /// When and in which frame.
     pub header: Header,
-    /// What acts on the skin, in N.
-    pub force: Vector3,
-    /// Its moment about the frame's origin, in N m.
-    pub torque: Vector3,
+    /// What was then.
+    pub value: T,
 }
 
-/// `geometry_msgs/msg/PointStamped`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct PointStamped {
-    /// When and in which frame.
-    pub header: Header,
-    /// In m.
-    pub point: Vector3,
-}
+/// `geometry_msgs/msg/WrenchStamped`: what acts on the skin in N, and its moment about the frame's origin in N m.
+pub type WrenchStamped = Stamped<[Vector3; 2]>;
+/// `geometry_msgs/msg/PointStamped`, in m.
+pub type PointStamped = Stamped<Vector3>;
+/// `diagnostic_msgs/msg/DiagnosticArray`: one status for each thing that is watched.
+pub type DiagnosticArray = Stamped<Vec<DiagnosticStatus>>;
 
 /// `sensor_msgs/msg/JointState`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -81,18 +77,8 @@ pub struct JointState {
     pub effort: Vec<f64>,
 }
 
-/// `sensor_msgs/msg/PointField`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct PointField {
-    /// Its name.
-    pub name: String,
-    /// Where it begins in a point, in bytes.
-    pub offset: u32,
-    /// 6 is `uint32`, 7 is `float32`.
-    pub datatype: u8,
-    /// How many of them.
-    pub count: u32,
-}
+/// `sensor_msgs/msg/PointField`: its name, where it begins in a point in bytes, its type (6 is `uint32`, 7 is `float32`), how many.
+pub type PointField = (String, u32, u8, u32);
 
 /// `sensor_msgs/msg/PointCloud2`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -133,15 +119,6 @@ pub struct DiagnosticStatus {
     pub hardware_id: String,
     /// Figures.
     pub values: Vec<KeyValue>,
-}
-
-/// `diagnostic_msgs/msg/DiagnosticArray`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct DiagnosticArray {
-    /// When it was made.
-    pub header: Header,
-    /// One for each thing that is watched.
-    pub status: Vec<DiagnosticStatus>,
 }
 
 /// The answer of `std_srvs/srv/Trigger`.

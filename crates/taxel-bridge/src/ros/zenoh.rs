@@ -2,9 +2,11 @@
 //! types of `types.rs`, and a node of ROS hears no publisher whose key has another hash.
 
 use std::marker::PhantomData;
+use std::time::SystemTime;
 
 use ros2_client::dds::rustdds::serialization::{RepresentationIdentifier, to_writer_with_rep_id};
 use serde::Serialize;
+use taxel_proto::Timestamp;
 use xxhash_rust::xxh3::xxh3_128;
 use zenoh::Session;
 use zenoh::handlers::{RingChannel, RingChannelHandler};
@@ -16,7 +18,6 @@ use zenoh::query::{Query, Queryable};
 use crate::config::RosSection;
 use crate::link::tried;
 use crate::ros::types::{RosType, TRIGGER_HASH, TriggerResponse};
-use crate::wall;
 
 /// Plain CDR, little-endian, no options. Alignment is counted from behind it.
 const CDR_HEAD: [u8; 4] = [0, 1, 0, 0];
@@ -132,9 +133,15 @@ impl<T: RosType> Topic<T> {
     /// If the session is closed.
     pub async fn publish(&mut self, message: &T) -> anyhow::Result<()> {
         self.sequence += 1;
-        let put = self.publisher.put(cdr(message)?).attachment(attached(self.sequence, wall::now_ns(), &self.gid));
+        let put = self.publisher.put(cdr(message)?).attachment(attached(self.sequence, now_ns(), &self.gid));
         tried("publishing", put.await)
     }
+}
+
+/// Nanoseconds since 1970.
+fn now_ns() -> i64 {
+    let now = Timestamp::from(SystemTime::now());
+    now.seconds * 1_000_000_000 + i64::from(now.nanos)
 }
 
 /// What is attached to a message. ROS drops one that lacks it.
@@ -171,7 +178,7 @@ impl Trigger {
 /// # Errors
 /// If the session is closed.
 pub async fn answer((query, mut attached): (Query, Vec<u8>), response: &TriggerResponse) -> anyhow::Result<()> {
-    attached[8..16].copy_from_slice(&wall::now_ns().to_le_bytes());
+    attached[8..16].copy_from_slice(&now_ns().to_le_bytes());
     let reply = query.reply(query.key_expr().clone(), cdr(response)?).attachment(attached);
     tried("answering", reply.await)
 }
@@ -188,7 +195,7 @@ mod tests {
     #[test]
     fn messages_have_the_bytes_that_ros_gives_them() {
         let header = Header { stamp: Time { sec: 1_700_000_000, nanosec: 123_456_789 }, frame_id: "l_forearm".into() };
-        let wrench = WrenchStamped { header, force: [1.5, -2.0, 10.25], torque: [0.0, 0.0, 0.125] };
+        let wrench = WrenchStamped { header, value: [[1.5, -2.0, 10.25], [0.0, 0.0, 0.125]] };
         let of_ros = "0001000000f1536515cd5b070a0000006c5f666f726561726d000000000000000000f83f00000000000000c00000000000802\
                       44000000000000000000000000000000000000000000000c03f";
         assert_eq!(hexadecimal(&cdr(&wrench).unwrap()), of_ros);

@@ -1,7 +1,7 @@
 //! When what goes out on which port.
 
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use taxel_client::{Force, Forces};
 use taxel_proto::Timestamp;
@@ -13,7 +13,6 @@ use super::messages::{contact, force, pressures};
 use super::parts::Part;
 use crate::config::{PatchSection, YarpSection};
 use crate::daemon::{Daemon, Taxels};
-use crate::wall;
 
 /// Contacts go out as often as skinManager sends them.
 const EVENTS_EVERY: Duration = Duration::from_millis(20);
@@ -81,7 +80,7 @@ fn seconds(time: Option<&Timestamp>) -> f64 {
 }
 
 fn now() -> f64 {
-    wall::now_ns() as f64 * 1e-9
+    seconds(Some(&SystemTime::now().into()))
 }
 
 /// Sends each force as it comes, and ten times a second that there is none.
@@ -137,12 +136,7 @@ impl Followed {
 }
 
 /// Sends the contacts of all patches whose force holds.
-pub async fn events(
-    ports: Ports,
-    name: String,
-    daemon: Daemon,
-    mut patches: Vec<Followed>,
-) -> anyhow::Result<()> {
+pub async fn events(ports: Ports, name: String, daemon: Daemon, mut patches: Vec<Followed>) -> anyhow::Result<()> {
     let mut port = ports.open(&name).await;
     let mut tick = interval(EVENTS_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
