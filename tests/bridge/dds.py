@@ -68,16 +68,16 @@ def other_domain(scene):
 
 def second_bridge(scene):
     """Two robots in one domain: each with names of its own, and both on /diagnostics."""
-    more = 'namespace = "/second"\nnode = "second"'
+    more = 'namespace = "/second"'
     bridge = scene.start_bridge(scene.configuration("second.toml", SECTIONS.format(domain=DOMAIN, more=more)))
-    until("its node", lambda: {("/second", "second"), ("/skin", "taxel_bridge")} <= scene.ros.nodes())
+    until("its node", lambda: {("/second", "taxel_bridge"), ("/skin", "taxel_bridge")} <= scene.ros.nodes())
     until("its topics", lambda: "/second/left_forearm/wrench" in scene.ros.topics())
     topic = scene.ros.subscribe("/second/left_forearm/wrench")
     until("its wrenches", lambda: topic.count() > 10)
     scene.until_wrench("of the first bridge")
     bridge.terminate()
     assert bridge.wait(20) == 0, bridge.log.read_text()
-    until("its node is gone", lambda: ("/second", "second") not in scene.ros.nodes())
+    until("its node is gone", lambda: ("/second", "taxel_bridge") not in scene.ros.nodes())
     print("a second bridge came, was heard and left the graph", flush=True)
 
 

@@ -76,21 +76,13 @@ pub struct RosSection {
     pub domain: u16,
     /// Before all names; `/` for none.
     pub namespace: String,
-    /// The node's name.
-    pub node: String,
     /// Whether the service `tare` is offered to everybody on the router.
     pub tare: bool,
 }
 
 impl Default for RosSection {
     fn default() -> Self {
-        Self {
-            middleware: Middleware::Dds,
-            domain: 0,
-            namespace: "/skin".into(),
-            node: "taxel_bridge".into(),
-            tare: false,
-        }
+        Self { middleware: Middleware::Dds, domain: 0, namespace: "/skin".into(), tare: false }
     }
 }
 
@@ -207,7 +199,6 @@ impl RosSection {
     fn check(&self) -> anyhow::Result<()> {
         // More would need UDP ports that do not exist; ROS refuses them too.
         ensure!(self.domain <= 232, "ros.domain = {}: expected 0 to 232", self.domain);
-        ensure!(ros::is_name(&self.node), "ros.node = {:?}: expected letters, digits and underscores", self.node);
         let inner = self.namespace.strip_prefix('/');
         let fits = inner.is_some_and(|inner| inner.is_empty() || inner.split('/').all(ros::is_name));
         ensure!(fits, "ros.namespace = {:?}: expected `/` or, for example, `/icub/skin`", self.namespace);
@@ -274,7 +265,6 @@ mod tests {
             (LEAST.replace("[ros]", "[ros]\ndomain = 233"), "ros.domain"),
             (LEAST.replace("[ros]", "[ros]\nnamespace = \"skin\""), "ros.namespace"),
             (LEAST.replace("[ros]", "[ros]\nnamespace = \"/a//b\""), "ros.namespace"),
-            (LEAST.replace("[ros]", "[ros]\nnode = \"a b\""), "ros.node"),
             (LEAST.replace("[ros]", "[ros]\ncolour = 1"), "colour"),
             (LEAST.replace("[ros]", "[fleet]\nrate_hz = 0.5"), "fleet.rate_hz"),
             ("robot = \"a\"\npatch = []\n[ros]\n".to_owned(), "[[patch]]"),

@@ -8,6 +8,9 @@ pub mod tare;
 pub mod types;
 pub mod zenoh;
 
+/// What the node is called. Two bridges differ by their namespaces.
+const NODE: &str = "taxel_bridge";
+
 /// Whether ROS takes `text` as one part of a name: letters, digits and underscores, and no digit first.
 pub fn is_name(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')

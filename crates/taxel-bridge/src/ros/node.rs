@@ -8,7 +8,7 @@ use ros2_client::{MessageTypeName, Name, NodeName, NodeOptions, QosProfile, Serv
 use crate::config::{Middleware, RosSection, ZenohSection};
 use crate::link;
 use crate::ros::types::{RosType, TriggerResponse};
-use crate::ros::zenoh;
+use crate::ros::{NODE, zenoh};
 
 /// Requests that may wait at a service, as ROS has it.
 const WAITING_MAX: usize = 10;
@@ -42,7 +42,7 @@ impl Node {
         if ros.middleware == Middleware::Zenoh {
             return Ok(Self::Zenoh(zenoh::Node::announce(link::open(router).await?, ros).await?));
         }
-        let name = NodeName::new(&ros.namespace, &ros.node).map_err(|error| anyhow!("ros.node: {error}"))?;
+        let name = NodeName::new(&ros.namespace, NODE).map_err(|error| anyhow!("ros.namespace: {error}"))?;
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
         let context = Context::with_options(ContextOptions::new().domain_id(ros.domain)).context("opening DDS")?;
         Ok(Self::Dds(Box::new(context.new_node(name, options).context("announcing the node")?)))
@@ -54,7 +54,7 @@ impl Node {
     /// If the middleware has ended.
     pub async fn topic<T: RosType>(&mut self, name: &str, depth: usize) -> anyhow::Result<Topic<T>> {
         let node = match self {
-            Self::Zenoh(node) => return Ok(Topic::Zenoh(node.topic(name, depth).await?)),
+            Self::Zenoh(node) => return Ok(Topic::Zenoh(node.topic::<T>(name, depth).await?)),
             Self::Dds(node) => node,
         };
         let topic = node.create_topic(&split(name)?, MessageTypeName::new(T::NAME[0], T::NAME[1]), &quality(depth))?;
@@ -82,7 +82,7 @@ pub enum Topic<T: RosType> {
     /// Over DDS.
     Dds(Publisher<T>),
     /// Over Zenoh.
-    Zenoh(zenoh::Topic<T>),
+    Zenoh(zenoh::Topic),
 }
 
 impl<T: RosType> Topic<T> {

@@ -1,7 +1,6 @@
 //! ROS 2 as `rmw_zenoh` speaks it, since its 0.2.4 (jazzy). `ros2-client` 0.12.1 cannot: it knows the hash of none of the
 //! types of `types.rs`, and a node of ROS hears no publisher whose key has another hash.
 
-use std::marker::PhantomData;
 use std::time::SystemTime;
 
 use ros2_client::dds::rustdds::serialization::{RepresentationIdentifier, to_writer_with_rep_id};
@@ -17,6 +16,7 @@ use zenoh::query::{Query, Queryable};
 
 use crate::config::RosSection;
 use crate::link::tried;
+use crate::ros::NODE;
 use crate::ros::types::{RosType, TRIGGER_HASH, TriggerResponse};
 
 /// Plain CDR, little-endian, no options. Alignment is counted from behind it.
@@ -55,14 +55,13 @@ struct Names {
     domain: u16,
     session: String,
     namespace: String,
-    node: String,
 }
 
 impl Names {
     /// The token of the node itself (number 0, `NN`), or the beginning of those of its publishers and services.
     fn token(&self, number: u32, kind: &str) -> String {
-        let Self { domain, session, namespace, node } = self;
-        format!("@ros2_lv/{domain}/{session}/0/{number}/{kind}/%/{}/{}", chunk(namespace), chunk(node))
+        let Self { domain, session, namespace } = self;
+        format!("@ros2_lv/{domain}/{session}/0/{number}/{kind}/%/{}/{NODE}", chunk(namespace))
     }
 
     /// The key of a topic or service, and the token that announces it: reliable, volatile, the last so many.
@@ -78,8 +77,7 @@ impl Node {
     /// # Errors
     /// If the session is closed.
     pub async fn announce(session: Session, ros: &RosSection) -> anyhow::Result<Self> {
-        let (namespace, node) = (ros.namespace.clone(), ros.node.clone());
-        let names = Names { domain: ros.domain, session: session.zid().to_string(), namespace, node };
+        let names = Names { domain: ros.domain, session: session.zid().to_string(), namespace: ros.namespace.clone() };
         let token = tried("announcing the node", session.liveliness().declare_token(names.token(0, "NN")).await)?;
         Ok(Self { session, names, endpoints: 0, _token: token })
     }
@@ -88,7 +86,7 @@ impl Node {
     ///
     /// # Errors
     /// If the session is closed.
-    pub async fn topic<T: RosType>(&mut self, name: &str, depth: usize) -> anyhow::Result<Topic<T>> {
+    pub async fn topic<T: RosType>(&mut self, name: &str, depth: usize) -> anyhow::Result<Topic> {
         self.endpoints += 1;
         let types = type_chunks("msg", T::NAME);
         let (key, token) = self.names.endpoint(self.endpoints, "MP", name, &types, depth);
@@ -99,7 +97,7 @@ impl Node {
         let publisher = self.session.declare_publisher(key).congestion_control(CongestionControl::Drop);
         let publisher = tried(name, publisher.priority(Priority::InteractiveHigh).await)?;
         let token = tried(name, self.session.liveliness().declare_token(token).await)?;
-        Ok(Topic { publisher, gid, sequence: 0, _token: token, _type: PhantomData })
+        Ok(Topic { publisher, gid, sequence: 0, _token: token })
     }
 
     /// Announces a service of the type `std_srvs/srv/Trigger`.
@@ -117,21 +115,20 @@ impl Node {
     }
 }
 
-/// A topic that messages of one type go out on.
-pub struct Topic<T> {
+/// A topic.
+pub struct Topic {
     publisher: Publisher<'static>,
     gid: [u8; 16],
     sequence: i64,
     _token: LivelinessToken,
-    _type: PhantomData<T>,
 }
 
-impl<T: RosType> Topic<T> {
-    /// Sends a message; waits for no reader.
+impl Topic {
+    /// Sends a message of the topic's type; waits for no reader.
     ///
     /// # Errors
     /// If the session is closed.
-    pub async fn publish(&mut self, message: &T) -> anyhow::Result<()> {
+    pub async fn publish(&mut self, message: &impl RosType) -> anyhow::Result<()> {
         self.sequence += 1;
         let put = self.publisher.put(cdr(message)?).attachment(attached(self.sequence, now_ns(), &self.gid));
         tried("publishing", put.await)
@@ -205,7 +202,7 @@ mod tests {
 
     #[test]
     fn keys_tokens_and_ids_are_as_rmw_zenoh_makes_them() {
-        let names = Names { domain: 7, session: "ab12".into(), namespace: "/skin".into(), node: "taxel_bridge".into() };
+        let names = Names { domain: 7, session: "ab12".into(), namespace: "/skin".into() };
         assert_eq!(names.token(0, "NN"), "@ros2_lv/7/ab12/0/0/NN/%/%skin/taxel_bridge");
         let without = Names { namespace: "/".into(), ..names };
         assert_eq!(without.token(0, "NN"), "@ros2_lv/7/ab12/0/0/NN/%/%/taxel_bridge");
