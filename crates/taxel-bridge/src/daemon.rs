@@ -8,20 +8,14 @@ use taxel_proto::code_name;
 use taxel_proto::judge::{aged, on_the_way};
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::{Health, PatchRequest, Skin, StreamRequest, TaxelReading, TaxelSample};
-use tokio::sync::watch;
 use tonic::{Response, Status, Streaming};
 
 use crate::config::DaemonSection;
 
-/// How often the daemon is asked for its health.
-const HEALTH_EVERY: Duration = Duration::from_secs(1);
 /// A daemon that does not answer by then does not run.
 const HEALTH_WITHIN: Duration = Duration::from_secs(2);
 /// Between two attempts to open a stream of taxels.
 const AGAIN_AFTER: Duration = Duration::from_millis(250);
-
-/// The daemon's health, or why it gives none.
-pub type HealthFeed = watch::Receiver<Result<Health, String>>;
 
 /// The daemon. The connection is made when the first call needs it, and made anew after it broke.
 #[derive(Clone)]
@@ -74,22 +68,15 @@ impl Daemon {
         SkinServiceClient::new(self.line.clone())
     }
 
-    /// Asks for the health once a second, for as long as somebody wants to know.
-    pub fn follow_health(&self) -> HealthFeed {
-        let (sender, health) = watch::channel(Err("not asked yet".to_owned()));
-        let daemon = self.clone();
-        tokio::spawn(async move {
-            while !sender.is_closed() {
-                let mut skin = daemon.skin();
-                let told = match tokio::time::timeout(HEALTH_WITHIN, skin.get_health(())).await {
-                    Ok(told) => told.map(Response::into_inner).map_err(|status| words(&status)),
-                    Err(_) => Err(format!("the daemon has not answered within {} s", HEALTH_WITHIN.as_secs())),
-                };
-                sender.send_modify(|health| *health = told);
-                tokio::time::sleep(HEALTH_EVERY).await;
-            }
-        });
-        health
+    /// The daemon's health.
+    ///
+    /// # Errors
+    /// Why it gives none.
+    pub async fn health(&self) -> Result<Health, String> {
+        match tokio::time::timeout(HEALTH_WITHIN, self.skin().get_health(())).await {
+            Ok(told) => told.map(Response::into_inner).map_err(|status| words(&status)),
+            Err(_) => Err(format!("the daemon has not answered within {} s", HEALTH_WITHIN.as_secs())),
+        }
     }
 }
 

@@ -13,3 +13,14 @@ pub mod ros;
 pub mod run;
 mod signals;
 pub mod yarp;
+
+use std::time::Duration;
+
+use tokio::time::{Interval, MissedTickBehavior};
+
+/// Ticks from now on. What was missed is not made up for: what a tick that is long past would have told is old.
+fn ticks(every: Duration) -> Interval {
+    let mut ticks = tokio::time::interval(every);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    ticks
+}

@@ -3,7 +3,7 @@
 use tokio::task::JoinSet;
 
 use crate::config::{Config, FleetSection, RosSection, YarpSection};
-use crate::daemon::{Daemon, HealthFeed};
+use crate::daemon::Daemon;
 use crate::fleet::robot;
 use crate::link;
 use crate::ros::node::Node;
@@ -20,9 +20,8 @@ type Tasks = JoinSet<anyhow::Result<()>>;
 /// If the configuration cannot be used, or a middleware ends.
 pub async fn run(config: Config) -> anyhow::Result<()> {
     let daemon = Daemon::new(&config.daemon)?;
-    let health = daemon.follow_health();
     let ports = Ports::of(config.yarp.as_ref());
-    let bridge = Bridge { config, daemon, health, ports };
+    let bridge = Bridge { config, daemon, ports };
     tracing::info!(daemon = bridge.daemon.server(), "the bridge runs");
     // ROS and the fleet have a session each: their routers may be two, and one that is away does not hold up the other.
     let running = async {
@@ -48,7 +47,6 @@ async fn first_end(mut tasks: Tasks) -> anyhow::Result<()> {
 struct Bridge {
     config: Config,
     daemon: Daemon,
-    health: HealthFeed,
     ports: Ports,
 }
 
@@ -73,7 +71,7 @@ impl Bridge {
             }
         }
         let topic = node.topic(publish::DIAGNOSTICS, 10).await?;
-        tasks.spawn(publish::diagnostics(topic, robot.clone(), followed, self.health.clone()));
+        tasks.spawn(publish::diagnostics(topic, robot.clone(), followed, self.daemon.clone()));
         if ros.tare {
             let names: Vec<_> = patches.iter().map(|patch| patch.name.clone()).collect();
             let all = node.trigger(&ros.absolute("tare")).await?;
@@ -112,7 +110,7 @@ impl Bridge {
             let (name, forces) = (patch.name.clone(), self.daemon.forces(&patch.name, None));
             tasks.spawn(robot::force(session.clone(), robot(), name, forces, fleet.rate_hz));
         }
-        tasks.spawn(robot::health(session, robot(), self.health.clone()));
+        tasks.spawn(robot::health(session, robot(), self.daemon.clone()));
         first_end(tasks).await
     }
 }

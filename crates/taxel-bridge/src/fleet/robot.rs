@@ -9,15 +9,18 @@ use prost::Message;
 use taxel_client::{Forces, Moment, Received};
 use taxel_proto::judge::{NoForce, withheld};
 use taxel_proto::v1::ForceSample;
-use tokio::time::{MissedTickBehavior, interval};
 use zenoh::Session;
 use zenoh::bytes::Encoding;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
-use crate::daemon::HealthFeed;
+use crate::daemon::Daemon;
 use crate::fleet::keys;
 use crate::link::tried;
+use crate::ticks;
+
+/// How often the daemon is asked for its health.
+const HEALTH_EVERY: Duration = Duration::from_secs(1);
 
 /// Tells a patch's newest sample at a rate, also where it is no force any more.
 ///
@@ -25,11 +28,9 @@ use crate::link::tried;
 /// If the session is closed.
 pub async fn force(session: Session, robot: String, patch: String, forces: Forces, rate_hz: f64) -> anyhow::Result<()> {
     let publisher = publisher(&session, keys::force(&robot, &patch), "taxel.v1.ForceSample").await?;
-    let mut ticks = interval(Duration::from_secs_f64(1.0 / rate_hz));
-    // What was missed is not made up for: the value of a tick that is long past is an old one.
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut due = ticks(Duration::from_secs_f64(1.0 / rate_hz));
     loop {
-        ticks.tick().await;
+        due.tick().await;
         if let Some(received) = forces.newest() {
             let sample = passed_on(&received, Moment::now());
             tried("a force", publisher.put(sample.encode_to_vec()).await)?;
@@ -37,17 +38,17 @@ pub async fn force(session: Session, robot: String, patch: String, forces: Force
     }
 }
 
-/// Tells the daemon's health when it has been asked. A daemon that does not answer has none; its forces say so.
+/// Tells the daemon's health once a second. A daemon that does not answer has none; its forces say so.
 ///
 /// # Errors
 /// If the session is closed.
-pub async fn health(session: Session, robot: String, mut health: HealthFeed) -> anyhow::Result<()> {
+pub async fn health(session: Session, robot: String, daemon: Daemon) -> anyhow::Result<()> {
     let publisher = publisher(&session, keys::health(&robot), "taxel.v1.Health").await?;
+    let mut due = ticks(HEALTH_EVERY);
     loop {
-        health.changed().await?;
-        let bytes = health.borrow_and_update().as_ref().ok().map(Message::encode_to_vec);
-        if let Some(bytes) = bytes {
-            tried("the health", publisher.put(bytes).await)?;
+        due.tick().await;
+        if let Ok(health) = daemon.health().await {
+            tried("the health", publisher.put(health.encode_to_vec()).await)?;
         }
     }
 }

@@ -7,7 +7,6 @@ use std::time::Duration;
 use prost::Message;
 use taxel_client::{Moment, Received};
 use taxel_proto::v1::ForceSample;
-use tokio::time::{Instant, MissedTickBehavior, interval_at};
 use zenoh::handlers::FifoChannel;
 use zenoh::sample::Sample;
 
@@ -17,6 +16,7 @@ use crate::fleet::keys;
 use crate::fleet::table;
 use crate::link::{self, tried};
 use crate::signals::asked_to_end;
+use crate::ticks;
 
 /// Messages that may wait here: a hundred from each of a hundred robots. Beyond that Zenoh waits, and the router drops.
 const QUEUE: usize = 10_000;
@@ -52,10 +52,8 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     let session = link::open(&ZenohSection { router: args.router, config: args.zenoh_config }).await?;
     let told = tried("listening", session.declare_subscriber(keys::FORCES).with(FifoChannel::new(QUEUE)).await)?;
     let mut book = Book::default();
-    let first = Instant::now() + if args.once { ONCE_AFTER } else { SHOW_EVERY };
-    let mut show = interval_at(first, SHOW_EVERY);
-    // Whoever has not taken the last tables gets no table of then, but the next one of now.
-    show.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut show = ticks(if args.once { ONCE_AFTER } else { SHOW_EVERY });
+    show.tick().await; // the first comes at once, before anything was told
     let ended = asked_to_end();
     tokio::pin!(ended);
     loop {

@@ -5,14 +5,14 @@ use std::time::{Duration, SystemTime};
 
 use taxel_client::Forces;
 use taxel_proto::v1::ForceSample;
-use tokio::time::{MissedTickBehavior, interval};
 
 use crate::config::{PatchSection, RosSection};
-use crate::daemon::{HealthFeed, Taxels};
+use crate::daemon::{Daemon, Taxels};
 use crate::ros::diagnostics;
 use crate::ros::node::{Node, Topic};
 use crate::ros::types::{DiagnosticArray, JointState, PointCloud2, PointStamped, WrenchStamped};
 use crate::ros::{messages, name_of};
+use crate::ticks;
 
 /// Where ROS expects diagnostics, in every namespace.
 pub const DIAGNOSTICS: &str = "/diagnostics";
@@ -108,15 +108,14 @@ pub async fn diagnostics(
     mut topic: Topic<DiagnosticArray>,
     robot: String,
     patches: Vec<(String, Forces)>,
-    health: HealthFeed,
+    daemon: Daemon,
 ) -> anyhow::Result<()> {
-    let mut due = interval(DIAGNOSTICS_EVERY);
-    due.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut due = ticks(DIAGNOSTICS_EVERY);
     loop {
         due.tick().await;
         let mut status: Vec<_> =
             patches.iter().map(|(patch, forces)| diagnostics::patch(&robot, patch, &forces.force())).collect();
-        status.push(diagnostics::daemon(&robot, health.borrow().as_ref()));
+        status.push(diagnostics::daemon(&robot, daemon.health().await.as_ref()));
         let header = messages::header(Some(&SystemTime::now().into()), "").unwrap_or_default();
         topic.publish(DiagnosticArray { header, value: status }).await?;
     }

@@ -6,13 +6,14 @@ use std::time::{Duration, SystemTime};
 use taxel_client::{Force, Forces};
 use taxel_proto::Timestamp;
 use taxel_yarp::{NameServer, OutPort, PortError, Value};
-use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio::time::sleep;
 
 use super::layout::Layout;
 use super::messages::{contact, force, pressures};
 use super::parts::Part;
 use crate::config::{PatchSection, YarpSection};
 use crate::daemon::{Daemon, Taxels};
+use crate::ticks;
 
 /// Contacts go out as often as skinManager sends them.
 const EVENTS_EVERY: Duration = Duration::from_millis(20);
@@ -86,8 +87,7 @@ fn now() -> f64 {
 /// Sends each force as it comes, and ten times a second that there is none.
 pub async fn forces(ports: Ports, name: String, mut forces: Forces) -> anyhow::Result<()> {
     let mut port = ports.open(&name).await;
-    let mut tick = interval(NO_FORCE_EVERY);
-    tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut tick = ticks(NO_FORCE_EVERY);
     loop {
         let came = tokio::select! {
             () = forces.changed() => true,
@@ -138,8 +138,7 @@ impl Followed {
 /// Sends the contacts of all patches whose force holds.
 pub async fn events(ports: Ports, name: String, daemon: Daemon, mut patches: Vec<Followed>) -> anyhow::Result<()> {
     let mut port = ports.open(&name).await;
-    let mut tick = interval(EVENTS_EVERY);
-    tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut tick = ticks(EVENTS_EVERY);
     let mut stamp = 0.0_f64;
     loop {
         tick.tick().await;
