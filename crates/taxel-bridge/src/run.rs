@@ -2,7 +2,7 @@
 
 use tokio::task::JoinSet;
 
-use crate::config::{Config, FleetSection, RosSection, YarpSection};
+use crate::config::Config;
 use crate::daemon::Daemon;
 use crate::fleet::robot;
 use crate::link;
@@ -20,19 +20,18 @@ type Tasks = JoinSet<anyhow::Result<()>>;
 /// If the configuration cannot be used, or a middleware ends.
 pub async fn run(config: Config) -> anyhow::Result<()> {
     let daemon = Daemon::new(&config.daemon)?;
-    let ports = Ports::of(config.yarp.as_ref());
+    let ports = config.yarp.as_ref().map(Ports::of).transpose()?;
     let bridge = Bridge { config, daemon, ports };
     tracing::info!(daemon = bridge.daemon.server(), "the bridge runs");
     // ROS and the fleet have a session each: their routers may be two, and one that is away does not hold up the other.
-    let running = async {
-        let Config { ros, fleet, yarp, .. } = &bridge.config;
-        tokio::try_join!(bridge.ros(ros.as_ref()), bridge.fleet(fleet.as_ref()), bridge.yarp(yarp.as_ref()))
-    };
+    let running = async { tokio::try_join!(bridge.ros(), bridge.fleet(), bridge.yarp()) };
     let ended = tokio::select! {
         ended = running => ended.map(drop),
         asked = asked_to_end() => asked.inspect(|()| tracing::info!("the bridge ends, as it was asked to")),
     };
-    bridge.ports.give_back().await;
+    if let Some(ports) = &bridge.ports {
+        ports.give_back().await;
+    }
     ended
 }
 
@@ -47,13 +46,13 @@ async fn first_end(mut tasks: Tasks) -> anyhow::Result<()> {
 struct Bridge {
     config: Config,
     daemon: Daemon,
-    ports: Ports,
+    ports: Option<Ports>,
 }
 
 impl Bridge {
     /// Announces and publishes the topics of ROS.
-    async fn ros(&self, ros: Option<&RosSection>) -> anyhow::Result<()> {
-        let Some(ros) = ros else { return Ok(()) };
+    async fn ros(&self) -> anyhow::Result<()> {
+        let Some(ros) = &self.config.ros else { return Ok(()) };
         let mut tasks = Tasks::new();
         let (robot, patches) = (&self.config.robot, &self.config.patches);
         let mut node = Node::announce(ros, &self.config.zenoh).await?;
@@ -85,24 +84,24 @@ impl Bridge {
     }
 
     /// Writes the ports of YARP.
-    async fn yarp(&self, yarp: Option<&YarpSection>) -> anyhow::Result<()> {
-        let Some(yarp) = yarp else { return Ok(()) };
+    async fn yarp(&self) -> anyhow::Result<()> {
+        let (Some(yarp), Some(ports)) = (&self.config.yarp, &self.ports) else { return Ok(()) };
         let mut tasks = Tasks::new();
         for patch in &self.config.patches {
             let port = |last| format!("/taxeld/{}/{last}", patch.name);
             let forces = self.daemon.forces(&patch.name, patch.rate_hz);
-            tasks.spawn(ports::forces(self.ports.clone(), port("force:o"), forces));
+            tasks.spawn(ports::forces(ports.clone(), port("force:o"), forces));
             let taxels = self.daemon.taxels(&patch.name, ports::PRESSURES_HZ);
-            tasks.spawn(ports::taxels(self.ports.clone(), port("pressure:o"), taxels));
+            tasks.spawn(ports::taxels(ports.clone(), port("pressure:o"), taxels));
         }
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
-        tasks.spawn(ports::events(self.ports.clone(), yarp.skin_events.clone(), self.daemon.clone(), followed));
+        tasks.spawn(ports::events(ports.clone(), yarp.skin_events.clone(), self.daemon.clone(), followed));
         first_end(tasks).await
     }
 
     /// Tells what a robot tells its fleet.
-    async fn fleet(&self, fleet: Option<&FleetSection>) -> anyhow::Result<()> {
-        let Some(fleet) = fleet else { return Ok(()) };
+    async fn fleet(&self) -> anyhow::Result<()> {
+        let Some(fleet) = &self.config.fleet else { return Ok(()) };
         let mut tasks = Tasks::new();
         let session = link::open(fleet.zenoh.as_ref().unwrap_or(&self.config.zenoh)).await?;
         let robot = || self.config.robot.clone();

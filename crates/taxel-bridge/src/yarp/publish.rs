@@ -3,9 +3,10 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
+use anyhow::Context;
 use taxel_client::{Force, Forces};
 use taxel_proto::Timestamp;
-use taxel_yarp::{NameServer, OutPort, PortError, Value};
+use taxel_yarp::{NameServer, OutPort, Value};
 use tokio::time::sleep;
 
 use super::layout::Layout;
@@ -25,35 +26,37 @@ const NO_FORCE_EVERY: Duration = Duration::from_millis(100);
 const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 
 /// The ports of this bridge.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub struct Ports {
-    /// The name server; that of YARP's own files where there is none.
-    server: Option<String>,
+    server: NameServer,
     /// The names that were taken, to be given back at the end. Another program's are not touched.
     taken: Arc<Mutex<Vec<String>>>,
 }
 
 impl Ports {
-    /// Those of this name server.
-    pub fn of(section: Option<&YarpSection>) -> Self {
-        Self { server: section.and_then(|section| section.server.clone()), ..Self::default() }
+    /// Those of the name server that is configured, or that YARP's own files name.
+    ///
+    /// # Errors
+    /// Where neither names one.
+    pub fn of(section: &YarpSection) -> anyhow::Result<Self> {
+        let server = NameServer::of(section.server.as_deref()).context("yarp")?;
+        Ok(Self { server, taken: Arc::default() })
     }
 
     /// Opens a port as soon as the name server is there and the name is free.
     async fn open(&self, name: &str) -> OutPort {
         let (mut pause, mut told) = (PAUSES[0], String::new());
         loop {
-            let open = async { OutPort::open(&NameServer::of(self.server.as_deref())?, name).await };
-            let error: PortError = match open.await {
+            let why = match OutPort::open(&self.server, name).await {
                 Ok(port) => {
                     self.taken.lock().unwrap_or_else(PoisonError::into_inner).push(name.to_owned());
                     return port;
                 }
-                Err(error) => error,
+                Err(error) => error.to_string(),
             };
-            if told != error.to_string() {
-                tracing::warn!(port = name, "not opened: {error}");
-                told = error.to_string();
+            if told != why {
+                tracing::warn!(port = name, "not opened: {why}");
+                told = why;
             }
             sleep(pause).await;
             pause = (2 * pause).min(PAUSES[1]);
@@ -63,11 +66,8 @@ impl Ports {
     /// Takes the names back, for as long as a name server takes to answer.
     pub async fn give_back(&self) {
         let names = std::mem::take(&mut *self.taken.lock().unwrap_or_else(PoisonError::into_inner));
-        let server = NameServer::of(self.server.as_deref());
         for name in names {
-            if let Ok(server) = &server
-                && let Err(error) = server.unregister(&name).await
-            {
+            if let Err(error) = self.server.unregister(&name).await {
                 tracing::warn!(port = name, "its name was not taken back: {error}");
                 return;
             }
