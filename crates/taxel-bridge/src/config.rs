@@ -6,7 +6,6 @@ use anyhow::{Context, bail, ensure};
 use serde::Deserialize;
 use taxel_yarp::NameServer;
 
-use crate::ros;
 use crate::yarp::parts::{self, Part};
 
 /// The whole file.
@@ -57,65 +56,48 @@ pub struct ZenohSection {
 }
 
 /// What carries ROS 2.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Middleware {
     /// `rmw_fastrtps_cpp`, the default of ROS, or `rmw_cyclonedds_cpp`.
+    #[default]
     Dds,
     /// `rmw_zenoh_cpp`.
     Zenoh,
 }
 
 /// `[ros]`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RosSection {
     /// How the nodes speak that are to hear it.
     pub middleware: Middleware,
     /// `ROS_DOMAIN_ID`.
     pub domain: u16,
-    /// Before all names; `/` for none.
-    pub namespace: String,
+    /// Before all names; `/` for none, `/skin` if left out.
+    pub namespace: Option<String>,
     /// Whether the service `tare` is offered to everybody on the router.
     pub tare: bool,
 }
 
-impl Default for RosSection {
-    fn default() -> Self {
-        Self { middleware: Middleware::Dds, domain: 0, namespace: "/skin".into(), tare: false }
-    }
-}
-
 /// `[fleet]`.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct FleetSection {
     /// The fleet's router, if it is another one than the robot's own.
     pub zenoh: Option<ZenohSection>,
-    /// Force samples per second of each patch, 1 to 1000.
-    pub rate_hz: f64,
-}
-
-impl Default for FleetSection {
-    fn default() -> Self {
-        Self { zenoh: None, rate_hz: 10.0 }
-    }
+    /// Force samples per second of each patch, 1 to 1000; 10 if left out.
+    pub rate_hz: Option<f64>,
 }
 
 /// `[yarp]`.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct YarpSection {
     /// The name server, `ADDRESS:PORT`; left out, the one of YARP's own files.
     pub server: Option<String>,
-    /// The name of the port of contacts.
-    pub skin_events: String,
-}
-
-impl Default for YarpSection {
-    fn default() -> Self {
-        Self { server: None, skin_events: "/taxeld/skin_events:o".into() }
-    }
+    /// The name of the port of contacts; `/taxeld/skin_events:o` if left out.
+    pub skin_events: Option<String>,
 }
 
 /// `[[patch]]`.
@@ -128,9 +110,8 @@ pub struct PatchSection {
     pub frame: Option<String>,
     /// Forces per second, 1 to 1000; left out, each new one as it comes.
     pub rate_hz: Option<f64>,
-    /// Clouds of taxels per second, 1 to 1000; 0, the default, for none.
-    #[serde(default)]
-    pub taxels_hz: f64,
+    /// Clouds of taxels per second, 1 to 1000; left out, there are none.
+    pub taxels_hz: Option<f64>,
     /// Body part, link and skin part in the events of YARP, where its name is none of iCub's.
     pub part: Option<Part>,
 }
@@ -176,14 +157,12 @@ impl Config {
         if let Some(ros) = &self.ros {
             ros.check()?;
         }
-        if let Some(fleet) = &self.fleet {
-            let rate = fleet.rate_hz;
-            ensure!((1.0..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 1 to 1000");
-        }
+        check_rate("fleet.rate_hz", self.fleet.as_ref().and_then(|fleet| fleet.rate_hz))?;
         if let Some(YarpSection { server, skin_events }) = &self.yarp {
             server.as_ref().map(|server| NameServer::of(Some(server))).transpose().context("yarp")?;
-            let is_port = skin_events.starts_with('/') && !skin_events.contains(char::is_whitespace);
-            ensure!(is_port, "yarp: {skin_events:?}: expected a name as in /taxeld/skin_events:o");
+            let is_port = |name: &String| name.starts_with('/') && !name.contains(char::is_whitespace);
+            let fits = skin_events.as_ref().is_none_or(is_port);
+            ensure!(fits, "yarp.skin_events = {skin_events:?}: expected a name as in /taxeld/skin_events:o");
             if let Some(PatchSection { name, .. }) = self.patches.iter().find(|patch| patch.part().is_none()) {
                 bail!(
                     "patch {name:?}: none of iCub's parts: say what it is, part = [3, 4, 2] (body part, link, skin part)"
@@ -199,15 +178,20 @@ impl RosSection {
     fn check(&self) -> anyhow::Result<()> {
         // More would need UDP ports that do not exist; ROS refuses them too.
         ensure!(self.domain <= 232, "ros.domain = {}: expected 0 to 232", self.domain);
-        let inner = self.namespace.strip_prefix('/');
-        let fits = inner.is_some_and(|inner| inner.is_empty() || inner.split('/').all(ros::is_name));
-        ensure!(fits, "ros.namespace = {:?}: expected `/` or, for example, `/icub/skin`", self.namespace);
+        let namespace = self.namespace();
+        let fits = namespace == "/" || namespace.starts_with('/') && ros2_client::Name::parse(namespace).is_ok();
+        ensure!(fits, "ros.namespace = {namespace:?}: expected `/` or, for example, `/icub/skin`");
         Ok(())
+    }
+
+    /// The node's namespace.
+    pub fn namespace(&self) -> &str {
+        self.namespace.as_deref().unwrap_or("/skin")
     }
 
     /// The absolute name of what is called `name` here.
     pub fn absolute(&self, name: &str) -> String {
-        format!("{}/{name}", self.namespace.trim_end_matches('/'))
+        format!("{}/{name}", self.namespace().trim_end_matches('/'))
     }
 }
 
@@ -218,11 +202,15 @@ impl PatchSection {
         ensure!(is_robot(name), "patch {name:?}: expected 1 to 64 letters, digits, `_`, `-` or `.`");
         let frame = self.frame();
         ensure!(!frame.is_empty() && !frame.starts_with('/'), "patch {name:?}: frame {frame:?} is none of tf2's");
-        for (key, rate, least) in [("rate_hz", self.rate_hz, 1.0), ("taxels_hz", Some(self.taxels_hz), 0.0)] {
-            let fits = rate.is_none_or(|hz| (1.0..=1000.0).contains(&hz) || hz == least);
-            ensure!(fits, "patch {name:?}: {key} = {}: expected 1 to 1000", rate.unwrap_or_default());
-        }
-        Ok(())
+        check_rate(&format!("patch {name:?}: rate_hz"), self.rate_hz)?;
+        check_rate(&format!("patch {name:?}: taxels_hz"), self.taxels_hz)
+    }
+}
+
+fn check_rate(key: &str, rate_hz: Option<f64>) -> anyhow::Result<()> {
+    match rate_hz {
+        Some(hz) if !(1.0..=1000.0).contains(&hz) => bail!("{key} = {hz}: expected 1 to 1000"),
+        _ => Ok(()),
     }
 }
 
@@ -243,7 +231,7 @@ mod tests {
         let ros = config.ros.unwrap();
         assert_eq!((ros.domain, ros.middleware, ros.tare), (0, Middleware::Dds, false));
         assert_eq!(ros.absolute("tare"), "/skin/tare");
-        assert_eq!(RosSection { namespace: "/".into(), ..ros }.absolute("tare"), "/tare");
+        assert_eq!(RosSection { namespace: Some("/".into()), ..ros }.absolute("tare"), "/tare");
         let patch = &config.patches[0];
         assert_eq!(patch.frame(), "left_forearm");
         assert!(config.fleet.is_none());
@@ -265,6 +253,9 @@ mod tests {
             (LEAST.replace("[ros]", "[ros]\ndomain = 233"), "ros.domain"),
             (LEAST.replace("[ros]", "[ros]\nnamespace = \"skin\""), "ros.namespace"),
             (LEAST.replace("[ros]", "[ros]\nnamespace = \"/a//b\""), "ros.namespace"),
+            (LEAST.replace("[ros]", "[ros]\nnamespace = \"/skin/\""), "ros.namespace"),
+            (LEAST.replace("[ros]", "[ros]\nnamespace = \"/1a\""), "ros.namespace"),
+            (LEAST.replace("[ros]", "[ros]\nnamespace = \"/\u{e9}\""), "ros.namespace"),
             (LEAST.replace("[ros]", "[ros]\ncolour = 1"), "colour"),
             (LEAST.replace("[ros]", "[fleet]\nrate_hz = 0.5"), "fleet.rate_hz"),
             ("robot = \"a\"\npatch = []\n[ros]\n".to_owned(), "[[patch]]"),

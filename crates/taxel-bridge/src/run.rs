@@ -12,6 +12,9 @@ use crate::ros::{name_of, tare};
 use crate::signals::asked_to_end;
 use crate::yarp::publish::{self as ports, Followed, Ports};
 
+/// What a fleet is told in a second of each patch, if not otherwise configured.
+const FLEET_HZ: f64 = 10.0;
+
 type Tasks = JoinSet<anyhow::Result<()>>;
 
 /// Runs a bridge until it is ended.
@@ -62,10 +65,10 @@ impl Bridge {
             let forces = self.daemon.forces(&patch.name, patch.rate_hz);
             tasks.spawn(topics.publish(patch.clone(), forces.clone()));
             followed.push((patch.name.clone(), forces));
-            if patch.taxels_hz > 0.0 {
+            if let Some(rate_hz) = patch.taxels_hz {
                 let topic =
                     node.topic(&ros.absolute(&format!("{}/taxels", name_of(&patch.name))), publish::NEWEST).await?;
-                let taxels = self.daemon.taxels(&patch.name, patch.taxels_hz);
+                let taxels = self.daemon.taxels(&patch.name, rate_hz);
                 tasks.spawn(publish::taxels(topic, patch.clone(), taxels));
             }
         }
@@ -94,8 +97,9 @@ impl Bridge {
             let taxels = self.daemon.taxels(&patch.name, ports::PRESSURES_HZ);
             tasks.spawn(ports::taxels(ports.clone(), port("pressure:o"), taxels));
         }
+        let events = yarp.skin_events.as_deref().unwrap_or(ports::EVENTS);
         let followed = self.config.patches.iter().filter_map(|patch| Followed::new(patch, &self.daemon)).collect();
-        tasks.spawn(ports::events(ports.clone(), yarp.skin_events.clone(), self.daemon.clone(), followed));
+        tasks.spawn(ports::events(ports.clone(), events.to_owned(), self.daemon.clone(), followed));
         first_end(tasks).await
     }
 
@@ -107,7 +111,7 @@ impl Bridge {
         let robot = || self.config.robot.clone();
         for patch in &self.config.patches {
             let (name, forces) = (patch.name.clone(), self.daemon.forces(&patch.name, None));
-            tasks.spawn(robot::force(session.clone(), robot(), name, forces, fleet.rate_hz));
+            tasks.spawn(robot::force(session.clone(), robot(), name, forces, fleet.rate_hz.unwrap_or(FLEET_HZ)));
         }
         tasks.spawn(robot::health(session, robot(), self.daemon.clone()));
         first_end(tasks).await

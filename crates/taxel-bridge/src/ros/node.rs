@@ -26,13 +26,6 @@ fn quality(depth: usize) -> QosProfile {
     QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth })
 }
 
-/// An absolute name for the library.
-fn split(name: &str) -> anyhow::Result<Name> {
-    let (namespace, base) = name.rsplit_once('/').context("a name without a slash")?;
-    let namespace = if namespace.is_empty() { "/" } else { namespace };
-    Name::new(namespace, base).map_err(|error| anyhow!("{name}: {error}"))
-}
-
 impl Node {
     /// Announces a node; a router of Zenoh is waited for.
     ///
@@ -42,7 +35,7 @@ impl Node {
         if ros.middleware == Middleware::Zenoh {
             return Ok(Self::Zenoh(zenoh::Node::announce(link::open(router).await?, ros).await?));
         }
-        let name = NodeName::new(&ros.namespace, NODE).map_err(|error| anyhow!("ros.namespace: {error}"))?;
+        let name = NodeName::new(ros.namespace(), NODE).map_err(|error| anyhow!("ros.namespace: {error}"))?;
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
         let context = Context::with_options(ContextOptions::new().domain_id(ros.domain)).context("opening DDS")?;
         Ok(Self::Dds(Box::new(context.new_node(name, options).context("announcing the node")?)))
@@ -57,7 +50,8 @@ impl Node {
             Self::Zenoh(node) => return Ok(Topic::Zenoh(node.topic::<T>(name, depth).await?)),
             Self::Dds(node) => node,
         };
-        let topic = node.create_topic(&split(name)?, MessageTypeName::new(T::NAME[0], T::NAME[1]), &quality(depth))?;
+        let topic =
+            node.create_topic(&Name::parse(name)?, MessageTypeName::new(T::NAME[0], T::NAME[1]), &quality(depth))?;
         Ok(Topic::Dds(node.create_publisher(&topic, None).context(name.to_owned())?))
     }
 
@@ -72,7 +66,7 @@ impl Node {
         };
         let (kind, quality) = (ServiceTypeName::new("std_srvs", "Trigger"), quality(WAITING_MAX));
         // As Fast DDS does it.
-        let server = node.create_server(ServiceMapping::Enhanced, &split(name)?, &kind, quality.clone(), quality);
+        let server = node.create_server(ServiceMapping::Enhanced, &Name::parse(name)?, &kind, quality.clone(), quality);
         Ok(Trigger::Dds(Box::new(server.context(name.to_owned())?)))
     }
 }

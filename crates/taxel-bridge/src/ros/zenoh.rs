@@ -77,7 +77,8 @@ impl Node {
     /// # Errors
     /// If the session is closed.
     pub async fn announce(session: Session, ros: &RosSection) -> anyhow::Result<Self> {
-        let names = Names { domain: ros.domain, session: session.zid().to_string(), namespace: ros.namespace.clone() };
+        let names =
+            Names { domain: ros.domain, session: session.zid().to_string(), namespace: ros.namespace().to_owned() };
         let token = tried("announcing the node", session.liveliness().declare_token(names.token(0, "NN")).await)?;
         Ok(Self { session, names, endpoints: 0, _token: token })
     }

@@ -16,6 +16,8 @@ use crate::config::{PatchSection, YarpSection};
 use crate::daemon::{Daemon, Taxels};
 use crate::ticks;
 
+/// The port of contacts, unless it takes skinManager's name.
+pub const EVENTS: &str = "/taxeld/skin_events:o";
 /// Contacts go out as often as skinManager sends them.
 const EVENTS_EVERY: Duration = Duration::from_millis(20);
 /// Pressures go out so often: a skin of iCub has no more new ones.
