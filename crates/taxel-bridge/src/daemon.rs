@@ -1,9 +1,11 @@
 //! The way to the daemon: an ordinary client of its service.
 
+use std::error::Error;
+use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 
 use anyhow::Context;
-use taxel_client::{Address, Forces, Line, Options, TlsOptions};
+use taxel_client::{Address, Forces, Line, Options, TlsOptions, root_cause};
 use taxel_proto::code_name;
 use taxel_proto::judge::{aged, on_the_way};
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
@@ -34,8 +36,8 @@ impl Daemon {
             Some(server) => Address::parse(server).with_context(|| format!("daemon.server = {server:?}"))?,
             None => Address::local(),
         };
-        let tls = section.tls.as_deref().map(TlsOptions::in_folder).transpose().context("daemon.tls")?;
-        let tls = tls.map(|tls| TlsOptions { name: section.tls_name.clone(), ..tls });
+        let in_folder = |folder: &PathBuf| TlsOptions::in_folder(folder, section.tls_name.clone());
+        let tls = section.tls.as_ref().map(in_folder).transpose().context("daemon.tls")?;
         let options = Options { token: section.token_file.clone(), tls, ..Options::new(address) };
         Ok(Self { line: options.connect_lazy()?, options })
     }
@@ -140,11 +142,6 @@ pub fn pressure_kpa(reading: &TaxelReading, sample: &TaxelSample, waited: Durati
 
 /// What a failed call says, with the system's own reason where there is one.
 pub fn words(status: &Status) -> String {
-    let mut words = status.message().to_owned();
-    let mut cause = std::error::Error::source(status);
-    while let Some(source) = cause {
-        words = source.to_string();
-        cause = source.source();
-    }
+    let words = status.source().map_or_else(|| status.message().to_owned(), root_cause);
     if words.is_empty() { code_name(status.code()).to_owned() } else { words }
 }

@@ -89,16 +89,16 @@ pub struct TlsOptions {
 
 #[cfg(feature = "tls")]
 impl TlsOptions {
-    /// What the files `ca.pem`, `client.pem` and `client.key` of this folder hold.
+    /// What the files `ca.pem`, `client.pem` and `client.key` of this folder hold, for a daemon of this name.
     ///
     /// # Errors
     /// [`ConnectError::Certificate`]: the file that cannot be read, and why.
-    pub fn in_folder(folder: &Path) -> Result<Self, ConnectError> {
-        let text = |name: &str| {
-            let file = folder.join(name);
+    pub fn in_folder(folder: &Path, name: Option<String>) -> Result<Self, ConnectError> {
+        let text = |file: &str| {
+            let file = folder.join(file);
             read_short(&file).map_err(|error| ConnectError::Certificate { file, cause: error.to_string() })
         };
-        Ok(Self { authority: text("ca.pem")?, certificate: text("client.pem")?, key: text("client.key")?, name: None })
+        Ok(Self { authority: text("ca.pem")?, certificate: text("client.pem")?, key: text("client.key")?, name })
     }
 
     fn config(&self) -> ClientTlsConfig {
@@ -265,7 +265,8 @@ pub enum ConnectError {
 }
 
 /// The innermost reason, which is the system's own.
-fn root_cause(error: &dyn std::error::Error) -> String {
+#[must_use]
+pub fn root_cause(error: &dyn std::error::Error) -> String {
     let mut cause = error;
     while let Some(source) = cause.source() {
         cause = source;

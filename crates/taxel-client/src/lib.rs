@@ -38,7 +38,7 @@ mod stream;
 
 #[cfg(feature = "tls")]
 pub use connect::TlsOptions;
-pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
+pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options, root_cause};
 pub use follow::{Forces, follow};
 pub use health::troubles;
 pub use moment::Moment;

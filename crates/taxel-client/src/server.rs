@@ -36,8 +36,8 @@ impl Server {
     /// The address and why nobody answers there, or the file of a credential and what is wrong with it.
     pub async fn connect(&self) -> Result<Line, ConnectError> {
         let address = self.server.clone().unwrap_or_else(Address::local);
-        let tls = self.tls.as_deref().map(TlsOptions::in_folder).transpose()?;
-        let tls = tls.map(|tls| TlsOptions { name: self.tls_name.clone(), ..tls });
+        let in_folder = |folder: &PathBuf| TlsOptions::in_folder(folder, self.tls_name.clone());
+        let tls = self.tls.as_ref().map(in_folder).transpose()?;
         Options { token: self.token.clone(), tls, ..Options::new(address) }.connect().await
     }
 }
