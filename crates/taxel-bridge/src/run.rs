@@ -2,6 +2,7 @@
 
 use tokio::task::JoinSet;
 
+use crate::asked_to_end;
 use crate::config::Config;
 use crate::daemon::Daemon;
 use crate::fleet::robot;
@@ -9,7 +10,6 @@ use crate::link;
 use crate::ros::node::Node;
 use crate::ros::publish::{self, ForceTopics};
 use crate::ros::{name_of, tare};
-use crate::signals::asked_to_end;
 use crate::yarp::publish::{self as ports, Followed, Ports};
 
 /// What a fleet is told in a second of each patch, if not otherwise configured.

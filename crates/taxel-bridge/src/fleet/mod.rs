@@ -1,7 +1,5 @@
 //! Many robots on one router: what each tells of itself, and all of them in one table.
 
 pub mod book;
-pub mod keys;
 pub mod robot;
-pub mod table;
 pub mod watch;

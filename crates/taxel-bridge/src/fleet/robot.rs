@@ -1,5 +1,10 @@
 //! What one robot tells a fleet.
 //!
+//! | key | what | how often |
+//! |---|---|---|
+//! | `taxel/ROBOT/force/PATCH` | `taxel.v1.ForceSample` | at the configured rate, also where there is no force |
+//! | `taxel/ROBOT/health` | `taxel.v1.Health` | once a second, while the daemon answers |
+//!
 //! Samples go on as the service's own protobuf messages: every field survives (state, reasons, uncertainty), a reader in
 //! any language generates them from `proto/`, later fields are compatible, and a sample is a third of its JSON.
 
@@ -15,19 +20,36 @@ use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
 use crate::daemon::Daemon;
-use crate::fleet::keys;
 use crate::link::tried;
 use crate::ticks;
 
 /// How often the daemon is asked for its health.
 const HEALTH_EVERY: Duration = Duration::from_secs(1);
 
+/// The forces of every robot.
+pub const FORCES: &str = "taxel/*/force/*";
+
+/// The key of a patch's force.
+fn force_key(robot: &str, patch: &str) -> String {
+    format!("taxel/{robot}/force/{patch}")
+}
+
+/// The key of a daemon's health.
+fn health_key(robot: &str) -> String {
+    format!("taxel/{robot}/health")
+}
+
+/// The robot and the patch of the key of a force.
+pub fn robot_and_patch(key: &str) -> Option<(&str, &str)> {
+    key.strip_prefix("taxel/")?.split_once("/force/")
+}
+
 /// Tells a patch's newest sample at a rate, also where it is no force any more.
 ///
 /// # Errors
 /// If the session is closed.
 pub async fn force(session: Session, robot: String, patch: String, forces: Forces, rate_hz: f64) -> anyhow::Result<()> {
-    let publisher = publisher(&session, keys::force(&robot, &patch), "taxel.v1.ForceSample").await?;
+    let publisher = publisher(&session, force_key(&robot, &patch), "taxel.v1.ForceSample").await?;
     let mut due = ticks(Duration::from_secs_f64(1.0 / rate_hz));
     loop {
         due.tick().await;
@@ -43,7 +65,7 @@ pub async fn force(session: Session, robot: String, patch: String, forces: Force
 /// # Errors
 /// If the session is closed.
 pub async fn health(session: Session, robot: String, daemon: Daemon) -> anyhow::Result<()> {
-    let publisher = publisher(&session, keys::health(&robot), "taxel.v1.Health").await?;
+    let publisher = publisher(&session, health_key(&robot), "taxel.v1.Health").await?;
     let mut due = ticks(HEALTH_EVERY);
     loop {
         due.tick().await;
@@ -94,5 +116,13 @@ mod tests {
             (ForceState::Stale, None, ReasonCode::FrameOld)
         );
         assert_eq!((late.max_age_s, late.model_set.as_str(), late.simulated), (0.15, "m-1", true));
+    }
+
+    #[test]
+    fn a_key_says_whose_force_it_is() {
+        assert_eq!(robot_and_patch(&force_key("icub01", "arm")), Some(("icub01", "arm")));
+        for other in ["", "taxel", "taxel/r", "other/r/force/arm", &health_key("icub01")] {
+            assert_eq!(robot_and_patch(other), None, "{other}");
+        }
     }
 }

@@ -11,12 +11,10 @@ use zenoh::handlers::FifoChannel;
 use zenoh::sample::Sample;
 
 use crate::config::ZenohSection;
-use crate::fleet::book::{Book, rows};
-use crate::fleet::keys;
-use crate::fleet::table;
+use crate::fleet::book::{Book, rows, table};
+use crate::fleet::robot;
 use crate::link::{self, tried};
-use crate::signals::asked_to_end;
-use crate::ticks;
+use crate::{asked_to_end, ticks};
 
 /// Messages that may wait here: a hundred from each of a hundred robots. Beyond that Zenoh waits, and the router drops.
 const QUEUE: usize = 10_000;
@@ -50,7 +48,7 @@ pub struct FleetArgs {
 /// If the router's configuration cannot be used, the session breaks or nobody takes the output.
 pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     let session = link::open(&ZenohSection { router: args.router, config: args.zenoh_config }).await?;
-    let told = tried("listening", session.declare_subscriber(keys::FORCES).with(FifoChannel::new(QUEUE)).await)?;
+    let told = tried("listening", session.declare_subscriber(robot::FORCES).with(FifoChannel::new(QUEUE)).await)?;
     let mut book = Book::default();
     let mut show = ticks(if args.once { ONCE_AFTER } else { SHOW_EVERY });
     show.tick().await; // the first comes at once, before anything was told
@@ -74,7 +72,7 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
 /// Writes down what a robot told.
 fn take(book: &mut Book, sample: &Sample) {
     let key = sample.key_expr().as_str();
-    let Some((robot, patch)) = keys::split(key) else { return };
+    let Some((robot, patch)) = robot::robot_and_patch(key) else { return };
     match ForceSample::decode(&*sample.payload().to_bytes()) {
         Ok(force) => drop(book.insert((robot.to_owned(), patch.to_owned()), Received::now(force))),
         Err(error) => tracing::warn!(key, "a message that cannot be read: {error}"),
@@ -88,7 +86,7 @@ fn print(book: &Book, json: bool) -> anyhow::Result<()> {
         writeln!(out, "{}", serde_json::json!({ "rows": rows }))?;
     } else {
         let clear = if out.is_terminal() { CLEAR } else { "" };
-        write!(out, "{clear}{}", table::text(&rows))?;
+        write!(out, "{clear}{}", table(&rows))?;
     }
     Ok(out.flush()?)
 }

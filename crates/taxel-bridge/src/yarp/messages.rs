@@ -4,12 +4,40 @@ use std::time::Duration;
 
 use taxel_client::{Force, NoForce};
 use taxel_proto::judge;
-use taxel_proto::v1::{Contact, ForceState, TaxelLayout, TaxelSample};
+use taxel_proto::v1::{Contact, ForceState, Skin, TaxelLayout, TaxelSample, Vector3};
+use taxel_skin::{VALUES_PER_BOARD, VALUES_PER_MODULE};
 use taxel_yarp::Value;
 
-use super::layout::{Layout, array};
 use super::parts::Part;
 use crate::daemon::pressure_kpa;
+
+/// All taxels of a patch, by number.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Layout {
+    /// What the daemon says of each, and its row: in the vector of a skin port, and in a position file.
+    pub taxels: Vec<(usize, TaxelLayout)>,
+    /// How many rows there are: 192 a board.
+    pub rows: usize,
+}
+
+impl Layout {
+    /// Of what the daemon says of the patch, whose boards are in the order of the port's vector.
+    pub fn new(skin: &Skin) -> Self {
+        let mut boards: Vec<_> = skin.taxels.iter().map(|taxel| (taxel.bus, taxel.board)).collect();
+        boards.dedup();
+        let row = |taxel: &TaxelLayout| {
+            let board = boards.iter().position(|of| *of == (taxel.bus, taxel.board)).unwrap_or(0);
+            VALUES_PER_BOARD * board + VALUES_PER_MODULE * taxel.module as usize + taxel.slot as usize
+        };
+        let taxels = skin.taxels.iter().map(|taxel| (row(taxel), taxel.clone())).collect();
+        Self { taxels, rows: VALUES_PER_BOARD * boards.len() }
+    }
+}
+
+/// As three numbers.
+fn array(vector: &Option<Vector3>) -> [f64; 3] {
+    vector.as_ref().map(|vector| [vector.x, vector.y, vector.z]).unwrap_or_default()
+}
 
 /// `(total low high) (x y z) STATE (reasons) age`, in N, m and s; the first two lists are empty where there is no force or no
 /// centre. `high` is `inf` where any amount more may press.
@@ -87,7 +115,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 mod tests {
     use super::super::parts::named;
     use super::*;
-    use taxel_proto::v1::{ForceSample, Skin, TaxelReading, Vector3};
+    use taxel_proto::v1::{ForceSample, TaxelReading};
 
     fn layout() -> Layout {
         let taxel = |board, slot, x| {

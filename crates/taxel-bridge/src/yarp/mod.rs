@@ -1,6 +1,5 @@
 //! The force on YARP's ports, for programs that read what skinManager writes.
 
-pub mod layout;
 pub mod messages;
 pub mod parts;
 pub mod publish;

@@ -9,8 +9,7 @@ use taxel_proto::Timestamp;
 use taxel_yarp::{NameServer, OutPort, Value};
 use tokio::time::sleep;
 
-use super::layout::Layout;
-use super::messages::{contact, force, pressures};
+use super::messages::{Layout, contact, force, pressures};
 use super::parts::Part;
 use crate::config::{PatchSection, YarpSection};
 use crate::daemon::{Daemon, Taxels};
