@@ -6,6 +6,7 @@ use anyhow::{Context, bail, ensure};
 use serde::Deserialize;
 use taxel_yarp::NameServer;
 
+use crate::ros::name_of;
 use crate::yarp::parts::{self, Part};
 
 /// The whole file.
@@ -192,6 +193,11 @@ impl RosSection {
     /// The absolute name of what is called `name` here.
     pub fn absolute(&self, name: &str) -> String {
         format!("{}/{name}", self.namespace().trim_end_matches('/'))
+    }
+
+    /// The absolute name of what is called `name` of a patch.
+    pub fn of_patch(&self, patch: &str, name: &str) -> String {
+        self.absolute(&format!("{}/{name}", name_of(patch)))
     }
 }
 

@@ -1,7 +1,5 @@
 //! The way to a router of Zenoh.
 
-use std::time::Duration;
-
 use anyhow::{Context, anyhow};
 use zenoh::Session;
 
@@ -9,10 +7,8 @@ use crate::config::ZenohSection;
 
 /// Where the router of `rmw_zenoh` listens.
 const ROUTER: &str = "tcp/localhost:7447";
-/// Between two attempts to reach the router.
-const AGAIN_AFTER: Duration = Duration::from_secs(1);
 
-/// Zenoh's configuration of a client of one router. It sends no multicast and listens to nobody.
+/// Zenoh's configuration of a client of one router, which is waited for. It sends no multicast and listens to nobody.
 ///
 /// # Errors
 /// If the file cannot be used, or the endpoint is none.
@@ -28,30 +24,22 @@ pub fn configuration(section: &ZenohSection) -> anyhow::Result<zenoh::Config> {
     };
     set("mode", "\"client\"")?;
     set("scouting/multicast/enabled", "false")?;
+    set("connect/timeout_ms", "-1")?;
     if let Some(router) = section.router.as_deref().or(section.config.is_none().then_some(ROUTER)) {
         set("connect/endpoints", &serde_json::json!([router]).to_string())?;
     }
     Ok(config)
 }
 
-/// Opens a session. A router that cannot be reached is waited for; one that goes away later is found again by Zenoh itself.
+/// Opens a session. Zenoh waits for a router that cannot be reached, and finds one again that goes away later.
 ///
 /// # Errors
 /// If the configuration cannot be used.
 pub async fn open(section: &ZenohSection) -> anyhow::Result<Session> {
-    let config = configuration(section)?;
-    let mut told = false;
-    loop {
-        match zenoh::open(config.clone()).await {
-            Ok(session) => return Ok(session),
-            Err(error) if !told => {
-                tracing::warn!("no router yet, going on trying: {error}");
-                told = true;
-            }
-            Err(_) => {}
-        }
-        tokio::time::sleep(AGAIN_AFTER).await;
-    }
+    tracing::info!("waits for the router");
+    let session = tried("the router", zenoh::open(configuration(section)?).await)?;
+    tracing::info!("the router is there");
+    Ok(session)
 }
 
 /// Zenoh's errors as everybody else's.

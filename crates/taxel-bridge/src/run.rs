@@ -9,7 +9,7 @@ use crate::fleet::robot;
 use crate::link;
 use crate::ros::node::Node;
 use crate::ros::publish::{self, ForceTopics};
-use crate::ros::{name_of, tare};
+use crate::ros::tare;
 use crate::yarp::publish::{self as ports, Followed, Ports};
 
 /// What a fleet is told in a second of each patch, if not otherwise configured.
@@ -66,8 +66,7 @@ impl Bridge {
             tasks.spawn(topics.publish(patch.clone(), forces.clone()));
             followed.push((patch.name.clone(), forces));
             if let Some(rate_hz) = patch.taxels_hz {
-                let topic =
-                    node.topic(&ros.absolute(&format!("{}/taxels", name_of(&patch.name))), publish::NEWEST).await?;
+                let topic = node.topic(&ros.of_patch(&patch.name, "taxels"), publish::NEWEST).await?;
                 let taxels = self.daemon.taxels(&patch.name, rate_hz);
                 tasks.spawn(publish::taxels(topic, patch.clone(), taxels));
             }
@@ -79,7 +78,7 @@ impl Bridge {
             let all = node.trigger(&ros.absolute("tare")).await?;
             tasks.spawn(tare::serve(all, self.daemon.clone(), names.clone()));
             for name in names {
-                let one = node.trigger(&ros.absolute(&format!("{}/tare", name_of(&name)))).await?;
+                let one = node.trigger(&ros.of_patch(&name, "tare")).await?;
                 tasks.spawn(tare::serve(one, self.daemon.clone(), vec![name]));
             }
         }

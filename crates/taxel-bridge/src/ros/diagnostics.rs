@@ -86,12 +86,12 @@ fn reasons(codes: impl Iterator<Item = ReasonCode>) -> Option<KeyValue> {
 
 /// What the daemon says of itself, its buses, boards and zeros, or why it says nothing.
 pub fn daemon(robot: &str, health: Result<&Health, &String>) -> DiagnosticStatus {
-    let (level, message, values) = match health.map(|health| (troubles(health), health.streams)) {
-        Err(why) => (ERROR, format!("no health from it: {why}"), Vec::new()),
-        Ok((troubles, streams)) if troubles.is_empty() => (OK, "OK".to_owned(), vec![value("streams", streams)]),
-        Ok((troubles, streams)) => (WARN, troubles.join("; "), vec![value("streams", streams)]),
+    let (level, message) = match health.map(troubles) {
+        Err(why) => (ERROR, format!("no health from it: {why}")),
+        Ok(troubles) if troubles.is_empty() => (OK, "OK".to_owned()),
+        Ok(troubles) => (WARN, troubles.join("; ")),
     };
-    DiagnosticStatus { level, name: "taxel: daemon".to_owned(), message, hardware_id: robot.to_owned(), values }
+    DiagnosticStatus { level, name: "taxel: daemon".to_owned(), message, hardware_id: robot.to_owned(), values: vec![] }
 }
 
 #[cfg(test)]

@@ -80,11 +80,12 @@ pub enum Topic<T: RosType> {
 }
 
 impl<T: RosType> Topic<T> {
-    /// Sends a message; waits for no reader.
+    /// Sends a message, if there is one; waits for no reader.
     ///
     /// # Errors
     /// If the middleware has ended.
-    pub async fn publish(&mut self, message: T) -> anyhow::Result<()> {
+    pub async fn publish(&mut self, message: Option<T>) -> anyhow::Result<()> {
+        let Some(message) = message else { return Ok(()) };
         match self {
             Self::Zenoh(topic) => topic.publish(&message).await,
             Self::Dds(publisher) => match publisher.publish(message) {

@@ -4,14 +4,13 @@
 use std::time::{Duration, SystemTime};
 
 use taxel_client::Forces;
-use taxel_proto::v1::ForceSample;
 
 use crate::config::{PatchSection, RosSection};
 use crate::daemon::{Daemon, Taxels};
 use crate::ros::diagnostics;
+use crate::ros::messages;
 use crate::ros::node::{Node, Topic};
 use crate::ros::types::{DiagnosticArray, JointState, PointCloud2, PointStamped, WrenchStamped};
-use crate::ros::{messages, name_of};
 use crate::ticks;
 
 /// Where ROS expects diagnostics, in every namespace.
@@ -43,7 +42,7 @@ impl ForceTopics {
     /// # Errors
     /// If the middleware has ended.
     pub async fn announce(node: &mut Node, ros: &RosSection, patch: &PatchSection) -> anyhow::Result<Self> {
-        let name = |topic: &str| ros.absolute(&format!("{}/{topic}", name_of(&patch.name)));
+        let name = |topic| ros.of_patch(&patch.name, topic);
         Ok(Self {
             wrench: node.topic(&name("wrench"), NEWEST).await?,
             force: node.topic(&name("force"), NEWEST).await?,
@@ -65,24 +64,13 @@ impl ForceTopics {
             let message = Some((sample.sequence, sample.age_s));
             let time = sample.time.map(|time| (time.seconds, time.nanos)).unwrap_or_default();
             if message != last && !goes_back(newest, time) {
-                self.send(sample, section.frame()).await?;
+                self.wrench.publish(messages::wrench(sample, section.frame())).await?;
+                self.force.publish(messages::force(sample, section.frame())).await?;
+                self.centre.publish(messages::centre_of_pressure(sample, section.frame())).await?;
                 newest = time;
             }
             last = message;
         }
-    }
-
-    async fn send(&mut self, sample: &ForceSample, frame: &str) -> anyhow::Result<()> {
-        if let Some(message) = messages::wrench(sample, frame) {
-            self.wrench.publish(message).await?;
-        }
-        if let Some(message) = messages::force(sample, frame) {
-            self.force.publish(message).await?;
-        }
-        if let Some(message) = messages::centre_of_pressure(sample, frame) {
-            self.centre.publish(message).await?;
-        }
-        Ok(())
     }
 }
 
@@ -92,10 +80,8 @@ impl ForceTopics {
 /// If the middleware has ended.
 pub async fn taxels(mut topic: Topic<PointCloud2>, section: PatchSection, mut taxels: Taxels) -> anyhow::Result<()> {
     loop {
-        if let Some((skin, sample, waited)) = taxels.next().await
-            && let Some(cloud) = messages::taxels(&sample, skin, section.frame(), waited)
-        {
-            topic.publish(cloud).await?;
+        if let Some((skin, sample, waited)) = taxels.next().await {
+            topic.publish(messages::taxels(&sample, skin, section.frame(), waited)).await?;
         }
     }
 }
@@ -117,7 +103,7 @@ pub async fn diagnostics(
             patches.iter().map(|(patch, forces)| diagnostics::patch(&robot, patch, &forces.force())).collect();
         status.push(diagnostics::daemon(&robot, daemon.health().await.as_ref()));
         let header = messages::header(Some(&SystemTime::now().into()), "").unwrap_or_default();
-        topic.publish(DiagnosticArray { header, value: status }).await?;
+        topic.publish(Some(DiagnosticArray { header, value: status })).await?;
     }
 }
 

@@ -24,7 +24,7 @@ pub const PRESSURES_HZ: f64 = 20.0;
 /// That there is no force is said so often.
 const NO_FORCE_EVERY: Duration = Duration::from_millis(100);
 /// Between two attempts to open a port.
-const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
+const AGAIN_AFTER: Duration = Duration::from_secs(1);
 
 /// The ports of this bridge.
 #[derive(Clone)]
@@ -46,7 +46,7 @@ impl Ports {
 
     /// Opens a port as soon as the name server is there and the name is free.
     async fn open(&self, name: &str) -> OutPort {
-        let (mut pause, mut told) = (PAUSES[0], String::new());
+        let mut told = String::new();
         loop {
             let why = match OutPort::open(&self.server, name).await {
                 Ok(port) => {
@@ -59,8 +59,7 @@ impl Ports {
                 tracing::warn!(port = name, "not opened: {why}");
                 told = why;
             }
-            sleep(pause).await;
-            pause = (2 * pause).min(PAUSES[1]);
+            sleep(AGAIN_AFTER).await;
         }
     }
 
