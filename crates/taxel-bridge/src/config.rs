@@ -155,9 +155,7 @@ impl Config {
             self.ros.is_some() || self.fleet.is_some() || self.yarp.is_some(),
             "neither [ros] nor [fleet] nor [yarp]: there is nothing to do"
         );
-        if let Some(ros) = &self.ros {
-            ros.check()?;
-        }
+        self.ros.iter().try_for_each(RosSection::check)?;
         check_rate("fleet.rate_hz", self.fleet.as_ref().and_then(|fleet| fleet.rate_hz))?;
         if let Some(YarpSection { server, skin_events }) = &self.yarp {
             server.as_ref().map(|server| NameServer::of(Some(server))).transpose().context("yarp")?;
@@ -165,9 +163,7 @@ impl Config {
             let fits = skin_events.as_ref().is_none_or(is_port);
             ensure!(fits, "yarp.skin_events = {skin_events:?}: expected a name as in /taxeld/skin_events:o");
             if let Some(PatchSection { name, .. }) = self.patches.iter().find(|patch| patch.part().is_none()) {
-                bail!(
-                    "patch {name:?}: none of iCub's parts: say what it is, part = [3, 4, 2] (body part, link, skin part)"
-                );
+                bail!("patch {name:?}: none of iCub's parts: write part = [3, 4, 2] (body part, link, skin part)");
             }
         }
         ensure!(!self.patches.is_empty(), "no [[patch]]: there is nothing to do");

@@ -19,19 +19,18 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Bridges one robot.
-    Run {
-        /// What is bridged, and where to.
-        #[arg(long, value_name = "FILE", default_value = "/etc/taxeld/taxel-bridge.toml")]
-        config: PathBuf,
-    },
+    Run(File),
     /// Only says whether a configuration can be used.
-    Check {
-        /// The configuration.
-        #[arg(long, value_name = "FILE", default_value = "/etc/taxeld/taxel-bridge.toml")]
-        config: PathBuf,
-    },
+    Check(File),
     /// Shows all robots of a router.
     Fleet(FleetArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct File {
+    /// What is bridged, and where to.
+    #[arg(long, value_name = "FILE", default_value = "/etc/taxeld/taxel-bridge.toml")]
+    config: PathBuf,
 }
 
 /// Middlewares tell of every peer that comes or goes. What `ros2_client` thinks of ROS_DISTRO matters to releases before iron.
@@ -49,8 +48,8 @@ async fn main() -> anyhow::Result<()> {
 
 async fn command(command: Command) -> anyhow::Result<()> {
     match command {
-        Command::Run { config } => run::run(Config::read(&config)?).await,
-        Command::Check { config } => {
+        Command::Run(File { config }) => run::run(Config::read(&config)?).await,
+        Command::Check(File { config }) => {
             let config = Config::read(&config)?;
             taxel_bridge::link::configuration(&config.zenoh)?;
             taxel_bridge::daemon::Daemon::new(&config.daemon)?;

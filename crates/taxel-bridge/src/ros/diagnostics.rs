@@ -39,9 +39,7 @@ fn of_force(sample: &ForceSample) -> (u8, String) {
         words.push("nothing bounds the force above".to_owned());
     }
     if sample.resultant_n.is_none() || sample.moment_nm.is_none() {
-        words.push(
-            "no wrench: the daemon's configuration has no outputs resultant and moment, or no normals".to_owned(),
-        );
+        words.push("no wrench: taxeld.toml has no outputs resultant and moment, or no normals".to_owned());
     }
     match (words.is_empty(), sample.simulated) {
         (true, false) => (OK, "OK".to_owned()),
@@ -58,7 +56,6 @@ pub fn patch(robot: &str, patch: &str, judged: &Result<Force, NoForce>) -> Diagn
         Ok(Force { sample, age, .. }) => {
             values.extend([
                 value("state", word(sample.state())),
-                value("sequence", sample.sequence),
                 value("taxels active", sample.active),
                 value("taxels excluded", sample.excluded),
                 value("taxels stale", sample.stale),

@@ -31,11 +31,6 @@ fn type_chunks(kind: &str, [package, name, hash]: [&str; 3]) -> String {
     format!("{package}::{kind}::dds_::{name}_/RIHS01_{hash}")
 }
 
-/// A name as one chunk of a token: no slash, and never empty.
-fn chunk(name: &str) -> String {
-    if name == "/" { "%".to_owned() } else { name.replace('/', "%") }
-}
-
 fn cdr(message: &impl Serialize) -> anyhow::Result<Vec<u8>> {
     let mut bytes = CDR_HEAD.to_vec();
     to_writer_with_rep_id(&mut bytes, message, RepresentationIdentifier::CDR_LE)?;
@@ -61,13 +56,13 @@ impl Names {
     /// The token of the node itself (number 0, `NN`), or the beginning of those of its publishers and services.
     fn token(&self, number: u32, kind: &str) -> String {
         let Self { domain, session, namespace } = self;
-        format!("@ros2_lv/{domain}/{session}/0/{number}/{kind}/%/{}/{NODE}", chunk(namespace))
+        format!("@ros2_lv/{domain}/{session}/0/{number}/{kind}/%/{}/{NODE}", namespace.replace('/', "%"))
     }
 
     /// The key of a topic or service, and the token that announces it: reliable, volatile, the last so many.
     fn endpoint(&self, number: u32, kind: &str, name: &str, types: &str, depth: usize) -> (String, String) {
         let key = format!("{}{name}/{types}", self.domain);
-        (key, format!("{}/{}/{types}/::,{depth}:,:,:,,", self.token(number, kind), chunk(name)))
+        (key, format!("{}/{}/{types}/::,{depth}:,:,:,,", self.token(number, kind), name.replace('/', "%")))
     }
 }
 

@@ -42,31 +42,24 @@ fn array(vector: &Option<Vector3>) -> [f64; 3] {
 /// `(total low high) (x y z) STATE (reasons) age`, in N, m and s; the first two lists are empty where there is no force or no
 /// centre. `high` is `inf` where any amount more may press.
 pub fn force(force: &Result<Force, NoForce>) -> Vec<Value> {
-    let (numbers, centre) = match force {
-        Ok(force) => {
-            let centre = &force.sample.centre_of_pressure_m;
-            (interval(force), centre.as_ref().map(|_| array(centre)))
-        }
-        Err(_) => (Vec::new(), None),
-    };
     let (state, reasons, age) = match force {
         Ok(force) => (force.sample.state(), force.sample.reasons.clone(), Some(force.age)),
         Err(NoForce::Sample(judge::NoForce::State(state, reasons, _))) => (*state, reasons.clone(), None),
         Err(NoForce::Sample(judge::NoForce::TooOld(age, _))) => (ForceState::Stale, Vec::new(), Some(*age)),
         Err(why) => (ForceState::Stale, vec![why.to_string()], None),
     };
+    let interval = |force: &Force| {
+        let Force { total_n, sample, .. } = force;
+        [*total_n, sample.low_n.unwrap_or_default(), sample.high_n.unwrap_or(f64::INFINITY)]
+    };
+    let centres = force.iter().filter(|force| force.sample.centre_of_pressure_m.is_some());
     vec![
-        Value::floats(numbers),
-        Value::floats(centre.into_iter().flatten()),
+        Value::floats(force.iter().flat_map(interval)),
+        Value::floats(centres.flat_map(|force| array(&force.sample.centre_of_pressure_m))),
         Value::Text(judge::word(state).to_owned()),
         Value::List(reasons.into_iter().map(Value::Text).collect()),
         Value::Float(age.map_or(f64::NAN, |age| age.as_secs_f64())),
     ]
-}
-
-fn interval(force: &Force) -> Vec<f64> {
-    let sample = &force.sample;
-    vec![force.total_n, sample.low_n.unwrap_or_default(), sample.high_n.unwrap_or(f64::INFINITY)]
 }
 
 /// kPa, one value a row; `NaN` where there is no taxel or none that can be believed, `waited` after the sample was sent.

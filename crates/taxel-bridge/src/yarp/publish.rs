@@ -75,13 +75,10 @@ impl Ports {
     }
 }
 
-/// Seconds since 1970 of the newest frame of a sample.
-fn seconds(time: Option<&Timestamp>) -> f64 {
-    time.map_or(0.0, |time| time.seconds as f64 + f64::from(time.nanos) * 1e-9)
-}
-
-fn now() -> f64 {
-    seconds(Some(&SystemTime::now().into()))
+/// Seconds since 1970 of the newest frame of a sample, or now where there is none.
+fn seconds(time: Option<Timestamp>) -> f64 {
+    let time = time.unwrap_or_else(|| SystemTime::now().into());
+    time.seconds as f64 + f64::from(time.nanos) * 1e-9
 }
 
 /// Sends each force as it comes, and ten times a second that there is none.
@@ -95,9 +92,9 @@ pub async fn forces(ports: Ports, name: String, mut forces: Forces) -> anyhow::R
         };
         let newest = forces.force();
         match &newest {
-            Ok(force_now) if came => port.send(seconds(force_now.sample.time.as_ref()), &force(&newest)),
+            Ok(force_now) if came => port.send(seconds(force_now.sample.time), &force(&newest)),
             Ok(_) => {}
-            Err(_) => port.send(now(), &force(&newest)),
+            Err(_) => port.send(seconds(None), &force(&newest)),
         }
     }
 }
@@ -111,9 +108,9 @@ pub async fn taxels(ports: Ports, name: String, mut taxels: Taxels) -> anyhow::R
             let layout = Layout::new(skin);
             rows = layout.rows;
             let kpa = pressures(&sample, &layout, waited).into_iter().map(Value::Float);
-            port.send(seconds(sample.time.as_ref()), &kpa.collect::<Vec<_>>());
+            port.send(seconds(sample.time), &kpa.collect::<Vec<_>>());
         } else {
-            port.send(now(), &vec![Value::Float(f64::NAN); rows]);
+            port.send(seconds(None), &vec![Value::Float(f64::NAN); rows]);
         }
     }
 }
@@ -152,7 +149,7 @@ pub async fn events(ports: Ports, name: String, daemon: Daemon, mut patches: Vec
                 patch.layout = daemon.layout(&patch.patch).await.ok().map(|skin| Layout::new(&skin));
             }
             let Some(layout) = &patch.layout else { continue };
-            stamp = stamp.max(seconds(sample.time.as_ref()));
+            stamp = stamp.max(seconds(sample.time));
             contacts.extend(sample.contacts.iter().map(|one| contact(patch.part, one, layout)));
         }
         port.send(stamp, &contacts);
