@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::{Duration, SystemTime};
 
-use taxel_proto::judge::{self, aged, judge, on_the_way};
+use taxel_proto::judge::{self, aged, judge, on_the_way, withheld};
 use taxel_proto::v1::ForceSample;
 
 use crate::moment::Moment;
@@ -69,18 +69,23 @@ impl Received {
         self.on_the_way.saturating_add(now.since(self.at))
     }
 
-    /// Its age now; `None` if no frame has come to the daemon yet.
-    #[must_use]
-    pub fn age(&self, now: Moment) -> Option<Duration> {
-        Some(aged(self.sample.age_s?, self.waited(now)))
-    }
-
     /// The force, as [`judge()`] has it. `own`: the reader's own limit, where it has a stricter one than the daemon.
     ///
     /// # Errors
     /// Why it is not to be acted on.
     pub fn force(&self, now: Moment, own: Option<Duration>) -> Result<judge::Force, judge::NoForce> {
         judge(&self.sample, self.waited(now), own)
+    }
+
+    /// The sample for whoever gets it now: with its age by now, and without any figure of the force once that is too old.
+    #[must_use]
+    pub fn told(&self, now: Moment) -> ForceSample {
+        let age_s = self.sample.age_s.map(|age_s| aged(age_s, self.waited(now)).as_secs_f64());
+        let sample = ForceSample { age_s, ..self.sample.clone() };
+        match self.force(now, None) {
+            Err(old @ judge::NoForce::TooOld(..)) => withheld(&sample, old.code(), old.to_string()),
+            _ => sample,
+        }
     }
 }
 

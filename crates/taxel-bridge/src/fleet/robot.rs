@@ -12,7 +12,6 @@ use std::time::{Duration, SystemTime};
 
 use prost::Message;
 use taxel_client::{Forces, Moment, Received};
-use taxel_proto::judge::{NoForce, withheld};
 use taxel_proto::v1::ForceSample;
 use zenoh::Session;
 use zenoh::bytes::Encoding;
@@ -81,14 +80,9 @@ async fn publisher(session: &Session, key: String, schema: &str) -> anyhow::Resu
     tried("a publisher", publisher.encoding(Encoding::APPLICATION_PROTOBUF.with_schema(schema)).await)
 }
 
-/// The sample as it goes on now, with its age by now: without any figure of the force where it has become too old.
+/// The sample as it goes on now.
 fn passed_on(received: &Received, now: Moment) -> ForceSample {
-    let (age, sent) = (received.age(now), Some(SystemTime::now().into()));
-    let sample = ForceSample { age_s: age.map(|age| age.as_secs_f64()), sent, ..received.sample().clone() };
-    match received.force(now, None) {
-        Err(old @ NoForce::TooOld(..)) => withheld(&sample, old.code(), old.to_string()),
-        _ => sample,
-    }
+    ForceSample { sent: Some(SystemTime::now().into()), ..received.told(now) }
 }
 
 #[cfg(test)]

@@ -1,11 +1,10 @@
 //! `taxeld audit`: who changed what.
 
-use taxel_client::Server;
 use taxel_proto::v1;
 
-use super::connect::Daemon;
+use super::connect::Asked;
 use super::failure::Outcome;
-use super::table;
+use super::{json, table};
 
 /// Who changed what, the newest last. It asks for the role operator.
 #[derive(Debug, clap::Args)]
@@ -14,7 +13,7 @@ use super::table;
 )]
 pub struct AuditArgs {
     #[command(flatten)]
-    server: Server,
+    asked: Asked,
     /// Entries to show, the newest.
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1000))]
     last: u32,
@@ -25,9 +24,12 @@ pub struct AuditArgs {
 /// # Errors
 /// No daemon, or one that refuses.
 pub async fn audit(args: AuditArgs) -> Outcome {
-    let daemon = Daemon::at(&args.server).await?;
+    let daemon = args.asked.daemon().await?;
     let request = v1::ListRequest { patch: daemon.patch(), most: args.last, before: 0 };
     let entries = daemon.audit().list_audit(request).await?.into_inner().entries;
+    if args.asked.json {
+        return entries.iter().rev().try_for_each(|entry| json::print("AuditEntry", entry));
+    }
     if entries.is_empty() {
         say!("the audit log is empty");
     }

@@ -22,7 +22,7 @@ const ANSWER_BYTES_MAX: usize = 17 << 20;
 pub struct Asked {
     #[command(flatten)]
     server: Server,
-    /// Print the answer as JSON.
+    /// Print the answer as JSON, one message a line.
     #[arg(long)]
     pub json: bool,
 }

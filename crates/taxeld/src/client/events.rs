@@ -1,9 +1,8 @@
 //! `taxeld events`: what happened since the daemon's start.
 
-use taxel_client::Server;
 use taxel_proto::v1::{Event, WatchEventsRequest};
 
-use super::connect::Daemon;
+use super::connect::{Asked, Daemon};
 use super::failure::Outcome;
 use super::{json, table};
 
@@ -14,13 +13,10 @@ use super::{json, table};
 )]
 pub struct EventsArgs {
     #[command(flatten)]
-    server: Server,
+    asked: Asked,
     /// Go on with what happens.
     #[arg(long, short)]
     follow: bool,
-    /// Print each as a line of JSON.
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs it.
@@ -28,17 +24,17 @@ pub struct EventsArgs {
 /// # Errors
 /// No daemon, a lost connection, or a patch that is not there.
 pub async fn events(args: EventsArgs) -> Outcome {
-    let daemon = Daemon::at(&args.server).await?;
+    let daemon = args.asked.daemon().await?;
     let request = WatchEventsRequest { patch: daemon.patch(), after: 0, follow: args.follow };
     let mut stream = daemon.skin().watch_events(request).await?.into_inner();
     while let Some(event) = stream.message().await? {
-        show(args.json, &daemon, &event).await?;
+        show(&args.asked, &daemon, &event).await?;
     }
     Ok(())
 }
 
-async fn show(json: bool, daemon: &Daemon, event: &Event) -> Outcome {
-    if json {
+async fn show(asked: &Asked, daemon: &Daemon, event: &Event) -> Outcome {
+    if asked.json {
         return json::print("Event", event);
     }
     if event.skipped > 0 {

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use taxel_client::{Moment, Received, Samples, Server};
-use taxel_proto::judge::{Force, NoForce, withheld, word};
+use taxel_client::{Moment, Received, Samples};
+use taxel_proto::judge::{Force, NoForce, word};
 use taxel_proto::v1::{ForceSample, ForceState, PatchRequest};
 use taxel_skin::counted;
 
-use super::connect::Daemon;
+use super::connect::{Asked, Daemon};
 use super::failure::{Failure, Outcome};
 use super::json;
 use crate::tone::Tone;
@@ -26,13 +26,10 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 )]
 pub struct WatchArgs {
     #[command(flatten)]
-    server: Server,
+    asked: Asked,
     /// Samples per second, 1 to 1000 [default: 2 for people, each new sample with --json].
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// A line of JSON (message ForceSample) a sample.
-    #[arg(long)]
-    json: bool,
     /// Wait for one good force, print it and end; --within limits the wait.
     #[arg(long)]
     once: bool,
@@ -52,7 +49,7 @@ pub struct WatchArgs {
 
 impl WatchArgs {
     fn rate_hz(&self) -> Option<f64> {
-        self.rate.or((!self.json && !self.once).then_some(2.0))
+        self.rate.or((!self.asked.json && !self.once).then_some(2.0))
     }
 }
 
@@ -61,12 +58,12 @@ impl WatchArgs {
 /// # Errors
 /// No good force, a lost stream, or no daemon.
 pub async fn watch(args: WatchArgs) -> Outcome {
-    let daemon = Daemon::at(&args.server).await?;
+    let daemon = args.asked.daemon().await?;
     if args.budget {
         return budget(&daemon).await;
     }
     let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
-    let for_people = !args.json && !args.once && !args.quiet;
+    let for_people = !args.asked.json && !args.once && !args.quiet;
     // At a rate of its own, a sample is older than it may be long before the next one is due.
     let silent_after = LOOK_EVERY + Duration::from_secs_f64(1.0 / args.rate_hz().unwrap_or(f64::INFINITY));
     let mut came = tokio::time::Instant::now();
@@ -136,11 +133,11 @@ async fn budget(daemon: &Daemon) -> Outcome {
 }
 
 fn show(args: &WatchArgs, judged: &Judged) -> Outcome {
-    if args.json {
-        return json::print("ForceSample", &judged.told());
+    if args.asked.json {
+        return json::print("ForceSample", &judged.received.told(judged.at));
     }
     if args.quiet {
-        quiet(judged).into_iter().for_each(|newton| say!("{newton}"));
+        judged.newton().into_iter().for_each(|newton| say!("{newton}"));
     } else {
         say!("{}", describe(judged));
     }
@@ -158,34 +155,25 @@ fn verdict(newest: Option<Judged>) -> Outcome {
 #[derive(Clone)]
 struct Judged {
     received: Received,
-    age: Option<Duration>,
+    at: Moment,
     /// Or why it is not to be acted on.
     force: Result<Force, NoForce>,
 }
 
 impl Judged {
     fn new(received: Received, at: Moment) -> Self {
-        Self { age: received.age(at), force: received.force(at, None), received }
-    }
-
-    /// The sample with its age by now, and without a force where that is too old to be one.
-    fn told(&self) -> ForceSample {
-        let sample = ForceSample { age_s: self.age.map(|age| age.as_secs_f64()), ..self.received.sample().clone() };
-        match &self.force {
-            Err(why @ NoForce::TooOld(..)) => withheld(&sample, why.code(), why.to_string()),
-            _ => sample,
-        }
+        Self { force: received.force(at, None), at, received }
     }
 
     /// The same sample at a later moment.
     fn again(&self, at: Moment) -> Self {
         Self::new(self.received.clone(), at)
     }
-}
 
-/// The newtons alone, of a good force: a bare number could not say that it is none.
-fn quiet(judged: &Judged) -> Option<f64> {
-    judged.force.as_ref().ok().map(|force| force.total_n)
+    /// The newtons alone, of a good force: a bare number could not say that it is none.
+    fn newton(&self) -> Option<f64> {
+        self.force.as_ref().ok().map(|force| force.total_n)
+    }
 }
 
 /// A force for people, in one line.
@@ -239,9 +227,10 @@ mod tests {
 
     #[test]
     fn a_force_that_waited_too_long_goes_on_as_none() {
+        let told = |judged: &Judged| judged.received.told(judged.at);
         let fresh = judged(ForceState::Ok, Some(4.9));
-        assert_eq!((fresh.told().state(), fresh.told().total_n), (ForceState::Ok, Some(4.9)));
-        let told = fresh.again(Moment::now() + Duration::from_secs(2)).told();
+        assert_eq!((told(&fresh).state(), told(&fresh).total_n), (ForceState::Ok, Some(4.9)));
+        let told = told(&fresh.again(Moment::now() + Duration::from_secs(2)));
         assert_eq!((told.state(), told.total_n, told.total_sigma_n, told.active), (ForceState::Stale, None, None, 0));
         assert!(told.age_s.unwrap() >= 2.0 && told.reasons[0].ends_with(" ms old, more than 120 ms"), "{told:?}");
         assert_eq!(told.causes[0].code(), ReasonCode::FrameOld);
@@ -262,7 +251,7 @@ mod tests {
         let good = judged(ForceState::Degraded, Some(4.9));
         let too_old = good.again(Moment::now() + Duration::from_secs(1));
         let none = judged(ForceState::TareInvalid, Some(4.9));
-        assert_eq!([&good, &too_old, &none].map(quiet), [Some(4.9), None, None]);
+        assert_eq!([&good, &too_old, &none].map(Judged::newton), [Some(4.9), None, None]);
     }
 
     #[test]
