@@ -137,13 +137,7 @@ impl Bench {
             let boards = &b.offline.health.boards;
             !boards.is_empty() && boards.iter().all(|board| board.bring_up == "verified")
         })?;
-        self.offline.ask(Command::StartSession {
-            patch: String::new(),
-            target: None,
-            branches: None,
-            confirmed_by: None,
-            leave_out: Vec::new(),
-        })?;
+        self.offline.start_session(None)?;
         self.run_until(Duration::from_secs(10), "the zero", |b| b.in_state(SessionState::Ramping))?;
         self.world.pump(PumpCommand::Ramp { target: PUMP_TARGET, kpa_per_s: PUMP_KPA_PER_S });
         let limit = Duration::from_secs(300);

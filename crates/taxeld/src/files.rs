@@ -46,9 +46,10 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
 /// matters in such files is beyond ASCII, and a byte order mark is left out.
 ///
 /// # Errors
-/// The system's reason, or that it is no regular file.
-pub fn read_any_text(path: &Path) -> io::Result<String> {
+/// The file's path, and the system's reason or that it is no regular file.
+pub fn read_any_text(path: &Path) -> anyhow::Result<String> {
     let mut bytes = Vec::new();
-    open_regular(path)?.read_to_end(&mut bytes)?;
+    let read = open_regular(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    read.with_context(|| path.display().to_string())?;
     Ok(taxel_skin::text::decode(&bytes))
 }

@@ -14,7 +14,7 @@ use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::{Health, PatchSnapshot};
 use taxel_engine::{BusNotice, Engine, Input, Now, Output, Restored};
-use taxel_skin::{BusIndex, Time};
+use taxel_skin::{BusIndex, Kilopascal, Time};
 use taxel_store::models_json::content_id;
 use taxel_wire::{Frame, FrameKind, TimedFrame};
 
@@ -155,6 +155,15 @@ impl Offline {
     pub fn ask(&mut self, command: Command) -> anyhow::Result<Option<Done>> {
         self.step(Input::Command(RequestId(0), command));
         self.replied()
+    }
+
+    /// Begins a session of the only patch, as it is configured but for the target.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn start_session(&mut self, target: Option<Kilopascal>) -> anyhow::Result<Option<Done>> {
+        let patch = String::new();
+        self.ask(Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out: Vec::new() })
     }
 
     /// What came of the last command, once that is known.

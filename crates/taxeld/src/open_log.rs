@@ -20,13 +20,6 @@ pub struct Wanted {
     pub port: Option<(String, Content)>,
 }
 
-impl Wanted {
-    /// Of this interface, or of every one.
-    pub fn interface(interface: Option<String>) -> Self {
-        Self { interface, ..Self::default() }
-    }
-}
-
 /// Opens a log.
 ///
 /// # Errors
@@ -35,7 +28,7 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedF
     let (name, bus) = (path.display().to_string(), wanted.interface.clone().or(wanted.bus));
     if path.is_dir() && taxel_yarp::is_dump(path) {
         let (port, content) = wanted.port.with_context(|| {
-            format!("{name}: recordings of YARP's ports, and a bus of the configuration has no source = \"yarp\"")
+            format!("{name}: recordings of YARP's ports: `taxeld replay` reads them, by buses with source = \"yarp\"")
         })?;
         let log = taxel_yarp::candump_of(path, &port, content)?;
         return Ok(Box::new(LogReader::new(name, Cursor::new(log), None)));

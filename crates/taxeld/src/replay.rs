@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use taxel_can::{Lanes, LogReport, Run};
 use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
@@ -76,21 +76,12 @@ fn of_a_log(scene: &mut Scene) {
 /// Refuses a log whose skin frames never made a whole scan.
 fn expect_scans(health: &Health) -> anyhow::Result<()> {
     let orphans: u64 = health.boards.iter().map(|board| board.orphans).sum();
-    if orphans == 0 || health.boards.iter().any(|board| board.scans > 0) {
-        return Ok(());
-    }
-    bail!(
+    ensure!(
+        orphans == 0 || health.boards.iter().any(|board| board.scans > 0),
         "{orphans} frames of the skin, and not one whole scan of them: frames of one scan have to come within half of period_ms. \
          Compare with `taxeld scan LOG`; an array whose frames are spread over the period needs array.sync \
          (doc/your-skin.md)"
-    )
-}
-
-/// Refuses a log of which nothing was understood.
-fn expect_understood(understood: u64, others: u64) -> anyhow::Result<()> {
-    if understood == 0 && others > 0 {
-        bail!("not one of {others} frames was understood: do the identifiers of the configuration fit the log?");
-    }
+    );
     Ok(())
 }
 
@@ -105,7 +96,7 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
         total += frames.len() as u64;
         if let (None, Some(target), Some(frame)) = (first, request.calibrate, frames.first()) {
             offline.advance(frame.time);
-            start_session(&mut offline, target)?;
+            offline.start_session(target.map(Kilopascal))?.context("the session did not begin")?;
         }
         if let (None, Some(set), Some(frame)) = (first, &models, frames.first()) {
             offline.advance(frame.time);
@@ -138,7 +129,11 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
         report.frame_fault(section.interface.as_deref()).map_or(Ok(()), |fault| Err(named(fault)))?;
     }
     let understood: u64 = offline.health.buses.iter().map(|bus| bus.frames).sum();
-    expect_understood(understood, total - lanes.reports().map(|report| report.errors).sum::<u64>())?;
+    let others = total - lanes.reports().map(|report| report.errors).sum::<u64>();
+    ensure!(
+        understood > 0 || others == 0,
+        "not one of {others} frames was understood: do the identifiers of the configuration fit the log?"
+    );
     expect_scans(&offline.health)?;
     if let Some(file) = force {
         say!("{}", file.finish()?);
@@ -167,11 +162,6 @@ fn use_models(offline: &mut Offline, set: &ModelSet) -> anyhow::Result<()> {
     let (patch, model_set) = (set.patch.clone(), set.id.clone());
     ask(offline, Command::Import { model_set: Arc::new(set.clone()), insist: true })?;
     ask(offline, Command::Activate { patch, model_set, expected: None })
-}
-
-fn start_session(offline: &mut Offline, target: Option<f64>) -> anyhow::Result<()> {
-    let (patch, target) = (String::new(), target.map(Kilopascal));
-    ask(offline, Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out: Vec::new() })
 }
 
 /// A log that ends before its target ends the ramp.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use taxel_client::{Moment, Received, Samples};
 use taxel_proto::judge::{Force, NoForce, word};
-use taxel_proto::v1::{ForceSample, ForceState, PatchRequest};
+use taxel_proto::v1::{ForceState, PatchRequest};
 use taxel_skin::counted;
 
 use super::connect::{Asked, Daemon};
@@ -204,7 +204,7 @@ fn tone(state: ForceState) -> Tone {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_proto::v1::ReasonCode;
+    use taxel_proto::v1::{ForceSample, ReasonCode};
 
     fn judged(state: ForceState, total_n: Option<f64>) -> Judged {
         let reasons = if state == ForceState::Ok { Vec::new() } else { vec!["a module is silent".to_owned()] };

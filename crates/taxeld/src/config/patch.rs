@@ -84,8 +84,8 @@ pub fn patch_plan(
 fn dbc_file(array: &ArraySection, path: &Path, faults: &mut Faults) -> Option<DbcFile> {
     let file = beside(path, &array.dbc);
     // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
-    let read = read_any_text(&file).map_err(|e| e.to_string()).and_then(|text| DbcFile::new(&text));
-    faults.take("array.dbc", read.map_err(|why| format!("array.dbc {}: {why}", file.display())))
+    let text = faults.take("array.dbc", read_any_text(&file).map_err(|e| format!("array.dbc {e:#}")))?;
+    faults.take("array.dbc", DbcFile::new(&text).map_err(|why| format!("array.dbc {}: {why}", file.display())))
 }
 
 /// What the patch leaves out, and what a user should know.
@@ -186,7 +186,7 @@ fn skin(
 }
 
 fn geometry(file: &Path, patch: &Patch) -> Result<Geometry, String> {
-    let text = read_any_text(file).map_err(|e| format!("geometry {}: {e}", file.display()))?;
+    let text = read_any_text(file).map_err(|e| format!("geometry {e:#}"))?;
     Geometry::parse(&text, patch).map_err(|e| format!("geometry {}: {e}", file.display()))
 }
 

@@ -93,13 +93,7 @@ async fn of_bus(interface: String, over: Duration) -> anyhow::Result<(Survey, St
 
 /// All frames of one interface of a log: of the one that is wanted, or of the only one that there is.
 fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<(Survey, String)> {
-    if log.is_dir() && taxel_yarp::is_dump(log) {
-        let log = log.display();
-        bail!(
-            "{log}: recordings of YARP's ports have no frames to scan: `taxeld replay {log} --config FILE` reads them"
-        );
-    }
-    let mut reader = open_log(log, Wanted::interface(wanted.clone()))?;
+    let mut reader = open_log(log, Wanted { interface: wanted.clone(), ..Wanted::default() })?;
     let (mut survey, mut frames, mut more) = (Survey::default(), Vec::new(), true);
     while more {
         frames.clear();

@@ -3,11 +3,9 @@
 use std::time::Duration;
 
 use anyhow::ensure;
-use taxel_skin::{VALUES_PER_BOARD, VALUES_PER_MODULE as VALUES};
+use taxel_skin::{Module, ModuleKind, VALUES_PER_BOARD, VALUES_PER_MODULE as VALUES, written_modules};
 use taxel_yarp::{NameServer, PortError, PortReader, read_counts};
 use tokio::time::{Instant, timeout};
-
-use super::words::numbers;
 
 /// Reads all ports with skin in their name for so long; a text for people.
 ///
@@ -77,8 +75,9 @@ impl Port {
             return format!("{rate:.1} messages/s, no counts of skin: {why}");
         }
         let boards = self.alive.chunks(VALUES_PER_BOARD / VALUES).zip(1..).map(|(board, place)| {
-            let alive = (0..).zip(board).filter(|(_, alive)| **alive).map(|(triangle, _)| triangle);
-            let alive = numbers(alive);
+            let alive = (0..).zip(board).filter(|(_, alive)| **alive);
+            let alive = alive.map(|(triangle, _)| (Module::from_nibble(triangle), ModuleKind::Triangle));
+            let alive = written_modules(&alive.collect::<Vec<_>>());
             format!("board {place}: {}", if alive.is_empty() { "none" } else { &alive })
         });
         let boards = boards.collect::<Vec<_>>().join("; ");

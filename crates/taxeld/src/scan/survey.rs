@@ -139,8 +139,8 @@ impl Survey {
 
 impl Board {
     /// The modules of which a whole scan came.
-    pub fn modules(&self) -> impl Iterator<Item = (u8, &ModuleWatch)> {
-        self.modules.iter().filter(|(_, module)| module.scans > 0).map(|(number, module)| (number.get(), module))
+    pub fn modules(&self) -> impl Iterator<Item = (Module, &ModuleWatch)> {
+        self.modules.iter().filter(|(_, module)| module.scans > 0).map(|(number, module)| (*number, module))
     }
 
     /// Median time between two scans of a module, milliseconds.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use taxel_skin::{BoardAddress, Module, ModuleKind};
+use taxel_skin::{BoardAddress, Module, ModuleKind, written_modules};
 
 use super::survey::{Board, Survey};
 use crate::setup::{self, BoardDraft, BoardValues, PatchDraft, USUAL};
@@ -19,7 +19,7 @@ pub fn text(survey: &Survey) -> String {
         lines.push("no skin board was heard: boards send once they are configured, `taxeld run` does that".to_owned());
     }
     for (address, board) in survey.boards() {
-        let numbers = numbers(board.modules().map(|(number, _)| number));
+        let numbers = written_modules(&triangles(board));
         let period = board.period_ms().map_or_else(String::new, |ms| format!(", every {ms:.1} ms"));
         lines.push(format!("board {address}: modules {numbers}{period}"));
         lines.extend(board.modules().map(|(number, module)| {
@@ -28,11 +28,17 @@ pub fn text(survey: &Survey) -> String {
         }));
     }
     for (id, other) in &survey.others {
-        let (frames, lengths) = (other.frames, numbers(other.lengths.iter().copied()));
+        let lengths: Vec<String> = other.lengths.iter().map(u8::to_string).collect();
+        let (frames, lengths) = (other.frames, lengths.join(", "));
         let (rate, last) = (frames as f64 / seconds.max(1e-3), &other.last);
         lines.push(format!("identifier {id}: {frames} frames, {rate:.1}/s, of {lengths} bytes, last {last:02x?}"));
     }
     lines.join("\n")
+}
+
+/// Its modules: which of them are none, nobody hears.
+fn triangles(board: &Board) -> Vec<(Module, ModuleKind)> {
+    board.modules().map(|(module, _)| (module, ModuleKind::Triangle)).collect()
 }
 
 /// The beginning of a configuration: what was heard, with marks at what cannot be.
@@ -50,9 +56,10 @@ pub fn beginning(survey: &Survey, interface: &str) -> String {
     }
     let period_ms = period.map_or(50, |ms| ms.round().clamp(1.0, 209.0) as i64);
     let values = BoardValues { period_ms, board_type: 0, no_load: 240 };
-    let board = |(address, board): (BoardAddress, &Board)| {
-        let modules = board.modules().map(|(number, _)| (Module::from_nibble(number), ModuleKind::Triangle));
-        BoardDraft { address: address.get(), values, modules: vec![(USUAL, modules.collect())] }
+    let board = |(address, board): (BoardAddress, &Board)| BoardDraft {
+        address: address.get(),
+        values,
+        modules: vec![(USUAL, triangles(board))],
     };
     let draft = PatchDraft {
         name: "skin".to_owned(),
@@ -65,15 +72,4 @@ pub fn beginning(survey: &Survey, interface: &str) -> String {
         ..PatchDraft::default()
     };
     setup::text("Begun by `taxeld scan` with what was heard on the bus.", &[draft], Path::new(""))
-}
-
-/// Numbers as a configuration writes them, in runs: `0-3, 7`.
-pub fn numbers(list: impl IntoIterator<Item = u8>) -> String {
-    let list: Vec<u8> = list.into_iter().collect();
-    let run = |run: &[u8]| match run {
-        [first, .., last] => format!("{first}-{last}"),
-        [only] => only.to_string(),
-        [] => String::new(),
-    };
-    list.chunk_by(|a, b| a + 1 == *b).map(run).collect::<Vec<_>>().join(", ")
 }

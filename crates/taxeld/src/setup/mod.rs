@@ -90,7 +90,7 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
     let (mut sources, mut notes): (Vec<Sources>, Vec<String>) = (Vec::new(), Vec::new());
     for argument in &args.positions {
         let (word, path) = named(argument);
-        let file = PositionFile::parse(&read(&path)?).with_context(|| format!("{}", path.display()))?;
+        let file = PositionFile::parse(&read_any_text(&path)?).with_context(|| format!("{}", path.display()))?;
         let source = of_part(&mut sources, word.as_deref(), &path, file.name())?;
         if file.modules().is_empty() {
             notes.push(format!("{}: not used: all its positions are zero", path.display()));
@@ -100,7 +100,7 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
     }
     for argument in &args.layout {
         let (word, path) = named(argument);
-        let drawing = Drawing::parse(&read(&path)?);
+        let drawing = Drawing::parse(&read_any_text(&path)?);
         let source = of_part(&mut sources, word.as_deref(), &path, drawing.part.as_deref())?;
         if source.drawing.replace(drawing).is_some() {
             bail!("{}: a drawing of {} was given before: one is expected", path.display(), source.part.name());
@@ -170,9 +170,4 @@ fn named(argument: &Path) -> (Option<String>, PathBuf) {
         Some((part, file)) => (Some(part.to_owned()), PathBuf::from(file)),
         None => (None, argument.to_owned()),
     }
-}
-
-/// The text of a file.
-fn read(path: &Path) -> anyhow::Result<String> {
-    read_any_text(path).with_context(|| path.display().to_string())
 }

@@ -333,7 +333,7 @@ fn is_in_device(node: &Node<'_, '_>) -> bool {
 
 /// The text of a file without its comments, which lie in each other: each goes up to the nearest end, and lines keep their numbers.
 fn text(path: &Path) -> anyhow::Result<String> {
-    let text = read_any_text(path).with_context(|| path.display().to_string())?;
+    let text = read_any_text(path)?;
     let (mut kept, mut rest) = (String::with_capacity(text.len()), text.as_str());
     while let Some(start) = rest.find("<!--") {
         let end = rest[start..].find("-->").map_or(rest.len(), |end| start + end + 3);

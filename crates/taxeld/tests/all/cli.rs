@@ -67,7 +67,7 @@ fn a_scan_of_a_log_says_what_is_there_and_begins_a_configuration() {
     assert!(fails(&["scan", &log, "--out", &begun]).contains("is there already"));
     let dump = scratch(&[("data.log", "0 1.0 240\n")]);
     let refused = fails(&["scan", dump.path().to_str().unwrap()]);
-    assert!(refused.contains("no frames to scan: `taxeld replay "), "{refused}");
+    assert!(refused.contains("recordings of YARP's ports: `taxeld replay` reads them"), "{refused}");
 }
 
 #[test]
