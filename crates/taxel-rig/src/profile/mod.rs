@@ -1,7 +1,6 @@
 //! A drive as a file describes it: where it is, what it is told and answers, what vents the bag when nobody speaks to it any more,
 //! and its limits.
 
-mod check;
 mod question;
 mod registers;
 mod text;
@@ -10,10 +9,10 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
+use crate::Faults;
 use crate::drive::{Abilities, Limits, Order};
 use crate::modbus::Framing;
 
-pub use check::Faults;
 pub use question::Question;
 use question::{Reference, Refers};
 
@@ -82,14 +81,14 @@ impl Profile {
     /// What a file says, if all of it makes sense; `at` goes before what it says itself. What is wrong is noted in `faults`.
     pub fn new(file: File, at: Option<&str>, faults: &mut Faults) -> Option<Self> {
         let mut seconds = |key: &str, value: Option<f64>, default: f64, (least, most): (f64, f64)| {
-            Duration::try_from_secs_f64(faults.within(key, value.unwrap_or(default), least, most)).unwrap_or_default()
+            Duration::try_from_secs_f64(faults.range(key, value.unwrap_or(default), least, most)).unwrap_or_default()
         };
         let hold = seconds("hold_s", file.hold_s, 20.0, (1.0, 120.0));
         let total = seconds("total_s", file.total_s, 900.0, (30.0, 7200.0));
         let own_limit = file.own_limit_s.map(|_| seconds("own_limit_s", file.own_limit_s, 0.0, (0.5, 30.0)));
-        let highest_kpa = faults.within("highest_kpa", file.highest_kpa.unwrap_or(75.0), 6.0, HIGHEST_KPA);
+        let highest_kpa = faults.range("highest_kpa", file.highest_kpa.unwrap_or(75.0), 6.0, HIGHEST_KPA);
         let limits = Limits { highest_kpa, hold, total };
-        let kpa_per_s = faults.within("kpa_per_s", file.kpa_per_s.unwrap_or(1.0), 0.1, 5.0);
+        let kpa_per_s = faults.range("kpa_per_s", file.kpa_per_s.unwrap_or(1.0), 0.1, 5.0);
         faults.require("own_limit_s", (file.fail_safe == FailSafe::OwnLimit) == own_limit.is_some(), || {
             ": expected with fail_safe = \"own_limit\", and there alone".to_owned()
         });
@@ -114,7 +113,7 @@ impl Profile {
         };
         let (name, fail_safe) = (file.name, file.fail_safe);
         let profile = Self { name, at, fail_safe, limits, kpa_per_s, own_limit, protocol: protocol? };
-        faults.0.is_empty().then_some(profile)
+        faults.is_empty().then_some(profile)
     }
 
     /// What it is.

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use super::check::Faults;
 use super::question::{Expects, Question, Refers};
+use crate::Faults;
 use crate::drive::Order;
 use crate::modbus::{Framing, Register, Request};
 use crate::talk::Speech;

@@ -11,7 +11,7 @@ const ANALOGUE: &str = SHIPPED[4].1;
 fn read(text: &str) -> Result<Profile, String> {
     let mut faults = Faults::default();
     let file = toml::from_str(text).map_err(|error| error.to_string())?;
-    let words = |faults: Faults| faults.0.into_iter().map(|(_, words)| words).collect::<Vec<_>>().join("\n");
+    let words = |faults: Faults| faults.found().into_iter().map(|(_, words)| words).collect::<Vec<_>>().join("\n");
     Profile::new(file, None, &mut faults).ok_or_else(|| words(faults))
 }
 

@@ -5,8 +5,8 @@ use std::time::Duration;
 use serde::Deserialize;
 use taxel_wire::signal::PressureUnit;
 
-use super::check::Faults;
 use super::question::{Expects, Question, Refers};
+use crate::Faults;
 use crate::drive::Order;
 use crate::talk::Speech;
 use crate::template::Template;
@@ -117,7 +117,7 @@ impl Text {
             format!(" = {ending:?}: expected \"\\n\", \"\\r\" or \"\\r\\n\"")
         });
         let decimals = keys.decimals.unwrap_or(2);
-        faults.within("text.decimals", decimals as f64, 0.0, 6.0);
+        faults.range("text.decimals", decimals as f64, 0.0, 6.0);
         let (own_limit_s, is_read) = (own_limit.unwrap_or_default().as_secs_f64(), keys.set_point.is_some());
         let mut reading = Reading { ending, own_limit_s, may_be_silent: is_read, faults };
         let set = reading.line("set", (Some(&keys.set), keys.set_answer.as_ref()), !is_read);

@@ -26,13 +26,8 @@ const COMMAND_WAITS_MAX: Duration = Duration::from_secs(60);
 /// Most bits of a count; a longer number leaves out its lowest.
 const COUNT_BITS: u32 = 16;
 
-/// A patch that is described by its signals.
-pub struct Described {
-    /// Devices as boards, groups of taxels as modules.
-    pub patch: Patch,
-    /// One per board.
-    pub devices: Vec<DevicePlan>,
-}
+/// A patch whose boards are devices and whose modules are groups of taxels, and a plan for each device.
+type Described = (Patch, Vec<DevicePlan>);
 
 /// What `[patch.array]` describes by its file.
 ///
@@ -67,7 +62,7 @@ pub fn describe(
         plans.push(device(taxels, (array, file), range, section.listen_only)?);
     }
     let patch = Patch::new(&section.name, boards).map_err(|e| e.to_string())?.with_counts(range.counts);
-    Ok(Described { patch, devices: plans })
+    Ok((patch, plans))
 }
 
 /// What `push` describes.
@@ -84,7 +79,7 @@ pub fn pushed(section: &PatchSection, push: PushSection, bus: BusIndex) -> Resul
     let address = BoardAddress::new(1).map_err(|e| e.to_string())?;
     let board = Board { bus, address, modules: modules(taxels, section.grid) };
     let patch = Patch::new(&section.name, vec![board]).map_err(|e| e.to_string())?.with_counts(counts);
-    Ok(Described { patch, devices: vec![DevicePlan::without_frames()] })
+    Ok((patch, vec![DevicePlan::without_frames()]))
 }
 
 /// Raw numbers and the counts that they become.

@@ -6,7 +6,7 @@ use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
 use super::file::{BusSource, Config};
 use super::patch_section::{BoardSection, PatchSection};
-use super::problem::Faults;
+use taxel_rig::Faults;
 
 /// 15 is the address of all boards of a bus: what is sent to it configures each of them.
 const EVERYONE: u8 = 15;

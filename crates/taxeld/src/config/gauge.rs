@@ -12,8 +12,8 @@ use super::boards::bus_index;
 use super::file::{BusSection, BusSource, Config};
 use super::patch_section::{BranchesWord, GaugeSection, PatchSection, ReferenceWord};
 use super::ports;
-use super::problem::Faults;
 use crate::rig::{At, Line, unescaped};
+use taxel_rig::Faults;
 
 #[cfg(test)]
 mod tests;
@@ -225,17 +225,16 @@ fn line(config: &Config, section: &PatchSection, faults: &mut Faults) -> Option<
             format!("gauge.line: patch `{}` reads it otherwise: one gauge has the same keys in both", other.name);
         faults.note("gauge.line", words);
     }
-    let at = faults.take("gauge.line", At::new(at).map_err(|why| format!("gauge.line = \"{at}\": {why}")))?;
+    let at = faults.read("gauge.line", at, At::new(at))?;
     let speech = match (&gauge.template, &gauge.register) {
         (Some(template), None) => {
-            let read = Template::new(template).map_err(|why| format!("gauge.template = \"{template}\": {why}"));
             let poll = unescaped(gauge.poll.as_deref().unwrap_or_default());
-            Speech::Text { poll, template: faults.take("gauge.template", read)? }
+            Speech::Text { poll, template: faults.read("gauge.template", template, Template::new(template))? }
         }
         (None, Some(register)) => {
-            let read = Register::new(register).map_err(|why| format!("gauge.register = \"{register}\": {why}"));
             let framing = if matches!(at, At::Serial(..)) { Framing::Rtu } else { Framing::Tcp };
-            Speech::Modbus(Request::Read(faults.take("gauge.register", read)?), framing)
+            let register = faults.read("gauge.register", register, Register::new(register))?;
+            Speech::Modbus(Request::Read(register), framing)
         }
         _ => {
             let words = "gauge: expected one of template, what a line of its text looks like, as in \"P={kPa}\", and register, as in \

@@ -9,7 +9,7 @@ use taxel_model::GaugeUncertainty;
 use taxel_skin::Kilopascal;
 
 use super::patch_section::{BranchesWord, GaugeSection, PatchSection, SessionSection};
-use super::problem::Faults;
+use taxel_rig::Faults;
 
 /// When a taxel counts as touched or stale.
 pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> LiveLimits {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use taxel_rpc::{Grant, Role, Rules, Subject, TlsFiles, check_certificate_name};
 
 use super::file::{AccessSection, Config, beside};
-use super::problem::Faults;
+use taxel_rig::Faults;
 
 /// The mode of a Unix socket: its owner and its group may connect.
 pub const SOCKET_MODE: u32 = 0o660;

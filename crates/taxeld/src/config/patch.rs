@@ -8,15 +8,16 @@ use taxel_engine::plan::{BoardSetup, DevicePlan, Outputs, PatchPlan, PushPlan, S
 use taxel_model::FitOptions;
 use taxel_skin::{BusIndex, Geometry, ModuleKind, NormalsVerdict, Patch, SquareMillimetre, area};
 
-use super::array::{Described, describe, grid, pushed};
+use super::array::{describe, grid, pushed};
 use super::boards::{boards, bus_index};
 use super::file::{BusSource, Config, beside};
 use super::gauge::{comes_with_scans, gauge};
 use super::limits::{gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaWord, ArraySection, OutputWord, PatchSection};
 use super::ports;
-use super::problem::{Faults, Said};
+use super::problem::Said;
 use crate::files::read_any_text;
+use taxel_rig::Faults;
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.
 const PERIOD_OF_BOARDS_MAX_MS: f64 = 209.0;
@@ -158,7 +159,7 @@ fn skin(
         }
     };
     let (patch, devices, setups) = match described {
-        Some(Described { patch, devices }) => (patch, devices, Vec::new()),
+        Some((patch, devices)) => (patch, devices, Vec::new()),
         None => {
             let (boards, setups) = boards(section, bus, faults)?;
             (faults.take("boards", Patch::new(&section.name, boards))?, Vec::new(), setups)

@@ -10,7 +10,7 @@ use taxel_yarp::{Content, NameServer, Rows};
 
 use super::file::{BusSection, BusSource, Config};
 use super::patch_section::{GaugeSection, PatchSection};
-use super::problem::Faults;
+use taxel_rig::Faults;
 
 /// Gives each port of a robot's name server a bus of its own: behind the ports are many CAN buses, whose boards have the same
 /// addresses, and a gauge that is heard says nothing of a skin.
@@ -82,9 +82,7 @@ pub fn check_patch(section: &PatchSection, bus: &BusSection, faults: &mut Faults
 pub fn gauge(section: &GaugeSection, port: &str, faults: &mut Faults) -> Option<SignalSpec> {
     check_name("gauge.port", port, faults);
     let index = section.index.unwrap_or(0);
-    if index > INDEX_MAX {
-        faults.note("gauge.index", format!("gauge.index = {index}: expected 0 to {INDEX_MAX}"));
-    }
+    faults.range("gauge.index", index as f64, 0.0, INDEX_MAX as f64);
     let unit = named_unit(section, "port's values", faults)?;
     Some(reading::signal(index, unit, PressureMeaning::Differential))
 }

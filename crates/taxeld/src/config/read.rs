@@ -7,7 +7,8 @@ use std::path::Path;
 
 use serde::de::DeserializeOwned;
 use serde_path_to_error::{Segment, deserialize};
-use taxel_rig::profile::{Faults as Faulty, Profile, SHIPPED};
+use taxel_rig::Faults;
+use taxel_rig::profile::{Profile, SHIPPED};
 use taxel_skin::printable;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
@@ -15,7 +16,7 @@ use toml::de::{DeTable, DeValue, Deserializer};
 use super::file::Config;
 use super::gauge;
 use super::ports;
-use super::problem::{Faults, PROBLEMS_MAX, Problem, Problems};
+use super::problem::{PROBLEMS_MAX, Problem, Problems};
 use super::scene::{Scene, scene_of};
 use crate::files;
 use crate::rig::At;
@@ -67,8 +68,8 @@ pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems
         let scene = scene_of(config, path, &mut faults);
         // What was taken out as wrong is not missing as well.
         let told: Vec<String> = reading.problems.iter().map(|problem| problem.key.clone()).collect();
-        let new = faults.problems().filter(|problem| !told.contains(&printable(&problem.key)));
-        new.take(PROBLEMS_MAX).for_each(|problem| reading.note(&problem.key, problem.message));
+        let new = faults.found().into_iter().filter(|(key, _)| !told.contains(&printable(key)));
+        new.take(PROBLEMS_MAX).for_each(|(key, words)| reading.note(&key, words));
         scene
     });
     reading.end(config.zip(scene))
@@ -88,13 +89,13 @@ pub fn examine_profile(file: &str, at: Option<&str>) -> Result<(Profile, At), Pr
             unread(path, format!("{why}; expected a file, or one of {names}"))
         })?,
     };
-    let (mut reading, mut faults) = (Reading::new(path, &text), Faulty::default());
+    let (mut reading, mut faults) = (Reading::new(path, &text), Faults::default());
     let found = reading.sections().and_then(|file| {
         let profile = Profile::new(file, at, &mut faults)?;
         let place = faults.read("at", profile.at(), At::new(profile.at()))?;
         Some((profile, place))
     });
-    faults.0.into_iter().for_each(|(key, words)| reading.note(&key, words));
+    faults.found().into_iter().for_each(|(key, words)| reading.note(&key, words));
     reading.end(found)
 }
 

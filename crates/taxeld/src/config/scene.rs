@@ -10,7 +10,8 @@ use super::file::{BusSection, BusSource, Config, SharedMemorySection};
 use super::listen::{Doors, doors};
 use super::patch::patch_plan;
 use super::ports;
-use super::problem::{Faults, Said};
+use super::problem::Said;
+use taxel_rig::Faults;
 
 /// Smallest budget of recordings, in MB: less than a few files make no recording.
 const RECORD_MB_MIN: u64 = 16;
@@ -97,11 +98,10 @@ fn page(config: &Config, faults: &mut Faults) {
 }
 
 fn record(config: &Config, faults: &mut Faults) {
-    let Some(section) = &config.record else { return };
-    if section.budget_mb < RECORD_MB_MIN {
-        let words = format!("record.budget_mb = {}: expected {RECORD_MB_MIN} or more", section.budget_mb);
-        faults.note("record.budget_mb", words);
-    }
+    let Some(budget_mb) = config.record.as_ref().map(|section| section.budget_mb) else { return };
+    faults.require("record.budget_mb", budget_mb >= RECORD_MB_MIN, || {
+        format!(" = {budget_mb}: expected {RECORD_MB_MIN} or more")
+    });
 }
 
 /// To read a page is to observe, and no role stands before a file: so where an account needs a role to read the force, the
