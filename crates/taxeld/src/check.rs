@@ -81,8 +81,7 @@ fn print(config: &Config, scene: &Scene) {
 
 fn shared_memory(section: &SharedMemorySection) -> String {
     let group = section.group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
-    let (path, mode) = (section.path.join("PATCH"), SharedMemorySection::MODE);
-    format!("shared memory: {} (mode {mode:03o}{group})", path.display())
+    format!("shared memory: {} (mode 640{group})", section.path.join("PATCH").display())
 }
 
 fn recordings(section: &RecordSection) -> String {

@@ -10,12 +10,13 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_can::ClockReading;
 use taxel_engine::audit::Asked;
 use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, ErrorReason, Rejection, Reply, RequestId};
 use taxel_engine::events::EventWatch;
 use taxel_engine::plan::Plan;
-use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
+use taxel_engine::{BusNotice, Engine, Input, Now, Output, Restored};
 use taxel_rpc::push_line::{PushEvent, Pushed};
 use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::Time;
@@ -26,7 +27,6 @@ use tokio_util::sync::CancellationToken;
 
 use crate::audit::Auditor;
 use crate::bus::BATCHES_WAITING_MAX;
-use crate::clock::RunClock;
 use crate::queues::{Action, BusBatch, Done, Queues, TellDone};
 use crate::shared_memory::Pages;
 
@@ -37,6 +37,17 @@ const CATCH_UP_BATCHES_MAX: usize = BATCHES_WAITING_MAX + 4 * 71;
 /// So many looks in a row must find nothing new before the queues count as empty: one lets the bus tasks see that the
 /// kernel has something, one lets them hand it over.
 const QUIET_LOOKS: usize = 2;
+
+/// Where "now" comes from. Clones tell the same time.
+pub type RunClock = Arc<dyn Fn() -> Now + Send + Sync>;
+
+/// `CLOCK_BOOTTIME`, on which frames are stamped.
+pub fn boottime() -> RunClock {
+    Arc::new(|| {
+        let ClockReading { time, wall_ns } = ClockReading::now();
+        Now { time, wall_ns }
+    })
+}
 
 /// Somebody who waits for the answer to a command.
 struct Waiting {

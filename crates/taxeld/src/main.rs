@@ -8,7 +8,6 @@ mod backend;
 mod bus;
 mod check;
 mod client;
-mod clock;
 mod config;
 #[cfg(feature = "sim")]
 mod demo;
@@ -39,7 +38,6 @@ mod sim_bus;
 mod sim_drive;
 mod systemd;
 mod tasks;
-mod tone;
 mod upkeep;
 mod values;
 

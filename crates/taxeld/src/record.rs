@@ -24,6 +24,12 @@ use crate::tasks::Tasks;
 /// What was gathered goes to the disk after so long.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
+/// With less space on the disk nothing is recorded, in megabytes.
+const KEEP_FREE_MB: u64 = 512;
+
+/// A file that is older is ended.
+const FILE_AGE: Duration = Duration::from_secs(600);
+
 /// A disk that failed is tried again after so long.
 const RETRY_AFTER: Duration = Duration::from_secs(10);
 
@@ -128,9 +134,10 @@ fn limits(section: &RecordSection) -> Limits {
     let bytes = |megabytes: u64| megabytes.saturating_mul(1_000_000);
     Limits {
         budget_bytes: bytes(section.budget_mb),
-        file_bytes: bytes(section.file_mb()),
-        file_age: Duration::from_secs(60 * RecordSection::FILE_MINUTES),
-        keep_free_bytes: bytes(RecordSection::KEEP_FREE_MB),
+        // Of a small budget an eighth, so that little goes at a time.
+        file_bytes: bytes((section.budget_mb / 8).clamp(1, 64)),
+        file_age: FILE_AGE,
+        keep_free_bytes: bytes(KEEP_FREE_MB),
         flush_every: FLUSH_EVERY,
         retry_after: RETRY_AFTER,
     }

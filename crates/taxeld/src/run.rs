@@ -19,10 +19,9 @@ use tokio::sync::mpsc;
 
 use crate::backend::DaemonBackend;
 use crate::bus::{self, BATCHES_WAITING_MAX, Ends, FRAMES_WAITING_MAX};
-use crate::clock::boottime;
 use crate::config::{self, BusSource, Config, Scene, StoreSection};
 use crate::doors;
-use crate::driver::Driver;
+use crate::driver::{Driver, boottime};
 use crate::page::serve_page;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};

@@ -25,7 +25,7 @@ pub struct AuditArgs {
 /// No daemon, or one that refuses.
 pub async fn audit(args: AuditArgs) -> Outcome {
     let daemon = args.asked.daemon().await?;
-    let request = v1::ListRequest { patch: daemon.patch(), most: args.last, before: 0 };
+    let request = v1::ListRequest { patch: daemon.patch.clone(), most: args.last, before: 0 };
     let entries = daemon.audit().list_audit(request).await?.into_inner().entries;
     if args.asked.json {
         return entries.iter().rev().try_for_each(|entry| json::print("AuditEntry", entry));

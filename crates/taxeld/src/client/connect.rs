@@ -53,7 +53,8 @@ impl Asked {
 #[derive(Clone)]
 pub struct Daemon {
     channel: Line,
-    patch: String,
+    /// Name of the patch as asked for; empty for the only one.
+    pub patch: String,
 }
 
 impl Daemon {
@@ -68,11 +69,6 @@ impl Daemon {
             of_a_file => anyhow::Error::from(of_a_file).into(),
         })?;
         Ok(Self { channel, patch: server.patch.clone() })
-    }
-
-    /// Name of the patch as asked for; empty for the only one.
-    pub fn patch(&self) -> String {
-        self.patch.clone()
     }
 
     /// The same daemon, asked about another patch.
@@ -121,7 +117,7 @@ impl Daemon {
     /// # Errors
     /// One that refuses, or a lost connection.
     pub async fn model_sets(&self) -> Outcome<Vec<ModelSetSummary>> {
-        let request = ListRequest { patch: self.patch(), ..ListRequest::default() };
+        let request = ListRequest { patch: self.patch.clone(), ..ListRequest::default() };
         Ok(self.models().list_model_sets(request).await?.into_inner().model_sets)
     }
 

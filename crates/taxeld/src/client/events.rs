@@ -25,7 +25,7 @@ pub struct EventsArgs {
 /// No daemon, a lost connection, or a patch that is not there.
 pub async fn events(args: EventsArgs) -> Outcome {
     let daemon = args.asked.daemon().await?;
-    let request = WatchEventsRequest { patch: daemon.patch(), after: 0, follow: args.follow };
+    let request = WatchEventsRequest { patch: daemon.patch.clone(), after: 0, follow: args.follow };
     let mut stream = daemon.skin().watch_events(request).await?.into_inner();
     while let Some(event) = stream.message().await? {
         show(&args.asked, &daemon, &event).await?;

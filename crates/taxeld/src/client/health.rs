@@ -8,7 +8,7 @@ use super::connect::{Asked, Daemon};
 use super::failure::{Failure, Outcome};
 use super::json;
 use super::places::Places;
-use crate::tone::Tone;
+use super::table::Tone;
 
 /// State of buses, boards, gauges, zeros and taxels. Exit code 3 if a bus is down, a board is silent, a zero is invalid, or a
 /// patch with an active model set has no force.

@@ -43,12 +43,12 @@ pub async fn load(args: LoadArgs) -> Outcome {
     let daemon = args.asked.daemon().await?;
     let known = args.mass.map(Known::MassKg).or(args.newton.map(Known::ForceN));
     if known.is_none() {
-        let request = PatchRequest { patch: daemon.patch() };
+        let request = PatchRequest { patch: daemon.patch.clone() };
         let validation = daemon.validation().get_validation(request).await?.into_inner();
         return args.asked.show("Validation", &validation, print_all);
     }
     let request = RecordLoadRequest {
-        patch: daemon.patch(),
+        patch: daemon.patch.clone(),
         load: known,
         relative_uncertainty: args.uncertainty,
         note: args.note,

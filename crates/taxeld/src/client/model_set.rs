@@ -12,8 +12,7 @@ use taxel_skin::counted;
 use super::connect::Daemon;
 use super::failure::{Failure, Outcome};
 use super::places::Places;
-use super::table;
-use crate::tone::Tone;
+use super::table::{self, Tone};
 
 /// The id that these characters begin; `newest` is the newest set of the patch.
 ///

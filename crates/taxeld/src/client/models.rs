@@ -95,7 +95,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
         ModelsCommand::Export { server, model_set, out } => {
             let daemon = Daemon::at(&server).await?;
             let model_set = wanted(&daemon, model_set.as_deref()).await?;
-            let request = ExportModelSetRequest { model_set, patch: daemon.patch() };
+            let request = ExportModelSetRequest { model_set, patch: daemon.patch.clone() };
             let answer = daemon.models().export_model_set(request).await?.into_inner();
             Ok(taxel_files::write_text(&out, &answer.json)?)
         }
@@ -171,7 +171,7 @@ async fn use_set(of: &Asked, beginning: &str, yes: bool) -> Outcome {
 async fn show(of: &Asked, model_set: Option<&str>) -> Outcome {
     let daemon = of.daemon().await?;
     let model_set = wanted(&daemon, model_set).await?;
-    let request = GetModelSetRequest { model_set, patch: daemon.patch(), curves: Vec::new() };
+    let request = GetModelSetRequest { model_set, patch: daemon.patch.clone(), curves: Vec::new() };
     let set = daemon.models().get_model_set(request).await?.into_inner();
     if of.json {
         return json::print("ModelSet", &set);

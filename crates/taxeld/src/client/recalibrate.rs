@@ -35,7 +35,7 @@ pub struct RecalibrateArgs {
 pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
     let daemon = args.asked.daemon().await?;
     let request = RecalibrateRequest {
-        patch: daemon.patch(),
+        patch: daemon.patch.clone(),
         loads: Vec::new(), // all
         leave_out: args.leave_out,
         place_uncertainty: args.place_uncertainty,

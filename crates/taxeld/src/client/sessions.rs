@@ -152,7 +152,7 @@ async fn list(asked: &Asked) -> Outcome {
     let daemon = asked.daemon().await?;
     let (mut sessions, mut before) = (Vec::<Session>::new(), 0);
     loop {
-        let request = ListRequest { patch: daemon.patch(), most: 0, before };
+        let request = ListRequest { patch: daemon.patch.clone(), most: 0, before };
         let more = daemon.calibration().list_sessions(request).await?.into_inner().sessions;
         let Some(last) = more.last() else { break };
         before = last.session;

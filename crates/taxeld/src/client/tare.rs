@@ -21,7 +21,7 @@ pub struct UnloadedArgs {
 /// Refused with the daemon's reason, or no daemon.
 pub async fn tare(args: UnloadedArgs) -> Outcome {
     let daemon = args.asked.daemon().await?;
-    let request = TareRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
+    let request = TareRequest { patch: daemon.patch.clone(), confirmed_by: args.confirmed_by };
     let status = daemon.skin().tare(request).await?.into_inner();
     args.asked.show("TareStatus", &status, |status| {
         say!("{}: zero {} taken: {}", status.patch, status.epoch, status.reason);
@@ -36,7 +36,7 @@ pub async fn tare(args: UnloadedArgs) -> Outcome {
 /// Refused with the daemon's reason, or no daemon.
 pub async fn bring_up(args: UnloadedArgs) -> Outcome {
     let daemon = args.asked.daemon().await?;
-    let request = TareRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
+    let request = TareRequest { patch: daemon.patch.clone(), confirmed_by: args.confirmed_by };
     daemon.skin().bring_up(request).await?;
     match args.asked.json {
         true => say!("{{}}"),

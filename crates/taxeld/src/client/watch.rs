@@ -10,7 +10,7 @@ use taxel_skin::counted;
 use super::connect::{Asked, Daemon};
 use super::failure::{Failure, Outcome};
 use super::json;
-use crate::tone::Tone;
+use super::table::Tone;
 use crate::values::seconds;
 
 /// How often a silent stream is looked for.
@@ -62,7 +62,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
     if args.budget {
         return budget(&daemon).await;
     }
-    let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
+    let mut samples = Samples::open(daemon.force(), daemon.patch.clone(), args.rate_hz()).await?;
     let for_people = !args.asked.json && !args.once && !args.quiet;
     // At a rate of its own, a sample is older than it may be long before the next one is due.
     let silent_after = LOOK_EVERY + Duration::from_secs_f64(1.0 / args.rate_hz().unwrap_or(f64::INFINITY));
@@ -108,7 +108,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
 
 /// The newest force, and each term of its uncertainty.
 async fn budget(daemon: &Daemon) -> Outcome {
-    let request = PatchRequest { patch: daemon.patch() };
+    let request = PatchRequest { patch: daemon.patch.clone() };
     let mut sample = daemon.force().get_force(request).await?.into_inner();
     sample.budget.sort_by(|a, b| b.sigma_n.total_cmp(&a.sigma_n));
     let (terms, undetected_n) = (std::mem::take(&mut sample.budget), sample.undetected_n);
@@ -186,6 +186,7 @@ fn describe(judged: &Judged) -> String {
     let low_n = sample.low_n.unwrap_or_default();
     let interval =
         sample.high_n.map_or_else(|| format!("{low_n:.2} N or more"), |high| format!("{low_n:.2} to {high:.2} N"));
+    let tone = if sample.state() == ForceState::Ok { Tone::Good } else { Tone::Warn };
     let simulated = if sample.simulated { ", simulated" } else { "" };
     let reasons = if sample.reasons.is_empty() { String::new() } else { format!(": {}", sample.reasons.join("; ")) };
     format!(
@@ -193,12 +194,8 @@ fn describe(judged: &Judged) -> String {
         sample.patch,
         age.as_secs_f64() * 1e3,
         counted(sample.active as usize, "taxel", "taxels"),
-        tone(sample.state()).paint(word(sample.state())),
+        tone.paint(word(sample.state())),
     )
-}
-
-fn tone(state: ForceState) -> Tone {
-    if state == ForceState::Ok { Tone::Good } else { Tone::Warn }
 }
 
 #[cfg(test)]

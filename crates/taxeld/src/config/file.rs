@@ -138,11 +138,6 @@ pub struct SharedMemorySection {
     pub group: Option<String>,
 }
 
-impl SharedMemorySection {
-    /// The mode of a page: its owner writes and its group reads.
-    pub const MODE: u32 = 0o640;
-}
-
 impl Default for SharedMemorySection {
     fn default() -> Self {
         Self { path: "/dev/shm/taxeld".into(), group: None }
@@ -161,18 +156,6 @@ pub struct RecordSection {
     /// Every taxel of every patch, too: several times as much as all else.
     #[serde(default)]
     pub taxels: bool,
-}
-
-impl RecordSection {
-    /// With less space on the disk nothing is recorded, in megabytes.
-    pub const KEEP_FREE_MB: u64 = 512;
-    /// A file that is older is ended, in minutes.
-    pub const FILE_MINUTES: u64 = 10;
-
-    /// A file that is larger is ended, in megabytes: of a small budget an eighth, so that little goes at a time.
-    pub fn file_mb(&self) -> u64 {
-        (self.budget_mb / 8).clamp(1, 64)
-    }
 }
 
 fn two_gigabytes() -> u64 {

@@ -112,7 +112,7 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
         let part = sources.part.name();
         let wrong = |why: String| anyhow::anyhow!("{part}: {why}");
         let source = robot.source(sources.part, &sources.names).map_err(wrong)?;
-        let mut draft = compose(sources, source.as_ref(), robot.is_given()).map_err(wrong)?;
+        let mut draft = compose(sources, source.as_ref(), !args.xml.is_empty()).map_err(wrong)?;
         let by_port = source.as_ref().filter(|source| args.yarp || source.device.is_out_of_reach() && !args.can);
         draft.port = by_port.map(|source| source.port.clone());
         match draft.port {

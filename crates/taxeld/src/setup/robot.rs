@@ -251,11 +251,6 @@ impl Robot {
         });
         self.unread.iter().cloned().chain(files).chain(boards).collect()
     }
-
-    /// Whether any file was given.
-    pub fn is_given(&self) -> bool {
-        !self.given.is_empty()
-    }
 }
 
 impl Device {

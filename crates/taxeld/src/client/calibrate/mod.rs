@@ -81,7 +81,7 @@ fn parse_module(text: &str) -> Result<ModuleName, String> {
 /// A calibration that fails or is left, what the daemon refuses, or no daemon.
 pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let daemon = Daemon::at(&args.server).await?;
-    let skin = daemon.skin().get_skin(PatchRequest { patch: daemon.patch() }).await?.into_inner();
+    let skin = daemon.skin().get_skin(PatchRequest { patch: daemon.patch.clone() }).await?.into_inner();
     let daemon = daemon.about(&skin.patch);
     let asks = !args.yes && !args.json && ask::somebody();
     let mut screen = Screen::new(Places::of(&skin), args.json);
@@ -126,7 +126,7 @@ async fn begin(daemon: &Daemon, args: &CalibrateArgs, screen: &Screen) -> Outcom
 
 /// The session of the patch that has not come to its end, if there is one.
 async fn under_way(daemon: &Daemon) -> Outcome<Option<Session>> {
-    let request = ListRequest { patch: daemon.patch(), most: 1, before: 0 };
+    let request = ListRequest { patch: daemon.patch.clone(), most: 1, before: 0 };
     let newest = daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next();
     let is_open = |state| matches!(state, SessionState::Taring | SessionState::Ramping | SessionState::Fitting);
     Ok(newest.filter(|session| is_open(session.state())))
@@ -146,7 +146,7 @@ async fn end_what_was_left(daemon: &Daemon, agreed: bool) -> Outcome {
 fn new_session(daemon: &Daemon, args: &CalibrateArgs) -> StartSessionRequest {
     let branches = if args.both { Branches::Both } else { Branches::Unspecified };
     StartSessionRequest {
-        patch: daemon.patch(),
+        patch: daemon.patch.clone(),
         target_kpa: args.target,
         confirmed_by: args.confirmed_by.clone(),
         branches: branches.into(),
