@@ -1,7 +1,7 @@
 //! Frames in and out.
 //!
 //! [`FrameSource`] is one live bus, for example a real interface ([`SocketCan`]). It hands out [`Batch`]es of timed frames and
-//! says what happened to the bus itself. [`RecordedFrames`] is a log of one.
+//! says what happened to the bus itself. [`RemoteBus`] is what is no interface, [`RecordedFrames`] a log.
 //!
 //! Principles:
 //! 1. One owner per bus, and no thread, queue or lock in between: the kernel's buffer is the only queue. It holds
@@ -18,6 +18,7 @@ mod log_reader;
 mod log_report;
 mod log_times;
 mod recorded;
+mod remote;
 mod rx;
 mod socket_can;
 mod source;
@@ -31,5 +32,6 @@ pub use log_reader::LogReader;
 pub use log_report::{BadLine, LogReport};
 pub use log_times::LogTimes;
 pub use recorded::{Lanes, RecordedFrames, Run};
+pub use remote::{Pause, Remote, RemoteBus};
 pub use socket_can::{LINK_POLL, OpenError, SocketCan, SocketCanOptions};
 pub use source::{Batch, BusEvent, DownReason, FrameSource, NotSent, SendError, SourceError};

@@ -7,7 +7,7 @@
 //! - [`NameServer`]: where a port is; what a port of ours is called.
 //! - [`PortReader`]: the messages of a port.
 //! - [`Rows`]: from the vector of a skin port to the frames that its boards sent.
-//! - [`PortBus`]: a port as a bus of the daemon; [`candump_of`]: its recording as one.
+//! - [`port_bus`]: a port as a bus of the daemon; [`candump_of`]: its recording as one.
 //! - [`OutPort`]: a port that others read.
 //! - [`Value`]: what messages consist of.
 
@@ -28,5 +28,5 @@ pub use names::{NameServer, PortError};
 pub use out_port::OutPort;
 pub use reader::{Message, PortReader};
 pub use rows::{Rows, Unfit, read_counts};
-pub use source::{Content, PortBus};
+pub use source::{Content, Port, port_bus};
 pub use value::Value;

@@ -1,21 +1,14 @@
 //! A port as a bus: found by the name server, read, and found again when it ends.
 
-use std::time::Duration;
-
-use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, NotSent, SendError, SourceError};
+use taxel_can::{Batch, ClockReading, Pause, Remote, RemoteBus};
 use taxel_skin::Time;
-use taxel_wire::{Frame, TimedFrame};
-use tokio::time::sleep;
+use taxel_wire::TimedFrame;
 
 use crate::gauge;
 use crate::names::{NameServer, PortError};
 use crate::reader::PortReader;
 use crate::rows::Rows;
 use crate::sender_clock::SenderClock;
-
-/// Pauses between attempts grow from the first to the second, so that a robot that starts is found soon and a name server
-/// that is gone costs nothing.
-const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 
 /// What is on a port.
 #[derive(Clone, Debug)]
@@ -39,38 +32,34 @@ impl Content {
     }
 }
 
-/// A port as a bus. Nothing can be sent to it.
+/// A port that is read.
 #[derive(Debug)]
-pub struct PortBus {
+pub struct Port {
     server: Option<String>,
-    port: String,
+    name: String,
     content: Content,
     reader: Option<(PortReader, SenderClock)>,
-    /// Before the next attempt to find it.
-    pause: Duration,
-    /// What was told last: that frames can come, or why not.
-    told: Option<BusEvent>,
 }
 
-impl PortBus {
-    /// Reads this port. `server`: `ADDRESS:PORT`; without one YARP's own files say it.
-    #[must_use]
-    pub fn new(server: Option<&str>, port: String, content: Content) -> Self {
-        Self { server: server.map(str::to_owned), port, content, reader: None, pause: Duration::ZERO, told: None }
-    }
+/// A port as a bus. `server`: `ADDRESS:PORT`; without one YARP's own files say it.
+#[must_use]
+pub fn port_bus(server: Option<&str>, port: String, content: Content) -> RemoteBus<Port> {
+    RemoteBus::new(Port { server: server.map(str::to_owned), name: port, content, reader: None })
+}
 
-    /// After a pause that grows until a message comes.
-    async fn connect(&mut self) -> Result<PortReader, PortError> {
-        sleep(self.pause).await;
-        self.pause = (2 * self.pause).clamp(PAUSES[0], PAUSES[1]);
-        PortReader::open(&NameServer::of(self.server.as_deref())?, &self.port).await
+impl Port {
+    async fn connect(&mut self, pause: &mut Pause) -> Result<PortReader, PortError> {
+        pause.wait().await;
+        PortReader::open(&NameServer::of(self.server.as_deref())?, &self.name).await
     }
+}
 
-    /// Reads a message; or why none came that makes sense. One that does not fit says nothing against the connection: a port that
-    /// sends such a vector would send it again, and YARP's ports can hang when connections come and go many times a second.
-    async fn message(&mut self, frames: &mut Vec<TimedFrame>) -> Result<(), String> {
+impl Remote for Port {
+    /// One message that does not fit says nothing against the connection: a port that sends such a vector would send it again, and
+    /// YARP's ports can hang when connections come and go many times a second.
+    async fn more(&mut self, pause: &mut Pause, batch: &mut Batch) -> Result<(), String> {
         if self.reader.is_none() {
-            let reader = self.connect().await.map_err(|error| error.to_string())?;
+            let reader = self.connect(pause).await.map_err(|error| error.to_string())?;
             self.reader = Some((reader, SenderClock::default()));
             if let Content::Skin(rows) = &mut self.content {
                 rows.restart();
@@ -79,35 +68,15 @@ impl PortBus {
         let Some((reader, clock)) = &mut self.reader else { return Ok(()) };
         match reader.next().await {
             Ok(message) => {
-                self.pause = Duration::ZERO;
+                pause.end();
                 let time = clock.time_of(ClockReading::now().time, message.stamp_s);
-                self.content.take(time, message.line, frames).map_err(|unfit| format!("port {}: {unfit}", self.port))
+                let taken = self.content.take(time, message.line, &mut batch.frames);
+                taken.map_err(|unfit| format!("port {}: {unfit}", self.name))
             }
             Err(lost) => {
                 self.reader = None;
                 Err(lost.to_string())
             }
         }
-    }
-}
-
-impl FrameSource for PortBus {
-    async fn next(&mut self, batch: &mut Batch) -> Result<(), SourceError> {
-        batch.clear();
-        while batch.is_empty() {
-            let event = match self.message(&mut batch.frames).await {
-                Ok(()) => BusEvent::Up,
-                Err(why) => BusEvent::SourceDown { why },
-            };
-            if self.told.as_ref() != Some(&event) {
-                self.told = Some(event.clone());
-                batch.events.push(event);
-            }
-        }
-        Ok(())
-    }
-
-    async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-        Err(SendError { id: frame.id, why: NotSent::ListenOnly })
     }
 }

@@ -13,7 +13,7 @@ use taxel_rpc::{Handle, Limits, Server, handle::channel};
 use taxel_skin::BusIndex;
 use taxel_store::Store;
 use taxel_wire::Frame;
-use taxel_yarp::PortBus;
+use taxel_yarp::port_bus;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
 
@@ -26,7 +26,7 @@ use crate::page::serve_page;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::{self, Credentials};
-use crate::rig::LineBus;
+use crate::rig::line_bus;
 use crate::runtime::on_a_thread;
 use crate::shared_memory::Pages;
 use crate::systemd;
@@ -144,12 +144,12 @@ impl Daemon {
                 BusSource::Push => self.add_push_bus(bus),
                 BusSource::Line => {
                     if let Some(line) = config::line_of(config, section) {
-                        self.add_bus(bus, LineBus::new(line));
+                        self.add_bus(bus, line_bus(line));
                     }
                 }
                 BusSource::Yarp => {
                     if let Some((port, content)) = config::port_of(config, &self.plan, bus) {
-                        self.add_bus(bus, PortBus::new(section.server.as_deref(), port, content));
+                        self.add_bus(bus, port_bus(section.server.as_deref(), port, content));
                     }
                 }
                 #[cfg(feature = "sim")]

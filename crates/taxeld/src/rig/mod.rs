@@ -6,15 +6,13 @@ mod tests;
 
 use std::time::Duration;
 
-use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, NotSent, SendError, SourceError};
+use taxel_can::{Batch, BusEvent, ClockReading, Pause, Remote, RemoteBus};
 use taxel_rig::{Speech, Talk};
-use taxel_wire::{Frame, TimedFrame, reading};
-use tokio::time::{Instant, sleep, sleep_until};
+use taxel_wire::{TimedFrame, reading};
+use tokio::time::{Instant, sleep_until};
 
 pub use link::{At, Link};
 
-/// Pauses between attempts grow from the first to the second.
-const PAUSES: [Duration; 2] = [Duration::from_millis(250), Duration::from_secs(5)];
 /// A gauge that has not said a line for so long has stopped. A micro board that was just plugged in takes two seconds to begin.
 const SILENT_AFTER: Duration = Duration::from_secs(3);
 /// From one question to the next, for a gauge that has to be asked: a trend needs four readings a second.
@@ -36,14 +34,15 @@ pub fn unescaped(text: &str) -> String {
     text.replace("\\r", "\r").replace("\\n", "\n")
 }
 
-/// A gauge as a bus. Nothing can be sent to it.
-pub struct LineBus {
+/// A gauge that is listened to.
+pub struct Gauge {
     line: Line,
     open: Option<Open>,
-    /// Before the next attempt to open it.
-    pause: Duration,
-    /// What was told last: that readings come, or why not.
-    told: Option<BusEvent>,
+}
+
+/// A gauge as a bus.
+pub fn line_bus(line: Line) -> RemoteBus<Gauge> {
+    RemoteBus::new(Gauge { line, open: None })
 }
 
 struct Open {
@@ -56,25 +55,19 @@ struct Open {
     ask_at: Instant,
 }
 
-impl LineBus {
-    /// Reads this gauge.
-    pub const fn new(line: Line) -> Self {
-        Self { line, open: None, pause: Duration::ZERO, told: None }
-    }
-
-    /// After a pause that grows until a reading comes.
-    async fn connect(&mut self) -> Result<Open, String> {
-        sleep(self.pause).await;
-        self.pause = (2 * self.pause).clamp(PAUSES[0], PAUSES[1]);
+impl Gauge {
+    async fn connect(&mut self, pause: &mut Pause) -> Result<Open, String> {
+        pause.wait().await;
         let link = self.line.at.open().await?;
         let (talk, now) = (Talk::begin(self.line.speech.is_asked()), Instant::now());
         Ok(Open { link, talk, heard: now, asked: now, ask_at: now })
     }
+}
 
-    /// Waits until the gauge says something and appends that; or why it says nothing.
-    async fn more(&mut self, batch: &mut Batch) -> Result<(), String> {
+impl Remote for Gauge {
+    async fn more(&mut self, pause: &mut Pause, batch: &mut Batch) -> Result<(), String> {
         if self.open.is_none() {
-            self.open = Some(self.connect().await?);
+            self.open = Some(self.connect(pause).await?);
         }
         let Some(open) = &mut self.open else { return Ok(()) };
         let heard = match open.next(&self.line).await {
@@ -95,7 +88,7 @@ impl LineBus {
         if let Some(value) = newest {
             // Lines that were read together have one time: the last of them is the pressure then.
             batch.frames.push(TimedFrame { time, frame: reading::frame(0, value) });
-            self.pause = Duration::ZERO;
+            pause.end();
         }
         if let Some((lines, why)) = unread {
             batch.events.push(BusEvent::Unread { lines, why: format!("{}: {why}", self.line.at) });
@@ -133,26 +126,5 @@ impl Open {
                 }
             }
         }
-    }
-}
-
-impl FrameSource for LineBus {
-    async fn next(&mut self, batch: &mut Batch) -> Result<(), SourceError> {
-        batch.clear();
-        while batch.is_empty() {
-            let event = match self.more(batch).await {
-                Ok(()) => BusEvent::Up,
-                Err(why) => BusEvent::SourceDown { why },
-            };
-            if self.told.as_ref() != Some(&event) {
-                self.told = Some(event.clone());
-                batch.events.push(event);
-            }
-        }
-        Ok(())
-    }
-
-    async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-        Err(SendError { id: frame.id, why: NotSent::ListenOnly })
     }
 }

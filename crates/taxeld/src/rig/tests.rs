@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use nix::fcntl::OFlag;
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
+use taxel_can::FrameSource;
 use taxel_rig::Template;
 use taxel_rig::modbus::{Framing, Number, Register, Request};
 use taxel_wire::signal::{PressureMeaning, PressureUnit};
@@ -16,6 +17,8 @@ use tokio::net::TcpListener;
 use tokio::time::timeout;
 
 use super::*;
+
+type LineBus = RemoteBus<Gauge>;
 
 /// The end of a pseudo terminal that is the gauge's, and where the other one is.
 fn terminal() -> (PtyMaster, PathBuf) {
@@ -33,7 +36,7 @@ fn bus(at: &str, poll: &str) -> LineBus {
 }
 
 fn of(at: At, speech: Speech) -> LineBus {
-    LineBus::new(Line { at, speech })
+    line_bus(Line { at, speech })
 }
 
 fn serial(path: &Path) -> LineBus {
@@ -64,7 +67,7 @@ async fn down(bus: &mut LineBus) -> String {
 /// Opens the terminal from the other end, so that what is written is kept for it.
 async fn opened(bus: &mut LineBus) {
     let mut batch = Batch::default();
-    while bus.open.is_none() {
+    while bus.remote.open.is_none() {
         assert!(timeout(Duration::from_millis(1), bus.next(&mut batch)).await.is_err());
     }
 }
