@@ -121,7 +121,7 @@ impl Driver {
     }
 
     /// Runs until cancelled; then the store is closed with everything that was recorded.
-    pub async fn run(mut self, mut queues: Queues, cancel: CancellationToken) {
+    pub async fn run(mut self, mut queues: Queues, cancel: CancellationToken) -> anyhow::Result<()> {
         while self.turn(&mut queues, &cancel).await {}
         drop(self.pages); // from here on nobody judges what they say
         // Closing commits what is queued, which can take a disk's time.
@@ -131,6 +131,7 @@ impl Driver {
             Ok(Err(error)) => tracing::error!(%error, "the store could not be closed cleanly"),
             Err(error) => tracing::error!(%error, "the store's thread"),
         }
+        Ok(())
     }
 
     /// One turn; `false` after the last.

@@ -38,6 +38,7 @@ pub fn serve_page(config: &Config, server: &Server, handle: &Handle, tasks: &mut
             tracing::error!(%error, "the page ended");
         }
         shutdown.cancelled().await;
+        Ok(())
     });
     Ok(())
 }

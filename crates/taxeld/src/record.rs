@@ -102,6 +102,7 @@ pub fn begin(
     tasks.parts.spawn(async move {
         cancel.cancelled().await; // a recording that is lost ends nothing else
         let _ = end.await;
+        Ok(())
     });
     Ok((Some(Box::new(move || health(status()))), taps))
 }

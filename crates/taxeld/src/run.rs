@@ -30,7 +30,7 @@ use crate::rig::line_bus;
 use crate::runtime::on_a_thread;
 use crate::shared_memory::Pages;
 use crate::systemd;
-use crate::tasks::{BusEnd, Tasks};
+use crate::tasks::{BusEnd, Tasks, next_end};
 use crate::upkeep;
 
 /// Everything of a daemon but its buses.
@@ -85,7 +85,9 @@ impl Daemon {
         driver.pages = pages;
         let driver = driver.begun();
         tasks.parts.spawn(driver.run(Queues { batches, pushed, commands, done }, tasks.cancel.clone()));
-        tasks.parts.spawn(upkeep::keep(handle.clone(), reader.clone(), kept, tasks.cancel.clone()));
+        if let Some(kept) = kept {
+            tasks.parts.spawn(upkeep::keep(handle.clone(), reader.clone(), kept, tasks.cancel.clone()));
+        }
         let (listeners, credentials) = doors::open(&scene.doors)?;
         let (recording, taps) = record::begin(config, &plan, &handle, tasks)?;
         let backend = DaemonBackend { store: reader, budget, push, recording, lacks };
@@ -99,7 +101,7 @@ impl Daemon {
                 never = systemd::keep(lives) => match never {},
             }
         })?;
-        tasks.parts.spawn_fallible(async { ended.await? });
+        tasks.parts.spawn(async { ended.await? });
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
         let to_buses = receivers.into_iter().zip(taps).map(Some).collect();
@@ -206,7 +208,7 @@ async fn end(tasks: &mut Tasks, terminate: &mut Signal) -> anyhow::Result<()> {
                 // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
                 Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
             },
-            Some(ended) = tasks.parts.next_end() => return ended,
+            Some(ended) = next_end(&mut tasks.parts) => return ended,
         }
     }
     Ok(())
@@ -252,7 +254,7 @@ pub async fn run(config: Config, scene: Scene, path: PathBuf) -> anyhow::Result<
     match daemon.add_buses(&config) {
         Ok(()) => {
             let reload = reload::keep(daemon.credentials.clone(), hangup, path, daemon.tasks.cancel.clone());
-            daemon.tasks.parts.spawn_fallible(reload);
+            daemon.tasks.parts.spawn(reload);
             daemon.until_the_end().await
         }
         Err(error) => {

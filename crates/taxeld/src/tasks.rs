@@ -24,8 +24,8 @@ pub enum BusEnd {
 pub struct Tasks {
     /// Tells all of them to end.
     pub cancel: CancellationToken,
-    /// Engine, service and whatever else is beside the buses.
-    pub parts: Parts,
+    /// Engine, service and whatever else is beside the buses. Where one of them ends, the others do.
+    pub parts: JoinSet<anyhow::Result<()>>,
     /// One for each bus.
     pub buses: JoinSet<BusEnd>,
 }
@@ -41,7 +41,7 @@ impl Tasks {
         let all = async {
             while self.buses.join_next().await.is_some() {}
             let mut closed = Ok(());
-            while let Some(ended) = self.parts.next_end().await {
+            while let Some(ended) = next_end(&mut self.parts).await {
                 match (&closed, ended) {
                     (Ok(()), ended) => closed = ended,
                     (Err(_), Err(error)) => tracing::error!("{error:#}"),
@@ -57,29 +57,10 @@ impl Tasks {
     }
 }
 
-/// Parts of a daemon; where one of them ends, the others do.
-#[derive(Default)]
-pub struct Parts(JoinSet<anyhow::Result<()>>);
-
-impl Parts {
-    /// Starts one that ends by itself only when all is to end.
-    pub fn spawn(&mut self, part: impl Future<Output = ()> + Send + 'static) {
-        self.spawn_fallible(async {
-            part.await;
-            Ok(())
-        });
-    }
-
-    /// Starts one that may fail.
-    pub fn spawn_fallible(&mut self, part: impl Future<Output = anyhow::Result<()>> + Send + 'static) {
-        self.0.spawn(part);
-    }
-
-    /// Waits until one of them ends, and gives how; `None` if there is none left.
-    pub async fn next_end(&mut self) -> Option<anyhow::Result<()>> {
-        let fault = |error| Err(anyhow!("a task of the daemon ended by a fault of this program: {error}"));
-        Some(self.0.join_next().await?.unwrap_or_else(fault))
-    }
+/// Waits until one of the parts ends, and gives how; `None` if there is none left.
+pub async fn next_end(parts: &mut JoinSet<anyhow::Result<()>>) -> Option<anyhow::Result<()>> {
+    let fault = |error| Err(anyhow!("a task of the daemon ended by a fault of this program: {error}"));
+    Some(parts.join_next().await?.unwrap_or_else(fault))
 }
 
 #[cfg(test)]
@@ -90,18 +71,18 @@ mod tests {
     /// Whoever starts the daemon is told that it failed.
     #[tokio::test]
     async fn a_part_that_fails_or_panics_is_a_failure_of_the_daemon() {
-        let mut parts = Parts::default();
+        let mut parts = JoinSet::new();
         let failing = on_a_thread("a", async { Err::<(), _>(anyhow!("no more descriptors")) }).unwrap();
-        parts.spawn_fallible(async { failing.await? });
-        let failed = parts.next_end().await.unwrap().unwrap_err();
+        parts.spawn(async { failing.await? });
+        let failed = next_end(&mut parts).await.unwrap().unwrap_err();
         assert_eq!(format!("{failed:#}"), "no more descriptors");
         let panicking = on_a_thread("b", async { panic!("as meant") }).unwrap();
-        parts.spawn_fallible(panicking);
+        parts.spawn(panicking);
         parts.spawn(async { panic!("as meant") });
         for _ in 0..2 {
-            let panicked = parts.next_end().await.unwrap().unwrap_err();
+            let panicked = next_end(&mut parts).await.unwrap().unwrap_err();
             assert!(format!("{panicked:#}").contains("ended by a fault of this program"), "{panicked:#}");
         }
-        assert!(parts.next_end().await.is_none());
+        assert!(next_end(&mut parts).await.is_none());
     }
 }

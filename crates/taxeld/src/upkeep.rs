@@ -13,19 +13,16 @@ use tokio_util::sync::CancellationToken;
 /// How often it is looked whether there is too much.
 const LOOK_EVERY: Duration = Duration::from_secs(600);
 
-/// Looks at the start and every ten minutes until the daemon ends, if there is a limit.
-pub async fn keep(handle: Handle, size: Reader, most_bytes: Option<u64>, cancel: CancellationToken) {
-    if let Some(most_bytes) = most_bytes {
-        let looks = async {
-            handle.first_turn().await;
-            loop {
-                tidy(&handle, &size, most_bytes).await;
-                tokio::time::sleep(LOOK_EVERY).await;
-            }
-        };
-        let _: Option<()> = cancel.run_until_cancelled(looks).await;
-    }
-    cancel.cancelled().await;
+/// Looks at the start and every ten minutes until the daemon ends.
+pub async fn keep(handle: Handle, size: Reader, most_bytes: u64, cancel: CancellationToken) -> anyhow::Result<()> {
+    let looks = async {
+        handle.first_turn().await;
+        loop {
+            tidy(&handle, &size, most_bytes).await;
+            tokio::time::sleep(LOOK_EVERY).await;
+        }
+    };
+    cancel.run_until_cancelled(looks).await.unwrap_or(Ok(()))
 }
 
 /// Deletes sessions beyond the limit, oldest first. What the engine refuses stays until the next look.

@@ -8,7 +8,8 @@ use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
-use taxel_proto::v1::{ListRequest, ModelSetSummary, PatchRequest};
+use taxel_proto::v1::{ListRequest, ModelSetSummary, PatchRequest, Session, SessionRequest};
+use tonic::Streaming;
 
 use super::failure::{Failure, Outcome};
 use super::json;
@@ -110,6 +111,14 @@ impl Daemon {
     pub async fn places(&self, patch: &str) -> Outcome<Places> {
         let request = PatchRequest { patch: patch.to_owned() };
         Ok(Places::of(&self.skin().get_skin(request).await?.into_inner()))
+    }
+
+    /// A session as it changes.
+    ///
+    /// # Errors
+    /// No such session, or a lost connection.
+    pub async fn watch_session(&self, session: u64) -> Outcome<Streaming<Session>> {
+        Ok(self.calibration().watch_session(SessionRequest { session }).await?.into_inner())
     }
 
     /// All model sets of the patch, newest first.

@@ -1,11 +1,8 @@
 //! `taxeld sessions`: calibration sessions that are or were.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use taxel_client::Server;
-use taxel_files::{Output, quiet_end};
 use taxel_proto::v1::{
     AdvanceSessionRequest, Branches, GetModelSetRequest, ListRequest, RefitSessionsRequest, Session, SessionAction,
     SessionRequest, SessionState,
@@ -234,13 +231,11 @@ async fn refit(asked: &Asked, sessions: Vec<u64>) -> Outcome {
 async fn export(server: &Server, session: u64, out: &Path) -> Outcome {
     let daemon = Daemon::at(server).await?;
     let mut pieces = daemon.calibration().export_samples(SessionRequest { session }).await?.into_inner();
-    let mut file = Output::create(out).with_context(|| out.display().to_string())?;
+    let mut text = String::new();
     while let Some(piece) = pieces.message().await? {
-        if let Err(error) = file.write_all(piece.text.as_bytes()) {
-            return Ok(quiet_end(out, Err(error))?);
-        }
+        text += &piece.text;
     }
-    quiet_end(out, file.finish())?;
+    taxel_files::write_text(out, &text)?;
     if !taxel_files::is_standard(out) {
         say!("session {}: {}", session, out.display());
     }

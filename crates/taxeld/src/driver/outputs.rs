@@ -143,11 +143,7 @@ impl Driver {
     fn load(&self, ticket: u64, session: u64) {
         let done = self.tell_done.clone();
         let on_samples = Box::new(move |outcome: Result<SessionSamples, StoreError>| {
-            let result = outcome.map_err(|error| match error {
-                StoreError::DamagedRow(damage) => NotLoaded::Damaged(damage.reason),
-                error => NotLoaded::Unavailable(error.to_string()),
-            });
-            done.tell(Done::Input(Input::Loaded { ticket, result }));
+            done.tell(Done::Input(Input::Loaded { ticket, result: outcome.map_err(not_loaded) }));
         });
         self.store.reader().samples(session, on_samples);
     }
@@ -233,12 +229,13 @@ fn answer(replies: Vec<(oneshot::Sender<Reply>, Reply)>, outcome: Result<Durabil
 }
 
 fn read_set(text: Result<String, StoreError>) -> Result<Arc<ModelSet>, NotLoaded> {
-    match text {
-        Ok(text) => match models_json::from_json(&text) {
-            Ok(set) => Ok(Arc::new(set)),
-            Err(why) => Err(NotLoaded::Damaged(why.to_string())),
-        },
-        Err(StoreError::DamagedRow(damage)) => Err(NotLoaded::Damaged(damage.reason)),
-        Err(error) => Err(NotLoaded::Unavailable(error.to_string())),
+    let set = models_json::from_json(&text.map_err(not_loaded)?);
+    set.map(Arc::new).map_err(|why| NotLoaded::Damaged(why.to_string()))
+}
+
+fn not_loaded(error: StoreError) -> NotLoaded {
+    match error {
+        StoreError::DamagedRow(damage) => NotLoaded::Damaged(damage.reason),
+        error => NotLoaded::Unavailable(error.to_string()),
     }
 }

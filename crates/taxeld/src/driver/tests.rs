@@ -98,7 +98,7 @@ impl Bench {
     /// Closes the store.
     pub(crate) async fn end(self) {
         self.cancel.cancel();
-        self.driver.run(self.queues, self.cancel).await;
+        self.driver.run(self.queues, self.cancel).await.unwrap();
     }
 
     pub(crate) fn reader(&self) -> taxel_store::Reader {

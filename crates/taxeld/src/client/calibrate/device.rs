@@ -9,7 +9,7 @@ use std::future::poll_fn;
 use std::task::Poll;
 use std::time::Duration;
 
-use taxel_proto::v1::{Session, SessionAction, SessionRequest, SessionState, StartSessionRequest};
+use taxel_proto::v1::{Session, SessionAction, SessionState, StartSessionRequest};
 use taxel_rig::drive::{Ask, Drive, Order, Phase, Programme, Seen, State};
 use taxel_rig::modbus::Framing;
 use taxel_rig::profile::{FailSafe, Profile, Question};
@@ -323,8 +323,7 @@ impl ByDevice<'_> {
             Ask::Ramp => advance(self.daemon, number, SessionAction::StartRamp, "").await?,
             Ask::Abort => advance(self.daemon, number, SessionAction::Abort, why).await?,
         };
-        let request = SessionRequest { session: session.session };
-        followed.stream = Some(self.daemon.calibration().watch_session(request).await?.into_inner());
+        followed.stream = Some(self.daemon.watch_session(session.session).await?);
         followed.session = Some(session);
         Ok(())
     }

@@ -3,8 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use taxel_proto::v1::{AdvanceSessionRequest, Session, SessionAction, SessionRequest, SessionState};
-use tonic::Streaming;
+use taxel_proto::v1::{AdvanceSessionRequest, Session, SessionAction, SessionState};
 
 use super::screen::{Screen, bell};
 use crate::client::ask;
@@ -40,7 +39,7 @@ impl Course {
     /// # Errors
     /// A lost connection, or an operator who leaves or aborts it.
     pub async fn follow(&mut self) -> Outcome {
-        let mut stream = self.watch().await?;
+        let mut stream = self.daemon.watch_session(self.session.session).await?;
         while matches!(self.session.state(), SessionState::Taring | SessionState::Ramping | SessionState::Fitting) {
             let is_ramping = self.session.state() == SessionState::Ramping;
             tokio::select! {
@@ -65,11 +64,6 @@ impl Course {
             }
         }
         Ok(())
-    }
-
-    async fn watch(&self) -> Outcome<Streaming<Session>> {
-        let request = SessionRequest { session: self.session.session };
-        Ok(self.daemon.calibration().watch_session(request).await?.into_inner())
     }
 
     /// Ctrl-C: end the ramp, abort, leave, or go on.
@@ -145,7 +139,7 @@ impl Course {
         }
         if !self.is_vented() {
             self.screen.tell("the target is reached: vent the bag (Ctrl-C: go on without venting)");
-            let mut stream = self.watch().await?;
+            let mut stream = self.daemon.watch_session(self.session.session).await?;
             let give_up = tokio::time::sleep(if self.asks { Duration::MAX } else { VENT_WITHIN });
             tokio::pin!(give_up);
             while !self.is_vented() {
