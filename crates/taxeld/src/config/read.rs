@@ -21,9 +21,6 @@ use super::scene::{Scene, scene_of};
 use crate::files;
 use crate::rig::At;
 
-/// Most patches, and most buses: every pair of patches is compared.
-const PATCHES_MAX: usize = 100;
-
 /// Reads and resolves a configuration.
 ///
 /// # Errors
@@ -52,12 +49,6 @@ fn unread(path: &Path, message: String) -> Problems {
 /// Everything that is wrong with it.
 pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems> {
     let mut reading = Reading::new(path, text);
-    for section in ["patch", "bus"] {
-        let list = reading.tree.get_ref().get(section).and_then(|value| value.get_ref().as_array());
-        if let Some(count) = list.map(|list| list.len()).filter(|count| *count > PATCHES_MAX) {
-            reading.note(section, format!("{count} sections [[{section}]]: expected at most {PATCHES_MAX}"));
-        }
-    }
     let mut config: Option<Config> = reading.sections();
     config.iter_mut().for_each(|config| {
         ports::expand(config);

@@ -16,6 +16,9 @@ use taxel_rig::Faults;
 /// Smallest budget of recordings, in MB: less than a few files make no recording.
 const RECORD_MB_MIN: u64 = 16;
 
+/// As many as have a number in a byte, those of gauges and ports among them.
+const BUSES_MAX: f64 = 256.0;
+
 /// What an installation needs, resolved once.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -29,6 +32,7 @@ pub struct Scene {
 
 /// Resolves a configuration, whose path is for files relative to it. What is wrong is noted, all of it; then there is no scene.
 pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Scene> {
+    faults.range("bus", config.bus.len() as f64, 0.0, BUSES_MAX);
     for (number, bus) in config.bus.iter().enumerate() {
         let is_twice = config.bus[..number].iter().any(|other| other.name == bus.name);
         faults.within(&format!("bus[{number}]"), &format!("bus `{}`", bus.name), |faults| {
