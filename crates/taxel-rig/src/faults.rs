@@ -28,7 +28,7 @@ impl Faults {
     }
 
     /// Notes what is wrong with a key unless it `holds`; the words go on behind the key.
-    pub fn require(&mut self, key: &str, holds: bool, words: impl FnOnce() -> String) {
+    pub fn require<W: Display>(&mut self, key: &str, holds: bool, words: impl FnOnce() -> W) {
         if !holds {
             self.note(key, format!("{key}{}", words()));
         }

@@ -32,11 +32,13 @@ fn board(
     faults: &mut Faults,
 ) -> Option<(Board, BoardSetup)> {
     let head = entries.first()?;
-    let address = faults.take(&format!("boards[{at}].address"), BoardAddress::new(head.address));
-    if head.address == EVERYONE && !section.listen_only {
-        let words = "a command to address 15 goes to all boards of the bus: set listen_only = true";
-        faults.note(&format!("boards[{at}].address"), words);
-    }
+    let key = format!("boards[{at}].address");
+    let address = faults.take(&key, BoardAddress::new(head.address));
+    faults.require(
+        &key,
+        head.address != EVERYONE || section.listen_only,
+        || ": a command to 15 goes to all boards of the bus: set listen_only = true",
+    );
     let (mut all, mut triangles) = (Vec::new(), Vec::new());
     for (position, entry) in entries.iter().enumerate().map(|(n, entry)| (at + n, entry)) {
         let key = format!("boards[{position}].modules");

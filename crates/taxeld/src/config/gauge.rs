@@ -163,25 +163,24 @@ pub fn gauge(
 
 /// Notes what is wrong with the bus that it is on.
 fn check_bus(kind: Kind, (source, skin_is_pushed): (BusSource, bool), faults: &mut Faults) {
-    if (kind == Port) != (source == BusSource::Yarp) {
-        let words = "a gauge with a port needs a bus with source = \"yarp\", and one without needs another: name it in gauge.bus";
-        faults.note("gauge", words);
-    }
-    if (kind == OnLine) != (source == BusSource::Line) {
-        faults.note(
-            "gauge.bus",
-            "gauge.bus: a line is a bus of its own, and nothing else is on it: leave it out, or name another",
-        );
-    }
-    if kind == Can && source == BusSource::Push {
-        let words =
-            "a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans";
-        faults.note("gauge.bus", words);
-    }
-    if kind == Push && skin_is_pushed {
-        let words = "gauge.push: the scans of this patch are pushed, and the pressure with them: write gauge = {}";
-        faults.note("gauge.push", words);
-    }
+    faults.require(
+        "gauge",
+        (kind == Port) == (source == BusSource::Yarp),
+        || ": one with a port needs a bus with source = \"yarp\", and one without needs another: name it in gauge.bus",
+    );
+    faults.require(
+        "gauge.bus",
+        (kind == OnLine) == (source == BusSource::Line),
+        || ": a line is a bus of its own, and nothing else is on it: leave it out, or name another",
+    );
+    faults.require("gauge.bus", kind != Can || source != BusSource::Push, || {
+        ": a gauge sends over a CAN bus: name it, or leave id and signal out where the pressure comes with the scans"
+    });
+    faults.require(
+        "gauge.push",
+        kind != Push || !skin_is_pushed,
+        || ": the scans of this patch are pushed, and the pressure with them: write gauge = {}",
+    );
 }
 
 /// Checks a dial that is read by eye.
@@ -190,10 +189,11 @@ fn dial(section: &PatchSection, gauge: &GaugeSection, faults: &mut Faults) {
         Some(kpa) => drop(faults.range("gauge.resolution_kpa", kpa, 0.01, 5.0)),
         None => faults.note("gauge", "gauge.resolution_kpa is missing: to how many kPa the dial is read, as in 0.5"),
     }
-    if section.session.branches == BranchesWord::Both {
-        let words = "session.branches = \"both\": a dial is typed while the pressure rises: leave it out";
-        faults.note("session.branches", words);
-    }
+    faults.require(
+        "session.branches",
+        section.session.branches != BranchesWord::Both,
+        || " = \"both\": a dial is typed while the pressure rises: leave it out",
+    );
 }
 
 /// What the readings are to the pressure on the skin.
@@ -204,10 +204,11 @@ fn refers_to(gauge: &GaugeSection, faults: &mut Faults) -> (PressureMeaning, f64
             (PressureMeaning::AbsoluteBag { ambient_kpa }, 1.0)
         }
         (Some(other), ambient_kpa) => {
-            if ambient_kpa.is_some() {
-                let words = "gauge.ambient_kpa: it is of a gauge with reference = \"absolute\": leave it out";
-                faults.note("gauge.ambient_kpa", words);
-            }
+            faults.require(
+                "gauge.ambient_kpa",
+                ambient_kpa.is_none(),
+                || ": it is of a gauge with reference = \"absolute\": leave it out",
+            );
             (PressureMeaning::Differential, if other == ReferenceWord::Ambient { -1.0 } else { 1.0 })
         }
         (None, None) => (PressureMeaning::Differential, 1.0),
@@ -278,9 +279,8 @@ fn can(gauge: &GaugeSection, file: Option<&DbcFile>, faults: &mut Faults) -> Opt
         None => format!("gauge.unit is missing, and the DBC file has \"{named}\": expected one of {known}"),
     };
     let unit = faults.take("gauge.unit", PressureUnit::named(named).ok_or_else(unknown))?;
-    if !place.frames.selectors.is_empty() {
-        let words = format!("signal {}: it is multiplexed, expected a gauge in every frame of its message", place.name);
-        faults.note("gauge.signal", words);
-    }
+    faults.require("gauge.signal", place.frames.selectors.is_empty(), || {
+        format!(": signal {}: it is multiplexed, expected a gauge in every frame of its message", place.name)
+    });
     Some(place.pressure(unit))
 }

@@ -202,9 +202,11 @@ fn areas(
         AreaWord::Template => WITH_GAPS_MM2,
         AreaWord::Equal => SquareMillimetre::ICUB_TAXEL.0,
     };
-    if is_described && of_grid.is_none() && section.area_mm2.is_none() {
-        faults.note("", "area_mm2 or grid is missing: without either the force of a pressure is not known");
-    }
+    faults.require(
+        "",
+        !is_described || of_grid.is_some() || section.area_mm2.is_some(),
+        || "area_mm2 or grid is missing: without either the force of a pressure is not known",
+    );
     let mean = section.area_mm2.or(of_grid.map(|area| area.0)).unwrap_or(usual);
     faults.range("area_mm2", mean, 0.01, 1e5);
     match section.area {

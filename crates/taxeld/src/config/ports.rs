@@ -45,36 +45,26 @@ pub fn expand(config: &mut Config) {
 
 /// Notes what is wrong with a bus.
 pub fn check_bus(bus: &BusSection, faults: &mut Faults) {
-    match (&bus.server, bus.source == BusSource::Yarp) {
-        (Some(server), true) => drop(faults.take("server", NameServer::of(Some(server)))),
-        (Some(_), false) => faults.note("server", "server: it is of a bus with source = \"yarp\""),
-        (None, _) => {}
-    }
+    let Some(server) = &bus.server else { return };
+    faults.require("server", bus.source == BusSource::Yarp, || ": it is of a bus with source = \"yarp\"");
+    faults.take("server", NameServer::of(Some(server)));
 }
 
 /// Notes what is wrong with the port of a patch.
 pub fn check_patch(section: &PatchSection, bus: &BusSection, faults: &mut Faults) {
     let (name, is_yarp) = (&bus.name, bus.source == BusSource::Yarp);
     let Some(port) = &section.port else {
-        if is_yarp {
-            let patch = &section.name;
-            let words = format!("bus `{name}` has source = \"yarp\": expected port = \"/icub/skin/{patch}\"");
-            faults.note("", words);
-        }
-        return;
+        return faults.require("", !is_yarp, || {
+            format!("bus `{name}` has source = \"yarp\": expected port = \"/icub/skin/{}\"", section.name)
+        });
     };
-    match is_yarp {
-        true => check_name("port", port, faults),
-        false => faults.note("port", format!("port needs a bus with source = \"yarp\", and `{name}` has none")),
-    }
-    if section.boards.is_empty() {
-        faults.note("", "a port has the counts of boards: expected boards");
-    }
+    faults.require("port", is_yarp, || format!(" needs a bus with source = \"yarp\", and `{name}` has none"));
+    check_name("port", port, faults);
+    faults.require("", !section.boards.is_empty(), || "a port has the counts of boards: expected boards");
     for (position, board) in section.boards.iter().enumerate() {
-        if board.sets_something() {
-            let words = "nothing can be set at boards that are read by a port: leave board_type, no_load, shift and cdc_offset out";
-            faults.note(&format!("boards[{position}]"), words);
-        }
+        faults.require(&format!("boards[{position}]"), !board.sets_something(), || {
+            ": nothing can be set at boards that are read by a port: leave board_type, no_load, shift and cdc_offset out"
+        });
     }
 }
 

@@ -36,18 +36,14 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
     for (number, bus) in config.bus.iter().enumerate() {
         let is_twice = config.bus[..number].iter().any(|other| other.name == bus.name);
         faults.within(&format!("bus[{number}]"), &format!("bus `{}`", bus.name), |faults| {
-            if is_twice {
-                faults.note("name", "it is there twice");
-            }
+            faults.require("name", !is_twice, || ": it is there twice");
             source(bus, faults);
         });
     }
-    if config.store.path.as_os_str().is_empty() {
-        faults.note("store.path", "store.path is missing: the file for sessions and model sets");
-    }
-    if config.store.keep_mb == Some(0) {
-        faults.note("store.keep_mb", "store.keep_mb = 0: expected 1 or more, or no session could be kept");
-    }
+    let has_path = !config.store.path.as_os_str().is_empty();
+    faults.require("store.path", has_path, || " is missing: the file for sessions and model sets");
+    let keeps = config.store.keep_mb != Some(0);
+    faults.require("store.keep_mb", keeps, || " = 0: expected 1 or more, or no session could be kept");
     page(config, faults);
     record(config, faults);
     let doors = doors(config, path, faults);
@@ -56,15 +52,11 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
     }
     let plan = Plan { buses: config.bus.len(), patches: Vec::new() };
     let mut scene = Scene { plan, doors, said: Said::default() };
-    if config.patch.is_empty() {
-        faults.note("patch", "there is no [[patch]]: at least one is needed");
-    }
+    faults.require("patch", !config.patch.is_empty(), || ": there is no [[patch]], at least one is needed");
     for (number, section) in config.patch.iter().enumerate() {
         let is_twice = config.patch[..number].iter().any(|other| other.name == section.name);
         let plan = faults.within(&format!("patch[{number}]"), &format!("patch `{}`", section.name), |faults| {
-            if is_twice {
-                faults.note("name", "it is there twice");
-            }
+            faults.require("name", !is_twice, || ": it is there twice");
             patch_plan(config, section, path, (faults, &mut scene.said))
         });
         scene.plan.patches.extend(plan);
@@ -74,25 +66,28 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
 }
 
 fn source(bus: &BusSection, faults: &mut Faults) {
-    if bus.source == BusSource::Sim && cfg!(not(feature = "sim")) {
-        faults.note("source", "source = \"sim\": this build has no simulator (cargo feature `sim`)");
-    }
+    faults.require(
+        "source",
+        bus.source != BusSource::Sim || cfg!(feature = "sim"),
+        || " = \"sim\": this build has no simulator (cargo feature `sim`)",
+    );
     ports::check_bus(bus, faults);
-    if bus.source == BusSource::SocketCan && bus.interface.as_deref().is_none_or(str::is_empty) {
-        faults.note("", "source socketcan needs an interface, for example \"can0\"");
-    }
+    let has_interface = bus.interface.as_deref().is_some_and(|interface| !interface.is_empty());
+    faults.require(
+        "",
+        bus.source != BusSource::SocketCan || has_interface,
+        || "source socketcan needs an interface, for example \"can0\"",
+    );
 }
 
 fn page(config: &Config, faults: &mut Faults) {
     let Some(page) = &config.page else { return };
-    if !page.listen.ip().is_loopback() {
-        let words = format!(
-            "page.listen = {}: only loopback addresses are served, nothing there is secured; from elsewhere come through \
-             ssh -L or a proxy with TLS",
-            page.listen
-        );
-        faults.note("page.listen", words);
-    }
+    faults.require("page.listen", page.listen.ip().is_loopback(), || {
+        let listen = page.listen;
+        format!(
+            " = {listen}: only loopback addresses are served; from elsewhere come through ssh -L or a proxy with TLS"
+        )
+    });
     let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
     let is_name = |host: &&String| !host.is_empty() && host.chars().all(known);
     for host in page.hosts.iter().filter(|host| !is_name(host)) {
@@ -112,24 +107,22 @@ fn record(config: &Config, faults: &mut Faults) {
 /// pages' group must have one, too.
 fn shared_memory(section: &SharedMemorySection, rules: Option<&Rules>, faults: &mut Faults) {
     let SharedMemorySection { path, group } = section;
-    if !path.is_absolute() {
-        let words = format!("shared_memory.path = {:?}: expected an absolute path, as in \"/dev/shm/taxeld\"", path);
-        faults.note("shared_memory.path", words);
-    }
+    faults.require("shared_memory.path", path.is_absolute(), || {
+        format!(" = {path:?}: expected an absolute path, as in \"/dev/shm/taxeld\"")
+    });
     let Some(rules) = rules.filter(|rules| rules.unix.is_none()) else { return };
     let granted = |group: &String| {
         let of_group = |grant: &Grant| matches!(&grant.subject, Subject::Group(name) if name == group);
         rules.grants.iter().any(of_group)
     };
     // The configuration does not say which group is the daemon's own, so no grant can be found for it.
-    if !group.as_ref().is_some_and(granted) {
+    faults.require("shared_memory.group", group.as_ref().is_some_and(granted), || {
         let whose = group.as_ref().map_or("the daemon's own group".to_owned(), |group| format!("group `{group}`"));
-        let words = format!(
-            "shared_memory.group: {whose} could read the force, but no list of [access] has it or `unix`: name a group here \
-             that access.observers has, as in \"group:skin\""
-        );
-        faults.note("shared_memory.group", words);
-    }
+        format!(
+            ": {whose} could read the force, but no list of [access] has it or `unix`: name a group here that \
+             access.observers has, as in \"group:skin\""
+        )
+    });
 }
 
 #[cfg(test)]
