@@ -138,7 +138,10 @@ impl Driver {
     async fn turn(&mut self, queues: &mut Queues, cancel: &CancellationToken) -> bool {
         self.pages.beat();
         if let Some(gap) = self.publisher.beat() {
-            self.resumed(gap);
+            // For so long nobody took frames: what the engine did not hear then is no silence of a board. It is told so before any
+            // frame of that time and before any tick.
+            tracing::debug!(gap_s = gap.as_secs_f64(), "what came meanwhile is taken before the next tick");
+            self.step(Input::Resumed(gap));
             self.catch_up(queues).await;
         }
         self.tick_if_due();
@@ -158,13 +161,6 @@ impl Driver {
             Action::Command(request) => self.take_command(request),
             Action::Done(done) => self.take_done(done),
         }
-    }
-
-    /// This task had no turn for `gap`, so for that time nobody took frames: what the engine did not hear then is no
-    /// silence of a board. The engine is told so before any frame of that time and before any tick.
-    fn resumed(&mut self, gap: Duration) {
-        tracing::debug!(gap_s = gap.as_secs_f64(), "what came meanwhile is taken before the next tick");
-        self.step(Input::Resumed(gap));
     }
 
     /// Takes what came while this task had no turn: what waits in the queue and what the kernel kept. A tick before that

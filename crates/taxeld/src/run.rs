@@ -35,7 +35,8 @@ use crate::upkeep;
 
 /// Everything of a daemon but its buses.
 pub struct Daemon {
-    plan: Arc<Plan>,
+    /// What it does.
+    pub plan: Arc<Plan>,
     /// The way to its engine, for the simulator and the demo.
     #[cfg_attr(not(feature = "sim"), allow(dead_code))]
     pub handle: Handle,
@@ -66,7 +67,9 @@ impl Daemon {
     fn begin(config: &Config, scene: Scene, store: Option<&StoreSection>, tasks: &mut Tasks) -> anyhow::Result<Self> {
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
-        let (pages, lacks) = pages(config, &plan)?;
+        let (pages, lacks) = Pages::make(config.shared_memory.as_ref(), &plan)?;
+        pages.paths().for_each(|page| tracing::info!(page = %page.display(), "in shared memory"));
+        lacks.iter().for_each(|problem| tracing::error!("{problem}"));
         let budget = store.map(|store| (store.path.clone(), store.budget_mb()));
         let kept = store.and_then(StoreSection::kept_bytes);
         let (store, restored) = open_store(store, &tell_done)?;
@@ -155,29 +158,14 @@ impl Daemon {
                     }
                 }
                 #[cfg(feature = "sim")]
-                BusSource::Sim => self.add_sim_bus(bus, section.seed.unwrap_or(1), None)?,
-                #[cfg(not(feature = "sim"))]
                 BusSource::Sim => {
-                    anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name)
+                    let (seed, handle) = (section.seed.unwrap_or(1), self.handle.clone());
+                    self.add_bus(bus, crate::sim_bus::SimBus::new(seed, (&self.plan, bus), handle, None)?);
                 }
+                #[cfg(not(feature = "sim"))]
+                BusSource::Sim => {} // the check of the configuration has refused it
             }
         }
-        Ok(())
-    }
-
-    /// Adds a simulated bus, with what the plan expects on it.
-    ///
-    /// # Errors
-    /// If there is no thread to be had.
-    #[cfg(feature = "sim")]
-    pub fn add_sim_bus(
-        &mut self,
-        bus: BusIndex,
-        seed: u64,
-        pump: Option<crate::sim_drive::Pump>,
-    ) -> anyhow::Result<()> {
-        let source = crate::sim_bus::SimBus::new(seed, (&self.plan, bus), self.handle.clone(), pump)?;
-        self.add_bus(bus, source);
         Ok(())
     }
 
@@ -231,14 +219,6 @@ fn open_store(section: Option<&StoreSection>, tell_done: &TellDone) -> anyhow::R
     // What was found damaged is in the log already, and in `restored` for the health.
     let opened = Store::open(path, tell_done.of_store()).with_context(|| format!("opening {}", path.display()));
     opened.map(|(store, restored, _)| (store, restored))
-}
-
-/// The pages in shared memory, where they are configured.
-fn pages(config: &Config, plan: &Plan) -> anyhow::Result<(Pages, Vec<String>)> {
-    let (pages, problems) = Pages::make(config.shared_memory.as_ref(), plan)?;
-    pages.paths().for_each(|page| tracing::info!(page = %page.display(), "in shared memory"));
-    problems.iter().for_each(|problem| tracing::error!("{problem}"));
-    Ok((pages, problems))
 }
 
 /// The daemon on the buses of the configuration in the file `path`.

@@ -16,6 +16,7 @@ use taxel_skin::{BusIndex, Geometry};
 use crate::config::{self, Config, Door, Doors, PageSection, Scene, SharedMemorySection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::run::Daemon;
+use crate::sim_bus::SimBus;
 
 /// Where the service is, unless another has the port.
 const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 50_051);
@@ -160,7 +161,8 @@ async fn serve_live(
         ask(&daemon, Command::Activate { patch, model_set, expected: None }).await?;
     }
     let (pump, commands) = args.device.then(crate::sim_drive::start).transpose()?.unzip();
-    daemon.add_sim_bus(BusIndex(0), args.seed, commands)?;
+    let (bus, handle) = (BusIndex(0), daemon.handle.clone());
+    daemon.add_bus(bus, SimBus::new(args.seed, (&daemon.plan, bus), handle, commands)?);
     if calibrated {
         // Its mass is not there yet.
         let confirmed_by = Some("taxeld demo".to_owned());

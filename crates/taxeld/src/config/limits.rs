@@ -38,15 +38,10 @@ pub fn session(section: &SessionSection, faults: &mut Faults) -> SessionLimits {
     let target = section.target_kpa.unwrap_or(defaults.target.0);
     // A ramp begins below `vented_below` and has to end above it.
     let (least, most) = (defaults.vented_below.0 + 1.0, defaults.target_max_kpa());
-    if target > most && !section.pressurised_chamber {
-        let words = format!(
-            "session.target_kpa = {target}: expected {least} to {most}: a vacuum bag ends at the ambient pressure. For a \
-             chamber under pressure set pressurised_chamber = true beside it"
-        );
-        faults.note("session.target_kpa", words);
-    } else {
-        faults.range("session.target_kpa", target, least, most);
-    }
+    let more = if section.pressurised_chamber { "" } else { ", or pressurised_chamber = true beside it" };
+    faults.require("session.target_kpa", (least..=most).contains(&target), || {
+        format!(" = {target}: expected {least} to {most}{more}")
+    });
     let noise_band = section.noise_band_kpa.unwrap_or(defaults.noise_band.0);
     faults.range("session.noise_band_kpa", noise_band, 0.0, (target / 2.0).min(50.0));
     let steepest = section.rise_max_kpa_per_s.unwrap_or(defaults.steepest_kpa_per_s);

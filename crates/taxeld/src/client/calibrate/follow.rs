@@ -59,7 +59,8 @@ impl Course {
                     self.interrupt().await?;
                 }
             }
-            if may_be_typed(&self.session) {
+            // Once the skin has settled, what the dial shows may be typed.
+            if self.session.state() == SessionState::Ramping && self.session.typed.is_some_and(|typed| typed.settled) {
                 self.type_plateau().await?;
             }
         }
@@ -160,11 +161,6 @@ impl Course {
         }
         Ok(())
     }
-}
-
-/// Whether the skin has settled, and what the dial shows may be typed.
-fn may_be_typed(session: &Session) -> bool {
-    session.state() == SessionState::Ramping && session.typed.as_ref().is_some_and(|typed| typed.settled)
 }
 
 /// Waits for [`QUIET`], and says why nothing can come then; `None` where the daemon runs, and nothing has changed.
