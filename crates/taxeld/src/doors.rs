@@ -27,15 +27,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<(Vec<Listener>, Credentials)> {
     for door in &doors.doors {
         listeners.push(match door {
             Door::Unix(path) => Listener::Unix(bind_unix(path, doors.group.as_deref())?),
-            Door::Tcp(address) => {
-                if !address.ip().is_loopback() {
-                    tracing::warn!(
-                        "INSECURE: {address} is served without encryption and without knowing who calls, as \
-                         \"insecure:\" in listen, or the demo's --listen, wants it: everybody on that net can read along and connect"
-                    );
-                }
-                Listener::Tcp(bind(address)?)
-            }
+            Door::Tcp(address) => Listener::Tcp(bind(address)?),
             Door::Tls { address, files } => {
                 let tls = Tls::load(files.clone()).map_err(anyhow::Error::msg)?;
                 credentials.add(tls.clone());

@@ -117,7 +117,17 @@ fn main() -> ExitCode {
     let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {
         Subcommands::Client(command) => return client::run(command, matches.subcommand_name().unwrap_or_default()),
-        command => dispatch(command),
+        Subcommands::Completions { shell } => help::completions(Cli::command(), shell),
+        Subcommands::Man { out } => help::man(Cli::command(), &out),
+        #[cfg(feature = "sim")]
+        Subcommands::Demo(args) => show_demo::demo(&args),
+        Subcommands::Run { config } => run::run(config),
+        Subcommands::Check { store: Some(store), .. } => check::store(&store),
+        Subcommands::Check { device: Some(device), .. } => check::device(&device),
+        Subcommands::Check { config, .. } => check::check(&config),
+        Subcommands::Replay(args) => replay::replay(args),
+        Subcommands::Setup(args) => setup::setup(&args),
+        Subcommands::Scan(args) => scan::scan(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -131,31 +141,5 @@ fn main() -> ExitCode {
             }
             ExitCode::FAILURE
         }
-    }
-}
-
-fn dispatch(command: Subcommands) -> anyhow::Result<()> {
-    match command {
-        Subcommands::Completions { shell } => help::completions(Cli::command(), shell),
-        Subcommands::Man { out } => help::man(Cli::command(), &out),
-        Subcommands::Client(_) => Ok(()), // has an exit code of its own and went another way
-        #[cfg(feature = "sim")]
-        Subcommands::Demo(args) => show_demo::demo(&args),
-        Subcommands::Run { config: path } => {
-            let (config, scene) = config::examine(&path)?;
-            let runtime = runtime::runtime()?;
-            let ended = runtime.block_on(run::run(config, scene, path));
-            runtime.shutdown_background(); // dropped, it would wait for calls into a disk that hangs
-            ended
-        }
-        Subcommands::Check { store: Some(store), .. } => check::store(&store),
-        Subcommands::Check { device: Some(device), .. } => check::device(&device),
-        Subcommands::Check { config, .. } => check::check(&config),
-        Subcommands::Replay(args) => {
-            let (config, scene) = config::examine(&args.config)?;
-            replay::replay(args, &config, scene)
-        }
-        Subcommands::Setup(args) => setup::setup(&args),
-        Subcommands::Scan(args) => scan::scan(&args),
     }
 }

@@ -32,7 +32,7 @@ pub struct ReplayArgs {
     log: PathBuf,
     /// Configuration; the buses' interfaces name those of the log.
     #[arg(long, default_value = config::CONFIG_FILE)]
-    pub config: PathBuf,
+    config: PathBuf,
     /// Take a calibration from the log, up to this pressure or the configured target.
     #[arg(long, value_name = "KPA", num_args = 0..=1)]
     calibrate: Option<Option<f64>>,
@@ -51,7 +51,8 @@ pub struct ReplayArgs {
 ///
 /// # Errors
 /// An unreadable log, or a calibration that fails.
-pub fn replay(args: ReplayArgs, config: &Config, mut scene: Scene) -> anyhow::Result<()> {
+pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
+    let (config, mut scene) = config::examine(&args.config)?;
     if let Some(plan) = scene.plan.patches.iter().find(|plan| plan.pushed.is_some()) {
         bail!("the scans of patch `{}` are pushed: there is no log of pushed scans to replay", plan.patch.name());
     }
@@ -60,7 +61,7 @@ pub fn replay(args: ReplayArgs, config: &Config, mut scene: Scene) -> anyhow::Re
         say::step_aside();
     }
     let args = ReplayArgs { log: files::named(args.log), ..args };
-    play(&args, config, scene)
+    play(&args, &config, scene)
 }
 
 /// A log cannot be configured, and no skin is touched: a controller may have found this daemon in the place of the

@@ -27,7 +27,7 @@ use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::{self, Credentials};
 use crate::rig::line_bus;
-use crate::runtime::on_a_thread;
+use crate::runtime::{on_a_thread, runtime};
 use crate::shared_memory::Pages;
 use crate::systemd;
 use crate::tasks::{BusEnd, Tasks, next_end};
@@ -221,11 +221,19 @@ fn open_store(section: Option<&StoreSection>, tell_done: &TellDone) -> anyhow::R
     opened.map(|(store, restored, _)| (store, restored))
 }
 
-/// The daemon on the buses of the configuration in the file `path`.
+/// The daemon of the configuration in the file `path`, until it is ended.
 ///
 /// # Errors
-/// Whatever keeps it from starting.
-pub async fn run(config: Config, scene: Scene, path: PathBuf) -> anyhow::Result<()> {
+/// Whatever keeps it from starting, or from ending well.
+pub fn run(path: PathBuf) -> anyhow::Result<()> {
+    let (config, scene) = config::examine(&path)?;
+    let runtime = runtime()?;
+    let ended = runtime.block_on(on_all_buses(config, scene, path));
+    runtime.shutdown_background(); // dropped, it would wait for calls into a disk that hangs
+    ended
+}
+
+async fn on_all_buses(config: Config, scene: Scene, path: PathBuf) -> anyhow::Result<()> {
     // Where a file may not grow any more (`ulimit -f`) this signal would end the process. It does not any more once it was
     // listened to: then the write fails, as on a full disk.
     let _heard = signal(SignalKind::from_raw(nix::libc::SIGXFSZ))?;
