@@ -50,10 +50,10 @@ fn board(
         if let Some((module, _)) = listed.iter().find(|(module, _)| all.iter().any(|(other, _)| other == module)) {
             faults.note(&key, format!("board {}: module {module} is there twice", entry.address));
         }
-        if (entry.board_type, entry.no_load) != (head.board_type, head.no_load) {
-            let words = format!("board {}: board_type and no_load are of the whole board: expected one", entry.address);
-            faults.note(&format!("boards[{position}]"), words);
-        }
+        let is_same = (entry.board_type, entry.no_load) == (head.board_type, head.no_load);
+        faults.require(&format!("boards[{position}]"), is_same, || {
+            format!(": board {}: board_type and no_load are of the whole board: expected one", entry.address)
+        });
         let numbers: Vec<Module> = listed.iter().map(|(module, _)| *module).collect();
         triangles.extend(runs(&numbers).map(|(first, last)| {
             let (shift, cdc_offset) = (entry.shift.unwrap_or(2), entry.cdc_offset.unwrap_or(0x2200));

@@ -99,10 +99,11 @@ pub fn doors(config: &Config, path: &Path, faults: &mut Faults) -> Doors {
         let Some(door) = faults.take(&key, door(text, config, path)) else { continue };
         doors.push(door);
     }
-    if config.access.is_none() && !doors.iter().all(is_near) {
-        let words = "listen: an address for other machines needs an [access] section that says who may do what";
-        faults.note("listen", words);
-    }
+    faults.require(
+        "listen",
+        config.access.is_some() || doors.iter().all(is_near),
+        || ": an address for other machines needs an [access] section that says who may do what",
+    );
     let tokens = config.access.as_ref().and_then(|access| Some(beside(path, access.tokens.as_deref()?)));
     let rules = config.access.as_ref().map(|access| rules(access, faults));
     Doors { doors, group: config.socket_group.clone(), rules, tokens }
@@ -170,11 +171,9 @@ fn rules(access: &AccessSection, faults: &mut Faults) -> Rules {
             *way = Some(role);
         }
     }
-    if rules.insecure > Some(Role::Observer) {
-        let words = "access: insecure: everybody on the network could do it, and nobody would know who did: expected it in \
-                     observers or nowhere";
-        faults.note("access", words);
-    }
+    faults.require("access", rules.insecure <= Some(Role::Observer), || {
+        ": insecure: everybody on the network could do it, and nobody would know who did: expected in observers or nowhere"
+    });
     rules
 }
 

@@ -166,21 +166,16 @@ fn skin(
         }
     };
     let is_described = !devices.is_empty();
-    let of_grid = match section.grid {
-        Some(_) if !is_described => {
-            faults.note("grid", "grid: skin boards have a position file and no grid");
-            None
-        }
+    let (has_file, has_grid) = (section.geometry.is_some(), section.grid.is_some());
+    faults.require("grid", is_described || !has_grid, || ": skin boards have a position file and no grid");
+    faults.require("geometry", !is_described || !has_file, || ": an array has a grid and no position file");
+    let of_grid = match section.grid.filter(|_| is_described) {
         Some(section) => Some(faults.take("grid", grid(section, patch.taxels().len()))?),
         None => None,
     };
-    let geometry = match (&section.geometry, &of_grid) {
-        (Some(_), _) if is_described => {
-            faults.note("geometry", "geometry: an array has a grid and no position file");
-            None
-        }
-        (Some(file), _) => faults.take("geometry", geometry(&beside(path, file), &patch)),
-        (None, of_grid) => of_grid.as_ref().map(|(geometry, _)| geometry.clone()),
+    let geometry = match section.geometry.as_ref().filter(|_| !is_described) {
+        Some(file) => faults.take("geometry", geometry(&beside(path, file), &patch)),
+        None => of_grid.as_ref().map(|(geometry, _)| geometry.clone()),
     };
     let areas = areas(section, &patch, (is_described, of_grid.map(|(_, area)| area)), faults);
     Some(Skin { patch, devices, setups, geometry, areas })

@@ -102,19 +102,14 @@ fn patch(text: &mut String, draft: &PatchDraft, folder: &Path) {
 fn entry(text: &mut String, board: &BoardDraft, modules: &str, (shift, cdc_offset): ModuleValues) {
     let (address, values) = (board.address, &board.values);
     let _ = write!(text, "    {{ address = {address}, modules = \"{modules}\"");
-    for (key, value, default) in [
-        ("board_type", values.board_type, 0),
-        ("no_load", values.no_load, 240),
-        ("shift", shift, 2),
-        ("cdc_offset", cdc_offset, 0x2200),
-    ] {
-        if value != default {
-            let _ = write!(
-                text,
-                ", {key} = {}",
-                if key == "cdc_offset" { format!("{value:#06x}") } else { value.to_string() }
-            );
-        }
+    let keys = [
+        ("board_type", values.board_type != 0, values.board_type.to_string()),
+        ("no_load", values.no_load != 240, values.no_load.to_string()),
+        ("shift", shift != 2, shift.to_string()),
+        ("cdc_offset", cdc_offset != 0x2200, format!("{cdc_offset:#06x}")),
+    ];
+    for (key, _, value) in keys.iter().filter(|(_, is_other, _)| *is_other) {
+        let _ = write!(text, ", {key} = {value}");
     }
     text.push_str(" },\n");
 }
