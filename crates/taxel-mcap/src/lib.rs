@@ -17,9 +17,6 @@ mod recorder;
 mod recording;
 mod schema;
 
-/// What every MCAP file begins with.
-pub const MAGIC_BYTES: &[u8] = mcap::MAGIC;
-
 pub use file::{McapFault, McapFile, Topic};
 pub use folder::Folder;
 pub use frames::{FrameTap, frames_message};

@@ -2,7 +2,7 @@
 //! these, or what yarpdatadumper recorded of YARP's ports.
 
 use std::fs::File;
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::Context;
@@ -40,14 +40,9 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<Box<dyn RecordedF
         let files = files.iter().map(|(file, _)| path.join(file.to_string()));
         return Ok(Box::new(taxel_mcap::Recording::of_files(files, bus)));
     }
-    let mut file = File::open(path).with_context(|| name.clone())?;
-    let mut begin = Vec::with_capacity(taxel_mcap::MAGIC_BYTES.len());
-    let magic = file.by_ref().take(taxel_mcap::MAGIC_BYTES.len() as u64).read_to_end(&mut begin);
-    magic.with_context(|| name.clone())?;
-    let is_recording = begin == taxel_mcap::MAGIC_BYTES;
-    let whole = Cursor::new(begin).chain(file);
-    if is_recording {
-        return Ok(Box::new(taxel_mcap::Recording::of_reader(name, whole, bus)));
-    }
-    Ok(Box::new(LogReader::new(name, whole, wanted.interface)))
+    let file = File::open(path).with_context(|| name.clone())?;
+    Ok(match path.extension() {
+        Some(ending) if ending == "mcap" => Box::new(taxel_mcap::Recording::of_reader(name, file, bus)),
+        _ => Box::new(LogReader::new(name, file, wanted.interface)),
+    })
 }

@@ -1,6 +1,6 @@
 //! Files that somebody made to do harm.
 
-use taxel_mcap::MAGIC_BYTES;
+use mcap::MAGIC;
 
 use crate::read_bytes;
 
@@ -23,7 +23,7 @@ fn file(claimed: u64, records: &[u8]) -> Vec<u8> {
     body.extend([0; 8]); // no checksum, and it is not compressed
     body.extend((records.len() as u64).to_le_bytes());
     body.extend(records);
-    let mut bytes = MAGIC_BYTES.to_vec();
+    let mut bytes = MAGIC.to_vec();
     bytes.extend(record(1, &[0; 8]));
     bytes.extend(record(CHUNK, &body));
     bytes
