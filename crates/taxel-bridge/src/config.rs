@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use serde::Deserialize;
-use taxel_yarp::NameServer;
 
 use crate::ros::name_of;
 use crate::yarp::parts::{self, Part};
@@ -157,8 +156,7 @@ impl Config {
         );
         self.ros.iter().try_for_each(RosSection::check)?;
         check_rate("fleet.rate_hz", self.fleet.as_ref().and_then(|fleet| fleet.rate_hz))?;
-        if let Some(YarpSection { server, skin_events }) = &self.yarp {
-            server.as_ref().map(|server| NameServer::of(Some(server))).transpose().context("yarp")?;
+        if let Some(YarpSection { skin_events, .. }) = &self.yarp {
             let is_port = |name: &String| name.starts_with('/') && !name.contains(char::is_whitespace);
             let fits = skin_events.as_ref().is_none_or(is_port);
             ensure!(fits, "yarp.skin_events = {skin_events:?}: expected a name as in /taxeld/skin_events:o");

@@ -6,6 +6,7 @@ use clap::{Parser, Subcommand};
 use taxel_bridge::config::Config;
 use taxel_bridge::fleet::watch::{self, FleetArgs};
 use taxel_bridge::run;
+use taxel_bridge::yarp::publish::Ports;
 use tracing_subscriber::EnvFilter;
 
 /// The force of robot skin, from a running taxeld to ROS 2, to fleets and to ports of YARP.
@@ -53,6 +54,7 @@ async fn command(command: Command) -> anyhow::Result<()> {
             let config = Config::read(&config)?;
             taxel_bridge::link::configuration(&config.zenoh)?;
             taxel_bridge::daemon::Daemon::new(&config.daemon)?;
+            config.yarp.as_ref().map(Ports::of).transpose()?;
             eprintln!("{}: {} patch(es) can be bridged", config.robot, config.patches.len());
             Ok(())
         }

@@ -20,6 +20,7 @@ fn a_configuration_is_checked_and_refused_with_file_and_place() {
         (good.replace("[fleet]", "[fleet]\nrate_hz = 2000.0"), "fleet.rate_hz = 2000"),
         (good.replace("[fleet]", "[zenoh]\nrouter = \"here\"\n[fleet]"), "here"),
         (good.replace("[fleet]", "[daemon]\nserver = \"a b\"\n[fleet]"), "daemon.server"),
+        (good.replace("[fleet]", "[yarp]\nserver = \"nowhere\"").replace("arm", "left_arm"), "expected ADDRESS:PORT"),
         (good.replace("[fleet]", "[daemon]\ntoken_file = \"/no/such/token\"\n[fleet]"), "/no/such/token"),
     ] {
         std::fs::write(&file, &bad).unwrap();
