@@ -173,14 +173,9 @@ fn finish_session(offline: &mut Offline) -> anyhow::Result<()> {
 
 fn print_report(lanes: &Lanes, offline: &Offline) {
     for report in lanes.reports() {
-        say!(
-            "log: {} lines, {} frames, {} of other interfaces, {} that are no frame, {} with a time before an earlier one",
-            report.lines,
-            report.frames,
-            report.other_interface,
-            report.bad,
-            report.times.backwards
-        );
+        let LogReport { lines, frames, other_interface, bad, times, .. } = report;
+        say!("log: {lines} lines, {frames} frames, {other_interface} of other interfaces, {bad} that are no frame");
+        say!("  {} frames with a time before an earlier one", times.backwards);
         report.words().iter().for_each(|line| say!("{line}"));
     }
     for bus in &offline.health.buses {
@@ -188,15 +183,6 @@ fn print_report(lanes: &Lanes, offline: &Offline) {
         if bus.malformed > 0 {
             say!("  last malformed: {}", bus.last_malformed);
         }
-    }
-    for board in &offline.health.boards {
-        say!(
-            "board {}: modules: {}, scans: {}, half scans: {}",
-            board.address,
-            board.modules.0,
-            board.scans,
-            board.orphans
-        );
     }
 }
 

@@ -72,17 +72,10 @@ fn of_bus(bus: &BusHealth) -> String {
 fn of_board(board: &BoardHealth) -> String {
     let firmware = if board.firmware.is_empty() { String::new() } else { format!(", firmware {}", board.firmware) };
     let warmth = board.celsius.map_or_else(String::new, |celsius| format!(", {celsius:.1} degC"));
-    format!(
-        "board {} of {}: {}, {} of {} modules send, {} scans, {} half scans, {} status errors{firmware}{warmth}",
-        board.address,
-        board.patch,
-        board.bring_up,
-        board.modules_fresh,
-        board.modules_enabled,
-        board.scans,
-        board.orphans,
-        board.status_errors
-    )
+    let BoardHealth { address, patch, bring_up, scans, orphans, status_errors, .. } = board;
+    let modules = format!("{} of {} modules send", board.modules_fresh, board.modules_enabled);
+    let counts = format!("{scans} scans, {orphans} half scans, {status_errors} status errors");
+    format!("board {address} of {patch}: {bring_up}, {modules}, {counts}{firmware}{warmth}")
 }
 
 fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
