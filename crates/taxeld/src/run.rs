@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context;
-use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
+use taxel_can::{Batch, FrameSource, Pause, Remote, RemoteBus, SocketCan, SocketCanOptions};
+use taxel_engine::Restored;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_engine::{BusNotice, Restored};
 use taxel_rpc::push_line::push_line;
 use taxel_rpc::{Handle, Limits, Server, handle::channel};
 use taxel_skin::BusIndex;
@@ -119,17 +119,6 @@ impl Daemon {
         self.tasks.buses.spawn(bus::run(bus, source, ends, self.tasks.cancel.clone()));
     }
 
-    /// Adds a bus whose scans or readings are pushed: there is nothing to read, and nobody has pushed any yet.
-    fn add_push_bus(&mut self, bus: BusIndex) {
-        let notices = vec![BusNotice::Down("nobody has pushed anything yet".to_owned())];
-        let (to_engine, cancel) = (self.to_engine.clone(), self.tasks.cancel.clone());
-        self.tasks.buses.spawn(async move {
-            let _ = to_engine.send(BusBatch { bus, frames: Vec::new(), notices }).await; // the engine has stopped
-            cancel.cancelled().await;
-            BusEnd::Cancelled
-        });
-    }
-
     /// Adds all buses of the configuration.
     ///
     /// # Errors
@@ -146,7 +135,7 @@ impl Daemon {
                     let options = SocketCanOptions { interface, ids: Some(routes.wanted(bus)), tx };
                     self.add_bus(bus, SocketCan::open(options)?);
                 }
-                BusSource::Push => self.add_push_bus(bus),
+                BusSource::Push => self.add_bus(bus, RemoteBus::new(Pushed)),
                 BusSource::Line => {
                     if let Some(line) = config::line_of(config, section) {
                         self.add_bus(bus, line_bus(line));
@@ -181,6 +170,16 @@ impl Daemon {
             tracing::error!("{late:#}"); // the other one is told at the end
         }
         ended.and(closed)
+    }
+}
+
+/// A bus whose scans or readings are pushed: there is nothing to read, and nobody has pushed any yet.
+struct Pushed;
+
+impl Remote for Pushed {
+    async fn more(&mut self, pause: &mut Pause, _: &mut Batch) -> Result<(), String> {
+        pause.wait().await;
+        Err("nobody has pushed anything yet".to_owned())
     }
 }
 

@@ -95,13 +95,9 @@ fn scene() -> anyhow::Result<(Config, Scene)> {
 
 fn print_calibration(Outcome { session, models, .. }: &Outcome) {
     let usable = models.taxels.iter().filter(|model| model.is_usable()).count();
-    say!(
-        "ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated",
-        models.pressure_max_kpa,
-        session.accepted,
-        crate::values::refusals_of(session),
-        models.taxels.len(),
-    );
+    let (kpa, scans, refused) = (models.pressure_max_kpa, session.accepted, crate::values::refusals_of(session));
+    let calibrated = format!("{usable} of {} taxels calibrated", models.taxels.len());
+    say!("ramp to {kpa:.0} kPa, {scans} scans entered, refused: {refused}; {calibrated}");
 }
 
 fn print_table(weighings: &[Weighing]) {

@@ -73,14 +73,9 @@ fn print(proposal: &Recalibration) {
     };
     let rows: Vec<Vec<String>> = proposal.points.iter().map(row).collect();
     table::print(&["load", "laid on N", "read N", "error %", "then %", "deviation", ""], &rows);
-    say!(
-        "gain {:.4} +- {:.4} from {} loads on {}; a load at a new place is then known to {:.1} % (k = 1)",
-        proposal.gain,
-        proposal.gain_sigma,
-        proposal.points.len(),
-        proposal.source,
-        100.0 * proposal.relative_sigma,
-    );
+    let Recalibration { gain, gain_sigma, source, points, .. } = proposal;
+    let new = format!("a load at a new place is then known to {:.1} % (k = 1)", 100.0 * proposal.relative_sigma);
+    say!("gain {gain:.4} +- {gain_sigma:.4} from {} loads on {source}; {new}", points.len());
     if !proposal.needed {
         say!("that is no more than the loads can tell: there is nothing to correct");
     }

@@ -185,12 +185,8 @@ fn print(view: &Session) {
     } else {
         format!(", unloaded: confirmed by {}", view.confirmed_by)
     };
-    say!(
-        "  started {}, {} of {branches} pressure to {:.1} kPa{confirmed}",
-        table::moment(view.started.as_ref()),
-        counted(view.ramps as usize, "ramp", "ramps"),
-        view.target_kpa
-    );
+    let (started, ramps) = (table::moment(view.started.as_ref()), counted(view.ramps as usize, "ramp", "ramps"));
+    say!("  started {started}, {ramps} of {branches} pressure to {:.1} kPa{confirmed}", view.target_kpa);
     let refused = refused(view);
     say!("  {} scans entered, {} of them on disk; refused: {refused}", view.accepted, view.durable);
     say!("  coverage {:.0} %, {} of {} taxels responded", 100.0 * view.coverage, view.taxels_responding, view.taxels);

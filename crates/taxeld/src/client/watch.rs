@@ -189,13 +189,9 @@ fn describe(judged: &Judged) -> String {
     let tone = if sample.state() == ForceState::Ok { Tone::Good } else { Tone::Warn };
     let simulated = if sample.simulated { ", simulated" } else { "" };
     let reasons = if sample.reasons.is_empty() { String::new() } else { format!(": {}", sample.reasons.join("; ")) };
-    format!(
-        "{}: {newton:.2} N ({interval}), {:.0} ms old, {} active, {}{simulated}{reasons}",
-        sample.patch,
-        age.as_secs_f64() * 1e3,
-        counted(sample.active as usize, "taxel", "taxels"),
-        tone.paint(word(sample.state())),
-    )
+    let (age_ms, active) = (1e3 * age.as_secs_f64(), counted(sample.active as usize, "taxel", "taxels"));
+    let (patch, state) = (&sample.patch, tone.paint(word(sample.state())));
+    format!("{patch}: {newton:.2} N ({interval}), {age_ms:.0} ms old, {active} active, {state}{simulated}{reasons}")
 }
 
 #[cfg(test)]
