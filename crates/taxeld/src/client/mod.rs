@@ -58,7 +58,7 @@ pub enum ClientCommand {
     Models(models::ModelsArgs),
     /// Calibration sessions: list, show, end, export, refit, delete.
     Sessions(sessions::SessionsArgs),
-    /// Who changed what: the audit log of a running daemon, or of a store.
+    /// Who changed what, from the audit log.
     Audit(audit::AuditArgs),
     /// What happened since the daemon's start: zeros, faults, activations, sessions, buses.
     Events(events::EventsArgs),
