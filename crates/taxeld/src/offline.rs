@@ -30,7 +30,8 @@ const TICKED_GAP: Duration = Duration::from_secs(120);
 pub struct Offline {
     engine: Engine,
     out: Vec<Output>,
-    now: Time,
+    /// The present, as the data have it.
+    pub now: Time,
     slot_end: Option<Time>,
     reply: Option<Reply>,
     /// What the engine waits for: there is no disk, so that it comes at once.
@@ -177,11 +178,6 @@ impl Offline {
     /// The session of the first patch.
     pub fn session(&self) -> Option<&Arc<SessionView>> {
         self.sessions.first()?.as_ref()
-    }
-
-    /// The present, as the data have it.
-    pub fn now(&self) -> Time {
-        self.now
     }
 
     fn step(&mut self, input: Input<'_>) {

@@ -115,7 +115,7 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
     if let Some(fault) = lanes.reports().find_map(LogReport::time_fault) {
         return Err(named(fault));
     }
-    let end = offline.now() + Duration::from_secs(1);
+    let end = offline.now + Duration::from_secs(1);
     offline.advance(end);
     finish_session(&mut offline)?;
     let seconds = first.map_or(0.0, |first| end.seconds_since(first) - 1.0);

@@ -3,9 +3,9 @@
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
+use taxel_can::ClockReading;
 use taxel_client::Address;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
@@ -68,16 +68,14 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     if args.once {
         return Ok(());
     }
-    let models = outcome.map(|outcome| outside_of_sessions(&outcome.models));
+    // The live daemon does not know the session that they are of.
+    let made = |outcome: Outcome| {
+        let created_wall_ns = ClockReading::now().wall_ns;
+        ModelSet { created_wall_ns, session: None, ..ModelSet::clone(&outcome.models) }
+    };
+    let models = outcome.map(made);
     let runtime = crate::runtime::runtime()?;
     runtime.block_on(serve_live(args, config, scene, models))
-}
-
-/// The models of the table's own session, which the live daemon does not know.
-fn outside_of_sessions(models: &ModelSet) -> ModelSet {
-    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    let created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
-    ModelSet { created_wall_ns, session: None, ..models.clone() }
 }
 
 /// The configuration of the simulated forearm.

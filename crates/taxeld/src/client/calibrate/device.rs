@@ -92,10 +92,6 @@ impl Pump {
         }
     }
 
-    fn now(&self) -> Duration {
-        self.begun.elapsed()
-    }
-
     /// Tells the drive, and waits for its answers.
     async fn tell(&mut self, order: Order) -> std::io::Result<()> {
         let questions = self.profile.questions(order);
@@ -220,7 +216,7 @@ impl ByDevice<'_> {
     async fn procedure(&mut self, pump: &mut Pump) -> Outcome<Session> {
         let (limits, abilities) = (pump.profile.limits(), pump.profile.abilities());
         let programme = Programme { kpa_per_s: pump.profile.kpa_per_s(), ramps: self.ramps };
-        let mut drive = Drive::new(pump.now(), limits, abilities, programme);
+        let mut drive = Drive::new(pump.begun.elapsed(), limits, abilities, programme);
         let (mut followed, mut told) = (Followed::default(), None);
         let mut tick = interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -232,7 +228,7 @@ impl ByDevice<'_> {
                 () = poll_fn(|context| match signals.iter_mut().any(|one| one.poll_recv(context).is_ready()) {
                     true => Poll::Ready(()),
                     false => Poll::Pending,
-                }) => drive.stop(pump.now(), "a signal"),
+                }) => drive.stop(pump.begun.elapsed(), "a signal"),
                 session = followed.next() => match session {
                     Some(session) => {
                         self.screen.show(&session)?;
@@ -274,17 +270,17 @@ impl ByDevice<'_> {
         let target_kpa = followed.session.as_ref().map_or(0.0, |session| session.target_kpa);
         let answer_age = pump.answered.elapsed();
         let own = pump.own.map(|(kpa, at)| (kpa, at.elapsed()));
-        let seen = Seen { now: pump.now(), gauge, own, answer_age, phase: followed.phase(), target_kpa };
+        let seen = Seen { now: pump.begun.elapsed(), gauge, own, answer_age, phase: followed.phase(), target_kpa };
         let (order, ask) = drive.step(&seen);
         let why = pump.ended(drive).unwrap_or_default();
         if let Err(error) = pump.tell(order).await {
-            drive.stop(pump.now(), format!("the drive's line ({error})"));
+            drive.stop(pump.begun.elapsed(), format!("the drive's line ({error})"));
             pump.vent().await;
         }
         let Some(ask) = ask else { return };
         let asked = timeout(SESSION_WITHIN, self.ask((ask, &why), followed)).await;
         match asked.unwrap_or_else(|_| Err(Failure::refused("the daemon does not answer"))) {
-            Err(failure) if ask != Ask::Abort => drive.stop(pump.now(), format!("the session ({failure})")),
+            Err(failure) if ask != Ask::Abort => drive.stop(pump.begun.elapsed(), format!("the session ({failure})")),
             _ => {}
         }
     }
