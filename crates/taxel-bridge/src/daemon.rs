@@ -133,7 +133,7 @@ impl Taxels {
     }
 }
 
-/// The pressure of a taxel in kPa that can be believed, `waited` after its sample was sent. One that hangs or stands at a rail reads
+/// The pressure of a taxel in kPa that is valid `waited` after its sample was sent. One that hangs or stands at a rail reads
 /// some pressure, too; no force has it in.
 pub fn pressure_kpa(reading: &TaxelReading, sample: &TaxelSample, waited: Duration) -> Option<f32> {
     let is_young = aged(f64::from(reading.age_s?), waited) <= sample.max_age();

@@ -114,7 +114,7 @@ impl Driver {
         }
     }
 
-    /// Takes the engine's first step now, so that whoever asks before its task has a turn is told what the store has.
+    /// Takes the engine's first step now, so that a client that asks before its task has a turn hears what the store has.
     pub fn begun(mut self) -> Self {
         self.tick_if_due();
         self

@@ -133,7 +133,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let why = format!("{error:#}");
-            // Whoever reads the log as JSON gets the last line of it in that form, too.
+            // A reader of the log as JSON gets its last line in that form, too.
             if cli.log_format == logs::LogFormat::Json && tracing::enabled!(tracing::Level::ERROR) {
                 tracing::error!("{why}");
             } else {

@@ -50,7 +50,7 @@ pub struct Offline {
     pub health: Arc<Health>,
     /// Model sets made, oldest first.
     pub model_sets: Vec<Arc<ModelSet>>,
-    /// Frames that the engine wants sent, for whoever plays the bus.
+    /// Frames that the engine wants sent, for the simulated bus.
     pub to_send: Vec<(BusIndex, Frame)>,
 }
 

@@ -1,4 +1,4 @@
-//! Text for whoever reads standard output.
+//! Text on standard output.
 //!
 //! `println!` panics when the reader has gone, as in `taxeld check ... | head`. Here the rest of the text is then left
 //! unsaid and the work goes on, so that files which were asked for are still written.

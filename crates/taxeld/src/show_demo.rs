@@ -144,7 +144,7 @@ async fn serve_live(
     let bound = crate::page::bind_some(PageSection::default().listen).context("a port for the page")?;
     let page = bound.local_addr()?;
     config.page = Some(PageSection { listen: page, bound: Some(Arc::new(bound)), ..PageSection::default() });
-    // Whoever plays with a simulated skin may do everything with it.
+    // A user of the simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], group: None, rules: None, tokens: None };
     let mut daemon = Daemon::start(&config, scene, None).await?;
     let calibrated = models.is_some();

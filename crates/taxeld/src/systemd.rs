@@ -27,7 +27,7 @@ async fn keep_telling(
 ) -> Infallible {
     let patches = handle.patches();
     let status = format!("serving {patches} patch{}", if patches == 1 { "" } else { "es" });
-    // The address is bound and the engine runs: whoever connects now is served.
+    // The address is bound and the engine runs: a client that connects now is served.
     handle.first_turn().await;
     tell(&[NotifyState::Ready, NotifyState::Status(&status)]);
     let Some(limit) = watchdog else { return pending().await };

@@ -34,7 +34,7 @@ impl Tasks {
     /// Has all of them end, and waits for it.
     ///
     /// # Errors
-    /// If some have not ended in time, as on a disk that hangs: whoever ends the process does not wait for them. Else the first
+    /// If some have not ended in time, as on a disk that hangs: the end of the process does not wait for them. Else the first
     /// that failed.
     pub async fn close(mut self) -> anyhow::Result<()> {
         self.cancel.cancel();
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
     use crate::runtime::on_a_thread;
 
-    /// Whoever starts the daemon is told that it failed.
+    /// The service manager is told that it failed.
     #[tokio::test]
     async fn a_part_that_fails_or_panics_is_a_failure_of_the_daemon() {
         let mut parts = JoinSet::new();

@@ -24,7 +24,7 @@ pub struct Row {
     pub patch: String,
     /// `OK` and so on as in the service, or `SILENT` while nothing comes.
     pub state: String,
-    /// The force in N; absent unless it may be believed.
+    /// The force in N; absent unless it is valid.
     pub force_n: Option<f64>,
     /// Its standard uncertainty in N.
     pub sigma_n: Option<f64>,

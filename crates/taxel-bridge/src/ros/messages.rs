@@ -1,6 +1,6 @@
 //! From samples of the service to messages of ROS 2.
 //!
-//! Whoever calls these has decided that the sample is a force. What the scene does not compute gives no
+//! The caller has decided that the sample is a force. What the scene does not compute gives no
 //! message, and no message holds a number that is none.
 
 use std::time::Duration;

@@ -62,7 +62,7 @@ pub fn force(force: &Result<Force, NoForce>) -> Vec<Value> {
     ]
 }
 
-/// kPa, one value a row; `NaN` where there is no taxel or none that can be believed, `waited` after the sample was sent.
+/// kPa, one value a row; `NaN` where there is no taxel or no valid one, `waited` after the sample was sent.
 pub fn pressures(sample: &TaxelSample, layout: &Layout, waited: Duration) -> Vec<f64> {
     let mut rows = vec![f64::NAN; layout.rows];
     for (reading, (row, _)) in sample.taxels.iter().zip(&layout.taxels) {

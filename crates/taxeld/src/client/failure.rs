@@ -49,7 +49,7 @@ impl Failure {
         ExitCode::from(self.code)
     }
 
-    /// A command that helps whoever called `command`.
+    /// A command that helps after `command`.
     pub fn help_for(&self, command: &str) -> Option<String> {
         self.help.clone().or_else(|| helps(self.reason, command))
     }

@@ -13,7 +13,7 @@ use taxel_rig::Faults;
 
 /// When a taxel counts as touched or stale.
 pub fn live(section: &PatchSection, period: Duration, faults: &mut Faults) -> LiveLimits {
-    // Of a port only change is believed, and a live triangle may stay the same for three scans.
+    // Of a port only change counts, and a live triangle may stay the same for three scans.
     let periods = section.stale_periods.unwrap_or(if section.port.is_some() { 8 } else { 3 });
     faults.range("stale_periods", f64::from(periods), 2.0, 100.0);
     let defaults = LiveLimits::default();

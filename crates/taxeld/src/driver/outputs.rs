@@ -72,7 +72,7 @@ impl Driver {
     }
 
     /// Answers go out when the disk has them, and what was recorded in the same step. That something was refused is
-    /// written down as well; whoever asked waits for that, so that being refused is no faster than the disk, and is told
+    /// written down as well; the caller waits for that, so that being refused is no faster than the disk, and hears
     /// the refusal whatever becomes of it.
     fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>, is_done: bool) {
         let wall_ns = (self.clock)().wall_ns;
@@ -204,7 +204,7 @@ pub(super) async fn fit(
     done.tell(Done::Input(Input::Fitted(outcome)));
 }
 
-/// Tells whoever waits for a batch that the store's queue has no room for it, and gives the words.
+/// Tells the caller that waits for a batch that the store's queue has no room for it, and gives the words.
 fn refuse(QueueFull { batch, most }: QueueFull) -> String {
     let behind = StoreError::Behind { waiting: most };
     let why = behind.to_string();

@@ -311,7 +311,7 @@ async fn a_commit_that_the_stores_queue_has_no_room_for_is_refused_with_the_reas
     }
 }
 
-/// Else whoever asks for what is refused could fill the queue of a slow disk, and end all writing with that.
+/// Else a client that asks for what is refused could fill the queue of a slow disk, and end all writing with that.
 #[tokio::test]
 async fn a_refusal_is_told_when_it_is_in_the_audit_log() {
     let mut bench = Bench::new();
@@ -327,10 +327,10 @@ async fn a_refusal_is_told_when_it_is_in_the_audit_log() {
     assert!(matches!(refused, Rejection::NotFound(..)), "{refused:?}");
 }
 
-/// Whoever asks faster than a slow disk writes is refused in time: what happens by itself still has room, and all is well
+/// A client that asks faster than a slow disk writes is refused in time: what happens by itself still has room, and all is well
 /// when the disk is back.
 #[tokio::test]
-async fn whoever_asks_much_of_a_slow_disk_is_refused_before_that_ends_all_writing() {
+async fn a_client_that_asks_much_of_a_slow_disk_is_refused_before_that_ends_all_writing() {
     let mut bench = Bench::new();
     bench.turn().await;
     let release = bench.hold_writer();

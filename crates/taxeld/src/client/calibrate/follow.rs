@@ -86,7 +86,7 @@ impl Course {
         }
     }
 
-    /// Types what the dial shows, of the script or of whoever is asked. Elsewhere than at a terminal it is typed on the page.
+    /// Types what the dial shows, as the script or the operator says. Elsewhere than at a terminal it is typed on the page.
     ///
     /// # Errors
     /// A plateau of a script that is refused, a lost connection, or an operator who leaves or aborts the session.
