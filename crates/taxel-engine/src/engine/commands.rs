@@ -3,7 +3,7 @@
 use crate::boundary::command::{Command, Done, Reply};
 use crate::boundary::output::Output;
 use crate::calibration::transition::Trigger;
-use crate::engine::pending::{Answer, Origin};
+use crate::engine::pending::{Answer, Effect, Forgotten, Origin};
 use crate::engine::sessions::SessionRequest;
 use crate::engine::step::Engine;
 use crate::loads::load::KnownLoad;
@@ -63,9 +63,26 @@ impl Engine {
             .map_or(Ok(()), |why| Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why.clone())))
     }
 
-    /// Refuses a change of sessions and sets that could not be written down now, or may contradict one that is being written.
-    pub(super) fn check_changes(&self) -> Result<(), Rejection> {
-        self.store_takes_records().and_then(|()| self.pending.check_settled())
+    /// Refuses a change of the sessions and sets of a patch that could not be written down now, or may contradict one that is being
+    /// written. Other patches are free to change theirs.
+    pub(super) fn check_changes(&self, patch: &str) -> Result<(), Rejection> {
+        self.store_takes_records()?;
+        let words = self.pending.changes().find_map(|effect| {
+            let (of, words) = match effect {
+                Effect::Activate(_, set) => (set.patch.as_str(), format!("model set `{}` is being activated", set.id)),
+                Effect::Forget(Forgotten::ModelSet(id)) => {
+                    (self.known_set(id)?.patch.as_str(), format!("model set `{id}` is being deleted"))
+                }
+                Effect::Forget(Forgotten::Session(number)) => {
+                    (self.sessions.get(number)?.patch.as_str(), format!("session {number} is being deleted"))
+                }
+                Effect::End(_, view) => (view.patch.as_str(), format!("session {} is being ended", view.number)),
+                _ => return None,
+            };
+            (of == patch).then_some(words)
+        });
+        let refused = |words| Rejection::Unavailable(ErrorReason::ChangeUnderWay, format!("{words}: ask again"));
+        words.map_or(Ok(()), |words| Err(refused(words)))
     }
 
     fn tare(&mut self, now: Now, request: RequestId, patch: &str, confirmed_by: Option<String>) -> Answer {

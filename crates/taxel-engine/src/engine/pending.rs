@@ -9,7 +9,7 @@ use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
-use crate::request::{ErrorReason, Rejection, RequestId};
+use crate::request::{Rejection, RequestId};
 
 /// What a command did; `None` if its effect answers it later, when it is on disk or read from there.
 pub(super) type Answer = Result<Option<Done>, Rejection>;
@@ -92,20 +92,9 @@ impl Pending {
         self.effects.remove(&ticket)
     }
 
-    /// Refuses a change of sessions and sets while another waits for the disk that it may contradict: what is activated, deleted or
-    /// ended.
-    ///
-    /// # Errors
-    /// [`Rejection`] with what is being written.
-    pub fn check_settled(&self) -> Result<(), Rejection> {
-        let words = self.effects.values().find_map(|(_, effect)| match effect {
-            Effect::Activate(_, set) => Some(format!("model set `{}` is being activated", set.id)),
-            Effect::Forget(Forgotten::ModelSet(id)) => Some(format!("model set `{id}` is being deleted")),
-            Effect::Forget(Forgotten::Session(number)) => Some(format!("session {number} is being deleted")),
-            Effect::End(_, view) => Some(format!("session {} is being ended", view.number)),
-            Effect::Keep(..) | Effect::Zero(..) | Effect::Load(..) | Effect::TakeUp(..) | Effect::ReadSet(_) => None,
-        });
-        let refuse = |words| Rejection::Unavailable(ErrorReason::ChangeUnderWay, format!("{words}: ask again"));
-        words.map_or(Ok(()), |words| Err(refuse(words)))
+    /// What waits for the disk and other changes of sessions and sets may contradict: what is activated, deleted or ended.
+    pub fn changes(&self) -> impl Iterator<Item = &Effect> {
+        let effects = self.effects.values().map(|(_, effect)| effect);
+        effects.filter(|effect| matches!(effect, Effect::Activate(..) | Effect::Forget(_) | Effect::End(..)))
     }
 }

@@ -117,11 +117,11 @@ impl Engine {
         read: Option<Result<SessionSamples, NotLoaded>>,
     ) -> Answer {
         // What waits for the disk concerns no session that gathers: its operator is not kept waiting.
-        let gathers = self.sessions.get(&number).is_some_and(|view| view.state.is_open());
-        if gathers {
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
+        if view.state.is_open() {
             self.store_takes_records()?
         } else {
-            self.check_changes()?
+            self.check_changes(&view.patch)?
         }
         self.refuse_if_in_use(number, command)?;
         if command == Trigger::StartRamp && read.is_none() {
@@ -185,8 +185,8 @@ impl Engine {
     }
 
     pub(super) fn discard(&mut self, now: Now, request: RequestId, number: u64) -> Answer {
-        self.check_changes()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
+        self.check_changes(&view.patch)?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
             let state = self.seen(view).state.name();
             let why = format!("session {number} is {state} and its models are in use; activate others first");
@@ -244,8 +244,8 @@ impl Engine {
     }
 
     pub(super) fn delete_session(&mut self, request: RequestId, number: u64) -> Answer {
-        self.check_changes()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
+        self.check_changes(&view.patch)?;
         view.check_closed("abort it first")?;
         if let Some(id) = view.model_set.as_deref() {
             self.refuse_if_set_is_used(id)?;

@@ -65,11 +65,11 @@ impl Engine {
     /// # Errors
     /// [`Rejection`] of a set that cannot be one of its patch, or is not of what is in use.
     pub(super) fn keep(&mut self, request: Option<RequestId>, set: Arc<ModelSet>, origin: Origin) -> Answer {
+        let index = self.patch_named(&set.patch)?;
         match origin {
             Origin::Session(..) => self.store_takes_records()?,
-            _ => self.check_changes()?,
+            _ => self.check_changes(self.patches[index].name())?,
         }
-        let index = self.patch_named(&set.patch)?;
         let (given, taxels) = (set.taxels.len(), self.patches[index].taxels());
         if given != taxels {
             let why = format!("the model set has {given} taxels, patch `{}` has {taxels}", set.patch);
@@ -206,9 +206,9 @@ impl Engine {
     /// The set, if it may come into use on the patch now.
     fn check_activation(&self, asked: &ReadSet) -> Result<KnownSet, Rejection> {
         let (index, id) = (asked.patch, asked.model_set.as_str());
-        self.check_changes()?;
         let set = self.known_set(id).ok_or_else(|| Rejection::no_model_set(id))?;
         let patch = &self.patches[index];
+        self.check_changes(patch.name())?;
         let name = patch.name();
         if set.patch != name {
             return Err(Rejection::invalid(
@@ -243,8 +243,8 @@ impl Engine {
     }
 
     pub(super) fn delete_model_set(&mut self, request: RequestId, id: String) -> Answer {
-        self.check_changes()?;
-        self.known_set(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
+        let known = self.known_set(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
+        self.check_changes(&known.patch)?;
         self.refuse_if_set_is_used(&id)?;
         if let Some(view) = self.session_of(&id).filter(|view| view.state.is_open()) {
             let (session, state) = (view.number, view.state.name());

@@ -119,3 +119,23 @@ fn a_patch_is_named_where_there_are_several_and_sessions_have_numbers_of_their_o
     let view = session_of(bench.ask(Command::DiscardSession { session: 1 }));
     assert_eq!(view.reason, "an operator laid it aside");
 }
+
+/// Four parts of a robot are calibrated at a time: what one writes down is none of the others' business.
+#[test]
+fn a_change_that_waits_for_the_disk_keeps_no_other_patch_waiting() {
+    let mut bench = both();
+    for (patch, taxels) in [("upper", 30), ("lower", 50)] {
+        let none = taxel_model::TaxelModel::without_curve(taxel_model::Status::NoData, Default::default());
+        let (id, taxels) = (format!("m-{patch}"), vec![none; taxels]);
+        let set = ModelSet { id, patch: patch.to_owned(), taxels, ..ModelSet::default() };
+        bench.ask(Command::Import { model_set: Arc::new(set), insist: true }).expect("it is kept");
+    }
+    bench.host.disk_is_slow = true;
+    let delete = |patch: &str| Command::DeleteModelSet { model_set: format!("m-{patch}") };
+    let [upper, lower] = ["upper", "lower"].map(|patch| bench.host.command(delete(patch)));
+    assert_eq!(bench.refused(delete("upper")), "model set `m-upper` is being deleted: ask again");
+    bench.host.commit(Ok(()));
+    for request in [upper, lower] {
+        assert!(matches!(bench.host.reply(request), Some(Ok(Done::Deleted))), "each is deleted");
+    }
+}
