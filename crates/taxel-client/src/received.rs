@@ -77,7 +77,7 @@ impl Received {
         judge(&self.sample, self.waited(now), own)
     }
 
-    /// The sample for whoever gets it now: with its age by now, and without any figure of the force once that is too old.
+    /// The sample as it goes out now: with its age by now, and without any figure of the force once that is too old.
     #[must_use]
     pub fn told(&self, now: Moment) -> ForceSample {
         let age_s = self.sample.age_s.map(|age_s| aged(age_s, self.waited(now)).as_secs_f64());

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-/// Collects faults by key and in words: whoever finds one notes it and goes on.
+/// Collects faults by key and in words: a check that finds one notes it and goes on.
 #[derive(Debug, Default)]
 pub struct Faults {
     found: Vec<(String, String)>,

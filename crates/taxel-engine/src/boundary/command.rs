@@ -26,7 +26,7 @@ pub enum Command {
     BringUp {
         /// The patch; empty for the only one.
         patch: String,
-        /// An operator who confirms that nothing touches the skin: whatever is felt, and whatever was held against the boards.
+        /// An operator who confirms that nothing touches the skin: whatever is felt, and whatever was found of the boards.
         confirmed_by: Option<String>,
     },
     /// A program begins to hand over the scans of a patch; the zero of what came before it is lost. Or it hands over the readings

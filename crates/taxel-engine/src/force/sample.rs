@@ -118,7 +118,7 @@ impl ForceSample {
     }
 }
 
-/// A cluster of neighbouring active taxels.
+/// Touched taxels that are connected through their neighbours.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contact {
     /// The same as long as it shares taxels with itself one scan before, 1 or more.

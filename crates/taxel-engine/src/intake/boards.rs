@@ -208,7 +208,7 @@ mod tests {
     const LIMITS: SilenceLimits =
         SilenceLimits { suspect_after: Duration::from_millis(150), power_cycle_after: Duration::from_secs(1) };
 
-    /// What is held against a board that was silent from 1 s on for so long, of which the host may have heard nothing in these
+    /// Whether a board is suspect, and for certain, that was silent from 1 s on for so long, of which the host may have heard nothing in these
     /// gaps, from and to, seconds.
     fn after(silence_s: f64, gaps_s: &[[f64; 2]]) -> Option<bool> {
         let mut board = BoardState::default();

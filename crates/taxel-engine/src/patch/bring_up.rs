@@ -9,7 +9,7 @@ use crate::force::reason::ReasonCode;
 use crate::now::Now;
 use crate::patch::owner::{BEING_CONFIGURED, Patch};
 
-/// What is held against the zeros of boards that were configured while nothing could show what lay on them.
+/// Why zeros need confirmation of boards that were configured while nothing could show what lay on them.
 const CONFIGURED_UNCHECKED: &str =
     "the boards were configured while there was no force to show a load: one that lay there then reads as 0 N";
 
@@ -52,7 +52,7 @@ impl Patch {
     }
 
     /// Configures the boards that are `wanted`: the zero is lost. Boards that stream may have borne a load, which only a force
-    /// would have shown, unless it is `confirmed` that nothing touches the skin. What is held against the zero stays until that is.
+    /// would have shown, unless it is `confirmed` that nothing touches the skin. Until then zeros need confirmation.
     pub fn configure(&mut self, now: Now, wanted: &[bool], confirmed: bool) {
         let streams = self.intake.streams(now.time);
         let streaming = streams.iter().zip(wanted).any(|(streams, wanted)| *streams && *wanted);

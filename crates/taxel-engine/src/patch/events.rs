@@ -74,7 +74,7 @@ impl Patch {
                 }
                 ZeroEvent::Restored => self.use_zero(),
                 ZeroEvent::Refused(Purpose::AtStart, _, why) => {
-                    // What is held against the boards does not pass by itself.
+                    // That a zero needs confirmation does not pass by itself.
                     let lasts = self.zero.needs_confirmation().is_some();
                     let lacks = self.force.models().is_some_and(|set| !set.knows_rest());
                     let hint = match lasts || lacks {

@@ -197,7 +197,7 @@ fn a_described_array_is_calibrated_by_the_same_session_and_weighs() {
     assert!(scene.host.snapshot().force.total.unwrap().0 < 0.02);
 }
 
-/// What the machine's sleep or a bus that was off may have hidden is held against the next zero, as a silence is.
+/// After the machine's sleep or a bus that was off the next zero needs confirmation, as after a silence.
 #[test]
 fn a_load_that_was_gone_after_a_loss_of_the_bus_keeps_a_zero_from_being_proven() {
     let mut scene = Scene::in_use();

@@ -86,7 +86,7 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
     }
 }
 
-/// What was last written down to be held against the boards' zeros.
+/// Why zeros need confirmation, as last written down.
 fn noted(bench: &Bench) -> Option<Option<String>> {
     bench.host.records.iter().rev().find_map(|record| match record {
         Record::Zero { zero, .. } => Some(zero.needs_confirmation.clone()),

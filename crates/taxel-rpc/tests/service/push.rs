@@ -113,7 +113,7 @@ async fn the_readings_of_a_gauge_are_pushed_without_scans() {
     assert!(status.message().contains("pressure_kpa: is missing in reading 1"), "{status:?}");
 }
 
-/// Whoever begins a stream waits for the disk, which has to have that first.
+/// A program that begins a stream waits for the disk, which has to have that first.
 #[tokio::test]
 async fn scans_that_wait_for_the_answer_are_as_old_as_the_first_message() {
     let mut daemon = glove(patient()).await;

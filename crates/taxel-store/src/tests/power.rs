@@ -84,7 +84,7 @@ fn follow(plan: &Plan, path: &Path, mut begins: impl FnMut(usize), done: fn(usiz
     store.close().unwrap();
 }
 
-/// Runs in the writing process: before each burst it waits for a line, so that whoever keeps the record knows what was
+/// Runs in the writing process: before each burst it waits for a line, so that the keeper of the record knows what was
 /// acknowledged before anything of the burst is written.
 #[test]
 fn writing_child() {

@@ -83,7 +83,7 @@ pub struct Model {
     pub(super) falsely_confirmed: bool,
     /// Whether all modules were heard together since the boards were configured.
     pub(super) whole: bool,
-    /// What was held against the boards is no longer, since the last time that passed: a watch that goes on may end at once.
+    /// Zeros need no confirmation any more, since the last time that passed: a watch that goes on may end at once.
     pub(super) just_trusted: bool,
     /// A zero that an operator waits for: request, and whether it was confirmed.
     pub(super) tare: Option<(u64, bool)>,
