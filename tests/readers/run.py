@@ -173,7 +173,13 @@ with taxel.connect(sys.argv[1]) as service:
 '''
 
 
-def over_a_suspend(site, demo, scratch):
+def stop(demo, memory):
+    """The daemon stands still. What it felt before and not afterwards would take its zero along, so nothing lies on its skin."""
+    until("a force of nothing", lambda: (force := memory.force()) and force.total_n < 0.1)
+    demo.signal(signal.SIGSTOP)
+
+
+def over_a_suspend(site, demo, memory, scratch):
     """The machine of a Python reader is suspended for an hour, by the clock of its process: the force from before is an hour old, and
     one that comes then is none."""
     library, suspended = scratch / "suspend.so", scratch / "suspended"
@@ -186,8 +192,8 @@ def over_a_suspend(site, demo, scratch):
     try:
         until("a force", lambda: reader.stdout.readline() == "force\n")
         # First nothing is on its way to the reader any more: it would come after the suspension, and be as old as it is.
-        demo.signal(signal.SIGSTOP)
-        until("that the daemon stands still", lambda: "ms old" in reader.stdout.readline())
+        stop(demo, memory)
+        until("a force that is seconds old", lambda: re.search(r"\b[1-9]\d{3} ms old", reader.stdout.readline()))
         suspended.touch()
         until("a force that is an hour old", lambda: re.search(r"\b36\d{5} ms old", reader.stdout.readline()))
         demo.signal(signal.SIGCONT)
@@ -246,7 +252,7 @@ def main(taxeld, scratch):
             until(f"a force: {command}", lambda command=command: run(command)[0] == 0)
         print("the same figures in Python over gRPC and from shared memory; C, C++ and C++ over gRPC have a force")
 
-        demo.signal(signal.SIGSTOP)
+        stop(demo, memory)
         until("a daemon that stands still is told", lambda: not memory.force() and not service.force())
         for command in controllers(cpp, page, demo.address):
             code, said = run(command)
@@ -255,7 +261,7 @@ def main(taxeld, scratch):
         # Whether its zero outlived that is the daemon's to say; that it lives, the page's.
         until("it goes on", lambda: memory.force() or memory.force().why is taxel.Why.STATE)
         until("its zero holds or is proven anew", memory.force)
-        over_a_suspend(site, demo, scratch)
+        over_a_suspend(site, demo, memory, scratch)
 
         demo.signal(signal.SIGKILL)
         gone = taxel.Why.WRITER_GONE
