@@ -118,6 +118,16 @@ pub struct Gathered<'a> {
 /// # Errors
 /// [`SkinError`]. A taxel that cannot be fitted is no error: its status says why.
 pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result<SkinFit, SkinError> {
+    fit_as(None, of, hysteresis, workers)
+}
+
+/// Fits a skin by curves of this form, or of the one that fits it best.
+fn fit_as(
+    form: Option<Form>,
+    of: &Gathered<'_>,
+    hysteresis: bool,
+    workers: &dyn Workers,
+) -> Result<SkinFit, SkinError> {
     let course = Course::new(of.time_s, of.pressure_kpa, of.zeros.is_some())
         .map_err(|distinct| SkinError::TooFewPressures { distinct })?;
     let counts = of.counts;
@@ -146,7 +156,7 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
     };
     // Curves that are free enough to take a dead zone in read light loads as too little.
     let stiff_kpa = Some(STIFF).filter(|_| tried.stiff_fits()).and_then(problem).map_or(0.0, |stiff| zone_kpa(&stiff));
-    let form = tried.simplest(stiff_kpa > 0.0);
+    let form = form.unwrap_or_else(|| tried.chosen(stiff_kpa > 0.0));
     let whole = problem(form).ok_or(SkinError::NoRise { rest_kpa: course.rest_kpa })?;
     let dead_zone_kpa = if stiff_kpa > 0.0 { stiff_kpa } else { zone_kpa(&whole) };
     let without = |k: usize| Problem::new(form, &course, |group| course.reading_fold(group) != k);

@@ -10,8 +10,8 @@ use crate::numbers::{distinct, median, spread};
 /// Highest order of a curve.
 const ORDER_MAX: usize = 7;
 
-/// Forms within this factor of the best left-out error: the simplest is taken.
-const TIE: f64 = 1.02;
+/// Without a dead zone the best form has to err by more than so many times as with one: else zones fit the noise of light loads.
+const ZONE_WINS: f64 = 1.02;
 
 /// Taxels that choose the form.
 const PILOTS: usize = 40;
@@ -36,7 +36,6 @@ pub enum Warp {
     Root,
 }
 
-/// In the order in which one of equal merit is taken.
 const WARPS: [Warp; 6] = [Warp::None, Warp::Log(1.0), Warp::Log(0.1), Warp::Log(0.02), Warp::Log(0.005), Warp::Root];
 
 impl Warp {
@@ -216,22 +215,22 @@ impl Tried {
         Self(tried)
     }
 
-    /// Forms, with a dead zone alone if `with_zone`, that err by no more than `factor` times the least of these.
-    fn near(&self, factor: f64, with_zone: bool) -> impl Iterator<Item = Form> {
-        let tried = move || self.0.iter().filter(move |(form, _)| form.dead_zone || !with_zone);
-        let best = tried().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
-        tried().filter(move |(_, error)| *error <= factor * best).map(|(form, _)| *form)
+    /// The one of the least error with a dead zone, or of those without; infinite if none was tried. Of equal ones the first stands.
+    fn best(&self, dead_zone: bool) -> (Form, f64) {
+        let those = self.0.iter().filter(|(form, _)| form.dead_zone == dead_zone);
+        let best = those.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        best.copied().unwrap_or((Form { dead_zone, ..self.0[0].0 }, f64::INFINITY))
     }
 
     /// Whether [`STIFF`] curves do not err by much more than the best.
     pub fn stiff_fits(&self) -> bool {
-        self.near(STIFF_TIE, false).any(|form| form == STIFF)
+        let least = f64::min(self.best(false).1, self.best(true).1);
+        self.0.iter().any(|(form, error)| *form == STIFF && *error <= STIFF_TIE * least)
     }
 
-    /// The simplest within 2 % of the least error, with a dead zone alone if `with_zone`. Of equal ones the first stands: the warps are
-    /// in their order.
-    pub fn simplest(&self, with_zone: bool) -> Form {
-        let simplicity = |form: &Form| (form.order + usize::from(form.dead_zone), form.dead_zone);
-        self.near(TIE, with_zone).min_by_key(simplicity).unwrap_or(self.0[0].0)
+    /// The form of the least error. A dead zone has to win clearly, unless the skin is known to have one.
+    pub fn chosen(&self, has_zone: bool) -> Form {
+        let [(without, without_error), (with, with_error)] = [false, true].map(|dead_zone| self.best(dead_zone));
+        if has_zone || with_error * ZONE_WINS < without_error { with } else { without }
     }
 }
