@@ -14,7 +14,7 @@
 //! areas, of the gauge's gain and of the day's, relative to the sum of the two.
 //!
 //! Whether anything is touched hangs on noise, too: of a total of which no taxel reads three times its threshold that of a contact
-//! on the modules that have most of it, `sqrt(sum (w s)^2)`, is uncertain.
+//! on the modules that have most of it, `sqrt(2 sum (w s)^2)`, is uncertain, 2 being what taxels of a module share.
 
 mod hidden;
 
@@ -133,7 +133,7 @@ impl Untouched {
         let shared_n = self.relative_sigma * newton;
         let sigma_n2 =
             SHARED_NOISE * noise_n2.max(0.0) + zero_n.powi(2) + self.hidden.sigma_n.powi(2) + shared_n.powi(2);
-        let choice_n = self.contact_noise_n2.sqrt() * (SURE_OF_TOUCH - strongest).clamp(0.0, 1.0);
+        let choice_n = (SHARED_NOISE * self.contact_noise_n2).sqrt() * (SURE_OF_TOUCH - strongest).clamp(0.0, 1.0);
         let undetected = Undetected { newton, sigma_n: sigma_n2.sqrt() };
         Below { choice_n, undetected, off_counts }
     }
@@ -215,7 +215,7 @@ mod tests {
             }
             let found = below_of(&tables, &taxels, zero_n, relative_sigma);
             of_modules.sort_by(f64::total_cmp);
-            let choice = of_modules[1..].iter().sum::<f64>().sqrt() * (SURE_OF_TOUCH - strongest).clamp(0.0, 1.0);
+            let choice = (SHARED_NOISE * of_modules[1..].iter().sum::<f64>()).sqrt() * (SURE_OF_TOUCH - strongest).clamp(0.0, 1.0);
             prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
             let offset = if per_count > 0.0 { pressed_n / per_count } else { 0.0 };
             // The walk is one of single precision over raw counts: 37 products of up to 255 counts that weigh 0.1 N each.
