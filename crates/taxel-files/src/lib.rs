@@ -1,4 +1,5 @@
 //! What a command writes: a file is whole, or what was there before stays. Standard output, a device or a pipe is written as it is.
+//! And what it says to people ([`say`](mod@say)).
 
 use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Write};
@@ -7,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use tempfile::NamedTempFile;
+
+pub mod say;
 
 /// Bytes that are gathered for a write.
 const BUFFER_BYTES: usize = 1 << 16;

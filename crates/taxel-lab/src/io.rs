@@ -1,36 +1,12 @@
-//! Files that the command line names, and text for people. `-` is the standard input or output.
+//! Files that the command line names. `-` is the standard input or output.
 
-use std::fmt::Arguments;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, ensure};
 use flate2::read::MultiGzDecoder;
-use taxel_files::is_standard;
-
-/// Prints a line for people. Unlike `println!` it does not panic when nobody reads any more.
-macro_rules! say {
-    ($($text:tt)*) => { $crate::io::line(format_args!($($text)*)) };
-}
-
-/// Standard output carries data: text for people goes to standard error.
-static ASIDE: AtomicBool = AtomicBool::new(false);
-
-/// What `say!` prints.
-pub fn line(text: Arguments<'_>) {
-    if ASIDE.load(Ordering::Relaxed) {
-        return error_line(text);
-    }
-    // A reader that has gone does not end the work: files that were asked for are still written.
-    let _ = writeln!(io::stdout().lock(), "{text}");
-}
-
-/// A line on standard error.
-pub fn error_line(text: Arguments<'_>) {
-    let _ = writeln!(io::stderr().lock(), "{text}");
-}
+use taxel_files::{is_standard, say};
 
 /// Prepares for these outputs: none may be an input, and text for people makes way for data on standard output.
 ///
@@ -42,7 +18,9 @@ pub fn announce(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
         let is_input = inputs.iter().any(|input| there.is_some() && std::fs::canonicalize(input).ok() == there);
         ensure!(!is_input, "the output {} is an input: name another file", output.display());
     }
-    ASIDE.store(outputs.iter().any(|output| is_standard(output)), Ordering::Relaxed);
+    if outputs.iter().any(|output| is_standard(output)) {
+        say::step_aside();
+    }
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 //! Each command is a module with its arguments and a function that runs it.
 
 #[macro_use]
-pub mod io;
+extern crate taxel_files;
 
 pub mod apply;
 pub mod certificate;
@@ -12,6 +12,7 @@ mod daemon;
 mod document;
 pub mod fit;
 mod forearm;
+pub mod io;
 mod numbers;
 mod page;
 pub mod paper;

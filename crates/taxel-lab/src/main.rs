@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use taxel_lab::io::error_line;
+use taxel_files::say::error_line;
 use taxel_lab::{apply, certificate, compare, fit, paper, report};
 
 /// What is done at a desk with recordings, exported sessions and the model sets of taxeld.

@@ -1,7 +1,7 @@
 //! taxeld: the daemon that gives robots a sense of force.
 
 #[macro_use]
-mod say;
+extern crate taxel_files;
 
 mod audit;
 mod backend;

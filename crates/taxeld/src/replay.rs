@@ -19,8 +19,8 @@ use crate::files;
 use crate::force_file::ForceFile;
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
-use crate::say;
 use crate::values::refusals_of;
+use taxel_files::say;
 
 /// What is asked of a replay.
 #[derive(Debug, clap::Args)]

@@ -27,9 +27,6 @@ mod files;
 #[allow(dead_code, unused_imports)]
 #[path = "../../../crates/taxeld/src/rig/mod.rs"]
 mod rig;
-#[allow(dead_code, unused_macros)]
-#[path = "../../../crates/taxeld/src/say.rs"]
-mod say;
 #[allow(dead_code)] // what only commands read
 #[path = "../../../crates/taxeld/src/values.rs"]
 mod values;

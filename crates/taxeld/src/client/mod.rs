@@ -25,6 +25,7 @@ mod watch;
 use std::process::ExitCode;
 
 use failure::Failure;
+use taxel_files::say::error_line;
 
 /// The commands that ask a running daemon.
 #[derive(Debug, clap::Subcommand)]
@@ -73,8 +74,8 @@ pub fn run(command: ClientCommand, name: &str) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            crate::say::failure(&failure.to_string());
-            failure.help_for(name).into_iter().for_each(|help| crate::say::error_line(format_args!("help: {help}")));
+            error_line(format_args!("taxeld: {failure}"));
+            failure.help_for(name).into_iter().for_each(|help| error_line(format_args!("help: {help}")));
             failure.exit_code()
         }
     }

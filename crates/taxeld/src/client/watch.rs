@@ -84,7 +84,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
                 if good || !args.once {
                     show(&args, &judged)?;
                 }
-                if crate::say::reader_has_gone() {
+                if taxel_files::say::reader_has_gone() {
                     return Ok(()); // as in `taxeld watch | head`
                 }
                 if (args.once && good) || args.count.is_some_and(|count| seen >= count) {

@@ -18,9 +18,9 @@ use taxel_wire::FrameKind;
 use crate::config;
 use crate::files;
 use crate::open_log::{Wanted, open_log};
-use crate::say;
 use crate::values::seconds;
 use survey::Survey;
+use taxel_files::say;
 
 /// Frames per read of a log.
 const FRAMES: usize = 4096;

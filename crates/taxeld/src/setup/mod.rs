@@ -16,9 +16,9 @@ use taxel_skin::{Drawing, PositionFile};
 
 use crate::config;
 use crate::files::read_any_text;
-use crate::say;
 use part::Part;
 use robot::{Robot, Source};
+use taxel_files::say;
 
 pub use compose::{BoardDraft, PatchDraft};
 use compose::{Sources, compose};

@@ -9,7 +9,7 @@ use crate::client::failure::Outcome;
 use crate::client::json;
 use crate::client::places::Places;
 use crate::client::sessions::{refused, session_word};
-use crate::say::error_line;
+use taxel_files::say::error_line;
 
 /// Lines come so often while nothing changes.
 const LINE_EVERY: Duration = Duration::from_secs(1);

@@ -1,4 +1,4 @@
-//! Text on standard output.
+//! Text for people on standard output.
 //!
 //! `println!` panics when the reader has gone, as in `taxeld check ... | head`. Here the rest of the text is then left
 //! unsaid and the work goes on, so that files which were asked for are still written.
@@ -8,6 +8,7 @@ use std::io::{ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Prints a line, like `println!`.
+#[macro_export]
 macro_rules! say {
     () => { $crate::say::line(format_args!("")) };
     ($($text:tt)*) => { $crate::say::line(format_args!($($text)*)) };
@@ -24,6 +25,7 @@ pub fn step_aside() {
 }
 
 /// Whether the reader of the text has gone: who only prints may end.
+#[must_use]
 pub fn reader_has_gone() -> bool {
     GONE.load(Ordering::Relaxed)
 }
@@ -38,7 +40,7 @@ pub fn line(text: Arguments<'_>) {
         Ok(()) => {}
         Err(error) if error.kind() == ErrorKind::BrokenPipe => GONE.store(true, Ordering::Relaxed),
         Err(error) => {
-            error_line(format_args!("taxeld: standard output: {error}"));
+            error_line(format_args!("standard output: {error}"));
             std::process::exit(1);
         }
     }
@@ -48,9 +50,4 @@ pub fn line(text: Arguments<'_>) {
 pub fn error_line(text: Arguments<'_>) {
     let mut out = anstream::stderr().lock();
     let _ = out.write_fmt(text).and_then(|()| out.write_all(b"\n"));
-}
-
-/// Says why the programme fails.
-pub fn failure(why: &str) {
-    error_line(format_args!("taxeld: {why}"));
 }
