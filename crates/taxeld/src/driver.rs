@@ -1,8 +1,8 @@
 //! The engine's one task: takes inputs from the buses, the service, the store and the fits, and does what the engine
 //! asks for. Nobody else holds the engine.
 //!
-//! Each turn is the same: note that the engine runs, tick if that is due, wait for the next [`Action`], apply it. So no
-//! queue, however full, puts a tick off for longer than one action.
+//! Each turn is the same: note that the engine runs, tick if that is due, wait for the next item of a queue, take it. So no
+//! queue, however full, puts a tick off for longer than one item.
 
 mod outputs;
 
@@ -27,7 +27,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::audit::Auditor;
 use crate::bus::BATCHES_WAITING_MAX;
-use crate::queues::{Action, BusBatch, Done, Queues, TellDone};
+use crate::queues::{BusBatch, Done, Queues, TellDone};
 use crate::shared_memory::Pages;
 
 /// Batches taken at once after a stall, so that not even a bus that never pauses puts the next tick off for ever. The
@@ -145,22 +145,16 @@ impl Driver {
             self.catch_up(queues).await;
         }
         self.tick_if_due();
+        // Of the queues that have an item each has the same chance; one whose other end is gone counts as empty.
         tokio::select! {
-            biased;
             () = cancel.cancelled() => return false,
-            action = queues.next() => self.apply(action),
+            Some(batch) = queues.batches.recv() => self.take_batch(batch),
+            Some(pushed) = queues.pushed.recv() => self.take_pushed(pushed),
+            Some(request) = queues.commands.recv() => self.take_command(request),
+            Some(done) = queues.done.recv() => self.take_done(done),
             () = tokio::time::sleep(self.time_to_sleep()) => {} // a tick is due, or a sign of life
         }
         true
-    }
-
-    fn apply(&mut self, action: Action) {
-        match action {
-            Action::Batch(batch) => self.take_batch(batch),
-            Action::Pushed(pushed) => self.take_pushed(pushed),
-            Action::Command(request) => self.take_command(request),
-            Action::Done(done) => self.take_done(done),
-        }
     }
 
     /// Takes what came while this task had no turn: what waits in the queue and what the kernel kept. A tick before that
@@ -170,8 +164,14 @@ impl Driver {
         while quiet < QUIET_LOOKS {
             tokio::task::yield_now().await;
             quiet += 1;
-            while let Some(action) = queues.waiting_input() {
-                self.apply(action);
+            loop {
+                if let Ok(batch) = queues.batches.try_recv() {
+                    self.take_batch(batch);
+                } else if let Ok(pushed) = queues.pushed.try_recv() {
+                    self.take_pushed(pushed);
+                } else {
+                    break;
+                }
                 quiet = 0;
                 left -= 1;
                 if left == 0 {

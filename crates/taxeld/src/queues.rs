@@ -1,8 +1,6 @@
 //! What waits for the engine's task. Of the queues that have something any is the next one with the same chance, so that none
 //! starves behind another that is always full.
 
-use std::future::pending;
-
 use taxel_engine::command::{Command, RequestId};
 use taxel_engine::{BusNotice, Input};
 use taxel_rpc::Request;
@@ -61,18 +59,6 @@ impl TellDone {
     }
 }
 
-/// The next thing that the engine's task does.
-pub enum Action {
-    /// Take what a bus handed over.
-    Batch(BusBatch),
-    /// Take what a program has pushed.
-    Pushed(Pushed),
-    /// Take a command.
-    Command(Request),
-    /// Take what is done.
-    Done(Done),
-}
-
 /// Everything that waits for the engine's task. The other ends: the bus tasks, the service, and [`TellDone`].
 pub struct Queues {
     /// What buses hand over.
@@ -83,24 +69,4 @@ pub struct Queues {
     pub commands: mpsc::Receiver<Request>,
     /// What is done.
     pub done: mpsc::UnboundedReceiver<Done>,
-}
-
-impl Queues {
-    /// The next item, of any queue that has one with the same chance. A queue whose other end is gone counts as empty for ever.
-    pub async fn next(&mut self) -> Action {
-        let Self { batches, pushed, commands, done } = self;
-        tokio::select! {
-            Some(batch) = batches.recv() => Action::Batch(batch),
-            Some(pushed) = pushed.recv() => Action::Pushed(pushed),
-            Some(command) = commands.recv() => Action::Command(command),
-            Some(done) = done.recv() => Action::Done(done),
-            else => pending().await,
-        }
-    }
-
-    /// A batch or a scan that waits already.
-    pub fn waiting_input(&mut self) -> Option<Action> {
-        let batch = self.batches.try_recv().ok().map(Action::Batch);
-        batch.or_else(|| self.pushed.try_recv().ok().map(Action::Pushed))
-    }
 }
