@@ -9,7 +9,6 @@ use tokio_util::sync::CancellationToken;
 
 use crate::queues::BusBatch;
 use crate::record::Tap;
-use crate::tasks::BusEnd;
 
 /// Batches that may wait for the engine: a batch is at least one frame, so that at the 9,009 frames/s of a full bus the
 /// engine may be 7 ms behind before a bus waits, and then the kernel's buffer holds another half second and counts.
@@ -34,11 +33,11 @@ pub async fn run(
     mut source: impl FrameSource,
     Ends { to_engine, mut to_send, mut tap }: Ends,
     cancel: CancellationToken,
-) -> BusEnd {
+) {
     let mut batch = Batch::default();
     loop {
         tokio::select! {
-            () = cancel.cancelled() => return BusEnd::Cancelled,
+            () = cancel.cancelled() => return,
             Some(frame) = to_send.recv() => {
                 if let Err(error) = source.send(&frame).await {
                     tracing::warn!(bus = bus.0, %error, "a command to a board was not sent");
@@ -49,13 +48,13 @@ pub async fn run(
                     tracing::error!(bus = bus.0, %error, "the bus cannot be read any more");
                     let notices = vec![BusNotice::Down(error.to_string())];
                     let _ = to_engine.send(BusBatch { bus, frames: Vec::new(), notices }).await;
-                    return BusEnd::Failed;
+                    return;
                 }
                 let notices: Vec<_> = batch.events.drain(..).filter_map(|event| notice(bus, event)).collect();
                 let frames = std::mem::take(&mut batch.frames);
                 tap.look(&frames, &batch.errors, &notices);
                 if to_engine.send(BusBatch { bus, frames, notices }).await.is_err() {
-                    return BusEnd::Cancelled;
+                    return;
                 }
             }
         }

@@ -30,7 +30,7 @@ use crate::rig::line_bus;
 use crate::runtime::{on_a_thread, runtime};
 use crate::shared_memory::Pages;
 use crate::systemd;
-use crate::tasks::{BusEnd, Tasks, next_end};
+use crate::tasks::{Tasks, next_end};
 use crate::upkeep;
 
 /// Everything of a daemon but its buses.
@@ -190,8 +190,8 @@ async fn end(tasks: &mut Tasks, terminate: &mut Signal) -> anyhow::Result<()> {
             interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
             _ = terminate.recv() => break,
             ended = tasks.buses.join_next() => match ended {
-                Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
-                Some(Ok(_)) | None => break,
+                Some(Ok(())) => {} // the others go on; the health says it
+                None => break,
                 // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
                 Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
             },

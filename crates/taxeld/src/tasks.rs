@@ -9,15 +9,6 @@ use tokio_util::sync::CancellationToken;
 /// After the end was asked for, the tasks have this long to close.
 const CLOSE_WITHIN: Duration = Duration::from_secs(5);
 
-/// How a bus ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusEnd {
-    /// The daemon stops.
-    Cancelled,
-    /// The source cannot go on; it was logged.
-    Failed,
-}
-
 /// All tasks of a daemon, from the first that is started on: with one of them the store is closed, so that they are closed on
 /// every way out, also where a start fails.
 #[derive(Default)]
@@ -26,8 +17,8 @@ pub struct Tasks {
     pub cancel: CancellationToken,
     /// Engine, service and whatever else is beside the buses. Where one of them ends, the others do.
     pub parts: JoinSet<anyhow::Result<()>>,
-    /// One for each bus.
-    pub buses: JoinSet<BusEnd>,
+    /// One for each bus. One that cannot go on ends alone, which it has logged.
+    pub buses: JoinSet<()>,
 }
 
 impl Tasks {
