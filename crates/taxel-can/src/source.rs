@@ -87,6 +87,20 @@ pub enum BusEvent {
     },
 }
 
+impl fmt::Display for BusEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Up => f.write_str("the bus is up"),
+            Self::Down { reason } => write!(f, "the bus is down: {reason}"),
+            Self::SourceDown { why } | Self::Unread { why, .. } => f.write_str(why),
+            Self::Error { error, .. } => write!(f, "error frame: {error}"),
+            Self::Dropped { frames } => write!(f, "the kernel lost {frames} frames: its receive buffer was full"),
+            Self::Malformed { frames } => write!(f, "{frames} reads were no classic CAN frame"),
+            Self::BufferGranted { bytes, wanted } => write!(f, "receive buffer: {bytes} bytes of {wanted} wanted"),
+        }
+    }
+}
+
 /// Why no frame can come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum DownReason {

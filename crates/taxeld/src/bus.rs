@@ -64,43 +64,26 @@ pub async fn run(
 /// Logs an event once and tells the engine what concerns it.
 fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
     let bus = bus.0;
+    match &event {
+        BusEvent::Up | BusEvent::BufferGranted { .. } => tracing::info!(bus, "{event}"),
+        BusEvent::Unread { .. } | BusEvent::Error { .. } => tracing::debug!(bus, "{event}"),
+        _ => tracing::warn!(bus, "{event}"),
+    }
     match event {
-        BusEvent::Up => {
-            tracing::info!(bus, "the bus is up");
-            Some(BusNotice::Up)
-        }
-        BusEvent::Down { reason } => {
-            tracing::warn!(bus, %reason, "the bus is down");
-            Some(BusNotice::Down(reason.to_string()))
-        }
-        BusEvent::SourceDown { why } => {
-            tracing::warn!(bus, "{why}");
-            Some(BusNotice::Down(why))
-        }
-        BusEvent::Dropped { frames } => {
-            tracing::warn!(bus, frames, "the kernel lost frames: its receive buffer was full");
-            Some(BusNotice::Dropped(frames))
-        }
-        BusEvent::Unread { lines, why } => {
-            tracing::debug!(bus, lines, "{why}");
-            Some(BusNotice::Unread(lines, why))
-        }
-        BusEvent::Malformed { frames } => {
-            tracing::warn!(bus, frames, "reads that were no CAN frame");
-            None
-        }
+        BusEvent::Up => Some(BusNotice::Up),
+        BusEvent::Down { reason } => Some(BusNotice::Down(reason.to_string())),
+        BusEvent::SourceDown { why } => Some(BusNotice::Down(why)),
+        BusEvent::Dropped { frames } => Some(BusNotice::Dropped(frames)),
+        BusEvent::Unread { lines, why } => Some(BusNotice::Unread(lines, why)),
+        BusEvent::Malformed { .. } => None,
         BusEvent::BufferGranted { bytes, wanted } => {
-            tracing::info!(bus, bytes, wanted, "receive buffer");
             if bytes < wanted {
                 tracing::warn!(bus, "the receive buffer holds less than 0.5 s of a full bus: raise net.core.rmem_max");
             }
             None
         }
-        BusEvent::Error { error, local } => {
-            tracing::debug!(bus, %error, local, "error frame");
-            // The kernel marks what a process of this machine sent, and that anybody may: it is not the controller's.
-            (!local).then(|| of_controller(&error))
-        }
+        // The kernel marks what a process of this machine sent, and that anybody may: it is not the controller's.
+        BusEvent::Error { error, local } => (!local).then(|| of_controller(&error)),
     }
 }
 

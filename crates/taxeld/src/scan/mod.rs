@@ -126,12 +126,8 @@ async fn take_all(bus: &mut impl FrameSource, survey: &mut Survey) -> Result<Inf
         for event in &batch.events {
             match event {
                 BusEvent::Up | BusEvent::BufferGranted { .. } => {}
-                BusEvent::Down { reason } => survey.notice(format!("went down: {reason}")),
-                BusEvent::SourceDown { why } => survey.notice(format!("went down: {why}")),
                 BusEvent::Error { error, .. } => survey.error(error),
-                BusEvent::Dropped { frames } => survey.notice(format!("the kernel lost {frames} frames")),
-                BusEvent::Unread { why, .. } => survey.notice(why.clone()),
-                BusEvent::Malformed { frames } => survey.notice(format!("{frames} reads were no classic CAN frame")),
+                other => survey.notice(other.to_string()),
             }
         }
     }
