@@ -158,14 +158,16 @@ impl Daemon {
         Ok(())
     }
 
-    /// Runs until a signal comes, then closes.
+    /// Runs until a signal comes, if all has `begun`, then closes.
     ///
     /// # Errors
-    /// If signals cannot be waited for, or if not all closes in time.
-    pub async fn until_the_end(self) -> anyhow::Result<()> {
+    /// What has not begun, if signals cannot be waited for, or if not all closes in time.
+    pub async fn until_the_end(self, begun: anyhow::Result<()>) -> anyhow::Result<()> {
         let Self { mut tasks, mut terminate, .. } = self;
-        let ended = end(&mut tasks, &mut terminate).await;
-        let closed = close(tasks).await;
+        let ended = if begun.is_ok() { end(&mut tasks, &mut terminate).await } else { begun };
+        systemd::stopping();
+        tracing::info!("taxeld stops");
+        let closed = tasks.close().await;
         if let (Err(_), Err(late)) = (&ended, &closed) {
             tracing::error!("{late:#}"); // the other one is told at the end
         }
@@ -201,12 +203,6 @@ async fn end(tasks: &mut Tasks, terminate: &mut Signal) -> anyhow::Result<()> {
     Ok(())
 }
 
-async fn close(tasks: Tasks) -> anyhow::Result<()> {
-    systemd::stopping();
-    tracing::info!("taxeld stops");
-    tasks.close().await
-}
-
 /// The store in its file, which is made if absent, or in memory.
 fn open_store(section: Option<&StoreSection>, tell_done: &TellDone) -> anyhow::Result<(Store, Restored)> {
     let Some(StoreSection { path, .. }) = section else {
@@ -238,15 +234,8 @@ async fn on_all_buses(config: Config, scene: Scene, path: PathBuf) -> anyhow::Re
     let _heard = signal(SignalKind::from_raw(nix::libc::SIGXFSZ))?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let mut daemon = Daemon::start(&config, scene, Some(&config.store)).await?;
-    match daemon.add_buses(&config) {
-        Ok(()) => {
-            let reload = reload::keep(daemon.credentials.clone(), hangup, path, daemon.tasks.cancel.clone());
-            daemon.tasks.parts.spawn(reload);
-            daemon.until_the_end().await
-        }
-        Err(error) => {
-            close(daemon.tasks).await.unwrap_or_else(|late| tracing::error!("{late:#}"));
-            Err(error)
-        }
-    }
+    let begun = daemon.add_buses(&config);
+    let reload = reload::keep(daemon.credentials.clone(), hangup, path, daemon.tasks.cancel.clone());
+    daemon.tasks.parts.spawn(reload);
+    daemon.until_the_end(begun).await
 }

@@ -178,7 +178,7 @@ async fn serve_live(
     if let Some(pump) = pump {
         calibrate(listen, pump)?;
     }
-    daemon.until_the_end().await
+    daemon.until_the_end(Ok(())).await
 }
 
 /// What can be tried, in an order that works also where nothing is calibrated yet.
