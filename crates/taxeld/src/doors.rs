@@ -30,7 +30,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<(Vec<Listener>, Credentials)> {
             Door::Tcp(address) => Listener::Tcp(bind(address)?),
             Door::Tls { address, files } => {
                 let tls = Tls::load(files.clone()).map_err(anyhow::Error::msg)?;
-                credentials.add(tls.clone());
+                credentials.tls.push(tls.clone());
                 Listener::Tls(bind(address)?, tls)
             }
         });

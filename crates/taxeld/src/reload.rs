@@ -15,9 +15,11 @@ use crate::systemd;
 /// What the service takes from files to know who calls.
 #[derive(Clone, Debug)]
 pub struct Credentials {
-    access: Access,
+    /// Who may do what, by these and the configuration.
+    pub access: Access,
     tokens: Option<PathBuf>,
-    tls: Vec<Tls>,
+    /// Of each listener that has any.
+    pub tls: Vec<Tls>,
     /// Whether the configuration has rules of who may do what.
     ruled: bool,
 }
@@ -32,16 +34,6 @@ impl Credentials {
         let rules = Rules { tokens: tokens(doors.tokens.as_deref())?, ..rules };
         let (access, tokens) = (Access::new(rules), doors.tokens.clone());
         Ok(Self { access, tokens, tls: Vec::new(), ruled: doors.rules.is_some() })
-    }
-
-    /// Looks after the certificates of one more listener.
-    pub fn add(&mut self, tls: Tls) {
-        self.tls.push(tls);
-    }
-
-    /// Who may do what, by these and the configuration.
-    pub fn access(&self) -> Access {
-        self.access.clone()
     }
 
     /// Reads all files again. What is wrong stays as it was, and is told. The configuration comes last, since a disk that hangs may

@@ -95,7 +95,7 @@ impl Daemon {
         let (recording, taps) = record::begin(config, &plan, &handle, tasks)?;
         let backend = DaemonBackend { store: reader, budget, push, recording, lacks };
         let terminate = signal(SignalKind::terminate())?;
-        let server = Server::new(handle.clone(), Arc::new(backend), credentials.access(), Limits::default())?;
+        let server = Server::new(handle.clone(), Arc::new(backend), credentials.access.clone(), Limits::default())?;
         serve_page(config, &server, &handle, tasks)?;
         let lives = handle.clone();
         let ended = on_a_thread("service", async move {
