@@ -41,15 +41,6 @@ pub enum LogFormat {
 /// Counts the lines for which there was no room.
 static DROPPED: OnceLock<ErrorCounter> = OnceLock::new();
 
-/// Who writes the log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Writes {
-    /// The thread that logs, which waits for the reader.
-    Itself,
-    /// A thread of its own: the daemon goes on whether anybody reads or not.
-    Thread,
-}
-
 /// The log of this process. Dropped, also by a panic, it waits a second for what is not written yet.
 #[must_use]
 pub struct Log(Option<(NonBlocking, WorkerGuard)>);
@@ -65,9 +56,10 @@ impl Log {
     }
 }
 
-/// Starts the log on standard error; `RUST_LOG` says what is logged.
-pub fn start(format: LogFormat, writes: Writes) -> Log {
-    let queue = (writes == Writes::Thread).then(|| {
+/// Starts the log on standard error; `RUST_LOG` says what is logged. That of a daemon has a thread of its own, so that the daemon
+/// goes on whether anybody reads or not; else the thread that logs waits for the reader.
+pub fn start(format: LogFormat, is_daemon: bool) -> Log {
+    let queue = is_daemon.then(|| {
         let queue = NonBlockingBuilder::default().lossy(true).buffered_lines_limit(WAITING_LINES_MAX);
         let (queue, guard) = queue.thread_name("log").finish(Lines::default());
         let _ = DROPPED.set(queue.error_counter()); // called once

@@ -114,7 +114,7 @@ fn main() -> ExitCode {
     let matches = help::grouped(Cli::command()).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let is_daemon = matches!(cli.command, Subcommands::Run { .. });
-    let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
+    let mut log = logs::start(cli.log_format, is_daemon);
     let done = match cli.command {
         Subcommands::Client(command) => return client::run(command, matches.subcommand_name().unwrap_or_default()),
         Subcommands::Completions { shell } => help::completions(Cli::command(), shell),
