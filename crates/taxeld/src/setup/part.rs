@@ -23,24 +23,15 @@ struct Place {
     addresses: &'static [u8],
 }
 
-const fn place(
-    name: &'static str,
-    others: &'static [&'static str],
-    bus: &'static str,
-    addresses: &'static [u8],
-) -> Place {
-    Place { name, others, bus, addresses }
-}
-
 /// Longer names before the ones that they end with.
 const PLACES: [Place; 7] = [
-    place("forearm", &[], "arm", &[13, 12]),
-    place("hand", &[], "arm", &[14]),
-    place("arm", &["upper_arm", "upperarm"], "arm", &[11, 10, 9, 8]),
-    place("leg_upper", &["upper_leg"], "leg_1", &[1, 2, 3, 4, 5, 6, 7]),
-    place("leg_lower", &["lower_leg"], "leg_2", &[8, 9, 10, 11]),
-    place("foot", &[], "leg_2", &[13, 12]),
-    place("torso", &["chest"], "torso", &[7, 8, 9, 10]),
+    Place { name: "forearm", others: &[], bus: "arm", addresses: &[13, 12] },
+    Place { name: "hand", others: &[], bus: "arm", addresses: &[14] },
+    Place { name: "arm", others: &["upper_arm", "upperarm"], bus: "arm", addresses: &[11, 10, 9, 8] },
+    Place { name: "leg_upper", others: &["upper_leg"], bus: "leg_1", addresses: &[1, 2, 3, 4, 5, 6, 7] },
+    Place { name: "leg_lower", others: &["lower_leg"], bus: "leg_2", addresses: &[8, 9, 10, 11] },
+    Place { name: "foot", others: &[], bus: "leg_2", addresses: &[13, 12] },
+    Place { name: "torso", others: &["chest"], bus: "torso", addresses: &[7, 8, 9, 10] },
 ];
 
 impl Part {
