@@ -40,8 +40,6 @@ pub struct Offline {
     fits: Vec<FitJob>,
     /// Newest state per patch.
     pub snapshots: Vec<Arc<PatchSnapshot>>,
-    /// Snapshots published.
-    pub published: u64,
     /// Each of them with its patch, where somebody collects them.
     pub collected: Option<Vec<(usize, Arc<PatchSnapshot>)>>,
     /// Newest session per patch.
@@ -67,7 +65,6 @@ impl Offline {
             answers: Vec::new(),
             fits: Vec::new(),
             snapshots: vec![Arc::default(); patches],
-            published: 0,
             collected: None,
             sessions: vec![None; patches],
             health: Arc::default(),
@@ -200,7 +197,6 @@ impl Offline {
                     collected.push((index, Arc::clone(&snapshot)));
                 }
                 self.snapshots[index] = snapshot;
-                self.published += 1;
             }
             Output::Session(index, view) => self.sessions[index] = Some(view),
             Output::SessionGone(index) => self.sessions[index] = None,

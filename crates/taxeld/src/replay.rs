@@ -120,10 +120,9 @@ fn play(request: &ReplayArgs, config: &Config, scene: Scene) -> anyhow::Result<(
     finish_session(&mut offline)?;
     let seconds = first.map_or(0.0, |first| end.seconds_since(first) - 1.0);
     say!(
-        "{total} frames ({seconds:.1} s of log) in {:.3} s: {:.2} million frames/s, {} snapshots",
+        "{total} frames ({seconds:.1} s of log) in {:.3} s: {:.2} million frames/s",
         elapsed.as_secs_f64(),
         total as f64 / elapsed.as_secs_f64() / 1e6,
-        offline.published,
     );
     print_report(&lanes, &offline);
     for (section, report) in config.bus.iter().zip(lanes.reports()) {
