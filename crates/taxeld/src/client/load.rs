@@ -84,8 +84,7 @@ fn print_all(validation: &Validation) {
             state,
         ]
     };
-    let rows: Vec<Vec<String>> = validation.loads.iter().map(row).collect();
-    table::print(&["load", "time", "laid on N", "read N", "error %", "by", ""], &rows);
+    table::print(&["load", "time", "laid on N", "read N", "error %", "by", ""], validation.loads.iter().map(row));
     if let Some(error) = validation.mean_absolute_error_percent {
         say!("mean absolute error: {error:.1} %");
     }

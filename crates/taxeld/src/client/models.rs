@@ -148,8 +148,7 @@ async fn list(of: &Asked) -> Outcome {
             format!("{:.1}", set.pressure_max_kpa),
         ]
     };
-    let rows: Vec<_> = sets.iter().map(row).collect();
-    table::print(&["model set", "", "patch", "made", "session", "usable", "to kPa"], &rows);
+    table::print(&["model set", "", "patch", "made", "session", "usable", "to kPa"], sets.iter().map(row));
     Ok(())
 }
 

@@ -71,8 +71,8 @@ fn print(proposal: &Recalibration) {
             mark.to_owned(),
         ]
     };
-    let rows: Vec<Vec<String>> = proposal.points.iter().map(row).collect();
-    table::print(&["load", "laid on N", "read N", "error %", "then %", "deviation", ""], &rows);
+    let header = ["load", "laid on N", "read N", "error %", "then %", "deviation", ""];
+    table::print(&header, proposal.points.iter().map(row));
     let Recalibration { gain, gain_sigma, source, points, .. } = proposal;
     let new = format!("a load at a new place is then known to {:.1} % (k = 1)", 100.0 * proposal.relative_sigma);
     say!("gain {gain:.4} +- {gain_sigma:.4} from {} loads on {source}; {new}", points.len());

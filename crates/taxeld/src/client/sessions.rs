@@ -158,8 +158,8 @@ async fn list(asked: &Asked) -> Outcome {
     if asked.json {
         return sessions.iter().try_for_each(|session| json::print("Session", session));
     }
-    let rows: Vec<_> = sessions.iter().map(row).collect();
-    table::print(&["session", "patch", "state", "started", "ramps", "scans", "model set", ""], &rows);
+    let header = ["session", "patch", "state", "started", "ramps", "scans", "model set", ""];
+    table::print(&header, sessions.iter().map(row));
     Ok(())
 }
 

@@ -5,8 +5,8 @@ use chrono::{DateTime, Local};
 use taxel_skin::columns;
 
 /// Prints rows under a header.
-pub fn print(header: &[&str], rows: &[Vec<String>]) {
-    columns(header, rows).iter().for_each(|line| say!("{line}"));
+pub fn print(header: &[&str], rows: impl Iterator<Item = Vec<String>>) {
+    columns(header, &rows.collect::<Vec<_>>()).iter().for_each(|line| say!("{line}"));
 }
 
 /// A moment by the clock on the wall here; empty if there is none.
