@@ -1,5 +1,5 @@
 //! What a command writes: a file is whole, or what was there before stays. Standard output, a device or a pipe is written as it is.
-//! And what it says to people ([`say`](mod@say)).
+//! And what it says to people ([`say`](mod@say)), and what it reads: text, gzipped or plain, `-` for the standard input.
 
 use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Write};
@@ -9,7 +9,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use tempfile::NamedTempFile;
 
+mod read;
 pub mod say;
+
+pub use read::{named, open, read_any_text, read_text, read_utf8};
 
 /// Bytes that are gathered for a write.
 const BUFFER_BYTES: usize = 1 << 16;

@@ -7,10 +7,9 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use taxel_engine::calibration::export::LAST_COLUMNS;
 use taxel_engine::calibration::fit::Scans;
+use taxel_files::open;
 use taxel_files::say::error_line;
 use taxel_skin::printable;
-
-use crate::io::open;
 
 /// Most bad rows that are told one by one.
 const TOLD_MAX: usize = 5;

@@ -13,7 +13,6 @@ mod config;
 mod demo;
 mod doors;
 mod driver;
-mod files;
 mod force_file;
 mod help;
 mod logs;

@@ -15,7 +15,6 @@ use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
 use crate::config::{self, Config, Scene};
-use crate::files;
 use crate::force_file::ForceFile;
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
@@ -60,7 +59,7 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
     if args.out.iter().chain(&args.force).any(|output| taxel_files::is_standard(output)) {
         say::step_aside();
     }
-    let args = ReplayArgs { log: files::named(args.log), ..args };
+    let args = ReplayArgs { log: taxel_files::named(args.log), ..args };
     play(&args, &config, scene)
 }
 
@@ -202,7 +201,7 @@ fn print_models(request: &ReplayArgs, offline: &Offline) -> anyhow::Result<()> {
 }
 
 fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
-    models_json::from_json(&files::read_text(path)?).with_context(|| path.display().to_string())
+    models_json::from_json(&taxel_files::read_text(path)?).with_context(|| path.display().to_string())
 }
 
 #[cfg(all(test, feature = "sim"))]

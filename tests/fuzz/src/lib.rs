@@ -21,9 +21,6 @@ pub mod toml;
 #[allow(dead_code, unused_imports)]
 #[path = "../../../crates/taxeld/src/config/mod.rs"]
 mod config;
-#[allow(dead_code)]
-#[path = "../../../crates/taxeld/src/files.rs"]
-mod files;
 #[allow(dead_code, unused_imports)]
 #[path = "../../../crates/taxeld/src/rig/mod.rs"]
 mod rig;

@@ -60,11 +60,13 @@ pub fn certificate(args: &CertificateArgs) -> anyhow::Result<()> {
         [&args.models, &args.session, &args.stated].into_iter().flatten().map(PathBuf::as_path).collect();
     io::announce(&outputs, &inputs)?;
     let stated = match &args.stated {
-        Some(path) => toml::from_str(&io::read_text(path)?).with_context(|| path.display().to_string())?,
+        Some(path) => toml::from_str(&taxel_files::read_text(path)?).with_context(|| path.display().to_string())?,
         None => Stated::default(),
     };
     let evidence = match (&args.models, &args.session) {
-        (Some(models), Some(session)) => Evidence::of(io::read_text(models)?, io::read_text(session)?, stated)?,
+        (Some(models), Some(session)) => {
+            Evidence::of(taxel_files::read_text(models)?, taxel_files::read_text(session)?, stated)?
+        }
         _ => of_daemon(args, stated)?,
     };
     let certificate = Certificate::of(&evidence)?;

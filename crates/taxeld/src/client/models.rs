@@ -11,7 +11,6 @@ use super::connect::{Asked, Daemon};
 use super::failure::Outcome;
 use super::model_set::{Candidate, full_id, print_set};
 use super::{ask, json, table};
-use crate::files;
 
 /// Model sets: what sessions produced.
 #[derive(Debug, clap::Args)]
@@ -101,7 +100,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
         }
         ModelsCommand::Import { of, file, insist } => {
             let daemon = of.daemon().await?;
-            let json = files::read_text(&file)?;
+            let json = taxel_files::read_text(&file)?;
             let answer = daemon.models().import_model_set(ImportModelSetRequest { json, insist }).await?.into_inner();
             if of.json {
                 return json::print("ImportModelSetResponse", &answer);

@@ -16,7 +16,7 @@ use super::limits::{gauge_uncertainty, live, session, tare};
 use super::patch_section::{AreaWord, ArraySection, OutputWord, PatchSection};
 use super::ports;
 use super::problem::Said;
-use crate::files::read_any_text;
+use taxel_files::read_any_text;
 use taxel_rig::Faults;
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.

@@ -18,7 +18,6 @@ use super::gauge;
 use super::ports;
 use super::problem::{PROBLEMS_MAX, Problem, Problems};
 use super::scene::{Scene, scene_of};
-use crate::files;
 use crate::rig::At;
 
 /// Reads and resolves a configuration.
@@ -31,8 +30,8 @@ pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
 
 fn read_text(path: &Path) -> Result<String, String> {
     match taxel_files::is_standard(path) {
-        true => files::read_text(path).map_err(|error| error.root_cause().to_string()),
-        false => files::read_utf8(path).map_err(|error| match error.kind() {
+        true => taxel_files::read_text(path).map_err(|error| error.root_cause().to_string()),
+        false => taxel_files::read_utf8(path).map_err(|error| match error.kind() {
             std::io::ErrorKind::NotFound => format!("{error}; `taxeld setup` writes one"),
             _ => error.to_string(),
         }),

@@ -16,7 +16,6 @@ use taxel_can::{Batch, BusEvent, FrameSource, SocketCan, SocketCanOptions, Sourc
 use taxel_wire::FrameKind;
 
 use crate::config;
-use crate::files;
 use crate::open_log::{Wanted, open_log};
 use crate::values::seconds;
 use survey::Survey;
@@ -68,7 +67,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         return Ok(());
     }
     let (survey, interface) = match (args.log.clone(), args.interface.clone()) {
-        (Some(log), interface) => of_log(&files::named(log), interface)?,
+        (Some(log), interface) => of_log(&taxel_files::named(log), interface)?,
         (None, Some(interface)) => crate::runtime::runtime()?.block_on(of_bus(interface, over))?,
         (None, None) => bail!("say what to listen to: --interface can0, --yarp, --serial /dev/ttyACM0, or a log"),
     };

@@ -15,9 +15,9 @@ use anyhow::{Context as _, bail};
 use taxel_skin::{Drawing, PositionFile};
 
 use crate::config;
-use crate::files::read_any_text;
 use part::Part;
 use robot::{Robot, Source};
+use taxel_files::read_any_text;
 use taxel_files::say;
 
 pub use compose::{BoardDraft, PatchDraft};

@@ -12,7 +12,7 @@ use taxel_skin::VALUES_PER_BOARD;
 
 use super::part::Part;
 use super::settings::{Param, Settings, number, numbers, value};
-use crate::files::read_any_text;
+use taxel_files::read_any_text;
 
 /// What the files say of skin.
 #[derive(Debug, Default)]

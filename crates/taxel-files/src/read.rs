@@ -1,14 +1,17 @@
-//! Files that a command line names, to be read: `-` is the standard input.
+//! Files that a command line or a configuration names, to be read.
 
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use taxel_files::is_standard;
+use flate2::read::MultiGzDecoder;
+
+use super::is_standard;
 
 /// The name by which the system itself opens what `-` stands for as an input.
+#[must_use]
 pub fn named(path: PathBuf) -> PathBuf {
     if is_standard(&path) { PathBuf::from("/dev/stdin") } else { path }
 }
@@ -33,13 +36,27 @@ pub fn read_utf8(path: &Path) -> io::Result<String> {
     io::read_to_string(open_regular(path)?)
 }
 
-/// The text of a file, or of standard input.
+/// Opens a file, or the standard input; gzipped ones are unpacked, by their first bytes.
+///
+/// # Errors
+/// The file's path and the system's reason.
+pub fn open(path: &Path) -> anyhow::Result<Box<dyn Read>> {
+    let shown = || path.display().to_string();
+    let file: Box<dyn Read> = match is_standard(path) {
+        true => Box::new(io::stdin().lock()),
+        false => Box::new(File::open(path).with_context(shown)?),
+    };
+    let mut file = BufReader::with_capacity(1 << 16, file);
+    let gzipped = file.fill_buf().with_context(shown)?.starts_with(&[0x1F, 0x8B]);
+    Ok(if gzipped { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) })
+}
+
+/// The text of such a file.
 ///
 /// # Errors
 /// The file's path, and the system's reason or bytes that are not UTF-8.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
-    let text = if is_standard(path) { io::read_to_string(io::stdin()) } else { std::fs::read_to_string(path) };
-    text.with_context(|| path.display().to_string())
+    io::read_to_string(open(path)?).with_context(|| path.display().to_string())
 }
 
 /// The text of a file of which nobody says in which encoding it is: bytes that are no UTF-8 are replaced, since nothing that
