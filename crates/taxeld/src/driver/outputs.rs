@@ -25,6 +25,10 @@ impl Driver {
         let (mut records, mut answers) = (Vec::new(), Vec::new());
         self.note_events(&out);
         for output in out.drain(..) {
+            if matches!(output, Output::Commit { .. } | Output::Load { .. } | Output::LoadSet { .. }) {
+                // What came before goes first, so that the order on disk is that of what happened.
+                self.commit(std::mem::take(&mut records), Vec::new(), false);
+            }
             match output {
                 Output::Patch(index, snapshot) => {
                     self.pages.patch(index, &snapshot);
@@ -41,19 +45,9 @@ impl Driver {
                 Output::Send(bus, frame) => self.send(bus, frame),
                 Output::Fit(job) => self.fit(job),
                 Output::Record(record) => records.push(record),
-                Output::Commit { ticket, records: intended } => {
-                    // What came before goes first, so that the order on disk is that of what happened.
-                    self.commit(std::mem::take(&mut records), Vec::new(), false);
-                    self.commit_intended(ticket, intended);
-                }
-                Output::Load { ticket, session } => {
-                    self.commit(std::mem::take(&mut records), Vec::new(), false);
-                    self.load(ticket, session);
-                }
-                Output::LoadSet { ticket, model_set } => {
-                    self.commit(std::mem::take(&mut records), Vec::new(), false);
-                    self.load_set(ticket, model_set);
-                }
+                Output::Commit { ticket, records } => self.commit_intended(ticket, records),
+                Output::Load { ticket, session } => self.load(ticket, session),
+                Output::LoadSet { ticket, model_set } => self.load_set(ticket, model_set),
                 Output::Reply(request, reply) => {
                     answers.extend(self.waiting.remove(&request).map(|to| (request, to, reply)));
                 }
