@@ -29,14 +29,9 @@ path = \"/var/lib/taxeld/taxeld.db\" # sessions, samples and model sets; one SQL
 /// The text of a configuration; `folder` is where it will lie.
 pub fn text(written: &str, drafts: &[PatchDraft], folder: &Path) -> String {
     let mut text = format!("# {written} {HEAD}");
-    let mut buses: Vec<&String> = Vec::new();
-    for draft in drafts {
-        if !buses.contains(&&draft.bus) {
-            buses.push(&draft.bus);
-        }
-    }
+    let is_first = |(n, draft): &(usize, &PatchDraft)| drafts[..*n].iter().all(|before| before.bus != draft.bus);
     let mut interfaces = 0..;
-    for bus in buses {
+    for (_, PatchDraft { bus, .. }) in drafts.iter().enumerate().filter(is_first) {
         let _ = write!(text, "\n[[bus]]\nname = \"{bus}\"\n");
         let on_it = || drafts.iter().filter(|draft| draft.bus == *bus);
         if on_it().any(|draft| draft.port.is_some()) {
