@@ -2,7 +2,7 @@
 //! waits for a disk, and what it costs to write force down never delays a frame: that has a thread of its own.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use prost::Message;
@@ -124,11 +124,8 @@ async fn events_to((mut events, topic): (EventFollower, usize), queue: Queue) {
 
 /// A moment in nanoseconds since 1970; the present for what has none yet.
 fn label(time: Option<&Timestamp>) -> u64 {
-    let ns = time.map_or_else(
-        || ClockReading::now().wall_ns,
-        |time| time.seconds.saturating_mul(1_000_000_000).saturating_add(i64::from(time.nanos)),
-    );
-    u64::try_from(ns).unwrap_or(0)
+    let time = time.and_then(|time| SystemTime::try_from(*time).ok()).unwrap_or_else(SystemTime::now);
+    time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64)
 }
 
 fn limits(section: &RecordSection) -> Limits {
