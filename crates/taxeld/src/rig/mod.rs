@@ -55,19 +55,13 @@ struct Open {
     ask_at: Instant,
 }
 
-impl Gauge {
-    async fn connect(&mut self, pause: &mut Pause) -> Result<Open, String> {
-        pause.wait().await;
-        let link = self.line.at.open().await?;
-        let (talk, now) = (Talk::begin(self.line.speech.is_asked()), Instant::now());
-        Ok(Open { link, talk, heard: now, asked: now, ask_at: now })
-    }
-}
-
 impl Remote for Gauge {
     async fn more(&mut self, pause: &mut Pause, batch: &mut Batch) -> Result<(), String> {
         if self.open.is_none() {
-            self.open = Some(self.connect(pause).await?);
+            pause.wait().await;
+            let link = self.line.at.open().await?;
+            let (talk, now) = (Talk::begin(self.line.speech.is_asked()), Instant::now());
+            self.open = Some(Open { link, talk, heard: now, asked: now, ask_at: now });
         }
         let Some(open) = &mut self.open else { return Ok(()) };
         let heard = match open.next(&self.line).await {
