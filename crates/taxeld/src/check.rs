@@ -64,8 +64,15 @@ fn print(config: &Config, scene: &Scene) {
     if let Some(page) = &config.page {
         tell!("page: http://{}/ (loopback, unencrypted), the service as JSON, and /metrics", page.listen);
     }
-    config.shared_memory.iter().for_each(|section| tell!("{}", shared_memory(section)));
-    config.record.iter().for_each(|section| tell!("{}", recordings(section)));
+    if let Some(SharedMemorySection { path, group }) = &config.shared_memory {
+        let group = group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
+        tell!("shared memory: {} (mode 640{group})", path.join("PATCH").display());
+    }
+    if let Some(RecordSection { path, budget_mb, taxels }) = &config.record {
+        let taxels = if *taxels { ", taxels" } else { "" };
+        let path = path.display();
+        tell!("recording: frames, force, events{taxels} in {path}, {budget_mb} MB of MCAP files at most");
+    }
     let routes = Routes::new(&scene.plan);
     for position in 0..config.bus.len() {
         tell!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
@@ -77,17 +84,6 @@ fn print(config: &Config, scene: &Scene) {
         tell!("remarks:");
         scene.said.remarks.iter().for_each(|line| tell!("  {line}"));
     }
-}
-
-fn shared_memory(section: &SharedMemorySection) -> String {
-    let group = section.group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
-    format!("shared memory: {} (mode 640{group})", section.path.join("PATCH").display())
-}
-
-fn recordings(section: &RecordSection) -> String {
-    let taxels = if section.taxels { ", taxels" } else { "" };
-    let (path, budget) = (section.path.display(), section.budget_mb);
-    format!("recording: frames, force, events{taxels} in {path}, {budget} MB of MCAP files at most")
 }
 
 /// Who may do what, a line each.

@@ -27,7 +27,10 @@ impl Pages {
     /// If there is no such group.
     pub fn make(section: Option<&SharedMemorySection>, plan: &Plan) -> anyhow::Result<(Self, Vec<String>)> {
         let Some(section) = section else { return Ok((Self::default(), Vec::new())) };
-        let folder = Folder::open(&section.path, group(section)?);
+        let id = |name: &String| {
+            taxel_rpc::group_id(name).with_context(|| format!("shared_memory.group: there is no group `{name}`"))
+        };
+        let folder = Folder::open(&section.path, section.group.as_ref().map(id).transpose()?);
         let mut problems = Vec::new();
         let mut page = |patch: &PatchPlan| {
             let (name, limits) = (patch.patch.name(), Limits { age: patch.live.stale_after, beat: STALLED_AFTER });
@@ -59,13 +62,6 @@ impl Pages {
             page.write(&sample(snapshot));
         }
     }
-}
-
-fn group(section: &SharedMemorySection) -> anyhow::Result<Option<u32>> {
-    let group = section.group.as_ref().map(|name| {
-        taxel_rpc::group_id(name).with_context(|| format!("shared_memory.group: there is no group `{name}`"))
-    });
-    group.transpose()
 }
 
 /// The snapshot as a page has it.
