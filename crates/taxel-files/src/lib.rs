@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use tempfile::NamedTempFile;
 
 mod read;
@@ -114,6 +114,22 @@ pub fn quiet_end(path: &Path, result: io::Result<()>) -> anyhow::Result<()> {
         Err(error) if is_standard(path) && error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => other.with_context(|| path.display().to_string()),
     }
+}
+
+/// Prepares for these outputs: none may be an input, and text for people makes way for data on standard output.
+///
+/// # Errors
+/// An output that is an input.
+pub fn announce(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
+    for output in outputs {
+        let there = std::fs::canonicalize(output).ok();
+        let is_input = inputs.iter().any(|input| there.is_some() && std::fs::canonicalize(input).ok() == there);
+        ensure!(!is_input, "the output {} is an input: name another file", output.display());
+    }
+    if outputs.iter().any(|output| is_standard(output)) {
+        say::step_aside();
+    }
+    Ok(())
 }
 
 #[cfg(test)]

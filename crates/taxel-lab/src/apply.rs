@@ -7,11 +7,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use taxel_engine::calibration::fit::{Applied, Tare, judge};
 use taxel_engine::model_set::ModelSet;
-use taxel_files::{Output, quiet_end, read_text};
+use taxel_files::{Output, announce, quiet_end, read_text};
 use taxel_store::models_json;
 
 use crate::fit::parse_number;
-use crate::io::announce;
 use crate::recording::Recording;
 use crate::soundness::{Purpose, check};
 

@@ -14,7 +14,6 @@ use taxel_store::models_json;
 
 mod summary;
 
-use crate::io;
 use crate::recording::Recording;
 use crate::session;
 use crate::soundness::{Purpose, check};
@@ -84,7 +83,7 @@ pub(crate) fn parse_number(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A file that cannot be read or written, or has no pressure; or not one usable taxel.
 pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
-    io::announce(&[&args.out], &[&args.data])?;
+    taxel_files::announce(&[&args.out], &[&args.data])?;
     let mut recording = Recording::read(&args.data)?;
     let began = Instant::now();
     let (mut set, notes) = args.models(&mut recording).with_context(|| args.data.display().to_string())?;

@@ -12,7 +12,6 @@ mod daemon;
 mod document;
 pub mod fit;
 mod forearm;
-pub mod io;
 mod numbers;
 mod page;
 pub mod paper;

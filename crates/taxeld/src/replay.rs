@@ -19,7 +19,6 @@ use crate::force_file::ForceFile;
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
 use crate::values::refusals_of;
-use taxel_files::say;
 
 /// What is asked of a replay.
 #[derive(Debug, clap::Args)]
@@ -56,9 +55,8 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
         bail!("the scans of patch `{}` are pushed: there is no log of pushed scans to replay", plan.patch.name());
     }
     of_a_log(&mut scene);
-    if args.out.iter().chain(&args.force).any(|output| taxel_files::is_standard(output)) {
-        say::step_aside();
-    }
+    let outputs: Vec<&Path> = args.out.iter().chain(&args.force).map(PathBuf::as_path).collect();
+    taxel_files::announce(&outputs, &[&args.log])?;
     let args = ReplayArgs { log: taxel_files::named(args.log), ..args };
     play(&args, &config, scene)
 }

@@ -22,7 +22,6 @@ use anyhow::{Context, bail};
 use taxel_client::Server;
 
 use crate::daemon::ask;
-use crate::io;
 
 /// The calibration certificate of a model set: of a running daemon, or of exported files.
 #[derive(Debug, clap::Args)]
@@ -58,7 +57,7 @@ pub fn certificate(args: &CertificateArgs) -> anyhow::Result<()> {
     let outputs: Vec<_> = args.out.iter().map(PathBuf::as_path).collect();
     let inputs: Vec<_> =
         [&args.models, &args.session, &args.stated].into_iter().flatten().map(PathBuf::as_path).collect();
-    io::announce(&outputs, &inputs)?;
+    taxel_files::announce(&outputs, &inputs)?;
     let stated = match &args.stated {
         Some(path) => toml::from_str(&taxel_files::read_text(path)?).with_context(|| path.display().to_string())?,
         None => Stated::default(),

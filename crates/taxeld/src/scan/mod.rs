@@ -54,9 +54,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     if let Some(out) = args.out.as_ref().filter(|out| !taxel_files::is_standard(out) && out.exists()) {
         bail!("{}: is there already", out.display());
     }
-    if args.out.as_deref().is_some_and(taxel_files::is_standard) {
-        say::step_aside();
-    }
+    taxel_files::announce(args.out.as_deref().as_slice(), &[])?;
     let over = Duration::from_secs_f64(args.seconds);
     if let Some(server) = &args.yarp {
         say!("{}", crate::runtime::runtime()?.block_on(ports::text(server.as_deref(), over))?);

@@ -18,7 +18,6 @@ use crate::config;
 use part::Part;
 use robot::{Robot, Source};
 use taxel_files::read_any_text;
-use taxel_files::say;
 
 pub use compose::{BoardDraft, PatchDraft};
 use compose::{Sources, compose};
@@ -56,13 +55,10 @@ pub struct SetupArgs {
 /// # Errors
 /// What cannot be read, what contradicts itself, and what cannot be written; nothing is written then.
 pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
-    let standard = taxel_files::is_standard(&args.out);
-    if args.out.exists() && !standard && !args.force {
+    if args.out.exists() && !taxel_files::is_standard(&args.out) && !args.force {
         bail!("{}: is there already; --force writes over it", args.out.display());
     }
-    if standard {
-        say::step_aside();
-    }
+    taxel_files::announce(&[&args.out], &[])?;
     let (drafts, notes) = drafts(args)?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let text = text("Written by `taxeld setup` from the robot's own files.", &drafts, folder);
@@ -73,10 +69,8 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
         let poses = plan.geometry.as_ref().map_or(0, |geometry| geometry.poses.iter().flatten().count());
         let (name, taxels, modules) = (plan.patch.name(), draft.taxels(), plan.patch.modules().len());
         say!("{name}: {taxels} taxels ({poses} with a position), modules: {modules}, boards: {}", draft.boards.len());
-    }
-    for draft in &drafts {
         if let Some(port) = &draft.port {
-            say!("{}: on no CAN interface of this computer, read over the YARP port {}", draft.name, port.name);
+            say!("{name}: on no CAN interface of this computer, read over the YARP port {}", port.name);
         }
     }
     notes.iter().for_each(|note| say!("{note}"));
