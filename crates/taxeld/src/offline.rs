@@ -200,10 +200,6 @@ impl Offline {
             }
             Output::Session(index, view) => self.sessions[index] = Some(view),
             Output::SessionGone(index) => self.sessions[index] = None,
-            Output::Load { ticket, .. } => {
-                let result = Err(NotLoaded::Unavailable("without a store no earlier session can go on".to_owned()));
-                self.answers.push(Input::Loaded { ticket, result });
-            }
             Output::LoadSet { ticket, model_set } => {
                 let found = self.model_sets.iter().find(|set| set.id == model_set).cloned();
                 let result = found.ok_or_else(|| NotLoaded::Unavailable("there is no store".to_owned()));
@@ -221,7 +217,8 @@ impl Offline {
                 self.answers.push(Input::Committed { ticket, result: Ok(()) });
             }
             Output::Reply(_, reply) => self.reply = Some(reply),
-            Output::Record(_) | Output::Catalogue(_) | Output::Gauge(..) => {}
+            // No earlier session goes on or is fitted here, so that none is to be loaded.
+            Output::Record(_) | Output::Catalogue(_) | Output::Gauge(..) | Output::Load { .. } => {}
         }
     }
 }
