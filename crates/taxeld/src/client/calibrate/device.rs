@@ -200,7 +200,10 @@ impl ByDevice<'_> {
     /// # Errors
     /// Why it was ended; the bag is vented then as far as the drive obeys.
     pub async fn run(mut self, pump: &mut Pump) -> Outcome<Session> {
-        self.look_first().await;
+        // A program before this one may have left it so.
+        if let Some((kpa, _)) = self.gauge().await.filter(|(kpa, _)| *kpa > FOUND_KPA) {
+            self.screen.tell(&format!("the bag is still at {kpa:.1} kPa: venting it first"));
+        }
         // Boards that are set up take what presses on them for nothing, and the self-test presses.
         let begun = Instant::now();
         while self.sets_boards_up(begun.elapsed()).await {
@@ -347,12 +350,5 @@ impl ByDevice<'_> {
             State::SafeVent => "drive: STOPPED, venting",
         };
         self.screen.tell(words);
-    }
-
-    /// Tells of a bag that a program before this one has left.
-    async fn look_first(&self) {
-        if let Some((kpa, _)) = self.gauge().await.filter(|(kpa, _)| *kpa > FOUND_KPA) {
-            self.screen.tell(&format!("the bag is still at {kpa:.1} kPa: venting it first"));
-        }
     }
 }
