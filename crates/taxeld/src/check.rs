@@ -9,7 +9,7 @@ use taxel_rig::Speech;
 use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, counted, printable, written_modules};
 
-use crate::config::{self, BusSource, Config, Doors, RecordSection, Scene, SharedMemorySection, UNRULED};
+use crate::config::{self, BusSource, Config, Doors, RecordSection, SharedMemorySection, UNRULED};
 use crate::rig::ASK_EVERY;
 
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
@@ -26,7 +26,34 @@ macro_rules! tell {
 /// Everything that is wrong with it.
 pub fn check(path: &Path) -> anyhow::Result<()> {
     let (config, scene) = config::examine(path)?;
-    print(&config, &scene);
+    let store = std::path::absolute(&config.store.path).unwrap_or_else(|_| config.store.path.clone());
+    tell!("store: {}, one SQLite file", store.display());
+    tell!("service: gRPC");
+    scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
+    access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
+    if let Some(page) = &config.page {
+        tell!("page: http://{}/ (loopback, unencrypted), the service as JSON, and /metrics", page.listen);
+    }
+    if let Some(SharedMemorySection { path, group }) = &config.shared_memory {
+        let group = group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
+        tell!("shared memory: {} (mode 640{group})", path.join("PATCH").display());
+    }
+    if let Some(RecordSection { path, budget_mb, taxels }) = &config.record {
+        let taxels = if *taxels { ", taxels" } else { "" };
+        let path = path.display();
+        tell!("recording: frames, force, events{taxels} in {path}, {budget_mb} MB of MCAP files at most");
+    }
+    let routes = Routes::new(&scene.plan);
+    for position in 0..config.bus.len() {
+        tell!("{}", bus(&config, &scene.plan, &routes, BusIndex(position as u8)));
+    }
+    scene.plan.patches.iter().for_each(|plan| patch(&config, plan));
+    tell!("left out:");
+    left_out_buses(&config, &routes).iter().chain(&scene.said.left_out).for_each(|line| tell!("  {line}"));
+    if !scene.said.remarks.is_empty() {
+        tell!("remarks:");
+        scene.said.remarks.iter().for_each(|line| tell!("  {line}"));
+    }
     Ok(())
 }
 
@@ -52,38 +79,6 @@ pub fn store(path: &Path) -> anyhow::Result<()> {
     found.damage.iter().for_each(|damage| say!("{damage}"));
     anyhow::ensure!(found.damage.is_empty(), "findings: {}", found.damage.len());
     Ok(())
-}
-
-/// Prints the resolved scene.
-fn print(config: &Config, scene: &Scene) {
-    let store = std::path::absolute(&config.store.path).unwrap_or_else(|_| config.store.path.clone());
-    tell!("store: {}, one SQLite file", store.display());
-    tell!("service: gRPC");
-    scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
-    access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
-    if let Some(page) = &config.page {
-        tell!("page: http://{}/ (loopback, unencrypted), the service as JSON, and /metrics", page.listen);
-    }
-    if let Some(SharedMemorySection { path, group }) = &config.shared_memory {
-        let group = group.as_ref().map_or(String::new(), |group| format!(", group {group}"));
-        tell!("shared memory: {} (mode 640{group})", path.join("PATCH").display());
-    }
-    if let Some(RecordSection { path, budget_mb, taxels }) = &config.record {
-        let taxels = if *taxels { ", taxels" } else { "" };
-        let path = path.display();
-        tell!("recording: frames, force, events{taxels} in {path}, {budget_mb} MB of MCAP files at most");
-    }
-    let routes = Routes::new(&scene.plan);
-    for position in 0..config.bus.len() {
-        tell!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
-    }
-    scene.plan.patches.iter().for_each(|plan| patch(config, plan));
-    tell!("left out:");
-    left_out_buses(config, &routes).iter().chain(&scene.said.left_out).for_each(|line| tell!("  {line}"));
-    if !scene.said.remarks.is_empty() {
-        tell!("remarks:");
-        scene.said.remarks.iter().for_each(|line| tell!("  {line}"));
-    }
 }
 
 /// Who may do what, a line each.
