@@ -66,18 +66,12 @@ pub fn scene_of(config: &Config, path: &Path, faults: &mut Faults) -> Option<Sce
 }
 
 fn source(bus: &BusSection, faults: &mut Faults) {
-    faults.require(
-        "source",
-        bus.source != BusSource::Sim || cfg!(feature = "sim"),
-        || " = \"sim\": this build has no simulator (cargo feature `sim`)",
-    );
+    let is_built = bus.source != BusSource::Sim || cfg!(feature = "sim");
+    faults.require("source", is_built, || " = \"sim\": this build has no simulator (cargo feature `sim`)");
     ports::check_bus(bus, faults);
-    let has_interface = bus.interface.as_deref().is_some_and(|interface| !interface.is_empty());
-    faults.require(
-        "",
-        bus.source != BusSource::SocketCan || has_interface,
-        || "source socketcan needs an interface, for example \"can0\"",
-    );
+    let is_named = bus.interface.as_deref().is_some_and(|interface| !interface.is_empty());
+    let is_found = is_named || bus.source != BusSource::SocketCan;
+    faults.require("", is_found, || "source socketcan needs an interface, for example \"can0\"");
 }
 
 fn page(config: &Config, faults: &mut Faults) {
