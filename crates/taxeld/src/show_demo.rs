@@ -173,8 +173,7 @@ async fn serve_live(
     let address = format!("http://{listen}");
     let is_usual = Address::local().to_string() == address;
     let export = if is_usual { String::new() } else { format!(", after export TAXELD_SERVER={address}") };
-    say!("In another terminal{export}:");
-    print_commands();
+    say!("In another terminal{export}:\n{COMMANDS}");
     if let Some(pump) = pump {
         calibrate(listen, pump)?;
     }
@@ -182,17 +181,11 @@ async fn serve_live(
 }
 
 /// What can be tried, in an order that works also where nothing is calibrated yet.
-fn print_commands() {
-    for (command, what) in [
-        ("taxeld health", "buses, boards, zeros and taxels"),
-        ("taxeld calibrate", "a calibration of your own (about 40 s; the pump starts by itself)"),
-        ("taxeld watch", "the force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
-        ("taxeld load 0.5", "compares the force with that mass while it lies there"),
-    ] {
-        say!("  {command:17} {what}");
-    }
-    say!("Ctrl-C ends it.");
-}
+const COMMANDS: &str = "  taxeld health     buses, boards, zeros and taxels
+  taxeld calibrate  a calibration of your own (about 40 s; the pump starts by itself)
+  taxeld watch      the force; half a kilogram (4.90 N) lies on it for five seconds out of ten
+  taxeld load 0.5   compares the force with that mass while it lies there
+Ctrl-C ends it.";
 
 /// As an operator would in another terminal.
 fn calibrate(daemon: SocketAddr, pump: SocketAddr) -> anyhow::Result<()> {
