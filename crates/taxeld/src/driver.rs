@@ -145,7 +145,7 @@ impl Driver {
             self.catch_up(queues).await;
         }
         self.tick_if_due();
-        // Of the queues that have an item each has the same chance; one whose other end is gone counts as empty.
+        // Looked at from any of them on, by chance, so that none is passed over; one whose other end is gone counts as empty.
         tokio::select! {
             () = cancel.cancelled() => return false,
             Some(batch) = queues.batches.recv() => self.take_batch(batch),
