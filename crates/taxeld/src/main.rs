@@ -43,8 +43,7 @@ mod values;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::CommandFactory;
-use clap::{FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use config::CONFIG_FILE;
 
 /// Calibrates robot skin in a vacuum bag and streams its force. Start with `taxeld demo`: it needs no hardware.

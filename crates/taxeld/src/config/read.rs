@@ -59,7 +59,7 @@ pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems
         // What was taken out as wrong is not missing as well.
         let told: Vec<String> = reading.problems.iter().map(|problem| problem.key.clone()).collect();
         let new = faults.found().into_iter().filter(|(key, _)| !told.contains(&printable(key)));
-        new.take(PROBLEMS_MAX).for_each(|(key, words)| reading.note(&key, words));
+        new.for_each(|(key, words)| reading.note(&key, words));
         scene
     });
     reading.end(config.zip(scene))
