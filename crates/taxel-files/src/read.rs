@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use flate2::read::MultiGzDecoder;
 
-use super::is_standard;
+use crate::write::is_standard;
 
 /// The name by which the system itself opens what `-` stands for as an input.
 #[must_use]
