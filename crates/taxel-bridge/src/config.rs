@@ -134,7 +134,7 @@ impl Config {
     /// # Errors
     /// Where it is not as expected.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        let text = taxel_files::read_utf8(path).with_context(|| format!("reading {}", path.display()))?;
         Self::parse(&text).with_context(|| path.display().to_string())
     }
 
@@ -242,6 +242,14 @@ mod tests {
         let example = include_str!("../../../deploy/taxel-bridge.toml");
         let config = Config::parse(example).unwrap();
         assert!(config.ros.is_some() && config.fleet.is_some());
+    }
+
+    #[test]
+    fn a_pipe_is_no_configuration_and_holds_nothing_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("bridge.toml");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        assert!(format!("{:#}", Config::read(&pipe).unwrap_err()).contains("no regular file"));
     }
 
     #[test]
