@@ -152,8 +152,8 @@ impl ForceModel {
         layout.outputs.contacts &= neighbours.is_some();
         layout.outputs.fill &= neighbours.is_some();
         let made_up = layout.outputs.fill.then(MadeUp::new);
-        let placed = layout.geometry.as_ref().zip(neighbours.as_ref()).filter(|_| layout.outputs.place);
-        let places = placed.map(|(geometry, neighbours)| Places::new(geometry, &layout.areas, neighbours));
+        let placed = layout.geometry.as_ref().filter(|_| layout.outputs.place);
+        let places = placed.map(|geometry| Places::new(geometry, &layout.areas));
         Self { layout, neighbours, made_up, places }
     }
 

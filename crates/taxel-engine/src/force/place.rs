@@ -3,7 +3,8 @@
 //! Pads are points some 6 mm apart. A fingertip on top of one is read too high, one between three too low, by a tenth and more. How large
 //! a contact is follows from how many taxels carry it in effect (`sampling.rs`): it is the disc that as many carry. Where it lies
 //! follows from its centre of pressure, which pads draw towards themselves as they do that of the disc. What the taxels read of a newton
-//! of that disc is what they read of one of the contact. Long contacts are no discs and keep their sum.
+//! of that disc is what they read of one of the contact. Long contacts are no discs and keep their sum. So do large ones: many pads
+//! sample them well, and they may hang over the rim of the skin, where what lies beyond is no force on it.
 //!
 //! It holds where pads and layer are those of iCub's triangles. What the areas of all taxels are is not asked here: a disc that covers
 //! many is read as what it is.
@@ -12,15 +13,15 @@ use nalgebra::Vector3;
 use taxel_skin::{Geometry, SquareMillimetre};
 
 use crate::force::discs::Discs;
-use crate::force::neighbours::Neighbours;
 use crate::force::sampling::Contact;
-use crate::statistics::median;
 
 /// Radii of the discs, mm.
 const RADII_MM: [f64; SIZES] = [3.5, 4.5, 5.5, 6.5, 8.0, 10.0, 13.0, 18.0];
 const SIZES: usize = 8;
-/// The disc that is read alike wherever it lies.
+/// The disc that is read alike wherever it lies on the inner tenth of a skin.
 const EVEN: usize = 6;
+/// From this disc on contacts are large.
+const LARGE: usize = 5;
 /// Taxels within this distance of the centre feel a disc, mm.
 const REACH_MM: f32 = 24.0;
 /// A taxel that bears less than this share of the peak of a disc does not carry it.
@@ -54,16 +55,15 @@ struct Shown {
 
 impl Places {
     /// Of the taxels with a place; `areas` has one entry a taxel.
-    pub fn new(geometry: &Geometry, areas: &[SquareMillimetre], neighbours: &Neighbours) -> Self {
-        let placed = geometry.poses.iter().zip(areas).enumerate();
-        let placed = placed.filter_map(|(taxel, (pose, area))| Some((taxel, (*pose)?.position, area.0)));
-        let in_mm = |at: [f64; 3]| at.map(|metre| (1e3 * metre) as f32);
-        let taxels = placed.clone().map(|(_, at, mm2)| (in_mm(at), (1e-3 * mm2) as f32)).collect();
+    pub fn new(geometry: &Geometry, areas: &[SquareMillimetre]) -> Self {
+        let placed = geometry.poses.iter().zip(areas).filter_map(|(pose, area)| Some(((*pose)?.position, area.0)));
+        let taxel = |(at, mm2): ([f64; 3], f64)| (at.map(|metre| (1e3 * metre) as f32), (1e-3 * mm2) as f32);
+        let taxels: Vec<_> = placed.map(taxel).collect();
         let mut places = Self { discs: Discs::new(RADII_MM, SIZES), taxels };
         // Areas that leave out the gaps, or are not known well, are not this model's to mend.
-        let inner = placed.filter(|(taxel, ..)| !neighbours.is_at_rim(*taxel));
-        let even = inner.map(|(_, at, _)| f64::from(places.under_discs(in_mm(at)).newton[EVEN]));
-        let even = median(even).filter(|read| *read > 0.0).unwrap_or(1.0) as f32;
+        let mut even: Vec<f32> = places.taxels.iter().map(|(at, _)| places.under_discs(*at).newton[EVEN]).collect();
+        even.sort_by(f32::total_cmp);
+        let even = even.get(even.len() * 9 / 10).copied().filter(|read| *read > 0.0).unwrap_or(1.0);
         places.taxels.iter_mut().for_each(|(_, newton_per_kpa)| *newton_per_kpa /= even);
         places
     }
@@ -116,15 +116,16 @@ fn add(sums: &mut BySize, times: f32, numbers: &BySize) {
 }
 
 impl Shown {
-    /// Of the disc that so many taxels carry what they read, N, and how far its centre seems off, mm: between two discs as on a line,
-    /// of the least or the greatest beyond these.
+    /// Of the disc that so many taxels carry what they read, N, all of it of a large one, and how far its centre seems off, mm: between
+    /// two discs as on a line, of the least or the greatest beyond these.
     fn of_as_many(&self, taxels: f32) -> (f32, [f32; 3]) {
         let larger = self.carry.iter().position(|carry| *carry >= taxels).unwrap_or(SIZES - 1);
         let smaller = larger.saturating_sub(1);
         let apart = (self.carry[larger] - self.carry[smaller]).max(f32::MIN_POSITIVE);
         let part = ((taxels - self.carry[smaller]) / apart).clamp(0.0, 1.0);
         let between = |of: &BySize| of[smaller] + part * (of[larger] - of[smaller]);
-        (between(&self.newton), self.off_mm.each_ref().map(between))
+        let newton = std::array::from_fn(|disc| if disc < LARGE { self.newton[disc] } else { 1.0 });
+        (between(&newton), self.off_mm.each_ref().map(between))
     }
 }
 
@@ -171,7 +172,7 @@ mod tests {
         for left_out in [1.0, 0.75] {
             let area_mm2 = left_out * 36.59;
             let (geometry, areas) = skin(area_mm2);
-            let places = Places::new(&geometry, &areas, &Neighbours::new(&geometry));
+            let places = Places::new(&geometry, &areas);
             for (radius_mm, least) in [(6.0, 0.02), (14.0, 0.0)] {
                 let [mut by_place, mut by_sum] = [0.0_f64; 2];
                 for centre in centres() {
@@ -187,9 +188,16 @@ mod tests {
     }
 
     #[test]
+    fn what_hangs_over_the_rim_is_no_force_on_the_skin() {
+        let (geometry, areas) = skin(36.59);
+        let (contact, _) = pressed(&geometry, 36.59, 14.0, [37.7, 12.5 * 5.629]);
+        assert_eq!(Places::new(&geometry, &areas).factor(&contact), 1.0);
+    }
+
+    #[test]
     fn a_long_contact_and_one_without_a_place_keep_their_sums() {
         let (geometry, areas) = skin(36.59);
-        let places = Places::new(&geometry, &areas, &Neighbours::new(&geometry));
+        let places = Places::new(&geometry, &areas);
         let taxel = |place_mm| Pressed { kpa: 10.0, newton: 0.4, area_mm2: 36.59, place_mm, at_rim: false };
         let mut edge = Contact::default();
         (0..4).for_each(|k| edge.add(taxel(Some(Vector3::new(6.5 * f64::from(k), 0.0, 0.0)))));
