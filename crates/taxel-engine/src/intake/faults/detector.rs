@@ -21,16 +21,16 @@ const NO_ACK_BIT: usize = 0;
 const NOT_CONNECTED_BIT: usize = 1;
 const OUT_OF_RANGE_BIT: usize = 4;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct ModuleWatch {
     taxels: Range<usize>,
     /// Which of the module's twelve values each taxel is.
     slots: &'static [u8],
     heard: Option<Time>,
-    too_fast_until: Time,
+    too_fast_until: Option<Time>,
     /// Until when each bit of its status word counts, and any of them.
-    bits_until: [Time; u16::BITS as usize],
-    status_until: Time,
+    bits_until: [Option<Time>; u16::BITS as usize],
+    status_until: Option<Time>,
     /// Its taxels carry faults that they share.
     marked: bool,
     jumps: ModuleJumps,
@@ -53,16 +53,7 @@ impl FaultDetector {
     /// `modules` are ranges of taxel numbers; those beyond `taxel_count` are cut off.
     pub fn new(taxel_count: usize, modules: &[Range<usize>], limits: FaultLimits) -> Self {
         let clip = |r: &Range<usize>| r.start.min(taxel_count)..r.end.min(taxel_count).max(r.start.min(taxel_count));
-        let watch = |range: &Range<usize>| ModuleWatch {
-            taxels: clip(range),
-            slots: &[],
-            heard: None,
-            too_fast_until: Time::from_nanos(i64::MIN),
-            bits_until: [Time::from_nanos(i64::MIN); u16::BITS as usize],
-            status_until: Time::from_nanos(i64::MIN),
-            marked: false,
-            jumps: ModuleJumps::default(),
-        };
+        let watch = |range: &Range<usize>| ModuleWatch { taxels: clip(range), ..ModuleWatch::default() };
         Self {
             limits,
             hold: Duration::from_secs_f32(limits.hold_s.clamp(0.0, 1e6)),
@@ -147,7 +138,7 @@ impl FaultDetector {
         if sum.is_finite() {
             watch.jumps.on_scan(now, sum, sound);
         }
-        let shares = flicker || now < watch.status_until || now < watch.too_fast_until;
+        let shares = flicker || Some(now) < watch.status_until || Some(now) < watch.too_fast_until;
         if shares || watch.marked {
             watch.marked = shares;
             changed |= self.mark(now, module, flicker);
@@ -158,7 +149,7 @@ impl FaultDetector {
     /// Sets the faults that a whole module shares.
     fn mark(&mut self, now: Time, module: usize, flicker: bool) -> bool {
         let watch = &self.modules[module];
-        let says = |bit: usize| watch.bits_until.get(bit).is_some_and(|until| now < *until);
+        let says = |bit: usize| watch.bits_until.get(bit).is_some_and(|until| Some(now) < *until);
         let mut changed = false;
         for (i, taxel) in self.taxels[watch.taxels.clone()].iter_mut().enumerate() {
             let before = taxel.faults;
@@ -167,7 +158,7 @@ impl FaultDetector {
             taxel.faults.set(Fault::StatusOutOfRange, out);
             taxel.faults.set(Fault::NotConnected, says(NOT_CONNECTED_BIT));
             taxel.faults.set(Fault::NoAck, says(NO_ACK_BIT));
-            taxel.faults.set(Fault::TooFast, now < watch.too_fast_until);
+            taxel.faults.set(Fault::TooFast, Some(now) < watch.too_fast_until);
             taxel.faults.set(Fault::Stale, false);
             taxel.note_onset(now);
             changed |= taxel.faults != before;
@@ -178,7 +169,7 @@ impl FaultDetector {
     /// The module's scans come faster than its board can send them: none of its values can be trusted until then.
     pub fn suspect_module(&mut self, now: Time, module: usize, until: Time) {
         if let Some(watch) = self.modules.get_mut(module) {
-            watch.too_fast_until = watch.too_fast_until.max(until);
+            watch.too_fast_until = watch.too_fast_until.max(Some(until));
             self.blame(now, module, Fault::TooFast);
         }
     }
@@ -220,9 +211,9 @@ impl ModuleWatch {
         if status == 0 {
             return; // nearly always
         }
-        self.status_until = until;
+        self.status_until = Some(until);
         let said = self.bits_until.iter_mut().enumerate().filter(|(bit, _)| status >> bit & 1 != 0);
-        said.for_each(|(_, said)| *said = until);
+        said.for_each(|(_, said)| *said = Some(until));
     }
 }
 

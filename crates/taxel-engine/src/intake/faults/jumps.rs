@@ -11,9 +11,6 @@ use taxel_skin::Time;
 /// So long a jump counts.
 const KEPT: Duration = Duration::from_secs(20);
 
-/// What never was.
-const NEVER: Time = Time::from_nanos(i64::MIN);
-
 /// So many of the newest are kept.
 const NEWEST: usize = 8;
 
@@ -23,7 +20,7 @@ const LEAST_COUNTS: f32 = 1.5;
 const LEAST_DEVIATIONS: f32 = 5.0;
 
 /// The jumps of one module.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ModuleJumps {
     /// Standard deviation of one taxel at rest, counts.
     noise: f32,
@@ -34,12 +31,6 @@ pub(super) struct ModuleJumps {
     /// When, and by how much; the oldest is at `oldest`.
     kept: [(Time, f32); NEWEST],
     oldest: usize,
-}
-
-impl Default for ModuleJumps {
-    fn default() -> Self {
-        Self { noise: 0.0, sum: 0.0, taxels: 0, last_change: 0.0, kept: [(NEVER, 0.0); NEWEST], oldest: 0 }
-    }
 }
 
 impl ModuleJumps {

@@ -24,10 +24,7 @@ const NOISE_SHOWS: f32 = 0.3;
 /// A taxel is frozen after so many of its mean intervals between changes, where the noise is not known.
 const INTERVALS: f32 = 20.0;
 
-/// What never was, or is long over.
-const NEVER: Time = Time::from_nanos(i64::MIN);
-
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct TaxelWatch {
     pub(super) faults: FaultSet,
     /// Changed within the freezing time.
@@ -46,32 +43,11 @@ pub(super) struct TaxelWatch {
     expected_noise: f32,
     /// With so much noise its converter never stands still.
     must_change: bool,
-    rail_until: Time,
-    jump_until: Time,
-    still_until: Time,
+    /// Until when each is held; `None` is before any time.
+    rail_until: Option<Time>,
+    jump_until: Option<Time>,
+    still_until: Option<Time>,
     since: Option<Time>,
-}
-
-impl Default for TaxelWatch {
-    fn default() -> Self {
-        Self {
-            faults: FaultSet::default(),
-            is_lively: false,
-            begun: false,
-            newest: 0.0,
-            changes: 0,
-            last_change: Time::default(),
-            last_delta: 0.0,
-            variance: 0.0,
-            mean_interval_s: 0.0,
-            expected_noise: 0.0,
-            must_change: false,
-            rail_until: NEVER,
-            jump_until: NEVER,
-            still_until: NEVER,
-            since: None,
-        }
-    }
 }
 
 impl TaxelWatch {
@@ -167,10 +143,10 @@ impl TaxelWatch {
     fn watch_rails(&mut self, now: Time, hold: Duration, limits: &FaultLimits) {
         let count = self.newest;
         if count <= limits.rail_low || count >= limits.rail_high {
-            self.rail_until = now + hold;
+            self.rail_until = Some(now + hold);
             self.begin(now);
         }
-        let on = now < self.rail_until;
+        let on = Some(now) < self.rail_until;
         self.faults.set(Fault::Rail, on);
     }
 
@@ -179,12 +155,12 @@ impl TaxelWatch {
         let off_at = on_at * limits.jump_off_counts / limits.jump_on_counts;
         let was = self.faults.contains(Fault::Jumping);
         if self.variance > on_at * on_at || (was && self.variance > off_at * off_at) {
-            self.jump_until = now + hold;
+            self.jump_until = Some(now + hold);
             if !was {
                 self.begin(now - FLICKER_LOOKBACK);
             }
         }
-        let on = now < self.jump_until;
+        let on = Some(now) < self.jump_until;
         self.faults.set(Fault::Jumping, on);
     }
 
@@ -197,9 +173,9 @@ impl TaxelWatch {
         let dead = expected && self.changes == 0 && still_s > limits.dead_after_s;
         if frozen || dead {
             self.begin(self.last_change);
-            self.still_until = now + hold;
+            self.still_until = Some(now + hold);
         }
-        let held = now < self.still_until;
+        let held = Some(now) < self.still_until;
         self.faults.set(Fault::Dead, dead || (held && self.faults.contains(Fault::Dead)));
         self.faults.set(Fault::Frozen, frozen || (held && self.faults.contains(Fault::Frozen)));
     }
