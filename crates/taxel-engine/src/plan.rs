@@ -12,7 +12,6 @@ pub use crate::intake::bring_up::BoardSetup;
 use crate::intake::bring_up::commands;
 pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 pub use crate::intake::gauge::Gauge;
-pub use crate::zero::plan::TarePlan;
 
 use crate::baseline::Activation;
 use crate::board_settings::{difference, line, sum};
@@ -21,11 +20,9 @@ use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::force::measure::Layout;
 use crate::force::owner::ForcePlan;
 use crate::intake::faults::limits::FaultLimits;
-use crate::intake::receive::IntakePlan;
 use crate::loads::load::LoadsPlan;
 use crate::model_set::ModelSet;
 use crate::regions::Regions;
-use crate::zero::plan::ZeroPlan;
 
 /// Everything one engine does.
 #[derive(Clone, Debug)]
@@ -134,39 +131,14 @@ impl PatchPlan {
         sum(&format!("{:?} {commands:?}", self.board_settings()))
     }
 
-    /// What of it the intake needs.
-    #[must_use]
-    pub fn intake(&self) -> IntakePlan {
-        IntakePlan {
-            patch: self.patch.clone(),
-            bring_up: self.bring_up.clone(),
-            devices: self.devices.clone(),
-            period: self.period,
-            faults: self.fault_limits(),
-            stale_after: self.live.stale_after,
-            power_cycle_after: self.live.power_cycle_after,
-            shared: Vec::new(),
-        }
-    }
-
     /// A rail is where the converter ends, and what is silent or still for long depends on the period.
-    fn fault_limits(&self) -> FaultLimits {
+    #[must_use]
+    pub fn fault_limits(&self) -> FaultLimits {
         let (counts, limits) = (self.patch.counts(), FaultLimits::default().at_period(self.period.as_secs_f32()));
         if counts == CountRange::BYTE {
             return limits;
         }
         FaultLimits { rail_high: counts.units(counts.top()) as f32, ..limits }
-    }
-
-    /// What of it the zero needs.
-    #[must_use]
-    pub fn zero(&self) -> ZeroPlan {
-        ZeroPlan {
-            tare: self.tare,
-            follow_drift: self.follow_drift,
-            board_names: self.patch.boards().iter().map(|board| board.address.to_string()).collect(),
-            module_names: (0..self.patch.modules().len()).map(|module| self.patch.module_name(module)).collect(),
-        }
     }
 
     /// What of it the force needs.
@@ -278,5 +250,20 @@ impl Default for LiveLimits {
             stale_share_max: 0.2,
             power_cycle_after: Duration::from_secs(1),
         }
+    }
+}
+
+/// How the zero is taken.
+#[derive(Clone, Copy, Debug)]
+pub struct TarePlan {
+    /// How long the skin is watched.
+    pub duration: Duration,
+    /// Take the zero by itself after start, if rest is proven against the active model set.
+    pub at_start: bool,
+}
+
+impl Default for TarePlan {
+    fn default() -> Self {
+        Self { duration: Duration::from_secs(1), at_start: true }
     }
 }

@@ -5,6 +5,7 @@
 
 mod reports;
 
+use std::sync::Arc;
 use std::time::Duration;
 use taxel_skin::{BusIndex, Patch, Time};
 use taxel_wire::array::TooShort;
@@ -15,39 +16,18 @@ use crate::baseline::TaxelBaseline;
 use crate::boundary::pushed::PushedScan;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
 use crate::intake::boards::{BoardNews, BoardState, SilenceLimits, ZeroSign};
-use crate::intake::bring_up::{BoardSetup, BringUp};
-use crate::intake::cells::{Device, DevicePlan};
+use crate::intake::bring_up::BringUp;
+use crate::intake::cells::Device;
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::FaultSet;
-use crate::intake::faults::limits::FaultLimits;
 use crate::intake::gauge::GaugeHistory;
 use crate::intake::pace::Pace;
+use crate::plan::PatchPlan;
 use crate::regions::Regions;
 use crate::scan::Scan;
 
 /// The status of a device that says that it is not well, as a board would say it: nothing is connected.
 const NOT_WELL: u16 = 2;
-
-/// What intake needs to know of a patch.
-#[derive(Clone, Debug)]
-pub struct IntakePlan {
-    /// Boards, modules and taxels.
-    pub patch: Patch,
-    /// How each board is brought up; empty if the daemon only listens.
-    pub bring_up: Vec<BoardSetup>,
-    /// One per board where the boards are devices that are described by their signals; else empty.
-    pub devices: Vec<DevicePlan>,
-    /// The period at which the boards send.
-    pub period: Duration,
-    /// When a taxel counts as faulty.
-    pub faults: FaultLimits,
-    /// A module is stale when it has been silent for so long.
-    pub stale_after: Duration,
-    /// A board silent for so long may have lost its power, and so its zero.
-    pub power_cycle_after: Duration,
-    /// Per board, whether another patch has modules of it, too. Shorter: the others are this patch's alone.
-    pub shared: Vec<bool>,
-}
 
 /// What came of frames or of time passing.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,7 +45,9 @@ pub enum IntakeEvent {
 /// The intake of one patch.
 #[derive(Debug)]
 pub struct Intake {
-    plan: IntakePlan,
+    plan: Arc<PatchPlan>,
+    /// Per board, whether another patch has modules of it, too.
+    shared: Vec<bool>,
     regions: Regions,
     assembler: ScanAssembler,
     paces: Vec<Pace>,
@@ -85,11 +67,11 @@ pub struct Intake {
 }
 
 impl Intake {
-    /// Nothing heard, nothing sent.
-    pub fn new(plan: IntakePlan) -> Self {
+    /// Nothing heard, nothing sent; `shared` says which boards other patches have, too.
+    pub fn new(plan: Arc<PatchPlan>, shared: Vec<bool>) -> Self {
         let regions = Regions::new(&plan.patch);
         let modules = plan.patch.modules().len();
-        let faults = FaultDetector::new(regions.taxels(), regions.modules(), plan.faults)
+        let faults = FaultDetector::new(regions.taxels(), regions.modules(), plan.fault_limits())
             .with_kinds(regions.kinds().iter().copied());
         Self {
             assembler: ScanAssembler::new(&plan.patch, plan.period),
@@ -113,6 +95,7 @@ impl Intake {
             soundness: 0,
             jumps: vec![0.0; modules],
             regions,
+            shared,
             plan,
         }
     }
@@ -124,7 +107,7 @@ impl Intake {
             board.on_bring_up();
             self.paces[modules.clone()].iter_mut().for_each(Pace::on_bring_up);
         }
-        let IntakePlan { patch, bring_up, devices, .. } = &self.plan;
+        let PatchPlan { patch, bring_up, devices, .. } = &*self.plan;
         self.bring_up.start(now, patch, bring_up, devices, wanted);
     }
 
@@ -217,7 +200,7 @@ impl Intake {
     }
 
     fn tell_others(&self, board: usize, news: BoardNews, events: &mut Vec<IntakeEvent>) {
-        if self.plan.shared.get(board) == Some(&true) {
+        if self.shared.get(board) == Some(&true) {
             events.push(IntakeEvent::News(board, news));
         }
     }
@@ -274,8 +257,9 @@ impl Intake {
         events.extend(suspicion.map(|why| IntakeEvent::Board(board, ZeroSign::Suspect(why))));
     }
 
-    const fn silence_limits(&self) -> SilenceLimits {
-        SilenceLimits { suspect_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after }
+    fn silence_limits(&self) -> SilenceLimits {
+        let live = &self.plan.live;
+        SilenceLimits { suspect_after: live.stale_after, power_cycle_after: live.power_cycle_after }
     }
 
     /// A reading of the gauge.
@@ -299,7 +283,7 @@ impl Intake {
     pub fn tick(&mut self, now: Time, send: &mut Vec<(usize, Frame)>, events: &mut Vec<IntakeEvent>) {
         send.extend(std::iter::from_fn(|| self.bring_up.next_due(now)));
         let incomplete = self.bring_up.tick(now);
-        let silent = self.assembler.mark_stale(now, self.plan.stale_after);
+        let silent = self.assembler.mark_stale(now, self.plan.live.stale_after);
         let unsound = !silent.is_empty();
         silent.into_iter().for_each(|module| self.faults.on_silent(now, module));
         if unsound {
@@ -312,7 +296,7 @@ impl Intake {
 
     /// When [`Intake::tick`] has something to do at the latest, if nothing comes before.
     pub fn deadline(&self) -> Option<Time> {
-        let silence = self.assembler.first_silence(self.plan.stale_after);
+        let silence = self.assembler.first_silence(self.plan.live.stale_after);
         [self.bring_up.deadline(), silence].into_iter().flatten().min()
     }
 

@@ -19,7 +19,7 @@ use crate::intake::boards::{BoardNews, Suspicion, ZeroSign};
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::gauge::GaugeAtRest;
 use crate::intake::health::BoardHealth;
-use crate::intake::receive::{Intake, IntakeEvent, IntakePlan};
+use crate::intake::receive::{Intake, IntakeEvent};
 use crate::loads::load::Load;
 use crate::loads::owner::{LoadRead, Loads};
 use crate::model_set::ModelSet;
@@ -95,9 +95,9 @@ impl Patch {
     /// `shared` says which boards other patches have, too.
     pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, known: KeptZero, shared: Vec<bool>) -> Self {
         let plan = Arc::new(plan);
-        let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
+        let intake = Intake::new(Arc::clone(&plan), shared);
         let regions = intake.regions().clone();
-        let mut zero = Zero::new(plan.zero(), regions.clone());
+        let mut zero = Zero::new(Arc::clone(&plan), regions.clone());
         zero.remember(&known);
         Self {
             index,

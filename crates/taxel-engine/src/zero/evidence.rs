@@ -28,7 +28,7 @@ mod account;
 mod inputs;
 
 use std::ops::Range;
-use taxel_skin::ModuleKind;
+use taxel_skin::{ModuleKind, Patch};
 
 use self::account::Board;
 use self::inputs::{Pad, Taxel, is_vanished, sum};
@@ -62,12 +62,12 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Boards of which nothing was seen yet; `names` has one entry per board.
+    /// Boards of which nothing was seen yet.
     #[must_use]
-    pub fn new(regions: &Regions, names: &[String]) -> Self {
+    pub fn new(regions: &Regions, patch: &Patch) -> Self {
         let boards = regions.boards().iter().zip(regions.board_modules()).enumerate();
         let board = |(board, (taxels, modules)): (usize, (&Range<usize>, &Range<usize>))| {
-            let name = names.get(board).map_or_else(String::new, |name| format!("board {name} "));
+            let name = format!("board {} ", patch.boards()[board].address);
             Board { name, taxels: taxels.clone(), modules: modules.clone(), ..Board::default() }
         };
         let pads = |kind: &ModuleKind| [0, 1].map(|pad| pad < kind.thermal_slots().len());

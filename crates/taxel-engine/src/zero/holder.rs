@@ -13,6 +13,7 @@ use crate::force::owner::ZeroState;
 use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::model_set::ModelSet;
 use crate::now::Now;
+use crate::plan::PatchPlan;
 use crate::regions::Regions;
 use crate::request::ErrorReason;
 use crate::scan::Scan;
@@ -21,7 +22,6 @@ use crate::zero::evidence::Evidence;
 use crate::zero::ground::Ground;
 use crate::zero::kept::{TakenZero, Unjudged};
 use crate::zero::offset::Offset;
-use crate::zero::plan::ZeroPlan;
 use crate::zero::rest::window::RestWindow;
 use crate::zero::view::TareView;
 use crate::zero::watch::{Findings, Purpose, Watch, Writing};
@@ -67,7 +67,7 @@ pub(super) struct Held {
 /// The zero of one patch.
 #[derive(Debug)]
 pub struct Zero {
-    pub(super) plan: ZeroPlan,
+    pub(super) plan: Arc<PatchPlan>,
     pub(super) regions: Regions,
     pub(super) view: TareView,
     pub(super) trust: Trust,
@@ -87,7 +87,7 @@ pub struct Zero {
 
 impl Zero {
     /// No zero.
-    pub fn new(plan: ZeroPlan, regions: Regions) -> Self {
+    pub fn new(plan: Arc<PatchPlan>, regions: Regions) -> Self {
         Self {
             view: TareView::default(),
             trust: Trust::None,
@@ -96,7 +96,7 @@ impl Zero {
             confirmed: None,
             unjudged: None,
             configuring: false,
-            evidence: Evidence::new(&regions, &plan.board_names),
+            evidence: Evidence::new(&regions, &plan.patch),
             offset: Offset::new(plan.follow_drift, &regions),
             ground: Ground::new(&regions),
             plan,
@@ -277,7 +277,7 @@ impl Zero {
         let taken = if let Trust::Held(held) = &self.trust { Some(held.baseline.as_slice()) } else { None };
         let change = self.offset.on_scan(scan, counts, &self.ground, taken);
         if let Some(found) = change.lighter.filter(|_| self.holds() && self.watch.is_none()) {
-            let found = found.lighter_in_words(|module| self.plan.module_name(module));
+            let found = found.lighter_in_words(|module| self.plan.patch.module_name(module));
             let why = "the zero was taken under a load, or is another; unload the skin and tare";
             self.lose(ReasonCode::ZeroLost, format!("{found}: {why}"), events);
         } else if change.moves

@@ -9,7 +9,6 @@ pub(crate) mod kept;
 mod losing;
 mod module_offset;
 mod offset;
-pub(crate) mod plan;
 pub(crate) mod rest;
 #[cfg(test)]
 mod tests;

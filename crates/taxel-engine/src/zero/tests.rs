@@ -9,6 +9,7 @@ use crate::force::reason::ReasonCode;
 use crate::force::tests::{REST, set};
 use crate::model_set::ModelSet;
 use crate::now::Now;
+use crate::plan::PatchPlan;
 use crate::regions::Regions;
 use crate::request::RequestId;
 use crate::scan::Scan;
@@ -17,7 +18,6 @@ use crate::zero::bag::Bag;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::{Trust, Zero};
 use crate::zero::kept::{KeptZero, TakenZero};
-use crate::zero::plan::{TarePlan, ZeroPlan};
 use crate::zero::watch::Purpose;
 
 const MODULES: usize = 8;
@@ -95,14 +95,10 @@ struct Skin {
 
 impl Skin {
     fn new() -> Self {
-        let regions = Regions::new(&patch(&[ModuleKind::Triangle; MODULES]));
-        let plan = ZeroPlan {
-            tare: TarePlan { at_start: false, ..TarePlan::default() },
-            follow_drift: false,
-            board_names: vec!["12".to_owned()],
-            module_names: Vec::new(),
-        };
-        Self { zero: Zero::new(plan, regions), scans: 0, events: Vec::new(), models: None }
+        let mut plan = PatchPlan::new(patch(&[ModuleKind::Triangle; MODULES]));
+        plan.tare.at_start = false;
+        let regions = Regions::new(&plan.patch);
+        Self { zero: Zero::new(Arc::new(plan), regions), scans: 0, events: Vec::new(), models: None }
     }
 
     fn now(&self) -> Now {

@@ -56,7 +56,7 @@ impl Zero {
         // models the zero needs confirmation.
         let first = matches!((&verdict, &purpose), (RestVerdict::Unproven { .. }, Purpose::Session { .. }));
         let rest = first || verdict.is_rest();
-        let words = verdict.in_words(|module| self.plan.module_name(module));
+        let words = verdict.in_words(|module| self.plan.patch.module_name(module));
         // Nobody can confirm a skin that moved while it was watched: a mean over that is no zero.
         let confirmed = purpose.confirmed_by().filter(|_| verdict.is_still());
         let needed = self.needs_confirmation().filter(|_| !first);

@@ -96,7 +96,7 @@ fn a_slow_array_has_the_time_that_its_period_takes() {
     let plan = at(5000).unwrap();
     let limits = [plan.live.stale_after, plan.live.power_cycle_after, plan.tare.duration];
     assert_eq!(limits.map(|limit| limit.as_secs()), [15, 15, 50], "three periods, and ten scans for a zero");
-    assert_eq!(plan.intake().faults.stale_after_s, 25.0, "as of the slowest board, by its period");
+    assert_eq!(plan.fault_limits().stale_after_s, 25.0, "as of the slowest board, by its period");
     assert!(at(5001).unwrap_err().to_string().contains("period_ms = 5001: expected 1 to 5000"));
 }
 
