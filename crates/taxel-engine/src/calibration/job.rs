@@ -14,11 +14,11 @@ use crate::calibration::fit::course::{falling, session_clock};
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
-use crate::calibration::fit::skin_fit::SkinScans;
+use crate::calibration::fit::skin_fit::{SkinScans, share_gauge};
 use crate::calibration::gauge_zero::GaugeZero;
 use crate::calibration::plateau::scatter_kpa;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
-use crate::model_set::{Maker, ModelSet};
+use crate::model_set::{Maker, ModelSet, Recorded};
 use crate::plan::PatchPlan;
 use crate::statistics::root_mean_square;
 
@@ -125,20 +125,20 @@ impl FitJob {
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_last_zero(taxel, column));
         let scans = scans(&time_s, &columns);
         let fit = SkinScans { scans: &scans, masks: &masks, kpa: &kpa, zeros: Some(rest), smooth_s: 0.0 };
-        let mut fitted = fit.fit(recipe, &OneByOne).map_err(|why| why.to_string())?;
-        let models = &fitted.models;
-        if !models.iter().any(TaxelModel::is_usable) {
-            let why = models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
+        let mut set = fit.fit(recipe, &OneByOne).map_err(|why| why.to_string())?;
+        if !set.taxels.iter().any(TaxelModel::is_usable) {
+            let why = set.taxels.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
             let samples = samples.len();
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
-        let zero_return = self.zero_between_ramps(models);
         let has_falls = recipe.branch == Branch::Both && !recipe.is_paper();
-        let recorded = has_falls.then(|| fitted.recorded(recipe, 0.0, zero_return));
+        let recorded = set.recorded.take().filter(|_| has_falls);
+        let zero_return_counts = self.zero_between_ramps(&set.taxels);
+        let recorded = recorded.map(|recorded| Recorded { zero_return_counts, ..recorded });
         let falls = if has_falls { ", hysteresis from falling" } else { "" };
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
         // All taxels share what was typed wrong, as they share the gauge.
-        let set = fitted.set(recipe, &gauge_zero, scatter_kpa(&self.samples));
+        share_gauge(&mut set, recipe, &gauge_zero, scatter_kpa(&self.samples));
         Ok(ModelSet {
             patch: self.patch.clone(),
             created_wall_ns: self.wall_ns,

@@ -11,7 +11,7 @@ use crate::calibration::fit::legs::{self, GAUGE_MEDIAN_SCANS};
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::{Scans, modules};
-use crate::calibration::fit::skin_fit::SkinScans;
+use crate::calibration::fit::skin_fit::{SkinScans, share_gauge};
 use crate::calibration::fit::smooth::running_median;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
 use crate::calibration::gauge_zero::GaugeZero;
@@ -38,26 +38,26 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
         return Err(RecordingError::NoPressure);
     }
     let smooth_s = if is_skin { recipe.smooth_s } else { 0.0 };
-    let mut fitted = SkinScans { scans, masks: &masks, kpa: &kpa, zeros: None, smooth_s }.fit(recipe, workers)?;
+    let mut set = SkinScans { scans, masks: &masks, kpa: &kpa, zeros: None, smooth_s }.fit(recipe, workers)?;
     if smooth_s > 0.0 {
         // A zero of another day is judged by single scans.
         let rest = rest_scans(&kpa);
-        for (taxel, zero) in fitted.zeros.iter_mut().enumerate() {
+        for (taxel, zero) in set.baseline.iter_mut().enumerate() {
             let single = baseline(scans.counts[taxel], masks.of(taxel), &rest);
             let both = zero.mean.is_finite() && single.mean.is_finite();
             *zero = if both { TaxelBaseline { noise: single.noise, ..*zero } } else { single };
         }
     }
-    let usable: Vec<usize> = (0..fitted.models.len()).filter(|&taxel| fitted.models[taxel].is_usable()).collect();
     let tells = |taxel: &RecordedTaxel| is_skin || taxel.plays.is_some();
-    let recorded = fitted.in_use.iter().flatten().any(tells).then(|| {
-        let returned = if is_skin { zero_return(scans, &masks, &kpa, &fitted.zeros, &usable) } else { None };
-        fitted.recorded(recipe, smooth_s, returned)
-    });
-    let set = fitted.set(recipe, &gauge_zero, 0.0);
+    set.recorded.take_if(|recorded| !recorded.taxels.iter().flatten().any(tells));
+    if let Some(recorded) = set.recorded.as_mut().filter(|_| is_skin) {
+        let usable: Vec<usize> = (0..set.taxels.len()).filter(|&taxel| set.taxels[taxel].is_usable()).collect();
+        recorded.zero_return_counts = zero_return(scans, &masks, &kpa, &set.baseline, &usable);
+    }
+    share_gauge(&mut set, recipe, &gauge_zero, 0.0);
     let branch = if rises_alone { ", rising" } else { "" };
     let method = format!("{}{branch}{}", set.method, gauge_zero.in_words());
-    Ok(ModelSet { method, recorded, maker: Maker::this(false), ..set })
+    Ok(ModelSet { method, maker: Maker::this(false), ..set })
 }
 
 /// What a recording is before it is fitted.

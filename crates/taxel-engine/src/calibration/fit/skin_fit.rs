@@ -30,34 +30,13 @@ pub(crate) struct SkinScans<'a> {
     pub smooth_s: f64,
 }
 
-/// What came of the fit.
-pub(crate) struct FittedSkin {
-    /// One model per taxel.
-    pub models: Vec<TaxelModel>,
-    /// What is known of each taxel in use; `None` where its model may not be used.
-    pub in_use: Vec<Option<RecordedTaxel>>,
-    /// The zero of each taxel.
-    pub zeros: Vec<TaxelBaseline>,
-    /// Seconds over whose mean plays follow.
-    pub plays_mean_s: f64,
-    /// As `Recorded` has it; `None` without a fall.
-    pub unloading_share: Option<f64>,
-    /// Left-out error with plays over that without; `None` without a fall.
-    pub plays_error_ratio: Option<f64>,
-    /// Greatest calibrated pressure, kPa.
-    pub pressure_max_kpa: f64,
-    /// Below this the skin does not answer, kPa.
-    pub dead_zone_kpa: f64,
-    /// How the curves were fitted, in words.
-    pub method: String,
-}
-
 impl SkinScans<'_> {
-    /// Fits every taxel.
+    /// Fits every taxel. The set comes without id, patch and time of making, and without what `share_gauge` adds. What was recorded
+    /// of hysteresis is in it, but for how far the zero returns.
     ///
     /// # Errors
     /// [`SkinError`]: the scans say nothing.
-    pub(crate) fn fit(&self, recipe: &FitRecipe, workers: &dyn Workers) -> Result<FittedSkin, SkinError> {
+    pub(crate) fn fit(&self, recipe: &FitRecipe, workers: &dyn Workers) -> Result<ModelSet, SkinError> {
         if recipe.is_paper() {
             return Ok(self.fit_paper(recipe, workers));
         }
@@ -71,34 +50,37 @@ impl SkinScans<'_> {
         let models = map(workers, taxels, |taxel| self.model(&skin, taxel, counts[taxel], recipe));
         let zero =
             |taxel| skin.zero(taxel).map_or(TaxelBaseline::UNKNOWN, |(mean, noise)| TaxelBaseline { mean, noise });
-        Ok(FittedSkin {
-            in_use: (0..taxels).map(|taxel| in_use(&skin, taxel, &models[taxel])).collect(),
-            zeros: (0..taxels).map(zero).collect(),
+        let recorded = Recorded {
+            smooth_s: self.smooth_s,
             plays_mean_s: PLAY_SCANS as f64 * self.scans.period_s(),
+            module_size: recipe.module_size,
+            zero_return_counts: None,
             unloading_share: skin.fall_share,
             plays_error_ratio: skin.plays_error_ratio,
+            taxels: (0..taxels).map(|taxel| in_use(&skin, taxel, &models[taxel])).collect(),
+        };
+        Ok(ModelSet {
+            method: method(&skin.form),
+            baseline: (0..taxels).map(zero).collect(),
             pressure_max_kpa: skin.range_kpa[1],
             dead_zone_kpa: skin.dead_zone_kpa,
-            method: method(&skin.form),
-            models,
+            taxels: models,
+            recorded: Some(recorded),
+            ..ModelSet::default()
         })
     }
 
     /// The paper's fit: its equation over all samples of rising pressure, as they are. No fault is looked for, nothing is
     /// averaged, shifted in time or compensated.
-    fn fit_paper(&self, recipe: &FitRecipe, workers: &dyn Workers) -> FittedSkin {
+    fn fit_paper(&self, recipe: &FitRecipe, workers: &dyn Workers) -> ModelSet {
         let rest = rest_scans(self.kpa);
         let of = |taxel: usize| baseline(self.scans.counts[taxel], self.masks.of(taxel), &rest);
-        FittedSkin {
-            models: map(workers, self.scans.counts.len(), |taxel| self.paper_model(taxel, &recipe.options)),
-            in_use: Vec::new(),
-            zeros: self.zeros.map_or_else(|| (0..self.scans.counts.len()).map(of).collect(), <[_]>::to_vec),
-            plays_mean_s: 0.0,
-            unloading_share: None,
-            plays_error_ratio: None,
-            pressure_max_kpa: self.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            dead_zone_kpa: 0.0,
+        ModelSet {
             method: format!("order {}, paper", recipe.options.order),
+            baseline: self.zeros.map_or_else(|| (0..self.scans.counts.len()).map(of).collect(), <[_]>::to_vec),
+            pressure_max_kpa: self.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            taxels: map(workers, self.scans.counts.len(), |taxel| self.paper_model(taxel, &recipe.options)),
+            ..ModelSet::default()
         }
     }
 
@@ -136,37 +118,13 @@ impl SkinScans<'_> {
     }
 }
 
-impl FittedSkin {
-    /// What was recorded of hysteresis and of the zero, of counts that are averaged over so many seconds.
-    pub(crate) fn recorded(&mut self, recipe: &FitRecipe, smooth_s: f64, zero_return_counts: Option<f64>) -> Recorded {
-        Recorded {
-            smooth_s,
-            plays_mean_s: self.plays_mean_s,
-            module_size: recipe.module_size,
-            zero_return_counts,
-            unloading_share: self.unloading_share,
-            plays_error_ratio: self.plays_error_ratio,
-            taxels: std::mem::take(&mut self.in_use),
-        }
-    }
-
-    /// The models, which all share what was taken off the gauge's readings, and `curve_sigma_kpa` beside that. The set comes without id,
-    /// patch and time of making.
-    pub(crate) fn set(mut self, recipe: &FitRecipe, gauge_zero: &GaugeZero, curve_sigma_kpa: f64) -> ModelSet {
-        let zero_kpa = gauge_zero.sigma_kpa() * steeper_at_rest(&self.models, &self.zeros);
-        let gauge_offset_kpa = zero_kpa.hypot(recipe.options.gauge.offset_kpa).hypot(curve_sigma_kpa);
-        self.models.iter_mut().for_each(|model| model.gauge.offset_kpa = gauge_offset_kpa);
-        ModelSet {
-            method: self.method,
-            baseline: self.zeros,
-            pressure_max_kpa: self.pressure_max_kpa,
-            dead_zone_kpa: self.dead_zone_kpa,
-            gauge_gain_rel: recipe.options.gauge.gain_rel,
-            gauge_offset_kpa,
-            taxels: self.models,
-            ..ModelSet::default()
-        }
-    }
+/// All models of a set share the gauge, what was taken off its readings, and `curve_sigma_kpa` beside that.
+pub(crate) fn share_gauge(set: &mut ModelSet, recipe: &FitRecipe, gauge_zero: &GaugeZero, curve_sigma_kpa: f64) {
+    let gauge = recipe.options.gauge;
+    let zero_kpa = gauge_zero.sigma_kpa() * steeper_at_rest(&set.taxels, &set.baseline);
+    set.gauge_gain_rel = gauge.gain_rel;
+    set.gauge_offset_kpa = zero_kpa.hypot(gauge.offset_kpa).hypot(curve_sigma_kpa);
+    set.taxels.iter_mut().for_each(|model| model.gauge.offset_kpa = set.gauge_offset_kpa);
 }
 
 /// What is known of a taxel in use.
