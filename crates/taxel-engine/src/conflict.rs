@@ -1,9 +1,9 @@
 //! Plans that contradict themselves.
 
-use taxel_skin::{BusIndex, Module};
+use taxel_skin::{Board, BusIndex, Module};
 use taxel_wire::CanId;
 
-use crate::engine::routes::{Route, Routes, ids_of_board, ids_of_module};
+use crate::engine::routes::{ids_of_board, ids_of_module};
 use crate::plan::{PatchPlan, Plan};
 
 /// A plan that contradicts itself.
@@ -24,7 +24,11 @@ pub fn conflicts(plan: &Plan) -> Vec<Conflict> {
             found.extend(conflicts_between(a, b));
         }
         for b in &plan.patches {
-            found.extend(gauge_conflict(a, b));
+            let boards = a.devices.iter().zip(a.patch.boards());
+            let signals: Vec<_> = boards.flat_map(|(device, at)| device.ids().map(|id| (at.bus, id))).collect();
+            found.extend(taken(a, "signals", &signals, b));
+            let gauge = a.gauge.as_ref().map(|gauge| (gauge.bus, gauge.signal.id));
+            found.extend(taken(a, "gauge", gauge.as_slice(), b));
         }
     }
     found
@@ -32,7 +36,7 @@ pub fn conflicts(plan: &Plan) -> Vec<Conflict> {
 
 fn conflicts_between(a: &PatchPlan, b: &PatchPlan) -> Vec<Conflict> {
     if !a.devices.is_empty() || !b.devices.is_empty() {
-        return identifier_conflict(a, b).into_iter().collect();
+        return Vec::new(); // no skin boards on both sides
     }
     let (one, other) = (a.patch.name(), b.patch.name());
     let conflict = |why| Conflict { patch: other.to_owned(), why };
@@ -59,39 +63,21 @@ fn conflicts_between(a: &PatchPlan, b: &PatchPlan) -> Vec<Conflict> {
     found
 }
 
-/// A frame of a skin board that a device is said to send, too.
-fn identifier_conflict(a: &PatchPlan, b: &PatchPlan) -> Option<Conflict> {
-    let (devices, boards) = if a.devices.is_empty() { (b, a) } else { (a, b) };
-    if !boards.devices.is_empty() {
-        return None; // devices may share frames: each number has one reader
-    }
-    let only_boards = Plan { buses: usize::from(u8::MAX) + 1, patches: vec![boards.clone()] };
-    let routes = Routes::new(&only_boards);
-    let sent =
-        devices.devices.iter().zip(devices.patch.boards()).flat_map(|(device, at)| device.ids().map(|id| (at.bus, id)));
-    let taken =
-        |&(bus, id): &(BusIndex, CanId)| matches!(routes.of(bus, id), Route::Module { .. } | Route::Board { .. });
-    let (_, id) = sent.into_iter().find(taken)?;
-    let (patch, board_of) = (devices.patch.name().to_owned(), boards.patch.name());
-    let why =
-        format!("signals of patch `{patch}` have identifier {id}, with which a board of patch `{board_of}` sends");
-    Some(Conflict { patch, why })
-}
-
-/// A frame of a gauge that a skin board sends, too.
-fn gauge_conflict(gauged: &PatchPlan, with: &PatchPlan) -> Option<Conflict> {
-    let gauge = gauged.gauge.as_ref().filter(|_| with.devices.is_empty())?;
-    let CanId::Standard(id) = gauge.signal.id else { return None };
-    let mut boards = with.patch.boards().iter().filter(|board| board.bus == gauge.bus);
-    let board = boards.find(|board| {
-        let mut modules = board.modules.iter().flat_map(|(module, _)| ids_of_module(board, *module));
-        ids_of_board(board).contains(&id) || modules.any(|used| used == id)
-    })?;
-    let (patch, board_of, board) = (gauged.patch.name().to_owned(), with.patch.name(), board.address.get());
+/// An identifier of what is described of a patch with which a skin board sends, too. Devices may share frames: each number has one
+/// reader.
+fn taken(of: &PatchPlan, what: &str, ids: &[(BusIndex, CanId)], with: &PatchPlan) -> Option<Conflict> {
+    let mut boards = with.patch.boards().iter().filter(|_| with.devices.is_empty());
+    let sends = |board: &Board, (bus, id): (BusIndex, CanId)| {
+        let modules = board.modules.iter().flat_map(|(module, _)| ids_of_module(board, *module));
+        let mut own = ids_of_board(board).into_iter().chain(modules).map(CanId::Standard);
+        bus == board.bus && own.any(|own| own == id)
+    };
+    let found = |board: &Board| Some((board.address.get(), ids.iter().find(|id| sends(board, **id))?.1));
+    let (board, id) = boards.find_map(found)?;
+    let (patch, board_of) = (of.patch.name().to_owned(), with.patch.name());
     let why = format!(
-        "the gauge of patch `{patch}` has identifier {}, with which board {board} of patch `{board_of}` sends: expected one that no \
-         board uses",
-        gauge.signal.id
+        "identifier {id} of the {what} of patch `{patch}` is that of board {board} of patch `{board_of}`: expected one that no board \
+         uses"
     );
     Some(Conflict { patch, why })
 }

@@ -60,7 +60,7 @@ fn a_gauge_with_an_identifier_of_a_board_is_a_conflict() {
         let [mut upper, lower] = halves();
         upper.gauge.as_mut().unwrap().signal.id = CanId::Standard(id);
         let found = conflicts(&plan_of(vec![upper, lower]));
-        let why = format!("the gauge of patch `upper` has identifier {}, with which board", CanId::Standard(id));
+        let why = format!("identifier {} of the gauge of patch `upper` is that of board", CanId::Standard(id));
         let named = found.iter().any(|conflict| conflict.patch == "upper" && conflict.why.starts_with(&why));
         assert_eq!(named, is_used, "{id:#x}: {found:?}");
     }
