@@ -235,7 +235,7 @@ pub struct PushPlan {
 /// When a taxel counts as stale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LiveLimits {
-    /// A module is stale when it has been silent for so long.
+    /// A module is stale, and its board suspect, when it has been silent for so long.
     pub stale_after: Duration,
     /// Above this share of stale taxels there is no force at all.
     pub stale_share_max: f64,

@@ -15,7 +15,7 @@ use taxel_wire::{Frame, TimedFrame};
 use crate::baseline::TaxelBaseline;
 use crate::boundary::pushed::PushedScan;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
-use crate::intake::boards::{BoardNews, BoardState, SilenceLimits, ZeroSign};
+use crate::intake::boards::{BoardNews, BoardState, ZeroSign};
 use crate::intake::bring_up::BringUp;
 use crate::intake::cells::Device;
 use crate::intake::faults::detector::FaultDetector;
@@ -153,8 +153,8 @@ impl Intake {
             let Some(brought) = self.devices[position].on_frame(frame)? else { continue };
             ours = true;
             if brought.status {
-                let (is_well, limits) = (self.devices[position].is_well(), self.silence_limits());
-                let sign = self.boards[position].on_device(frame.time, is_well, limits);
+                let is_well = self.devices[position].is_well();
+                let sign = self.boards[position].on_device(frame.time, is_well, &self.plan.live);
                 // Before its counts are taken, which may be of another zero.
                 events.extend(sign.map(|sign| IntakeEvent::Board(position, sign)));
             }
@@ -250,16 +250,10 @@ impl Intake {
 
     /// Looks for signs that the board has lost its zero.
     fn watch_board(&mut self, board: usize, time: Time, status: StatusWord, events: &mut Vec<IntakeEvent>) {
-        let limits = self.silence_limits();
-        let suspicion = self.boards[board].on_module(time, status, limits);
+        let suspicion = self.boards[board].on_module(time, status, &self.plan.live);
         // While boards are configured, silence and new zeros are what that is for.
         let suspicion = suspicion.filter(|_| !self.bring_up.is_busy());
         events.extend(suspicion.map(|why| IntakeEvent::Board(board, ZeroSign::Suspect(why))));
-    }
-
-    fn silence_limits(&self) -> SilenceLimits {
-        let live = &self.plan.live;
-        SilenceLimits { suspect_after: live.stale_after, power_cycle_after: live.power_cycle_after }
     }
 
     /// A reading of the gauge.
