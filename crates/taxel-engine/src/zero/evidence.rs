@@ -144,12 +144,9 @@ impl Evidence {
         }
     }
 
-    /// It is well again: the next scans have to show that it has taken no new zero.
-    pub fn on_well(&mut self, board: usize, why: String) {
-        if let Some(board) = self.boards.get_mut(board) {
-            board.unwell = false;
-            board.suspect(why);
-        }
+    /// It is well again, and suspect.
+    pub fn on_well(&mut self, board: usize) {
+        self.boards.get_mut(board).into_iter().for_each(|board| board.unwell = false);
     }
 
     /// The board has taken a new zero within the last scans: if its load has vanished with that, nothing shows it any more.

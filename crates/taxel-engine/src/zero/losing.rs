@@ -29,12 +29,8 @@ impl Zero {
 
     /// It is well again, and may have taken a new zero; `certain`: after so long a time that its zero counts as lost.
     pub fn on_well(&mut self, board: usize, why: &str, certain: bool, events: &mut Vec<ZeroEvent>) {
-        self.evidence.on_well(board, why.to_owned());
-        if certain {
-            return self.lose_boards_zero(why, events);
-        }
-        self.refuse_watch(why, events);
-        self.tell_check(events);
+        self.evidence.on_well(board);
+        if certain { self.lose_by_board(board, why, events) } else { self.suspect(board, why, events) }
     }
 
     /// Something has moved the zero: there is none until rest is proven again.
