@@ -167,28 +167,3 @@ fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     later.activate("m-other").unwrap();
     weighs(&mut later, "a set of boards with the same settings");
 }
-
-#[test]
-fn where_the_settings_of_one_side_are_not_known_nothing_changes() {
-    let calibrated = at_shift_1();
-    // Of a file, or of a daemon that only listened.
-    let listened = ["board 13: modules 0-5", "board 12: modules 0-1"].map(str::to_owned).to_vec();
-    for lines in [Vec::new(), listened] {
-        let set = other("m-unknown", |set| set.board_settings.clone_from(&lines));
-        let mut bench = calibrated.restarted_with(with_shift(1), set);
-        assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some("m-unknown"), "{lines:?}");
-        weighs(&mut bench, "a set whose settings are not known");
-        bench.import(other("m-too", |set| set.board_settings.clone_from(&lines)));
-        bench.activate("m-too").unwrap();
-    }
-    // One that only listens now does not know what the boards were told.
-    let restored = Restored {
-        active: vec![(calibrated.set.patch.clone(), calibrated.set.id.clone())],
-        model_sets: vec![Arc::clone(&calibrated.set).into()],
-        ..Restored::default()
-    };
-    let mut bench = Bench::new(calibrated.world.clone(), with_boards(Vec::clear), restored);
-    weighs(&mut bench, "a daemon that only listens");
-    bench.import(other("m-too", |_| {}));
-    bench.activate("m-too").unwrap();
-}

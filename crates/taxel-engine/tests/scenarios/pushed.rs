@@ -105,21 +105,6 @@ fn a_pushed_skin_is_calibrated_by_the_same_session_and_weighs() {
 }
 
 #[test]
-fn a_pushed_skin_that_falls_silent_is_stale_and_then_has_no_zero() {
-    let mut scene = Scene::loaded();
-    scene.host.notice(BusNotice::Down("unplugged".to_owned()));
-    let silence = |scene: &mut Scene, scans| (0..scans).for_each(|_| scene.host.tick(scene.host.now + PERIOD));
-    silence(&mut scene, 15);
-    let force = &scene.host.snapshot().force;
-    assert_eq!((force.state, force.total), (ForceState::Stale, None), "{:?}", force.reasons);
-    assert!(!scene.host.health().buses[0].up);
-    silence(&mut scene, 100);
-    scene.seconds(3.0);
-    scene.is(ForceState::TareInvalid);
-    assert!(scene.host.reasons().contains("silent"), "{}", scene.host.reasons());
-}
-
-#[test]
 fn another_stream_of_scans_has_no_force_by_the_zero_of_the_one_before() {
     let mut scene = Scene::loaded();
     scene.begin();
@@ -138,19 +123,6 @@ fn a_load_that_another_stream_has_taken_for_its_zero_keeps_a_zero_from_being_pro
     let why = scene.refused_tare();
     assert!(why.contains("it has taken a new zero under it, or the load was lifted"), "{why}");
     assert_eq!(scene.host.snapshot().force.total, None);
-}
-
-#[test]
-fn scans_that_are_pushed_too_fast_are_refused_as_those_of_a_board() {
-    let mut scene = Scene::in_use(true);
-    for _ in 0..50 {
-        let counts = scene.skin.counts(16.0);
-        scene.push(Duration::from_millis(1), counts);
-    }
-    scene.host.tick(scene.host.now + PERIOD);
-    assert_eq!(scene.host.snapshot().force.total, None, "{}", scene.host.reasons());
-    scene.host.tick(scene.host.now + Duration::from_millis(1_100));
-    assert!(scene.warnings().contains("arrived too fast"), "{}", scene.warnings());
 }
 
 /// One scan waited while the daemon stood still, and the next ones come in time.

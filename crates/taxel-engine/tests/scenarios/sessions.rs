@@ -19,34 +19,6 @@ pub fn in_review(kpa: f64) -> (Bench, u64) {
 }
 
 #[test]
-fn what_does_not_exist_is_not_found_by_its_name() {
-    let mut bench = small().in_use();
-    let session = 77;
-    for command in [
-        Command::StartRamp { session },
-        Command::FinishRamp { session },
-        Command::AbortSession { session, reason: None },
-        Command::DiscardSession { session },
-        Command::DeleteSession { session },
-    ] {
-        let unknown = Rejection::NotFound(ErrorReason::SessionUnknown, "session 77".to_owned());
-        assert_eq!(bench.ask(command).unwrap_err(), unknown);
-    }
-    let elbow = || "elbow".to_owned();
-    for command in [
-        Command::Tare { patch: elbow(), confirmed_by: None },
-        Command::BringUp { patch: elbow(), confirmed_by: None },
-        say::start_on("elbow", None, &[]),
-        Command::Activate { patch: elbow(), model_set: small().set.id.clone(), expected: None },
-    ] {
-        let Err(Rejection::NotFound(_, what)) = bench.ask(command) else { panic!("there is no elbow") };
-        assert!(what.contains("`elbow`") && what.contains("small"), "{what}");
-    }
-    let Err(Rejection::NotFound(_, what)) = bench.activate("m-0") else { panic!("there is no such set") };
-    assert!(what.contains("`m-0`"), "{what}");
-}
-
-#[test]
 fn a_session_says_when_it_began_and_who_confirms_its_rest() {
     let mut bench = fresh();
     let began = EPOCH_NS + bench.now().as_nanos();

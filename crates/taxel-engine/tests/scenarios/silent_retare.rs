@@ -2,36 +2,6 @@
 
 use crate::prelude::*;
 
-/// Boards, a taxel in the middle of each.
-const BOARDS: [(u8, u16); 2] = [(13, 33), (12, 70)];
-
-fn loaded(skin: &Calibrated, kilogram: f64, centre: u16) -> Bench {
-    let mut bench = skin.in_use();
-    bench.lay(kilogram, centre);
-    bench.seconds(3.0);
-    assert!(bench.host.snapshot().force.total.is_some(), "{}", bench.host.reasons());
-    bench
-}
-
-/// With a quarter of the usual residues a new zero hardly differs from the one before: what sixty taxels show together is enough,
-/// what the twenty of the other board show is not always (`lies/allowed.rs` has why).
-#[test]
-fn a_retare_under_a_load_tells_no_lie() {
-    for (skin, (address, centre)) in [(ordinary(), BOARDS[0]), (ordinary(), BOARDS[1]), (small(), BOARDS[0])] {
-        for kilogram in [0.2, 0.4, 0.6, 0.8, 1.0, 1.2] {
-            let mut bench = loaded(skin, kilogram, centre);
-            let mark = bench.mark();
-            bench.inject(Fault::SilentRetare(board(address)));
-            bench.seconds(5.0);
-            bench.world.clear();
-            bench.seconds(3.0);
-            bench.lay(kilogram, centre);
-            bench.seconds(3.0);
-            bench.is_truthful_since(mark, &format!("a new zero of board {address} under {kilogram} kg"));
-        }
-    }
-}
-
 /// A board that may have taken a new zero and falls silent then has no part in the force: the check waits until it is
 /// heard, and the other board's force comes meanwhile.
 #[test]

@@ -64,34 +64,3 @@ fn a_tare_shortly_before_a_load_lands_or_leaves_tells_no_lie() {
         leaves_after(forearm(), before_s, 105);
     }
 }
-
-#[test]
-fn a_load_that_lands_while_a_board_is_silent_is_not_in_the_zero() {
-    let mut bench = small().in_use();
-    bench.inject(Fault::BoardSilent(board(13)));
-    bench.seconds(0.5);
-    let mark = bench.mark();
-    bench.host.command(tare());
-    bench.seconds(0.2);
-    bench.lay(0.5, 33);
-    bench.repair(Fault::BoardSilent(board(13)));
-    bench.seconds(5.0);
-    bench.is_truthful_since(mark, "a tare beside a silent board on which a load lands");
-}
-
-/// Laid over a second on many modules, each of which moves by less than its own noise explains.
-#[test]
-fn a_load_that_comes_slowly_over_many_modules_is_no_rest() {
-    for (kilogram, area_mm2) in [(0.3, 3000.0), (0.4, 4000.0)] {
-        let mut bench = forearm().in_use();
-        bench.seconds(1.0);
-        let mark = bench.mark();
-        let mass = Mass::on_disc(kilogram, TaxelIndex(105), area_mm2);
-        bench.world.place(mass, Duration::from_millis(1200)).unwrap();
-        bench.seconds(0.1);
-        let said = bench.refused(tare());
-        assert!(said.contains("something moved on several modules"), "{kilogram} kg on {area_mm2} mm2: {said}");
-        bench.seconds(3.0);
-        bench.is_truthful_since(mark, "a load that came while a tare watched");
-    }
-}

@@ -94,24 +94,6 @@ fn noted(bench: &Bench) -> Option<Option<String>> {
     })
 }
 
-/// Five lost acknowledgements under a load, after which a board takes a new zero by itself: nor is that taken for rest.
-#[test]
-fn after_lost_acknowledgements_under_a_load_a_tare_needs_somebody_who_confirms() {
-    for skin in [small(), ordinary()] {
-        let mut bench = skin.in_use();
-        bench.lay(0.5, 33);
-        bench.seconds(3.0);
-        let mark = bench.mark();
-        bench.inject(Fault::ModuleNoAck(board(13), module(0)));
-        bench.seconds(0.5);
-        bench.repair(Fault::ModuleNoAck(board(13), module(0)));
-        bench.seconds(2.0);
-        bench.refused(tare());
-        bench.seconds(2.0);
-        bench.is_truthful_since(mark, "a tare after lost acknowledgements under a load");
-    }
-}
-
 /// One taxel that is far from where it was may be a broken one, and no reason to refuse. What may press on it is in the
 /// interval.
 #[test]

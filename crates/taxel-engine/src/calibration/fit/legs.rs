@@ -77,24 +77,6 @@ mod tests {
         assert_eq!(rising(&kpa, &legs).iter().filter(|r| **r).count(), 701);
     }
 
-    #[test]
-    fn noise_never_leaves_a_sample_of_a_ramp_out() {
-        let noise = |k: usize| 0.3 * (k as f64 * 7919.0).sin();
-        let kpa: Vec<f64> = ramp(0.0, 70.0, 700).enumerate().map(|(k, p)| p + noise(k)).collect();
-        assert!(rising(&kpa, &legs(&kpa)).iter().all(|rising| *rising));
-    }
-
-    #[test]
-    fn every_run_has_its_rise_and_a_dip_on_the_way_is_none() {
-        let run = || ramp(0.0, 40.0, 400).chain(ramp(40.0, 35.0, 50)).chain(ramp(35.0, 70.0, 350));
-        let kpa: Vec<f64> = (0..3).flat_map(|_| run().chain(ramp(70.0, 0.0, 100))).collect();
-        let legs = legs(&kpa);
-        assert_eq!(legs.iter().map(|leg| leg.rising).collect::<Vec<_>>(), [true, false].repeat(3));
-        let rising = rising(&kpa, &legs);
-        assert!(!rising[440] && !rising[455] && rising[399] && rising[510], "{:?}", &rising[395..515]);
-        assert_eq!(legs.iter().map(|leg| leg.scans.len()).sum::<usize>(), kpa.len());
-    }
-
     /// A range does not begin at nothing.
     #[test]
     fn what_is_a_dip_and_what_is_a_turn_goes_by_the_range() {

@@ -157,37 +157,3 @@ fn the_load_of_a_whole_board_does_not_vanish_while_the_bag_presses_and_that_of_f
         assert_eq!(why.is_some_and(|why| why.contains("while the bag was pressing")), lost, "one in {every}");
     }
 }
-
-/// A board that sent a sign of trouble: its load is compared with what it was.
-#[test]
-fn a_suspect_board_that_reads_nothing_of_its_load_has_lost_its_zero_and_needs_confirmation() {
-    let load = |taxel: usize| if taxel < 4 { 20.0 } else { 0.0 };
-    let mut watched = Watched::new();
-    watched.scan(30, load);
-    watched.evidence.suspect(0, "board 12 reported a lost acknowledgement".to_owned());
-    let why = watched.lost(1, |_| 0.0).expect("it is gone");
-    assert!(why.contains("while it was silent or reported a fault"), "{why}");
-    assert_eq!(watched.evidence.needs_confirmation(), Some(why.as_str()));
-    watched.evidence.begin(true);
-    assert_eq!(watched.evidence.needs_confirmation(), None, "of a new zero nothing is held");
-    assert_eq!(watched.scan(60, |_| 0.0), None);
-}
-
-/// A bag presses on the board, which falls silent. When it is heard again it reads nothing: of a bag that has pressed on all the
-/// time that shows a new zero, of one that was let go meanwhile it shows nothing.
-#[test]
-fn a_board_that_was_silent_while_the_bag_let_go_has_not_lost_its_zero() {
-    let vented = Bag { session_open: true, presses: false, holds: false };
-    let falling = Bag { presses: true, ..vented };
-    for (in_silence, after, lost) in
-        [(IN_BAG, IN_BAG, true), (IN_BAG, falling, false), (falling, falling, false), (vented, vented, false)]
-    {
-        let mut watched = Watched { bag: IN_BAG, ..Watched::new() };
-        assert_eq!(watched.scan(30, |_| 6.0), None);
-        (watched.silent, watched.bag) = ([true; MODULES], in_silence);
-        assert_eq!(watched.scan(10, |_| 6.0), None);
-        (watched.silent, watched.bag) = ([false; MODULES], after);
-        let why = watched.lost(3, |_| 0.0);
-        assert_eq!(why.is_some_and(|why| why.contains("while it was silent")), lost, "{in_silence:?}, {after:?}");
-    }
-}

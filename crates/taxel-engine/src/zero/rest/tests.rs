@@ -173,13 +173,6 @@ proptest! {
 }
 
 #[test]
-fn a_zero_soon_after_the_bag_was_vented_says_that_a_later_one_is_better() {
-    let said = |median| RestVerdict::Rest { median, worst: None }.to_string();
-    assert!(said(0.76).contains("tare again"), "{}", said(0.76));
-    assert!(!said(0.1).contains("again") && !said(-0.8).contains("again"));
-}
-
-#[test]
 fn a_taxel_at_rest_keeps_its_zero() {
     const WATCHES: usize = 4000;
     for counts in [0.3, 0.8, 1.1, 2.0] {
