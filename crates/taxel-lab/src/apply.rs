@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use taxel_engine::calibration::fit::{Applied, Tare, judge};
+use taxel_engine::calibration::fit::{Applied, Column, Tare, judge};
 use taxel_engine::model_set::ModelSet;
 use taxel_files::{Output, announce, quiet_end, read_text};
 use taxel_store::models_json;
@@ -75,15 +75,15 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     let applied = taxel_engine::calibration::fit::apply(&recording.as_scans(), &set, args.tare)
         .with_context(|| format!("{} with {}", args.data.display(), args.models.display()))?;
     print_applied(&args.data, &notes, &applied);
-    if applied.unread.iter().all(Option::is_some) {
-        bail!("not one of {} taxels could be read: nothing is written", applied.unread.len());
+    if applied.columns.iter().all(Result::is_err) {
+        bail!("not one of {} taxels could be read: nothing is written", applied.columns.len());
     }
     if let Some(gauge_kpa) = &recording.pressure_kpa {
         print_score(&applied, gauge_kpa);
     }
-    write(&args.out, "p", &recording.time_s, &applied.pressure_kpa)?;
+    write(&args.out, "p", &recording.time_s, &columns_of(&applied, |column| &column.kpa))?;
     if let Some(path) = &args.sigma {
-        write(path, "s", &recording.time_s, &applied.sigma_kpa)?;
+        write(path, "s", &recording.time_s, &columns_of(&applied, |column| &column.sigma_kpa))?;
     }
     say!("written to {}", args.out.display());
     Ok(())
@@ -123,11 +123,10 @@ fn refuse_other_counts(set: &ModelSet, recording: &Recording) -> anyhow::Result<
 fn print_applied(data: &Path, notes: &[String], applied: &Applied) {
     say!("{}: {}", data.display(), applied.zero.words);
     notes.iter().for_each(|note| say!("  {note}"));
-    let all = applied.unread.len();
-    let read = applied.unread.iter().filter(|why| why.is_none()).count();
+    let (all, read) = (applied.columns.len(), applied.columns.iter().flatten().count());
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
-    for why in applied.unread.iter().flatten() {
-        *reasons.entry(why.to_string()).or_default() += 1;
+    for why in applied.columns.iter().filter_map(|column| column.as_ref().err()) {
+        *reasons.entry(why.clone()).or_default() += 1;
     }
     say!("  taxels: {read} of {all} read");
     for (reason, taxels) in reasons {
@@ -140,8 +139,13 @@ fn print_applied(data: &Path, notes: &[String], applied: &Applied) {
     }
 }
 
+/// Some numbers of each taxel; none of one that is excluded.
+fn columns_of(applied: &Applied, of: impl Fn(&Column) -> &[f64]) -> Vec<&[f64]> {
+    applied.columns.iter().map(|column| column.as_ref().map_or(&[][..], &of)).collect()
+}
+
 /// Writes one column per taxel, to a tenth of a pascal; NaN and empty columns are empty cells.
-fn write(path: &Path, letter: &str, time_s: &[f64], columns: &[Vec<f64>]) -> anyhow::Result<()> {
+fn write(path: &Path, letter: &str, time_s: &[f64], columns: &[&[f64]]) -> anyhow::Result<()> {
     let write = || {
         let mut out = Output::create(path)?;
         write!(out, "t_s")?;

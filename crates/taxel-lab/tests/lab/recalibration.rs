@@ -68,14 +68,15 @@ fn applied(recording: &Recording, set: &ModelSet) -> Applied {
 /// Mean over the taxels, scan by scan, kPa; NaN where none is read, or where it is a lower bound.
 fn area_kpa(applied: &Applied) -> Vec<f64> {
     let of = |scan: usize| {
-        if applied.sigma_kpa.iter().any(|column| column.get(scan) == Some(&f64::INFINITY)) {
+        let columns = || applied.columns.iter().flatten();
+        if columns().any(|column| column.sigma_kpa[scan] == f64::INFINITY) {
             return f64::NAN;
         }
-        let read = applied.pressure_kpa.iter().filter_map(|column| column.get(scan)).filter(|kpa| kpa.is_finite());
+        let read = columns().map(|column| column.kpa[scan]).filter(|kpa| kpa.is_finite());
         let (sum, count) = read.fold((0.0, 0.0), |(sum, count), kpa| (sum + kpa, count + 1.0));
         sum / count
     };
-    (0..applied.pressure_kpa.iter().map(Vec::len).max().unwrap_or(0)).map(of).collect()
+    (0..applied.columns.iter().flatten().next().map_or(0, |column| column.kpa.len())).map(of).collect()
 }
 
 #[test]

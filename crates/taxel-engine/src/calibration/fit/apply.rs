@@ -19,20 +19,24 @@ const DAY_COUNTS: f64 = 3.0;
 /// Pressures of a recording.
 #[derive(Clone, Debug)]
 pub struct Applied {
-    /// One column per taxel, kPa, beyond the calibrated range of a skin extended (see [`taxel_model::SkinSlope`]); NaN where the
-    /// taxel is excluded. The column is empty where it is excluded throughout.
-    pub pressure_kpa: Vec<Vec<f64>>,
-    /// Their standard deviations, kPa, likewise. Infinite at an end of the converter
-    /// towards pressure, and beyond the calibrated range of what is no skin: there the reading is a lower bound only.
-    pub sigma_kpa: Vec<Vec<f64>>,
-    /// Whether a reading is of more pressure than was calibrated, likewise.
-    pub beyond: Vec<Vec<bool>>,
-    /// Why a column is empty, in words.
-    pub unread: Vec<Option<String>>,
+    /// One per taxel; or why it is excluded throughout, in words.
+    pub columns: Vec<Result<Column, String>>,
     /// What was done about the zero.
     pub zero: Zero,
     /// Scans of readable taxels that are excluded as faulty, and all of them.
     pub masked: (usize, usize),
+}
+
+/// What one taxel reads, scan by scan; NaN where it is excluded.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Pressures, kPa, beyond the calibrated range of a skin extended (see [`taxel_model::SkinSlope`]).
+    pub kpa: Vec<f64>,
+    /// Their standard deviations, kPa. Infinite at an end of the converter towards pressure, and beyond the calibrated range of
+    /// what is no skin: there the reading is a lower bound only.
+    pub sigma_kpa: Vec<f64>,
+    /// Whether a reading is of more pressure than was calibrated.
+    pub beyond: Vec<bool>,
 }
 
 /// Applies a model set with this zero. Faulty stretches are left out.
@@ -58,18 +62,9 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, tare: Tare) -> Result<Applied, R
     let masks = if skin { find() } else { Masks::missing(scans) };
     let tare = if tare == Tare::Auto && !skin { Tare::None } else { tare };
     let zero = Zero::find(tare, scans, &masks, set, module_size);
-    let mut applied = Applied {
-        pressure_kpa: vec![Vec::new(); models],
-        sigma_kpa: vec![Vec::new(); models],
-        beyond: vec![Vec::new(); models],
-        unread: vec![None; models],
-        zero,
-        masked: (0, 0),
-    };
     let one_skin = skin || set.taxels.iter().any(|model| model.points.is_some());
     let extensions = if one_skin { set.extensions() } else { vec![None; models] };
     let curve_sigmas_kpa = if skin { set.curve_sigmas_kpa() } else { vec![0.0; models] };
-    let tared = applied.zero.moved.is_some();
     let reader = Reader {
         set,
         extensions,
@@ -77,30 +72,17 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, tare: Tare) -> Result<Applied, R
         half: half_width(scans, smooth_s),
         period_s: scans.period_s(),
         skin,
-        tared,
+        tared: zero.moved.is_some(),
     };
-    for (taxel, counts) in scans.counts.iter().enumerate() {
-        match reader.readable(taxel, &applied.zero, &masks) {
-            Err(why) => applied.unread[taxel] = Some(why),
-            Ok(moved) => {
-                let masked = masks.of(taxel);
-                applied.masked.0 += masked.iter().filter(|m| **m).count();
-                applied.masked.1 += masked.len();
-                let column = reader.column(taxel, counts, masked, moved);
-                applied.sigma_kpa[taxel] = column.sigma_kpa;
-                applied.pressure_kpa[taxel] = column.kpa;
-                applied.beyond[taxel] = column.beyond;
-            }
-        }
-    }
-    Ok(applied)
-}
-
-/// What one taxel reads, scan by scan, with its standard deviation; NaN where it is excluded.
-struct Column {
-    kpa: Vec<f64>,
-    sigma_kpa: Vec<f64>,
-    beyond: Vec<bool>,
+    let mut masked = (0, 0);
+    let column = |(taxel, counts): (usize, &&[f64])| {
+        let moved = reader.readable(taxel, &zero, &masks)?;
+        let of = masks.of(taxel);
+        masked = (masked.0 + of.iter().filter(|m| **m).count(), masked.1 + of.len());
+        Ok(reader.column(taxel, counts, of, moved))
+    };
+    let columns = scans.counts.iter().enumerate().map(column).collect();
+    Ok(Applied { columns, zero, masked })
 }
 
 struct Reader<'a> {

@@ -130,7 +130,7 @@ fn what_is_left_out_is_counted_and_other_numbers_are_no_skin() {
     let two = Scans { time_s: &time, pressure_kpa: None, counts: vec![&a, &b] };
     let applied = apply(&two, &set, Tare::None).unwrap();
     assert_eq!(applied.masked, (1, 6));
-    let is_skin = |applied: &Applied| applied.sigma_kpa[0][2].is_finite(); // that goes on beyond the range
+    let is_skin = |applied: &Applied| applied.columns[0].as_ref().unwrap().sigma_kpa[2].is_finite(); // that goes on beyond the range
     assert!(!is_skin(&applied), "half a count is none of a skin's");
     let bytes = [rest - 20.0, rest - 20.0, rest - 90.0];
     assert!(is_skin(&apply(&Scans { counts: vec![&bytes, &bytes], ..two }, &set, Tare::None).unwrap()));

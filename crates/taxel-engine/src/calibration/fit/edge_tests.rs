@@ -18,11 +18,15 @@ fn every(seconds: f64, scans: usize) -> Vec<f64> {
 
 #[test]
 fn a_score_is_what_its_words_say() {
+    let column = |kpa: [f64; 4], sigma_kpa: [f64; 4], beyond: bool| {
+        Ok(Column { kpa: kpa.into(), sigma_kpa: sigma_kpa.into(), beyond: vec![false, false, false, beyond] })
+    };
     let applied = Applied {
-        pressure_kpa: vec![vec![12.0, 34.0, 44.0, 50.0], vec![10.0, 30.0, 38.0, f64::NAN], Vec::new()],
-        sigma_kpa: vec![vec![1.0, 2.0, 2.0, 0.1], vec![1.0, 1.0, 1.0, 1.0], Vec::new()],
-        beyond: vec![vec![false, false, false, true], vec![false; 4], Vec::new()],
-        unread: vec![None, None, Some("faulty in every scan".to_owned())],
+        columns: vec![
+            column([12.0, 34.0, 44.0, 50.0], [1.0, 2.0, 2.0, 0.1], true),
+            column([10.0, 30.0, 38.0, f64::NAN], [1.0; 4], false),
+            Err("faulty in every scan".to_owned()),
+        ],
         zero: Zero { moved: None, words: String::new() },
         masked: (1, 8),
     };
@@ -41,7 +45,7 @@ fn a_score_is_what_its_words_say() {
     near(score.beyond_percent, 100.0 / 7.0);
     // What is a lower bound alone is far off or near, nobody knows: it does not count for the interval.
     let mut open = applied;
-    open.sigma_kpa[0][3] = f64::INFINITY;
+    open.columns[0].as_mut().unwrap().sigma_kpa[3] = f64::INFINITY;
     let open = judge(&open, &[10.0, 30.0, 40.0, 50.0]);
     near(open.coverage_percent.unwrap(), 100.0 * 2.0 / 6.0);
     assert_eq!((open.coverage_beyond_percent, open.beyond_percent), (None, 0.0));

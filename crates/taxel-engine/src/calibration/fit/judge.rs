@@ -1,6 +1,6 @@
 //! Compares the pressures read with those of the gauge.
 
-use crate::calibration::fit::apply::Applied;
+use crate::calibration::fit::apply::{Applied, Column};
 use crate::statistics::{mean, quantile, root_mean_square};
 
 /// Below this pressure a relative error says little, kPa.
@@ -34,14 +34,16 @@ pub struct Score {
 /// Judges `applied` against the gauge, kPa, one value per scan.
 #[must_use]
 pub fn judge(applied: &Applied, gauge_kpa: &[f64]) -> Score {
-    let columns: Vec<&Vec<f64>> = applied.pressure_kpa.iter().filter(|column| !column.is_empty()).collect();
-    let area = |i: usize| mean(columns.iter().map(|column| column[i])).0 - gauge_kpa[i];
+    let columns: Vec<&Column> = applied.columns.iter().flatten().collect();
+    let area = |i: usize| mean(columns.iter().map(|column| column.kpa[i])).0 - gauge_kpa[i];
     let high = || (0..gauge_kpa.len()).filter(|&i| gauge_kpa[i] > RELATIVE_ABOVE_KPA);
     let errors: Vec<f64> =
-        columns.iter().map(|c| root_mean_square(c.iter().zip(gauge_kpa).map(|(read, p)| read - p))).collect();
+        columns.iter().map(|c| root_mean_square(c.kpa.iter().zip(gauge_kpa).map(|(read, p)| read - p))).collect();
     let (mut inside, mut beyond) = (Tally::default(), Tally::default());
-    for ((kpa, sigma), is_beyond) in applied.pressure_kpa.iter().zip(&applied.sigma_kpa).zip(&applied.beyond) {
-        for (((read, sigma), p), is_beyond) in kpa.iter().zip(sigma).zip(gauge_kpa).zip(is_beyond) {
+    for column in &columns {
+        for (((read, sigma), p), is_beyond) in
+            column.kpa.iter().zip(&column.sigma_kpa).zip(gauge_kpa).zip(&column.beyond)
+        {
             if *is_beyond { beyond.add(read - p, *sigma) } else { inside.add(read - p, *sigma) }
         }
     }

@@ -29,7 +29,7 @@ mod tests;
 pub(crate) mod zero;
 
 pub use crate::calibration::branch::Branch;
-pub use apply::{Applied, apply};
+pub use apply::{Applied, Column, apply};
 pub use judge::{Score, judge};
 pub use recipe::fit;
 pub use recipe_options::{FitRecipe, RecordingError};

@@ -63,9 +63,9 @@ fn path(turns: &[f64]) -> Vec<f64> {
 fn error_kpa(calibration: &Skin, plays: bool, judged: &Skin, first: usize) -> (f64, bool) {
     let set = fit(&calibration.scans(), &FitRecipe { plays, ..FitRecipe::default() }, &OneByOne).unwrap();
     let applied = apply(&judged.scans(), &set, Tare::Auto).unwrap();
-    let read = || applied.pressure_kpa.iter().filter(|column| !column.is_empty());
+    let read = || applied.columns.iter().flatten();
     assert!(read().count() == TAXELS, "{}", applied.zero.words);
-    let area = |i: usize| read().map(|column| column[i]).sum::<f64>() / TAXELS as f64 - judged.kpa[i];
+    let area = |i: usize| read().map(|column| column.kpa[i]).sum::<f64>() / TAXELS as f64 - judged.kpa[i];
     let squares: f64 = (first..judged.kpa.len()).map(|i| area(i).powi(2)).sum();
     ((squares / (judged.kpa.len() - first) as f64).sqrt(), set.plays(0).is_some())
 }

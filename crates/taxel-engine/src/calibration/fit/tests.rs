@@ -187,13 +187,13 @@ fn beyond_the_calibrated_range_readings_go_on_and_their_interval_grows() {
         (judge(&applied, &beyond), applied)
     };
     let (score, applied) = read(300.0);
-    let highest = applied.pressure_kpa.iter().flatten().copied().fold(0.0, f64::max);
+    let highest = applied.columns.iter().flatten().flat_map(|column| &column.kpa).copied().fold(0.0, f64::max);
     assert!((245.0..340.0).contains(&highest), "{highest}");
     // This skin stiffens without end: its curves bend more and more, always to the same side of a straight line.
     assert!(score.beyond_percent > 10.0 && score.coverage_beyond_percent.unwrap() > 75.0, "{score:?}");
     // Too far for a straight line: the pressure stays, and the uncertainty goes on.
     let (_, applied) = read(900.0);
-    let widest = applied.sigma_kpa.iter().flatten().copied().fold(0.0, f64::max);
+    let widest = applied.columns.iter().flatten().flat_map(|column| &column.sigma_kpa).copied().fold(0.0, f64::max);
     assert!(widest > 100.0, "{widest}");
 }
 
@@ -265,7 +265,7 @@ proptest! {
         let scans = Scans { time_s: &time_s, pressure_kpa: Some(&kpa), counts: counts.iter().map(Vec::as_slice).collect() };
         let Ok(set) = fit(&scans, &FitRecipe::default(), &OneByOne) else { return Ok(()) };
         let applied = apply(&scans, &set, Tare::Auto).unwrap();
-        prop_assert!(applied.pressure_kpa.iter().flatten().all(|p| p.is_nan() || p.is_finite()));
+        prop_assert!(applied.columns.iter().flatten().flat_map(|column| &column.kpa).all(|p| p.is_nan() || p.is_finite()));
         for taxel in set.recorded.iter().flat_map(|recorded| &recorded.taxels).flatten() {
             let weights: [f64; PLAYS] = taxel.plays.as_ref().map_or([0.0; PLAYS], |plays| plays.weights_kpa);
             prop_assert!(weights.iter().all(|w| *w >= 0.0) && taxel.sensitivity > 0.0);
