@@ -1,7 +1,5 @@
 //! From a calibration recording to a model set.
 
-use std::ops::Range;
-
 use taxel_model::Workers;
 
 use crate::baseline::TaxelBaseline;
@@ -27,8 +25,10 @@ use crate::model_set::{Maker, ModelSet, RecordedTaxel};
 pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Result<ModelSet, RecordingError> {
     let gauge = scans.pressure_kpa.ok_or(RecordingError::NoPressure)?;
     let (is_paper, is_skin) = (recipe.is_paper(), scans.is_recording() && !recipe.is_paper());
-    let Prepared { masks, mut kpa, gauge_zero } =
-        if is_skin { Prepared::of_skin(scans, gauge, recipe, workers) } else { Prepared::of_table(scans, gauge) };
+    let (masks, mut kpa, gauge_zero) = match is_skin {
+        true => of_skin(scans, gauge, recipe, workers),
+        false => (Masks::missing(scans), gauge.to_vec(), GaugeZero::default()),
+    };
     let rises_alone = is_paper || recipe.branch == Branch::Rising;
     if rises_alone {
         let rising = legs::rising(&kpa, &legs::legs(&kpa));
@@ -60,24 +60,17 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
     Ok(ModelSet { method, maker: Maker::this(false), ..set })
 }
 
-/// What a recording is before it is fitted.
-struct Prepared {
-    masks: Masks,
-    kpa: Vec<f64>,
-    gauge_zero: GaugeZero,
-}
-
-impl Prepared {
-    fn of_table(scans: &Scans<'_>, gauge: &[f64]) -> Self {
-        Self { masks: Masks::missing(scans), kpa: gauge.to_vec(), gauge_zero: GaugeZero::default() }
-    }
-
-    fn of_skin(scans: &Scans<'_>, gauge: &[f64], recipe: &FitRecipe, workers: &dyn Workers) -> Self {
-        let modules: Vec<Range<usize>> = modules(scans.counts.len(), recipe.module_size);
-        let masks = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans, workers);
-        let mut kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
-        let zero_kpa = gauge_zero::find(scans, &kpa, &masks);
-        kpa.iter_mut().for_each(|p| *p -= zero_kpa);
-        Self { masks, kpa, gauge_zero: GaugeZero::of_all(zero_kpa) }
-    }
+/// What of a skin is faulty, its pressures, and what was taken off these.
+fn of_skin(
+    scans: &Scans<'_>,
+    gauge: &[f64],
+    recipe: &FitRecipe,
+    workers: &dyn Workers,
+) -> (Masks, Vec<f64>, GaugeZero) {
+    let modules = modules(scans.counts.len(), recipe.module_size);
+    let masks = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans, workers);
+    let mut kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
+    let zero_kpa = gauge_zero::find(scans, &kpa, &masks);
+    kpa.iter_mut().for_each(|p| *p -= zero_kpa);
+    (masks, kpa, GaugeZero::of_all(zero_kpa))
 }
