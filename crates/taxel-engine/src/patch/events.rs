@@ -72,7 +72,6 @@ impl Patch {
                         session.samples.rest().into_iter().for_each(|rest| self.zero.note_session_rest(rest));
                     }
                 }
-                ZeroEvent::Restored => self.use_zero(),
                 ZeroEvent::Refused(Purpose::AtStart, _, why) => {
                     // That a zero needs confirmation does not pass by itself.
                     let lasts = self.zero.needs_confirmation().is_some();

@@ -18,7 +18,7 @@ pub enum ZeroEvent {
         /// The zero.
         zero: Arc<TakenZero>,
     },
-    /// A zero was taken, and who wanted it.
+    /// A zero was taken, or is that of before the start, and who wanted it.
     Taken(Purpose),
     /// There is no zero: who wanted one, and why for programs and for people.
     Refused(Purpose, ErrorReason, String),
@@ -37,8 +37,6 @@ pub enum ZeroEvent {
     InCheck,
     /// It holds after all.
     Cleared,
-    /// That of before the start is valid again.
-    Restored,
 }
 
 /// What the zero has to know with each scan.

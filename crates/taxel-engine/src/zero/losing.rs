@@ -9,6 +9,7 @@ use crate::request::ErrorReason;
 use crate::zero::events::ZeroEvent;
 use crate::zero::holder::{Trust, Zero};
 use crate::zero::kept::{KeptZero, Models, TakenZero, Unjudged, have_same_rest};
+use crate::zero::watch::Purpose;
 
 /// Why a zero of before the start is checked in its first scans.
 const AWAY: &str = "the daemon did not run, and a board may have taken a new zero meanwhile";
@@ -105,7 +106,7 @@ impl Zero {
         if let Trust::Held(held) = &mut self.trust {
             held.on_trial = true;
         }
-        events.push(ZeroEvent::Restored);
+        events.push(ZeroEvent::Taken(Purpose::AtStart));
         self.tell_check(events);
     }
 
