@@ -25,7 +25,7 @@ import skin
 
 LAYERS_MM = (1.0, 2.0, 3.0)
 SHAPES = ("round", "ellipse", "skewed", "flat 6", "flat 10", "flat 20", "edge", "two", "mass")
-RADII_MM = (3.5, 4.5, 5.5, 6.5, 8, 10, 13, 18)
+RADII_MM, LARGE = (3.5, 4.5, 5.5, 6.5, 8, 10, 13, 18), 5
 NOISE_KPA, TOUCHED_KPA, BESIDE_KPA, RIM = 0.35, 1.4, 0.55, 0.1
 SOURCE = pathlib.Path(__file__).parents[2] / "crates/taxel-engine/src/force/sampling.rs"
 
@@ -61,7 +61,8 @@ class Surface:
         kpa = np.array([np.interp(apart, *disc, right=0) for disc in self.discs])
         carried = np.where(kpa > 0.03 * np.array([disc[1][0] for disc in self.discs])[:, None], kpa, 0)
         carry = np.maximum.accumulate(carried.sum(1) ** 2 / np.maximum((carried**2).sum(1), 1e-9))
-        return 1 / np.interp(taxels, carry, kpa @ self.newton_per_kpa)
+        # Large ones keep their sum.
+        return 1 / np.interp(taxels, carry, np.where(np.arange(len(RADII_MM)) < LARGE, kpa @ self.newton_per_kpa, 1))
 
     def pads_kpa(self, pressure, layer_mm):
         x, y, weights = self.stencils[layer_mm]

@@ -122,12 +122,7 @@ pub fn fit(of: &Gathered<'_>, hysteresis: bool, workers: &dyn Workers) -> Result
 }
 
 /// Fits a skin by curves of this form, or of the one that fits it best.
-fn fit_as(
-    form: Option<Form>,
-    of: &Gathered<'_>,
-    hysteresis: bool,
-    workers: &dyn Workers,
-) -> Result<SkinFit, SkinError> {
+fn fit_as(form: Option<Form>, of: &Gathered<'_>, plays: bool, workers: &dyn Workers) -> Result<SkinFit, SkinError> {
     let course = Course::new(of.time_s, of.pressure_kpa, of.zeros.is_some())
         .map_err(|distinct| SkinError::TooFewPressures { distinct })?;
     let counts = of.counts;
@@ -164,7 +159,7 @@ fn fit_as(
     let fit = Fit {
         whole,
         without: std::array::from_fn(without),
-        falls: hysteresis && falling >= FALLING_GROUPS_MIN,
+        falls: plays && falling >= FALLING_GROUPS_MIN,
         range_kpa,
         zero_known,
         swing_min,
