@@ -20,7 +20,7 @@ const RADII_MM: [f64; SIZES] = [3.5, 4.5, 5.5, 6.5, 8.0, 10.0, 13.0, 18.0];
 const SIZES: usize = 8;
 /// The disc that is read alike wherever it lies on the inner tenth of a skin.
 const EVEN: usize = 6;
-/// From this disc on contacts are large.
+/// From this disc on contacts are large and keep their sum.
 const LARGE: usize = 5;
 /// Taxels within this distance of the centre feel a disc, mm.
 const REACH_MM: f32 = 24.0;

@@ -28,7 +28,7 @@ pub(super) struct ModuleJumps {
     sum: f32,
     taxels: u32,
     last_change: f32,
-    /// When, and by how much; the oldest is at `oldest`.
+    /// When, and by how much, at first by nothing; the oldest is at `oldest`.
     kept: [(Time, f32); NEWEST],
     oldest: usize,
 }
