@@ -81,3 +81,29 @@ pub fn commanded(number: u64, state: SessionState, command: Trigger) -> Result<S
         ErrorReason::SessionWrongState.because(format!("session {number} is {is}; {what} only in {words}{instead}"))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every cell. A row is a trigger; where it leads from each state of [`SessionState::ALL`], by its first letters.
+    #[test]
+    fn the_table_is_this_one() {
+        const TABLE: [(Trigger, &str); 7] = [
+            //                      Tar Ram Fit Rev Act Dis Abo Fai Int
+            (Trigger::StartRamp, "    -   -   - TAR   -   - TAR TAR TAR"),
+            (Trigger::FinishRamp, "   - FIT   -   -   -   -   - FIT FIT"),
+            (Trigger::Abort, "      ABO ABO ABO   -   -   -   -   - ABO"),
+            (Trigger::Discard, "      -   -   - DIS   - DIS DIS DIS DIS"),
+            (Trigger::Void, "         - DIS   -   -   -   -   -   -   -"),
+            (Trigger::Fitted, "       -   - REV   -   -   -   -   -   -"),
+            (Trigger::Fail, "       FAI FAI FAI   -   -   -   -   -   -"),
+        ];
+        for (trigger, row) in TABLE {
+            for (state, leads) in SessionState::ALL.into_iter().zip(row.split_whitespace()) {
+                let next = transition(state, trigger).map_or("-", |next| &next.name()[..3]);
+                assert_eq!(next, leads, "{trigger:?} in {state:?}");
+            }
+        }
+    }
+}
